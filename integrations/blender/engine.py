@@ -11,7 +11,6 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-import rptcam_cl
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.imaging.development import GUIDES, check_denoiser
 
@@ -183,25 +182,27 @@ class RptcamEngine(bpy.types.RenderEngine):
             return
         self.update_stats("", "Preparing the lens and compiling")
         live = kept if scene.render.use_persistent_data else LiveScene()
-        live.use(scene.rptcam.device)
+        live.use(scene.rptcam.device, apart=scene.rptcam.own_process)
         try:
-            session = live.show(export.keys | {"picture": {}})
-            self._take(session, export, view_layer.name, wanted, cleans, beside)
+            live.show(export.keys | {"picture": {}})
+            self._take(live, export, view_layer.name, wanted, cleans, beside)
         finally:
             if live is not kept:
                 live.close()
 
     def _take(
-        self, session: Any, export: Export, layer: str, wanted: list[Pass], cleans: bool, beside: Beside | None
+        self, live: LiveScene, export: Export, layer: str, wanted: list[Pass], cleans: bool, beside: Beside | None
     ) -> None:
         """Add samples until there are enough, and show the picture now and then."""
+        session = live.session
+        assert session is not None
         width, height = session.resolution
         for each in wanted:
             self.add_pass(each.name, len(each.channels), each.channels, layer=layer)
         if beside is not None:
             self.add_pass(VECTOR, 4, "XYZW", layer=layer)
         result = self.begin_result(0, 0, width, height, layer=layer)  # within the border
-        target, shown = int(session.scene.render.spp), time.monotonic()
+        target, shown = int(export.keys["render"]["spp"]), time.monotonic()
         step = 1
         while session.spp < target and not self.is_given_up():
             before, begun = session.spp, time.monotonic()
@@ -222,7 +223,7 @@ class RptcamEngine(bpy.types.RenderEngine):
                 self.get_result().stamp_data_add_field("rptcam_denoised", image.metadata["denoised"])
             write(result.layers[0].passes["Combined"], with_alpha(image.pixels, image.layers.get("coverage")))
             if beside is not None:
-                write(result.layers[0].passes[VECTOR], vectors(export, beside, session.device))
+                write(result.layers[0].passes[VECTOR], vectors(export, beside, live))
             for each in wanted:
                 write(result.layers[0].passes[each.name], each.made(image.layers[each.layer], export))
         given_up = session.spp < target and self.is_given_up()
@@ -258,7 +259,7 @@ class RptcamEngine(bpy.types.RenderEngine):
             if view != self._view:
                 settings = settings_of(depsgraph.scene, [], through_lens=view.through_camera)
                 export = self._reader.read(depsgraph, settings, eye=view.eye)
-                self._live.use(depsgraph.scene.rptcam.device)
+                self._live.use(depsgraph.scene.rptcam.device, apart=depsgraph.scene.rptcam.own_process)
                 self._live.show(export.keys)
                 self._view = view
             session = self._live.session
@@ -323,11 +324,11 @@ def has_same_objects(one: Export, other: Export) -> bool:
     return names[0] == names[1]
 
 
-def vectors(export: Export, beside: Beside, device: Any) -> Array:
+def vectors(export: Export, beside: Beside, live: LiveScene) -> Array:
     """Blender's pass: from here to the place in the frame before, then from that in the next frame to here; up is +."""
     frames = tuple(each.keys if each and has_same_objects(export, each) else None for each in beside)
     names = ["flow_backward", "flow_forward"]
-    image = rptcam_cl.render(export.keys, spp=1, layers=names, neighbours=frames, device=device)
+    image = live.render(export.keys, spp=1, layers=names, neighbours=frames)
     back, forward = (np.nan_to_num(image.layers[name]) for name in names)
     return np.concatenate([back * [1, -1], forward * [-1, 1]], axis=-1)
 

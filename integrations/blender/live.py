@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 
+import rptcam_cl
 from rptcam_cl import RenderSession
+
+from .apart import SessionApart
 
 WHOLE = ("camera", "environment")  # sections that are set as a whole: a key that is gone takes its default then
 
@@ -53,19 +56,22 @@ class LiveScene:
 
     def __init__(self) -> None:
         self._device: str | None = None
+        self._is_apart = False
         self._keys: dict[str, Any] = {}
-        self.session: RenderSession | None = None
+        self.session: RenderSession | SessionApart | None = None
 
-    def use(self, device: str) -> None:
-        """Render on a device, as `RenderSession` names it; empty for the fastest."""
-        if (device or None) != self._device:
+    def use(self, device: str, *, apart: bool = False) -> None:
+        """Render on a device, as `RenderSession` names it, empty for the fastest; in a process of its own if wanted."""
+        if ((device or None), apart) != (self._device, self._is_apart):
             self.close()
-            self._device = device or None
+            self._device, self._is_apart = device or None, apart
 
-    def show(self, keys: dict[str, Any]) -> RenderSession:
+    def show(self, keys: dict[str, Any]) -> RenderSession | SessionApart:
         """Make the session show an export."""
+        if isinstance(self.session, SessionApart) and self.session.has_ended:
+            self.session = None
         if self.session is None:
-            self.session = RenderSession(keys, device=self._device)
+            self.session = (SessionApart if self._is_apart else RenderSession)(keys, device=self._device)
         else:
             changes = differences(self._keys, keys)
             if changes:
@@ -73,8 +79,25 @@ class LiveScene:
         self._keys = keys
         return self.session
 
+    def render(self, keys: dict[str, Any], **options: Any) -> Any:
+        """Render another scene, where this one is rendered."""
+        if isinstance(self.session, SessionApart):
+            return self.session.call("render", keys, options | {"device": self._device})
+        return rptcam_cl.render(keys, **options, device=None if self.session is None else self.session.device)
+
     def close(self) -> None:
         """Let go of the device."""
         if self.session is not None:
             self.session.close()
             self.session = None
+
+
+def focused(keys: dict[str, Any], method: str, *, apart: bool) -> Any:
+    """What autofocus finds, in a process of its own if wanted."""
+    if not apart:
+        return rptcam_cl.autofocus(keys, method)
+    session = SessionApart(None, None)
+    try:
+        return session.call("autofocus", keys, {"method": method})
+    finally:
+        session.close()

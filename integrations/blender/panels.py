@@ -141,6 +141,10 @@ class SceneProperties(bpy.types.PropertyGroup):
     )
     denoise: BoolProperty(name="Denoise", description="Remove the noise that F12 leaves (biased); needs pyoidn")
     device: StringProperty(name="Device", description="Empty for the fastest; cpu, gpu, 0:0 or a part of its name")
+    own_process: BoolProperty(
+        name="Own Process",
+        description="Render in a process of its own: if a driver ends that, Blender and its file stay",
+    )
     exposure: EnumProperty(
         name="Exposure",
         items=[
@@ -209,6 +213,7 @@ class RPTCAM_PT_sampling(_Panel, bpy.types.Panel):
             "seed",
             "denoise",
             "device",
+            "own_process",
         ):
             column.prop(given, name)
 
@@ -370,7 +375,7 @@ class RPTCAM_OT_autofocus(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Do it."""
-        import rptcam_cl
+        from .live import focused
 
         scene = context.scene
         data = scene.camera.data
@@ -382,7 +387,7 @@ class RPTCAM_OT_autofocus(bpy.types.Operator):
         export = Reader().read(context.evaluated_depsgraph_get(), settings_of(scene, []))
         data.rptcam.autofocus = before
         try:
-            found = rptcam_cl.autofocus(export.keys, method)
+            found = focused(export.keys, method, apart=scene.rptcam.own_process)
         except RptcamError as problem:
             self.report({"ERROR"}, str(problem))
             return {"CANCELLED"}

@@ -76,6 +76,13 @@
 #define MEDIA_PARTS(EACH)
 #endif
 
+#if FACET_SHARES
+#define FACET_PARTS(EACH) \
+    EACH(const __global float *, facet_shares)          /* of light that facets scatter once, kernels/material/facet_shares.h */
+#else
+#define FACET_PARTS(EACH)
+#endif
+
 #define SCENE_PARTS(EACH) \
     EACH(const __global Primitive *, primitives)        /* sorted by kind */ \
     EACH(const __global int *, kind_end)                /* end of each kind in `primitives` */ \
@@ -87,7 +94,7 @@
     EACH(const __global float *, distribution)          /* curves of how light sampling picks, common/curve.h */ \
     EACH(int, emitter_count) \
     LIGHT_TREE_PARTS(EACH) CAUSTIC_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) HIDDEN_PARTS(EACH) TREE_PARTS(EACH) \
-    MESH_PARTS(EACH) MEDIA_PARTS(EACH)
+    MESH_PARTS(EACH) MEDIA_PARTS(EACH) FACET_PARTS(EACH)
 
 #define AS_MEMBER(type, name) type name;
 #define AS_PARAMETER(type, name) type name,

@@ -27,4 +27,30 @@
 #define WRITE_F3(name, slot, v) \
     do { WRITE_F(name##X, slot, (v).x); WRITE_F(name##Y, slot, (v).y); WRITE_F(name##Z, slot, (v).z); } while (0)
 
+// The ray that a path is on.
+static Ray read_ray(const __global float *state, uint capacity, uint slot)
+{
+    Ray ray;
+    ray.origin = READ_I(ORIGIN, slot);
+    ray.triangle = READ_TRIANGLE(TRIANGLE, slot);
+    ray.o = READ_F3(O, slot);
+    ray.d = READ_F3(D, slot);
+#if HAS_MOTION
+    ray.time = READ_TIME(slot);
+#endif
+    return ray;
+}
+
+// What it meets.
+static void write_hit(__global float *state, uint capacity, uint slot, Hit hit)
+{
+    WRITE_I(HIT, slot, hit.primitive);
+    WRITE_F(T, slot, hit.t);
+#if HAS_MESH
+    WRITE_I(HIT_TRIANGLE, slot, hit.triangle);
+    WRITE_F(B1, slot, hit.b1);
+    WRITE_F(B2, slot, hit.b2);
+#endif
+}
+
 #endif

@@ -36,10 +36,21 @@
 #else
 #define HAS_AGAIN 0
 #endif
+#if HAS_AGAIN && HAS_GLASS_TINT && HAS_ROUGH_DIELECTRIC
+#define HAS_STAIN 1             // such light takes the colour of its reflections
+#else
+#define HAS_STAIN 0
+#endif
+#if FACET_SHARES && HAS_ANISOTROPY && (HAS_CONDUCTOR || HAS_METAL || HAS_PRINCIPLED)
+#define HAS_BRUSHED_SHARE 1     // light that brushed metal reflects once, by tables
+#else
+#define HAS_BRUSHED_SHARE 0
+#endif
 #define HAS_LAMPS       (HAS_EMISSIVE || HAS_GLOW)
 #define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_PASSED || HAS_ABSORPTION || HAS_GLOW) // any row below
 
 #include "material/ggx.h"
+#include "material/facet_shares.h"
 
 #define SMALLEST_ALPHA  1e-3f       // what float32 still resolves about a highlight
 
@@ -65,6 +76,9 @@
     WHEN(HAS_METAL,        EACH(F3,    n,            WHITE_3,          coefficient(material->metal_n, scene))) /* n + ik */ \
     WHEN(HAS_METAL,        EACH(F3,    k,            WHITE_3,          coefficient(material->metal_k, scene))) \
     WHEN(HAS_AGAIN,        EACH(F,     again,        ONE,              ONE)) /* all light over that scattered once */ \
+    WHEN(HAS_STAIN,        EACH(F,     glass_mean,   ONE,              ONE)) /* mean share scattered once */ \
+    WHEN(HAS_BRUSHED_SHARE, EACH(F,    once,         ONE,              ONE)) /* share that is reflected once */ \
+    WHEN(HAS_BRUSHED_SHARE, EACH(F,    once_mean,    ONE,              ONE)) /* and its mean over even light */ \
     WHEN(HAS_UNDERCOVER,   EACH(F,     internal,     ZERO,             (F)(material->internal))) /* diffuse share */ \
     WHEN(HAS_ROUGH_PLASTIC, EACH(Cover, cover,       no_cover(),       known_cover(material->cover, material->cover_last))) \
     WHEN(HAS_THIN_GLASS,   EACH(F3,    depth,        BLACK_3,          coefficient(material->absorption, scene))) \

@@ -15,6 +15,9 @@ typedef struct {
 #if FACET_ENERGY
     F3    boost;            // of metal, by the light that its facets reflect more than once
 #endif
+#if HAS_AGAIN
+    F3    again;            // of glass, by what its facets scatter more than once
+#endif
 #if HAS_BASE
     F3    base;             // diffuse reflectance that the way in leaves
     Cover cover;
@@ -75,8 +78,8 @@ static Facet principled_facet(Vertex vertex, Lobes lobes, F c)
     F3 of_clear = select3(sin2 >= 1.0f, WHITE_3, raised(f0, most, beyond));
     F3 passed = sub(WHITE_3, of_clear);
 #if HAS_AGAIN
-    of_clear = scale(of_clear, vertex.closure.again);
-    passed = scale(passed, vertex.closure.again);
+    of_clear = mul(of_clear, lobes.again);
+    passed = mul(passed, lobes.again);
 #endif
     f = along(f, sub(of_clear, f), clear);
 #endif
@@ -126,8 +129,8 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
         facet.reflected = select3(glass, f3(f, f, f), facet.reflected);
         facet.refracted = select3(glass & lobes.clear, f3(g, g, g), facet.refracted);
 #if HAS_AGAIN
-        facet.reflected = select3(glass, scale(facet.reflected, vertex.closure.again), facet.reflected);
-        facet.refracted = scale(facet.refracted, vertex.closure.again);
+        facet.reflected = select3(glass, mul(facet.reflected, lobes.again), facet.reflected);
+        facet.refracted = mul(facet.refracted, lobes.again);
 #endif
         facet.reflects = (glass & lobes.clear) ? f : facet.reflects;
 #if HAS_GLASS_TINT && HAS_ROUGH_DIELECTRIC
@@ -153,8 +156,9 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
 
 #if HAS_BASE
 // The diffuse base (Kelemen and Szirmay-Kalos 2001): rho (1 - E(wi)) (1 - E(wo)) / (pi (1 - mean of E)) is symmetric, and
-// with rho = 1 gives back all that the cover does not. Returns about the albedo of it and of all lobes so far.
-static F add_base(Lobes *lobes, Vertex vertex)
+// with rho = 1 gives back all that the cover does not. `over` is the share that a coat reflects. Returns about the albedo of all
+// these lobes.
+static F add_base(Lobes *lobes, Vertex vertex, F over)
 {
     F3 rho = f3(ZERO, ZERO, ZERO);
     F mean = ZERO;
@@ -189,6 +193,10 @@ static F add_base(Lobes *lobes, Vertex vertex)
     F whole = 1.0f - mean;
     lobes->base = scale(rho, gets / MAX(whole, (F)(1e-6f)));
     F own = max3(lobes->base) * whole;
+    others += over;
+#if HAS_CLEARCOAT
+    lobes->coat = over > 0.0f ? MAX(over / others, (F)(LEAST_COAT)) : ZERO;
+#endif
     lobes->under = own > 0.0f ? own / (own + others) : ZERO;
     return own + others;
 }
@@ -226,7 +234,7 @@ static F coat_albedo(F mu, Alpha alpha)
     F e2 = quartic(r, 0.0029f, -0.3415f, 3.5689f, -5.0284f, 1.1378f);
     F e3 = quartic(r, -0.0068f, 0.2625f, -4.6f, 4.3796f, -0.1194f);
     F steep = schlick(MAX(mu + e0 + x * (e1 + x * (e2 + x * e3)), ZERO));
-    return ggx_albedo(mu, alpha) * (COAT_REFLECTANCE + (1.0f - COAT_REFLECTANCE) * steep);
+    return ggx_albedo(mu, alpha.x) * (COAT_REFLECTANCE + (1.0f - COAT_REFLECTANCE) * steep);
 }
 #endif
 
@@ -253,7 +261,27 @@ static F3 boost_of(Vertex vertex, F mu)
     mean = select3(vertex.kind == MATERIAL_PRINCIPLED, mean_fresnel(mean), mean);
 #endif
     I metal = (vertex.kind == MATERIAL_CONDUCTOR) | (vertex.kind == MATERIAL_METAL) | (vertex.kind == MATERIAL_PRINCIPLED);
-    return select3(metal, ggx_boost(mu, vertex.closure.alpha, mean), WHITE_3);
+#if HAS_BRUSHED_SHARE
+    return select3(metal, ggx_boost(vertex.closure.once, vertex.closure.once_mean, mean), WHITE_3);
+#else
+    F alpha = vertex.closure.alpha.x;
+    return select3(metal, ggx_boost(ggx_albedo(mu, alpha), ggx_mean_albedo(alpha), mean), WHITE_3);
+#endif
+}
+#endif
+
+#if HAS_AGAIN
+// What glass gains by light that its facets scatter more than once: mostly what one refracts and another reflects, so that it
+// takes the colour of reflections beside that of light scattered once.
+static F3 again_of(Vertex vertex)
+{
+    F again = vertex.closure.again;
+    F3 gain = f3(again, again, again);
+#if HAS_STAIN
+    I glass = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
+    gain = select3(glass, ggx_boost(1.0f / again, vertex.closure.glass_mean, vertex.color), gain);
+#endif
+    return gain;
 }
 #endif
 
@@ -275,10 +303,8 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
 #if FACET_ENERGY
     lobes.boost = boost_of(vertex, wi.z);
 #endif
-#if HAS_SHEEN
-    add_sheen(&lobes, vertex, behind, add_base(&lobes, vertex));
-#elif HAS_BASE
-    add_base(&lobes, vertex);
+#if HAS_AGAIN
+    lobes.again = again_of(vertex);
 #endif
 #if HAS_CLEARCOAT
     I coated = (vertex.kind == MATERIAL_PRINCIPLED) & NOT(lobes.clear & behind);
@@ -290,8 +316,14 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
     lobes.coat_n = vertex.coat_n;
     frame(lobes.coat_n, &lobes.coat_s, &lobes.coat_t);
 #endif
-    F share = cover_albedo(lobes.coat_cover, to_coat(lobes, wi).z);
-    lobes.coat = share > 0.0f ? MAX(share, (F)(LEAST_COAT)) : ZERO;
+    F over = cover_albedo(lobes.coat_cover, to_coat(lobes, wi).z);
+#elif HAS_BASE
+    F over = ZERO;
+#endif
+#if HAS_SHEEN
+    add_sheen(&lobes, vertex, behind, add_base(&lobes, vertex, over));
+#elif HAS_BASE
+    add_base(&lobes, vertex, over);
 #endif
     return lobes;
 }
@@ -345,8 +377,12 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
 #endif
 #if HAS_SHEEN
     if (ANY(lobes.sent > 0.0f)) {
-        F kept = sheen_share(vertex, lobes.fibres, absolute(wo.z));
-        sum = scale(sum, 1.0f - MAX(lobes.sent, kept));
+#if FACET_ENERGY
+        F kept = lobes.sent;
+#else
+        F kept = MAX(lobes.sent, sheen_share(vertex, lobes.fibres, absolute(wo.z)));
+#endif
+        sum = scale(sum, 1.0f - kept);
         sum = along(sum, lobes.fibres, sheen_reflect(vertex.closure, lobes.wi, wo, h));
         density += lobes.sheen * ((wo.z > 0.0f ? 0.5f * INV_PI_F : ZERO) - density);
     }

@@ -85,11 +85,10 @@ static inline F ggx_reflect(F3 wi, F3 wo, F3 h, Alpha alpha, F *pdf)
 static inline F quartic(F x, float a, float b, float c, float d, float e) { return a + x * (b + x * (c + x * (d + x * e))); }
 
 // Share of light from the cosine `mu` that facets which absorb nothing send back after one reflection: what is missing meets
-// further facets. A fit to its quadrature, at most 0.0032 of the value off (tests/device/test_covers.py); of facets
-// with two alphas, whose mean stands for both, the share depends on the azimuth as well.
-static F ggx_albedo(F mu, Alpha alphas)
+// further facets. A fit to its quadrature, at most 0.0032 of the value off (tests/device/test_covers.py); facets with
+// two alphas have tables, material/facet_shares.h.
+static F ggx_albedo(F mu, F alpha)
 {
-    F alpha = 0.5f * (alphas.x + ACROSS(alphas));
     F x = mu / (mu + 0.5f * alpha);
     F e0 = quartic(alpha, 0.9969f, 0.0041f, -0.0252f, 0.0683f, -0.0469f);
     F e1 = quartic(alpha, 0.1202f, 0.6268f, -7.1829f, 5.6795f, -1.4904f);
@@ -103,18 +102,17 @@ static F ggx_albedo(F mu, Alpha alphas)
 }
 
 // Its mean over even light.
-static inline F ggx_mean_albedo(Alpha alphas)
+static inline F ggx_mean_albedo(F alpha)
 {
-    F alpha = 0.5f * (alphas.x + ACROSS(alphas));
     return MIN(quartic(alpha, 1.0045f, -0.1926f, -1.6264f, 1.9318f, -0.7089f), ONE);
 }
 
-// What light that meets facets again and again adds to what they reflect once, as a factor on that, seen from the cosine
-// `mu`; each reflects the share `f` of it on average (Turquin 2019, with the series of Kulla and Conty 2017).
-static F3 ggx_boost(F mu, Alpha alpha, F3 f)
+// What light that meets facets again and again adds to what they reflect once, as a factor on that: the share `once` of the
+// direction, `mean` of even light; each facet reflects the share `f` on average (Turquin 2019, with the series of Kulla and
+// Conty 2017).
+static F3 ggx_boost(F once, F mean, F3 f)
 {
-    F missing = 1.0f / ggx_albedo(mu, alpha) - 1.0f;
-    F mean = ggx_mean_albedo(alpha);
+    F missing = 1.0f / once - 1.0f;
     F kept = 1.0f - mean;
     return f3(1.0f + missing * f.x * mean / (1.0f - f.x * kept), 1.0f + missing * f.y * mean / (1.0f - f.y * kept),
               1.0f + missing * f.z * mean / (1.0f - f.z * kept));

@@ -107,6 +107,50 @@ static F scattered_again(const __global Material *material, F cosine)
 }
 #endif
 
+#if HAS_STAIN
+// The mean over even light of the share that those facets scatter once, the integral of 2 mu p(root of mu).
+static F mean_scattered_once(const __global Material *material, F cosine)
+{
+    float inside = 0.0f, outside = 0.0f;
+    for (int i = ONCE_TERMS - 1; i >= 0; --i) {
+        inside += material->once_inside[i] * (4.0f / (4 + i));
+        outside += material->once_outside[i] * (4.0f / (4 + i));
+    }
+    return MIN(cosine > 0.0f ? (F)(inside) : (F)(outside), ONE);
+}
+#endif
+
+#if FACET_SHARES
+// What tables say of the light that facets scatter once, of a path along `d`.
+static void take_shares(Vertex *vertex, I mine, const __global Material *material, F3 d, Scene scene)
+{
+    F cosine = dot3(vertex->n, d);
+    F x = ZERO;
+#if HAS_ANISOTROPY
+    F3 flat = along(vertex->tangent, vertex->n, -dot3(vertex->tangent, vertex->n));
+    x = dot3(d, flat) / sqrt(MAX(dot3(flat, flat), (F)(SMALLEST)));
+#endif
+    Stretched w = stretched(cosine, x, vertex->closure.alpha);
+#if HAS_BRUSHED_SHARE
+    F mean;
+    F once = brushed_share(scene.facet_shares, w, vertex->closure.alpha, &mean);
+    vertex->closure.once = mine ? once : vertex->closure.once;
+    vertex->closure.once_mean = mine ? mean : vertex->closure.once_mean;
+#endif
+#if HAS_AGAIN
+    if (material->share_levels > 0) {
+#if HAS_ANISOTROPY
+        F level = vertex->closure.alpha.y / material->alpha_across;
+#else
+        F level = vertex->closure.alpha.x / material->alpha;
+#endif
+        F share = glass_share(scene.facet_shares, material, w, level, cosine > 0.0f);
+        vertex->closure.again = mine ? ONE / share : vertex->closure.again;
+    }
+#endif
+}
+#endif
+
 // Fills the lanes `mine`, which share a material and are met along `d`.
 static void take_material(Vertex *vertex, I mine, const __global Material *material, SurfacePoint point, F3 d, Scene scene)
 {
@@ -146,6 +190,12 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 #endif
 #if HAS_AGAIN
     vertex->closure.again = mine ? scattered_again(material, dot3(vertex->n, d)) : vertex->closure.again;
+#endif
+#if HAS_STAIN
+    vertex->closure.glass_mean = mine ? mean_scattered_once(material, dot3(vertex->n, d)) : vertex->closure.glass_mean;
+#endif
+#if FACET_SHARES
+    take_shares(vertex, mine, material, d, scene);
 #endif
 #if HAS_COAT_NORMAL
     F3 coat_n = material->coat_flat ? point.n : vertex->n;

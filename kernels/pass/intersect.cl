@@ -8,22 +8,8 @@ __kernel void intersect(SCENE_PARAMETERS
                         uint            capacity)   // slots in the state
 {
     uint slot = get_global_id(0) * VW;
-    Ray ray;
-    ray.origin = READ_I(ORIGIN, slot);
-    if (!ANY(ray.origin != PATH_ENDED))
+    if (!ANY(READ_I(ORIGIN, slot) != PATH_ENDED))
         return;
-    ray.o = READ_F3(O, slot);
-    ray.d = READ_F3(D, slot);
-    ray.triangle = READ_TRIANGLE(TRIANGLE, slot);
-#if HAS_MOTION
-    ray.time = READ_TIME(slot);
-#endif
-    Hit hit = nearest_hit(ray, SCENE);
-    WRITE_I(HIT, slot, hit.primitive);
-    WRITE_F(T, slot, hit.t);
-#if HAS_MESH
-    WRITE_I(HIT_TRIANGLE, slot, hit.triangle);
-    WRITE_F(B1, slot, hit.b1);
-    WRITE_F(B2, slot, hit.b2);
-#endif
+    Hit hit = nearest_hit(read_ray(state, capacity, slot), SCENE);
+    write_hit(state, capacity, slot, hit);
 }

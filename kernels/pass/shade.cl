@@ -16,20 +16,14 @@ __kernel void shade(SCENE_PARAMETERS
     uint slot = get_global_id(0) * VW;
     // Read the path and its hit.
     Path path;
-    path.ray.origin = READ_I(ORIGIN, slot);
-    if (!ANY(path.ray.origin != PATH_ENDED))
+    if (!ANY(READ_I(ORIGIN, slot) != PATH_ENDED))
         return;
+    path.ray = read_ray(state, capacity, slot);
     Lane lane = lane_of(slot, wave, tiles);
     path.pixel = lane.pixel;
     path.sample = lane.sample;
     path.survival_scale = survival_scale_at(lane, limits, survival_scale);
     path.depth = (U)(depth);
-    path.ray.triangle = READ_TRIANGLE(TRIANGLE, slot);
-    path.ray.o = READ_F3(O, slot);
-    path.ray.d = READ_F3(D, slot);
-#if HAS_MOTION
-    path.ray.time = READ_TIME(slot);
-#endif
     path.beta = READ_F3(B, slot);
 #if SPECTRUM
     path.wavelength_sample = READ_F(WAVELENGTH_SAMPLE, slot);

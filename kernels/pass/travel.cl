@@ -16,19 +16,13 @@ __kernel void travel(SCENE_PARAMETERS
     uint slot = get_global_id(0) * VW;
     // Read the path.
     Path path;
-    path.ray.origin = READ_I(ORIGIN, slot);
-    if (!ANY(path.ray.origin != PATH_ENDED))
+    if (!ANY(READ_I(ORIGIN, slot) != PATH_ENDED))
         return;
+    path.ray = read_ray(state, capacity, slot);
     Lane lane = lane_of(slot, wave, tiles);
     path.pixel = lane.pixel;
     path.sample = lane.sample;
     path.depth = (U)(depth);
-    path.ray.triangle = READ_TRIANGLE(TRIANGLE, slot);
-    path.ray.o = READ_F3(O, slot);
-    path.ray.d = READ_F3(D, slot);
-#if HAS_MOTION
-    path.ray.time = READ_TIME(slot);
-#endif
     path.beta = READ_F3(B, slot);
     path.radiance = READ_F3(L, slot);
     Scene scene = SCENE;
@@ -43,11 +37,5 @@ __kernel void travel(SCENE_PARAMETERS
     WRITE_F3(B, slot, path.beta);
     WRITE_F3(L, slot, path.radiance);
     WRITE_I(MEDIUM, slot, path.medium);
-    WRITE_I(HIT, slot, hit.primitive);
-    WRITE_F(T, slot, hit.t);
-#if HAS_MESH
-    WRITE_I(HIT_TRIANGLE, slot, hit.triangle);
-    WRITE_F(B1, slot, hit.b1);
-    WRITE_F(B2, slot, hit.b2);
-#endif
+    write_hit(state, capacity, slot, hit);
 }

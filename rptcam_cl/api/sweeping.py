@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,10 @@ from rptcam_cl.studies.focus.drives import focus_drive
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
+
+    from rptcam_cl.studies.focus.servo import Servo
+
+Found = TypeVar("Found")
 
 
 # Contact sheets: developed pictures in a grid, each with its label.
@@ -128,7 +132,7 @@ class FrameTracker:
         self._session: Session | None = None
         self._number = 0
         self._frame: tuple[Scene, dict[str, Any]] | None = None
-        self._following: Any = None
+        self._servo: Servo | None = None
         self._lens: Any = None
         self._reading: float | None = None
         self.measured = 0
@@ -142,7 +146,7 @@ class FrameTracker:
             When the first frame has nothing to focus on, or a frame no light to meter.
         """
         if number < self._number:
-            self._number, self._following, self._reading = 0, None, None
+            self._number, self._servo, self._reading = 0, None, None
         while self._number < number or self._frame is None:
             self._number += 1
             self._frame = self._next(self._number)
@@ -161,25 +165,29 @@ class FrameTracker:
         return still, metadata
 
     def _focus(self, still: Scene) -> tuple[Scene, dict[str, Any]]:
-        from rptcam_cl.studies.focus.controller import Following, follow
+        from rptcam_cl.studies.focus.servo import servo_of
 
         settings, frame_s = self._sequence.continuous_focus, 1 / self._sequence.frames_per_second
         assert settings is not None
         scene = at_rest(still)
-        state = self._measure_once("focus", scene, lambda session: _state_of(scene, session))
-        drive = focus_drive(scene)
-        measured = None if state is None else drive.coordinate(state)
-        lens = _lens_of(scene)
-        if self._following is None or (lens != self._lens and measured is not None):
-            if measured is None:
+        found = self._measure_once("focus", scene, lambda session: _focus_of(scene, session))
+        drive, lens = focus_drive(scene), _lens_of(scene)
+        state, error = found or (None, 0.0)
+        measured, sharp = None if state is None else drive.coordinate(state), drive.depth_of_focus
+        metadata: dict[str, Any] = {"measured": state}
+        if self._servo is None or (lens != self._lens and measured is not None):
+            if state is None or measured is None:
                 raise InputError("camera.focus.auto: nothing to focus on in the first frame")
-            self._following = Following(measured)
+            self._servo, place, where = servo_of(drive, measured, settings), measured, state
+            metadata |= {"state": state, "expected": state, "speed": 0.0, "at_greatest_speed": False}
         else:
-            self._following = follow(self._following, measured, drive.depth_of_focus, settings, frame_s)
+            frame = self._servo.next_frame(frame_s, sharp)
+            place, where = frame.place, drive.state_at(frame.place)
+            metadata |= {"state": where, "expected": drive.state_at(frame.expected), "speed": frame.speed / sharp}
+            metadata["at_greatest_speed"] = frame.is_limited
+        metadata["off"] = None if measured is None else (place - measured) / sharp
+        self._servo.measure(measured, error)
         self._lens = lens
-        reached = state if measured is not None and self._following.place == measured else None
-        where = drive.state_at(self._following.place) if reached is None else reached
-        metadata = {"state": where, "measured": state, "moving": self._following.moving}
         return change_scene(still, camera=drive.camera_keys(where)), {"continuous_focus": metadata}
 
     def _expose(self, still: Scene, time_constant_s: float) -> Scene:
@@ -192,11 +200,11 @@ class FrameTracker:
             self._reading *= (read / self._reading) ** share
         return set_keys(still, {"exposure.lock_cd_m2": self._reading})
 
-    def _measure_once(self, what: str, scene: Scene, measure: Callable[[Session], float | None]) -> float | None:
+    def _measure_once(self, what: str, scene: Scene, measure: Callable[[Session], Found]) -> Found:
         """The measurement of a frame, made here or by an earlier run."""
         session = self._session = self._session or self._open()
 
-        def measure_here() -> float | None:
+        def measure_here() -> Found:
             self.measured += 1
             return measure(session)
 
@@ -221,15 +229,17 @@ def _reading_of(scene: Scene, session: Session) -> float | None:
     return resolve_exposure(scene, session)[1]
 
 
-def _state_of(scene: Scene, session: Session) -> float | None:
-    """The focus state that autofocus finds; None where it finds none."""
+def _focus_of(scene: Scene, session: Session) -> tuple[float, float] | None:
+    """The focus state that autofocus finds, and the standard error of its coordinate [mm]; None where it finds none."""
     from rptcam_cl.studies.focus.controller import find_focus
     from rptcam_cl.studies.focus.probe import NoContrast, OutOfReach
 
     settings = scene.requested_autofocus
     assert settings is not None, "of a scene with autofocus"
     try:
-        return find_focus(scene, session, settings).state
+        report = find_focus(scene, session, settings)
+        sharp = report.depth_of_focus_mm
+        return report.state, report.error if report.failure is None else max(min(report.error, 10 * sharp), sharp)
     except (NoContrast, OutOfReach):
         return None
 

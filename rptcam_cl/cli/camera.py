@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.api.options import add_options, crop, duration, share, size
+from rptcam_cl.api.options import add_options, crop, duration, frame_range, share, size
 from rptcam_cl.cli.lens_options import check_file, check_picture, number_list, wavelengths, write, write_picture
 from rptcam_cl.cli.output import (
     add_device,
@@ -31,6 +31,7 @@ from rptcam_cl.core.errors import InputError, StateError
 if TYPE_CHECKING:
     from rptcam_cl.exchange.camera_models import Calibration
     from rptcam_cl.exchange.camera_view import View
+    from rptcam_cl.scene.scene import Scene
     from rptcam_cl.studies.focus.probe import FocusReport
     from rptcam_cl.studies.tradeoff import TradeoffReport
 
@@ -370,8 +371,15 @@ def add_focus(parser: argparse.ArgumentParser) -> None:
     add_options(parser, "seed")
     add_device(parser)
     add_options(parser, "overrides")
+    parser.add_argument(
+        "--frames", type=frame_range, metavar="FIRST-LAST[:STEP]",
+        help="follow the subject over these frames of the scene's sequence by continuous autofocus, as 1-48",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the curve, .svg, .png or .pdf")
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE",
+        help="draw the curve, or subject, prediction, lens and error over the frames, .svg, .png or .pdf",
+    )  # fmt: skip
 
 
 def run_focus(arguments: argparse.Namespace) -> int:
@@ -388,6 +396,8 @@ def run_focus(arguments: argparse.Namespace) -> int:
 
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
+    if arguments.frames is not None:
+        return _follow_frames(arguments, scene)
     report = autofocus(
         scene,
         arguments.method,
@@ -405,6 +415,44 @@ def run_focus(arguments: argparse.Namespace) -> int:
         print(as_json(report.as_dict()))
     else:
         _print_focus(report)
+    return 0
+
+
+def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
+    """Print where continuous autofocus has the focus in each frame, and draw it; returns the exit code."""
+    from dataclasses import astuple
+
+    from rptcam_cl.api.sweeping import FrameTracker
+    from rptcam_cl.device.session import open_session
+    from rptcam_cl.scene.load import change_scene, set_keys
+    from rptcam_cl.studies.focus.controller import focus_settings, zones_of
+    from rptcam_cl.studies.focus.servo import FrameFocus, doubts_of, servo_plot, summary_of
+
+    where = {"zones": _zones(arguments), "point": arguments.point, "object": arguments.object}
+    keys = {"method": arguments.method, "policy": arguments.policy}
+    if scene.requested_autofocus is None or any(value is not None for value in (*where.values(), *keys.values())):
+        settings = focus_settings(scene, keys, where)
+        data = settings.model_dump(exclude_unset=True, exclude={"zones_from"})
+        if settings.zones_from is not None:
+            data["zones"] = [list(astuple(zone)) for zone in zones_of(scene, settings)]
+        scene = set_keys(scene, {"camera.focus": {"auto": data}})
+    if scene.sequence is None or scene.sequence.continuous_focus is None:
+        scene = set_keys(scene, {"sequence": {**scene.made_of.get("sequence", {}), "continuous_focus": {}}})
+    if arguments.seed is not None:
+        scene = change_scene(scene, render={"seed": arguments.seed})
+    assert scene.sequence is not None
+    tracker, rate = FrameTracker(scene, lambda: open_session(arguments.device)), scene.sequence.frames_per_second
+    frames = [FrameFocus.of(number, (number - 1) / rate, *tracker.frame(number)) for number in arguments.frames]
+    print_warnings(doubts_of(frames))
+    if arguments.plot is not None:
+        write_picture(servo_plot(frames, f"{arguments.scene.stem}: continuous autofocus"), arguments.plot)
+    if arguments.json:
+        print(as_json([vars(frame) for frame in frames]))
+        return 0
+    words = ("frame", "subject [m]", "expected [m]", "focus [m]", "off [depths of focus]", "drive [depths/s]")
+    rows = [[row.number, row.subject_m, row.expected_m, row.focus_m, row.off, row.speed] for row in frames]
+    print_table(words, rows, "continuous autofocus")
+    print(summary_of(frames))
     return 0
 
 

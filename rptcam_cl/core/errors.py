@@ -17,6 +17,10 @@ class MissingFileError(InputError):
     """A file that a scene or another file names is not there."""
 
 
+class OutsideFolderError(InputError):
+    """A file that a scene or another file names lies where that file may not read."""
+
+
 class DeviceError(RptcamError):
     """No usable OpenCL device, or a kernel that did not build or run."""
 

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, MissingFileError, StateError
+from rptcam_cl.core.errors import InputError, MissingFileError, OutsideFolderError, StateError
 
 if TYPE_CHECKING:
     import tempfile
@@ -190,7 +190,8 @@ class Folders:
             named.add(path)
         if not inside:
             allowed = ", ".join(dict.fromkeys(map(str, roots)))
-            raise InputError(f"lies outside the {self.owner}'s folder (got {path}; allowed: files in {allowed})")
+            said = f"lies outside the {self.owner}'s folder (got {path}; allowed: files in {allowed})"
+            raise OutsideFolderError(said)
         if not exists:
             raise MissingFileError(f"no such file (got {path})")
         if not regular:

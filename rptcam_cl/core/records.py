@@ -579,6 +579,7 @@ SEGMENT = Record(
 )
 
 ONCE_TERMS = 8
+SHARE_SIDES = {"ALPHAS": 16, "COSINES": 24, "TURNS": 8}  # of the tables of kernels/material/facet_shares.h
 
 MATERIAL = Record(
     "Material",
@@ -650,9 +651,9 @@ MATERIAL = Record(
         ("float", "bump_height"),  # of a texture of 1 [m]; of bumps over u and v in scene units [scene units]
         ("int", "bump_lengths"),
         ("int", "interior"),  # number of the medium in a solid that light enters, in a scene with media; else -1
-        ("int", "reserved_0"),
-        ("int", "reserved_1"),
-        ("int", "reserved_2"),
+        ("int", "share_table"),  # of rough glass: where its table starts, kernels/material/facet_shares.h
+        ("int", "share_levels"),  # of the alphas of a texture, 1 without one; 0 without a table
+        ("int", "share_turns"),
     ),
     facts=(
         ("HAS_ROUGHNESS_TEXTURE", "roughness_texture"),
@@ -937,6 +938,7 @@ def device_declarations() -> str:
     lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
     lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
     lines.append(f"#define ONCE_TERMS {ONCE_TERMS}")
+    lines += [f"#define SHARE_{name} {count}" for name, count in SHARE_SIDES.items()]
     lines += [f"#define LOSS_TABLE_NM {LOSS_TABLE_NM}", f"#define LOSS_TABLE_LENGTH {LOSS_TABLE_LENGTH}"]
     lines += [f"#define {name} {value!r}f" for name, value in _CONSTANTS.items()]
     lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import field
@@ -16,12 +17,14 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import content_name
 from rptcam_cl.exchange.pbrt.convert import Conversion
 from rptcam_cl.exchange.pbrt.files import FileStore
 from rptcam_cl.exchange.pbrt.shapes import TABLED, MeshData
 from rptcam_cl.exchange.pbrt.source import Report
 from rptcam_cl.exchange.pbrt.world import is_bearable, is_transform_of_ours, tidy
 from rptcam_cl.rendering.plan.environment import axes
+from rptcam_cl.scene.assets.mesh import distinct_rows
 from rptcam_cl.scene.assets.pictures import SUFFIXES
 from rptcam_cl.scene.materials import LEAST_BEND, MOST_INDEX
 
@@ -31,7 +34,8 @@ Keys = dict[str, Any]
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 WIDTH_PX = 960
-LEVELS, MOST_FACES = 2, 400_000  # of a subdivision surface: steps, and faces that they may lead to
+MOST_FACES = (400_000, 400_000, 10_000, 10_000)  # that each division of a subdivision surface may lead to
+SHARP = 10.0  # a crease of so much is one of every division (UsdGeomMesh, SHARPNESS_INFINITE)
 MOST_PIXEL_ASPECT = 20.0
 
 
@@ -85,6 +89,10 @@ class Polygons:
         Points of the corners, face by face.
     uvs, normals : (c, 2) and (c, 3) arrays or None
         Of the corners.
+    creases, sharpness : (k, 2) and (k,) arrays or None
+        Edges, by the points at their ends, which stay sharp for so many divisions.
+    spikes : (n,) array or None
+        For how many divisions each point stays where it is.
     """
 
     points: Array
@@ -92,6 +100,9 @@ class Polygons:
     corners: Faces
     uvs: Array | None = None
     normals: Array | None = None
+    creases: Faces | None = None
+    sharpness: Array | None = None
+    spikes: Array | None = None
 
     @property
     def starts(self) -> Faces:
@@ -106,37 +117,58 @@ class Polygons:
         return following
 
     def subdivided(self) -> Polygons:
-        """Divide faces into quadrilaterals (Catmull and Clark 1978); borders are splines, corners of one face stay."""
+        """Divide faces into quadrilaterals; borders are splines, but points of a border that only one face has stay.
+
+        Sources: E. Catmull and J. Clark, "Recursively generated B-spline surfaces on arbitrary topological meshes",
+        Computer-Aided Design 10, 1978; creases by T. DeRose, M. Kass and T. Truong, "Subdivision surfaces in
+        character animation", SIGGRAPH 1998.
+        """
         points, corners, following = self.points, self.corners, self.following
+        count = len(points)
         face_of = np.repeat(np.arange(len(self.counts)), self.counts)
         middles = _sum_by(face_of, points[corners], len(self.counts)) / self.counts[:, None]
-        pairs = np.sort(np.stack([corners, corners[following]], axis=1), axis=1)
-        edges, edge_of, uses = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
-        edge_of, inner = edge_of.ravel(), uses == 2
+        keys, edge_of, uses = np.unique(_edge_keys(corners, corners[following], count), return_inverse=True,
+                                        return_counts=True)  # fmt: skip
+        edges = np.stack(np.divmod(keys, count), axis=1)
+        sharp = np.where(uses == 2, 0.0, np.inf)
+        if self.creases is not None and self.sharpness is not None:
+            named = _edge_keys(self.creases[:, 0], self.creases[:, 1], count)
+            at = np.minimum(np.searchsorted(keys, named), len(keys) - 1)
+            there = keys[at] == named
+            np.maximum.at(sharp, at[there], self.sharpness[there])
         ends = points[edges].sum(axis=1)
-        of_faces = _sum_by(edge_of, middles[face_of], len(edges))
-        on_edges = np.where(inner[:, None], (ends + of_faces) / 4, ends / 2)
-        count = len(points)
+        smooth_edges = (ends + _sum_by(edge_of, middles[face_of], len(edges))) / 4
+        on_edges = _blend(smooth_edges, ends / 2, np.where(uses == 2, sharp, np.inf))
         valence = np.bincount(edges.ravel(), minlength=count).astype(np.float64)
         faces = np.bincount(corners, minlength=count).astype(np.float64)
         q = _sum_by(corners, middles[face_of], count) / np.maximum(faces, 1)[:, None]
         r = _sum_by(edges.ravel(), np.repeat(ends / 2, 2, axis=0), count) / np.maximum(valence, 1)[:, None]
         n = np.maximum(valence, 1)[:, None]
-        moved = (q + 2 * r + (n - 3) * points) / n
-        border = edges[~inner]
-        along = _sum_by(border.ravel(), points[border[:, ::-1].ravel()], count)
-        on_border = np.bincount(border.ravel(), minlength=count)
-        moved = np.where((on_border > 0)[:, None], points, moved)
-        smooth = (on_border == 2) & (faces > 1)
-        moved = np.where(smooth[:, None], 0.75 * points + along / 8, moved)
+        # A point of two sharp edges lies on their spline, one of more is a corner; by less than 1, in between.
+        kept = sharp > 0
+        crease, its_sharpness = edges[kept], np.repeat(sharp[kept], 2)
+        meeting = np.bincount(crease.ravel(), minlength=count)
+        along = _sum_by(crease.ravel(), points[crease[:, ::-1].ravel()], count)
+        mean = np.bincount(crease.ravel(), its_sharpness, count) / np.maximum(meeting, 1)
+        on_spline = (meeting == 2) & (faces > 1)
+        ruled = np.where(on_spline[:, None], 0.75 * points + along / 8, points)
+        moved = _blend((q + 2 * r + (n - 3) * points) / n, ruled, np.where(meeting >= 2, mean, 0.0))
+        moved = moved if self.spikes is None else _blend(moved, points, self.spikes)
+        moved = np.where((faces > 0)[:, None], moved, points)
         before = np.empty_like(following)
         before[following] = np.arange(len(following))
         quads = np.stack(
             [corners, count + edge_of, count + len(edges) + face_of, count + edge_of[before]], axis=1
         )  # fmt: skip
-        uvs = None if self.uvs is None else self._even(self.uvs, face_of, following, before)
+        lasting = np.flatnonzero((sharp > 1) & (uses == 2))
+        halves = np.stack([edges[lasting].ravel(), np.repeat(count + lasting, 2)], axis=1)
         return Polygons(
-            np.concatenate([moved, on_edges, middles]), np.full(len(quads), 4), quads.ravel(), uvs
+            np.concatenate([moved, on_edges, middles]), np.full(len(quads), 4), quads.ravel(),
+            None if self.uvs is None else self._even(self.uvs, face_of, following, before),
+            creases=halves, sharpness=np.repeat(sharp[lasting] - 1, 2),
+            spikes=None if self.spikes is None else np.concatenate(
+                [np.maximum(self.spikes - 1, 0), np.zeros(len(edges) + len(middles))]
+            ),
         )  # fmt: skip
 
     def _even(self, values: Array, face_of: Faces, following: Faces, before: Faces) -> Array:
@@ -155,17 +187,15 @@ class Polygons:
         normals = self.normals
         if smooth:
             mesh = MeshData(self.points, self.corners[corners])
-            own = np.zeros_like(self.points)
-            for k in range(3):
-                np.add.at(own, mesh.faces[:, k], mesh.crosses())
-            normals = own[self.corners]
+            crosses = np.repeat(mesh.crosses(), 3, axis=0)
+            normals = _sum_by(mesh.faces.ravel(), crosses, len(self.points))[self.corners]
         columns = [part for part in (normals, self.uvs) if part is not None]
         if not columns:
             used, numbers = np.unique(self.corners[corners], return_inverse=True)
             return MeshData(self.points[used], numbers.reshape(-1, 3))
         rows = np.hstack([self.corners[:, None], *columns])[corners.ravel()]
-        distinct, numbers = np.unique(rows, axis=0, return_inverse=True)
-        points, rest = self.points[distinct[:, 0].astype(np.int64)], distinct[:, 1:]
+        first, numbers = distinct_rows(rows)
+        points, rest = self.points[self.corners[corners.ravel()[first]]], rows[first, 1:]
         width = 0 if normals is None else 3
         mesh_normals = None if normals is None else rest[:, :3]
         mesh_uvs = None if self.uvs is None else rest[:, width : width + 2]
@@ -173,9 +203,17 @@ class Polygons:
 
 
 def _sum_by(index: Faces, rows: Array, count: int) -> Array:
-    sums = np.zeros((count, rows.shape[1]))
-    np.add.at(sums, index, rows)
-    return sums
+    return np.stack([np.bincount(index, column, count) for column in rows.T], axis=1)
+
+
+def _edge_keys(a: Faces, b: Faces, count: int) -> Faces:
+    """Return a number for each pair of points, whichever comes first."""
+    return np.minimum(a, b).astype(np.int64) * count + np.maximum(a, b)
+
+
+def _blend(smooth: Array, sharp: Array, sharpness: Array) -> Array:
+    share = np.minimum(sharpness, 1.0)[:, None]
+    return (1 - share) * smooth + share * sharp
 
 
 # A stage, prim by prim.
@@ -202,6 +240,7 @@ class Stage:
     environment: Keys | None = None
     camera: Any = None
     _meshes: dict[str, list[tuple[str, Any]]] = field(default_factory=dict)
+    _contents: dict[str, list[tuple[str, Any]]] = field(default_factory=dict)
     _names: dict[str, str] = field(default_factory=dict)
     _pictures: dict[str, str] = field(default_factory=dict)
 
@@ -304,16 +343,28 @@ class Stage:
         caged = self._polygons(prim, mesh)
         if caged is None:
             return []
+        subsets = [
+            (str(subset.GetPrim().GetName()), _numbers(subset.GetIndicesAttr().Get(self.time), 1, np.int64))
+            for subset in self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
+        ]
+        # what is copied about a stage without being instanced is written once
+        content = content_name(caged, str(mesh.GetSubdivisionSchemeAttr().Get()), subsets)
+        if content not in self._contents:
+            self._contents[content] = self._write_parts(prim, mesh, caged, subsets)
+        return self._contents[content]
+
+    def _write_parts(
+        self, prim: Any, mesh: Any, caged: Polygons, subsets: list[tuple[str, Faces]]
+    ) -> list[tuple[str, Any]]:
         polygons, begins, smooth = self._smoothed(prim, mesh, caged)
         parts: list[tuple[str, Faces | None]] = []
         taken = np.zeros(len(polygons.counts), bool)
-        for subset in self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
-            own = _numbers(subset.GetIndicesAttr().Get(self.time), 1, np.int64)
+        for name, own in subsets:
             own = own[(own >= 0) & (own < len(begins) - 1)]
             spans = zip(begins[own], begins[own + 1], strict=True)
             faces = np.concatenate([own[:0], *(np.arange(begin, end) for begin, end in spans)])
             taken[faces] = True
-            parts.append((subset.GetPrim().GetName(), faces))
+            parts.append((name, faces))
         parts.append(("", np.flatnonzero(~taken)))
         written = []
         for name, chosen in parts:
@@ -345,7 +396,28 @@ class Stage:
             )
             corners = corners[order]
             uvs, normals = (None if values is None else values[order] for values in (uvs, normals))
-        return Polygons(points, counts, corners, uvs, normals)
+        return Polygons(points, counts, corners, uvs, normals, *self._creases(mesh, len(points)))
+
+    def _creases(self, mesh: Any, count: int) -> tuple[Faces | None, Array | None, Array | None]:
+        """Return the edges of a mesh that are creased, how sharply, and how sharp its points are."""
+        at = _numbers(mesh.GetCornerIndicesAttr().Get(self.time), 1, np.int64)
+        how = _numbers(mesh.GetCornerSharpnessesAttr().Get(self.time), 1)
+        spikes = None
+        if len(at) and len(at) == len(how) and at.min() >= 0 and at.max() < count:
+            spikes = np.zeros(count)
+            spikes[at] = np.where(how >= SHARP, np.inf, how)
+        lengths = _numbers(mesh.GetCreaseLengthsAttr().Get(self.time), 1, np.int64)
+        run = _numbers(mesh.GetCreaseIndicesAttr().Get(self.time), 1, np.int64)
+        sharpness = _numbers(mesh.GetCreaseSharpnessesAttr().Get(self.time), 1)
+        if not len(run) or lengths.sum() != len(run) or lengths.min() < 2 or run.min() < 0 or run.max() >= count:
+            return None, None, spikes
+        firsts = np.delete(np.arange(len(run)), np.cumsum(lengths) - 1)
+        if len(sharpness) == len(lengths):
+            sharpness = np.repeat(sharpness, lengths - 1)
+        elif len(sharpness) != len(firsts):
+            return None, None, spikes
+        ends = np.stack([run[firsts], run[firsts + 1]], axis=1)
+        return ends, np.where(sharpness >= SHARP, np.inf, sharpness), spikes
 
     def _smoothed(self, prim: Any, mesh: Any, polygons: Polygons) -> tuple[Polygons, Faces, bool]:
         """Subdivide a mesh where it says so.
@@ -360,19 +432,21 @@ class Stage:
         """
         scheme = mesh.GetSubdivisionSchemeAttr().Get()
         begins = np.arange(len(polygons.counts) + 1)
-        if polygons.normals is not None or scheme == self.geom.Tokens.none:
+        # a subdivision surface has no normals of its own; where no scheme is written, they show that it is none
+        written = mesh.GetSubdivisionSchemeAttr().HasAuthoredValue()
+        if scheme == self.geom.Tokens.none or (polygons.normals is not None and not written):
             return polygons, begins, False
         if scheme == self.geom.Tokens.catmullClark:
-            for _ in range(LEVELS):
-                if 4 * len(polygons.corners) > MOST_FACES:
+            for most in MOST_FACES:
+                if len(polygons.corners) > most:  # which there would be faces of
                     break
                 begins = np.concatenate([[0], np.cumsum(polygons.counts)])[begins]
                 polygons = polygons.subdivided()
-            if len(mesh.GetCreaseIndicesAttr().Get(self.time) or []):
-                self.report.say("approximated", "a subdivision surface without its creases", prim)
+            if len(mesh.GetCreaseIndicesAttr().Get(self.time) or []) and polygons.creases is None:
+                self.report.say("ignored", "creases that do not fit the mesh", prim)
         else:
             self.report.say("approximated", f"a subdivision surface ({scheme}) as its smooth cage", prim)
-        return polygons, begins, True
+        return polygons, begins, polygons.normals is None
 
     def _on_corners(self, primvar: Any, corners: Faces, face_of: Faces, width: int) -> Array | None:
         """Return values of a primvar at the corners of faces."""
@@ -824,6 +898,19 @@ def _merge_instances(stage: Stage) -> None:
     stage.objects = merged
 
 
+def _pose_skeletons(stage: Any, code: float, report: PrimReport) -> None:
+    """Move the points of meshes to where their skeletons and blend shapes put them at a time code."""
+    skel, usd = _module("UsdSkel"), _module("Usd")
+    walk = usd.PrimRange(stage.GetPseudoRoot(), usd.TraverseInstanceProxies())
+    skinned = [prim for prim in walk if prim.IsA(skel.Root)]
+    for prim in skinned:
+        if prim.IsInstanceProxy():
+            report.say("approximated", "instanced meshes with a skeleton in their pose at rest", prim)
+    if skinned:
+        stage.SetEditTarget(stage.GetSessionLayer())  # the files stay as they are
+        skel.BakeSkinning(stage.Traverse(), _module("Gf").Interval(code, code))
+
+
 def convert_stage(source: Path, target: Path, *, time_s: float | None = None) -> Conversion:
     """Convert a stage of USD to a scene of ours.
 
@@ -844,14 +931,20 @@ def convert_stage(source: Path, target: Path, *, time_s: float | None = None) ->
     usd, geom = _module("Usd"), _module("UsdGeom")
     if not source.is_file():
         raise InputError(f"{source}: no such file")
+    heard = _module("UsdUtils").CoalescingDiagnosticDelegate()  # else the library prints what it has to say
     try:
         opened = usd.Stage.Open(str(source))
     except Exception as problem:
-        raise InputError(f"{source}: is no stage of USD ({str(problem).splitlines()[-1].strip()[:200]})") from None
+        said = re.findall(r" : '(.*)", str(problem)) or [str(problem)]
+        raise InputError(f"{source}: is no stage of USD ({said[0][:200]})") from None
     report = PrimReport()
+    for warning in heard.TakeUncoalescedDiagnostics():
+        if missing := re.search(r"Could not open asset @([^@]*)@", warning.commentary):
+            report.say("ignored", f"{missing[1]} cannot be read", opened.GetPseudoRoot())
     start = opened.GetStartTimeCode() if opened.HasAuthoredTimeCodeRange() else 0.0
     is_timed = opened.HasAuthoredTimeCodeRange() or time_s is not None
     code = start + (time_s or 0.0) * opened.GetTimeCodesPerSecond()
+    _pose_skeletons(opened, code if is_timed else opened.GetStartTimeCode(), report)
     stage = Stage(opened, usd.TimeCode(code) if is_timed else usd.TimeCode.EarliestTime(), report,
                   FileStore(target.parent, target.stem, report))  # fmt: skip
     stage.add_all()

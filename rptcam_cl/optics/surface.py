@@ -589,6 +589,23 @@ class FocusingGroup:
 
 
 @dataclass(frozen=True)
+class FocusMotor:
+    """What drives the focus.
+
+    Attributes
+    ----------
+    speed_mm_s, acceleration_mm_s2 : float
+        At most, of what moves: the lens, its group, or where groups float the gap that changes most.
+    source : str
+        Where the figures come from.
+    """
+
+    speed_mm_s: float
+    acceleration_mm_s2: float
+    source: str = ""
+
+
+@dataclass(frozen=True)
 class FocusState:
     """The gaps of a lens whose groups float, focused at one distance.
 
@@ -631,6 +648,8 @@ class Prescription:
     floating : tuple of FocusState
         Gaps at nearer object planes, of a lens whose groups move each its own way to focus; the lens itself is focused
         at infinity.
+    motor : FocusMotor or None
+        What drives the focus; None where its file says nothing of it.
     warnings : tuple of str
         Doubts about the prescription that do not make it unusable.
     first_sense : float
@@ -652,6 +671,7 @@ class Prescription:
     warnings: tuple[str, ...] = ()
     first_sense: float = 1.0
     fold: SurfacePose | None = None
+    motor: FocusMotor | None = None
 
     def with_changes(self, changes: Mapping[int, Mapping[str, Any]], **of_lens: Any) -> Self:
         """Return the lens with attributes of some surfaces changed, by their numbers, and perhaps some of its own."""

@@ -25,6 +25,7 @@ from rptcam_cl.rendering.film import (
     pass_of,
     seed_words,
 )
+from rptcam_cl.rendering.plan.materials import facet_shares
 from rptcam_cl.rendering.plan.plan import Plan
 
 # What a render will hold on the device, added up before anything is allocated: running out kills a CPU's process.
@@ -473,6 +474,8 @@ def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
         arrays["light_nodes"] = plan.emitters.tree.nodes
     if plan.facts["HAS_MEDIA"]:
         arrays["media"] = plan.media.records
+    if plan.facts["FACET_SHARES"]:
+        arrays["facet_shares"] = facet_shares(plan.materials)
     if plan.facts["HAS_HIDDEN"]:
         arrays["hidden"] = plan.hidden
     if plan.facts["HAS_MOTION"]:

@@ -33,16 +33,20 @@ ValueKeyframes = Annotated[
 
 
 class ContinuousFocus(SceneModel):
-    """How autofocus follows from frame to frame, so that it does not pump."""
+    """How autofocus follows from frame to frame: as a servo, which predicts where the subject will be."""
 
-    hold: Annotated[float, Field(ge=0, le=1e6), NUMBER] = 1.0
-    """How far the focus may be off what is measured before it goes there [depths of focus]."""
+    hold: Annotated[float, Field(ge=0, le=1e6), NUMBER] = 0.25
+    """How far a subject at rest may be from the focus before it is followed [depths of focus]."""
 
     lock_s: Annotated[float, Field(ge=0, le=1e6), NUMBER] = 0.25
-    """How long it waits before, so that what crosses the picture is let pass [s]."""
+    """How long another subject must be measured before the focus goes there, so that what crosses the picture is let
+    pass, and how long a prediction goes on where nothing is found [s]."""
 
-    speed: Annotated[float, Field(gt=0, le=1e9), NUMBER] = 50.0
-    """How fast it goes at most [depths of focus per second]."""
+    delay_s: Annotated[float, Field(ge=0, le=10), NUMBER] = 0.05
+    """How long after a measurement it is known [s]."""
+
+    speed: Annotated[float, Field(gt=0, le=1e9), NUMBER] | None = None
+    """How fast the focus goes at most [depths of focus per second]; by default as fast as the drive of the lens."""
 
 
 class FrameSequence(SceneModel):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.plan.materials import pack_materials
+from rptcam_cl.rendering.plan.materials import facet_shares, pack_materials
 from rptcam_cl.rendering.plan.textures import KnownSpectra, TextureTable
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import run
@@ -55,11 +55,14 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
     for first, part in ((0, -wi), (3, np.asarray(wo)), (6, np.asarray(numbers))):
         table[first : first + 3, :count] = np.broadcast_to(np.atleast_2d(part), (count, 3)).T
     scene = load_scene(still_life() | {"materials": {"tested": material}})
-    records = pack_materials([scene.materials["tested"]], TextureTable(scene), KnownSpectra()).records
+    packed = pack_materials([scene.materials["tested"]], TextureTable(scene), KnownSpectra())
+    records, shared = packed.records, int(again and packed.facts["FACET_SHARES"])
+    tables = facet_shares(records) if shared else np.zeros(1, np.float32)
     out = session.allocate(11 * 4 * padded)
     run(
-        session, "probe_scatter", FACTS | {"FACET_ENERGY": int(again)}, padded // LANES,
+        session, "probe_scatter", FACTS | {"FACET_ENERGY": int(again), "FACET_SHARES": shared}, padded // LANES,
         materials=session.upload(records),
+        facet_shares=session.upload(tables),
         material=np.int32(0), out=out, capacity=np.uint32(padded), **{"in": session.upload(table)},
     )  # fmt: skip
     rows = session.read(out, np.float32, 11 * padded).reshape(11, padded)[:, :count].astype(np.float64)

@@ -63,18 +63,18 @@ def test_no_direction_gets_back_more_than_arrives(alpha):
 
 
 @pytest.mark.parametrize("roughness", [0.3, pytest.param(0.6, marks=pytest.mark.slow), 1.0])
-def test_base_gets_what_the_sheen_leaves(session, roughness):
+@pytest.mark.parametrize("again", [False, True])
+def test_base_gets_what_the_sheen_leaves(session, roughness, again):
     base = {"kind": "principled", "base_color": [0.8, 0.4, 0.2], "roughness": 0.7}
     sheen = {"sheen": [0.2, 0.9, 0.5], "sheen_roughness": roughness}
     rng = np.random.default_rng(5)
     wi, wo = (direction(rng.uniform(0.05, 1, 2048), rng.uniform(size=2048)) for _ in range(2))
-    both = scatter(session, base | sheen, wi, wo).value
-    alone = scatter(session, base | {"base_color": 0, "specular": 0} | sheen, wi, wo).value
-    below = scatter(session, base, wi, wo).value
+    black = base | {"base_color": 0, "specular": 0} | sheen
+    both, alone, below = (scatter(session, each, wi, wo, again=again).value for each in (base | sheen, black, base))
     cosines = np.linspace(0.2, 1, 16) ** 2
     share = [sheen_albedo(cosine, roughness**2) for cosine in cosines]
-    # of the largest channel, the lower of both directions
-    kept = 0.9 * np.interp(np.minimum(wi[:, 2], wo[:, 2]), cosines, share)
+    # of the largest channel, the lower of both directions; where nothing is lost, that to the camera
+    kept = 0.9 * np.interp(wi[:, 2] if again else np.minimum(wi[:, 2], wo[:, 2]), cosines, share)
     off = (both - alone) / below - (1 - kept[:, None])
     assert np.abs(off).max() < 0.08  # what the fit of the share may be off where it grazes
     assert np.abs(off).mean() < 0.02
@@ -82,10 +82,18 @@ def test_base_gets_what_the_sheen_leaves(session, roughness):
 
 @pytest.mark.parametrize("roughness", [0.1, pytest.param(0.5, marks=pytest.mark.slow), 1.0])
 def test_white_cloth_over_a_white_base_keeps_its_light(session, roughness):
+    """All of it with the light that fibres and base pass between them, to the fit of the share at grazing angles."""
     rng = np.random.default_rng(8)
     cloth = {"kind": "principled", "base_color": WHITE, "specular": 0, "sheen": WHITE, "sheen_roughness": roughness}
-    for cosine in (0.1, 0.4, 1.0):
-        got = scatter(session, cloth, direction(cosine), numbers=rng.uniform(size=(1 << 17, 3))).weight[:, 1]
+    for cosine, least, again in (
+        (0.1, 0.85, False),
+        (0.4, 0.85, False),
+        (1.0, 0.85, False),
+        (0.4, 0.985, True),
+        (1.0, 0.985, True),
+    ):
+        numbers = rng.uniform(size=(1 << 17, 3))
+        got = scatter(session, cloth, direction(cosine), numbers=numbers, again=again).weight[:, 1]
         error = got.std() / np.sqrt(len(got))
-        # the base loses at both directions what the larger share of both is
-        assert 0.85 - 4 * error < got.mean() < 1 + 4 * error, (cosine, got.mean())
+        # once, the base loses at both directions what the larger share of both is
+        assert least - 4 * error < got.mean() < 1 + 4 * error, (cosine, got.mean())

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -127,6 +128,58 @@ def test_a_subdivided_cube_has_the_points_of_catmull_and_clark() -> None:
     np.testing.assert_allclose(once.points[7], [5 / 9] * 3)
     np.testing.assert_allclose(np.abs(once.points[8:20]).max(axis=1), 3 / 4)  # edges
     np.testing.assert_allclose(np.abs(once.points[20:]).max(axis=1), 1)  # faces
+
+
+TOP = np.array([[1, 5], [5, 7], [7, 3], [3, 1]])  # edges of the face at z = 1
+
+
+def test_a_crease_that_stays_sharp_is_a_cubic_spline() -> None:
+    """Lane and Riesenfeld: each division takes (a + 6 b + c) / 8 and the middles."""
+    solid, loop = cube(), cube().points[[1, 5, 7, 3]]
+    solid = replace(solid, creases=TOP, sharpness=np.full(4, np.inf))
+    for _ in range(3):
+        solid = solid.subdivided()
+        before, after = np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0)
+        loop = np.stack([(before + 6 * loop + after) / 8, (loop + after) / 2], axis=1).reshape(-1, 3)
+        assert np.abs(solid.points[:, None] - loop).max(axis=2).min(axis=0).max() < 1e-12
+
+
+def test_a_crease_lasts_for_as_many_divisions_as_it_is_sharp() -> None:
+    smooth, once = cube().subdivided(), replace(cube(), creases=TOP, sharpness=np.ones(4)).subdivided()
+    assert once.creases is not None
+    assert len(once.creases) == 0
+    half = replace(cube(), creases=TOP, sharpness=np.full(4, 0.5)).subdivided()
+    np.testing.assert_allclose(half.points, (smooth.points + once.points) / 2, atol=1e-12)
+
+
+def test_points_that_stay_sharp_stay() -> None:
+    solid = replace(cube(), spikes=np.where(np.arange(8) == 7, np.inf, 0.0)).subdivided().subdivided()
+    np.testing.assert_array_equal(solid.points[7], [1, 1, 1])
+    assert np.abs(solid.points[3]).max() < 0.9
+
+
+CAGE = """def Mesh "m" { point3f[] points = [(0,0,0), (1,0,0), (1,1,0), (0,1,0)]
+    int[] faceVertexCounts = [4] int[] faceVertexIndices = [0, 1, 2, 3]
+    normal3f[] normals = [(0,0,1), (0,0,1), (0,0,1), (0,0,1)] NAMED }"""
+
+
+@pytest.mark.parametrize(("named", "faces"), [("", 2), ('uniform token subdivisionScheme = "catmullClark"', 512)])
+def test_normals_are_no_obstacle_to_a_scheme_that_is_written(tmp_path: Path, named: str, faces: int) -> None:
+    _, scene = convert(tmp_path, CAGE.replace("NAMED", named))
+    (part,) = scene.load_mesh(scene.objects[0]).contents.parts
+    assert len(part.mesh.faces) == faces
+
+
+def test_meshes_that_are_copied_about_are_written_once(tmp_path: Path) -> None:
+    done, scene = convert(tmp_path, CAGE.replace("NAMED", "") + "\n" + CAGE.replace("NAMED", "").replace('"m"', '"n"'))
+    assert len({item["file"] for item in done.scene["objects"]}) == 1
+    assert len(scene.objects) == 2
+
+
+def test_layers_that_cannot_be_read_are_reported_and_the_library_prints_nothing(tmp_path: Path, capfd: Any) -> None:
+    done, _ = convert(tmp_path, BALL + 'def Xform "x" ( references = @away.usda@ ) { }')
+    assert any("away.usda cannot be read" in line for line in done.report)
+    assert capfd.readouterr().err == ""
 
 
 def test_a_subdivided_sheet_stays_a_sheet() -> None:

@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -95,6 +96,8 @@ MATERIALS = {
     "tinted rough principled": lambda make: make.material(
         "t", Base_Color=(0.8, 0.5, 0.2, 1), Transmission_Weight=1.0, Roughness=0.2
     ),
+    "tinted glass of 0.5": lambda make: make.shader("ShaderNodeBsdfGlass", Color=(0.8, 0.5, 0.2, 1), Roughness=0.5),
+    "coat": lambda make: make.material("c", Base_Color=(0.8, 0.6, 0.4, 1), Coat_Weight=1.0, Specular_IOR_Level=0.0),
     "principled as made": lambda make: make.material("p", Roughness=0.5),
     "rough metal": lambda make: make.material("m", Base_Color=(0.9, 0.6, 0.3, 1), Metallic=1.0, Roughness=0.6),
     "emission": lambda make: make.shader("ShaderNodeEmission", Color=(1, 0.5, 0.2, 1), Strength=2.0),
@@ -124,6 +127,87 @@ def test_material_looks_as_in_cycles(kind, tmp_path):
     one, other = cycles.ours(256, depth=8), cycles.of_cycles(tmp_path, 256, depth=8)
     print("ball", kind, one[ball].mean((0, 1)) / other[ball].mean((0, 1)))
     assert one[ball].mean((0, 1)) == pytest.approx(other[ball].mean((0, 1)), rel=0.02)
+
+
+def test_coat_of_a_black_ball_is_schlicks_here_and_fresnels_in_cycles(tmp_path):
+    """The whole of the difference in closed form: means over a hemisphere, as a ball far away shows them."""
+    import bpy
+
+    from rptcam_cl.rendering.plan.materials import smooth_mean
+    from tests.integrations import cycles
+
+    scene = cycles.empty_scene((64, 64))
+    scene.camera.location, scene.camera.rotation_euler = (0, -6, 0), (math.pi / 2, 0, 0)
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 2.0
+    coat = cycles.material("c", Base_Color=(0, 0, 0, 1), Coat_Weight=1.0, Coat_Roughness=0.0, Specular_IOR_Level=0.0)
+    cycles.add("uv_sphere", coat, radius=1.0, segments=128, ring_count=64)
+    bpy.ops.object.shade_smooth()
+    cycles.world()
+    for film, expected in ((cycles.ours(64), 0.04 + 0.96 / 21), (cycles.of_cycles(tmp_path, 64), smooth_mean(1.5))):
+        ball = (film.mean() - 1) / (math.pi / 4) + 1  # the world is white beside it
+        assert ball == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.5, 0.7])
+def test_sheen_sends_back_as_much_even_light_as_in_cycles(roughness, tmp_path):
+    """Of another formula, by the roughness that makes them equal; 0.02 of what comes back, and 0.001 of the light."""
+    import bpy
+
+    from tests.integrations import cycles
+
+    scene = cycles.empty_scene((64, 64))
+    scene.camera.location, scene.camera.rotation_euler = (0, -6, 0), (math.pi / 2, 0, 0)
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 2.0
+    cloth = cycles.shader("ShaderNodeBsdfSheen", Color=(1, 1, 1, 1), Roughness=roughness)
+    cycles.add("uv_sphere", cloth, radius=1.0, segments=128, ring_count=64)
+    bpy.ops.object.shade_smooth()
+    cycles.world()
+    one, other = ((film.mean() - 1) / (math.pi / 4) + 1 for film in (cycles.ours(64), cycles.of_cycles(tmp_path, 64)))
+    assert one == pytest.approx(other, rel=0.02, abs=1e-3)
+
+
+def test_process_of_its_own_is_killed_and_blender_stays(tmp_path, monkeypatch):
+    """F12 ends with an error that says so, the file is as it was, and the next F12 is a picture with the same bits."""
+    import os
+    import signal
+    import threading
+
+    import bpy
+
+    import integrations.blender
+    from integrations.blender import live
+    from rptcam_cl.imaging.image import read_film
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene((48, 32))
+        cycles.add("cube", cycles.material(), size=1.0)
+        cycles.world()
+        scene.render.engine, scene.rptcam.samples, scene.rptcam.own_process = "RPTCAM", 1 << 20, True
+        scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
+        made, begin = [], live.SessionApart.__init__
+
+        def begun(self, *given, **more):
+            begin(self, *given, **more)
+            made.append(self.pid)
+            if scene.rptcam.samples > 4:
+                threading.Timer(0.5, os.kill, (self.pid, signal.SIGKILL)).start()
+
+        monkeypatch.setattr(live.SessionApart, "__init__", begun)
+        scene.render.filepath = str(tmp_path / "apart.exr")
+        with pytest.raises(RuntimeError, match=r"process has ended \(signal 9\)"):
+            bpy.ops.render.render(write_still=True)
+        assert {item.name for item in bpy.data.objects} == {"Camera", "Cube"}
+        scene.rptcam.samples = 4
+        films = []
+        for scene.rptcam.own_process in (True, False):
+            bpy.ops.render.render(write_still=True)
+            films.append(read_film(tmp_path / "apart.exr").pixels)
+        assert len(set(made)) == 2 and np.array_equal(*films) and films[0].mean() > 0.1
+        assert not any(Path(f"/proc/{pid}").exists() for pid in made)
+    finally:
+        integrations.blender.unregister()
 
 
 @pytest.mark.parametrize("domain", ["POINT", "CORNER"])

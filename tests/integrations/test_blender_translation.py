@@ -1,6 +1,9 @@
 """What Blender's cameras, lamps, nodes and meshes become, without Blender: closed forms."""
 
 import math
+import os
+import signal
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -10,13 +13,14 @@ import rptcam_cl
 from integrations.blender.camera import BlenderCamera, Frame, LensChoice, camera_keys, film_size_mm
 from integrations.blender.fields import Field, Mapping, _looked_up, combine, constant, hue_saturation, mix_colours
 from integrations.blender.lights import BlenderLamp, lamp_keys
-from integrations.blender.live import differences, is_same
+from integrations.blender.live import LiveScene, differences, is_same
 from integrations.blender.materials import BlenderMaterial, translate
 from integrations.blender.meshes import BlenderMesh, movement, part, uv_size
 from integrations.blender.nodes import Link, Node, linear
 from integrations.blender.report import Report
 from integrations.blender.scene import Builder, Parts, Placed, Shutter
 from integrations.blender.world import environment
+from rptcam_cl.core.errors import DeviceError, InputError
 
 EYE = np.eye(4)
 
@@ -371,3 +375,51 @@ def test_colours_of_vertices_beside_a_texture_are_their_mean():
     assert any("mean" in each for each in report.sentences) and any(
         "cut at 0 and 1" in each for each in report.sentences
     )
+
+
+SMALL = {
+    "camera": {"kind": "pinhole", "fov_degrees": 40, "eye": [0, -3, 0], "target": [0, 0, 0], "up": [0, 0, 1]},
+    "film": {"resolution": [24, 16]},
+    "meshes": {"m": {"vertices": np.array([[-1, 0, -1], [1, 0, -1], [0, 0, 1.0]]), "faces": np.array([[0, 1, 2]])}},
+    "objects": [{"shape": "mesh", "mesh": "m", "material": {"kind": "matte", "reflectance": 0.5}}],
+    "environment": {"kind": "constant", "radiance": 1.0},
+    "render": {"spp": 2},
+}
+
+
+def test_process_of_its_own_gives_the_same_bits_and_may_be_killed():
+    """Killed while it renders, and given up: an error, the next render works, nothing is left behind."""
+    here, apart = LiveScene(), LiveScene()
+    apart.use("", apart=True)
+    bright = SMALL | {"environment": {"kind": "constant", "radiance": 2.0}}
+    try:
+        for keys in (SMALL, bright):
+            one, other = here.show(keys), apart.show(keys)
+            for each in (one, other):
+                each.add(2)
+            assert np.array_equal(one.image().pixels, other.image().pixels) and other.spp == 2
+            assert other.resolution == (24, 16) and other.is_whole
+        assert np.array_equal(apart.render(SMALL, spp=1).pixels, rptcam_cl.render(SMALL, spp=1).pixels)
+        with pytest.raises(InputError, match="radiance"):
+            apart.show(SMALL | {"environment": {"kind": "constant", "radiance": "much"}})
+        begun = time.monotonic()
+
+        def killed():
+            if time.monotonic() - begun > 0.4:
+                os.kill(other.pid, signal.SIGKILL)
+            return False
+
+        with pytest.raises(DeviceError, match="signal 9"):
+            other.add(1 << 20, killed)
+        assert other._process.returncode == -signal.SIGKILL and not other._to.parent.exists()
+        with pytest.raises(DeviceError, match="signal 9"):
+            other.pixels()
+        other = apart.show(SMALL)
+        other.add(1 << 20, lambda: True)
+        given_up = other.spp
+        other.add(2)
+        assert given_up < 1 << 20 and other.spp == given_up + 2  # "stop" is for what ran then
+    finally:
+        here.close()
+        apart.close()
+    assert other._process.returncode == 0

@@ -68,6 +68,7 @@ GOOD = [
     lens_with() | {"groups": [{"surfaces": [0, 1], "decentre": [0.1, 0]}]},
     lens_with() | {"configurations": [{"name": "wide", "gaps": {0: 2.5}, "stop_diameter": 3}]},
     lens_with() | {"focusing": {"surfaces": [1, 1], "travel": [-1, 1]}},
+    lens_with() | {"focus_drive": {"speed": 30, "acceleration": 600, "source": "measured"}},
 ]
 
 
@@ -87,6 +88,8 @@ BAD = [
     lens_with() | {"configurations": [{"name": "wide"}]},
     lens_with() | {"configurations": [{"name": "wide", "gaps": {0: -1}}]},
     lens_with() | {"focusing": {"surfaces": [1, 1]}},
+    lens_with() | {"focus_drive": {"speed": 30}},
+    lens_with() | {"focus_drive": {"speed": 0, "acceleration": 600}},
     lens_with(diameter=0),
     lens_with(diameter="wide"),
     lens_with(radius="50"),

@@ -399,6 +399,13 @@ def test_measures_of_contrast_are_compared(checkout: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.slow
+def test_continuous_focus_is_counted_by_speed(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "continuous_focus")
+    assert "| 1.4 m/s, from 6 to 1.2 m" in printed
+    assert results["1.4 m/s, from 6 to 1.2 m"]["0.05"]["share"] >= 0.95
+
+
+@pytest.mark.slow
 def test_curve_of_the_paper_is_drawn(checkout: Path, tmp_path: Path) -> None:
     plot = tmp_path / "curve.svg"
     printed, results = quick(checkout, tmp_path, "paper_focus", "--seeds", "2", "--plot", str(plot))

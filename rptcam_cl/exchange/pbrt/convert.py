@@ -36,7 +36,7 @@ from rptcam_cl.exchange.pbrt.files import (
     heights,
     in_longitude_and_latitude,
     is_readable,
-    linear_pixels,
+    lamp_pixels,
     picture_name,
     square_of_angles,
 )
@@ -120,6 +120,7 @@ def _radiance(context: Context, entity: Entity, per_illuminance: float) -> Array
     return colour * illuminance / per_illuminance if illuminance > 0 else colour
 
 
+EDGE_STEPS = 64  # of the edge of a cone: between them its fourth power is straight, 1e-3 of the middle off
 STEP_DEGREES = 0.5  # of the directions of a lamp that shines with a picture, those that ours tells apart
 
 
@@ -140,7 +141,7 @@ def _pictured(context: Context, entity: Entity, frame: Frame) -> Keys:
     out = np.stack(np.broadcast_arrays(aside * np.cos(around), aside * np.sin(around), -np.cos(down)), axis=-1)
     local = out @ np.linalg.inv(world[:3, :3]).T
     local /= np.linalg.norm(local, axis=-1, keepdims=True)
-    pixels = linear_pixels(path, parameters.items[key].place)
+    pixels = lamp_pixels(context, path, parameters.items[key].place)
     shown = _shown(pixels, local, fov, context.scene.version)
     weights = aside * np.ones_like(around) / (aside.sum() * len(around))  # of the whole sphere
     mean = np.einsum("ij,ijk->k", weights, shown)
@@ -156,9 +157,14 @@ def _pictured(context: Context, entity: Entity, frame: Frame) -> Keys:
     color = tint * _intensity(context, entity, frame, 4 * math.pi * float(luminance(mean)))
     largest = float(pattern.max())
     file = context.files.add("files", f"{path.stem}.ies", partial(_write_ies, vertical, horizontal, pattern / largest))
+    return _measured(file, largest * color, apply(world, np.zeros((1, 3)))[0], np.array([0, 0, -1]))
+
+
+def _measured(file: str, intensity: Array, position: Array, direction: Array) -> Keys:
+    """Return a lamp of a pattern whose largest value is 1, with the intensity that it has there."""
     return {
-        "kind": "ies", "file": file, "position": tidy(apply(world, np.zeros((1, 3)))[0]), "direction": [0, 0, -1],
-        "gain": largest * float(luminance(color)), "color": (color / max(color.max(), 1e-30)).tolist(),
+        "kind": "ies", "file": file, "position": tidy(position), "direction": tidy(direction),
+        "gain": float(luminance(intensity)), "color": (intensity / max(intensity.max(), 1e-30)).tolist(),
     }  # fmt: skip
 
 
@@ -197,16 +203,25 @@ def _point(context: Context, entity: Entity, frame: Frame) -> Keys:
 
 
 def _spot(context: Context, entity: Entity, frame: Frame) -> Keys:
-    """Return a spot light; its edge is the smooth step of pbrt-v4, where pbrt-v3 has a fourth power."""
+    """Return a spot light, whose edge is the smooth step of pbrt-v4; of pbrt-v3 and v2 a lamp measured by angle."""
     parameters = entity.parameters
     outer, delta = parameters.number("coneangle", 30.0), parameters.number("conedeltaangle", 5.0)
     if not 0 < outer <= 180 or delta < 0:
         raise entity.error("coneangle must lie between 0 and 180, conedeltaangle not below 0")
-    if context.scene.version == 3:
-        context.approximated(entity, "the edge of its cone as a smooth step")
     inner = min(max(outer - delta, 0.0), outer * (1 - 1e-6))  # ours needs an edge
     start, stop = math.cos(math.radians(inner)), math.cos(math.radians(outer))
     origin, direction = _ray(entity, frame)
+    if context.scene.version == 3 and not parameters.has("power"):  # which pbrt-v4 alone has
+        edge = np.linspace(inner, outer, EDGE_STEPS + 1)
+        pattern = ((np.cos(np.radians(edge)) - stop) / (start - stop)) ** 4
+        vertical = np.concatenate([[0.0][: inner > 0], edge, [180.0][: outer < 180]])
+        pattern = np.concatenate([[1.0][: inner > 0], pattern, [0.0][: outer < 180]])
+        write = partial(_write_ies, vertical, np.zeros(1), pattern[None])
+        file = context.files.add("files", f"cone-{outer:g}-{inner:g}.ies", write)
+        color = np.array(_intensity(context, entity, frame, math.nan))
+        return _measured(file, color, origin, direction)
+    if context.scene.version == 3:
+        context.approximated(entity, "the edge of its cone as a smooth step")
     return {
         "kind": "spot",
         "position": tidy(origin),
@@ -270,17 +285,18 @@ def _of_map(context: Context, entity: Entity, frame: Frame, sky: Array) -> Keys 
     keys: Keys = {"kind": "image", "file": "", "up": tidy(up)}
     if rotation_degrees:
         keys["rotation_degrees"] = rotation_degrees
-    if key == "mapname" and not mirrored and np.ptp(factor) == 0 and not sky.any():
+    as_it_is = path.suffix.lower() in (".exr", ".hdr", ".pfm")  # bytes are linear here, and sRGB in scenes of ours
+    if key == "mapname" and as_it_is and not mirrored and np.ptp(factor) == 0 and not sky.any():
         keys["file"] = picture_name(context, path, place)
         return keys | ({"gain": float(factor[0])} if factor[0] != 1 else {})
-    pixels = linear_pixels(path, place)
+    pixels = lamp_pixels(context, path, place)
     if key == "filename":
         factor = factor * _photometric(pixels, illuminance, place)
         pixels = in_longitude_and_latitude(pixels, clockwise=mirrored)
         how = "from the equal-area square to longitude and latitude"
     else:
         pixels = pixels[:, ::-1] if mirrored else pixels
-        how = "mirrored" if mirrored else "with its factor"
+        how = "mirrored" if mirrored else "with its factor" if as_it_is else "with its bytes taken as linear"
     pixels = (pixels * factor + sky).astype(np.float32)
     keys["file"] = context.files.add("files", f"{path.stem}-sky.exr", partial(write_exr, {"RGB": pixels}))
     context.report.noted(place, f"{name}: written anew {how}, to {keys['file']}")

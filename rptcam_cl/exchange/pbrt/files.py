@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, MissingFileError
+from rptcam_cl.core.errors import InputError, MissingFileError, OutsideFolderError
 from rptcam_cl.core.files import Folders
 from rptcam_cl.exchange.pbrt.source import Place, Report, read_limited
 from rptcam_cl.exchange.pbrt.world import Entity, PbrtScene
@@ -162,7 +162,7 @@ class Context:
     files : FileStore
         Files of the scene of ours.
     missing : "error" or "grey"
-        What becomes of pictures and meshes that are not there.
+        What becomes of pictures and meshes that are not there, or lie where the scene may not read.
     absent : list of str
         What there is to say of them.
     known : dict
@@ -205,17 +205,18 @@ class Context:
             raise type(problem)(str(place.error(f"{name[:80]}: {problem}"))) from None
 
     def find_or_note(self, name: str, place: Place, otherwise: str) -> Path | None:
-        """Return the path of a picture or mesh; None for one that is missing, after noting what there is otherwise."""
+        """Return the path of a picture or mesh; None for one that cannot be had, after noting what stands in."""
         try:
             return self.find(name, place)
-        except MissingFileError as problem:
+        except (MissingFileError, OutsideFolderError) as problem:
             if str(problem) not in self.absent:
                 self.absent.append(str(problem))
-            self.report.approximated(place, f"{name[:80]}: no such file; {otherwise}")
+            why = "no such file" if isinstance(problem, MissingFileError) else "lies outside the folder of the scene"
+            self.report.approximated(place, f"{name[:80]}: {why}; {otherwise}")
             return None
 
     def refuse_missing(self) -> None:
-        """Raise an error that names all files that are missing, if any are."""
+        """Raise an error that names all files that are not there or lie elsewhere, if any are."""
         if self.absent and self.missing == "error":
             raise MissingFileError("\n".join(self.absent))
 
@@ -319,10 +320,15 @@ def picture_name(context: Context, path: Path, place: Place) -> str:
     return context.pictures[str(path)]
 
 
-def linear_pixels(path: Path, place: Place) -> Pixels:
-    """Return the linear colours of a picture, (height, width, 3), the top row first."""
+def lamp_pixels(context: Context, path: Path, place: Place) -> Pixels:
+    """Return the linear colours of a lamp's or the sky's picture, (height, width, 3), the top row first.
+
+    pbrt-v2 and v3 take the bytes of such a picture for linear ones (their ``ReadImage``), pbrt-v4 for sRGB.
+    """
     texels = _texels(path, place)
-    return np.asarray(texels, np.float32) if texels.dtype != np.uint8 else _decode_srgb(texels)
+    if texels.dtype != np.uint8:
+        return np.asarray(texels, np.float32)
+    return _decode_srgb(texels) if context.scene.version == 4 else np.asarray(texels / np.float32(255))
 
 
 def mean_colour(path: Path, place: Place, *, linear: bool) -> NDArray[np.float64]:

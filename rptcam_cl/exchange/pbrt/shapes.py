@@ -406,12 +406,15 @@ class Profile:
         Whether a turn of 360 degrees makes the whole shape, which our own one then is.
     area : float
         Of the surface of a full turn.
+    v : (n,) array or None
+        Of the points; None for even steps.
     """
 
     points: Array
     tangents: Array
     full: bool
     area: float
+    v: Array | None = None
 
 
 def sphere(parameters: Parameters) -> Profile:
@@ -457,7 +460,7 @@ def paraboloid(parameters: Parameters) -> Profile:
     radii = radius * np.sqrt(heights / top)
     points = np.stack([radii, np.zeros_like(radii), heights], axis=1)
     tangents = np.stack([np.ones_like(radii), np.zeros_like(radii), 2 * top * radii / radius**2], axis=1)
-    return Profile(points, tangents, False, 0.0)
+    return Profile(points, tangents, False, 0.0, v=(heights - bottom) / (top - bottom or 1.0))
 
 
 def hyperboloid(parameters: Parameters) -> Profile:
@@ -491,7 +494,8 @@ def sweep(profile: Profile, degrees: float) -> MeshData:
     turns = np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, one]])
     vertices = np.einsum("ijk,nj->kni", turns, profile.points).reshape(-1, 3)
     normals = np.einsum("ijk,nj->kni", turns, _profile_normals(profile)).reshape(-1, 3)
-    u, v = np.meshgrid(np.linspace(0, 1, around + 1), np.linspace(0, 1, along), indexing="ij")
+    steps = np.linspace(0, 1, along) if profile.v is None else profile.v
+    u, v = np.meshgrid(np.linspace(0, 1, around + 1), steps, indexing="ij")
     k, n = np.meshgrid(np.arange(around), np.arange(along - 1), indexing="ij")
     corner = (k * along + n).reshape(-1)
     right, up, far = corner + along, corner + 1, corner + along + 1

@@ -516,8 +516,11 @@ def _mixed_ends(parts: tuple[Shade, ...], ends: tuple[str, str]) -> Keys:
 
 
 def _dots(context: Context, texture: Entity, depth: int) -> Shade:
-    """Return spots on a ground; half of the cells of u and v have one, of radius 0.35."""
-    inside, outside = (
+    """Return spots on a ground; half of the cells of u and v have one, of radius 0.35.
+
+    pbrt, in every version, passes "inside" for the ground and "outside" for the spots.
+    """
+    outside, inside = (
         shade(context, texture, name, default, depth) for name, default in (("inside", 1.0), ("outside", 0.0))
     )
     if inside.texture is not None or outside.texture is not None:

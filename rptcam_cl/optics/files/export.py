@@ -496,6 +496,9 @@ def lens_text(lens: Lens, comments: Sequence[str] = ()) -> str:
         group = lens.focusing
         entry = {"surfaces": [group.first, group.last], "travel": list(group.travel_mm)}
         lines.append(f"focusing: {_flow(entry)}")
+    if lens.motor is not None:
+        motor = {"speed": lens.motor.speed_mm_s, "acceleration": lens.motor.acceleration_mm_s2}
+        lines.append(f"focus_drive: {_flow(motor | ({'source': lens.motor.source} if lens.motor.source else {}))}")
     if lens.floating and not lens.configurations:
         lines.append("floating:")
         lines += [f"  - {_flow(_focus_state(state))}" for state in lens.floating]

@@ -197,6 +197,12 @@ FOCUSING = {
     "travel": Key("Least and greatest shift towards the film [unit].", numbers(2, 2)),
 }
 
+FOCUS_DRIVE = {
+    "speed": Key("At most, of what moves to focus [unit/s].", POSITIVE),
+    "acceleration": Key("At most [unit/s^2].", POSITIVE),
+    "source": Key("Where the figures come from.", TEXT),
+}
+
 LENS = {
     "name": Key("What the lens is called.", TEXT),
     "source": Key("Where its numbers come from.", TEXT),
@@ -226,6 +232,10 @@ LENS = {
     "floating": Key(
         "Gaps at nearer distances, of groups that each move their own way to focus.",
         STATES,
+    ),
+    "focus_drive": Key(
+        "How fast it focuses by itself, for continuous autofocus; by default as usual lenses do.",
+        mapping(FOCUS_DRIVE, ("speed", "acceleration")),
     ),
 }
 

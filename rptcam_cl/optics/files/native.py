@@ -25,6 +25,7 @@ from rptcam_cl.optics.surface import (
     IN_PLACE,
     Configuration,
     FocusingGroup,
+    FocusMotor,
     FocusState,
     Region,
     StopShape,
@@ -534,10 +535,20 @@ def read_native(document: Document) -> Lens:
         focusing=read_focusing(top, len(surfaces), scale),
         floating=read_floating(top, len(surfaces), scale),
         fold=_fold(top, scale),
+        motor=_motor(top, scale),
     )
     if lens.configurations:
         lens = in_configuration(lens, lens.configurations[0].name)
     return check_lens(lens, lambda index, key, text: problem(document, ("surfaces", index, key), text))
+
+
+def _motor(top: Fields, scale: float) -> FocusMotor | None:
+    """Return the focus drive: {speed, acceleration, source}."""
+    if "focus_drive" not in top:
+        return None
+    fields = top.inner("focus_drive", keys.FOCUS_DRIVE)
+    speed, acceleration = (scale * fields.positive(key) for key in ("speed", "acceleration"))
+    return FocusMotor(speed, acceleration, fields.text("source"))
 
 
 def _fold(top: Fields, scale: float) -> SurfacePose | None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, ONCE_TERMS, BumpLengths, MaterialKind, fill
+from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, ONCE_TERMS, SHARE_SIDES, BumpLengths, MaterialKind, fill
 from rptcam_cl.rendering.plan.textures import (
     UNLIMITED,
     KnownSpectra,
@@ -235,27 +236,44 @@ def once_scattered(cosine: float, alpha: tuple[float, float], eta: float, azimut
     stretch = np.array([*alpha, 1.0])
     u, v = np.meshgrid(*[(np.arange(ONCE_GRID) + 0.5) / ONCE_GRID] * 2)
     sine = np.sqrt(1 - cosine**2)
-    wi = np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine])
-    w = wi * stretch / np.linalg.norm(wi * stretch)
+    w = np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine]) * stretch
+    w /= np.linalg.norm(w)
+    return float(_scattered_once(w, _cap(w, u, v), stretch[None, :, None], eta, schlick=schlick).mean())
+
+
+def _cap(w: Array, u: Array, v: Array) -> Array:
+    """Return vectors along the normals that are visible along w where alpha is 1 (Dupuy and Benyoub 2023): (3, m)."""
     z = (1 - v) * (1 + w[2]) - w[2]
     r = np.sqrt(np.clip(1 - z**2, 0, None))
-    h = np.stack([r * np.cos(2 * np.pi * u) + w[0], r * np.sin(2 * np.pi * u) + w[1], z + w[2]], axis=-1) * stretch
-    h /= np.linalg.norm(h, axis=-1, keepdims=True)
-    c = np.clip(h @ wi, 0.0, 1.0)
-    inside = np.sqrt(np.clip(1 - (1 - c**2) / eta**2, 0, None))
-    reflected, refracted = 2 * c[..., None] * h - wi, (c / eta - inside)[..., None] * h - wi / eta
+    return np.stack([r * np.cos(2 * np.pi * u) + w[0], r * np.sin(2 * np.pi * u) + w[1], z + w[2]]).reshape(3, -1)
+
+
+def _scattered_once(w: Any, cap: Any, stretch: Any, eta: float | None, *, schlick: bool) -> Any:
+    """Return the share (n, m) that facets of normals ``cap`` (3, m) scatter of light along ``w``, given for alpha 1.
+
+    ``stretch`` (n, 3, 1) is what takes directions there; ``eta`` is as of `once_table`.
+    """
+    h, wi = cap * stretch, w[:, None] / stretch
+    h /= np.sqrt((h * h).sum(axis=1, keepdims=True))
+    wi /= np.sqrt((wi * wi).sum(axis=1, keepdims=True))
+    c = np.clip((h * wi).sum(axis=1), 0, 1)
+    own, reflected = _smith_lambda(wi, stretch), 2 * c[:, None] * h - wi
+    back = np.where(reflected[:, 2] > 0, (1 + own) / (1 + own + _smith_lambda(reflected, stretch)), 0)
+    if eta is None:
+        return back
+    inside = np.sqrt(np.clip(1 - (1 - c * c) / eta**2, 0, None))
+    refracted = (c / eta - inside)[:, None] * h - wi / eta
     share = fresnel(c, eta)
     if schlick:
         f0 = ((eta - 1) / (eta + 1)) ** 2
-        share = np.where(share >= 1, 1.0, f0 + (1 - f0) * _schlick(inside if eta < 1 else c))
-    own, up, down = (_smith_lambda(each, stretch) for each in (wi, reflected, refracted))
-    back = np.where(reflected[..., 2] > 0, share * (1 + own) / (1 + own + up), 0.0)
-    return float((back + np.where(refracted[..., 2] < 0, (1 - share) / (1 + down), 0.0)).mean())
+        share = np.where(share >= 1, 1, f0 + (1 - f0) * _schlick(inside if eta < 1 else c))
+    down = 1 / (1 + _smith_lambda(refracted, stretch))
+    return share * back + np.where(refracted[:, 2] < 0, (1 - share) * down, 0)
 
 
-def _smith_lambda(w: Array, stretch: Array) -> Array:
-    sideways2 = ((w * stretch)[..., :2] ** 2).sum(axis=-1)
-    return np.asarray((np.sqrt(1 + sideways2 / np.maximum(w[..., 2] ** 2, 1e-30)) - 1) / 2)
+def _smith_lambda(w: Any, stretch: Any) -> Any:
+    sideways2 = ((w * stretch)[:, :2] ** 2).sum(axis=1)
+    return (np.sqrt(1 + sideways2 / np.maximum(w[:, 2] ** 2, 1e-30)) - 1) / 2
 
 
 @lru_cache(maxsize=256)
@@ -268,11 +286,122 @@ def once_polynomial(alpha: tuple[float, float], eta: float, *, schlick: bool) ->
     return tuple(map(float, np.linalg.lstsq(powers / shares[:, None], np.ones(ONCE_COSINES), rcond=None)[0]))
 
 
+# The same as tables, for what has two alphas or takes its alpha from a texture (kernels/material/facet_shares.h).
+
+SHARE_NODES = 64, 24  # of the quadrature over visible normals, round their cap and along it
+MIDDLE = 1.002  # of the errors of a table, so that white metal gives back 0.997 to 1.001 of even light
+LEAST_STRETCH = 1e-3
+
+
+def once_table(alphas: Array, turns: int, eta: float | None = None, *, schlick: bool = False) -> NDArray[np.float32]:
+    """Return shares of light that facets scatter once, for pairs of alphas (n, 2): shape (n, cosines, ``turns``).
+
+    Directions are those of the light where slopes are stretched to alpha 1: their cosines z stand evenly in the angle
+    whose cosine is 1 - 2 z, their azimuths in a quarter turn.
+
+    Parameters
+    ----------
+    eta
+        Index beyond the surface over that before it; of metal, which reflects everything, None.
+    schlick
+        As of `once_scattered`.
+    """
+    cosines = (1 - np.cos(np.pi * np.arange(SHARE_SIDES["COSINES"]) / (SHARE_SIDES["COSINES"] - 1))) / 2
+    azimuths = np.arange(turns) * (np.pi / 2 / max(turns - 1, 1))
+    around, along = SHARE_NODES
+    node, weight = np.polynomial.legendre.leggauss(along)
+    u, v = np.meshgrid((np.arange(around) + 0.5) / around, (node + 1) / 2, indexing="ij")
+    weights = np.broadcast_to(weight / 2 / around, u.shape).ravel().astype(np.float32)
+    stretch = np.c_[np.maximum(alphas, LEAST_STRETCH), np.ones(len(alphas))].astype(np.float32)[:, :, None]
+    shares = np.empty((len(alphas), len(cosines), turns), np.float32)
+    for (row, cosine), (column, azimuth) in product(enumerate(np.maximum(cosines, 1e-4)), enumerate(azimuths)):
+        sine = np.sqrt(1 - cosine**2)
+        w = np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine])
+        cap = _cap(w, u, v).astype(np.float32)
+        each = _scattered_once(w.astype(np.float32), cap, stretch, eta, schlick=schlick)
+        shares[:, row, column] = each @ weights
+    return shares
+
+
+@lru_cache(maxsize=1)
+def brushed_table() -> NDArray[np.float32]:
+    """Return shares of light that brushed metal reflects once, by alphas and direction, and their means."""
+    count, turns = SHARE_SIDES["ALPHAS"], SHARE_SIDES["TURNS"]
+    alphas = np.stack(np.meshgrid(*[np.arange(count) / (count - 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    half = alphas[:, 0] <= alphas[:, 1]
+    shares: Any = np.empty((count, count, SHARE_SIDES["COSINES"], turns), np.float32)
+    shares[half.reshape(count, count)] = MIDDLE * once_table(alphas[half], turns)
+    lower = np.tril_indices(count, -1)
+    shares[lower] = shares[lower[::-1]][..., ::-1]  # turned by a quarter
+    shares = shares.reshape(len(alphas), -1, turns)
+    z = np.sqrt((np.arange(64) + 0.5) / 64)[:, None]  # even light
+    azimuth = (np.arange(16) + 0.5) * (np.pi / 32)
+    means = []
+    for pair, plane in zip(np.maximum(alphas, LEAST_STRETCH), shares, strict=True):
+        x, y = (alpha * np.sqrt(1 - z**2) * way(azimuth) for alpha, way in zip(pair, (np.cos, np.sin), strict=True))
+        stretched = z / np.sqrt(x * x + y * y + z * z)
+        rows = np.arccos(1 - 2 * stretched) / np.pi * (SHARE_SIDES["COSINES"] - 1)
+        columns = np.arctan2(y, x) / (np.pi / 2) * (turns - 1)
+        means.append(_between(plane, rows, columns).mean())
+    return np.concatenate([shares.ravel(), np.array(means, np.float32)])
+
+
+def _between(plane: Any, rows: Array, columns: Array) -> Array:
+    """Interpolate between the entries of a plane."""
+    i, j = (np.minimum(x.astype(int), size - 2) for x, size in zip((rows, columns), plane.shape, strict=True))
+    down, across = rows - i, columns - j
+    upper = plane[i, j] * (1 - across) + plane[i, j + 1] * across
+    lower = plane[i + 1, j] * (1 - across) + plane[i + 1, j + 1] * across
+    return np.asarray(upper * (1 - down) + lower * down)
+
+
+@lru_cache(maxsize=64)
+def glass_table(alpha: tuple[float, float], levels: int, eta: float, *, schlick: bool) -> NDArray[np.float32]:
+    """Return shares of light that rough glass scatters once, for ``levels`` of alphas up to these, from either side."""
+    steps = np.linspace(1.0 if levels == 1 else 0.0, 1.0, levels)
+    turns = _share_turns(alpha)
+    sides = [once_table(steps[:, None] * alpha, turns, index, schlick=schlick) for index in (eta, 1 / eta)]
+    return np.concatenate(sides).ravel()
+
+
+def _share_turns(alpha: tuple[float, float]) -> int:
+    return 1 if alpha[0] == alpha[1] else SHARE_SIDES["TURNS"]
+
+
+def _is_brushed(records: NDArray[np.void]) -> bool:
+    """Return whether facets of any material have two alphas."""
+    return bool(np.any(records["alpha"] != records["alpha_across"]) or np.any(records["anisotropy_texture"] >= 0))
+
+
+def facet_shares(records: NDArray[np.void]) -> NDArray[np.float32]:
+    """Return the tables of materials, where ``share_table`` of their records says; a single 0 where none is wanted."""
+    parts = [brushed_table()] if _is_brushed(records) else [np.zeros(1, np.float32)]
+    for record in records[records["share_levels"] > 0]:
+        alpha, eta = (float(record["alpha"]), float(record["alpha_across"])), float(record["parameter"])
+        clear = record["kind"] == MaterialKind.PRINCIPLED
+        parts.append(glass_table(alpha, int(record["share_levels"]), eta, schlick=bool(clear)))
+    return np.concatenate(parts)
+
+
+def _place_tables(records: NDArray[np.void]) -> None:
+    """Write where the tables of rough glass start among all."""
+    brushed = SHARE_SIDES["ALPHAS"] ** 2 * (SHARE_SIDES["COSINES"] * SHARE_SIDES["TURNS"] + 1)
+    start = brushed if _is_brushed(records) else 1
+    for record in records:
+        record["share_table"] = start
+        start += 2 * int(record["share_levels"] * record["share_turns"]) * SHARE_SIDES["COSINES"]
+
+
 def _fill_once(record: np.void) -> None:
-    """Write what facets of rough glass scatter once; a texture of roughness leaves all light to them."""
+    """Write what facets of rough glass scatter once: a polynomial, or how large the table is."""
     kind = int(record["kind"])
     clear = kind == MaterialKind.PRINCIPLED and (record["transmission"] > 0 or record["transmission_texture"] >= 0)
-    if kind != MaterialKind.ROUGH_DIELECTRIC and not (clear and record["roughness_texture"] < 0):
+    if kind != MaterialKind.ROUGH_DIELECTRIC and not clear:
+        return
+    pair, varies = (float(record["alpha"]), float(record["alpha_across"])), record["roughness_texture"] >= 0
+    if varies or pair[0] != pair[1]:
+        record["share_levels"] = SHARE_SIDES["ALPHAS"] if varies else 1
+        record["share_turns"] = _share_turns(pair)
         return
     alpha, index = (float(record["alpha"]), float(record["alpha_across"])), float(record["parameter"])
     for name, eta in (("once_outside", index), ("once_inside", 1.0 / index)):
@@ -280,11 +409,12 @@ def _fill_once(record: np.void) -> None:
 
 
 def _scatters_again(records: NDArray[np.void]) -> bool:
-    """Return whether facets of any material lose light that they scatter more than once, unless it is added."""
+    """Return whether facets or fibres lose light that they scatter more than once, unless it is added."""
     kinds = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_DIELECTRIC)
     principled = records["kind"] == MaterialKind.PRINCIPLED
-    shares = [(records[name] > 0) | (records[f"{name}_texture"] >= 0) for name in ("metallic", "transmission", "coat")]
-    return bool(np.any(np.isin(records["kind"], kinds)) or np.any(principled & np.any(shares, axis=0)))
+    losing = ("metallic", "transmission", "coat", "sheen")
+    given = [records[name].reshape(len(records), -1).any(axis=1) | (records[f"{name}_texture"] >= 0) for name in losing]
+    return bool(np.any(np.isin(records["kind"], kinds)) or np.any(principled & np.any(given, axis=0)))
 
 
 @lru_cache(maxsize=256)
@@ -590,8 +720,9 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind} | MATERIAL.facts_of(records)
     features: dict[str, Any] = {
         "FACET_ENERGY": _scatters_again(records),
+        "FACET_SHARES": _scatters_again(records) and (_is_brushed(records) or np.any(records["share_levels"] > 0)),
         "HAS_MEDIA": False,  # unless the plan finds some
-        "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]) or np.any(brushed),
+        "HAS_ANISOTROPY": _is_brushed(records),
         "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"][~brushed] != 0),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0) or np.any(clearing),
         "HAS_CLEARCOAT": np.any(coated),
@@ -639,6 +770,7 @@ def pack_materials(materials: Collection[Material], textures: TextureTable, spec
             record["first"], record["second"] = (index[id(part)] for part in material.materials)
     if not distinct:
         records["kind"], records["color"] = -1, 0.0
+    _place_tables(records)
     records["textured"] = np.any([records[name] >= 0 for name in MATERIAL_TEXTURES], axis=0)
     records["textured"] |= records["kind"] == MaterialKind.MIX
     return Materials(records, index, _facts(records))

@@ -588,6 +588,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "HUGE_SPHERES": int(has_huge_sphere(primitives)),
         "HAS_HIDDEN": int(hidden.any()),
         "FACET_ENERGY": shown.facts["FACET_ENERGY"] * scene.render.multiple_scattering,
+        "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
         "HIDDEN_SKY": int(_hides_sky(scene)),
         "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
     }

@@ -246,6 +246,26 @@ def _vertex_keys(positions: NDArray[np.float32]) -> NDArray[np.uint64]:
     return keys
 
 
+def distinct_rows(rows: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Find equal rows, by a hash of 64 bits.
+
+    Returns
+    -------
+    first : (m,) array of int
+        The first row of each content, in the order in which they come.
+    numbers : (n,) array of int
+        Which of them each row is.
+    """
+    keys = np.zeros(len(rows), np.uint64)
+    for column in np.ascontiguousarray(rows.T):
+        keys = _mix_bits(keys ^ (column + 0.0).view(np.uint64))
+    _, first, numbers = np.unique(keys, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return first[order], place[numbers]
+
+
 def _face_keys(vertex_keys: NDArray[np.uint64], faces: NDArray[np.int32]) -> NDArray[np.uint64]:
     """Return 64 bits for each face that do not depend on which corner comes first, but on the order round."""
     result = np.empty(len(faces), np.uint64)

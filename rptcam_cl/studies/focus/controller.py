@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.imaging.writers import MARKED
 from rptcam_cl.scene.base import listed, near_name
-from rptcam_cl.scene.exposure import ContinuousFocus
 from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
 from rptcam_cl.scene.load import change_scene, input_error, load_scene
 from rptcam_cl.scene.scene import Scene
@@ -568,67 +566,3 @@ def autofocus(
     settings = focus_settings(scene, {"method": method, "policy": policy}, where)
     session = device if isinstance(device, Session) else open_session(device)
     return find_focus(scene, session, settings, near=near, on_probe=on_probe, on_state=on_state)
-
-
-#
-# Continuous autofocus (AF-C): how the focus goes from frame to frame after what is measured in each.
-#
-# It stands still while what is measured lies within a band, waits before it goes to something else, goes at a limited
-# speed, and follows what moves until that has come to rest. So it neither pumps with the noise of the measurement nor
-# jumps to what crosses the picture.
-
-REST = 0.5  # of the band: as little does what has come to rest move
-
-
-@dataclass(frozen=True)
-class Following:
-    """Where the focus of a frame stands.
-
-    Attributes
-    ----------
-    place : float
-        Coordinate of the focus state.
-    moving : bool
-        Whether it follows what is measured.
-    waited_s : float
-        Since when that is outside the band, or since when it rests while the focus moves [s].
-    rest : float
-        Where what is measured has rested since.
-    """
-
-    place: float
-    moving: bool = False
-    waited_s: float = 0.0
-    rest: float = 0.0
-
-
-def follow(
-    before: Following, measured: float | None, depth_of_focus: float, settings: ContinuousFocus, frame_s: float
-) -> Following:
-    """Return where the focus of the next frame stands.
-
-    Parameters
-    ----------
-    measured
-        Coordinate at which autofocus finds the frame sharp; None where it finds nothing, and the focus stays.
-    depth_of_focus
-        In units of the coordinate.
-    frame_s
-        From the frame before to this one [s].
-    """
-    if measured is None:
-        return replace(before, moving=False, waited_s=0.0)
-    band = settings.hold * depth_of_focus
-    if not before.moving:
-        if abs(measured - before.place) <= band:
-            return replace(before, waited_s=0.0)
-        if before.waited_s + frame_s <= settings.lock_s:
-            return replace(before, waited_s=before.waited_s + frame_s)
-        before = Following(before.place, moving=True, rest=measured)
-    step = settings.speed * depth_of_focus * frame_s
-    place = min(max(measured, before.place - step), before.place + step)
-    if abs(measured - before.rest) > REST * band:
-        return Following(place, moving=True, rest=measured)
-    waited = before.waited_s + frame_s
-    arrived = place == measured and waited > settings.lock_s
-    return Following(place, not arrived, 0.0 if arrived else waited, before.rest)

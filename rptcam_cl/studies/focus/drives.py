@@ -26,6 +26,7 @@ from rptcam_cl.optics.lens import (
     shift_of,
     travel_mm,
 )
+from rptcam_cl.optics.surface import FocusMotor
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.kinds import camera_of
@@ -66,6 +67,21 @@ class Drive(ABC):
     @abstractmethod
     def depth_of_focus(self) -> float:
         """2 N c in units of the coordinate: so far apart are the ends of what counts as sharp at full aperture."""
+
+    @property
+    @abstractmethod
+    def sharp_mm(self) -> float:
+        """2 N c at the film [mm]."""
+
+    @property
+    @abstractmethod
+    def focal_length_mm(self) -> float:
+        """Focal length [mm]."""
+
+    @property
+    def motor(self) -> FocusMotor | None:
+        """What drives it; None where nothing is known of that."""
+        return None
 
     @property
     @abstractmethod
@@ -186,6 +202,16 @@ class LensDrive(Drive):
     def own_camera(self) -> LensCamera:
         """The scene's camera."""
         return lens_camera(self.scene)
+
+    @property
+    def motor(self) -> FocusMotor | None:
+        """What drives it, as its lens file says."""
+        return self.lens.motor
+
+    @property
+    def focal_length_mm(self) -> float:
+        """Focal length [mm]."""
+        return abs(self.lens.first_order(self.own_camera.wavelength_nm).focal_length_mm)
 
     @abstractmethod
     def lens_at(self, state: float) -> tuple[Lens, float]:
@@ -482,7 +508,7 @@ class ThinDrive(Drive):
         return camera
 
     @cached_property
-    def _focal_length_mm(self) -> float:
+    def focal_length_mm(self) -> float:
         """Focal length, or for a field of view the film distance: its focal length at infinity [mm]."""
         far = self._camera.model_copy(update={"focus_distance_m": FARTHEST_M, "focus": None})
         focal_length_mm = camera_of(self.scene.model_copy(update={"camera": far})).focal_length_mm()
@@ -494,24 +520,29 @@ class ThinDrive(Drive):
 
     def coordinate(self, state: float) -> float:
         """Return the image distance of a plane [mm]."""
-        focal, far = self._focal_length_mm, state * 1e3
+        focal, far = self.focal_length_mm, state * 1e3
         return 1 / (1 / focal - 1 / far) if self._is_fixed() else focal + focal**2 / far
 
     def state_at(self, coordinate: float) -> float:
         """Return the plane of an image distance [m], at most the farthest."""
-        focal = self._focal_length_mm
+        focal = self.focal_length_mm
         vergence = 1 / focal - 1 / coordinate if self._is_fixed() else (coordinate - focal) / focal**2
         return min(1e-3 / max(vergence, 1e-30), FARTHEST_M)
 
     @cached_property
     def limits(self) -> tuple[float, float]:
         """From natural size to the farthest."""
-        return self.state_at(2 * self._focal_length_mm), FARTHEST_M
+        return self.state_at(2 * self.focal_length_mm), FARTHEST_M
 
     @cached_property
     def start(self) -> float:
         """Where the scene has it, or far away where autofocus is to find it."""
         return FARTHEST_M if self._camera.focus_distance_m is None else self._camera.focus_distance_m
+
+    @property
+    def sharp_mm(self) -> float:
+        """2 N c at the film [mm]."""
+        return self.depth_of_focus
 
     @cached_property
     def depth_of_focus(self) -> float:
@@ -522,7 +553,7 @@ class ThinDrive(Drive):
             assert radius is not None
             if radius == 0:
                 raise InputError("camera.aperture_radius_m: 0 makes everything sharp, so there is no focus to find")
-            f_number = self._focal_length_mm / (2e3 * radius)
+            f_number = self.focal_length_mm / (2e3 * radius)
         return 2 * f_number * circle_of_confusion(self.scene)
 
     def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
@@ -554,7 +585,7 @@ class ThinDrive(Drive):
 
     def film_distance(self, state: float) -> float:
         """Return the distance from the lens to the film [mm]."""
-        return self.coordinate(state) if self._is_fixed() else self._focal_length_mm
+        return self.coordinate(state) if self._is_fixed() else self.focal_length_mm
 
     def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
         """Return the distance from the lens of what is sharp in a zone, by default of the plane in focus [m]."""
@@ -597,7 +628,7 @@ class ThinDrive(Drive):
 
     def _place_for(self, distance_m: float, depth: float) -> float:
         """Return the coordinate that makes a plane sharp on the film so far behind its centre [mm]."""
-        focal = self._focal_length_mm
+        focal = self.focal_length_mm
         vergence = 1e-3 / distance_m
         if self._is_fixed():
             return (1 / (1 / focal - vergence) if vergence < 1 / focal else math.inf) - depth

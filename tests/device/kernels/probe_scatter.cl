@@ -3,6 +3,7 @@
 
 __kernel void probe_scatter(const __global Material *materials,
                             int                      material,
+                            const __global float    *facet_shares,
                             const __global float    *in,         // [9][capacity]: d, wo, three random numbers
                             __global float          *out,        // [11][capacity]: value, pdf; direction, weight, pdf
                             uint                     capacity)
@@ -10,6 +11,9 @@ __kernel void probe_scatter(const __global Material *materials,
     uint i = get_global_id(0) * VW;
     Scene scene;
     scene.materials = materials;
+#if FACET_SHARES
+    scene.facet_shares = facet_shares;
+#endif
     SurfacePoint point;
     point.n = point.ng = f3(ZERO, ZERO, ONE);
     point.p = f3(ZERO, ZERO, ZERO);

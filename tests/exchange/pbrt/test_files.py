@@ -122,6 +122,17 @@ def test_a_scene_that_cannot_be_used_is_not_written(tmp_path: Path, capsys: Any)
     assert target.read_text() == "before"
 
 
+def test_a_picture_that_lies_elsewhere_is_refused_or_stood_in_for_and_never_read(tmp_path: Path, capsys: Any) -> None:
+    source, target = places(tmp_path)
+    (tmp_path / "secret.png").write_bytes(png())
+    source.write_text(HEAD + NAMED["picture"].format("../secret.png"))
+    assert main(["convert", str(source), str(target)]) == 2
+    assert "lies outside the pbrt scene's folder" in capsys.readouterr().err
+    assert main(["convert", str(source), str(target), "--missing", "grey"]) == 0
+    assert "approximated: ../secret.png: lies outside the folder of the scene; " in capsys.readouterr().err
+    assert "secret" not in target.read_text()
+
+
 def test_all_that_is_missing_is_named_at_once_or_stood_in_for(tmp_path: Path, capsys: Any) -> None:
     source, target = places(tmp_path)
     missing = {"plymesh": "a.ply", "picture": "b.png", "normal map": "c.png", "sky": "d.exr"}

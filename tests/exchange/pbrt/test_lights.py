@@ -335,9 +335,9 @@ EAST, NORTH = (90, 0), (180, 0)  # vertical and horizontal angles of our +x and 
 
 
 def picture(pixels: Any) -> bytes:
-    """A PNG of two levels, 0 and 1, given in rows from the top."""
+    """A PNG of levels from 0 to 1, given in rows from the top."""
     stream = io.BytesIO()
-    Image.fromarray(np.array(pixels, np.uint8) * 255).save(stream, "PNG")
+    Image.fromarray(np.round(np.array(pixels) * 255).astype(np.uint8)).save(stream, "PNG")
     return stream.getvalue()
 
 
@@ -357,6 +357,33 @@ def test_goniometric_lamps_shine_as_their_picture_says(convert: Convert, tmp_pat
     turned = LAMP.format("Rotate 90 0 0 1 ", "goniometric", "mapname", "") + 'Shape "sphere"'
     done = convert(turned, V3_HEAD, **{"a.png": picture([[1], [0]])})
     assert intensities(done, tmp_path, (90, 180), EAST) == pytest.approx([4, 0], abs=0.01)  # +y of the lamp is our -x
+
+
+@pytest.mark.parametrize(("head", "level"), [(V3_HEAD, 0.4), (V4_HEAD, ((0.4 + 0.055) / 1.055) ** 2.4)])
+def test_bytes_of_a_lamps_picture_are_linear_in_pbrt_v3_and_srgb_in_v4(
+    convert: Convert, tmp_path: Path, head: str, level: float
+) -> None:
+    """``ReadImage`` of pbrt-v3 divides by 255; its textures alone have a gamma."""
+    key = "mapname" if head == V3_HEAD else "filename"
+    done = convert(LAMP.format("", "goniometric", key, "") + BALL, head, **{"a.png": picture([[0.4] * 2] * 2)})
+    assert intensities(done, tmp_path, EAST) == pytest.approx([4 * level], rel=1e-3)
+    sky = f'LightSource "infinite" "string {key}" "a.png"' + BALL
+    done = convert(sky, head, **{"a.png": picture([[0.4] * 2] * 2)})
+    environment = done.keys["environment"]
+    if head == V3_HEAD:
+        with OpenEXR.File(str(tmp_path / environment["file"])) as file:
+            np.testing.assert_allclose(file.channels()["RGB"].pixels, level, rtol=1e-3)
+
+
+def test_the_edge_of_a_spot_of_pbrt_v3_is_a_fourth_power(convert: Convert, tmp_path: Path) -> None:
+    """Its ``Falloff``: ((cos a - cos outer) / (cos inner - cos outer))^4 between the two angles."""
+    text = 'LightSource "spot" "rgb I" [4 4 4] "float coneangle" 40 "float conedeltaangle" 30'
+    (lamp,) = convert(text + BALL, V3_HEAD).keys["lights"]
+    pattern = read_luminaire(tmp_path / lamp["file"]).intensity(np.arange(0.5, 180), np.zeros(180))[:, 0] * lamp["gain"]
+    degrees = np.radians(np.arange(0.5, 180))
+    start, stop = math.cos(math.radians(10)), math.cos(math.radians(40))
+    expected = 4 * np.clip((np.cos(degrees) - stop) / (start - stop), 0, 1) ** 4
+    np.testing.assert_allclose(pattern, expected, atol=4e-3)
 
 
 def test_goniometric_lamps_of_pbrt_v4_lie_on_a_square(convert: Convert, tmp_path: Path) -> None:

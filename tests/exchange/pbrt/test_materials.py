@@ -306,7 +306,8 @@ TEXTURES: dict[str, tuple[Any, str]] = {
     CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "mix" "texture tex1" "c" "float amount" 0': (
         {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6], "scale": [4, 1]}, ""),
     'Texture "t" "spectrum" "dots" "rgb inside" [1 0 0] "rgb outside" [0 0 1]': (
-        {"kind": "dots", "inside": [1.0, 0.0, 0.0], "outside": [0.0, 0.0, 1.0]}, ""),
+        # pbrt hands the two to its constructor in the wrong order, and pictures made with it show that
+        {"kind": "dots", "inside": [0.0, 0.0, 1.0], "outside": [1.0, 0.0, 0.0]}, ""),
     CHECKS.replace('"float uscale" 4', '"string mapping" "planar" "vector3 v1" [1 0 0]'): (
         {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6],
          "mapping": {"matrix": [[1.0, 0, 0, 0], [0, 1, 0, 0], [0] * 4]}}, ""),
@@ -328,7 +329,7 @@ TEXTURES: dict[str, tuple[Any, str]] = {
     'Texture "t" "spectrum" "mix"': ([0.5] * 3, ""),
     'Texture "t" "spectrum" "scale" "rgb tex1" [.4 .4 .4]': ([0.4] * 3, ""),
     'Texture "t" "spectrum" "constant"': ([1.0] * 3, ""),
-    'Texture "t" "spectrum" "dots"': ({"kind": "dots", "inside": [1.0] * 3, "outside": [0.0] * 3}, ""),
+    'Texture "t" "spectrum" "dots"': ({"kind": "dots", "inside": [0.0] * 3, "outside": [1.0] * 3}, ""),
     'Texture "t" "spectrum" "fbm" "float roughness" .25': (
         {"kind": "perlin", "octaves": 8, "gain": 0.25, "mapping": {"matrix": np.eye(4)[:3].tolist()}}, ""),
     'Texture "t" "spectrum" "ptex"': ([0.5] * 3, "grey 0.5"),

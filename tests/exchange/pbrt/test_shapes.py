@@ -116,6 +116,7 @@ def test_paraboloid_lies_on_its_formula_and_begins_at_its_least_height(convert: 
     x, y, z = (mesh.positions + mesh.origin).T
     np.testing.assert_allclose(z, 4.5 * (x * x + y * y) / 4, atol=1e-5)
     assert (z.min(), z.max()) == pytest.approx((0.5, 4.5))
+    np.testing.assert_allclose(mesh.uvs[:, 1], (z - 0.5) / 4, atol=1e-6)  # v of pbrt's ``Paraboloid::Intersect``
 
 
 @pytest.mark.parametrize("text", ['Shape "sphere" "float zmin" -.9', 'Shape "cylinder" "float phimax" 359'])

@@ -1,67 +1,142 @@
-"""Continuous autofocus: the policy that goes from frame to frame, on made-up measurements."""
+"""Continuous autofocus: subjects that move by formulas, seen through a thin lens in float64, followed by the servo."""
 
-import itertools
+import math
 
 import numpy as np
 import pytest
 
 from rptcam_cl.scene.exposure import ContinuousFocus
-from rptcam_cl.studies.focus.controller import Following, follow
+from rptcam_cl.studies.focus.servo import FrameFocus, Limits, Servo, Track, doubts_of, push, servo_plot, summary_of
 
-FRAME_S = 1 / 24
+FPS, FOCAL_M = 24, 0.05
+SHARP_MM = 2 * 2 * math.hypot(36, 24) / 1500  # 2 N c at f/2
+USUAL = Limits((47.0, 100.0), 30.0, 600.0)
 
 
-def places(measured, manner=None, depth=0.1, frame_s=FRAME_S):
-    """Return where the focus stands in each frame."""
-    manner = manner or ContinuousFocus()
-    steps = itertools.accumulate(
-        measured[1:], lambda state, new: follow(state, new, depth, manner, frame_s), initial=Following(measured[0])
+def image_mm(distance_m):
+    """Where a thin lens has its picture of what is so far away."""
+    return 1e3 / (1 / FOCAL_M - 1 / np.asarray(distance_m))
+
+
+def follow(distance_m, seconds, noise=0.0, seed=0, limits=USUAL, settings=None, unseen=()):
+    """Return times, errors [depths of focus], places [mm] and what the servo says of each frame."""
+    times = np.arange(round(seconds * FPS)) / FPS
+    subject = image_mm([distance_m(t) for t in times])
+    seen = subject + SHARP_MM * noise * np.random.default_rng(seed).normal(size=len(times))
+    servo = Servo(seen[0], limits, lambda place: 1 / FOCAL_M - 1e3 / place, settings or ContinuousFocus())
+    said, places = [None], [seen[0]]
+    servo.measure(seen[0], noise * SHARP_MM)
+    for number in range(1, len(times)):
+        said.append(servo.next_frame(1 / FPS, SHARP_MM))
+        places.append(said[-1].place)
+        servo.measure(None if number in unseen else seen[number], noise * SHARP_MM)
+    return times, (np.array(places) - subject) / SHARP_MM, np.array(places), said
+
+
+def share(errors):
+    return np.mean(np.abs(errors) <= 0.5)
+
+
+@pytest.mark.parametrize(("speed", "start"), [(1.4, 6.0), (5.0, 15.0), (14.0, 40.0)])
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_subjects_that_come_are_sharp_in_19_of_20_frames(speed, start, noise):
+    _, errors, _, _ = follow(lambda t: start - speed * t, (start - 1.3) / speed, noise)
+    assert share(errors) >= 0.95
+
+
+def test_subjects_that_speed_up_brake_and_turn_are_sharp_in_19_of_20_frames():
+    motions = (
+        (lambda t: 20 - 3 * t * t, 2.4),  # 6 m/s^2
+        (lambda t: 3 + 2.5 * (2 - min(t, 2)) ** 2, 3),  # 5 m/s^2, then at rest
+        (lambda t: 3 + math.cos(2 * t), 6),  # to and fro, up to 4 m/s^2 at 2 m
     )
-    return np.array([state.place for state in steps])
+    for motion, seconds in motions:
+        _, errors, _, _ = follow(motion, seconds, 0.05)
+        assert share(errors) >= 0.95
 
 
-def test_noise_within_the_band_moves_nothing():
-    noise = np.random.default_rng(1).uniform(-0.09, 0.09, 240)
-    noise[0] = 0
-    assert np.ptp(places(5 + noise)) == 0
-    assert np.ptp(places(5 + 3 * noise)) > 0  # beyond it, it does
+def test_a_late_measurement_alone_would_not_do():
+    # what was measured two frames ago, at 5 m/s and 2 m: 5 * 2 / 24 m, of which 0.5 depths of focus are 0.09 m
+    times = np.arange(64) / FPS
+    late = image_mm(15 - 5 * times[2:]) - image_mm(15 - 5 * times[:-2])
+    assert np.mean(late / SHARP_MM <= 0.5) < 0.85
+
+
+def test_focus_on_a_subject_at_rest_does_not_pump():
+    spans, moves = [], []
+    for seed in (1, 2, 3):
+        _, errors, places, _ = follow(lambda t: 2.0, 6, 0.05, seed)
+        spans.append(np.ptp(places[FPS:]) / SHARP_MM)
+        moves.append(np.mean(np.abs(np.diff(places[FPS:])) > 1e-3 * SHARP_MM))
+        assert share(errors) == 1
+    assert np.mean(spans) <= 0.25  # the noise of four measurements in a row moves the prediction by as much
+    assert max(spans) <= 0.4
+    assert np.mean(moves) <= 0.05  # it stands, most of the time
 
 
 def test_what_crosses_the_picture_is_let_pass_and_a_change_is_followed_after_the_lock():
-    crossing = np.full(48, 1.0)
-    crossing[10:15] = 3.0  # a fifth of a second
-    assert np.ptp(places(crossing)) == 0
-    crossing[10:] = 3.0
-    found = places(crossing)
-    lock = round(0.25 * 24)
-    assert found[10 + lock - 1] == 1.0
-    assert found[10 + lock] > 1.0
-    assert found[-1] == 3.0
+    _, _, places, _ = follow(lambda t: 2.0 if 1 <= t < 1.2 else 4.0, 3)
+    assert np.ptp(places) == 0
+    times, errors, places, _ = follow(lambda t: 2.0 if t >= 1 else 4.0, 3)
+    assert np.ptp(places[times < 1.25]) == 0
+    assert np.abs(errors[times > 1.55]).max() <= 0.5  # lock, delay, and 0.66 mm at 30 mm/s
+    assert places.max() - image_mm(2.0) <= 0.25 * SHARP_MM  # without overshoot
 
 
-def test_focus_goes_no_faster_than_its_speed_and_never_overshoots():
-    jump = np.r_[0.0, np.full(60, 2.0)]
-    found = places(jump, ContinuousFocus(lock_s=0, speed=24))
-    steps = np.diff(found)
-    assert steps.max() == pytest.approx(24 * 0.1 * FRAME_S)
-    assert (steps >= 0).all()
-    assert found[-1] == 2.0
+def test_prediction_goes_on_for_the_lock_where_nothing_is_found_and_then_the_focus_stays():
+    times, errors, places, _ = follow(lambda t: 12 - 4 * t, 2, unseen=range(24, 99))
+    assert np.abs(errors[24:30]).max() < 0.5
+    assert np.ptp(places[times > 23 / FPS + 0.05 + 0.25 + 0.1]) == pytest.approx(0, abs=1e-3 * SHARP_MM)
 
 
-def test_a_subject_that_moves_is_followed_without_steps():
-    walk = np.concatenate([np.full(12, 0.0), np.linspace(0, 4, 96), np.full(24, 4.0)])
-    found = places(walk)
-    under_way = slice(12 + 30, 12 + 96)
-    np.testing.assert_array_equal(found[under_way], walk[under_way])
-    assert found[-1] == 4.0
+def test_beyond_the_speed_of_the_drive_the_frames_say_so():
+    slow = Limits((47.0, 100.0), 1.0, 20.0)
+    times, errors, places, said = follow(lambda t: 12 - 5 * t, 2.2, limits=slow)
+    # the image goes faster than 1 mm/s from where f^2 v / s^2 = 1 mm/s on: from 3.5 m
+    late = times > (12 - 3.5) / 5 + 0.2
+    assert np.abs(errors[late]).max() > 2
+    assert all(frame.is_limited for frame, is_late in zip(said, late, strict=True) if is_late)
+    assert not any(frame.is_limited for frame in said[1:20])
+    assert np.abs(np.diff(places)).max() <= 1.0 / FPS * (1 + 1e-9)
+    rows = [FrameFocus(k, k / FPS, 2.0, 2.0, 2.1, float(e), 0.0, k > 40) for k, e in enumerate(errors)]
+    assert "faster than the focus drive in" in doubts_of(rows)[0]
+    assert "within 0.5 depth of focus in" in summary_of(rows)
+    servo_plot([*rows, FrameFocus(99, 4.1, None, None, None, None, 0.0, False)], "title")
 
 
-def test_nothing_measured_leaves_the_focus_where_it_is():
-    assert (places([1.0, None, None, 1.05, None]) == 1.0).all()
-    assert places([1.0, *[3.0] * 6, None, 3.0])[-1] == places([1.0, *[3.0] * 6])[-1]
+@pytest.mark.parametrize(("away", "speed"), [(5.0, 0.0), (0.3, 0.0), (0.01, 0.0), (1.0, -30.0)])
+def test_drive_keeps_its_limits_and_comes_to_rest_in_its_time(away, speed):
+    place, step_s, path = 50.0, 1e-3, []
+    for _ in range(1500):
+        place, new = push(place, speed, 50.0 + away, 0.0, step_s, USUAL)
+        assert abs(new) <= 30.0 * (1 + 1e-12)
+        assert abs(new - speed) <= 600 * step_s * (1 + 1e-9)
+        speed = new
+        path.append(place)
+    wanted = 50.0 + away
+    assert max(path) - wanted <= 0.02 * away
+    assert path[-1] == pytest.approx(wanted, abs=1e-6)
+    if speed == 0 and away == 5.0:  # a trapezium of speeds: 5 mm / 30 mm/s and 30 / 600 s
+        arrived = np.argmax(np.array(path) > wanted - 0.01) * step_s
+        assert arrived == pytest.approx(5 / 30 + 30 / 600, abs=0.02)
 
 
-def test_band_is_in_depths_of_focus():
-    measured = np.r_[0.0, np.full(48, 0.5)]
-    assert np.ptp(places(measured, depth=0.6)) == 0
-    assert places(measured, depth=0.4)[-1] == 0.5
+def test_motion_is_that_of_constant_speed_and_its_errors_go_by_the_slopes():
+    track = Track(1.0, 1 / 6, 4 / 36, (1e-6, 2e-6, 3e-4))  # 6 m away, 4 m/s nearer
+    later = track.at(1.5, 0.0, 0.0)
+    assert 1 / later.vergence == pytest.approx(4.0, rel=1e-12)
+    assert later.rate == pytest.approx(4 / 16, rel=1e-12)
+
+    def moved(vergence, rate):
+        there = Track(1.0, vergence, rate, (0, 0, 0)).at(1.5, 0.0, 0.0)
+        return np.array([there.vergence, there.rate])
+
+    h = 1e-6
+    slopes = np.stack([
+        (moved(1 / 6 + h, 4 / 36) - moved(1 / 6 - h, 4 / 36)) / (2 * h),
+        (moved(1 / 6, 4 / 36 + h) - moved(1 / 6, 4 / 36 - h)) / (2 * h),
+    ], axis=1)  # fmt: skip
+    expected = slopes @ np.array([[1e-6, 2e-6], [2e-6, 3e-4]]) @ slopes.T
+    assert later.variances == pytest.approx([expected[0, 0], expected[0, 1], expected[1, 1]], rel=1e-6)
+    away = Track(0.0, 1e-3, -1.0, (1e-6, 0.0, 1.0)).at(5.0, 1.0, 0.1)  # nonsense ends in numbers
+    assert np.isfinite([away.vergence, away.rate, *away.variances]).all()

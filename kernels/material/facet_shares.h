@@ -1,0 +1,89 @@
+// Shares of light that facets scatter once, from tables (rptcam_cl/rendering/plan/materials.py), at the direction in which light
+// leaves: by the cosine and the azimuth that it has where the facets' slopes are stretched to alpha 1, which turns all that
+// alpha makes narrow into smooth curves.
+// Facts: FACET_SHARES, HAS_ANISOTROPY (metal, by both alphas), HAS_AGAIN (rough glass, for each material).
+#ifndef FACET_SHARES_H
+#define FACET_SHARES_H
+#include "common/angles.h"
+#include "material/ggx.h"
+
+#if FACET_SHARES
+// Where a number of 0 to 1 lies among `count` entries: the one before it, and how far it is to the next.
+static inline F among(F x, int count, I *before)
+{
+    F place = MIN(MAX(x, ZERO), ONE) * (float)(count - 1);
+    *before = MIN(TO_I(place), (I)(MAX(count - 2, 0)));
+    return place - TO_F(*before);
+}
+
+typedef struct { F cosine, turn; } Stretched;      // 0 to 1: by the angle whose cosine is 1 - 2 z, and of a quarter turn
+
+// A direction of that cosine to the normal, `x` of it along the tangent.
+static Stretched stretched(F cosine, F x, Alpha alpha)
+{
+    F z2 = cosine * cosine;
+    F x2 = MIN(x * x, 1.0f - z2);
+    F y2 = 1.0f - z2 - x2;
+    x2 *= alpha.x * alpha.x;
+    y2 *= ACROSS(alpha) * ACROSS(alpha);
+    F z = sqrt(z2 / MAX(x2 + y2 + z2, (F)(SMALLEST)));
+    Stretched out;
+    out.cosine = 2.0f * turns_of(1.0f - 2.0f * z, 2.0f * root(z * (1.0f - z)));
+    out.turn = 4.0f * turns_of(root(x2), root(y2));
+    return out;
+}
+
+// Between the entries of a plane of directions that starts at `first`.
+static F share_of_direction(const __global float *table, I first, Stretched w, int turns)
+{
+    I row, column;
+    F down = among(w.cosine, SHARE_COSINES, &row);
+    F across = among(w.turn, turns, &column);
+    I at = first + row * turns + column;
+    I next = at + (turns > 1 ? 1 : 0);
+    F a = GATHER(F, table, at, );
+    F b = GATHER(F, table, next, );
+    at += turns;
+    next += turns;
+    a += across * (b - a);
+    b = GATHER(F, table, at, );
+    b += across * (GATHER(F, table, next, ) - b);
+    return a + down * (b - a);
+}
+
+#if HAS_ANISOTROPY
+// Of brushed metal, and the mean over even light.
+static F brushed_share(const __global float *table, Stretched w, Alpha alpha, F *mean)
+{
+    I along, across;
+    F x = among(alpha.x, SHARE_ALPHAS, &along);
+    F y = among(alpha.y, SHARE_ALPHAS, &across);
+    F sum = ZERO;
+    *mean = ZERO;
+    for (int corner = 0; corner < 4; ++corner) {
+        F weight = ((corner & 1) ? x : 1.0f - x) * ((corner & 2) ? y : 1.0f - y);
+        I plane = (along + (corner & 1)) * SHARE_ALPHAS + across + (corner >> 1);
+        sum += weight * share_of_direction(table, plane * (SHARE_COSINES * SHARE_TURNS), w, SHARE_TURNS);
+        I at = plane + SHARE_ALPHAS * SHARE_ALPHAS * SHARE_COSINES * SHARE_TURNS;
+        *mean += weight * GATHER(F, table, at, );
+    }
+    return sum;
+}
+#endif
+
+#if HAS_AGAIN
+// Of rough glass whose facets have a table, seen from one side, at `level` (0 to 1) of the alphas that a texture gives.
+static F glass_share(const __global float *table, const __global Material *glass, Stretched w, F level, I inside)
+{
+    I low;
+    F up = among(level, glass->share_levels, &low);
+    int plane = SHARE_COSINES * glass->share_turns;
+    low = glass->share_table + (low + (inside ? (I)(glass->share_levels) : (I)(0))) * plane;
+    F a = share_of_direction(table, low, w, glass->share_turns);
+    I high = low + (glass->share_levels > 1 ? plane : 0);
+    return a + up * (share_of_direction(table, high, w, glass->share_turns) - a);
+}
+#endif
+#endif
+
+#endif

@@ -1,0 +1,460 @@
+"""Continuous autofocus (AF-C) as a servo: where the focus stands in each frame of a sequence.
+
+What is measured in a frame is known later, so where the subject is by now is predicted from its motion, and a drive of
+limited speed and acceleration follows the prediction. Measurements come in as coordinates of focus; the motion is one
+of vergence, the reciprocal of the distance, of which a subject at constant speed has a simple law.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.optics.charts import FAINT, INK, add_key, new_figure, series, styled
+from rptcam_cl.scene.exposure import ContinuousFocus
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.drives import Drive, focus_drive
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#
+# The motion of the subject: an extended Kalman filter of vergence and its rate of change.
+#
+# At constant speed the distance 1 / w changes evenly, so that w(t) = w / (1 - k) and u(t) = u / (1 - k)^2 with
+# k = u t / w. What changes the speed is noise of the filter: little as a rule, and as much as feet and brakes can do
+# once a measurement is off by more than chance. (Y. Bar-Shalom, X. Li, T. Kirubarajan, Estimation with Applications to
+# Tracking and Navigation, 2001: 6.3.2 the noise, 11.2.2 its adjustment.)
+
+CALM, AGILE = 1.5, 10.0  # accelerations of subjects: as a rule, and at a turn [m/s^2]
+FAST = 10.0  # speeds that a subject has when it is first seen [m/s]
+SURPRISE = 2.0  # standard errors from which on a measurement tells of a turn
+FAR_DRIFT = 1.0  # depths of focus per second^2 that count as acceleration of whatever is far away
+LEAST_ERROR = 0.05  # depths of focus that a measurement is off at least
+NEARLY = 0.9  # of the way to the camera, as far as a prediction goes
+CERTAIN = 1.5  # standard errors of the rate at which a subject is taken to move
+JUMP, CHANCE = 0.5, 5.0  # depths of focus and standard errors beyond which another subject is measured
+
+
+@dataclass(frozen=True)
+class Track:
+    """What is known of a subject's motion.
+
+    Attributes
+    ----------
+    time_s : float
+        Of the last measurement.
+    vergence, rate : float
+        1 / distance [1/m] and its change [1/(m s)].
+    variances : tuple of float
+        Of the vergence, of both together, and of the rate.
+    """
+
+    time_s: float
+    vergence: float
+    rate: float
+    variances: tuple[float, float, float]
+
+    @classmethod
+    def start(cls, time_s: float, vergence: float, error: float) -> Track:
+        """Return the track of a subject just seen."""
+        return cls(time_s, vergence, 0.0, (error**2, 0.0, (FAST * vergence**2) ** 2))
+
+    def _share(self, time_s: float) -> float:
+        """Return how much of the way to the camera the subject goes until some moment."""
+        return min(self.rate * (time_s - self.time_s) / self.vergence, NEARLY) if self.vergence > 0 else 0.0
+
+    def vergence_at(self, time_s: float) -> float:
+        """Return the vergence at a later moment at constant speed [1/m]."""
+        if self.vergence > 0:
+            return self.vergence / (1 - self._share(time_s))
+        return self.vergence + self.rate * (time_s - self.time_s)
+
+    def at(self, time_s: float, acceleration: float, drift: float) -> Track:
+        """Return the expected track at a later moment.
+
+        Parameters
+        ----------
+        acceleration
+            Of the subject [m/s^2].
+        drift
+            Change of the rate that there may be at any distance [1/(m s^2)].
+        """
+        t, k = time_s - self.time_s, self._share(time_s)
+        left, vergence, rate = 1 - k, self.vergence_at(time_s), self.rate / (1 - k) ** 2
+        of_vergence = (1 - 2 * k) / left**2, t / left**2
+        slopes = np.array([of_vergence, (-2 * k * k / (t or 1.0) / left**3, (1 + k) / left**3)])
+        before = np.array([self.variances[:2], self.variances[1:]])
+        pushed = np.array([t * t / 2, t]) * math.hypot(acceleration * max(vergence, 0.0) ** 2, drift)
+        after = slopes @ before @ slopes.T + np.outer(pushed, pushed)
+        return Track(time_s, vergence, rate, (after[0, 0], after[0, 1], after[1, 1]))
+
+    @property
+    def sure(self) -> Track:
+        """The track with its rate as far as that is more than chance: at rest, noise alone seems to move a subject."""
+        doubt = CERTAIN**2 * self.variances[2]
+        return self if self.rate == 0 else replace(self, rate=self.rate * max(1 - doubt / self.rate**2, 0.0))
+
+    def corrected(self, vergence: float, error: float) -> Track:
+        """Return the track corrected by a measurement of this moment."""
+        own, both, of_rate = self.variances
+        gain, gain_of_rate = own / (own + error**2), both / (own + error**2)
+        off = vergence - self.vergence
+        variances = (1 - gain) * own, (1 - gain) * both, of_rate - gain_of_rate * both
+        return replace(
+            self, vergence=self.vergence + gain * off, rate=self.rate + gain_of_rate * off, variances=variances
+        )
+
+    def follow(self, time_s: float, vergence: float, error: float, sharp: float) -> Track | None:
+        """Return the track after a measurement; None where another subject must have been measured.
+
+        Parameters
+        ----------
+        error
+            Standard error of the measurement [1/m].
+        sharp
+            What a depth of focus is worth [1/m].
+        """
+        drift = FAR_DRIFT * sharp
+        agile = self.at(time_s, AGILE, drift)
+        off = abs(vergence - agile.vergence)
+        if off > JUMP * sharp + CHANCE * math.hypot(math.sqrt(agile.variances[0]), error):
+            return None
+        calm = self.at(time_s, CALM, drift)
+        turns = off > SURPRISE * math.hypot(math.sqrt(calm.variances[0]), error)
+        return (agile if turns else calm).corrected(vergence, error)
+
+
+#
+# The drive: what moves to focus, with its inertia.
+
+# Lenses of 50 mm went from 14 inches to 8 feet, by 9 mm, in 0.20 to 0.31 s, measurement and all (J. Kenny, Focus Speed,
+# rev0.net, 2017): 0.6 focal lengths a second, reached in 50 ms, is a drive of that kind.
+FOCAL_LENGTHS_PER_S, RISE_S = 0.6, 0.05
+STEP_S = 1e-3  # of its simulation at most
+BRAKES = 0.8  # of its acceleration with which it slows down, so that steps of the simulation cannot make it overshoot
+SETTLES_S = 4e-3  # time constant with which it comes to rest
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a drive can do, along the coordinate of focus [mm].
+
+    Attributes
+    ----------
+    reach : tuple of float
+        Least and greatest coordinate.
+    speed, acceleration : float
+        At most [mm/s, mm/s^2].
+    """
+
+    reach: tuple[float, float]
+    speed: float
+    acceleration: float
+
+
+def drive_limits(drive: Drive, settings: ContinuousFocus) -> Limits:
+    """Return the limits of a camera's drive: as its lens file says, or else as usual."""
+    low, high = sorted(drive.coordinate(state) for state in drive.limits)
+    known = drive.motor
+    if known is None:
+        speed = FOCAL_LENGTHS_PER_S * drive.focal_length_mm * drive.depth_of_focus / drive.sharp_mm
+        acceleration = speed / RISE_S
+    else:
+        speed, acceleration = known.speed_mm_s, known.acceleration_mm_s2
+    if settings.speed is not None:
+        speed = min(speed, settings.speed * drive.depth_of_focus)
+    return Limits((low, high), speed, acceleration)
+
+
+def push(
+    place: float, speed: float, wanted: float, wanted_speed: float, step_s: float, limits: Limits
+) -> tuple[float, float]:
+    """Return where a drive is, and how fast, one step later, on its way to a place that moves.
+
+    It brakes in time: from a distance e it comes to rest at the acceleration a if it goes no faster than sqrt(2 a e).
+    """
+    away = wanted - place
+    brakes = BRAKES * limits.acceleration
+    near = brakes * SETTLES_S**2
+    if abs(away) <= near:
+        closing = away / SETTLES_S
+    else:
+        closing = math.copysign(math.sqrt(2 * brakes * (abs(away) - near / 2)), away)
+    aim = min(max(wanted_speed + closing, -limits.speed), limits.speed)
+    most = limits.acceleration * step_s
+    new = speed + min(max(aim - speed, -most), most)
+    place += (speed + new) / 2 * step_s
+    low, high = limits.reach
+    return (place, new) if low <= place <= high else (min(max(place, low), high), 0.0)
+
+
+#
+# The servo of a sequence.
+
+NODES = 257  # of the table between coordinate and vergence
+
+
+@dataclass(frozen=True)
+class Followed:
+    """The focus of a frame.
+
+    Attributes
+    ----------
+    place : float
+        Coordinate of the focus.
+    expected : float
+        Coordinate at which the subject was expected.
+    speed : float
+        Of the drive [mm/s].
+    is_limited : bool
+        Whether the drive was at its greatest speed and behind.
+    """
+
+    place: float
+    expected: float
+    speed: float
+    is_limited: bool
+
+
+class Servo:
+    """Continuous autofocus, on one subject after the other.
+
+    Parameters
+    ----------
+    place
+        Coordinate at which it begins, in focus.
+    limits
+        Of the drive.
+    vergence
+        Returns 1 / distance of what is sharp at a coordinate [1/m], rising or falling all the way.
+    settings
+        Of the sequence.
+    """
+
+    def __init__(
+        self, place: float, limits: Limits, vergence: Callable[[float], float], settings: ContinuousFocus
+    ) -> None:
+        self._place, self._speed, self._held, self._expected = place, 0.0, place, place
+        self._limits, self._exact, self._settings = limits, vergence, settings
+        self._time_s = 0.0
+        self._waiting: list[tuple[float, float | None, float]] = []  # of measurements: time, place and error
+        self._track: Track | None = None
+        self._other: Track | None = None
+        self._since_s = 0.0
+
+    @cached_property
+    def _table(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Coordinates and their vergence, as exact ones take their time."""
+        places = np.linspace(*self._limits.reach, NODES)
+        return places, np.array([self._exact(float(place)) for place in places])
+
+    def _vergence(self, place: float) -> float:
+        return float(np.interp(place, *self._table))
+
+    def _coordinate(self, vergence: float) -> float:
+        places, vergences = self._table
+        sense = 1 if vergences[-1] > vergences[0] else -1
+        return float(np.interp(vergence, vergences[::sense], places[::sense]))
+
+    def _worth(self, place: float, sharp_mm: float) -> float:
+        """Return how many 1/m a depth of focus is worth."""
+        return abs(self._vergence(place + sharp_mm / 2) - self._vergence(place - sharp_mm / 2)) or 1e-12
+
+    def measure(self, place: float | None, error: float = 0.0) -> None:
+        """Take a measurement of this moment, which is known after a delay.
+
+        Parameters
+        ----------
+        place
+            Coordinate at which the subject is sharp; None where nothing was found.
+        error
+            Its standard error [mm].
+        """
+        self._waiting.append((self._time_s, place, error))
+
+    def next_frame(self, frame_s: float, sharp_mm: float) -> Followed:
+        """Go on to the next frame, and return the focus of it.
+
+        Parameters
+        ----------
+        frame_s
+            From the frame before to this one [s].
+        sharp_mm
+            Depth of focus, in units of the coordinate.
+        """
+        begun, steps, limited = self._time_s, max(math.ceil(frame_s / STEP_S - 1e-9), 1), False
+        step_s = frame_s / steps
+        for step in range(1, steps + 1):
+            self._time_s = begun + step * step_s
+            self._take_in(sharp_mm)
+            before, self._held = self._held, self._hold(sharp_mm)
+            wanted_speed = (self._held - before) / step_s
+            self._place, self._speed = push(self._place, self._speed, self._held, wanted_speed, step_s, self._limits)
+            behind = abs(self._held - self._place) > sharp_mm / 4
+            limited = behind and abs(self._speed) > 0.999 * self._limits.speed
+        return Followed(self._place, self._expected, self._speed, limited)
+
+    def _take_in(self, sharp_mm: float) -> None:
+        """Take what is known by now to the motion of the subject."""
+        while self._waiting and self._waiting[0][0] + self._settings.delay_s <= self._time_s + 1e-9:
+            time_s, place, error = self._waiting.pop(0)
+            if place is None:
+                self._other = None
+                continue
+            vergence, sharp = self._vergence(place), self._worth(place, sharp_mm)
+            off = max(error / sharp_mm, LEAST_ERROR) * sharp
+            if self._track is None:
+                self._track = Track.start(time_s, vergence, off)
+                continue
+            track = self._track.follow(time_s, vergence, off, sharp)
+            if track is not None:
+                self._track, self._other = track, None
+                continue
+            other = None if self._other is None else self._other.follow(time_s, vergence, off, sharp)
+            if other is None:
+                other, self._since_s = Track.start(time_s, vergence, off), time_s
+            self._other = other
+            if time_s - self._since_s >= self._settings.lock_s - 1e-9:
+                self._track, self._other = other, None
+
+    def _hold(self, sharp_mm: float) -> float:
+        """Return the coordinate to drive to: the last one, within a band of where the subject is expected.
+
+        The band is as much narrower as the subject goes before the lock ends, so that what moves is in its middle. What
+        has not been seen for that long stays where it was expected then.
+        """
+        if self._track is None:
+            return self._held
+        settings, track = self._settings, self._track.sure
+        there = track.vergence_at(min(self._time_s, track.time_s + settings.delay_s + settings.lock_s))
+        low, high = self._limits.reach
+        self._expected = min(max(self._coordinate(there), low), high)
+        moves = abs(track.rate) * settings.lock_s / self._worth(self._expected, sharp_mm)
+        band = max(settings.hold - moves, 0.0) * sharp_mm
+        return min(max(self._held, self._expected - band), self._expected + band)
+
+
+def servo_of(drive: Drive, place: float, settings: ContinuousFocus) -> Servo:
+    """Return a servo of a camera's drive that begins in focus."""
+    limits = drive_limits(drive, settings)
+    return Servo(place, limits, lambda at: drive.first_order_vergence(drive.state_at(at)), settings)
+
+
+#
+# What a user reads of it.
+
+SHARP = 0.5  # depths of focus from what is measured, within which it counts as sharp
+
+
+@dataclass(frozen=True)
+class FrameFocus:
+    """The focus of a frame in numbers for people.
+
+    Attributes
+    ----------
+    number : int
+    time_s : float
+        Since frame 1.
+    subject_m, expected_m, focus_m : float or None
+        Distances by first-order optics: of what autofocus measures in the frame, of where that was expected, and of
+        where the lens is focused; None where there is none.
+    off : float or None
+        From what is measured to the focus [depths of focus]; above 0 where the subject is farther away.
+    speed : float
+        Of the drive, towards near subjects [depths of focus per second].
+    at_greatest_speed : bool
+        Whether the drive was behind at its greatest speed.
+    """
+
+    number: int
+    time_s: float
+    subject_m: float | None
+    expected_m: float | None
+    focus_m: float | None
+    off: float | None
+    speed: float
+    at_greatest_speed: bool
+
+    @classmethod
+    def of(cls, number: int, time_s: float, scene: Scene, metadata: Mapping[str, Any]) -> FrameFocus:
+        """Return the focus of a frame as its scene and metadata have it."""
+        drive, known = focus_drive(scene), metadata["continuous_focus"]
+
+        def distance(state: float | None) -> float | None:
+            vergence = 0.0 if state is None else drive.first_order_vergence(state)
+            return 1 / vergence if vergence > 0 else None
+
+        subject, expected, focus = (distance(known[name]) for name in ("measured", "expected", "state"))
+        off = None if known["off"] is None else drive.nearer * known["off"]
+        speed = drive.nearer * known["speed"]
+        return cls(number, time_s, subject, expected, focus, off, speed, known["at_greatest_speed"])
+
+
+def summary_of(frames: Sequence[FrameFocus]) -> str:
+    """Say how many frames are sharp."""
+    off = np.abs([frame.off for frame in frames if frame.off is not None])
+    if not len(off):
+        return "nothing was found in any frame"
+    sharp = np.count_nonzero(off <= SHARP)
+    return (
+        f"within {SHARP:g} depth of focus in {sharp} of {len(off)} frames ({sharp / len(off):.0%}), at most"
+        f" {off.max():.2g} off; root mean square {np.sqrt(np.mean(off**2)):.2g}"
+    )
+
+
+def doubts_of(frames: Sequence[FrameFocus]) -> list[str]:
+    """Say where the drive is too slow, and where nothing was found."""
+    slow = [frame.number for frame in frames if frame.at_greatest_speed]
+    lost = [frame.number for frame in frames if frame.off is None]
+    said = []
+    if slow:
+        said.append(
+            f"the subject is faster than the focus drive in {len(slow)} of {len(frames)} frames,"
+            f" from frame {slow[0]} on"
+        )
+    if lost:
+        said.append(f"nothing to focus on in {len(lost)} of {len(frames)} frames, first in frame {lost[0]}")
+    return said
+
+
+@styled()
+def servo_plot(frames: Sequence[FrameFocus], title: str) -> Figure:
+    """Plot subject, prediction and lens over time, and below how far off the focus is."""
+    from matplotlib.ticker import LogLocator
+
+    figure = new_figure(title, (8.0, 5.6))
+    distances, errors = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    seconds = [frame.time_s for frame in frames]
+
+    def draw(name: str, style: str, colour: str, label: str, size: float) -> Any:
+        values = [getattr(frame, name) or math.nan for frame in frames]
+        return distances.plot(seconds, values, style, color=colour, label=label, markersize=size)[0]
+
+    handles = [
+        draw("subject_m", "o", FAINT, "subject, as measured", 4),
+        draw("focus_m", "-", series(0), "lens", 0),
+        draw("expected_m", "--", series(1), "where it was expected", 0),
+    ]
+    distances.set_yscale("log")
+    distances.yaxis.set_major_formatter("{x:g}")
+    distances.yaxis.set_minor_locator(LogLocator(subs=(2, 5)))
+    distances.yaxis.set_minor_formatter("{x:g}")
+    distances.set_ylabel("distance [m]")
+    off = np.array([math.nan if frame.off is None else frame.off for frame in frames])
+    errors.axhspan(-SHARP, SHARP, color=series(2), alpha=0.15, linewidth=0)
+    errors.axhline(0.0, color=INK, linewidth=0.8)
+    errors.plot(seconds, off, "o-", markersize=3, color=series(0))
+    largest = max(1.0, float(np.nanmax(np.abs(off), initial=0.0)) * 1.05)
+    errors.set_ylim(-largest, largest)
+    errors.set_ylabel("off [depths of focus]")
+    errors.set_xlabel("time [s]")
+    add_key(figure, handles)
+    return figure
