@@ -126,11 +126,11 @@ class HalfView:
             waves = np.exp(2j * np.pi * cycles * self.offsets(vergence))
             return -float(np.abs(weights @ waves).sum())
 
-        # from the least spot to where the blur of the whole pupil is that of two periods
-        per_vergence = float(np.sqrt(weights @ np.sum(self.offsets(middle + 1e-3) ** 2, axis=1))) / 1e-3
-        reach = (
-            max(2.0 / cycles, 2.0 * float(np.sqrt(weights @ np.sum(self.offsets(middle) ** 2, axis=1)))) / per_vergence
-        )
+        # from the least spot to where defocus alone blurs by two periods
+        aberrated = self.offsets(middle)
+        defocused = (self.offsets(middle + 1e-3) - aberrated) / 1e-3
+        blur, per_vergence = (float(np.sqrt(weights @ np.sum(each**2, axis=1))) for each in (aberrated, defocused))
+        reach = 2.0 * max(1.0 / cycles, blur) / per_vergence
         trials = middle + reach * np.linspace(-1, 1, CLEAREST_TRIALS)
         for _ in range(CLEAREST_ROUNDS):
             best = trials[int(np.argmin([lost(trial) for trial in trials]))]

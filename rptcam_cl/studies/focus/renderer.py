@@ -502,6 +502,8 @@ class Task:
         Called with every probe.
     on_state : callable or None
         Called with every state that the focus is taken to be in by now.
+    criterion : str or None
+        What is called sharpest at a distance; the least spot by default.
     """
 
     renderer: ProbeRenderer
@@ -512,6 +514,7 @@ class Task:
     reach: float = NEAR
     on_probe: Callable[[Probe], None] | None = None
     on_state: Callable[[float], None] | None = None
+    criterion: str | None = None
 
     def note_state(self, state: float) -> None:
         """Report a state that the focus is taken to be in."""
