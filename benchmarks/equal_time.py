@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from benchmarks import cycles_scene, mitsuba_scene
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from benchmarks.scenes import FULL_SIZE, reference_scene
+from benchmarks.scenes import reference_scene
 from benchmarks.stopwatch import cores
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.device.devices import choose_device
@@ -41,7 +41,7 @@ GOALS = {"A": 10, "A_lens": 10, "B": 10, "C": 4, "D": 4}  # times less error tha
 OURS = ("lattice", "independent")  # the first is the default
 MITSUBAS = ("independent", "multijitter", "ldsampler")
 CYCLES = ("default",)
-PASS = dict.fromkeys(GOALS, 16)  # samples per pixel that Mitsuba takes at once: more would fill the memory
+PASS = 16  # samples per pixel that Mitsuba takes at once: more would fill the memory
 EDGE = 0.01  # of the mean: what keeps dark pixels from counting beyond measure
 COLUMNS = (
     "scene", "renderer", "sampler", "spp", "Msamples/s", "relMSE", "noise alone", "variance per sample",
@@ -91,10 +91,10 @@ class Bench:
         self._shrink = 8 if options.quick else 1
         self._seconds = 0.05 if options.quick else options.seconds
         self._roulette = options.roulette
-        self.pixels = (FULL_SIZE[scene][0] // self._shrink) * (FULL_SIZE[scene][1] // self._shrink)
         plain = reference_scene(scene, shrink=self._shrink)
+        self.pixels = plain.film.resolution[0] * plain.film.resolution[1]
         self._description = mitsuba_scene.describe(plain, roulette=self._roulette, folder=folder)
-        self._description["integrator"]["samples_per_pass"] = PASS[scene]
+        self._description["integrator"]["samples_per_pass"] = PASS
         if "Cycles" in workers:
             description = cycles_scene.describe(plain, roulette=self._roulette, folder=folder)
             workers["Cycles"].ask(do="load", description=description)
@@ -115,7 +115,7 @@ class Bench:
         def taken(count: int) -> int:
             return int(self.workers["Mitsuba"].ask(do="count", sampler=sampler, spp=count)["spp"])
 
-        return exact_count(wanted, PASS[self.scene], taken)
+        return exact_count(wanted, PASS, taken)
 
     def calibrated(self, renderer: str, sampler: str) -> Runs:
         """Return no runs yet, with the samples per pixel that take the time."""
@@ -123,7 +123,7 @@ class Bench:
             sensor = self._description["sensor"] | {"sampler": {"type": sampler}}
             description = self._description | {"sensor": sensor}
             self.workers["Mitsuba"].ask(do="load", description=description, **{"as": f"{self.scene} {sampler}"})
-        spp = PASS[self.scene] if renderer == "Mitsuba" else 1
+        spp = PASS if renderer == "Mitsuba" else 1
         for _ in range(3):
             self._render(renderer, sampler, spp, 0)  # compiles what a number of samples needs
             answer, _ = self._render(renderer, sampler, spp, 0)
@@ -202,12 +202,12 @@ def row(found: dict[str, Any]) -> list[str]:
     ]
 
 
-def main() -> int:
-    """Run the comparison; the exit code is 2 when a renderer is missing."""
-    parser = arguments("Noise at equal time beside Mitsuba 3.")
+def main(goals: dict[str, int] = GOALS, title: str = "Noise at equal time beside Mitsuba 3.") -> int:
+    """Run the comparison of some scenes; the exit code is 2 when a renderer is missing."""
+    parser = arguments(title)
     parser.add_argument("--seconds", type=float, default=20.0, help="time of a render (default 20)")
     parser.add_argument("--seeds", type=int, default=3, help="renders per renderer, sampler and scene (default 3)")
-    parser.add_argument("--scenes", nargs="+", choices=list(PASS), default=list(PASS), metavar="SCENE")
+    parser.add_argument("--scenes", nargs="+", choices=list(goals), default=list(goals), metavar="SCENE")
     parser.add_argument("--roulette", action="store_true", help="with the Russian roulette of both defaults")
     parser.add_argument("--mitsuba-python", default=sys.executable, help="interpreter that can import mitsuba")
     parser.add_argument("--cycles-python", help="interpreter that can import bpy; without it Cycles is left out")
@@ -236,7 +236,7 @@ def main() -> int:
     print_table(title, COLUMNS, [row(found) for found in results])
     for scene in options.scenes:
         least = min(x["times_ours"] for x in results if x["scene"] == scene and x["renderer"] == "Mitsuba")
-        print(f"{scene}: Mitsuba's best error is {least:.2f} times ours; the goal is {GOALS[scene]}.")
+        print(f"{scene}: Mitsuba's best error is {least:.2f} times ours; the goal is {goals[scene]}.")
     write_json(options.json, facts, results)
     return 0
 

@@ -152,8 +152,15 @@ def _look(material: Any) -> dict[str, Any]:
         along, across = material.alphas
         metal = {"type": "roughconductor", "material": "none", "specular_reflectance": _rgb(material.reflectance)}
         return {"bsdf": metal | {"distribution": "ggx", "alpha_u": along, "alpha_v": across}}
+    if material.kind == "plastic":
+        base = {"diffuse_reflectance": _reflectance(material.reflectance), "nonlinear": True}
+        cover = {"distribution": "ggx", "alpha": material.alphas[0], "int_ior": material.index}
+        return {"bsdf": {"type": "roughplastic", **base, **cover}}
     assert material.kind == "dielectric"
-    return {"bsdf": {"type": "dielectric", "int_ior": material.index, "ext_ior": 1.0}}
+    glass = {"int_ior": material.index, "ext_ior": 1.0}
+    if material.alphas is not None:
+        return {"bsdf": {"type": "roughdielectric", "distribution": "ggx", "alpha": material.alphas[0], **glass}}
+    return {"bsdf": {"type": "dielectric", **glass}}
 
 
 def _reflectance(reflectance: Any) -> dict[str, Any]:

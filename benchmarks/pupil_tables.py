@@ -29,6 +29,7 @@ from rptcam_cl.rendering.cameras.pupil import (
     PupilCircle,
     PupilGrid,
     PupilSampling,
+    outline_radii,
     outlines_around,
     pupil_sampling,
 )
@@ -65,7 +66,8 @@ def _aims(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return points of the plane of the last vertex as `kernels/lens/pupil.h` draws them, and which are drawn."""
     u, v = random.random((2, len(film)))
-    ring = np.stack([np.cos(2 * np.pi * u), np.sin(2 * np.pi * u)], axis=1) * np.sqrt(v)[:, None]
+    turns = np.stack([np.cos(2 * np.pi * u), np.sin(2 * np.pi * u)], axis=1)
+    ring = turns * np.sqrt(v)[:, None]
     if isinstance(sampling.parameters, PupilCircle):
         a, b = sampling.parameters
         return a * film + b * ring, np.ones(len(film), dtype=bool)
@@ -77,26 +79,32 @@ def _aims(
         )
         box = sampling.table.reshape(int(d), int(c), 4)[rows, columns]
         return box[:, :2] + np.stack([u, v], axis=1) * box[:, 2:], box[:, 2] > 0
-    return _outline_aims(sampling, film, u, ring)
+    return _outline_aims(sampling, film, u, v, turns)
 
 
-def _outline_aims(sampling: PupilSampling, film: Array, u: Array, ring: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _outline_aims(
+    sampling: PupilSampling, film: Array, u: Array, v: Array, turns: Array
+) -> tuple[Array, NDArray[np.bool_]]:
     nodes, start, corners, turn = outlines_around(sampling, on_radius(film) if sampling.radial else film)
     frames = sampling.table[: 4 * nodes].reshape(-1, 4)
-    radii = sampling.table[start : start + 4 * nodes * DIRECTIONS].reshape(-1, DIRECTIONS, 4)
+    radii = outline_radii(sampling, nodes, start)
     place = np.minimum((u * DIRECTIONS).astype(int), DIRECTIONS - 1)
     between = u * DIRECTIONS - place
-    frame, reach = np.zeros((len(film), 4)), np.zeros(len(film))
+    frame, reach, hole = np.zeros((len(film), 4)), np.zeros(len(film)), np.zeros(len(film))
     for node, share in corners:
-        near = radii[node, place]
         frame += share[:, None] * frames[node]
-        reach += share * (near[:, 0] + between * (near[:, 1] - near[:, 0]))
-    aims = frame[:, :2] + frame[:, 2:] * ring * reach[:, None]
+        for found, table in zip((reach, hole), radii, strict=False):
+            near, ahead = table[node, place], table[node, (place + 1) % DIRECTIONS]
+            found += share * (near + between * (ahead - near))
+    aims = frame[:, :2] + frame[:, 2:] * turns * np.sqrt(hole**2 + v * (reach**2 - hole**2))[:, None]
     if sampling.radial:
         turn = film / np.maximum(np.hypot(*film.T), 1e-300)[:, None]
     c, s = turn.T
     points = np.stack([c * aims[:, 0] - s * aims[:, 1], s * aims[:, 0] + c * aims[:, 1]], axis=1)
-    return points, (frame[:, 2] > 0) & (reach > 0)
+    lit = (frame[:, 2] > 0) & (reach > 0)
+    if isinstance(sampling.parameters, PupilGrid):
+        lit &= np.hypot(*film.T) * sampling.parameters.per_mm_across < sampling.parameters.across - 1
+    return points, lit
 
 
 def on_radius(film: Array) -> Array:

@@ -7,6 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from benchmarks import hard_light
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import FilmLayout
@@ -42,7 +43,8 @@ def reference_scene(name: str, *, shrink: int = 1, roulette: bool = False, **ren
     Parameters
     ----------
     name
-        A, A_thin, A_lens, B, C, whose meshes are made by formula in a temporary folder, or D.
+        A, A_thin, A_lens, B, C, whose meshes are made by formula in a temporary folder, or D; or one of
+        `benchmarks.hard_light`.
     shrink
         Divides width and height of the full size.
     roulette
@@ -50,9 +52,10 @@ def reference_scene(name: str, *, shrink: int = 1, roulette: bool = False, **ren
     **render
         Other settings of the scene's ``render``.
     """
-    width, height = FULL_SIZE[name]
-    folder = _mesh_folder() if name == "C" else STUDIO if name == "D" else REFERENCE
-    scene = load_scene(read_yaml(REFERENCE / f"{name}.yaml").data, base_dir=folder)
+    folder = _mesh_folder() if name == "C" else REFERENCE if name in FULL_SIZE and name != "D" else STUDIO
+    keys = hard_light.SCENES[name]() if name not in FULL_SIZE else read_yaml(REFERENCE / f"{name}.yaml").data
+    scene = load_scene(keys, base_dir=folder)
+    width, height = FULL_SIZE.get(name, scene.film.resolution)
     defaults = type(scene.render)()
     if name == "A_lens":  # its file aims as the other renderer of the tests did; benchmarks are of what users get
         scene = change_scene(scene, camera={"pupil": type(scene.camera).model_fields["pupil"].default})

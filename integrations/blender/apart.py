@@ -11,13 +11,14 @@ import contextlib
 import os
 import pickle
 import queue
+import signal
 import struct
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -66,6 +67,21 @@ def _read_all(stream: BinaryIO, arrays: Path, into: queue.SimpleQueue[Any]) -> N
     into.put(None)
 
 
+@contextlib.contextmanager
+def broken_pipe_is_an_error() -> Iterator[None]:
+    """Writing to a process that has ended raises `BrokenPipeError`; its signal would end Blender, unlike Python."""
+    if not hasattr(signal, "pthread_sigmask"):  # there is none on Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGPIPE})
+    try:
+        yield
+    finally:
+        if signal.SIGPIPE in signal.sigpending():
+            signal.sigwait({signal.SIGPIPE})
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class SessionApart:
     """A `RenderSession` in a process of its own, with the part of its interface that the engine takes.
 
@@ -103,13 +119,13 @@ class SessionApart:
         """Have the process do something and return the result; what `should_stop` ends early is not an error."""
         ends: float | None = None
         try:
-            send(self._stream, self._to, (name, given))
+            self._send((name, given))
             while True:
                 with contextlib.suppress(queue.Empty):
                     answer = self._answers.get(timeout=POLL_S)
                     break
                 if ends is None and should_stop():
-                    send(self._stream, self._to, STOP)
+                    self._send(STOP)
                     ends = time.monotonic() + GRACE_S
                 elif ends is not None and time.monotonic() > ends:
                     self._process.kill()
@@ -122,6 +138,10 @@ class SessionApart:
         if trouble:
             raise getattr(errors, trouble, errors.RptcamError)(result)
         return result
+
+    def _send(self, message: Any) -> None:
+        with broken_pipe_is_an_error():
+            send(self._stream, self._to, message)
 
     def _end(self) -> str:
         """Say how the process ended."""
@@ -149,7 +169,7 @@ class SessionApart:
 
     def close(self) -> None:
         """End the process."""
-        with contextlib.suppress(OSError):
+        with broken_pipe_is_an_error(), contextlib.suppress(OSError):
             self._stream.close()
         try:
             self._process.wait(GRACE_S)

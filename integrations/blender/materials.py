@@ -244,6 +244,9 @@ class _Translator(ValueReader):
         """Glass and Refraction BSDF."""
         if node.kind == "BSDF_REFRACTION":
             self.say("the refraction shader also reflects here, as glass does")
+        return self._glass(node)
+
+    def _glass(self, node: Node) -> dict[str, Any]:
         index = min(max(self.constant(node, "IOR", "the index"), 0.2), 5.0)
         roughness = self.constant(node, "Roughness", "the roughness of glass")
         colour = self.field(node, "Color")
@@ -275,7 +278,10 @@ class _Translator(ValueReader):
 
     def mix(self, node: Node) -> dict[str, Any]:
         """Mix Shader: holes, emission beside a surface, or a mix of two."""
-        factor, first, second = self.field(node, "Fac"), self.shader(node, "Shader"), self.shader(node, "Shader_001")
+        first, second = self.shader(node, "Shader"), self.shader(node, "Shader_001")
+        if (glass := self._glass_by_hand(node, first, second)) is not None:
+            return glass
+        factor = self.field(node, "Fac")
         if factor.is_constant and factor.number <= 0:
             return self.surface(first) if first else dict(BLACK)
         if factor.is_constant and factor.number >= 1:
@@ -289,6 +295,24 @@ class _Translator(ValueReader):
             if lamp["kind"] == "emissive":
                 return self._lamp_beside(lamp, other, share)
         return self._mix_of_two(ends, factor)
+
+    def _glass_by_hand(self, node: Node, first: Node | None, second: Node | None) -> dict[str, Any] | None:
+        """What a Fresnel node mixes of refraction and gloss of one index and roughness: glass of both colours."""
+        link = node.inputs.get("Fac")
+        if not isinstance(link, Link) or link.node.kind != "FRESNEL" or first is None or second is None:
+            return None
+        if (first.kind, second.kind) not in (
+            ("BSDF_REFRACTION", "BSDF_GLOSSY"),
+            ("BSDF_REFRACTION", "BSDF_ANISOTROPIC"),
+        ):
+            return None
+        index, other = (self.constant(each, "IOR", "the index") for each in (link.node, first))
+        rough, glossy = (self.constant(each, "Roughness", "the roughness of glass") for each in (first, second))
+        if abs(index - other) > 1e-3 or abs(rough - glossy) > 1e-3:
+            return None
+        tints = _tint("transmittance", self.field(first, "Color")) | _tint("reflectance", self.field(second, "Color"))
+        keys = {key: value for key, value in self._glass(first).items() if key in ("kind", "index", "roughness")}
+        return keys | tints | self._normals(first)
 
     def _with_holes(self, keys: dict[str, Any], share: Field) -> dict[str, Any]:
         if keys.get("opacity", 1.0) != 1.0:

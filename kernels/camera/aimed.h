@@ -90,7 +90,7 @@ static CameraRay behind_lens(Aimed ray, F3 p, F3 d, I passed, I status, const __
 #if HALF_PUPIL
     r.weight = of_half(r.weight, ray.at.x, ray.at.y, ray.fx, ray.fy, camera);
 #endif
-    r.status = ray.at.inverse_density > 0.0f ? status : (I)(RAY_CLIPPED);
+    r.status = ray.at.inverse_density > 0.0f ? status : (I)(RAY_DARK);
     return r;
 }
 

@@ -113,7 +113,7 @@ static F3 middle_of(const __global Emitter *es, I e, I *near)
 // transmittance scatters the path, at `met` in the lanes `scatters`, and of one picked for the stretch as a whole.
 static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene scene, Rules rules)
 {
-    F3 nowhere = f3(ZERO, ZERO, ZERO);
+    Receiver nowhere = all_round();
     F3 mean = s.medium.extinction;
     F3 amid = along(s.ray.o, s.ray.d, MIN(0.5f * s.length, 3.0f / (mean.x + mean.y + mean.z)));
     F g = GATHER(F, scene.media, path->medium & MEDIUM_MASK, .asymmetry);

@@ -41,7 +41,7 @@ typedef struct {
     F3  radiance;   // gathered so far
     F   pdf;        // density of the last direction; 0 where light sampling cannot compete
 #if LIGHT_TREE
-    F3  n;          // normal where the ray starts, as light sampling takes it
+    Receiver receiver;  // the surface where the ray starts, as light sampling takes it
 #endif
     U   pixel, sample, depth;
 #if HAS_MEDIA
@@ -76,18 +76,44 @@ static inline F3 departure(Vertex vertex, F3 d)
 #endif
 }
 
-static inline F3 normal_behind(Path path)
+static inline Receiver receiver_behind(Path path)
 {
 #if LIGHT_TREE
-    return path.n;
+    return path.receiver;
 #else
-    return f3(ZERO, ZERO, ZERO);
+    return all_round();
 #endif
 }
 
+#if LIGHT_LOBES
+#define FACET_F0 0.04f
+
+// Share of what a surface scatters that its facets reflect; 0 where there are none, or where they pass light on, too.
+static F share_of_facets(Vertex vertex, F cosine)
+{
+    F share = ((vertex.kind == MATERIAL_CONDUCTOR) | (vertex.kind == MATERIAL_METAL)) ? ONE : ZERO;
+    F steep = 1.0f - absolute(cosine);
+    F steep2 = steep * steep;
+    F fresnel = steep2 * steep2 * steep;
+#if HAS_ROUGH_PLASTIC
+    F mirrored = FACET_F0 + (1.0f - FACET_F0) * fresnel;
+    F below = (1.0f - mirrored) * max3(vertex.color);
+    share = vertex.kind == MATERIAL_ROUGH_PLASTIC ? mirrored / (mirrored + below) : share;
+#endif
+#if HAS_PRINCIPLED
+    F metallic = vertex.closure.metallic;
+    F f0 = FACET_F0 * vertex.closure.specular + metallic * max3(vertex.color);
+    F reflected = f0 + (1.0f - f0) * fresnel * MAX(metallic, MIN(vertex.closure.specular, ONE));
+    F rest = (1.0f - metallic) * (1.0f - reflected) * max3(vertex.color);
+    share = vertex.kind == MATERIAL_PRINCIPLED ? reflected / (reflected + rest + SMALLEST) : share;
+#endif
+    return share;
+}
+#endif
+
 #if LIGHT_TREE
-// Normal of a vertex on the side from which a path comes along d; 0 where light from behind counts, too.
-static inline F3 receiving_normal(Vertex vertex, F3 d)
+// What is known of a vertex, on the side from which a path comes along d; nothing where light from behind counts, too.
+static Receiver receiver_of(Vertex vertex, F3 d)
 {
     I passes = (vertex.kind == MATERIAL_DIELECTRIC) | (vertex.kind == MATERIAL_ROUGH_DIELECTRIC)
         | (vertex.kind == MATERIAL_THIN_GLASS) | (vertex.kind == MATERIAL_TRANSLUCENT);
@@ -97,7 +123,15 @@ static inline F3 receiving_normal(Vertex vertex, F3 d)
 #if HAS_TRANSMISSION
     passes |= vertex.kind == MATERIAL_PRINCIPLED;
 #endif
-    return keep3(NOT(passes), scale(vertex.n, with_sign(ONE, -dot3(vertex.ng, d))));
+    Receiver receiver;
+    receiver.n = keep3(NOT(passes), scale(vertex.n, with_sign(ONE, -dot3(vertex.ng, d))));
+#if LIGHT_LOBES
+    F cosine = dot3(vertex.n, d);
+    receiver.mirrored = along(d, vertex.n, -2.0f * cosine);
+    receiver.width = 4.0f * vertex.closure.alpha.x * vertex.closure.alpha.x;
+    receiver.share = passes ? ZERO : share_of_facets(vertex, cosine);
+#endif
+    return receiver;
 }
 #endif
 
@@ -136,7 +170,7 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
     I rival = shines & (path.pdf > 0.0f) & (vertex.emitter >= 0);
     if (ANY(rival)) {
         I e = MAX(vertex.emitter, FALSE);
-        F pick = emitter_pick(scene, e, path.ray.o, normal_behind(path));
+        F pick = emitter_pick(scene, e, path.ray.o, receiver_behind(path));
         F other = emitter_pdf(scene.emitters, e, pick, path.ray.o, path.ray.d, t, absolute(cos_i));
         weight = rival ? against_lights(path.pdf, other) : weight;
     }
@@ -157,11 +191,11 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
 {
     F4 u = random4(path.pixel, path.sample, 2u * path.depth + 1u, rules.seed);
 #if LIGHT_TREE
-    F3 n = receiving_normal(vertex, path.ray.d);
+    Receiver receiver = receiver_of(vertex, path.ray.d);
 #else
-    F3 n = vertex.n;
+    Receiver receiver = all_round();
 #endif
-    LightSample light = sample_emitter(scene, vertex.p, n, u.a, u.b, u.c);
+    LightSample light = sample_emitter(scene, vertex.p, receiver, u.a, u.b, u.c);
     F pdf;
     F3 through = mul(path.beta, scatter_eval(vertex, path.ray.d, light.direction, &pdf));
     F rival = MIN(light.pdf, (F)(LARGEST_DENSITY));
@@ -225,7 +259,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         I sunless = FALSE;
 #endif
         I kind = path->ray.origin == NO_PRIMITIVE ? (I)(HIDDEN_FROM_CAMERA) : (I)(HIDDEN_FROM_REFLECTION);
-        F3 light = light_from_infinity(path->ray.o, normal_behind(*path), path->ray.d, path->pdf, sunless, kind, scene);
+        F3 light = light_from_infinity(path->ray.o, receiver_behind(*path), path->ray.d, path->pdf, sunless, kind, scene);
         path->radiance = add(path->radiance, keep3(escaped, mul(path->beta, light)));
     }
 #endif
@@ -319,7 +353,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     }
     // Continue the path, or end it.
 #if LIGHT_TREE
-    path->n = receiving_normal(vertex, path->ray.d);
+    path->receiver = receiver_of(vertex, path->ray.d);
 #endif
 #if HAS_MEDIA
     path->medium = stack_beyond(path->medium, hit.primitive, vertex.ng, path->ray.d, next.direction, scene);

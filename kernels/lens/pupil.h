@@ -3,7 +3,7 @@
 //   PUPIL_CIRCLE    one circle, which a film point at distance r from the axis sees shifted by r * shift
 //   PUPIL_BOXES     a box per cell of the film
 //   PUPIL_OUTLINES  the true outline, interpolated between nodes: along a film radius (PUPIL_RADIAL), or along lines all
-//                   round the axis and between them
+//                   round the axis and between them; PUPIL_RING, with a hole in the middle, where the lens is obstructed
 // Tables come from rptcam_cl/rendering/cameras/pupil.py.
 #ifndef PUPIL_H
 #define PUPIL_H
@@ -75,8 +75,13 @@ static inline F inverse_density_at(F fx, F fy, F x, F y, const __global Realisti
 
 #else
 // Tables: per node its centre u, v and half axes u, v, and one node more; then, per node and direction, the radius there,
-// in the next direction, and both again at the next node along x.
-typedef struct { F u, v, a, b, r; } Outline;
+// in the next direction, and both again at the next node along x; the same of the hole, if they have one.
+typedef struct {
+    F u, v, a, b, r;
+#if PUPIL_RING
+    F hole;
+#endif
+} Outline;
 
 static inline F midway(F p, F q, F t) { return p + t * (q - p); }
 
@@ -91,6 +96,11 @@ static Outline outline_at(const __global float *tables, int nodes, I node, F sha
     o.a = midway(frames.f[2], frames.f[6], share);
     o.b = midway(frames.f[3], frames.f[7], share);
     o.r = midway(midway(radii.f[0], radii.f[1], between), midway(radii.f[2], radii.f[3], between), share);
+#if PUPIL_RING
+    const __global float *holes = tables + 4 * (nodes + 1) + 4 * (nodes * PUPIL_DIRECTIONS + 1);
+    radii = load_eight(holes, (node * PUPIL_DIRECTIONS + direction) * 4);
+    o.hole = midway(midway(radii.f[0], radii.f[1], between), midway(radii.f[2], radii.f[3], between), share);
+#endif
     return o;
 }
 
@@ -127,7 +137,7 @@ static OutlinePlace outline_place(F fx, F fy, const __global RealisticCamera *ow
     I line = MIN(TO_I(along), (I)(lines - 1));
     p.sy = along - TO_F(line);
     int all = (lines + 1) * nodes;
-    const __global float *reaches = tables + 4 * (all + 1) + 4 * (all * PUPIL_DIRECTIONS + 1);
+    const __global float *reaches = tables + 4 * (all + 1) + 4 * (1 + PUPIL_RING) * (all * PUPIL_DIRECTIONS + 1);
     F here = GATHER(F, reaches, line, );
     F reach = here + p.sy * (GATHER(F, reaches + 1, line, ) - here);
     p.lit = radius < reach;
@@ -154,9 +164,21 @@ static Outline outline_near(const __global float *tables, OutlinePlace at, const
     o.a = midway(o.a, p.a, at.sy);
     o.b = midway(o.b, p.b, at.sy);
     o.r = midway(o.r, p.r, at.sy);
+#if PUPIL_RING
+    o.hole = midway(o.hole, p.hole, at.sy);
+#endif
     return o;
 #endif
 }
+
+#if PUPIL_RING
+// The share of an outline's area that its hole takes.
+static inline F hole_of(Outline o)
+{
+    F share = o.r > 0.0f ? o.hole / o.r : ZERO;
+    return share * share;
+}
+#endif
 
 static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
 {
@@ -168,13 +190,21 @@ static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const 
     OutlinePlace p = outline_place(fx, fy, own, tables);
     Outline o = outline_near(tables, p, own, direction, between);
     I lit = p.lit;
+#if PUPIL_RING
+    F hole = hole_of(o);
+    F rho = sqrt(hole + v * (ONE - hole));
+#else
     F rho = sqrt(v);
+#endif
     Aim a;
     F pu = o.u + o.a * o.r * rho * c;
     F pv = o.v + o.b * o.r * rho * s;
     a.x = p.ex * pu - p.ey * pv;
     a.y = p.ey * pu + p.ex * pv;
     a.inverse_density = lit ? PI_F * o.a * o.b * o.r * o.r : ZERO;
+#if PUPIL_RING
+    a.inverse_density *= ONE - hole;
+#endif
     return a;
 }
 
@@ -189,7 +219,12 @@ static inline F inverse_density_at(F fx, F fy, F x, F y, const __global Realisti
     F turn = turns_around(u, v) * (float)PUPIL_DIRECTIONS;
     I direction = MIN(TO_I(turn), (I)(PUPIL_DIRECTIONS - 1));
     o = outline_near(tables, p, own, direction, turn - TO_F(direction));
+#if PUPIL_RING
+    F r2 = u * u + v * v;
+    return (p.lit & (r2 < o.r * o.r) & (r2 >= o.hole * o.hole)) ? PI_F * o.a * o.b * o.r * o.r * (ONE - hole_of(o)) : ZERO;
+#else
     return (p.lit & (u * u + v * v < o.r * o.r)) ? PI_F * o.a * o.b * o.r * o.r : ZERO;
+#endif
 }
 #endif
 #endif

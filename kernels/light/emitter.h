@@ -3,6 +3,7 @@
 #define EMITTER_H
 #include "common/scene.h"
 #include "geometry/hit.h"
+#include "light/receiver.h"
 
 typedef struct {
     F3 direction;   // from the shading point, unit

@@ -16,11 +16,11 @@
 #include "light/light_tree.h"
 #endif
 
-// Probability with which sample_emitter picks emitter e, a lamp with a surface, at p on a surface with normal n.
-static inline F emitter_pick(Scene scene, I e, F3 p, F3 n)
+// Probability with which sample_emitter picks emitter e, a lamp with a surface, at p on a surface.
+static inline F emitter_pick(Scene scene, I e, F3 p, Receiver receiver)
 {
 #if LIGHT_TREE
-    return pick_of_lamp(scene, e, p, n);
+    return pick_of_lamp(scene, e, p, receiver);
 #else
     const __global Emitter *es = scene.emitters;
     return OF_EMITTER(F, pick);
@@ -178,11 +178,11 @@ static F reach_of_tiny(const __global Emitter *es, I e, I kind, F reach)
 }
 #endif
 
-// The emitter that a random number picks at p, on a surface with normal n, and the probability of that.
-static inline I pick_lamp(Scene scene, F3 p, F3 n, F u, F *pick)
+// The emitter that a random number picks at p, on a surface, and the probability of that.
+static inline I pick_lamp(Scene scene, F3 p, Receiver receiver, F u, F *pick)
 {
 #if LIGHT_TREE
-    return pick_emitter(scene, p, n, u, pick);
+    return pick_emitter(scene, p, receiver, u, pick);
 #else
     const __global Emitter *es = scene.emitters;
 #if ONE_EMITTER
@@ -273,11 +273,11 @@ static LightSample sample_picked(Scene scene, I e, F pick, F3 p, F u, F v)
     return s;
 }
 
-// One emitter for each lane, and one direction towards it from p, on a surface with normal n.
-static inline LightSample sample_emitter(Scene scene, F3 p, F3 n, F pick_u, F u, F v)
+// One emitter for each lane, and one direction towards it from p, on a surface.
+static inline LightSample sample_emitter(Scene scene, F3 p, Receiver receiver, F pick_u, F u, F v)
 {
     F pick;
-    I e = pick_lamp(scene, p, n, pick_u, &pick);
+    I e = pick_lamp(scene, p, receiver, pick_u, &pick);
     return sample_picked(scene, e, pick, p, u, v);
 }
 

@@ -2,6 +2,7 @@
 #ifndef INFINITY_H
 #define INFINITY_H
 #include "light/environment.h"
+#include "light/receiver.h"
 #if LIGHT_TREE
 #include "light/light_tree.h"
 #endif
@@ -19,11 +20,11 @@ static inline F against_lights(F own, F other)
 #endif
 }
 
-// Probability with which light sampling picks an emitter at infinity, at p on a surface with normal n.
-static inline F pick_from_afar(int e, F3 p, F3 n, Scene scene)
+// Probability with which light sampling picks an emitter at infinity, at p on a surface.
+static inline F pick_from_afar(int e, F3 p, Receiver receiver, Scene scene)
 {
 #if LIGHT_TREE
-    return pick_of_distant(scene, e, p, n);
+    return pick_of_distant(scene, e, p, receiver);
 #else
     return (F)(scene.emitters[e].pick);
 #endif
@@ -31,7 +32,7 @@ static inline F pick_from_afar(int e, F3 p, F3 n, Scene scene)
 
 #if EMITTER_SUNS
 // Of suns whose disk a direction meets, weighted; `kind` says what a ray is, one of HIDDEN_….
-static F3 suns_radiance(F3 p, F3 n, F3 d, F own, I kind, Scene scene)
+static F3 suns_radiance(F3 p, Receiver receiver, F3 d, F own, I kind, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
     int first = scene.environment->first_sun;
@@ -44,7 +45,7 @@ static F3 suns_radiance(F3 p, F3 n, F3 d, F own, I kind, Scene scene)
         inside = inside & ((kind & sun->hidden) == 0);
 #endif
         if (ANY(inside)) {
-            F weight = against_lights(own, pick_from_afar(i, p, n, scene) / (2.0f * PI_F * versine));
+            F weight = against_lights(own, pick_from_afar(i, p, receiver, scene) / (2.0f * PI_F * versine));
             F3 radiance = f3_of(sun->radiance);
 #if SPECTRAL_COLOURS
             radiance = light_colour(scene.spectral, radiance, sun->radiance.w, scene.colours);
@@ -58,23 +59,24 @@ static F3 suns_radiance(F3 p, F3 n, F3 d, F own, I kind, Scene scene)
 
 // Radiance that a path meets which leaves the scene along d, weighted against light sampling at p, with normal n, where it
 // comes from; without suns in the lanes `sunless`. `kind` says what a ray is, one of HIDDEN_….
-static inline F3 light_from_infinity(F3 p, F3 n, F3 d, F own, I sunless, I kind, Scene scene)
+static inline F3 light_from_infinity(F3 p, Receiver receiver, F3 d, F own, I sunless, I kind, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
 #if ENVIRONMENT
     sum = environment_radiance(d, scene);
 #endif
 #if ENVIRONMENT_SAMPLED
-    sum = scale(sum, against_lights(own, environment_pdf(d, scene) * pick_from_afar(scene.environment->emitter, p, n, scene)));
+    F pick = pick_from_afar(scene.environment->emitter, p, receiver, scene);
+    sum = scale(sum, against_lights(own, environment_pdf(d, scene) * pick));
 #endif
 #if HIDDEN_SKY
     sum = keep3(kind != HIDDEN_FROM_CAMERA, sum);
 #endif
 #if EMITTER_SUNS
 #if CAUSTICS
-    sum = add(sum, keep3(NOT(sunless), suns_radiance(p, n, d, own, kind, scene)));
+    sum = add(sum, keep3(NOT(sunless), suns_radiance(p, receiver, d, own, kind, scene)));
 #else
-    sum = add(sum, suns_radiance(p, n, d, own, kind, scene));
+    sum = add(sum, suns_radiance(p, receiver, d, own, kind, scene));
 #endif
 #endif
     return sum;

@@ -23,8 +23,21 @@ IN_PLACE static F facing(F cosine, F spread)
     return MAX(0.5f * (cosine + root(cosine * cosine + spread)), (F)(LEAST_FACING));
 }
 
-// About the light of a node's lamps at p, on a surface with normal n; 0 for n stands for all directions.
-IN_PLACE static F light_of_node(Eight node, F3 p, F3 n)
+#if LIGHT_LOBES
+// What of the light from a direction, or from directions of such a spread about it, a surface scatters along the path, over 1/pi:
+// what matte ones would, and the lobe of facets, D of GGX by the angle from the mirrored direction. A node's extent widens that,
+// its integral is kept.
+IN_PLACE static F with_lobe(F even, Receiver receiver, F3 to, F spread)
+{
+    F3 off = sub(to, receiver.mirrored);
+    F width = receiver.width + 2.0f * spread;
+    F rest = width + dot3(off, off);
+    return even + receiver.share * (width / (rest * rest) - even);
+}
+#endif
+
+// About the light of a node's lamps at p, on a surface; 0 for n stands for all directions.
+IN_PLACE static F light_of_node(Eight node, F3 p, Receiver receiver)
 {
     F3 to = f3(node.f[0] - p.x, node.f[1] - p.y, node.f[2] - p.z);
     F inverse = ONE / MAX(dot3(to, to) + node.f[3], (F)(SMALLEST));
@@ -32,42 +45,52 @@ IN_PLACE static F light_of_node(Eight node, F3 p, F3 n)
     F spread = 0.5f * node.f[3] * inverse;
     F3 axis = f3(node.f[4], node.f[5], node.f[6]);
     F shines = facing(-dot3(axis, to) * per_distance, spread + 0.25f * (1.0f - dot3(axis, axis)));
-    F receives = facing(dot3(n, to) * per_distance, spread + RECEIVER_SOFT);
+    F receives = facing(dot3(receiver.n, to) * per_distance, spread + RECEIVER_SOFT);
+#if LIGHT_LOBES
+    receives = with_lobe(receives, receiver, scale(to, per_distance), spread);
+#endif
     return node.f[7] * shines * receives * inverse;
 }
 
-static inline F light_of_tree(Scene scene, F3 p, F3 n) { return light_of_node(load_eight(scene.light_nodes, (I)(8)), p, n); }
+static inline F light_of_tree(Scene scene, F3 p, Receiver receiver)
+{
+    return light_of_node(load_eight(scene.light_nodes, (I)(8)), p, receiver);
+}
 
 // The same of an emitter at infinity.
-static inline F light_from_afar(Scene scene, int e, F3 n)
+static inline F light_from_afar(Scene scene, int e, Receiver receiver)
 {
     const __global Emitter *emitter = scene.emitters + e;
     F light = (F)(emitter->pick);
-    return emitter->kind == EMITTER_ENVIRONMENT ? light : light * facing(dot3(n, f3_of(emitter->normal)), (F)(RECEIVER_SOFT));
+    F receives = facing(dot3(receiver.n, f3_of(emitter->normal)), (F)(RECEIVER_SOFT));
+#if LIGHT_LOBES
+    receives = with_lobe(receives, receiver, f3_of(emitter->normal), ZERO);
+#endif
+    return emitter->kind == EMITTER_ENVIRONMENT ? light : light * receives;
 }
 
-static F light_from_all_afar(Scene scene, F3 n)
+static F light_from_all_afar(Scene scene, Receiver receiver)
 {
     F sum = ZERO;
     for (int e = scene.environment->lamps; e < scene.emitter_count; ++e)
-        sum += light_from_afar(scene, e, n);
+        sum += light_from_afar(scene, e, receiver);
     return sum;
 }
 
 typedef struct { F a, b, c, d, sum; } Four;
 
 // Light of the four nodes below a node.
-IN_PLACE static Four light_below(Scene scene, I node, F3 p, F3 n)
+IN_PLACE static Four light_below(Scene scene, I node, F3 p, Receiver receiver)
 {
     Eight a = load_eight(scene.light_nodes, node * 32);
     Eight b = load_eight(scene.light_nodes, node * 32 + 8);
     Eight c = load_eight(scene.light_nodes, node * 32 + 16);
     Eight d = load_eight(scene.light_nodes, node * 32 + 24);
     Four light;
-    light.a = light_of_node(a, p, n);
-    light.b = light_of_node(b, p, n);
-    light.c = light_of_node(c, p, n);
-    light.d = light_of_node(d, p, n);
+    light.a = light_of_node(a, p, receiver);
+    light.b = light_of_node(b, p, receiver);
+    light.c = light_of_node(c, p, receiver);
+    light.d = light_of_node(d, p, receiver);
     light.sum = (light.a + light.b) + (light.c + light.d);
     return light;
 }
@@ -78,22 +101,22 @@ static inline I lamp_of_leaf(Scene scene, I leaf)
 }
 
 // Probability that the tree is asked at all: not the emitters at infinity.
-static inline F chance_of_tree(Scene scene, F3 p, F3 n)
+static inline F chance_of_tree(Scene scene, F3 p, Receiver receiver)
 {
     if (scene.environment->lamps == scene.emitter_count)
         return ONE;
-    F near = light_of_tree(scene, p, n);
-    return near / (near + light_from_all_afar(scene, n));
+    F near = light_of_tree(scene, p, receiver);
+    return near / (near + light_from_all_afar(scene, receiver));
 }
 
 // The emitter at infinity of the lanes `open` that u picks among them, and its probability.
-static I pick_afar(Scene scene, F3 n, I open, F u, F chance, F *pick)
+static I pick_afar(Scene scene, Receiver receiver, I open, F u, F chance, F *pick)
 {
-    F left = u * light_from_all_afar(scene, n);
-    F per_light = chance / light_from_all_afar(scene, n);
+    F left = u * light_from_all_afar(scene, receiver);
+    F per_light = chance / light_from_all_afar(scene, receiver);
     I picked = (I)(scene.emitter_count - 1);
     for (int e = scene.environment->lamps; e < scene.emitter_count; ++e) {
-        F light = light_from_afar(scene, e, n);
+        F light = light_from_afar(scene, e, receiver);
         I here = open & ((left < light) | ((I)(e) == scene.emitter_count - 1));
         picked = here ? (I)(e) : picked;
         *pick = here ? light * per_light : *pick;
@@ -110,18 +133,18 @@ static inline F rest_of(F u, F share, I second, F taken)
 }
 
 // The emitter that u picks, and the probability of that.
-static I pick_emitter(Scene scene, F3 p, F3 n, F u, F *pick)
+static I pick_emitter(Scene scene, F3 p, Receiver receiver, F u, F *pick)
 {
-    F chance = chance_of_tree(scene, p, n);
+    F chance = chance_of_tree(scene, p, receiver);
     I afar = u >= chance;
     F distant = ONE;
     I e = FALSE;
     if (ANY(afar))
-        e = pick_afar(scene, n, afar, rest_of(u, chance, afar, ONE - chance), ONE - chance, &distant);
+        e = pick_afar(scene, receiver, afar, rest_of(u, chance, afar, ONE - chance), ONE - chance, &distant);
     u = rest_of(u, chance, FALSE, chance);
     I node = (I)(1);
     for (int level = 0; level < scene.environment->light_levels; ++level) {
-        Four light = light_below(scene, node, p, n);
+        Four light = light_below(scene, node, p, receiver);
         F left = light.a + light.b;
         u *= light.sum;
         I right = (u >= left) & (light.c + light.d > 0.0f);
@@ -139,13 +162,13 @@ static I pick_emitter(Scene scene, F3 p, F3 n, F u, F *pick)
 }
 
 // Probability with which pick_emitter returns a lamp of the tree.
-static F pick_of_lamp(Scene scene, I e, F3 p, F3 n)
+static F pick_of_lamp(Scene scene, I e, F3 p, Receiver receiver)
 {
     I leaf = GATHER(I, scene.emitters, e, .leaf);
-    F chance = chance_of_tree(scene, p, n);
+    F chance = chance_of_tree(scene, p, receiver);
     I node = (I)(1);
     for (int level = scene.environment->light_levels - 1; level >= 0; --level) {
-        Four light = light_below(scene, node, p, n);
+        Four light = light_below(scene, node, p, receiver);
         I child = (leaf >> (2 * level)) & 3;
         F taken = child >= 2 ? (child == 3 ? light.d : light.c) : (child == 1 ? light.b : light.a);
         chance *= taken > 0.0f ? taken / light.sum : ZERO;
@@ -155,9 +178,9 @@ static F pick_of_lamp(Scene scene, I e, F3 p, F3 n)
 }
 
 // The same of an emitter at infinity.
-static inline F pick_of_distant(Scene scene, int e, F3 p, F3 n)
+static inline F pick_of_distant(Scene scene, int e, F3 p, Receiver receiver)
 {
-    return (ONE - chance_of_tree(scene, p, n)) * light_from_afar(scene, e, n) / light_from_all_afar(scene, n);
+    return (ONE - chance_of_tree(scene, p, receiver)) * light_from_afar(scene, e, receiver) / light_from_all_afar(scene, receiver);
 }
 
 #endif

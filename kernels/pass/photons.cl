@@ -8,7 +8,7 @@
 // Light that a photon takes from a lamp to where it starts, and the ray on to there: power, not yet visible.
 static ShadowRay light_of_start(Vertex vertex, StartPoint start, F4 u, Scene scene)
 {
-    LightSample light = sample_emitter(scene, vertex.p, f3(ZERO, ZERO, ZERO), u.a, u.b, u.c);
+    LightSample light = sample_emitter(scene, vertex.p, all_round(), u.a, u.b, u.c);
     ShadowRay shadow;
     shadow.ray.o = departure(vertex, light.direction);
     shadow.ray.d = light.direction;

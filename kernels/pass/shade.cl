@@ -4,6 +4,30 @@
 #include "integrator/path.h"
 #include "integrator/state.h"
 
+#if LIGHT_TREE
+static inline Receiver read_receiver(const __global float *state, uint capacity, uint slot)
+{
+    Receiver receiver;
+    receiver.n = READ_F3(N, slot);
+#if LIGHT_LOBES
+    receiver.mirrored = READ_F3(MIRRORED, slot);
+    receiver.width = READ_F(LOBE_WIDTH, slot);
+    receiver.share = READ_F(LOBE_SHARE, slot);
+#endif
+    return receiver;
+}
+
+static inline void write_receiver(__global float *state, uint capacity, uint slot, Receiver receiver)
+{
+    WRITE_F3(N, slot, receiver.n);
+#if LIGHT_LOBES
+    WRITE_F3(MIRRORED, slot, receiver.mirrored);
+    WRITE_F(LOBE_WIDTH, slot, receiver.width);
+    WRITE_F(LOBE_SHARE, slot, receiver.share);
+#endif
+}
+#endif
+
 __kernel void shade(SCENE_PARAMETERS
                     __global float *state,      // path state
                     uint            capacity,   // slots in the state
@@ -39,7 +63,7 @@ __kernel void shade(SCENE_PARAMETERS
     path.pdf = READ_F(PDF, slot);
 #endif
 #if LIGHT_TREE
-    path.n = depth == 1u ? f3(ZERO, ZERO, ZERO) : READ_F3(N, slot);
+    path.receiver = depth == 1u ? all_round() : read_receiver(state, capacity, slot);
 #endif
     Hit hit;
     hit.t = READ_F(T, slot);
@@ -69,7 +93,7 @@ __kernel void shade(SCENE_PARAMETERS
     WRITE_F3(D, slot, path.ray.d);
     WRITE_F3(B, slot, path.beta);
 #if LIGHT_TREE
-    WRITE_F3(N, slot, path.n);
+    write_receiver(state, capacity, slot, path.receiver);
 #endif
 #if CAUSTICS
     WRITE_I(SINCE_RECEIVER, slot, path.since_receiver);

@@ -52,7 +52,7 @@ __kernel void stream(SCENE_PARAMETERS
     path.radiance = f3(ZERO, ZERO, ZERO);
     path.pdf = ZERO;
 #if LIGHT_TREE
-    path.n = f3(ZERO, ZERO, ZERO);
+    path.receiver = all_round();
 #endif
 #if CAUSTICS
     path.since_receiver = FALSE;

@@ -289,6 +289,7 @@ def add_lens(parser: Parser) -> None:
         add_lens_draw,
         lens_measures.add_lens_measurements,
         lens_measures.add_lens_breathing,
+        lens_measures.add_lens_focus_scale,
         lens_measures.add_lens_tolerance,
         lens_measures.add_lens_ghosts,
         lens_measures.add_lens_trace,

@@ -1,5 +1,5 @@
 """The commands of ``rptcam lens`` that measure: ``spot``, ``mtf``, … of every declared measurement, ``ghosts``,
-``trace``, ``breathing`` and ``tolerance``."""
+``trace``, ``breathing``, ``focus-scale`` and ``tolerance``."""
 
 import argparse
 import math
@@ -42,6 +42,7 @@ READERS = {
     "angle": finite,
     "wavelengths": lens_options.wavelengths,
     "numbers": lens_options.numbers,
+    "distances": lens_options.number_list("distances above 0 m, as 0.8,2,inf", lambda value: value > 0),
     "count": lens_options.count,
     "length": positive,
     "share": share,
@@ -137,7 +138,11 @@ def _print_rows(measurement: Measurement, result: "Measured") -> None:
     known = result.table[0] if result.table else measurement.columns
     columns = {key: head for key, head in measurement.columns.items() if key in known}
     cells = [
-        ["all" if key == "wavelength_nm" and row[key] is None else row[key] for key in columns] for row in result.table
+        [
+            "all" if key == "wavelength_nm" and row[key] is None else "inf" if row[key] == math.inf else row[key]
+            for key in columns
+        ]
+        for row in result.table
     ]
     print_table(list(columns.values()), cells, result.caption)
 
@@ -399,6 +404,52 @@ def _breathing(arguments: argparse.Namespace) -> int:
     return 0
 
 
+# ``rptcam lens focus-scale``: what is engraved on the focus ring.
+
+
+def add_lens_focus_scale(commands: Commands) -> None:
+    """Add the command."""
+    text = "the scale engraved on the focus ring: distances, turn, and what moves how far"
+    parser = add_command(commands, "focus-scale", text, _focus_scale)
+    lens_options.add_lens_argument(parser)
+    parser.add_argument(
+        "--distances-m", type=_distances, metavar="A,B,…",
+        help="from the object to the film in metres (default: those of a lens barrel, from infinity to the nearest)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--nearest-m", type=positive, metavar="D",
+        help="where the scale ends (default: as near as the lens file says, or 10 focal lengths)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--throw-degrees", type=positive, metavar="A", default=120.0,
+        help="how far the ring turns from infinity to the last mark (default: %(default)s)",
+    )  # fmt: skip
+    lens_options.add_plot(parser)
+
+
+def _focus_scale(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.rendering.cameras.chief_rays import focus_scale, focus_scale_chart
+
+    lens_options.check_picture(arguments.output, arguments.lens)
+    if arguments.focus_distance_m is not None:
+        raise InputError("--focus-distance-m: has no effect on the scale (allowed: --distances-m, --nearest-m)")
+    if arguments.distances_m and arguments.nearest_m:
+        raise InputError("--nearest-m: has no effect beside --distances-m")
+    positions = _positions(arguments)
+    rows = focus_scale(
+        positions, LINE_D_NM, arguments.throw_degrees, arguments.distances_m or None, arguments.nearest_m
+    )
+    name = positions[0][1].name
+    if arguments.json:
+        print(as_json({"lens": name, "throw_degrees": arguments.throw_degrees, "scale": rows}))
+    else:
+        columns = ("zoom", "focus [m]", "[ft]", "turn [°]", "moves [mm]", "film [mm]", "magnification")
+        print_table(columns, [list(row.values()) for row in rows], name)
+    if arguments.output is not None:
+        lens_options.write_picture(focus_scale_chart(name, rows), arguments.output)
+    return 0
+
+
 # ``rptcam lens tolerance``: how copies of a lens turn out within tolerances.
 
 MOST_COPIES = 100_000
@@ -422,6 +473,11 @@ def add_lens_tolerance(commands: Commands) -> None:
         "--limit", type=finite, metavar="X",
         help="print which share of the copies has this spot [micrometres], or modulation (0 to 1), or a better one",
     )  # fmt: skip
+    parser.add_argument(
+        "--for-yield", type=finite, metavar="P",
+        help="find the loosest tolerances of these kinds with which P percent of the copies reach the limit",
+    )  # fmt: skip
+    parser.add_argument("--write", type=Path, metavar="FILE", help="write them as a specification, .yaml")
     lens_options.add_plot(parser)
 
 
@@ -431,6 +487,8 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
     lens_options.check_picture(arguments.output, arguments.lens)
     if arguments.output is not None and arguments.output.resolve() == Path(arguments.spec).resolve():
         raise InputError(f"{arguments.output}: would overwrite the specification")
+    if arguments.for_yield is not None or arguments.write is not None:
+        return _loosest(arguments)
     run = tolerance(
         lens_options.load(arguments.lens, arguments.catalogue),
         arguments.spec,
@@ -444,6 +502,45 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
         _print_tolerance(run, arguments.limit)
     if arguments.output is not None:
         lens_options.write_picture(tolerance_chart(run), arguments.output)
+    return 0
+
+
+def _loosest(arguments: argparse.Namespace) -> int:
+    import yaml
+
+    from rptcam_cl.core.files import check_writable
+    from rptcam_cl.rendering.tolerance_run import loosest_set, report, tolerance_chart
+
+    if arguments.for_yield is None or not 0 < arguments.for_yield < 100:
+        raise InputError("--for-yield: expected percents above 0 and below 100, with --limit")
+    if arguments.limit is None:
+        raise InputError("--for-yield: needs --limit, the spot [µm] or modulation that the copies are to reach")
+    if arguments.write is not None:
+        check_writable(arguments.write, [arguments.spec])
+    lens = lens_options.load(arguments.lens, arguments.catalogue)
+    found = loosest_set(
+        lens, arguments.spec, arguments.limit, arguments.for_yield, copies=arguments.copies, seed=arguments.seed
+    )
+    share = asdict(found.run.yield_at(arguments.limit))
+    if arguments.json:
+        facts = {"limit": arguments.limit, "yield_at": share, "specification": found.specification}
+        print(as_json(facts | {"factors": found.factors.tolist(), "run": report(found.run)}))
+    else:
+        entries = found.specification["tolerances"]
+        rows = [
+            [label, factor, next(f"{key} {value:g}" for key, value in entry.items())]
+            for label, factor, entry in zip(found.labels, found.factors.tolist(), entries, strict=True)
+        ]
+        print_table(("tolerance", "times", "now"), rows, f"{lens.name}: loosest set for {arguments.for_yield:g} %")
+        value, low, high = (100 * part for part in share.values())
+        what = "at most" if found.run.rank_by == "spot" else "at least"
+        count = found.run.copies.count
+        interval = f"95 %: {low:.1f} to {high:.1f} %"
+        print(f"{value:.1f} % of {count} other copies have {what} {arguments.limit:g} ({interval})")
+    if arguments.write is not None:
+        lens_options.write(yaml.safe_dump(found.specification, sort_keys=False).encode(), arguments.write)
+    if arguments.output is not None:
+        lens_options.write_picture(tolerance_chart(found.run), arguments.output)
     return 0
 
 

@@ -466,13 +466,14 @@ class SpectrumKind(IntEnum):
 
 
 class RayStatus(IntEnum):
-    """What became of a ray in a lens; the values agree with `rptcam_cl.optics.Status`."""
+    """What became of a ray in a lens; values up to DARK are those of `rptcam_cl.optics.ray_trace.Status`."""
 
     OK = 0
     MISSED = 1
     CLIPPED = 2
     TOTAL_INTERNAL_REFLECTION = 3
     NO_CONVERGENCE = 4
+    DARK = 5  # it comes from a place of the film that sees no light, and was never aimed
 
 
 class SurfaceKind(IntEnum):
@@ -861,6 +862,7 @@ MESH_FIELDS = ("TRIANGLE", "HIT_TRIANGLE", "B1", "B2", "FROM_TRIANGLE", "TARGET_
 TIME_FIELDS = ("TIME",)
 COLOUR_FIELDS = ("WAVELENGTH_SAMPLE",)
 LIGHT_TREE_FIELDS = ("NX", "NY", "NZ")
+LIGHT_LOBE_FIELDS = ("MIRROREDX", "MIRROREDY", "MIRROREDZ", "LOBE_WIDTH", "LOBE_SHARE")
 CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
 MEDIA_FIELDS = ("MEDIUM", "FROM_MEDIUM")
 STATE_FIELDS = (
@@ -870,6 +872,7 @@ STATE_FIELDS = (
     + TIME_FIELDS
     + COLOUR_FIELDS
     + LIGHT_TREE_FIELDS
+    + LIGHT_LOBE_FIELDS
     + CAUSTIC_FIELDS
     + MEDIA_FIELDS
 )
@@ -883,6 +886,7 @@ def floats_per_slot(
     moves: bool,
     colours: bool,
     light_tree: bool,
+    light_lobes: bool = False,
     caustics: bool = False,
     media: bool = False,
 ) -> int:
@@ -890,14 +894,15 @@ def floats_per_slot(
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
     triangles where it has meshes, with the time where something moves, with the wavelength sample where paths have a
-    wavelength, with a normal where the scene has a light tree, with their past where photons bring caustics and with
-    the media around them where it has any.
+    wavelength, with a normal where the scene has a light tree and a lobe where facets reflect its lamps, with their
+    past where photons bring caustics and with the media around them where it has any.
     """
     if stream:
         return CAMERA_RAY_FLOATS
     last = {
         MEDIA_FIELDS: media,
         CAUSTIC_FIELDS: caustics,
+        LIGHT_LOBE_FIELDS: light_lobes,
         LIGHT_TREE_FIELDS: light_tree,
         COLOUR_FIELDS: colours,
         TIME_FIELDS: moves,

@@ -56,17 +56,22 @@ class Heat:
     def lens(self, lens: Lens) -> Lens:
         """Return a lens, made and measured at 20 degrees, under this heat; itself where nothing differs.
 
-        Glass keeps its shape and grows, air spaces grow as the barrel does; a cemented surface as the glass behind it.
+        Glass keeps its shape and grows, and mirrors behind it with it; air spaces grow as the barrel does; a cemented
+        surface as the glass behind it.
 
         Raises
         ------
         InputError
-            When a catalogue does not say how a glass changes, or for mirrors, whose body is not known.
+            When a catalogue does not say how a glass changes, or for mirrors in front of a body, which is not known.
         """
         if self.celsius == STANDARD_C and self.pressure_hpa == STANDARD_HPA:
             return lens
-        if lens.has_mirrors:
-            raise InputError(f"{lens.name}: has mirrors, of which no file says how they expand")
+        for k, surface in enumerate(lens.surfaces):
+            if surface.is_mirror and surface.glass == AIR:
+                raise InputError(
+                    f"{lens.name}: surface {k} is a mirror in front of its body, and no file says how that expands"
+                    " (mirrors behind glass keep its shape)"
+                )
         if lens.fold is not None:
             raise InputError(f"{lens.name}: its axis is folded, and no file says how its parts are held apart")
         media = [self._medium(lens, f"surfaces[{k}]", lens.surfaces[k].glass) for k in range(len(lens.surfaces))]

@@ -159,6 +159,22 @@ def _best(lens: Lens, front_mm: float, wavelengths_nm: Sequence[float], field_de
     return -top / bottom
 
 
+def axial_blur(lens: Lens, film_distance_mm: float, front_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
+    """Return the root mean square distance from the axis of the light of a point on it, on the film [mm].
+
+    Of a lens that is not alike all round, from the middle of that light.
+
+    Parameters
+    ----------
+    front_mm
+        From the point to the first vertex; infinite for a distant one.
+    """
+    if not lens.is_rotational:
+        return spot(lens, film_distance_mm, Beam(0.0, front_mm), wavelength_nm, ACROSS).rms
+    heights, slopes, weights = _zones(lens, front_mm, wavelength_nm)
+    return float(np.sqrt(np.sum(weights * (heights + film_distance_mm * slopes) ** 2)))
+
+
 def _zones(lens: Lens, front_mm: float, wavelength_nm: float) -> tuple[Array, Array, Array]:
     """Return height at the last vertex, slope along the light and weight of meridional rays.
 

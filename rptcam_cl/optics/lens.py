@@ -636,7 +636,7 @@ def focused_by_group(
     with np.errstate(invalid="ignore"):
         change = np.flatnonzero(np.sign(errors[:-1]) * np.sign(errors[1:]) <= 0)
     if not len(change):
-        near, far = _reach(lens, film_distance_mm, wavelength_nm)
+        near, far = focus_reach_mm(lens, film_distance_mm, wavelength_nm)
         raise InputError(
             f"{lens.name}: its group focuses from {near:.6g} to {far:.6g} mm from the film "
             f"(requested {object_distance_mm:.6g} mm)"
@@ -663,7 +663,7 @@ def _defocus(lens: Lens, shift: float, distance: float, film_distance_mm: float,
         return float("nan")
 
 
-def _reach(lens: Lens, film_distance_mm: float, wavelength: float) -> tuple[float, float]:
+def focus_reach_mm(lens: Lens, film_distance_mm: float, wavelength: float) -> tuple[float, float]:
     """Return the nearest and farthest object plane that some shift makes sharp [mm from the film]."""
     distances = []
     for shift in np.linspace(*travel_mm(lens), 2 * STEPS + 1).tolist():

@@ -31,6 +31,7 @@ KINDS = {
     "angle": "float",
     "wavelengths": "Sequence[float]",
     "numbers": "Sequence[float]",
+    "distances": "Sequence[float]",
     "count": "int",
     "length": "float",
     "share": "float",
@@ -177,6 +178,10 @@ def _fault_of_field(value: float) -> str:
 
 def _fault_of_order(value: int) -> str:
     return "" if 1 <= value <= HIGHEST else f"got {value}; allowed from 1 to {HIGHEST}"
+
+
+def _fault_of_distances(values: Any) -> str:
+    return "" if min(values) > 0 else f"must be above 0 (got {min(values):g})"
 
 
 def _fault_of_range(value: float) -> str:
@@ -384,6 +389,25 @@ THROUGH_FOCUS = Measurement(
     _FIELD_COLUMN | {"shift_mm": "shift [mm]", "rms_um": "rms [µm]", "rms_x_um": "in x", "rms_y_um": "in y"},
     "through_focus", ("range_mm", "fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
+DEPTH_OF_FIELD = Measurement(
+    "dof", "depth_of_field", "depth_of_field",
+    "depth of field and hyperfocal distance by traced rays and by the thin-lens formula, and the scale of the lens",
+    "Return the depth of field on the axis, by traced rays and by the thin-lens formula, from the object to the film.",
+    (
+        Option("distances_m", "distances", None, "distances of focus in metres or inf (default: chosen from the lens)",
+               "--distances-m", "D,D,…", fault=_fault_of_distances),
+        Option("f_numbers", "numbers", None, "f-numbers (default: as it is, and every second full stop)", "--f-numbers",
+               "N,N,…", fault=_fault_of_distances),
+        Option("circle_mm", "length", 0.0288, "circle of confusion in millimetres (default: %(default)s, of 36x24 mm)",
+               "--circle-mm", "C", fault=_fault_of_range),
+    ),
+    {
+        "f_number": "f/", "focus_m": "focus [m]", "blur_mm": "blur there [mm]", "near_m": "near [m]",
+        "far_m": "far [m]", "near_thin_m": "near, thin", "far_thin_m": "far, thin",
+        "hyperfocal_m": "hyperfocal [m]", "hyperfocal_thin_m": "thin",
+    },
+    "depth_of_field", ("distances_m", "f_numbers"), has_wavelength=True, has_section=False,
+)  # fmt: skip
 TRANSMITTANCE = Measurement(
     "transmittance", "transmittance", "field_measures",
     "light that glass and surfaces let through on the axis, and T-numbers",
@@ -411,7 +435,7 @@ GLARE = Measurement(
 
 MEASUREMENTS = (
     SPOT, MTF, PSF, WAVEFRONT, PARAXIAL, SEIDEL, ZERNIKE, RAY_FAN, FIELD_CURVATURE, FOCAL_SHIFT,
-    THROUGH_FOCUS, VIGNETTING, DISTORTION, TRANSMITTANCE, GLARE,
+    THROUGH_FOCUS, DEPTH_OF_FIELD, VIGNETTING, DISTORTION, TRANSMITTANCE, GLARE,
 )  # fmt: skip
 
 
@@ -456,6 +480,7 @@ class Measurable:
     field_curvature = _method(FIELD_CURVATURE)
     focal_shift = _method(FOCAL_SHIFT)
     through_focus = _method(THROUGH_FOCUS)
+    depth_of_field = _method(DEPTH_OF_FIELD)
     vignetting = _method(VIGNETTING)
     distortion = _method(DISTORTION)
     transmittance = _method(TRANSMITTANCE)

@@ -409,6 +409,7 @@ FARTHEST = 1.75  # in the frame of the box round the pupil
 EDGE_NODES = 2  # nearest to the edge of the light, where the pupil closes faster than nodes follow
 EDGE_MARGIN = 0.15
 LINE_EDGE_MARGIN = 0.03  # the same on lines, whose nodes are dense there
+HOLE_MARGIN = 0.004  # share of the pupil's radius by which its hole is taken smaller than it was traced
 BEYOND_LIT = 0.0005  # share of the way to the edge of the light by which lines of a lens that is not round go on
 
 
@@ -462,12 +463,15 @@ class PupilShapes:
         Half axes in the same directions [mm]; 0 where no light arrives.
     radii : (lines, nodes, DIRECTIONS) array
         Radius in the frame of the axes, per direction k / DIRECTIONS of a turn.
+    inner : array like radii, or None
+        Within what radius nothing passes, of lenses whose middle is obstructed.
     """
 
     reach: Array
     centres: Array
     axes: Array
     radii: Array
+    inner: Array | None = None
 
     @property
     def radial(self) -> bool:
@@ -564,15 +568,26 @@ def _one_line(
         lit = _lit_radius(probes, radius_mm, radial=True)
         film = film_line(lit, fineness.radial_nodes)
         centres, axes = _frames(probes, film, radial=True)
-    reaches = [
-        reach_of(of[-1], scale * film, between(centres), between(axes), fineness, mirrored=True)
-        for of, scale in ((probes, 1.0), *beside)
-    ]
+    states = ((probes, 1.0), *beside)
+    frames = between(centres), between(axes)
+    reaches = [reach_of(of[-1], scale * film, *frames, fineness, mirrored=True) for of, scale in states]
     reach = np.max(reaches, axis=0)
     radii = envelope(reach[None], fineness.directions) * (1.0 + fineness.margin)
     if lit < radius_mm:
         radii[:, -EDGE_NODES:] *= 1.0 + EDGE_MARGIN
-    return PupilShapes(np.array([lit]), centres[None], axes[None], radii)
+    holes = [
+        hole_of(of[-1], scale * film, *frames, fineness, each, mirrored=True)
+        for (of, scale), each in zip(states, reaches, strict=True) if lens.is_obstructed
+    ]  # fmt: skip
+    inner = _inner(np.min(holes, axis=0)[None], radii, fineness, np.array([lit < radius_mm])) if holes else None
+    return PupilShapes(np.array([lit]), centres[None], axes[None], radii, inner)
+
+
+def _inner(holes: Array, radii: Array, fineness: Fineness, closes: Mask) -> Array:
+    """Return radii at the nodes within which nothing passes between them either; 0 next to where the light ends."""
+    inner = np.maximum(-envelope(-holes, fineness.directions) - HOLE_MARGIN * radii, 0.0)
+    inner[closes, -EDGE_NODES:] = 0.0
+    return inner
 
 
 def _lines(
@@ -604,15 +619,19 @@ def _lines(
         centres[k], axes[k] = centres[other] * (1.0, -1.0 if mirrored else 1.0), axes[other]
     for values in (centres, axes):
         values[1::2] = (values[::2] + np.roll(values[::2], -1, axis=0)) / 2
-    edges = np.zeros((count, 2 * nodes - 1, fineness.directions * DIRECTIONS))
+    edges, holes = np.zeros((2, count, 2 * nodes - 1, fineness.directions * DIRECTIONS))
     for k, (other, mirrored) in enumerate(like):
         if other == k and axes[k].any():
-            edges[k] = reach_of(probes[k][-1], _closing_line(reach[k], nodes), centres[k], axes[k], fineness)
-        edges[k] = np.roll(edges[other][:, ::-1], 1, axis=1) if mirrored else edges[other]
+            seen = probes[k][-1], _closing_line(reach[k], nodes), centres[k], axes[k], fineness
+            edges[k] = reach_of(*seen)
+            holes[k] = hole_of(*seen, edges[k]) if lens.is_obstructed else 0.0
+        for values in (edges, holes):
+            values[k] = np.roll(values[other][:, ::-1], 1, axis=1) if mirrored else values[other]
     margin = fineness.tilted_margin if lens.is_rotational else fineness.margin
     radii = envelope(edges, fineness.directions) * (1.0 + margin)
     radii[(lit < ends)[::2], -EDGE_NODES:] *= 1.0 + LINE_EDGE_MARGIN
-    return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii)
+    inner = _inner(holes, radii, fineness, (lit < ends)[::2]) if holes.any() else None
+    return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii, inner)
 
 
 def _alike(lens: Lens, frame: FilmFrame, count: int) -> list[tuple[int, bool]]:
@@ -697,10 +716,21 @@ def _frames(probes: list[FilmProbe], film: Array, *, radial: bool = False) -> tu
     weight = _neighbours(lit.astype(np.float64))
     borrow = ~lit & (weight > 0)
     weight = np.maximum(weight, 1.0)
-    return (
-        np.where(borrow, _neighbours(np.where(lit, centres, 0.0)) / weight, centres),
-        np.where(borrow, _neighbours(axes) / weight, axes),
-    )
+    centres = np.where(borrow, _neighbours(np.where(lit, centres, 0.0)) / weight, centres)
+    axes = np.where(borrow, _neighbours(axes) / weight, axes)
+    if probes[-1].lens.is_obstructed:  # of a thin ring even the slack of boxes is a large part
+        return _fit(probes[-1], film[::2], centres, axes, radial=radial)
+    return centres, axes
+
+
+def _fit(probe: FilmProbe, film: Array, centres: Array, axes: Array, *, radial: bool) -> tuple[Array, Array]:
+    """Return frames that fit the outlines themselves, where boxes are wider by up to a cell of their grids."""
+    reach = reach_of(probe, film, centres, axes, FINE_OUTLINES, mirrored=radial)
+    angles = np.arange(reach.shape[1]) * 2 * np.pi / reach.shape[1]
+    lit = np.any(reach > 0, axis=1, keepdims=True)
+    points = centres[:, None] + axes[:, None] * reach[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    low, high = (np.where(lit, edge(points, axis=1), centres) for edge in (np.min, np.max))
+    return np.where(lit, (low + high) / 2, centres), np.where(lit, (high - low) / 2, axes)
 
 
 def _neighbours(values: Array) -> Array:
@@ -751,6 +781,48 @@ def reach_of(
         low[lit], high[lit] = np.where(inside, middle, low[lit]), np.where(inside, high[lit], middle)
     reach = np.where(lit.any(axis=1, keepdims=True), high, 0.0)
     return np.concatenate([reach, reach[:, -2:0:-1]], axis=1) if mirrored else reach
+
+
+def hole_of(
+    probe: FilmProbe,
+    film: Array,
+    centres: Array,
+    axes: Array,
+    fineness: Fineness,
+    reach: Array,
+    *,
+    mirrored: bool = False,
+) -> Array:
+    """Return within what radius no ray passes, in the frame and shape of `reach_of`, whose result `reach` is.
+
+    Points are tried from the middle outwards, then the edge before the first that passes is bisected. 0 where the
+    middle passes, and in all directions of a pupil that is closed in some.
+    """
+    count = reach.shape[1] // 2 + 1 if mirrored else reach.shape[1]
+    angles, reach = np.arange(count) * 2 * np.pi / reach.shape[1], reach[:, :count]
+    across = axes[:, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+    def passing(rho: Array, of: Mask) -> Mask:
+        points = centres[:, None] + across * rho[..., None]
+        return probe.passes(np.broadcast_to(film[:, None], points.shape)[of], points[of])
+
+    open_all_round = np.broadcast_to(np.all(reach > 0, axis=1, keepdims=True), reach.shape)
+    low, high, dark = np.zeros(reach.shape), reach.copy(), open_all_round.copy()
+    for k in range(RING_SCAN + 1):
+        rho = reach * (k / RING_SCAN)
+        hit = passing(rho, dark)
+        high[dark] = np.where(hit, rho[dark], high[dark])
+        low[dark] = np.where(hit, low[dark], rho[dark])
+        dark[dark] = ~hit
+    low = np.where(open_all_round, np.minimum(low, high), 0.0)
+    for _ in range(fineness.bisections):
+        middle = (low + high) / 2
+        inside = np.zeros(reach.shape, dtype=bool)
+        inside[open_all_round] = passing(middle, open_all_round)
+        low, high = np.where(inside, low, middle), np.where(inside, middle, high)
+    hole = np.where(open_all_round & (high > 0), low, 0.0)
+    hole = np.where(np.all(hole > 0, axis=1, keepdims=True), hole, 0.0)
+    return np.concatenate([hole, hole[:, -2:0:-1]], axis=1) if mirrored else hole
 
 
 def envelope(reach: Array, directions: int) -> Array:

@@ -196,6 +196,7 @@ def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
         moves=plan.facts["MOVES"] > 0,
         colours=plan.facts["SPECTRUM"] > 0,
         light_tree=plan.facts["LIGHT_TREE"] > 0,
+        light_lobes=plan.facts["LIGHT_LOBES"] > 0,
         caustics=plan.facts["CAUSTICS"] > 0,
         media=plan.facts["HAS_MEDIA"] > 0,
     )

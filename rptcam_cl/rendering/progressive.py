@@ -797,7 +797,7 @@ class _Clock:
         blocked = None
         if self._has_lens:
             outcomes = self._wavefront.outcomes()
-            total = sum(outcomes.values())
+            total = sum(outcomes.values()) - outcomes["dark"]
             blocked = 1 - outcomes["passed"] / total if total else 0.0
         elapsed = self.elapsed
         rate = self.samples / max(elapsed, 1e-9) / 1e6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,7 @@ from rptcam_cl.rendering.tolerances import (
     Interval,
     Limit,
     Specification,
+    alone,
     draw_values,
     limits,
     percentile,
@@ -337,6 +338,102 @@ def _sensitivities(
 
 def _cost(rank_by: str, one: Sensitivity) -> float:
     return one.spot_change_um if rank_by == "spot" else -one.mtf_change
+
+
+# The loosest set of tolerances with which enough copies are good enough.
+
+LOOSEST, TIGHTEST = 10.0, 1e-3  # times what the specification says
+LEAST_COST = 1e-4  # of the worst: tolerances that cost less are treated alike
+STEPS = 12  # of the bisection for the common factor, each a sample of copies
+
+
+@dataclass(frozen=True)
+class LoosestSet:
+    """Tolerances that make a yield.
+
+    Attributes
+    ----------
+    specification : dict
+        As a file has it: an entry for each thing that may be off.
+    factors : (limits,) array
+        By which each is looser than in the specification that it comes from.
+    labels : tuple of str
+        What they were of, and how large.
+    run : ToleranceRun
+        Other copies, made within it.
+    """
+
+    specification: dict[str, Any]
+    factors: Array
+    labels: tuple[str, ...]
+    run: ToleranceRun
+
+
+def loosest_set(
+    lens: Lens,
+    spec: str | Path | Mapping[str, Any] | Tolerances | Specification,
+    limit: float,
+    percent: float,
+    *,
+    copies: int | None = None,
+    seed: int | None = None,
+) -> LoosestSet:
+    """Find the loosest tolerances of the kinds of a specification, so that this percent of the copies reach a limit.
+
+    What makes a tolerance narrow costs as 1 / size (Sutherland and Roth 1975). With variances of the spot that add up,
+    least cost for a variance gives each the size a^(-1/3) of what it adds at its limit; their common factor is found by
+    copies, all of which have the same random numbers, such that the 95 % interval of their yield begins at what is
+    wanted. None becomes looser than ten times the specification.
+
+    Parameters
+    ----------
+    limit : float
+        Rms spot [µm], or modulation where copies are ranked by it.
+    percent : float
+        Above 0 and below 100.
+
+    Raises
+    ------
+    InputError
+        Where the design itself does not reach the limit.
+    """
+    spec = spec if isinstance(spec, Specification) else specification(spec)
+    run = tolerance(lens, spec, copies=copies, seed=seed)
+    by_spot, design = run.rank_by == "spot", float(run.design.by(run.rank_by)[0])
+    if not (design < limit if by_spot else design > limit):
+        unit = " µm of rms spot" if by_spot else " of modulation"
+        raise InputError(f"{lens.name}: no tolerances reach {limit:g}{unit}: the design itself has {design:.4g}")
+    cost = dict.fromkeys((one.label for one in run.limits), 0.0)
+    for one in run.sensitivities:
+        added = one.spot_um**2 - design**2 if by_spot else design - one.mtf
+        cost[one.label] = max(cost[one.label], added if math.isfinite(added) else math.inf)
+    adds = np.array([cost[one.label] for one in run.limits])
+    worst = adds[np.isfinite(adds)].max(initial=0.0) or 1.0
+    shares = np.clip(np.where(np.isfinite(adds), adds, worst) / worst, LEAST_COST, 1.0) ** (-1 / 3)
+    judge, _, _ = _judge(spec, run.copies, _state(lens, spec)[1])
+
+    def reached(scale: float) -> float:
+        values = run.copies.values * np.minimum(scale * shares, LOOSEST)[:, None]
+        merit = judge.scores(replace(run.copies, values=values), run.tolerances.refocus).by(run.rank_by)
+        good = merit <= limit if by_spot else merit >= limit
+        return share(int(np.count_nonzero(good)), len(good)).low
+
+    low, high = math.log(TIGHTEST), math.log(LOOSEST)
+    if reached(math.exp(high)) * 100 >= percent:
+        low = high
+    for _ in range(0 if low == high else STEPS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if 100 * reached(math.exp(middle)) >= percent else (low, middle)
+    factors = np.minimum(math.exp(low) * shares, LOOSEST)
+    entries = [alone(lens, spec, one, factor) for one, factor in zip(run.limits, factors.tolist(), strict=True)]
+    given = spec.tolerances.model_dump(mode="json", exclude_none=True, exclude={"tolerances", "source"})
+    kept = ("distribution", "sigmas", "copies", "seed", "refocus", "f_number", "focus_distance_m", "zoom", "merit")
+    written = {"name": f"{given.get('name') or 'tolerances'}, {percent:g} % of {lens.name} at {limit:g}"}
+    written |= {key: given[key] for key in kept if key in given} | {"tolerances": entries}
+    return LoosestSet(
+        written, factors, tuple(one.label for one in run.limits),
+        tolerance(lens, written, copies=copies, seed=seed, with_sensitivities=False),
+    )  # fmt: skip
 
 
 # One copy of a lens, chosen by how good it is among all: the lens behind which a picture is taken.

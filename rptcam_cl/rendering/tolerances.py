@@ -18,7 +18,7 @@ from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.optics.as_built import Deviation
 from rptcam_cl.optics.glass import AIR, abbe_number
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.scene.lens_settings import GRADES, Distribution, Tolerance, Tolerances, grade
+from rptcam_cl.scene.lens_settings import GRADES, OF_EITHER, Distribution, Tolerance, Tolerances, grade
 from rptcam_cl.scene.load import input_error
 
 if TYPE_CHECKING:
@@ -196,6 +196,21 @@ def _items(lens: Lens, specification: Specification, entry: int) -> Iterator[_It
         glasses = elements(lens)
         for k in _chosen(specification, path, "elements", "element", len(glasses)):
             yield (glasses[k], glasses[k] + 1, f"element {k} (surfaces {glasses[k]} to {glasses[k] + 1})")
+
+
+def alone(lens: Lens, specification: Specification, limit: Limit, factor: float) -> dict[str, Any]:
+    """Return a limit as a tolerance of its own, in the form of a file, so many times as large: rounded down."""
+    entry, number = limit.key
+    tolerance = specification.tolerances.tolerances[entry]
+    quantity, item = tolerance.quantity, list(_items(lens, specification, entry))[number]
+    size = factor * float(getattr(tolerance, quantity))
+    digit = 10.0 ** (math.floor(math.log10(size)) - 1) if size > 0 else 1.0
+    written: dict[str, Any] = {quantity: float(f"{math.floor(size / digit * (1 + 1e-12)) * digit:.2g}")}
+    if tolerance.group is not None:
+        return written | {"group": list(tolerance.group)}
+    if item[2].startswith("element"):
+        return written | {"elements": [int(item[2].split()[1])]}
+    return written | {"surfaces": [item[0]]} | ({"of": "surface"} if quantity in OF_EITHER else {})
 
 
 def _concerns(lens: Lens, quantity: str, k: int) -> bool:

@@ -239,7 +239,8 @@ def test_stream_takes_the_rays_of_its_pixels_through_a_lens_first(session, scene
     facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_PACKETS": packets, "VW": lanes}
     facts |= {"MAP_ORDER": 4, "MAP_RIM_ORDER": 2, "MAP_RIMS": 1, "MAP_COLOURS": 0}
     if scene is all_facts:
-        facts |= TREES | GLASS | dict.fromkeys((*LOSSES, *SURFACES, "LAMP_AIM", "LAMP_COLOURS", "HALF_PUPIL"), 1)
+        more = ("LAMP_AIM", "LAMP_COLOURS", "HALF_PUPIL", "PUPIL_RING")
+        facts |= TREES | GLASS | dict.fromkeys((*LOSSES, *SURFACES, *more), 1)
         facts |= {"LENS_DISPERSION": 9, "WAVELENGTH_CELLS": 528, "FILTER": 1024}
     without_warnings(session, ["pass/stream.cl"], scene() | KEPT | facts)
 

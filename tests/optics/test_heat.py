@@ -11,7 +11,7 @@ from rptcam_cl.optics.as_built import BARRELS, Heat, thermal_of
 from rptcam_cl.optics.files.export import lens_text
 from rptcam_cl.optics.files.glass_catalogues import MAKERS, find_glass, glasses_of, law_of
 from rptcam_cl.optics.glass import AIR, Heated, Medium, Melt, air_index
-from rptcam_cl.optics.lens import in_configuration
+from rptcam_cl.optics.lens import Lens, in_configuration
 from rptcam_cl.optics.library import load_lens
 
 E_NM, G_NM, IR_NM = 546.074, 435.835, 1060.0
@@ -201,8 +201,24 @@ def test_what_lies_before_the_lens_takes_heat_as_well() -> None:
         Heat(60.0).lens(before["water"])
 
 
-def test_mirrors_are_refused() -> None:
-    with pytest.raises(InputError, match="has mirrors, of which no file says how they expand"):
+def mangin(glass: Any, scale: float = 1.0) -> Lens:
+    """A lens whose back is a mirror, through which light leaves by its front."""
+    rows = [
+        {"radius": -80 * scale, "thickness": 6 * scale, "glass": glass, "diameter": 30},
+        {"radius": -110 * scale, "thickness": -6 * scale, "mirror": True, "diameter": 30},
+        {"radius": -80 * scale, "diameter": 30},
+    ]
+    return load_lens({"name": "mangin", "surfaces": rows})
+
+
+def test_mirror_behind_glass_grows_with_it_and_one_before_its_body_is_refused() -> None:
+    hot = Heat(60.0).lens(mangin("N-BK7"))
+    alike = mangin({"index": float(index(mangin("N-BK7").surfaces[0].glass, 60.0, D_NM))}, 1 + 40 * 7.1e-6)
+    assert hot.first_order().focal_length_mm == pytest.approx(alike.first_order().focal_length_mm, rel=1e-12)
+    assert hot.surfaces[1].curvature == pytest.approx(-1 / (110 * (1 + 40 * 7.1e-6)), rel=1e-12)
+    with pytest.raises(InputError, match="surface 0 is a mirror in front of its body"):
+        Heat(60.0).lens(load_lens({"name": "a", "surfaces": [{"radius": -100, "mirror": True, "diameter": 20}]}))
+    with pytest.raises(InputError, match="nothing says how glass"):
         Heat(60.0).lens(load_lens("mirror-500mm"))
 
 

@@ -36,7 +36,7 @@ from tests.support.pages import (
 UNDER = ROOT / "examples" / "first_light.yaml"  # the scene that a piece of a scene is laid over
 # Options that name results.
 WRITES = {
-    "report", "state",
+    "report", "state", "write",
     "output", "outputs", "raws", "stats", "plot", "json", "markdown", "target", "video", "truth",
     "opencv", "ros", "colmap", "openlensio", "osl", "usd",
 }  # fmt: skip
@@ -46,6 +46,7 @@ REASONS = {
     "downloads wheels",
     "takes several machines",
     "takes several devices",
+    "takes docker",
     "takes the extra denoise",
     "takes compilers for GPUs",
     "takes a minute of a device",

@@ -1,7 +1,10 @@
 """What a release says of itself is the same everywhere, and its workflows name files and commands that exist."""
 
+import importlib.util
 import re
+import tomllib
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 import yaml
@@ -54,3 +57,44 @@ def test_issue_forms_have_what_a_form_needs(checkout: Path, name: str) -> None:
     assert {"name", "description", "body"} <= form.keys()
     assert len({field["id"] for field in form["body"]}) == len(form["body"])
     assert all(field["attributes"]["label"] for field in form["body"])
+
+
+@pytest.fixture(scope="module")
+def page(checkout: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("hatch_build", checkout / "hatch_build.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_package_page_has_no_link_that_leads_nowhere(checkout: Path, page: ModuleType) -> None:
+    """With the repository's address all files that links name are there; without one there is no such link."""
+    text, address = (checkout / "README.md").read_text("utf-8"), "https://code.example/someone/name"
+    relative = [target for _, _, target in page.LINK.findall(text)]
+    assert len(relative) > 20 and all((checkout / target.split("#")[0]).exists() for target in relative)
+    for given in (address, ""):
+        config = {"address": f"{given}/" if given else ""}
+        metadata: dict[str, object] = {}
+        page.PackagePage(str(checkout), config).update(metadata)
+        shown = metadata["readme"]["text"]  # type: ignore[index]
+        targets = re.findall(r"\]\(([^)]+)\)", shown)
+        assert all(target.startswith("https://") for target in targets)
+        ours = [target for target in targets if target.startswith(address)]
+        assert ours == ([re.sub(r"^", f"{address}/{kind}/v{__version__}/", target) for kind, target in (
+            ("raw" if target.endswith((".jpg", ".png", ".svg")) else "blob", target) for target in relative
+        )] if given else [])  # fmt: skip
+        assert ("Source" in metadata["urls"]) is bool(given)  # type: ignore[operator]
+        assert len(re.findall(r"\w+", shown)) > 500
+
+
+def test_recipe_and_image_have_what_the_project_depends_on(checkout: Path) -> None:
+    project = tomllib.loads((checkout / "pyproject.toml").read_text("utf-8"))["project"]
+    recipe = (checkout / "packaging/conda-forge/meta.yaml").read_text("utf-8")
+    assert f'set version = "{__version__}"' in recipe
+    run = recipe.split("  run:\n")[1].split("\n\n")[0]
+    listed = {re.split(r"[ >=]", line.strip()[2:])[0].lower().replace("-python", "") for line in run.splitlines()}
+    assert listed - {"python", "pocl"} == {re.split(r"[>=]", each)[0].lower() for each in project["dependencies"]}
+    image = (checkout / "packaging/Dockerfile").read_text("utf-8")
+    copied = re.findall(r"^COPY (.+) \S+$", image, re.MULTILINE)
+    assert copied and all((checkout / name).exists() for line in copied for name in line.split())

@@ -1,4 +1,4 @@
-"""Chief rays of a camera in float64: one for each place of the picture, the place of each point, and breathing."""
+"""Chief rays of a camera in float64: one for each place of the picture, that of each point; breathing; focus scales."""
 
 from __future__ import annotations
 
@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 from rptcam_cl.optics.charts import add_key, new_chart, series, styled
 from rptcam_cl.optics.chief_rays import ChiefRays, aimed_rays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.irradiance import on_axis_irradiance
-from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.lens import (
+    Lens,
+    film_distance,
+    focus_reach_mm,
+    nearest_object_distance,
+    shift_of,
+)
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission
 from rptcam_cl.rendering.cameras.pupil import FilmGrid
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, half_film_mm
@@ -370,3 +376,110 @@ def breathing_chart(title: str, rows: Sequence[Row]) -> Figure:
 def _number(value: float | str | None) -> float:
     assert isinstance(value, int | float)
     return float(value)
+
+
+# The scale on the ring that focuses a lens: how far it turns, and what moves, for each distance that is engraved.
+
+ENGRAVED = (1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 7.0)  # times powers of ten [m]
+NEAREST = 10.0  # focal lengths: the end of the scale of a lens of which nothing says how near it focuses
+APART = 0.02  # of the throw, between two marks
+FEET = 0.3048
+
+
+def nearest_focus_mm(lens: Lens, wavelength_nm: float) -> float:
+    """Return the nearest distance from the object to the film that a scale has [mm].
+
+    It is that of the lens file: of its floating groups, or what its focusing group reaches. A lens that focuses as a
+    whole has none; there it is 10 focal lengths.
+    """
+    if lens.floating:
+        return min(state.distance_mm for state in lens.floating)
+    if lens.focusing is not None:
+        film = film_distance(lens, np.inf, wavelength_nm=wavelength_nm)
+        return focus_reach_mm(lens, film, wavelength_nm)[0] * (1 + 1e-9)  # the last shift itself rounds
+    length = lens.first_order(wavelength_nm).focal_length_mm
+    return max(NEAREST * length, nearest_object_distance(lens, wavelength_nm=wavelength_nm))
+
+
+def engraved_distances(nearest_m: float) -> list[float]:
+    """Return distances from the object to the film that a scale may have, from infinity to the nearest [m]."""
+    low = math.floor(math.log10(nearest_m))
+    steps = [round(step * 10.0**power, 12) for power in range(low + 3, low - 1, -1) for step in reversed(ENGRAVED)]
+    return [math.inf, *(step for step in steps if step > 1.02 * nearest_m), nearest_m]
+
+
+def focus_scale(
+    lenses: Sequence[tuple[str, Lens]],
+    wavelength_nm: float,
+    throw_degrees: float,
+    distances_m: Sequence[float] | None = None,
+    nearest_m: float | None = None,
+) -> list[Row]:
+    """Return a row for each mark on the focus ring of a lens in each position of its zoom, which all have one scale.
+
+    Each has the distance from the object to the film [m and feet], how far the ring has turned from infinity [degrees]
+    where it turns in proportion to what moves, how far that is [mm] (the lens before its film, or the group in the
+    lens), the distance from the last vertex to the film [mm], and the magnification. Without `distances_m` marks
+    that would touch are left out.
+
+    Raises
+    ------
+    InputError
+        When the lens does not reach a distance.
+    """
+    from rptcam_cl.rendering.cameras.ideal import thick_lens_of
+    from rptcam_cl.rendering.cameras.setting import focused
+
+    rows: list[Row] = []
+    near = nearest_m or max(nearest_focus_mm(lens, wavelength_nm) for _, lens in lenses) / 1000
+    marks = list(distances_m or engraved_distances(near))
+    for name, lens in lenses:
+        states = [focused(lens, 1000 * distance, "film", "thick", wavelength_nm) for distance in (*marks, math.inf)]
+        moved = [_moved(lens, state, film, states[-1][1]) for state, film in states]
+        whole = max(map(abs, moved))
+        last = math.inf
+        for distance, (state, film), shift in zip(marks, states, moved, strict=False):
+            turn = throw_degrees * abs(shift) / whole if whole else 0.0
+            touches = abs(turn - last) < APART * throw_degrees or throw_degrees - turn < APART * throw_degrees
+            if distances_m is None and touches and distance not in (marks[0], marks[-1]):
+                continue
+            last = turn
+            thick = thick_lens_of(state, film, wavelength_nm)
+            ahead = 1000 * distance - state.film_z(film)  # of the first vertex
+            rows.append({
+                "zoom": name,
+                "focus_distance_m": distance if math.isfinite(distance) else None,
+                "focus_distance_ft": distance / FEET if math.isfinite(distance) else None,
+                "turn_degrees": turn,
+                "travel_mm": shift,
+                "film_distance_mm": film,
+                "magnification": 1 / abs(thick.height[0] + ahead * thick.slope[0]) if math.isfinite(ahead) else 0.0,
+            })  # fmt: skip
+    return rows
+
+
+def _moved(lens: Lens, state: Lens, film_distance_mm: float, at_infinity_mm: float) -> float:
+    """Return how far what focuses a lens has moved from infinity [mm]."""
+    if lens.floating or lens.focusing is not None:
+        return shift_of(lens, state)
+    return film_distance_mm + state.length - at_infinity_mm - lens.length
+
+
+@styled()
+def focus_scale_chart(title: str, rows: Sequence[Row]) -> Figure:
+    """Return the scale as it stands on the ring: metres above, feet below, a line for each position of the zoom."""
+    names = list(dict.fromkeys(str(row["zoom"]) for row in rows))
+    figure, axes = new_chart(f"{title}: focus scale", ("turn of the focus ring [°]", ""), (-4.0, 0.0))
+    widest = max(_number(row["turn_degrees"]) for row in rows)
+    axes.set(xlim=(-0.06 * widest - 1, 1.06 * widest + 1), ylim=(len(names) - 0.4, -0.6))
+    axes.set_yticks(range(len(names)), names)
+    for row in rows:
+        at, level = _number(row["turn_degrees"]), names.index(str(row["zoom"]))
+        axes.plot([at, at], [level - 0.08, level + 0.08], color=series(0))
+        for key, beside, unit in (("focus_distance_m", -0.14, "m"), ("focus_distance_ft", 0.14, "ft")):
+            value = row[key]
+            text = "∞" if value is None else f"{_number(value):.3g}"
+            text += f" {unit}" if row is rows[-1] else ""
+            where = "bottom" if beside < 0 else "top"
+            axes.text(at, level + beside, text, rotation=90, verticalalignment=where, horizontalalignment="center")
+    return figure

@@ -140,6 +140,7 @@ class PupilSampling:
     table: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
     instead_of: str = ""  # the requested tier, where its tables would lose light
     widened: float = 1.0  # factor on the paraxial pupil of the thick tier, without which it would lose light
+    ring: bool = False  # whether the table of outlines has those of the hole in their middle as well
 
     def facts_but_table(self) -> dict[str, Any]:
         """Return all but the table, as JSON holds it; see `of_facts`."""
@@ -177,7 +178,12 @@ class PupilSampling:
     @property
     def facts(self) -> dict[str, int]:
         """Facts for the compilation."""
-        return {"PUPIL_KIND": int(self.kind), "PUPIL_RADIAL": int(self.radial), "PUPIL_DIRECTIONS": pupils.DIRECTIONS}
+        return {
+            "PUPIL_KIND": int(self.kind),
+            "PUPIL_RADIAL": int(self.radial),
+            "PUPIL_RING": int(self.ring),
+            "PUPIL_DIRECTIONS": pupils.DIRECTIONS,
+        }
 
 
 #
@@ -247,19 +253,33 @@ def _out_of_boxes(
 def _out_of_outlines(sampling: PupilSampling, film: Array, points: Array, margin: float) -> Mask:
     nodes, start, corners, turn = outlines_around(sampling, film)
     frames = sampling.table[: 4 * nodes].reshape(-1, 4).astype(np.float64)
-    radii = sampling.table[start:][: 4 * nodes * pupils.DIRECTIONS].reshape(-1, pupils.DIRECTIONS, 4)[..., 0]
+    radii = outline_radii(sampling, nodes, start)
     frame = sum((share[:, None] * frames[node] for node, share in corners), np.zeros((len(film), 4)))
     x, y = points.T
     points = np.stack([x * turn[:, 0] + y * turn[:, 1], y * turn[:, 0] - x * turn[:, 1]], axis=1)
     away = (points - frame[:, :2]) / np.maximum(frame[:, 2:], 1e-300)
     place = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) % 1.0 * pupils.DIRECTIONS
     first = np.minimum(place.astype(int), pupils.DIRECTIONS - 1)
-    here, ahead = (
-        sum((share * radii[node, k % pupils.DIRECTIONS] for node, share in corners), np.zeros(len(film)))
-        for k in (first, first + 1)
-    )
-    radius = here + (place - first) * (ahead - here)
-    return np.asarray((np.hypot(*away.T) > radius + margin) & (frame[:, 2] > 0))
+    away_by = np.hypot(*away.T)
+
+    def between(table: Array) -> Array:
+        here, ahead = (
+            sum((share * table[node, k % pupils.DIRECTIONS] for node, share in corners), np.zeros(len(film)))
+            for k in (first, first + 1)
+        )
+        return np.asarray(here + (place - first) * (ahead - here))
+
+    out = away_by > between(radii[0]) + margin
+    if sampling.ring:
+        out |= away_by < between(radii[1]) - margin
+    return np.asarray(out & (frame[:, 2] > 0))
+
+
+def outline_radii(sampling: PupilSampling, nodes: int, start: int) -> list[Array]:
+    """Return the radii (nodes, directions) of the outlines in a table, and of the holes in them if it has any."""
+    size = 4 * nodes * pupils.DIRECTIONS
+    tables = [sampling.table[at : at + size] for at in ((start, start + size + 4) if sampling.ring else (start,))]
+    return [table.reshape(-1, pupils.DIRECTIONS, 4)[..., 0].astype(np.float64) for table in tables]
 
 
 def outlines_around(
@@ -272,7 +292,8 @@ def outlines_around(
         per_quarter, columns, lines = sampling.parameters
         nodes = int(lines + 1) * int(columns)
         start = 4 * (nodes + 1)
-        reaches = sampling.table[start + 4 * (nodes * pupils.DIRECTIONS + 1) :].astype(np.float64)
+        radii = (1 + sampling.ring) * 4 * (nodes * pupils.DIRECTIONS + 1)
+        reaches = sampling.table[start + radii :].astype(np.float64)
         along = pupils.quarters_of(film) * per_quarter
         line = np.minimum(along.astype(int), int(lines) - 1)
         rows = [(line, 1.0 - (along - line)), (line + 1, along - line)]
@@ -516,16 +537,23 @@ def _unfolded(low: Array, high: Array, axis: int) -> tuple[Array, Array]:
 
 def tight_sampling(shapes: pupils.PupilShapes) -> PupilSampling:
     """Return the sampling of outlines."""
-    frames = np.concatenate([shapes.centres, shapes.axes], axis=-1)
-    rows = np.stack([shapes.radii, np.roll(shapes.radii, -1, axis=-1)], axis=-1)
-    ahead = np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)
-    radii, last = np.concatenate([rows, ahead], axis=-1), np.zeros(4)
+    frames, last = np.concatenate([shapes.centres, shapes.axes], axis=-1), np.zeros(4)
     lines, nodes = frames.shape[:2]
+    radii = [_with_ahead(values) for values in (shapes.radii, shapes.inner) if values is not None]
     if shapes.radial:
         parameters: PupilGrid | PupilLines = PupilGrid(1 / (shapes.reach[0] / (nodes - 1)), 0.0, nodes, 1)
-        table = [frames.ravel(), last, radii.ravel(), last]
+        reaches: list[Array] = []
     else:  # the first line follows on the last
         parameters = PupilLines(lines / 4, nodes, lines)
-        frames, radii = (np.concatenate([values, values[:1]]) for values in (frames, radii))
-        table = [frames.ravel(), last, radii.ravel(), last, shapes.reach, shapes.reach[:1]]
-    return PupilSampling("tight", PupilKind.OUTLINES, parameters, np.concatenate(table).astype(np.float32))
+        frames, *radii = (np.concatenate([values, values[:1]]) for values in (frames, *radii))
+        reaches = [shapes.reach, shapes.reach[:1]]
+    table = [frames.ravel(), last, *(part for values in radii for part in (values.ravel(), last)), *reaches]
+    ring = shapes.inner is not None
+    return PupilSampling("tight", PupilKind.OUTLINES, parameters, np.concatenate(table).astype(np.float32), ring=ring)
+
+
+def _with_ahead(radii: Array) -> Array:
+    """Return radii (lines, nodes, directions) with those of the next direction, and both at the next node, beside."""
+    rows = np.stack([radii, np.roll(radii, -1, axis=-1)], axis=-1)
+    ahead = np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)
+    return np.concatenate([rows, ahead], axis=-1)

@@ -21,7 +21,16 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import CAUSTIC_SURFACE, SIZELESS_EMITTERS, EmitterKind, Kind, SpectrumKind, curves, fill
+from rptcam_cl.core.records import (
+    CAUSTIC_SURFACE,
+    SIZELESS_EMITTERS,
+    EmitterKind,
+    Kind,
+    MaterialKind,
+    SpectrumKind,
+    curves,
+    fill,
+)
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
@@ -567,6 +576,10 @@ def _solids(scene: Scene, far: tuple[Any, ...]) -> tuple[tuple[Solid, ...], tupl
     return solids, tuple(reference for _, reference in file_references((tuple(shown.values()), far, tables)))
 
 
+# Whose facets reflect and pass nothing on: their lobe says which lamps of a light tree matter.
+LOBED = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_PLASTIC, MaterialKind.PRINCIPLED)
+
+
 def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[str, Any]:
     primitives, meshes = with_meshes(scene_primitives(scene, parts), scene, parts)
     materials = {id(primitive.material): primitive.material for primitive in primitives}.values()
@@ -591,6 +604,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
         "HIDDEN_SKY": int(_hides_sky(scene)),
         "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
+        "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in LOBED)),
     }
     return {
         "facts": facts,

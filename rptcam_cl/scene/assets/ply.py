@@ -337,6 +337,7 @@ def _walk(element: Element, numbers: NDArray[np.float64], count: int) -> dict[st
 
 # PLY files, text or binary: positions, normals, texture coordinates and faces.
 
+FACE_NAMES = ("face", "tristrips")
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 UV_NAMES = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 CORNER_UVS = "texcoord"
@@ -356,17 +357,36 @@ def read_ply(path: Path) -> Draft:
         order, elements, line = read_header(file, path)
         _check_size(elements, path.stat().st_size - file.tell(), path, is_text=not order)
         names = [element.name for element in elements]
-        if "vertex" not in names or "face" not in names:
+        faces = next((name for name in FACE_NAMES if name in names), None)
+        if "vertex" not in names or faces is None:
             missing = "faces" if "vertex" in names else "vertices"
-            raise InputError(f"{path}: has no {missing} (allowed: elements vertex and face)")
+            raise InputError(f"{path}: has no {missing} (allowed: elements vertex and face, or vertex and tristrips)")
         rows: dict[str, Rows] = {}
         for element in elements:
             is_text = not order
             rows[element.name] = read_text(file, element, path, line) if is_text else read_binary(file, element, path)
             line += element.count
-    notes = [f"{path}: colours of each face are left out"] if "red" in rows["face"].values else []
+    notes = [f"{path}: colours of each face are left out"] if "red" in rows[faces].values else []
+    if faces == "tristrips":
+        rows[faces] = _without_strips(rows[faces])
     types = {item.name: item.type for element in elements if element.name == "vertex" for item in element.properties}
-    return Draft([_surface(rows["vertex"], rows["face"], path, types)], notes=notes)
+    return Draft([_surface(rows["vertex"], rows[faces], path, types)], notes=notes)
+
+
+def _without_strips(strips: Rows) -> Rows:
+    """Return triangles in place of strips of them, which -1 parts; every second one turns the other way round."""
+    lists: dict[str, Lists] = {}
+    for name, groups in strips.lists.items():
+        runs = [np.append(row, -1) for _, rows in groups for row in np.asarray(rows, np.int64)]
+        run = np.concatenate([np.array([-1]), *runs])
+        ends = np.flatnonzero(run < 0)
+        since = np.arange(len(run)) - np.repeat(ends, np.diff(np.append(ends, len(run))))  # 1 for the first of a strip
+        last = np.flatnonzero(since >= 3)
+        odd = (since[last] % 2 == 0)[:, None]
+        a, b, c = run[last - 2], run[last - 1], run[last]
+        triangles = np.where(odd, np.stack([b, a, c], axis=1), np.stack([a, b, c], axis=1))
+        lists[name] = [Polygons(np.arange(len(triangles)), triangles)]
+    return Rows({}, lists)
 
 
 def _check_size(elements: list[Element], size: int, path: Path, *, is_text: bool) -> None:

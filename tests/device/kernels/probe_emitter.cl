@@ -14,7 +14,8 @@ __kernel void probe_emitter(SCENE_PARAMETERS
         given[k] = LOAD_F(in + k * count, i);
     Scene scene = SCENE;
     F3 p = f3(given[0], given[1], given[2]);
-    F3 up = f3(ZERO, ZERO, ONE);
+    Receiver up = all_round();
+    up.n = f3(ZERO, ZERO, ONE);
     LightSample s = sample_emitter(scene, p, up, given[3], given[4], given[5]);
     Ray ray;
     ray.o = p;

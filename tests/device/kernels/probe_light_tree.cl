@@ -13,7 +13,13 @@ __kernel void probe_light_tree(SCENE_PARAMETERS
         given[k] = LOAD_F(in + k * count, i);
     Scene scene = SCENE;
     F3 p = f3(given[0], given[1], given[2]);
-    F3 n = f3(given[3], given[4], given[5]);
+    Receiver n = all_round();
+    n.n = f3(given[3], given[4], given[5]);
+#if LIGHT_LOBES
+    n.mirrored = f3(given[4], given[5], given[3]);
+    n.width = 0.02f;
+    n.share = 0.7f;
+#endif
     F pick;
     I e = pick_emitter(scene, p, n, given[6], &pick);
     I asked = TO_I(given[7]);

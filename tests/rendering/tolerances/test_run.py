@@ -1,11 +1,13 @@
 """Tolerance runs: sensitivities against another program, refocusing, percentiles and yields with their intervals."""
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.best_focus import best_film_distance
@@ -14,7 +16,7 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering import tolerance_run
 from rptcam_cl.rendering.tolerance_judge import Scores
-from rptcam_cl.rendering.tolerance_run import ToleranceRun, report, tolerance, tolerance_chart
+from rptcam_cl.rendering.tolerance_run import ToleranceRun, loosest_set, report, tolerance, tolerance_chart
 from rptcam_cl.rendering.tolerances import percentile, rank, share
 
 TRIPLET = load_lens("cooke-triplet-50mm")
@@ -318,3 +320,28 @@ def test_rays_are_enough_where_the_most_find_the_same_modulation(
     rays, (few, many) = tolerance_run._enough(lambda rings, arms: [Rays(rings)], *given)
     assert rays == [enough]
     assert (few.modulation[0], many.modulation[0]) == (modulations[enough], 0.604)
+
+
+@pytest.mark.slow
+def test_loosest_set_costs_less_than_one_factor_for_all_and_other_copies_reach_its_yield(tmp_path: Path) -> None:
+    given = {"copies": 150, "merit": FIELDS | {"rings": 4, "arms": 8}, "tolerances": [
+        {"radius_percent": 0.2}, {"spacing_mm": 0.05}, {"decentre_mm": 0.03}, {"index": 0.001},
+    ]}  # fmt: skip
+    found = loosest_set(TRIPLET, given, 16.0, 80.0)
+    assert len(found.labels) == len(found.factors) == len(found.specification["tolerances"]) == 6 + 2 + 3 + 3
+    assert found.run.yield_at(16.0).value >= 0.8  # other copies, whose yield the interval of the first ones held
+    file = tmp_path / "a.yaml"
+    file.write_text(yaml.safe_dump(found.specification), "utf-8")
+    assert tolerance(TRIPLET, file, with_sensitivities=False).yield_at(16.0) == found.run.yield_at(16.0)
+
+    def reach(factor: float) -> float:
+        scaled = [{key: factor * size for key, size in one.items()} for one in given["tolerances"]]
+        return tolerance(TRIPLET, given | {"tolerances": scaled}, with_sensitivities=False).yield_at(16.0).value
+
+    low, high = 0.1, 10.0
+    for _ in range(6):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if reach(middle) >= 0.8 else (low, middle)
+    assert float(np.mean(1 / found.factors)) < 1 / low  # although that of all was given no interval
+    with pytest.raises(InputError, match="the design itself has"):
+        loosest_set(TRIPLET, given, 2.0, 80.0)

@@ -46,6 +46,14 @@ def test_binary_polygons_of_several_sizes_with_further_properties(read: Read, fo
     assert sorted(part.mesh.faces.tolist()) == [[0, 1, 2], [0, 1, 3], [0, 2, 3]]
 
 
+def test_strips_of_triangles_turn_as_their_first(read: Read) -> None:
+    content = header("binary_little_endian", 4, XYZ, 2, "list int int vertex_indices").replace("face", "tristrips")
+    content_bytes = content.encode() + POINTS.astype("<f4").tobytes()
+    content_bytes += struct.pack("<i8i", 8, 0, 1, 2, 3, -1, 3, 0, 2) + struct.pack("<i2i", 2, 0, 1)
+    (part,) = read("a.ply", content_bytes).parts
+    assert part.mesh.faces.tolist() == [[0, 1, 2], [2, 1, 3], [3, 0, 2]]
+
+
 def test_text_with_normals_and_texture_coordinates(read: Read) -> None:
     content = header("ascii", 4, f"{XYZ}, float nx, float ny, float nz, float s, float t", 1, CORNERS)
     content += "".join(f"{x} {y} {z} 0 0 2 {x / 2} {y / 3}\n" for x, y, z in POINTS.tolist()) + "4 0 1 2 3\n"
