@@ -163,8 +163,8 @@ def depth_of_field(
             near_thin, far_thin = (None if math.isnan(end) else 1e-3 * end for end in thin)
             rows.append({
                 "f_number": f_number, "focus_m": distance, "blur_mm": blur, "near_m": near, "far_m": far,
-                "near_thin_m": near_thin, "far_thin_m": far_thin, "hyperfocal_m": None if beyond is None else 1e-3 * beyond,
-                "hyperfocal_thin_m": 1e-3 * thin_beyond,
+                "near_thin_m": near_thin, "far_thin_m": far_thin, "hyperfocal_thin_m": 1e-3 * thin_beyond,
+                "hyperfocal_m": None if beyond is None else 1e-3 * beyond,
             })  # fmt: skip
     caption = f"{lens.name}, {1e3 * focal_m:.4g} mm, points blurred by up to {circle_mm:.4g} mm, on the axis"
     return result_of(

@@ -126,6 +126,8 @@ def _criterion(text: Any) -> Any:
         allowed = f"spot, pixel, or mtf@30 with line pairs per mm of the film, up to {MOST_PER_MM:g}"
         raise refuse("is no criterion of sharpness", got=text, allowed=allowed)
     return text
+
+
 Policy = Literal["closest", "farthest", "centre", "weighted"]
 POLICIES: tuple[Policy, ...] = get_args(Policy)
 ObjectName = Annotated[str, Field(max_length=200)]
@@ -175,8 +177,8 @@ class AutoFocus(SceneModel):
     """Which of several zones decides."""
 
     criterion: Annotated[str, BeforeValidator(_criterion)] | None = None
-    """With `depth` and `phase`: what is called sharpest. `spot`, by default: the least rms spot. `mtf@30`: where 30 line
-    pairs per mm of the film keep most contrast. `pixel`: where details of four pixels of the picture do."""
+    """With `depth` and `phase`: what is called sharpest. `spot`, by default: the least rms spot. `mtf@30`: where 30
+    line pairs per mm of the film keep most contrast. `pixel`: where details of four pixels of the picture do."""
 
     draw_zones: Annotated[bool, Field(strict=True)] = False
     """Whether the zones are drawn into PNG files as white rectangles."""

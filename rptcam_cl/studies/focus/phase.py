@@ -903,11 +903,12 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     NoContrast
         When neither finds a focus.
     """
+    search = None
     try:
         search = phase_search(task)
         _approach(search)
     except NoContrast as problem:
-        if problem.is_flat:
+        if problem.is_flat and search is None:  # one that shows detail first may lose it for want of samples
             raise
         report = replace(focus_by_contrast(task), method="hybrid")
         report.notes["finished_by"] = "contrast alone"

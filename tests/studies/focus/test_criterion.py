@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from tests.studies.focus.scenes import CENTRE, lens_camera, noise, scene_of, target
 
 from rptcam_cl import InputError, autofocus
 from rptcam_cl.cli import main
@@ -11,9 +10,10 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies.focus.drives import focus_drive
 from rptcam_cl.studies.focus.probe import Zone
+from tests.studies.focus.scenes import CENTRE, lens_camera, noise, scene_of, target
 
 DISTANCE_M = 4.0
-ACROSS = 160  # rays over the first surface, of which about a third passes
+ACROSS = 96  # rays over the first surface, of which about a third passes
 
 
 def rays_of(lens: Lens, film_mm: float, point: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -37,7 +37,7 @@ def rays_of(lens: Lens, film_mm: float, point: tuple[float, float]) -> tuple[np.
 
 def sharpest(places: np.ndarray, slopes: np.ndarray, per_mm: float, reach_mm: float) -> float:
     """Return the shift of the film at which lines across and lines down keep most contrast together."""
-    shifts = np.linspace(-reach_mm, reach_mm, 801)
+    shifts = np.linspace(-reach_mm, reach_mm, 401)
     kept = [np.abs(np.exp(2j * np.pi * per_mm * (places + shift * slopes)).mean(axis=0)).sum() for shift in shifts]
     return float(shifts[int(np.argmax(kept))])
 
@@ -45,12 +45,11 @@ def sharpest(places: np.ndarray, slopes: np.ndarray, per_mm: float, reach_mm: fl
 @pytest.mark.parametrize(
     ("lens", "zone", "f_number"),
     [
-        ("tessar-100mm", CENTRE, 4.5),
+        ("dgauss-50mm", Zone(0.7, 0.75, 0.6, 0.66), 2.8),
+        pytest.param("tessar-100mm", CENTRE, 4.5, marks=pytest.mark.slow),
         pytest.param("tessar-100mm", Zone(0.75, 0.8, 0.3, 0.36), 4.5, marks=pytest.mark.slow),
         pytest.param("dgauss-50mm", CENTRE, 2.2, marks=pytest.mark.slow),
-        pytest.param("dgauss-50mm", Zone(0.7, 0.75, 0.6, 0.66), 2.8, marks=pytest.mark.slow),
         pytest.param("double-gauss-50mm-f1.8", Zone(0.15, 0.2, 0.2, 0.26), 2.0, marks=pytest.mark.slow),
-        pytest.param("plano-convex-100mm", CENTRE, None, marks=pytest.mark.slow),
     ],
 )
 def test_focus_by_a_criterion_is_where_a_scan_through_the_focus_has_it(lens, zone, f_number):
@@ -70,7 +69,7 @@ def test_focus_by_a_criterion_is_where_a_scan_through_the_focus_has_it(lens, zon
         moved.append((report.film_distance_mm - spot.film_distance_mm) / drive.depth_of_focus)
         assert moved[-1] == pytest.approx(expected / drive.depth_of_focus, abs=0.12)
         assert report.notes["beyond_spot"] == pytest.approx(moved[-1], abs=0.02)
-    if lens == "tessar-100mm" and zone == CENTRE:
+    if lens == "dgauss-50mm" and zone != CENTRE:
         assert max(map(abs, moved)) > 0.3  # they differ by more than the tolerance
 
 
