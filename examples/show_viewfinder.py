@@ -179,6 +179,16 @@ def vectorscope(page: Page) -> None:
     page.check("[data-name=scope] input[value=vectorscope]")
 
 
+def level(page: Page) -> None:
+    """A camera that is not level."""
+    page.click("[data-tab=guides]")
+    page.click("[data-name=level]")
+    file = Path(page.evaluate("window.sceneFile"))
+    file.write_text(file.read_text("utf-8").replace("up: [0, 0, 1]", "up: [0.122, 0, 0.993]"), "utf-8")
+    until(page, "!document.querySelector('[data-name=angles]').textContent.includes(' 0.0')")
+    page.evaluate("document.activeElement.blur()")
+
+
 def full(page: Page) -> None:
     """The picture alone, with frame lines."""
     page.click("[data-tab=guides]")
@@ -224,6 +234,7 @@ SHOTS: dict[str, Callable[[Page], None]] = {
         light,
         scopes,
         vectorscope,
+        level,
         full,
         compare,
         narrow,

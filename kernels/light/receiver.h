@@ -1,4 +1,4 @@
-// What a light tree is told of the surface that it picks a lamp for. Facts: LIGHT_LOBES.
+// What a light tree knows of the surface that it picks a lamp for. Facts: LIGHT_LOBES.
 #ifndef RECEIVER_H
 #define RECEIVER_H
 #include "common/math.h"

@@ -220,7 +220,11 @@ class Resolved:
 
 
 def resolve(
-    scene: Scene, session: Session, focus: dict[str, Any] | None = None, metered_cd_m2: float | None = None
+    scene: Scene,
+    session: Session,
+    focus: dict[str, Any] | None = None,
+    metered_cd_m2: float | None = None,
+    held: dict[str, int] | None = None,
 ) -> Resolved:
     """Find the focus, the camera model and the exposure that a scene leaves open.
 
@@ -228,6 +232,8 @@ def resolve(
     ----------
     focus, metered_cd_m2
         Those of an earlier part of the render, to be kept.
+    held
+        Facts of kernels by which the exposure is metered where they do; see `PlanParts`.
     """
     sharp, still = scene, at_rest(scene)
     if still.requested_autofocus is not None:
@@ -244,7 +250,7 @@ def resolve(
 
         choice = choose_camera(sharp)
         sharp, described_choice = choice.scene, choice.metadata
-    exposed, metered_cd_m2, metadata = resolve_exposure(sharp, session, metered_cd_m2)
+    exposed, metered_cd_m2, metadata = resolve_exposure(sharp, session, metered_cd_m2, held)
     metadata |= described_choice | ({} if focus is None else focus["metadata"])
     metadata |= {} if diffraction is None else {"diffraction": diffraction.metadata}
     ghosts = in_focus_with_lens if has_ghosts(in_focus_with_lens) else None

@@ -29,7 +29,7 @@ from rptcam_cl.rendering.highlights import aimed_plan
 from rptcam_cl.rendering.layers import GUIDES, Denoiser
 from rptcam_cl.rendering.metering import reading_cd_m2
 from rptcam_cl.rendering.passes import signature
-from rptcam_cl.rendering.plan.plan import Plan, make_plan, with_film, with_lens, with_pose
+from rptcam_cl.rendering.plan.plan import Plan, make_plan, serve, with_film, with_lens, with_pose
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.progressive import FilmRun, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
@@ -132,6 +132,7 @@ class QueueLimit:
 
 # A scene as a session renders it, and what changes of it come to.
 
+WAYS = ("LIGHT_TREE", "CAUSTICS", "TINY_LAMPS")  # facts that choose how light is found
 ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
 OF_DEVELOPMENT = {"picture", "sequence"}  # parts of a scene that change no film: a sequence is of frames
 OF_THE_LENS = {
@@ -157,6 +158,10 @@ class SceneState:
         The plan on the device.
     is_final : bool
         Whether exposure and pupil are those of a render, and not found in a quicker way for glances.
+    is_served : bool
+        Whether its kernels were compiled for a scene with more in it; see `serve` of `rendering/plan/plan.py`.
+    relief : SceneState or None
+        The scene with kernels of its own, where those that serve it find light in another way than a render does.
     """
 
     scene: Scene
@@ -164,6 +169,8 @@ class SceneState:
     plan: Plan
     buffers: SceneBuffers
     is_final: bool
+    is_served: bool = False
+    relief: SceneState | None = None
 
 
 def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
@@ -317,20 +324,22 @@ class SceneCompiler:
 
         Autofocus takes millions of samples, for which full kernels are worth their time.
         """
-        is_final = True
         self._parts.drop_rough()
-        if self._quick is None or scene.requested_autofocus is not None:
-            resolved = resolve(scene, self._device)
-        else:
-            try:
-                resolved = resolve(scene, self._device.built_only())
-            except NotKeptError:
-                resolved, is_final = resolve(scene, self._quick), False
+        resolved, is_final = self._resolve_soon(scene, None)
         return self._plan_state(scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=is_final)
+
+    def _resolve_soon(self, scene: Scene, reading: float | None) -> tuple[Resolved, bool]:
+        """Resolve a scene; with it, whether it was not metered with quick kernels."""
+        if self._quick is None or scene.requested_autofocus is not None:
+            return resolve(scene, self._device, metered_cd_m2=reading), True
+        try:
+            return resolve(scene, self._device.built_only(), metered_cd_m2=reading), True
+        except NotKeptError:
+            return resolve(scene, self._quick, metered_cd_m2=reading), False
 
     def for_glances(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
         """Plan a scene for glances: by the last reading of the meter and coarse tables."""
-        resolved = resolve(scene, self._device, metered_cd_m2=reading)
+        resolved, _ = self._resolve_soon(scene, reading)
         self._parts.rough = True
         plan = plan_for_glances(before, scene, resolved.scene, self._parts)
         if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
@@ -340,8 +349,33 @@ class SceneCompiler:
     def final(self, state: SceneState) -> SceneState:
         """Plan a scene as `render` does."""
         self._parts.drop_rough()
-        resolved = resolve(state.scene, self._device, state.resolved.focus)
-        return self._plan_state(state.scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=True)
+        held = state.plan.facts if state.is_served else None
+        resolved = resolve(state.scene, self._device, state.resolved.focus, held=held)
+        final = self._plan_state(state.scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=True)
+        if not state.is_served:
+            return final
+        return replace(self._served(final, state.plan.facts) or final, relief=state.relief)
+
+    def served(self, state: SceneState, by: SceneState) -> SceneState | None:
+        """Return a state for glances that kernels of another one do for; None where they do not, or are not there."""
+        found = self._served(state, by.plan.facts)
+        if found is None or not self.is_ready(found):
+            return None
+        same = all(state.plan.facts[name] == found.plan.facts[name] for name in WAYS)
+        return replace(found, relief=None if same else state)
+
+    def _served(self, state: SceneState, facts: dict[str, int]) -> SceneState | None:
+        plan = serve(state.plan, facts)
+        if plan is None and not state.plan.steps:
+            self._parts.held = facts
+            try:
+                held = make_plan(state.resolved.scene, state.plan.camera, parts=self._parts)
+            finally:
+                self._parts.held = None
+            plan = serve(held, facts)
+        if plan is None:
+            return None
+        return replace(state, plan=plan, buffers=self.pool.upload(plan), is_served=True)
 
     def of_film(self, state: SceneState) -> tuple[Plan, SceneBuffers]:
         """The plan of a final state's film, and its arrays: camera rays may aim at lamps."""
@@ -900,6 +934,8 @@ class RenderSession:
             state = self._compiler.for_glances(before, keep_focus(before, scene), self._reading)
         self._hash = None
         compiled = self._compiler.is_ready(state)
+        if not compiled and not wait and (served := self._compiler.served(state, self._shown)) is not None:
+            state, compiled = served, True
         if not compiled and not wait:
             self._waiting = state
             self._compiler.begin(state)
@@ -919,8 +955,26 @@ class RenderSession:
         if self._waiting is not None:
             self._waiting = replace(self._waiting, scene=scene)
         else:
-            self._shown = replace(self._shown, scene=scene)
+            relief = self._shown.relief
+            relief = None if relief is None else replace(relief, scene=scene)
+            self._shown = replace(self._shown, scene=scene, relief=relief)
             self._generation += 1
+
+    def relieve(self) -> bool:
+        """Begin the film anew with kernels of its own, once there are; return whether that was done now.
+
+        Where a scene was changed without waiting, kernels of the scene before may stand in for its own, and find light
+        in another way than `rptcam_cl.render` does.
+        """
+        self._check_open()
+        relief = self._shown.relief
+        if relief is None or self._waiting is not None or not self._compiler.is_idle:
+            return False
+        if not self._compiler.is_ready(relief):
+            self._compiler.begin(relief)
+            return False
+        self._show(relief)
+        return True
 
     def _arrive(self) -> None:
         """Show the scene that has been waited for, once it is compiled."""

@@ -1,6 +1,9 @@
 """First steps: ``rptcam examples``, ``demo`` and ``view``; ``devices``, ``doctor`` and ``schema``."""
 
 import argparse
+import contextlib
+import importlib.util
+import io
 import shlex
 import sys
 from collections.abc import Iterator
@@ -174,9 +177,27 @@ def run_view(arguments: argparse.Namespace) -> int:
 
     def announce(address: str) -> None:
         print(f"{arguments.scene} is at {address}\nCtrl-C ends it.", flush=True)
+        if not is_loopback(arguments.host):
+            print(_for_phones(address), flush=True)
 
     serve(finder, host=arguments.host, port=arguments.port, browse=not arguments.no_browser, announce=announce)
     return 0
+
+
+def _for_phones(address: str) -> str:
+    """Return the address by which a telephone in the same network finds a server, as a QR code where segno is there."""
+    import socket
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way, contextlib.suppress(OSError):
+        way.connect(("192.0.2.1", 9))  # RFC 5737: nothing is sent, but the way there has an address of this machine
+        address = address.replace("//127.0.0.1:", f"//{way.getsockname()[0]}:")
+    if importlib.util.find_spec("segno") is None:
+        return f"On a telephone: {address}\n(as a QR code with the package segno: pip install 'rptcam_cl[qr]')"
+    import segno
+
+    text = io.StringIO()
+    segno.make(address, error="l").terminal(text, border=2, compact=True)
+    return f"On a telephone: {address}\n{text.getvalue()}"
 
 
 # ``rptcam devices``: the OpenCL devices that a render may run on.

@@ -15,7 +15,8 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.model import camera_irradiance, values_per_irradiance
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.plan.plan import make_plan, serve
+from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.progressive import render_plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO, MOST_STOPS, Exposure
@@ -35,7 +36,7 @@ FRAMES, MOST_FRAMES = 4, 64  # that are rendered: at first, and at most
 
 
 def resolve_exposure(
-    scene: Scene, session: Session, known_cd_m2: float | None = None
+    scene: Scene, session: Session, known_cd_m2: float | None = None, held: dict[str, int] | None = None
 ) -> tuple[Scene, float | None, dict[str, Any]]:
     """Resolve the exposure of a scene, by metering on a device where its mode is `auto`.
 
@@ -43,6 +44,8 @@ def resolve_exposure(
     ----------
     known_cd_m2
         Reading of an earlier part of this render, in place of metering.
+    held
+        Facts of kernels that meter where they do; see `PlanParts`.
 
     Returns
     -------
@@ -63,7 +66,7 @@ def resolve_exposure(
         return scene, None, {}
     metadata: dict[str, Any] = {}
     if (reading := exposure.lock_cd_m2 or known_cd_m2) is None:
-        reading, metadata["metered_error_cd_m2"] = metered_cd_m2(scene, session)
+        reading, metadata["metered_error_cd_m2"] = metered_cd_m2(scene, session, held)
     metadata |= {"metered_cd_m2": reading, "metering": "locked" if exposure.lock_cd_m2 else exposure.metering}
     on_axis = camera_irradiance(camera_model(_relative(scene), coarse=True), exposure)
     keys = (
@@ -73,7 +76,7 @@ def resolve_exposure(
     return set_keys(scene, keys), reading, metadata
 
 
-def metered_cd_m2(scene: Scene, session: Session) -> tuple[float, float]:
+def metered_cd_m2(scene: Scene, session: Session, held: dict[str, int] | None = None) -> tuple[float, float]:
     """Return the mean luminance [cd/m²] of the metered part of the frame, as the lens would show it on the axis.
 
     With its standard error, for which more and more frames are rendered.
@@ -84,7 +87,11 @@ def metered_cd_m2(scene: Scene, session: Session) -> tuple[float, float]:
         When it is black.
     """
     small = _relative(scene, small=True)
-    plan, readings = make_plan(at_rest(small)), np.empty(0)
+    plan, readings, parts = None, np.empty(0), PlanParts()
+    if held is not None:
+        parts.held = held
+        plan = serve(make_plan(at_rest(small), parts=parts), held)
+    plan = plan or make_plan(at_rest(small))
     while True:
         for seed in range(SEED + len(readings), SEED + max(2 * len(readings), FRAMES)):
             render = small.render.model_copy(update={"seed": seed})

@@ -36,7 +36,7 @@ from rptcam_cl.viewfinder.moves import (
 from rptcam_cl.viewfinder.panel import Clock
 from rptcam_cl.viewfinder.state import MOST_CLIENTS, History, details_of, hello_message, state_message
 from rptcam_cl.viewfinder.studio import Origin, Slot, Studio, Watch, place_of, scene_error, text_of, values_before
-from rptcam_cl.viewfinder.things import is_there, switch_lamp, turn_thing
+from rptcam_cl.viewfinder.things import add_thing, switch_lamp, turn_thing
 
 # What the engine says to clients without a request: how the camera stands, and what lies under the pointer.
 
@@ -224,6 +224,7 @@ class Requests:
             "time": self._time,
             "select": self._select,
             "lamp": self._lamp,
+            "add": self._add,
         }
 
     def answer(self, request: messages.Request | Scene) -> None:
@@ -487,7 +488,7 @@ class Requests:
             select(None if index is None else f"objects.{index}")
 
         def select(name: str | None) -> None:
-            studio.selected = name if name is not None and is_there(slot.scene, name) else None
+            studio.selected = name
             slot.show_again()
             client.outbox.answer({"type": "selected", "id": message.id, "name": studio.selected})
 
@@ -512,6 +513,12 @@ class Requests:
         dark = {name: getattr(turned.dials, name) for name in ("dark", "mute", "solo")}
         slot.dials = replace(slot.dials, **dark)
         slot.show_again()
+
+    def _add(self, client: messages.Client, message: messages.Add) -> None:
+        slot = self._studio.slot("A")
+        changes, name = add_thing(slot.panel, viewpoint_of(slot.resolved), message.what)
+        self._change("A", changes)
+        self._studio.selected = name
 
     def _time(self, client: messages.Client, message: messages.Time) -> None:
         slot, recorder = self._studio.slot("A"), self._studio.recorder
@@ -569,14 +576,14 @@ class Requests:
         self._studio.tell({"type": "notice", "kind": "watch", "ok": True, "text": text})
 
 
-_CHANGE_THE_CAMERA = ("set", "dial", "move", "time", "lamp")
+_CHANGE_THE_CAMERA = ("set", "dial", "move", "time", "lamp", "add")
 _LEAVES_FOCUS = {
     "exposure",
     "picture",
     "sensor",
     "sequence",
 }  # parts of a scene whose change leaves a search for focus as it is
-_LEAD_TO_STATES = ("set", "dial", "move", "reset", "focus", "autofocus", "compare", "lamp")
+_LEAD_TO_STATES = ("set", "dial", "move", "reset", "focus", "autofocus", "compare", "lamp", "add")
 _WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify", "select")
 
 

@@ -347,6 +347,13 @@ class Lamp(Message):
     solo: bool | None = None
 
 
+class Add(Message):
+    """Bring something to the scene, and select it."""
+
+    type: Literal["add"]
+    what: Literal["lamp", "card", "backdrop"]
+
+
 class Denoise(Message):
     """Whether pictures are shown without their noise until they are clean."""
 
@@ -356,7 +363,7 @@ class Denoise(Message):
 
 AnyMessage = (
     Hello | Ack | View | Set | Dial | Move | Reset | Focus | Autofocus | Pointer | Magnify | Compare | Save
-    | TextRequest | Signal | Denoise | Past | Time | Select | Lamp
+    | TextRequest | Signal | Denoise | Past | Time | Select | Lamp | Add
 )  # fmt: skip
 _READER: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 

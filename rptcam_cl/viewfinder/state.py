@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -31,6 +32,7 @@ from rptcam_cl.viewfinder.dials import (
 from rptcam_cl.viewfinder.instruments import false_colour_legend
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, LensPanel, focus_scale, nearest_focus_m, perspective
 from rptcam_cl.viewfinder.messages import FILE_MEDIA, MOST_BYTES, MOST_UNACKNOWLEDGED, VERSION, encode, shrink
+from rptcam_cl.viewfinder.moves import field_at_one
 from rptcam_cl.viewfinder.panel import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Dials, Panel, ev_text
 from rptcam_cl.viewfinder.studio import Slot, Studio, changes_between
 from rptcam_cl.viewfinder.things import fields_of, things_message
@@ -283,6 +285,7 @@ def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = N
             "eye": list(camera.eye),
             "target": list(camera.target),
             "up": list(camera.up),
+            "across_degrees": math.degrees(2 * math.atan(field_at_one(slot.resolved) / 2)),
         },
         "wheel": wheel(slot.scene),
         "compare": studio.compare,

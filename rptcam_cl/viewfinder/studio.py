@@ -442,6 +442,7 @@ class Slot:
         self._answers: Mapping[int, int | None] = {}
         self._next_samples = 1
         self._last: Frame | None = None  # of what is there now
+        self._stays_for = 0  # samples of a film that is begun anew, until which the picture before is shown
         self.film = next(_FILMS)  # a number of the film's own
         self.finished: Finished | None = None  # the last picture of this film that lacks nothing
         self._reaches_noise = False  # the requested noise
@@ -513,6 +514,12 @@ class Slot:
 
     def arrive(self) -> bool:
         """Show the change that has waited for its kernels, if they are there now; return whether they are."""
+        if not self.compiling and self.rests_in() <= 0 and not self.wants_glance and self.session.relieve():
+            shown = self._last
+            self._begin_anew()
+            if shown is not None and shown.scale == 1:  # which stays until there is one as good
+                self.wants_glance, self._last, self._stays_for = False, shown, min(shown.spp, self.target_spp)
+            return True
         if not (self.compiling and self.session.ready):
             return False
         self.compiling, self.follows_light = False, True
@@ -520,7 +527,7 @@ class Slot:
         return True
 
     def _begin_anew(self) -> None:
-        self.wants_glance, self._last = True, None
+        self.wants_glance, self._last, self._stays_for = True, None, 0
         self.film, self.finished = next(_FILMS), None
         self._reaches_noise = self._unread = False
         self._next_samples = 1
@@ -617,6 +624,8 @@ class Slot:
             return None
         frame = self.session.frame()
         if frame.spp == 0:  # kernels that were waited for have come within this call: the film is another
+            return None
+        if frame.spp < self._stays_for and not self._reaches_noise:
             return None
         self._last = frame
         return None if self.finished is not None else self._last
@@ -753,7 +762,7 @@ class Studio:
         self.panel: LensPanel | None = None
         self.compare: dict[str, Any] = dict(NO_COMPARISON)
         self.recorder = Recorder()
-        self.selected: str | None = None  # a thing of the scene, by key path
+        self._selected: str | None = None
         self.paused = False
         self._denoises = True
         self.was_seen = False
@@ -770,6 +779,16 @@ class Studio:
     def slots(self) -> list[Slot]:
         """The slots that are open."""
         return [slot for slot in (self.a, self.b) if slot is not None]
+
+    @property
+    def selected(self) -> str | None:
+        """A thing of the scene by its key path; None where it is there no more."""
+        name = self._selected
+        return name if name is not None and self.a is not None and is_there(self.a.scene, name) else None
+
+    @selected.setter
+    def selected(self, name: str | None) -> None:
+        self._selected = name
 
     @property
     def compares_difference(self) -> bool:
@@ -907,7 +926,7 @@ class Studio:
         if self._busy.get(slot.name, False) == (not ready):
             return
         self._busy[slot.name] = not ready
-        text = "until then the old picture gets finer" if slot.compiling else "until then the picture is coarse"
+        text = "until then the old picture gets finer" if slot.compiling else "until then the picture stays as it is"
         text = "" if ready else f"the kernels are being compiled; {text}"
         for client in self._clients():
             client.outbox.news(
@@ -972,8 +991,6 @@ class Studio:
         dark = {path: value for path, value in slot.dials.dark.items() if path in slot.changes}
         kept: dict[str, Any] = {} if dark else {"mute": frozenset(), "solo": frozenset()}
         slot.dials = replace(read_dials(slot.scene, slot.dials), clock=Clock.of(slot.scene), dark=dark, **kept)
-        if self.selected is not None and not is_there(slot.scene, self.selected):
-            self.selected = None
         self._tell_compiling(slot, not slot.compiling)
         try:
             self.set_compare(self.compare)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import plain
@@ -16,6 +17,7 @@ from rptcam_cl.scene.base import near_name
 from rptcam_cl.scene.load import key_path
 from rptcam_cl.scene.materials import Emissive, Principled
 from rptcam_cl.scene.scene import STRENGTHS, Scene
+from rptcam_cl.viewfinder.moves import Viewpoint
 from rptcam_cl.viewfinder.panel import Panel, Turned, number, word
 
 # A thing is named by its key path in the scene: objects.3, lights.0, materials.candle, environment.
@@ -110,6 +112,44 @@ def turn_thing(panel: Panel, thing: str | None, name: str, value: Any) -> Turned
     reached = min(max(number(name, value), low), high)
     messages = () if reached == value else (f"{dial.label} goes from {low:.3g} to {high:.3g}",)
     return Turned(panel.dials, dial.changes(reached), messages)
+
+
+# What a hand brings to the scene. Lengths are in distances from the camera to what it is focused on.
+
+Added = Literal["lamp", "card", "backdrop"]
+_STANDS: dict[str, tuple[tuple[float, float, float], tuple[float, float], dict[str, Any]]] = {
+    # right, up and behind of what is in focus; width and height; material
+    "lamp": ((0.6, 0.6, -0.3), (0.3, 0.3), {"kind": "emissive"}),
+    "card": ((-0.5, 0.0, -0.1), (0.5, 0.5), {"kind": "matte", "reflectance": [0.9, 0.9, 0.9]}),
+    "backdrop": ((0.0, 0.0, 1.0), (5.0, 4.0), {"kind": "matte", "reflectance": [0.5, 0.5, 0.5]}),
+}
+AS_GREY_W = 0.18 * 100  # irradiance [W/m²] that a lamp adds where nothing was metered
+
+
+def add_thing(panel: Panel, view: Viewpoint, what: Added) -> tuple[dict[str, Any], str]:
+    """Return the changes that bring a lamp, a white card or a grey backdrop to a scene, and its name.
+
+    Each is a rectangle that faces what the camera is focused on, or, behind it, the camera. A lamp gives what is in
+    focus as much light as the camera meters there.
+    """
+    scene = panel.scene
+    ahead = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
+    right = np.cross(ahead, view.up) / np.linalg.norm(np.cross(ahead, view.up))
+    place, (width, height), material = _STANDS[what]
+    offset = view.distance * (np.array(place) @ np.stack([right, np.cross(right, ahead), ahead]))
+    focus, facing = view.eye + view.distance * ahead, -offset / np.linalg.norm(offset)
+    across = np.cross(np.cross(right, ahead), facing)
+    across *= view.distance * width / np.linalg.norm(across)
+    upwards = np.cross(facing, across) * (height / width)
+    corner = focus + offset - (across + upwards) / 2
+    material = dict(material)
+    if what == "lamp":
+        irradiance = AS_GREY_W if panel.reading_cd_m2 is None else np.pi * panel.reading_cd_m2 / LUMENS_PER_WATT / 0.18
+        solid_angle = width * height / float(np.array(place) @ np.array(place))
+        material["radiance"] = [float(f"{irradiance / solid_angle:.3g}")] * 3
+    edges = {"corner": corner, "edge_u": across, "edge_v": upwards}
+    item = {"shape": "rectangle", "name": what, **{key: value.tolist() for key, value in edges.items()}}
+    return {"objects": [*scene.made_of["objects"], item | {"material": material}]}, f"objects.{len(scene.objects)}"
 
 
 # Dials of materials and lamps.

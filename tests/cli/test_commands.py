@@ -194,7 +194,10 @@ def test_view_opens_the_scene_where_it_is_told(
     monkeypatch.setattr("rptcam_cl.device.session.open_early", lambda device: made.append(device))
     run = rptcam("view", "scene.yaml", *words)
     assert (run.code, run.err) == (0, "warning: the film is small\n")
-    assert run.out == "scene.yaml is at http://127.0.0.1:8123/#token\nCtrl-C ends it.\n"
+    printed, told, more = run.out.partition("On a telephone: http://")
+    assert printed == "scene.yaml is at http://127.0.0.1:8123/#token\nCtrl-C ends it.\n"
+    assert bool(told) == (served.get("host") == "0.0.0.0")
+    assert not told or ":8123/#token\n" in more
     early, opened, options = made
     assert early == given.get("device")
     assert opened == {"path": Path("scene.yaml"), "overrides": [], "device": None, "size": None} | given

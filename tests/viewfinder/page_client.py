@@ -123,6 +123,25 @@ def page(server: ViewServer, token: str | None = None) -> Iterator[Page]:
         yield client
 
 
+@contextmanager
+def serving_text(folder: Path, scene: str = SCENE) -> Iterator[ViewServer]:
+    """A server of a scene that is written into a folder."""
+    path = folder / "scene.yaml"
+    path.write_text(scene)
+    with serving(path) as (_, server):
+        yield server
+
+
+@contextmanager
+def reset_page(server: ViewServer) -> Iterator[Page]:
+    """A page before the scene as its file says it, with all samples."""
+    with page(server) as client:
+        client.ask(1, "time", do="record", on=False)
+        client.ask(2, "reset")
+        client.frame(at_rest)
+        yield client
+
+
 def at_rest(header: dict[str, Any]) -> bool:
     return bool(header["kind"] == "picture" and header["spp"] == 8 and header["scale"] == 1)
 

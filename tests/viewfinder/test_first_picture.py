@@ -61,7 +61,7 @@ def test_while_the_kernels_of_the_film_compile_the_page_says_so_and_dials_show(
         client = finder.connect(lambda: None)
         heard = messages(client)
         busy = next(each for each in heard if each["type"] == "compiling")
-        assert busy["busy"] and busy["text"].endswith("until then the picture is coarse")
+        assert busy["busy"] and busy["text"].endswith("until then the picture stays as it is")
         finder.receive(client, '{"type": "dial", "id": 7, "name": "f_number", "value": 8}')
         turned = next(each for each in heard if each["type"] == "frame" and each["answers"] == 7)
         assert turned["spp"] == 1 and not turned["stale"]

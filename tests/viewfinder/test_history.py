@@ -1,27 +1,22 @@
 """Whatever was done is undone and done again, to the bit; snapshots stay."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.viewfinder.page_client import SCENE, Page, at_rest, page, serving
+from tests.viewfinder.page_client import Page, at_rest, reset_page, serving_text
 
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    path: Path = tmp_path_factory.mktemp("scene") / "ball.yaml"
-    path.write_text(SCENE)
-    with serving(path) as (_, server):
+    with serving_text(tmp_path_factory.mktemp("scene")) as server:
         yield server
 
 
 @pytest.fixture
 def client(server: Any) -> Iterator[Page]:
-    with page(server) as found:
-        found.ask(1, "reset")
-        found.frame(at_rest)
+    with reset_page(server) as found:
         yield found
 
 

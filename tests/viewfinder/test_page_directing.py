@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from playwright.sync_api import Page
@@ -311,3 +312,41 @@ def test_a_bracket_is_saved_as_several_files(page: Page) -> None:
     stem = "first_light"
     assert sorted(names) == [f"{stem} minus 1 EV.png", f"{stem} plus 0 EV.png", f"{stem} plus 1 EV.png"]
     page.check("[data-name=bracket] input[value='1x0']")
+
+
+def directions(finder: Viewfinder) -> tuple[float, float]:
+    """Where the camera looks: clockwise about z, and up [degrees]."""
+    camera = scene(finder)["camera"]
+    x, y, z = np.array(camera["target"]) - np.array(camera["eye"])
+    return float(np.degrees(np.arctan2(x, y))), float(np.degrees(np.arctan2(z, np.hypot(x, y))))
+
+
+def test_the_camera_is_turned_as_the_device_is(page: Page, finder: Viewfinder) -> None:
+    page.evaluate("document.querySelector('[data-name=orientation]').hidden = false")
+    page.click("[data-name=orientation]")
+    around, up = directions(finder)
+    for alpha, beta in ((10, 90), (7, 92), (4, 94)):  # upright in the hand; alpha is counter-clockwise
+        angles = f"{{alpha: {alpha}, beta: {beta}, gamma: 0}}"
+        page.evaluate(f"window.dispatchEvent(new DeviceOrientationEvent('deviceorientation', {angles}))")
+        page.wait_for_timeout(200)
+    page.wait_for_timeout(1000)
+    assert directions(finder) == pytest.approx((around + 6, up + 4), abs=0.2)
+    page.click("[data-name=orientation]")
+
+
+def test_a_camera_that_is_not_level_is_straightened(page: Page, finder: Viewfinder) -> None:
+    page.click("[data-tab=guides]")
+    finder.receive(finder.clients()[-1], '{"type": "move", "kind": "roll", "dx": 0.5}')
+    until(page, "document.querySelector('[data-name=angles]').textContent.includes('Turned by 5.0°')")
+    page.click("[data-name=straighten]")
+    until(page, "/Turned by -?0\\.0°/.test(document.querySelector('[data-name=angles]').textContent)")
+
+
+def test_an_anamorphic_picture_is_shown_wider(page: Page) -> None:
+    page.click("[data-tab=guides]")
+    box = "document.querySelector('.vf-frame[data-slot=A]').getBoundingClientRect()"
+    shape = f"{box}.width / {box}.height"
+    before = page.evaluate(shape)
+    page.check("[data-name=squeeze] input[value='2']", force=True)
+    assert page.evaluate(shape) == pytest.approx(2 * before, rel=0.01)
+    page.check("[data-name=squeeze] input[value='1']", force=True)

@@ -59,8 +59,9 @@ def some(dice: random.Random) -> tuple[str, dict[str, Any]]:
         ("dial", {"name": dice.choice(["thing_x", "thing_red", "thing_power"]), "value": dice.random()}),
         ("lamp", {"name": "environment", "mute": dice.random() < 0.2}),
         ("history", {"do": dice.choice(["undo", "redo", "snap"])}),
+        ("add", {"what": dice.choice(["lamp", "card", "backdrop"])}),
     ]  # fmt: skip
-    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1, 6, 1, 0.5, 0.2, 1, 3, 1, 2]
+    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1, 6, 1, 0.5, 0.2, 1, 3, 1, 2, 0.1]
     return dice.choices(turns, weights)[0]
 
 

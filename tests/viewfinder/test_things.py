@@ -1,6 +1,7 @@
 """Things are selected through the lens and turned by dials, lamps are muted and shine alone; all of it is undone."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,12 @@ import pytest
 import yaml
 
 import rptcam_cl
+from rptcam_cl.imaging.image import read_film
 from rptcam_cl.scene.load import set_keys
+from rptcam_cl.viewfinder.moves import viewpoint_of
 from rptcam_cl.viewfinder.panel import Panel, read_dials
-from rptcam_cl.viewfinder.things import fields_of, lamps_of, switch_lamp, turn_thing
-from tests.viewfinder.page_client import Page, at_rest, page, serving
+from rptcam_cl.viewfinder.things import add_thing, fields_of, lamps_of, switch_lamp, turn_thing
+from tests.viewfinder.page_client import Page, at_rest, reset_page, serving_text
 
 SCENE = """
 film: {resolution: [48, 32], width_mm: 36}
@@ -134,19 +137,45 @@ def test_patterns_and_keyframes_say_why_they_are_not_turned() -> None:
     assert "keyframes" in turn_thing(moving, "objects.0", "thing_x", 0.5).messages[0]
 
 
+@pytest.mark.parametrize("what", ["lamp", "card", "backdrop"])
+def test_what_is_added_faces_what_is_in_focus(what: Any) -> None:
+    before = panel()
+    view = viewpoint_of(before.resolved)
+    changes, name = add_thing(before, view, what)
+    scene = set_keys(before.scene, changes)
+    assert name == f"objects.{len(scene.objects) - 1}"
+    added = scene.objects[-1]
+    middle = np.array(added.corner) + (np.array(added.edge_u) + np.array(added.edge_v)) / 2
+    normal = np.cross(added.edge_u, added.edge_v)
+    focus = np.array([0, 0, 1 - view.distance])
+    towards = focus - middle
+    assert normal @ towards == pytest.approx(np.linalg.norm(normal) * np.linalg.norm(towards))
+    assert (middle[2] < focus[2]) == (what == "backdrop")
+    assert [each["name"] for each in lamps_of(Panel(before.dials, scene, scene))][2:-1] == (
+        [f"{name}.material"] if what == "lamp" else []
+    )
+
+
+def test_a_lamp_that_is_added_lights_as_much_as_the_camera_meters() -> None:
+    """A surface of 18 % that faces the lamp, which is seen at 0.81 distances, shines as what was metered."""
+    metered = replace(panel(), reading_cd_m2=50.0)
+    changes, _ = add_thing(metered, viewpoint_of(metered.resolved), "lamp")
+    added = set_keys(metered.scene, changes).objects[-1]
+    area, middle = np.linalg.norm(np.cross(added.edge_u, added.edge_v)), viewpoint_of(metered.resolved).distance
+    distance = middle * np.linalg.norm([0.6, 0.6, 0.3])
+    luminance = 683 * 0.18 / np.pi * added.material.radiance[0] * area / distance**2
+    assert luminance == pytest.approx(50, rel=0.01)
+
+
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    path: Path = tmp_path_factory.mktemp("scene") / "things.yaml"
-    path.write_text(SCENE)
-    with serving(path) as (_, server):
+    with serving_text(tmp_path_factory.mktemp("scene"), SCENE) as server:
         yield server
 
 
 @pytest.fixture
 def client(server: Any) -> Iterator[Page]:
-    with page(server) as found:
-        found.ask(1, "reset")
-        found.frame(at_rest)
+    with reset_page(server) as found:
         yield found
 
 
@@ -182,3 +211,25 @@ def test_a_selected_thing_is_turned_and_a_lamp_muted_and_both_undone(client: Pag
     client.ask(16, "history", do="undo")
     assert client.ask(17, "scene").header["yaml"] == before
     assert "no" in client.ask(18, "lamp", name="lights.9", mute=True).header["message"]
+
+
+def test_a_lamp_is_added_selected_and_undone(client: Page) -> None:
+    client.ask(40, "add", what="lamp")
+    state = client.wait(lambda m: m.type == "state" and m.header["things"]["selected"] == "objects.3").header
+    assert [each["label"] for each in state["things"]["lamps"]] == ["point 1", "warm", "lamp", "surroundings"]
+    assert {"thing_power", "thing_x"} <= {each["name"] for each in state["dials"]}
+    client.ask(41, "history", do="undo")
+    client.wait(lambda m: m.type == "state" and m.header["things"]["selected"] is None)
+    assert "what" in client.ask(42, "add", what="chair").header["message"]
+
+
+def test_a_lamp_is_put_out_without_waiting_for_other_kernels(client: Page, tmp_path: Path) -> None:
+    client.seen.clear()
+    client.send("lamp", id=30, name="materials.warm", mute=True)
+    shown = client.frame(lambda header: (header["answers"] or 0) >= 30)
+    assert not shown.header["stale"]
+    client.frame(lambda header: at_rest(header) and not header["denoised"])
+    assert not any(message.header.get("busy") is True for message in client.seen if message.type == "compiling")
+    scene = yaml.safe_load(client.ask(31, "scene").header["yaml"])
+    (tmp_path / "a.exr").write_bytes(client.ask(32, "save", format="exr", name="a").data)
+    assert np.array_equal(read_film(tmp_path / "a.exr").pixels, rptcam_cl.render(scene, spp=8).pixels)

@@ -12,7 +12,7 @@ from PIL import Image
 
 import rptcam_cl
 from rptcam_cl.cli import main
-from tests.viewfinder.page_client import SCENE, Page, at_rest, page, serving
+from tests.viewfinder.page_client import SCENE, Page, at_rest, page, reset_page, serving, serving_text
 
 
 @pytest.fixture(scope="module")
@@ -22,18 +22,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def server(folder: Path) -> Iterator[Any]:
-    path = folder / "ball.yaml"
-    path.write_text(SCENE)
-    with serving(path) as (_, server):
+    with serving_text(folder) as server:
         yield server
 
 
 @pytest.fixture
 def client(server: Any) -> Iterator[Page]:
-    with page(server) as found:
-        found.ask(1, "time", do="record", on=False)
-        found.ask(2, "reset")
-        found.frame(at_rest)
+    with reset_page(server) as found:
         yield found
 
 

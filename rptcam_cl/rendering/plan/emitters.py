@@ -570,6 +570,7 @@ def pack_emitters(
     textures: TextureTable,
     spectra: KnownSpectra,
     surroundings: Surroundings,
+    held: Mapping[str, int] | None = None,
 ) -> Emitters:
     """Return the emitters that light sampling chooses from: by a tree where there are many lamps, else by their power.
 
@@ -589,6 +590,9 @@ def pack_emitters(
         Takes the spectra of lamps.
     surroundings
         The environment.
+    held
+        Facts of kernels that are to do for them: these say whether there is a tree, and a lamp without light stands
+        where there is none.
     """
     eye = scene.metres_per_unit * np.array(scene.camera.eye)
     chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye, textures, spectra)
@@ -606,6 +610,9 @@ def pack_emitters(
         lights[-1][0]["hidden"] = _hidden_from_camera(scene.environment, scene)
     lights = sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
+    is_dark = held is not None and held["HAS_EMITTERS"] > 0 and not chosen
+    if is_dark:
+        chosen = [(np.array([_without_surface()], EMITTER.dtype), np.ones(1))]
     count = sum(len(records) for records, _ in chosen)
     records, curve, tree = EMITTER.zeros(count), np.zeros((1, 2), np.float32), None
     if chosen:
@@ -614,13 +621,17 @@ def pack_emitters(
         curve, chance = curves(powers[None])
         records["pick"] = chance[0]
         near = ~np.isin(records["kind"], list(FAR_EMITTERS))
-        lamps = lamps_of(records[near], powers[near]) if near.sum() > 1 else None
-        if lamps and variance_by_power(lamps, lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN:
+        lamps = lamps_of(records[near], powers[near]) if near.sum() > (held is None) else None
+        if lamps and (
+            held["LIGHT_TREE"] > 0
+            if held is not None
+            else variance_by_power(lamps, lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN
+        ):
             order = np.argsort(~near, kind="stable")  # of_primitive stays: surfaces stand first
             records, powers = records[order], powers[order]
             tree = _with_tree(records, powers, lamps, reach, surroundings)
         _note_infinity(records["kind"], surroundings)
-    kinds = frozenset(EmitterKind(kind) for kind in set(records["kind"][:count].tolist()))
+    kinds = frozenset(EmitterKind(kind) for kind in set(records["kind"][:count].tolist()) if not is_dark)
     tiny = _has_tiny(records, primitives, eye)
     return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny)
 

@@ -141,7 +141,7 @@ class Surroundings:
     kind : EnvironmentKind
     record : array of one Environment
     distribution : array of float32
-        Tables of `sampling_tables`; one zero where there are none.
+        Tables of `sampling_tables`, also of a picture without light; one zero where there is none.
     flux : float
         Integral over all directions of the radiance that light sampling takes on [W/m², luminance]; else 0.
     sun : two (3,) arrays, or None
@@ -209,9 +209,9 @@ def _of_picture(record: NDArray[np.void], colours: Colours, directions: Array, g
     right, up, forward = directions
     fill(record, right=right, up=up, forward=forward)
     brightness = PICTURES.find_or_make(f"brightness {colours.name}", lambda: _Brightness.of(colours))
-    if brightness.total <= 0 or gain <= 0:
-        return Surroundings(EnvironmentKind.NONE, record, np.zeros(1, np.float32), 0.0)
     record["rows"], record["columns"] = brightness.cells
+    if brightness.total <= 0 or gain <= 0:  # the tables are for kernels of one that shines, see `serve`
+        return Surroundings(EnvironmentKind.NONE, record, brightness.tables, 0.0)
     return Surroundings(EnvironmentKind.IMAGE, record, brightness.tables, gain * brightness.sampled)
 
 

@@ -25,6 +25,7 @@ from rptcam_cl.core.records import (
     CAUSTIC_SURFACE,
     SIZELESS_EMITTERS,
     EmitterKind,
+    EnvironmentKind,
     Kind,
     MaterialKind,
     SpectrumKind,
@@ -564,8 +565,9 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     light = scene.medium, getattr(scene.camera, "ghosts", "off"), scene.render.multiple_scattering
     caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
     about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent, light
-    of = scene.objects, solids, named, far, files, about
-    return parts.part("world", of, lambda: _pack_world(scene, parts, files))
+    held = () if parts.held is None else tuple(parts.held.items())
+    of = scene.objects, solids, named, far, files, about, held
+    return parts.part("held world" if held else "world", of, lambda: _pack_world(scene, parts, files))
 
 
 def _solids(scene: Scene, far: tuple[Any, ...]) -> tuple[tuple[Solid, ...], tuple[FileReference, ...]]:
@@ -587,12 +589,15 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     table, spectra, surroundings = seen.table, seen.spectra, seen.surroundings
     media, shown = pack_media(scene, primitives, seen.shown, spectra)
     first_triangles = meshes.first_triangles if meshes else np.zeros(0, np.int32)
-    emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
+    emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings, parts.held)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     textures = parts.textures(seen).seen_from(scene.camera.eye)
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
-    caustics = pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
+    if parts.held is None or parts.held["CAUSTICS"]:
+        caustics = pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
+    else:
+        caustics = _without("photons take other kernels")
     hidden = np.array([primitive.hidden for primitive in primitives] or [0], np.int32) | boundaries(primitives)
     facts = shown.facts | media.facts | caustics.facts | textures.facts | emitters.facts | movements.facts
     facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
@@ -724,6 +729,37 @@ def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool, parts: P
         "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
     }
     return replace(plan, facts=plan.facts | spectrum.facts | facts, is_rough=parts.rough)
+
+
+# Facts that are 1 where kernels know of something: those that know of it do for scenes without it, to the bit.
+# Not among them is what has arrays of its own, or chooses in which way light is found.
+_APART = {"HAS_MESH", "HAS_INSTANCES", "HAS_MOTION", "HAS_MEDIA", "HAS_BOUNDARY", "HAS_DISPERSION", "HAS_SPECTRA"}
+_APART |= {"HAS_HIDDEN", "HAS_OPACITY"}
+_KNOWING = ("HAS_", "EMITTER_", "FACET_ENERGY", "ENVIRONMENT_SAMPLED", "TINY_LAMPS")
+
+
+def serve(plan: Plan, facts: Mapping[str, int]) -> Plan | None:
+    """Return a plan with the facts of kernels that are there, which do for it; None where they do not.
+
+    Where `PlanParts.held` is those facts too, that is where the scene has nothing that they do not know of.
+    """
+
+    def does(name: str, wanted: int) -> bool:
+        there = facts.get(name)
+        if there == wanted:
+            return True
+        if there is None or name in _APART:
+            return False
+        if name == "ONE_EMITTER":
+            return there < wanted
+        if name == "ENVIRONMENT":  # a dark picture is one
+            is_picture = there == EnvironmentKind.IMAGE and plan.surroundings.distribution.size > 1
+            return is_picture and wanted == EnvironmentKind.NONE
+        return name.startswith(_KNOWING) and there > wanted
+
+    if plan.steps or plan.facts.keys() != facts.keys() or not all(does(*each) for each in plan.facts.items()):
+        return None
+    return replace(plan, facts=dict(facts)) if plan.facts["HAS_EMITTERS"] == facts["HAS_EMITTERS"] else None
 
 
 def with_film(plan: Plan, scene: Scene, film: Film) -> Plan:

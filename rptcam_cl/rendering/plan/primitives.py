@@ -60,10 +60,13 @@ class PlanParts:
     rough : bool
         Whether plans are for glances: then meshes may stand about an earlier middle of the scene, which rounds them in
         another way, so that those that do not move are taken as they are. `drop_rough` ends it.
+    held : dict or None
+        Facts of kernels that plans are to be made for, as far as those do for them; see `serve` of `plan.py`.
     """
 
     def __init__(self) -> None:
         self.rough = False
+        self.held: dict[str, int] | None = None
         self._known: dict[str, tuple[tuple[Any, ...], Any]] = {}
         self.placed: tuple[Any, dict[int, PlacedMesh]] = None, {}  # unit and shutter; by the index of the object
 
@@ -91,7 +94,7 @@ class PlanParts:
         """Make what was made roughly anew from now on."""
         self.rough = False
         if "pools" in self._known and not self._known["pools"][1].is_exact:
-            for name in ("pools", "meshes", "world"):
+            for name in ("pools", "meshes", "world", "held world"):
                 self._known.pop(name, None)
 
     def appearance(self, scene: Scene, materials: Collection[Material], files: tuple[str, ...]) -> Appearance:

@@ -77,7 +77,9 @@ export class Viewfinder {
 
   panels() {
     const denoising = toggle("Denoise until it is clean", (wanted) => this.denoise(wanted), { key: "n", name: "denoise", pressed: true });
-    const camera = h("div", { class: "vf-panel" }, h("h3", {}, "Lens, film, picture"), this.dials.others, denoising);
+    const turning = toggle("Turn with the device", (on) => this.gestures.turnWithDevice(on).catch(() => turning.show(false)), { name: "orientation" });
+    turning.hidden = !("DeviceOrientationEvent" in window && window.isSecureContext && matchMedia("(pointer: coarse)").matches);
+    const camera = h("div", { class: "vf-panel" }, h("h2", {}, "Lens, film, picture"), this.dials.others, denoising, turning);
     this.link.on("state", ({ denoise }) => denoising.show(Boolean(denoise)));
     return [
       { name: "camera", label: "Camera", element: camera },

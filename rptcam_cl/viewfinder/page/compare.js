@@ -120,8 +120,8 @@ export class Compare {
       button("f/8", () => this.preset({ text: "camera.f_number = 8" }), { name: "f8" }),
     ];
     return h("div", { class: "vf-panel" },
-      h("h3", {}, "Show"), this.modes, this.words,
-      h("h3", {}, "B is A, but"), h("div", { class: "vf-row" }, presets), this.form,
+      h("h2", {}, "Show"), this.modes, this.words,
+      h("h2", {}, "B is A, but"), h("div", { class: "vf-row" }, presets), this.form,
       h("div", { class: "vf-row" }, button("Apply", () => this.set({ model: null, mode: this.mode === "off" ? "side" : this.mode }), { name: "apply" }), this.map),
       this.figure, this.numbers);
   }

@@ -145,8 +145,8 @@ export function exposurePanel(link, overlays) {
     changed: (value) => link.soon("zebra", "view", { zebra_level: value }),
   });
   return h("div", { class: "vf-panel" },
-    h("h3", {}, "Spot meter"), meterTable(link),
-    h("h3", {}, "Warnings"),
+    h("h2", {}, "Spot meter"), meterTable(link),
+    h("h2", {}, "Warnings"),
     h("div", { class: "vf-row" }, overlays.button("zebra", "Zebra", "z"), overlays.button("false_colour", "False colour", "v")),
     level,
     clippingTable(link));

@@ -131,10 +131,10 @@ export class Focus {
       changed: (value) => this.link.soon("peaking", "view", { peaking_level: value }),
     });
     return h("div", { class: "vf-panel" },
-      h("h3", {}, "Depth of field"), focusScale(this.link, (...how) => this.dials.turned(...how)),
-      h("h3", {}, "Autofocus"), this.method,
+      h("h2", {}, "Depth of field"), focusScale(this.link, (...how) => this.dials.turned(...how)),
+      h("h2", {}, "Autofocus"), this.method,
       h("div", { class: "vf-row" }, this.start, this.useZone), this.result, this.curve,
-      h("h3", {}, "By eye"),
+      h("h2", {}, "By eye"),
       h("div", { class: "vf-row" }, this.overlays.button("peaking", "Peaking", "p"), magnifier.button, magnifier.levels), level);
   }
 }

@@ -7,6 +7,7 @@ const REST = 200; // [ms] after the last turn of the wheel
 const DEPTH = 20; // steps of dolly for a drag over the height of the picture
 const KEY_TURN = 0.02; // of the picture for a press of an arrow
 const FINE = 0.2;
+const STILL = 0.002; // of the picture, that a device may tremble
 
 /** What a drag and the arrow keys do. */
 export const TOOLS = [
@@ -29,6 +30,16 @@ function added(before, later) {
   return { ...later, dx: sum("dx"), dy: sum("dy"), dz: sum("dz") };
 }
 
+/** Where the back of a device points: clockwise from north and up [degrees], by the angles of W3C's Device Orientation. */
+export function heading({ alpha, beta, gamma }) {
+  if (alpha === null || beta === null || gamma === null) return null;
+  const [a, b, c] = [alpha, beta, gamma].map((each) => (each * Math.PI) / 180);
+  const x = -Math.sin(c) * Math.cos(a) - Math.cos(c) * Math.sin(b) * Math.sin(a);
+  const y = -Math.sin(c) * Math.sin(a) + Math.cos(c) * Math.sin(b) * Math.cos(a);
+  const up = Math.asin(Math.max(-1, Math.min(1, -Math.cos(c) * Math.cos(b))));
+  return { around: (Math.atan2(x, y) * 180) / Math.PI, up: (up * 180) / Math.PI };
+}
+
 export class Gestures {
   /** `pointed(point)` and `clicked(point)` get fractions of the picture. */
   constructor(stage, link, { pointed, clicked }) {
@@ -41,6 +52,7 @@ export class Gestures {
       pointerleave: () => this.pointed(null),
       contextmenu: (event) => event.preventDefault(),
     };
+    link.on("state", ({ camera }) => { this.across = camera?.across_degrees; });
     for (const [name, listener] of Object.entries(listeners)) stage.element.addEventListener(name, listener);
     stage.element.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
   }
@@ -133,6 +145,29 @@ export class Gestures {
     else if (event.key === "Enter" && AIMS.includes(this.tool)) this.clicked(this.crosshair ?? { x: 0.5, y: 0.5 });
     else return false;
     return true;
+  }
+
+  /** Turn the camera as the device is turned in the hand, where the browser tells its orientation. */
+  async turnWithDevice(on) {
+    window.removeEventListener("deviceorientation", this.turning);
+    this.turned = null;
+    if (!on) return;
+    await window.DeviceOrientationEvent.requestPermission?.();
+    this.turning = (event) => this.device(event);
+    window.addEventListener("deviceorientation", this.turning);
+  }
+
+  device(event) {
+    const before = this.turned;
+    this.turned = heading(event);
+    if (!before || !this.across || !this.turned) return;
+    const around = ((this.turned.around - before.around + 540) % 360) - 180;
+    const [width, height] = this.stage.full ?? [3, 2];
+    const turn = { dx: -around / this.across, dy: (this.turned.up - before.up) / this.across / (height / width) };
+    if (Math.hypot(turn.dx, turn.dy) < STILL) this.turned = before; // trembling adds up to nothing
+    else this.send("tilt", turn);
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => this.rest(), REST);
   }
 
   point([dx, dy], fine) {

@@ -59,6 +59,21 @@ function circle(w, h, found) {
   return [s("ellipse", { class: "vf-guide vf-circle", cx: found.x * w, cy: found.y * h, rx: found.rx * w, ry: found.ry * h })];
 }
 
+const STRAIGHT = 0.25; // degrees, within which the camera is level
+const PER_DEGREE = 1 / 60; // of the picture's height, that the line lies lower for each degree that the camera looks up
+
+/** The line is the horizontal: it turns against the camera and sinks as it looks up. */
+function level(w, h, { roll, pitch }) {
+  const arm = Math.min(w, h) / 5;
+  const sunk = Math.max(-0.4, Math.min(0.4, pitch * PER_DEGREE)) * h;
+  const state = Math.abs(roll) <= STRAIGHT ? "vf-level-straight" : "";
+  const turn = `rotate(${-roll} ${w / 2} ${h / 2})`;
+  return [
+    s("path", { class: `vf-guide vf-level ${state}`, transform: turn, d: `M${w / 2 - arm} ${h / 2 + sunk}H${w / 2 + arm}` }),
+    s("path", { class: "vf-guide vf-level-marks", d: `M${w / 2 - 1.4 * arm} ${h / 2}h${arm / 3}M${w / 2 + 1.4 * arm} ${h / 2}h${-arm / 3}` }),
+  ];
+}
+
 function zone(w, h, { x0, x1, y0, y1, state }) {
   return s("rect", {
     class: `vf-zone vf-zone-${state}`, x: x0 * w, y: y0 * h, width: (x1 - x0) * w, height: (y1 - y0) * h, rx: 2,
@@ -68,6 +83,26 @@ function zone(w, h, { x0, x1, y0, y1, state }) {
 function crosshair(w, h, { x, y }) {
   const d = `M${x * w - 14} ${y * h}h9m10 0h9M${x * w} ${y * h - 14}v9m0 10v9`;
   return [s("path", { class: "vf-cross vf-cross-under", d }), s("path", { class: "vf-cross", d })];
+}
+
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unit = (a) => a.map((each) => each / Math.sqrt(dot(a, a)));
+
+/** The axis of the scene that is nearest to a direction. */
+export function nearestAxis(direction) {
+  const axis = direction.map(Math.abs).indexOf(Math.max(...direction.map(Math.abs)));
+  return direction.map((each, i) => (i === axis ? Math.sign(each) : 0));
+}
+
+/** How far a camera is turned clockwise about its view, and looks up [degrees]; null where it looks straight up or down. */
+export function tiltOf({ eye, target, up }, vertical) {
+  const ahead = unit(target.map((each, i) => each - eye[i]));
+  const pitch = Math.asin(Math.max(-1, Math.min(1, dot(ahead, vertical))));
+  if (Math.abs(pitch) > 1.56) return null;
+  const right = unit(cross(ahead, up));
+  const roll = Math.atan2(-dot(vertical, right), dot(vertical, cross(right, ahead)));
+  return { roll: (roll * 180) / Math.PI, pitch: (pitch * 180) / Math.PI };
 }
 
 /** An element with the guides; `show(what)` and `resize` draw it anew. */
@@ -84,6 +119,7 @@ export function guidesDrawing() {
       ...(shown.centre ? centre(w, h) : []),
       ...(shown.safe ? safe(w, h, Number(shown.aspect)) : []),
       ...(shown.circle ? circle(w, h, shown.imageCircle) : []),
+      ...(shown.level && shown.tilt ? level(w, h, shown.tilt) : []),
       ...(shown.zones ?? []).map((each) => zone(w, h, each)),
       ...(shown.crosshair ? crosshair(w, h, shown.crosshair) : []),
     );

@@ -48,7 +48,7 @@ export class History {
     this.empty = h("p", { class: "vf-note" }, "A snapshot keeps a state; A/B shows it beside the picture.");
     this.element = h("div", { class: "vf-panel" },
       h("div", { class: "vf-row" }, this.undo, this.redo, button("Snapshot", () => this.tell("snap"), { key: "b", name: "snap" })),
-      h("h3", {}, "Snapshots"), this.empty, this.strip, h("h3", {}, "States"), this.states);
+      h("h2", {}, "Snapshots"), this.empty, this.strip, h("h2", {}, "States"), this.states);
     return this.element;
   }
 }

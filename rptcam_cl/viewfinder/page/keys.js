@@ -131,7 +131,7 @@ export function helpSheet(root) {
   const single = toggle("Keys of one character", (pressed) => turn(pressed), { pressed: true, name: "keys" });
   const element = h("dialog", { class: "vf-help", "aria-label": "Keys" },
     h("div", { class: "vf-help-head" }, h("h2", {}, "Keys"), single, close),
-    h("div", { class: "vf-help-body" }, GROUPS.map(([name, rows]) => h("section", {}, h("h3", {}, name),
+    h("div", { class: "vf-help-body" }, GROUPS.map(([name, rows]) => h("section", {}, h("h2", {}, name),
       h("dl", {}, rows.map(([keys, words]) => h("div", {}, h("dt", {}, caps(keys)), h("dd", {}, words))))))),
     h("p", { class: "vf-note" }, "Pointer: click focuses, drag moves as chosen, right button orbits, Shift or the middle button pans, wheel zooms. ",
       "Fingers: one moves as chosen, two pan and zoom. Dials: drag, turn the wheel, arrow keys, or Enter to type a value. ",

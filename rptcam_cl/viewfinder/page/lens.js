@@ -148,6 +148,6 @@ export class LensView {
   }
 
   panel() {
-    return h("div", { class: "vf-panel" }, h("h3", {}, "Cross-section"), this.drawing, this.field, this.spot, h("h3", {}, "Numbers"), this.list);
+    return h("div", { class: "vf-panel" }, h("h2", {}, "Cross-section"), this.drawing, this.field, this.spot, h("h2", {}, "Numbers"), this.list);
   }
 }

@@ -99,15 +99,15 @@ export class Out {
 
   panel() {
     return h("div", { class: "vf-panel" },
-      h("h3", {}, "Picture"), this.formats,
+      h("h2", {}, "Picture"), this.formats,
       h("div", { class: "vf-row" }, button("Save the picture", () => this.picture(), { key: "Ctrl+S", name: "save" })),
       choice("Bracket", BRACKETS, (value) => { this.bracket = value; }, { value: "1x0", name: "bracket" }),
       h("p", { class: "vf-note" }, "With the samples that it has now. Warnings and guides are not in the file."),
-      h("h3", {}, "Scene"),
+      h("h2", {}, "Scene"),
       h("div", { class: "vf-row" },
         button("Save as YAML", () => this.yaml(), { name: "yaml" }), button("Copy the command", () => this.command(), { name: "command" })),
       this.text,
-      h("h3", {}, "Back"),
+      h("h2", {}, "Back"),
       h("div", { class: "vf-row" },
         button("Camera as in the file", () => this.asked("reset", { what: "camera" }), { name: "reset-camera" }),
         button("All as in the file", () => this.asked("reset", { what: "all" }), { name: "reset" })));

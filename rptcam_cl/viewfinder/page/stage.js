@@ -32,6 +32,7 @@ export class Stage {
     this.mode = "off";
     this.wipeAt = 0.5;
     this.aspect = 16 / 9;
+    this.squeeze = 1;
     this.panes = { A: new Pane("A", "A"), B: new Pane("B", "B") };
     this.others = new Map(); // who draws frames of other kinds: magnifier, difference
     this.over = h("div", { class: "vf-over" }); // what lies over both pictures
@@ -73,10 +74,17 @@ export class Stage {
 
   resolution([width, height]) {
     this.full = [width, height];
-    if (this.aspect === width / height) return;
-    this.aspect = width / height;
+    const aspect = (this.squeeze * width) / height;
+    if (this.aspect === aspect) return;
+    this.aspect = aspect;
     this.element.style.setProperty("--aspect", this.aspect);
     this.layout();
+  }
+
+  /** Show the picture so many times as wide, as anamorphic lenses are squeezed. */
+  widen(squeeze) {
+    this.squeeze = squeeze;
+    if (this.full) this.resolution(this.full);
   }
 
   arrange(mode) {

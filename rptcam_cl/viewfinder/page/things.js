@@ -3,6 +3,10 @@
 import { button, h, toggle } from "./dom.js";
 import { capital } from "./numbers.js";
 
+const ADDED = {
+  lamp: "A soft lamp to the right and above, turned to what is in focus", card: "A white card to the left of what is in focus",
+  backdrop: "A grey backdrop behind what is in focus",
+};
 const HALF = 0.015; // of the picture's width: half the square at what is selected
 
 export class Things {
@@ -59,6 +63,8 @@ export class Things {
 
   panel() {
     this.empty = h("p", { class: "vf-note", hidden: true }, "Nothing in this scene shines.");
-    return h("div", { class: "vf-panel" }, h("h3", {}, "Selected"), this.title, this.dials.things, this.none, h("h3", {}, "Lamps"), this.lamps, this.empty);
+    const add = ["lamp", "card", "backdrop"].map((what) => button(capital(what), () => this.link.ask("add", { what }).catch(() => {}), { name: `add_${what}`, title: ADDED[what] }));
+    return h("div", { class: "vf-panel" }, h("h2", {}, "Selected"), this.title, this.dials.things, this.none, h("h2", {}, "Lamps"), this.lamps, this.empty,
+      h("h2", {}, "Add"), h("div", { class: "vf-row", role: "group", "aria-label": "Add to the scene" }, ...add));
   }
 }

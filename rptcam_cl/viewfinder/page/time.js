@@ -148,12 +148,12 @@ export class Time {
     this.pull.disabled = true;
     const labels = { camera: "Camera", focus: "Focus", f_number: "f-number", zoom: "Zoom", exposure: "Exposure" };
     return h("div", { class: "vf-panel" },
-      h("h3", {}, "Playing"),
+      h("h2", {}, "Playing"),
       h("div", { class: "vf-row" }, choice("Speed", SPEEDS, (value) => { this.speed = Number(value); }, { value: "1", name: "speed" }), this.loops),
       h("div", { class: "vf-field" }, h("label", { for: id }, "Frames"), this.length),
-      h("h3", {}, "Keys in this frame"), CHANNELS.map((name) => this.row(name, labels[name])),
+      h("h2", {}, "Keys in this frame"), CHANNELS.map((name) => this.row(name, labels[name])),
       h("p", { class: "vf-note" }, "While Record is on, what you turn sets keys: drag the focus dial while it plays. While it is off, it carries all keys along. Saved as YAML, the keys are the scene's own."),
-      h("h3", {}, "Focus pull"), h("div", { class: "vf-row" }, this.mark("A"), this.mark("B"), this.pull),
+      h("h2", {}, "Focus pull"), h("div", { class: "vf-row" }, this.mark("A"), this.mark("B"), this.pull),
       range("Takes", { min: 0.25, max: 6, step: 0.25, value: 1, name: "seconds", text: (value) => `${digits(value)}\u00a0s`, changed: (value) => { this.seconds = value; } }));
   }
 
