@@ -392,7 +392,7 @@ def focus_of(task: Task, method: str) -> FocusReport:
     return with_warnings(task, report if task.criterion is None else _by_criterion(task, report))
 
 
-WHEN_STOPPED = 0.5  # of the opening: two stops, after which the focus shift is told
+WHEN_STOPPED = 0.5  # of the opening: two stops, after which the focus shift is reported
 
 
 def _by_criterion(task: Task, report: FocusReport) -> FocusReport:
