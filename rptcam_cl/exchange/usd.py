@@ -342,7 +342,8 @@ class Stage:
         counts = _numbers(curves.GetCurveVertexCountsAttr().Get(self.time), 1, np.int64)
         basis = "linear" if str(curves.GetTypeAttr().Get()) == "linear" else str(curves.GetBasisAttr().Get())
         wrap = str(curves.GetWrapAttr().Get())
-        if not len(counts) or counts.sum() != len(points) or (counts < (2 if basis == "linear" or wrap == "pinned" else 4)).any():
+        least = 2 if basis == "linear" or wrap == "pinned" else 4
+        if not len(counts) or counts.sum() != len(points) or counts.min() < least:
             self.report.say("ignored", "curves whose points are not those of their counts", prim)
             return
         if wrap == "periodic":
