@@ -29,6 +29,7 @@ WIDEST_PX = 64.0  # sharp image of a lamp that is treated as one
 LARGEST_PX = 256  # half width of a picture of a lamp
 BEYOND = 1.8  # radii of the rays that it reaches, and as far as the kernel of a sharp point
 WAVES_NM = tuple(np.arange(410.0, 700.0, 20.0).tolist())
+MOST_POINTS = 512  # along each side of a picture; where pixels are so large that it takes more, no ring shows
 FINE = 2.5  # points per wavelength over twice the numerical aperture
 RAYS_FINER = 4  # points across a pixel for the picture by rays
 SHOWS = 0.01  # of its light by which waves must differ from rays
@@ -158,6 +159,8 @@ def _image(view: View, places: Array, source: Array, units: float) -> LampImage 
         reach = min(
             int(np.ceil(max(BEYOND * radius + units * unit, 2.0) + np.ptp(places, axis=0).max() / 2)), LARGEST_PX
         )
+        if (2 * reach + 1) * FINE / min(unit, FINE) > MOST_POINTS:
+            return None
         opening = opening_of(view.pupils, seen, point, source, view.nm, min(reach / unit, 160.0))
         every = [
             point_wave(view.pupils, opening, point, source, nm) for nm in (WAVES_NM if view.splits else (view.nm,))
