@@ -28,8 +28,8 @@ from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.focus.controller import BY_DETAILS, DETAILS, focus_of
-from rptcam_cl.studies.focus.phase import half_view
+from rptcam_cl.studies.focus.controller import BY_DETAILS, focus_of
+from rptcam_cl.studies.focus.phase import DETAILS, half_view
 from rptcam_cl.studies.focus.probe import FocusReport, Policy, Zone
 from rptcam_cl.studies.focus.renderer import ProbeRenderer, Task
 
@@ -443,6 +443,7 @@ def main() -> None:
             if row["silent"] or not row["good"]:
                 end = row["reason"] or f"{row['miss']:.2f} depths of focus off, {row['failure'] or 'IN SILENCE'}"
                 print(f"{number} {method}: {row['case']}: {end}", flush=True)
+        write_json(given.json, begun_on, found)  # what is measured stays when it is ended
     columns = [
         "kind",
         "method",
@@ -461,7 +462,6 @@ def main() -> None:
         good = sum(row["good"] for row in rows)
         low, high = wilson(good, len(rows))
         print(f"{method}: {good} of {len(rows)} in focus, {low:.1%} to {high:.1%} by 95 % of such experiments")
-    write_json(given.json, begun_on, found)
 
 
 if __name__ == "__main__":

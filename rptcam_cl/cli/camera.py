@@ -368,6 +368,10 @@ def add_focus(parser: argparse.ArgumentParser) -> None:
         "--policy", type=focus_policy, metavar="NAME",
         help="which of several zones decides: closest (default), farthest, centre or weighted",
     )  # fmt: skip
+    parser.add_argument(
+        "--criterion", metavar="NAME",
+        help="what depth and phase call sharpest: spot (default), pixel, or mtf@30 with line pairs per mm of the film",
+    )  # fmt: skip
     add_options(parser, "seed")
     add_device(parser)
     add_options(parser, "overrides")
@@ -405,6 +409,7 @@ def run_focus(arguments: argparse.Namespace) -> int:
         point=arguments.point,
         object=arguments.object,
         policy=arguments.policy,
+        criterion=arguments.criterion,
         seed=arguments.seed,
         device=arguments.device,
     )
@@ -429,7 +434,7 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
     from rptcam_cl.studies.focus.servo import FrameFocus, doubts_of, servo_plot, summary_of
 
     where = {"zones": _zones(arguments), "point": arguments.point, "object": arguments.object}
-    keys = {"method": arguments.method, "policy": arguments.policy}
+    keys = {"method": arguments.method, "policy": arguments.policy, "criterion": arguments.criterion}
     if scene.requested_autofocus is None or any(value is not None for value in (*where.values(), *keys.values())):
         settings = focus_settings(scene, keys, where)
         data = settings.model_dump(exclude_unset=True, exclude={"zones_from"})
@@ -475,6 +480,10 @@ def _print_focus(report: "FocusReport") -> None:
     if "started" in report.notes:
         start, step = report.notes["start_m"], report.notes["step_m"]
         print(f"from {start:.6g} m in steps of {step:.6g} m: {report.notes['started']}")
+    if "criterion" in report.notes:
+        off, shift = report.notes["beyond_spot"], report.notes["shift_when_stopped"]
+        print(f"sharpest by {report.notes['criterion']}: {off:+.2f} depths of focus from the least spot")
+        print(f"two stops down the focus goes {shift:+.2f} depths of focus nearer")
     distance = "nothing" if report.focus_distance_m is None else f"{report.focus_distance_m:.6g} m"
     film = f"film {report.film_distance_mm:.6g} mm behind the lens"
     doubt = "" if report.failure is None else ", NOT KNOWN TO BE IN FOCUS"

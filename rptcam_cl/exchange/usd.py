@@ -342,7 +342,7 @@ class Stage:
         counts = _numbers(curves.GetCurveVertexCountsAttr().Get(self.time), 1, np.int64)
         basis = "linear" if str(curves.GetTypeAttr().Get()) == "linear" else str(curves.GetBasisAttr().Get())
         wrap = str(curves.GetWrapAttr().Get())
-        if counts.sum() != len(points) or (counts < (2 if basis == "linear" or wrap == "pinned" else 4)).any():
+        if not len(counts) or counts.sum() != len(points) or (counts < (2 if basis == "linear" or wrap == "pinned" else 4)).any():
             self.report.say("ignored", "curves whose points are not those of their counts", prim)
             return
         if wrap == "periodic":

@@ -325,8 +325,9 @@ def spot(
     beam: Beam | None = None,
     wavelength_nm: float = LINE_D_NM,
     across: int = 256,
+    coarse: int = COARSE,
 ) -> Spot:
-    """Return the spot of a beam on the film; `across` rays span the beam each way.
+    """Return the spot of a beam on the film; `across` rays span the beam each way, and so many seek it.
 
     Raises
     ------
@@ -334,7 +335,7 @@ def spot(
         When nothing of the beam passes.
     """
     beam = beam or Beam()
-    points, rays, cell = passing_beam(lens, beam, wavelength_nm, across)
+    points, rays, cell = passing_beam(lens, beam, wavelength_nm, across, coarse)
     film = _at_film(lens, rays, film_distance_mm)
     slopes = lens.sense * rays.directions[:, :2] / rays.directions[:, 2:]
     centroid, drift = film.mean(axis=0), slopes.mean(axis=0)
@@ -355,7 +356,9 @@ def spot(
     )
 
 
-def passing_beam(lens: Lens, beam: Beam, wavelength_nm: float, across: int) -> tuple[Array, Rays, float]:
+def passing_beam(
+    lens: Lens, beam: Beam, wavelength_nm: float, across: int, coarse: int = COARSE
+) -> tuple[Array, Rays, float]:
     """Return the points of the first vertex plane whose rays pass, those rays, and the area of a grid cell [mm2].
 
     Of a steep field, points and area are those of a plane across the beam.
@@ -373,7 +376,7 @@ def passing_beam(lens: Lens, beam: Beam, wavelength_nm: float, across: int) -> t
         return lens.trace(*beam.rays(points), wavelength_nm, start="scene")
 
     what = f"a beam at {beam.field_degrees:g} degrees"
-    return _find_passing(lens, through, _first_box(lens, beam), (COARSE, COARSE, across), what, (1, 4, 16))
+    return _find_passing(lens, through, _first_box(lens, beam), (coarse, coarse, across), what, (1, 4, 16))
 
 
 def chief_ray(

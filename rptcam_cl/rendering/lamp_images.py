@@ -29,8 +29,8 @@ WIDEST_PX = 64.0  # sharp image of a lamp that is treated as one
 LARGEST_PX = 256  # half width of a picture of a lamp
 BEYOND = 1.8  # radii of the rays that it reaches, and as far as the kernel of a sharp point
 WAVES_NM = tuple(np.arange(410.0, 700.0, 20.0).tolist())
-MOST_POINTS = 512  # along each side of a picture; where pixels are so large that it takes more, no ring shows
 FINE = 2.5  # points per wavelength over twice the numerical aperture
+MOST_ACROSS = 512  # points across a picture by waves: of finer ones, pixels show what rays do
 RAYS_FINER = 4  # points across a pixel for the picture by rays
 SHOWS = 0.01  # of its light by which waves must differ from rays
 UNLIKE = 0.3  # of the light of a lamp by which its film may differ from its rays, in parts of its picture
@@ -159,7 +159,7 @@ def _image(view: View, places: Array, source: Array, units: float) -> LampImage 
         reach = min(
             int(np.ceil(max(BEYOND * radius + units * unit, 2.0) + np.ptp(places, axis=0).max() / 2)), LARGEST_PX
         )
-        if (2 * reach + 1) * FINE / min(unit, FINE) > MOST_POINTS:
+        if (2 * reach + 1) * _finer(unit, 550.0) > MOST_ACROSS:
             return None
         opening = opening_of(view.pupils, seen, point, source, view.nm, min(reach / unit, 160.0))
         every = [
@@ -221,9 +221,14 @@ def _both(place: float) -> tuple[tuple[int, float], tuple[int, float]]:
     return (first, 1 - place + first), (first + 1, place - first)
 
 
+def _finer(unit: float, nm: float) -> int:
+    """Return into how many points a pixel is divided, by the wavelength over twice the aperture at 550 nm [pixels]."""
+    return max(int(np.ceil(FINE / unit * 550.0 / nm)), 1)
+
+
 def _wave_pixels(wave: PointWave, nm: float, pixel_mm: tuple[float, float], offsets: Array, unit: float) -> Array:
     """Return the light of each pixel, of 1 altogether."""
-    finer = max(int(np.ceil(FINE / unit * 550.0 / nm)), 1)
+    finer = _finer(unit, nm)
     within = (np.arange(finer) + 0.5) / finer - 0.5
     x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
     light = wave_picture(wave, nm, x, y) * abs(pixel_mm[0] * pixel_mm[1]) / finer**2

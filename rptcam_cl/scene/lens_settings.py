@@ -114,6 +114,20 @@ def _zone(words: list[str], place: str) -> ZoneFractions:
 
 Method = Literal["contrast", "laplacian", "variance", "depth", "phase", "hybrid"]
 METHODS: tuple[Method, ...] = get_args(Method)
+BY_DISTANCE = ("depth", "phase")  # methods that measure a distance, of which a criterion then makes the focus
+CRITERION = re.compile(r"spot|pixel|mtf@(\d+(?:\.\d+)?)")
+MOST_PER_MM = 2000.0
+
+
+def _criterion(text: Any) -> Any:
+    """Check a criterion of sharpness: `spot`, `pixel` or `mtf@` and line pairs per millimetre."""
+    match = CRITERION.fullmatch(text) if isinstance(text, str) else None
+    if match is None or (match[1] and not 0 < float(match[1]) <= MOST_PER_MM):
+        allowed = f"spot, pixel, or mtf@30 with line pairs per mm of the film, up to {MOST_PER_MM:g}"
+        raise refuse("is no criterion of sharpness", got=text, allowed=allowed)
+    return text
+
+
 Policy = Literal["closest", "farthest", "centre", "weighted"]
 POLICIES: tuple[Policy, ...] = get_args(Policy)
 ObjectName = Annotated[str, Field(max_length=200)]
@@ -162,8 +176,23 @@ class AutoFocus(SceneModel):
     policy: Policy = "closest"
     """Which of several zones decides."""
 
+    criterion: Annotated[str, BeforeValidator(_criterion)] | None = None
+    """With `depth` and `phase`: what is called sharpest. `spot`, by default: the least rms spot. `mtf@30`: where 30
+    line pairs per mm of the film keep most contrast. `pixel`: where details of four pixels of the picture do."""
+
     draw_zones: Annotated[bool, Field(strict=True)] = False
     """Whether the zones are drawn into PNG files as white rectangles."""
+
+    @model_validator(mode="after")
+    def _check_criterion(self) -> Self:
+        if self.criterion is not None and self.method not in BY_DISTANCE:
+            raise refuse(
+                f"says what is sharpest at a distance, but {self.method} goes where its measure is greatest",
+                got=self.criterion,
+                allowed="method: depth or phase beside it",
+                path=("criterion",),
+            )
+        return self
 
 
 AutoFocusOrMethod = Annotated[

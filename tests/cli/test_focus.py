@@ -73,7 +73,7 @@ def test_autofocus_is_asked_for_what_the_options_say(
     assert read.render.seed == (9 if "--set" in words else load_scene(scene).render.seed)
     if "zones" in given:
         options["zones"] = [tuple(zone) for zone in options["zones"]]
-    nothing = dict.fromkeys(("method", "zones", "point", "object", "policy", "seed", "device"))
+    nothing = dict.fromkeys(("method", "zones", "point", "object", "policy", "seed", "device", "criterion"))
     assert options == nothing | given
 
 

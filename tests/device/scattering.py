@@ -58,9 +58,12 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
     packed = pack_materials([scene.materials["tested"]], TextureTable(scene), KnownSpectra())
     records, shared = packed.records, int(again and packed.facts["FACET_SHARES"])
     tables = facet_shares(records) if shared else np.zeros(1, np.float32)
+    facts = FACTS | {"FACET_ENERGY": int(again), "FACET_SHARES": shared}
+    if shared:  # the tables are of brushed metal where something is brushed
+        facts["HAS_ANISOTROPY"] = packed.facts["HAS_ANISOTROPY"]
     out = session.allocate(11 * 4 * padded)
     run(
-        session, "probe_scatter", FACTS | {"FACET_ENERGY": int(again), "FACET_SHARES": shared}, padded // LANES,
+        session, "probe_scatter", facts, padded // LANES,
         materials=session.upload(records),
         facet_shares=session.upload(tables),
         material=np.int32(0), out=out, capacity=np.uint32(padded), **{"in": session.upload(table)},

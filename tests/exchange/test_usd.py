@@ -259,7 +259,7 @@ def test_what_is_left_out_is_named(tmp_path: Path) -> None:
     done, _ = convert(tmp_path, BALL + 'def Capsule "c" { } def BasisCurves "hair" { }')
     described = {item["message"]: item["prims"] for item in done.report.described()}
     assert described["a capsule without its caps"] == ["/c"]
-    assert described["there is no such shape as a BasisCurves"] == ["/hair"]
+    assert described["curves whose points are not those of their counts"] == ["/hair"]
     assert any(line.startswith("/c: approximated: ") for line in done.report)
 
 

@@ -7,13 +7,14 @@ import io
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.optics.charts import add_key, new_chart, series, styled
-from rptcam_cl.optics.chief_rays import ChiefRays, aimed_rays, film_chief_rays
+from rptcam_cl.optics.chief_rays import ChiefRays, aimed_rays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.lens import (
     Lens,
@@ -60,6 +61,10 @@ class CameraRays(ABC):
     @abstractmethod
     def rays(self, places: Array) -> tuple[Array, Array]:
         """Return origins [m] and unit directions (n, 3) of the chief rays of places (n, 2); nan where none passes."""
+
+    def rays_of_few(self, places: Array) -> tuple[Array, Array]:
+        """Return the same sooner, where there are hundreds of places and not thousands."""
+        return self.rays(places)
 
     def unlimited(self, places: Array) -> tuple[Array, Array]:
         """Return the same as if the lens had no rims."""
@@ -136,16 +141,28 @@ class TracedRays(CameraRays):
         super().__init__(scene)
         self._frame, self._half = film_frame(scene.camera), np.array(half_film_mm(scene))
         self._lens, self._back, self._nm = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
+
+    @cached_property
+    def _grid(self) -> FilmGrid:
+        """Aims and rays at the nodes."""
         sides = np.linspace(-REACH, REACH, NODES)
         nodes = np.stack(np.meshgrid(sides, sides), axis=-1).reshape(-1, 2)
         rays = film_chief_rays(self._lens, self._film(nodes), self._nm)
         values = np.where(rays.found[:, None], np.hstack([rays.aims, *self._in_camera(rays)]), np.nan)
-        self._grid = FilmGrid(values.reshape(NODES, NODES, -1), REACH)
+        return FilmGrid(values.reshape(NODES, NODES, -1), REACH)
 
     def rays(self, places: Array) -> tuple[Array, Array]:
         """Return origins [m] and unit directions (n, 3); nan where rims stop the ray."""
         upright = self.upright(places)
         rays = self._aimed(upright)
+        return _kept(self._in_camera(rays), rays.clear)
+
+    def rays_of_few(self, places: Array) -> tuple[Array, Array]:
+        """Return the same, each ray aimed for itself."""
+        is_plain = self._lens.is_rotational and self._frame.is_flat
+        rays = (round_chief_rays if is_plain else film_chief_rays)(
+            self._lens, self._film(self.upright(places)), self._nm
+        )
         return _kept(self._in_camera(rays), rays.clear)
 
     def unlimited(self, places: Array) -> tuple[Array, Array]:

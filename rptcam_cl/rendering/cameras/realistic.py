@@ -107,31 +107,71 @@ def pupil_in_windows(
     Of a film that is moved, `half_film_mm` are half the sides of what it takes about the axis.
     """
     lens = without_shape(lens)
-    cells = _touched(half_film_mm, windows)
-    corners = np.unique(np.concatenate([cells + np.array([i, j]) for i in (0, 1) for j in (0, 1)]), axis=0)
-    size = 2 * np.array(half_film_mm) / CELLS
+    half, size = np.array(half_film_mm), 2 * np.array(half_film_mm) / CELLS
+    tiles = np.concatenate([_tiles(np.clip(np.array(window).reshape(2, 2).T, -half, half), size) for window in windows])
+    corners, at = np.unique(_corners_of(tiles), axis=0, return_inverse=True)
     probes = narrowing_probes(lens, film_distance_mm, wavelength_nm, frame)
-    boxes, lit = pupil_boxes(probes, corners * size - half_film_mm, PROBES)
+    boxes, lit = pupil_boxes(probes, corners, PROBES)
     if not lit.any():
         raise InputError(f"{lens.name}: no light reaches the zones {film_distance_mm:g} mm behind the lens")
-    place = {tuple(corner): k for k, corner in enumerate(corners.tolist())}
-    table = np.zeros((CELLS, CELLS, 4), np.float32)
-    for x, y in cells.tolist():
-        around = [place[x + i, y + j] for i in (0, 1) for j in (0, 1)]
-        table[y, x] = _around(boxes[around], lit[around])
-    parameters = PupilGrid(1 / size[0], 1 / size[1], CELLS, CELLS)
-    return PupilSampling("windows", PupilKind.BOXES, parameters, table.ravel())
+    low, high = np.full((FINE, FINE, 2), np.inf), np.full((FINE, FINE, 2), -np.inf)
+    size = 2 * half / FINE
+    for tile, around in zip(tiles, at.reshape(-1, 4), strict=True):
+        if lit[around].any():
+            (x0, y0), (x1, y1) = np.clip(np.floor((tile + half) / size).astype(int), 0, FINE - 1)
+            held = slice(y0, y1 + 1), slice(x0, x1 + 1)
+            corner, sides = np.split(_between(tile, boxes[around], lit[around], held, size, half), 2, axis=-1)
+            low[held], high[held] = np.minimum(low[held], corner), np.maximum(high[held], corner + sides)
+    table = np.where(low[..., :1] < np.inf, np.concatenate([low, high - low], axis=2), 0.0)
+    parameters = PupilGrid(1 / size[0], 1 / size[1], FINE, FINE)
+    return PupilSampling("windows", PupilKind.BOXES, parameters, table.astype(np.float32).ravel())
 
 
-def _touched(half_film_mm: tuple[float, float], windows: Sequence[Window]) -> NDArray[np.int64]:
-    """Return the cells (n, 2) of the film, across and down, that windows touch."""
-    touched = np.zeros((CELLS, CELLS), np.bool_)
-    for window in windows:
-        low, high = np.array(window).reshape(2, 2).T
-        first, last = (np.floor((edge / half_film_mm + 1) / 2 * CELLS).astype(int) for edge in (low, high))
-        first, last = np.clip(first, 0, CELLS - 1), np.clip(last, 0, CELLS - 1)
-        touched[first[0] : last[0] + 1, first[1] : last[1] + 1] = True
-    return np.argwhere(touched)
+FINE = (
+    64  # cells of the film across and down: close behind a lens a small pupil moves by more than itself in larger ones
+)
+BENT = 0.02  # of a tile's pupils: by how much they may lie beside those between its corners
+
+
+def _between(
+    tile: NDArray[np.float64],
+    boxes: NDArray[np.float64],
+    lit: NDArray[np.bool_],
+    held: tuple[slice, slice],
+    size: NDArray[np.float64],
+    half: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the corner and size (rows, columns, 4) of boxes that hold the pupils of cells, from those at the corners
+    of a tile."""
+    whole = _around(boxes, lit)
+    rows, columns = (np.arange(part.start, part.stop + 1) for part in held)
+    if not lit.all():
+        return np.broadcast_to(whole, (len(rows) - 1, len(columns) - 1, 4))
+    extent = np.maximum(tile[1] - tile[0], 1e-300)
+    u, v = (np.clip((ends * size[k] - half[k] - tile[0, k]) / extent[k], 0, 1)
+            for k, ends in ((0, columns), (1, rows)))  # fmt: skip
+    across = [boxes[k] + u[:, None] * (boxes[k + 1] - boxes[k]) for k in (0, 2)]
+    at = across[0] + v[:, None, None] * (across[1] - across[0])
+    at = np.stack([at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]])
+    low, high = at[..., ::2].min(axis=0), at[..., 1::2].max(axis=0)
+    spread = SPREAD * (high - low) + BENT * (boxes[:, ::2].max(axis=0) - boxes[:, ::2].min(axis=0))
+    return np.concatenate([low - spread, high - low + 2 * spread], axis=-1)
+
+
+TILE = 1.8  # cells that a part of a window spans at most, whose corners tell of all of it
+
+
+def _tiles(window: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cut a window, its lower and its upper corner, into parts (n, 2, 2) of that kind."""
+    counts = np.maximum(np.ceil((window[1] - window[0]) / (TILE * size)).astype(int), 1)
+    x, y = (np.linspace(low, high, count + 1) for (low, high), count in zip(window.T.tolist(), counts, strict=True))
+    return np.array([[[x[i], y[j]], [x[i + 1], y[j + 1]]] for i in range(counts[0]) for j in range(counts[1])])
+
+
+def _corners_of(tiles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners (4 n, 2) of tiles."""
+    x, y = tiles[..., 0], tiles[..., 1]
+    return np.stack([x[:, [0, 1, 0, 1]], y[:, [0, 0, 1, 1]]], axis=-1).reshape(-1, 2)
 
 
 def _around(boxes: NDArray[np.float64], lit: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -282,9 +282,11 @@ SHARE = 0.6  # of the half width: steps of the last round, whose outer probes th
 WIDEST = 6.0  # depths of focus at the stop of a round: its widest step
 OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three probes
 CLEAR = 4.0  # standard errors by which a top must rise above the rest
-COARSE, FINE = 0.05, 0.05  # relative standard error of the measure that rounds aim at; `_refine` sees to the place
+FINE = 0.05  # relative standard error of the measure that rounds aim at; `_refine` sees to the place
+MOST_MORE = 16.0  # times the samples of a round that the next one takes at most
+AIM = 0.06  # depths of focus that it is to err by where samples are not too many; four pictures tell it roughly
 FIRST_SAMPLES = 64  # per pixel
-NEAR_SAMPLES = 64  # of a search near a place, whose probes are sharp enough to tell more from fewer
+NEAR_SAMPLES = 16  # of a search near a place, whose probes are sharp enough to tell more from fewer
 MOST_NEAR = 512  # of it, where nothing is seen: it may be elsewhere
 LUCK = 1.0  # standard errors that what is seen may lie below what there is
 PRECISE = 8.0  # parts of a depth of focus, of which a top may err by one
@@ -331,7 +333,7 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
     places = [low + k * step for k in range(count)]
     reference = None if start is None else start[0]
     first = FIRST_SAMPLES if start is None else NEAR_SAMPLES
-    made, samples = _round(probes, places, stop, first, zones, COARSE, reference)
+    made, samples = _round(probes, places, stop, first, zones, reference)
     peaks = _widen(probes, made, zones, step, samples)
     rounds = math.ceil(math.log(1 / stop) / math.log(OPENING) - 1e-9)
     if start is not None:  # once more about the top, as the curve of an aberrated lens is lopsided
@@ -340,9 +342,13 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
     for number in range(rounds):
         stop = 1.0 if number == rounds - 1 else stop * factor
         zones = _still_possible(policy, probes, peaks, zones, step)
-        step = _next_step(probes, peaks, zones, stop, factor)
+        before, step = step, _next_step(probes, peaks, zones, stop, factor)
+        if start is not None:  # a lopsided curve pulls the top of wide steps to a side
+            step = min(step, WIDEST / 2 * probes.drive.depth_of_focus)
+        more = _for_measure(made, zones) if start is None else _for_place(probes, peaks, zones, before, step)
+        samples = max(min(max(int(more * samples), FIRST_SAMPLES), probes.most, probes.affordable), samples)
         centre = _centre(peaks, zones)
-        made, samples = _round(probes, _three_places(probes, centre, step), stop, samples, zones, FINE, centre)
+        made, samples = _round(probes, _three_places(probes, centre, step), stop, samples, zones, centre)
         peaks = _widen(probes, made, zones, step, samples)
     zone = choose_zone(policy, probes.task.zones, {k: peaks[k].place for k in zones})
     peak = _refine(probes, made, zone, peaks[zone], samples)
@@ -361,15 +367,13 @@ def _round(
     stop: float,
     samples: int,
     zones: list[int],
-    wanted: float,
     reference: float | None = None,
 ) -> tuple[list[Probe], int]:
-    """Probe at some places; again with more samples where noise hides what so many would show."""
+    """Probe at some places, again with more samples where noise hides what so many would show; return how many."""
     most = min(probes.most, probes.affordable)
     while True:
         made = [probes.at(place, samples, stop, reference) for place in places]
         seen = [zone for zone in zones if _contrast(probes, made, zone)]
-        noise = min((_noise(made, zone) for zone in zones), default=math.inf)
         if seen or samples >= most or all(_is_surely_flat(probes, made, zone) for zone in zones):
             break
         if samples * (CLEAR / (_significance(made, zones) + LUCK)) ** 2 > most:  # as noise falls by the root of them
@@ -378,8 +382,28 @@ def _round(
     if not seen:
         raise no_contrast(_why_unseen(probes, made, zones, samples), is_flat=True)
     zones[:] = seen
-    factor = max(1.0, min((noise / wanted) ** 2, 16.0))
-    return made, max(samples, min(int(samples * factor), most))
+    return made, samples
+
+
+def _for_measure(made: Sequence[Probe], zones: list[int]) -> float:
+    """Return how many times the samples of a round its measure needs."""
+    return min((min(_noise(made, zone) for zone in zones) / FINE) ** 2, MOST_MORE)
+
+
+def _for_place(probes: Probes, peaks: dict[int, Peak], zones: list[int], before: float, step: float) -> float:
+    """Return how many times the samples of a round the next one needs, whose steps are others, for its top's place.
+
+    With the measure 1 / (1 + q^2) at q half widths from the top, and noise that is everywhere the same, the error of a
+    top by three probes q apart is as (1 + q^2)^2 / q, least at q = 0.58.
+    """
+    target, worst = AIM * probes.drive.depth_of_focus, 0.0
+    for zone in zones:
+        ratio, width = 1.0, peaks[zone].width
+        if math.isfinite(width):
+            there, here = (min(each / width, 1.0) for each in (step, before))
+            ratio = (1 + there**2) ** 2 / there / ((1 + here**2) ** 2 / here)
+        worst = max(worst, ratio * peaks[zone].error / target)
+    return min(worst**2, MOST_MORE)
 
 
 def _significance(made: Sequence[Probe], zones: list[int]) -> float:
@@ -480,18 +504,18 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
     """
     sharp, most = probes.drive.depth_of_focus, probes.affordable
     low, high = probes.ends
-    reference = made[0].reference
+    reference, widest = made[0].reference, WIDEST * sharp
     for _ in range(4):
         if peak.rise < CLEAR and samples >= most:
             raise _same_everywhere(peak)
         is_converged = peak.rise >= CLEAR and (peak.error < sharp / PRECISE or samples >= most)
-        if is_converged and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
+        if is_converged and _is_even(made, zone, peak, (low, high), widest):
             return peak
-        step = min(max(SHARE * peak.width, sharp), WIDEST / 2 * sharp)
+        step = min(max(SHARE * peak.width, sharp), widest / 2 if is_converged else widest)
         if not is_converged:
-            more = 4.0 if peak.rise < CLEAR else float(np.clip(2 * (PRECISE * peak.error / sharp) ** 2, 2, 16))
+            widest *= 2  # so coarse a texture, or so blurred a picture, tells little nearer by
+            more = 4.0 if peak.rise < CLEAR else float(np.clip(1.5 * (PRECISE * peak.error / sharp) ** 2, 1.5, 16))
             samples, made, reference = min(int(more * samples), most), [], peak.place
-            step = min(2 * step, WIDEST * sharp)
         for place in _three_places(probes, peak.place, step):
             if not any(abs(probe.place - place) < 0.25 * step for probe in made):
                 made.append(probes.at(place, samples, reference=reference))
@@ -537,8 +561,6 @@ def _focus_by_measure(method: str, measure: str, task: Task) -> FocusReport:
     probes = task.probes(MEASURES[measure])
     probes.most = MOST_SAMPLES if task.near is None else MOST_NEAR
     peak, zone = greatest_contrast(probes, task.policy, task.near_place(probes))
-    if task.near is not None and peak.error >= task.drive.depth_of_focus / 4:
-        raise no_contrast("its details are not clear where it was searched")
     task.note_state(probes.state_of(peak.place))
     state = probes.state_of(peak.place)
     sure = (

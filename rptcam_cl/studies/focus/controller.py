@@ -28,13 +28,13 @@ from rptcam_cl.studies.focus.contrast import (
     focus_by_variance,
 )
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
-from rptcam_cl.studies.focus.phase import focus_by_hybrid, focus_by_phase, half_view
+from rptcam_cl.studies.focus.phase import clearest_beside, focus_by_hybrid, focus_by_phase, half_view
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Probe, Zone
 from rptcam_cl.studies.focus.renderer import ProbeRenderer, Task
 
 # What can be wrong with a focus that was found: too uncertain, one of two distances, or one of two line focuses.
 
-SURE = 0.5  # confidence below which a focus counts as not found
+SURE = 2 / 3  # confidence below which a focus counts as not found: that of an error of a quarter of a depth of focus
 SHARP_SHARE = 0.05  # of what the zone shows, that depth requires within the depth of field
 AT_AN_END = 1.0  # depths of focus from the end of the reach, where the target may lie beyond
 APART = 4.0  # depths of focus between two distances, or two line focuses, that are worth a word
@@ -42,7 +42,6 @@ LEAST_SHARE = 0.2  # of a zone that shows another distance
 MOSTLY = 0.5  # of a zone that shows something through glass or in a mirror
 FAR_M = 1e6
 BY_DETAILS = ("contrast", "laplacian", "variance")  # which seek the clearest details, not the least spot
-DETAILS = (0.125, 0.25)  # cycles per pixel of a probe, of what they see
 
 
 def with_warnings(task: Task, report: FocusReport) -> FocusReport:
@@ -81,21 +80,18 @@ def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
         return None
     off = drive.nearer * (drive.coordinate(report.state) - drive.coordinate(best)) / drive.depth_of_focus
     away = np.abs(off - (shown - nearest) / sharp)
-    slack = 0.5 + _clearest_beside(task, best, zone, sharp) if report.method in BY_DETAILS else 0.5
+    slack = 0.5 + abs(report.notes.get("beyond_spot", 0.0))
+    if report.method in BY_DETAILS:
+        slack += clearest_beside(task.renderer, best, zone)
     if np.mean(away <= slack) >= SHARP_SHARE:
         return None
     where = "beyond infinity" if distance is None else f"at {distance:.4g} m"
+    lies = f"{1 / nearest:.4g} m away" if nearest > 0 else "infinitely far away"
     cause = why_unseen(task, report.state, zone)
     return (
-        f"nothing that the zone shows is sharp: the nearest to it lies {1 / nearest:.4g} m away, the focus {where},"
+        f"nothing that the zone shows is sharp: the nearest to it lies {lies}, the focus {where},"
         f" {away.min():.2g} depths of focus off{f' ({cause})' if cause else ''}"
     )
-
-
-def _clearest_beside(task: Task, state: float, zone: Zone, sharp: float) -> float:
-    """Return how far from the least spot details may be clearest [depths of focus]."""
-    view = half_view(task.renderer, state, zone, "x")
-    return max(abs(view.clearest(cycles) - view.sharpest()) / sharp for cycles in DETAILS)
 
 
 def _passage(task: Task, state: float, zone: Zone) -> str | None:
@@ -283,7 +279,7 @@ def focus_settings(scene: Scene, keys: Mapping[str, Any], where: Mapping[str, An
     Parameters
     ----------
     keys
-        `method` and `policy`, as far as given.
+        `method`, `policy` and `criterion`, as far as given.
     where
         Ways to say what to focus on, as far as given; one replaces that of the scene.
 
@@ -371,6 +367,7 @@ def find_focus(
         near,
         on_probe=on_probe,
         on_state=on_state,
+        criterion=settings.criterion,
     )
     return focus_of(task, settings.method)
 
@@ -392,7 +389,46 @@ def focus_of(task: Task, method: str) -> FocusReport:
         if (cause := next(filter(None, causes), None)) is None:
             raise
         raise NoContrast(f"{problem}; {cause}") from None
-    return with_warnings(task, report)
+    return with_warnings(task, report if task.criterion is None else _by_criterion(task, report))
+
+
+WHEN_STOPPED = 0.5  # of the opening: two stops, after which the focus shift is reported
+
+
+def _by_criterion(task: Task, report: FocusReport) -> FocusReport:
+    """Return a report of the least spot with its state moved to where the criterion of the task is met best.
+
+    By exact rays of the middle of the zone, in the geometric limit: their modulation, averaged over lines across and
+    down, is greatest at a plane beside that of the least spot, and the focus goes the other way.
+    """
+    drive, renderer, zone = task.drive, task.renderer, report.zone
+    assert task.criterion is not None
+    view, sharp = half_view(renderer, report.state, zone, "x"), drive.sharp_vergence(report.state)
+    off = 0.0
+    if task.criterion != "spot":
+        off = (view.clearest(_cycles(renderer, task.criterion)) - view.sharpest()) / sharp
+    stopped = half_view(renderer, report.state, zone, "x", WHEN_STOPPED)
+    notes = {
+        "criterion": task.criterion,
+        "beyond_spot": -off,  # depths of focus, towards nearer objects
+        "shift_when_stopped": (stopped.sharpest() - view.sharpest()) / sharp,
+    }
+    low, high = drive.limits
+    state = drive.state_at(drive.coordinate(report.state) - drive.nearer * off * drive.depth_of_focus)
+    state = min(max(state, low), high)
+    film = drive.film_distance(state)
+    distance = drive.object_distance(state, zone) if off else report.focus_distance_m
+    return replace(
+        report, state=state, film_distance_mm=film, focus_distance_m=distance, notes={**report.notes, **notes}
+    )
+
+
+def _cycles(renderer: ProbeRenderer, criterion: str) -> float:
+    """Return the cycles per pixel of a probe that a criterion is about."""
+    width_mm, probe = renderer.scene.film.size_m()[0] * 1e3, renderer.view.resolution[0]
+    if criterion == "pixel":
+        return renderer.scene.film.resolution[0] / (4.0 * probe)
+    return float(criterion.removeprefix("mtf@")) * width_mm / probe
 
 
 AIMED = ("contrast", "laplacian", "phase", "hybrid")
@@ -521,6 +557,7 @@ def autofocus(
     point: tuple[float, float] | None = None,
     object: str | None = None,
     policy: str | None = None,
+    criterion: str | None = None,
     near: float | None = None,
     seed: int | None = None,
     device: str | Session | None = None,
@@ -543,6 +580,8 @@ def autofocus(
         Name of an object to focus on.
     policy
         Which of several zones decides: ``closest``, ``farthest``, ``centre`` or ``weighted``.
+    criterion
+        What `depth` and `phase` call sharpest: ``spot``, ``pixel``, or ``mtf@30`` with line pairs per mm of the film.
     near
         Focus state near which the focus is expected, as `FocusReport.state` of a picture just before.
     seed
@@ -569,6 +608,6 @@ def autofocus(
     if seed is not None:
         scene = change_scene(scene, render={"seed": seed})
     where = {"zones": zones, "point": point, "object": object}
-    settings = focus_settings(scene, {"method": method, "policy": policy}, where)
+    settings = focus_settings(scene, {"method": method, "policy": policy, "criterion": criterion}, where)
     session = device if isinstance(device, Session) else open_session(device)
     return find_focus(scene, session, settings, near=near, on_probe=on_probe, on_state=on_state)

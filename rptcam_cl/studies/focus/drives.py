@@ -166,7 +166,8 @@ BEYOND_INFINITY = 0.06  # focal lengths that the film may go nearer than for inf
 LEAST_DISTANCE = 0.02  # of the back focal distance, that the film keeps from the lens
 INVERSIONS = 12  # most rounds of the search for the object of a state
 FAR_FOCAL_LENGTHS = 100.0  # where it begins when first-order optics has none
-INVERTED = 3e-3  # of a distance, between two rounds: what the last one corrects changes by as little then
+NEAR_ENOUGH = 0.01  # depths of focus, within which a search for the least spot ends
+INVERTED = 1e-2  # of a distance, between two rounds: what the last one corrects changes by as little then
 
 
 def stopped(lens: Lens, share: float) -> Lens:
@@ -346,7 +347,22 @@ class LensDrive(Drive):
             return film_distance(lens, distance_mm, wavelength_nm=wavelength) - depth
         if not (x or y) and lens.is_rotational:
             return best_film_distance(lens, distance_mm, wavelengths_nm=(wavelength,)) - depth
-        return best_film_distance_at(lens, (x, y), distance_mm, wavelength_nm=wavelength) - depth
+        thick = film_distance(lens, distance_mm, wavelength_nm=wavelength)
+        found = best_film_distance_at(
+            lens,
+            (x, y),
+            distance_mm,
+            wavelength_nm=wavelength,
+            within_mm=NEAR_ENOUGH * self.sharp_mm,
+            start_mm=thick + self._beyond_thick.get(zone, 0.0),
+        )
+        self._beyond_thick[zone] = found - thick
+        return found - depth
+
+    @cached_property
+    def _beyond_thick(self) -> dict[Zone | None, float]:
+        """By how much the least spot of a zone lay behind the place by first-order optics last, near which it does."""
+        return {}
 
 
 class WholeLens(LensDrive):

@@ -35,7 +35,7 @@ from rptcam_cl.studies.focus.probe import (
     circle_of_confusion,
     without_trend,
 )
-from rptcam_cl.studies.focus.renderer import ProbeRenderer, Probes, Task, probability_within
+from rptcam_cl.studies.focus.renderer import MOST_OF_SEARCH, ProbeRenderer, Probes, Task, probability_within
 
 # What the halves of a pupil do to the picture of a plane at any distance, by exact rays.
 
@@ -126,11 +126,11 @@ class HalfView:
             waves = np.exp(2j * np.pi * cycles * self.offsets(vergence))
             return -float(np.abs(weights @ waves).sum())
 
-        # from the least spot to where the blur of the whole pupil is that of two periods
-        per_vergence = float(np.sqrt(weights @ np.sum(self.offsets(middle + 1e-3) ** 2, axis=1))) / 1e-3
-        reach = (
-            max(2.0 / cycles, 2.0 * float(np.sqrt(weights @ np.sum(self.offsets(middle) ** 2, axis=1)))) / per_vergence
-        )
+        # from the least spot to where defocus alone blurs by two periods
+        aberrated = self.offsets(middle)
+        defocused = (self.offsets(middle + 1e-3) - aberrated) / 1e-3
+        blur, per_vergence = (float(np.sqrt(weights @ np.sum(each**2, axis=1))) for each in (aberrated, defocused))
+        reach = 2.0 * max(1.0 / cycles, blur) / per_vergence
         trials = middle + reach * np.linspace(-1, 1, CLEAREST_TRIALS)
         for _ in range(CLEAREST_ROUNDS):
             best = trials[int(np.argmin([lost(trial) for trial in trials]))]
@@ -500,6 +500,15 @@ def half_view(renderer: ProbeRenderer, state: float, zone: Zone, split: Split, s
     return HalfView.of(renderer.rays(state, places_round(middle), stop), split)
 
 
+DETAILS = (0.125, 0.25)  # cycles per pixel of a probe, of what contrast sees
+
+
+def clearest_beside(renderer: ProbeRenderer, state: float, zone: Zone) -> float:
+    """Return how far from the least spot details may be clearest [depths of focus]."""
+    view, sharp = half_view(renderer, state, zone, "x"), renderer.drive.sharp_vergence(state)
+    return max(abs(view.clearest(cycles) - view.sharpest()) / sharp for cycles in DETAILS)
+
+
 def measure_halves(
     renderer: ProbeRenderer, state: float, zones: Sequence[Zone], samples: int, seed: int, split: Split = "x"
 ) -> list[tuple[ZoneImage, ZoneImage]]:
@@ -561,12 +570,12 @@ def _render_halves(
 CAPTURE = 0.3  # of the zone's side: largest displacement that a probe is to find
 LEAST_STOP = 0.04  # share of the opening
 SAMPLES, MOST_SAMPLES = 64, 256  # per pixel
-MOST_OF_ZONE = 1_000_000  # of all pixels of a zone: what is not precise by then is as uncertain as it says
+NEAR_SAMPLES = 16  # the same of the first probe near a place
 _SPLITS: tuple[Split, ...] = ("x", "y")
 DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepared for
 LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
 NEAR = 1.0  # depths of focus: a probe so near to the focus that it found is the last one
-PRECISE, ENOUGH = 0.1, 0.125  # depths of focus: standard error aimed at, and taken
+PRECISE, ENOUGH = 0.06, 0.125  # depths of focus: standard error aimed at, and taken
 MOST_PROBES = 12
 SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
 BLUR = 1.2  # radius of a blurred point over the displacement of its halves
@@ -607,6 +616,7 @@ class PhaseSearch:
     probes: list[tuple[HalfProbe, Match | None]] = field(default_factory=list)
     others: list[tuple[HalfProbe, Match | None]] = field(default_factory=list)
     _state: tuple[Match, float] | None = None  # of the last match
+    _samples: int = SAMPLES  # per pixel, of the last probe
 
     @property
     def drive(self) -> Drive:
@@ -626,10 +636,16 @@ class PhaseSearch:
         return match
 
     @property
+    def spent(self) -> int:
+        """Samples of all probes so far."""
+        return sum(probe.samples for probe, _ in (*self.others, *self.probes))
+
+    @property
     def most(self) -> int:
         """Samples per pixel of a probe, at most."""
-        x0, x1, y0, y1 = self.renderer.view.pixels_of(self.zone)
-        return min(MOST_SAMPLES, max(MOST_OF_ZONE // ((x1 - x0) * (y1 - y0)), SAMPLES))
+        x0, x1, y0, y1 = self.renderer.view.shown(self.zone)
+        affordable = (MOST_OF_SEARCH - self.spent) // (2 * (x1 - x0) * (y1 - y0))
+        return min(MOST_SAMPLES, max(affordable, NEAR_SAMPLES))
 
     def begin_near(self, start: float, width: float) -> None:
         """Probe from a state for a distance that is sharp within so many depths of focus of it.
@@ -643,7 +659,7 @@ class PhaseSearch:
         away = width * self.drive.sharp_vergence(start)
         refusal: str | None = "flat"
         for split in _SPLITS:
-            for samples in (SAMPLES, MOST_SAMPLES):
+            for samples in (NEAR_SAMPLES, 4 * NEAR_SAMPLES, MOST_SAMPLES):
                 match = self._probe(start, split, samples, (own - away, own + away))
                 refusal = "flat" if match is None else match.refusal_among(NEAR_GAIN)
                 if match is not None and refusal is None and abs(match.vergence - own) <= away:
@@ -686,12 +702,12 @@ class PhaseSearch:
         NoContrast
             When the target is lost on the way.
         """
-        samples = SAMPLES
+        samples = NEAR_SAMPLES
         while len(self.probes) < MOST_PROBES:
             state = self.state
             if self.moved <= NEAR:
                 is_confirmed = len(self.probes) > 1  # by a second probe, from the state that the first has found
-                if (self.error <= ENOUGH and is_confirmed) or samples >= self.most:
+                if (self.error <= ENOUGH and is_confirmed) or self.most <= max(samples, self._samples):
                     return state
                 samples *= 2 if self.probe.stop == 1.0 else 1
             samples = self.step(state, samples)
@@ -700,7 +716,8 @@ class PhaseSearch:
     def step(self, state: float, samples: int) -> int:
         """Probe from a state near the focus, and return with how many samples per pixel."""
         match, probe = self.match, self.probe
-        samples = int(min(max(samples, SAMPLES * self.error * probe.stop / PRECISE), self.most))
+        needed = self._samples * (self.error * probe.stop / PRECISE) ** 2  # by which its error falls to that
+        samples = int(min(max(samples, needed), self.most))
         reach = max(DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
         refined = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
         if refined is None or refined.refusal in ("flat", "vague"):  # the first probe has distinguished rivals
@@ -734,6 +751,7 @@ class PhaseSearch:
         probe = half_probe(self.renderer, view, state, self.zone, samples, self.seed, stop, (blur, blur))
         match = PhaseMatch(probe.halves, view).best(low, high) if probe.halves.pictures.any() else None
         self.probes.append((probe, match))
+        self._samples = samples
         if self.on_probe is not None:
             value, error = self._displacement_of(probe, match)
             place = self.drive.nearer * self.drive.coordinate(state)
@@ -885,16 +903,18 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     NoContrast
         When neither finds a focus.
     """
+    search = None
     try:
         search = phase_search(task)
         _approach(search)
     except NoContrast as problem:
-        if problem.is_flat:
+        if problem.is_flat and search is None:  # one that shows detail first may lose it for want of samples
             raise
         report = replace(focus_by_contrast(task), method="hybrid")
         report.notes["finished_by"] = "contrast alone"
         return report
     probes = replace(task, zones=(search.zone,)).probes(MEASURES[BEST])
+    probes.budget = max(MOST_OF_SEARCH - search.spent, MOST_OF_SEARCH // 2)
     sharp = task.drive.depth_of_focus
     reach = max(REACH, AGREEMENT * uncertainty_of(search)) * sharp
     pointed = probes.place_of(search.state)
@@ -902,9 +922,12 @@ def focus_by_hybrid(task: Task) -> FocusReport:
         peak, _ = greatest_contrast(probes, Policy.CENTRE, (pointed, reach))
     except NoContrast:
         return _by_phase(task, search, probes, "phase")
-    if abs(peak.place - pointed) > DISAGREE * sharp:
-        search.step(probes.state_of(peak.place), SAMPLES)
-        return _by_phase(task, search, probes, "phase, as contrast is greatest elsewhere")
+    is_rough = search.error > ENOUGH and clearest_beside(task.renderer, search.state, search.zone) > DISAGREE / 2
+    if is_rough or abs(peak.place - pointed) > DISAGREE * sharp:
+        search.step(probes.state_of(peak.place), NEAR_SAMPLES)
+        away = abs(peak.place - probes.place_of(search.state)) / sharp
+        if away > max(DISAGREE, AGREEMENT * search.error):
+            return _by_phase(task, search, probes, "phase, as contrast is greatest elsewhere")
     sure = probability_within(sharp / 4, peak.error)
     records = search.records() + probes.records(0)
     report = task.report("hybrid", probes.state_of(peak.place), search.zone, peak.error, sure, records)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, astuple, field, replace
 from enum import StrEnum
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -185,10 +186,16 @@ TERMS = 6  # of a quadratic
 def without_trend(pictures: Array) -> Array:
     """Take its quadratic trend off each picture (n, height, width): light that falls off would pass for texture."""
     count, height, width = pictures.shape
+    surface, flat = _quadratics(height, width), pictures.reshape(count, -1)
+    return np.asarray((flat - flat @ surface @ surface.T).reshape(pictures.shape))
+
+
+@lru_cache(maxsize=16)
+def _quadratics(height: int, width: int) -> Array:
+    """Return orthonormal quadratics over the pixels of a picture (height * width, TERMS)."""
     x, y = np.meshgrid(np.linspace(-1, 1, width), np.linspace(-1, 1, height))
     surface, _ = np.linalg.qr(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, TERMS))
-    flat = pictures.reshape(count, -1)
-    return np.asarray((flat - flat @ surface @ surface.T).reshape(pictures.shape))
+    return np.asarray(surface)
 
 
 def energy(filters: Filters) -> Callable[[ZoneImage], Measured]:

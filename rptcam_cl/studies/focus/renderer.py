@@ -396,10 +396,12 @@ class ProbeRenderer:
 
     def _sight_of(self, state: float, shares: NDArray[np.float64]) -> Sight:
         """Find what places, in fractions of the picture, show in a state."""
-        begun, plan = time.perf_counter(), self._scene_plan()
+        (left, top), (right, bottom) = shares.min(axis=0).tolist(), shares.max(axis=0).tolist()
+        begun, plan = time.perf_counter(), self._scene_plan(Zone(left, right, top, bottom))
         chief, moments = self.drive.chief_rays(self.scene, state), Moments(self.scene)
         places = shares * self.scene.film.resolution
-        origins, directions = chief.rays(places)
+        few = len(places) == SIGHT_ACROSS**2
+        origins, directions = chief.rays_of_few(places) if few else chief.rays(places)
         dark = ~np.isfinite(directions).all(axis=1)
         if dark.all():
             raise InputError("no light reaches the zone")
@@ -418,11 +420,11 @@ class ProbeRenderer:
         self.seconds += time.perf_counter() - begun
         return sight
 
-    def _scene_plan(self) -> Plan:
-        """Return the plan of the scene, made at first use; its camera is replaced for each probe."""
+    def _scene_plan(self, zone: Zone = WHOLE) -> Plan:
+        """Return the plan of the scene, made at first use by a zone; its camera is replaced for each probe."""
         if self._plan is None:
             seen = (self._view or ZoneView.of(self.scene, (WHOLE,), (0, 0))).scene
-            self._plan = make_plan(seen, self.drive.camera(seen, self.state, 1.0, [WHOLE]))
+            self._plan = make_plan(seen, self.drive.camera(seen, self.state, 1.0, [zone]))
         return self._plan
 
     def _scene_buffers(self) -> SceneBuffers:
@@ -500,6 +502,8 @@ class Task:
         Called with every probe.
     on_state : callable or None
         Called with every state that the focus is taken to be in by now.
+    criterion : str or None
+        What is called sharpest at a distance; the least spot by default.
     """
 
     renderer: ProbeRenderer
@@ -510,6 +514,7 @@ class Task:
     reach: float = NEAR
     on_probe: Callable[[Probe], None] | None = None
     on_state: Callable[[float], None] | None = None
+    criterion: str | None = None
 
     def note_state(self, state: float) -> None:
         """Report a state that the focus is taken to be in."""
@@ -561,7 +566,7 @@ def probability_within(tolerance: float, error: float) -> float:
 
 
 MOST_SAMPLES = 512  # per pixel
-MOST_OF_SEARCH = 10_000_000  # samples of all pixels: what is not decided by then is refused, or as uncertain as it says
+MOST_OF_SEARCH = 5_000_000  # samples of all pixels: what is not decided by then is refused, or as uncertain as it says
 MOST_PROBES = 40  # after which a search gives up
 
 
@@ -575,12 +580,15 @@ class Probes:
     measure : Measure
     most : int
         Samples per pixel of a probe that a search takes at most.
+    budget : int
+        Samples of all pixels that it takes at most.
     """
 
     task: Task
     measure: Measure
     made: list[Probe] = field(default_factory=list)
     most: int = MOST_SAMPLES
+    budget: int = MOST_OF_SEARCH
 
     @property
     def drive(self) -> Drive:
@@ -590,7 +598,7 @@ class Probes:
     @property
     def affordable(self) -> int:
         """Samples per pixel that each of three probes more takes at most."""
-        left = MOST_OF_SEARCH - sum(probe.samples for probe in self.made)
+        left = self.budget - sum(probe.samples for probe in self.made)
         return min(MOST_SAMPLES, self.task.renderer.choose_zones(self.task.zones).samples_in(left // 3))
 
     @property

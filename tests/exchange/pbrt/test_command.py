@@ -71,7 +71,7 @@ def test_a_scene_without_objects_is_an_error(source: Path, capsys: Any) -> None:
         2,
         "error: in.pbrt: 0 objects: the scene has no shapes that are placed\n",
     )
-    source.write_text(HEAD + 'Shape "curve" Shape "nurbs"')
+    source.write_text(HEAD + 'Shape "heightfield" Shape "nurbs"')
     code, text = run(capsys, "in.pbrt", "out.yaml")
     assert code == 2
     assert "0 objects: none of its 2 shapes can be shown; in.pbrt:5: ignored: Shape" in text
@@ -99,11 +99,11 @@ def test_a_root_admits_files_of_a_folder_above(source: Path, capsys: Any) -> Non
 
 
 def test_the_report_as_json_counts_objects(source: Path, capsys: Any) -> None:
-    ball = 'ObjectBegin "a"\nMaterial "hair"\nShape "sphere"\nObjectEnd\n'
+    ball = 'ObjectBegin "a"\nMaterial "measured"\nShape "sphere"\nObjectEnd\n'
     source.write_text(HEAD + ball + 'ObjectInstance "a"\nTranslate 3 0 0\nObjectInstance "a"\nShape "disk"\n')
     assert main(["convert", "in.pbrt", "out.yaml", "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["objects"] == 3
     (item,) = [item for item in printed["report"] if item["message"].startswith("Material")]
-    assert item == {"effect": "approximated", "message": 'Material "hair": matte grey 0.5', "lines": ["in.pbrt:6"],
+    assert item == {"effect": "approximated", "message": 'Material "measured": matte grey 0.5', "lines": ["in.pbrt:6"],
                     "objects": 2}  # fmt: skip

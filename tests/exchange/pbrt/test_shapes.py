@@ -385,10 +385,10 @@ def test_power_of_a_lamp_in_a_ply_file_is_that_of_each_triangle(convert: Convert
 
 def test_shapes_that_ours_lacks_are_reported(convert: Convert) -> None:
     done = convert(
-        'Shape "curve" "point3 P" [0 0 0 1 1 1 2 2 2 3 3 3]\nShape "curve" "float width" 1\nShape "sphere"', HEAD
+        'Shape "nurbs" "point3 P" [0 0 0 1 1 1 2 2 2 3 3 3]\nShape "nurbs" "float width" 1\nShape "sphere"', HEAD
     )
     assert [item["shape"] for item in done.objects] == ["sphere"]
-    assert done.says('in.pbrt:2: ignored: Shape "curve"', "(also on 3)")
+    assert done.says('in.pbrt:2: ignored: Shape "nurbs"', "(also on 3)")
 
 
 @pytest.mark.filterwarnings("error")

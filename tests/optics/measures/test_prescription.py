@@ -93,7 +93,7 @@ def test_split_dioptre_zoom_and_focusing_group_read_back(tmp_path: Path) -> None
 def test_writer_knows_every_field_of_a_lens() -> None:
     assert {field.name for field in fields(Lens)} == {
         "name", "surfaces", "stop_index", "source", "published", "object_medium", "configurations", "focusing",
-        "floating", "warnings", "first_sense", "fold",
+        "floating", "warnings", "first_sense", "fold", "motor",
     }  # fmt: skip
     assert {field.name for field in fields(Surface)} == {
         "curvature", "thickness", "glass", "semi_diameter", "is_stop", "conic", "aspheric", "cylinder", "form",

@@ -65,7 +65,7 @@ MUTANTS = [
         "F weight = own->gain * ray.at.inverse_density * cos2_over_length2 / sqrt(ray.length2);",
         etendue,  # behind a wide angle of long back focus light falls so steeply that it hardly shows
     ),
-    Mutant("2 no root in the pupil", "F rho = sqrt(v);\n    Aim a;", "F rho = v;\n    Aim a;", etendue),
+    Mutant("2 no root in the pupil", "F rho = sqrt(v);\n#endif\n    Aim a;", "F rho = v;\n#endif\n    Aim a;", etendue),
     Mutant("2 no root in the aperture", "F r = sqrt(v);\n    *x = r * c;", "F r = v;\n    *x = r * c;",
            aperture),
     Mutant("3 diameter for radius", RIM, RIM.replace("<= ", "<= 4 * "), etendue, rays_of("dgauss50")),
@@ -75,7 +75,7 @@ MUTANTS = [
            snell, rays_of("dgauss50")),
     Mutant("6 normal of another sign", NORMAL, "hit.n = f3(c * hit.p.x, c * hit.p.y, c * hit.p.z - 1.0f);",
            snell, rays_of("dgauss50")),
-    Mutant("19 pupil drawn 2 % too small", "F rho = sqrt(v);\n    Aim a;", "F rho = 0.98f * sqrt(v);\n    Aim a;",
+    Mutant("19 pupil drawn 2 % too small", "F rho = sqrt(v);\n#endif\n    Aim a;", "F rho = 0.98f * sqrt(v);\n#endif\n    Aim a;",
            pass_rate),
     Mutant("19 weight of a pupil 2 % too small", "lit ? PI_F * o.a", "lit ? 0.96f * PI_F * o.a", etendue),
     Mutant("law of tangents", BENDS, TAN, snell, BALL, weierstrass),

@@ -207,12 +207,14 @@ def test_top_at_the_end_of_what_was_searched_is_none_but_for_infinity(place, ins
     peak = SimpleNamespace(place=place, inside=inside)
     stand_ins = {
         "_round": ([], 8), "_widen": {0: peak}, "_still_possible": [0], "_next_step": 1.0, "_three_places": [],
-        "_refine": peak, "choose_zone": 0,
+        "_for_measure": 1.0, "_for_place": 1.0, "_refine": peak, "choose_zone": 0,
     }  # fmt: skip
     for name, value in stand_ins.items():
         monkeypatch.setattr(contrast, name, lambda *_, value=value: value)
     drive = SimpleNamespace(depth_of_focus=0.4)
-    probes = SimpleNamespace(ends=(30.0, 80.0), drive=drive, task=SimpleNamespace(zones=(CENTRE,)))
+    probes = SimpleNamespace(
+        ends=(30.0, 80.0), drive=drive, most=64, affordable=64, task=SimpleNamespace(zones=(CENTRE,))
+    )
     if message is None:
         assert contrast.greatest_contrast(probes, Policy.CENTRE, start) == (peak, 0)
     else:
