@@ -178,6 +178,7 @@ def of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, n
 #
 # The film with what its openings make of it.
 
+FINEST_PX = 0.03  # wavelength times f-number, below which no ring of a lamp shows
 FARTHEST_M = 1e5  # of a lamp, beyond which focus is as at infinity
 AIRY = 1.2196698912665045  # radius of the first dark ring, in wavelength times f-number
 SHOWS_PX = 0.5  # Airy radius from which `auto` takes it: as much as `camera.accuracy: auto` lets light stray
@@ -399,6 +400,8 @@ class Diffraction:
         near = replace(plain, edges=self._edges)
         near = near if near.reach < max(film.resolution) else plain
         if self.plan is None:
+            return near
+        if unit_px(seen[len(seen) // 2], near.pixel_mm) < FINEST_PX:
             return near
         lamps = self._lamps(self.plan, REACH if near.edges is None else NEAR)
         return replace(near, lamps=tuple(lamps))

@@ -1,5 +1,6 @@
 """Diffraction of films: kernels against closed forms, films in which nothing rings, and a rendered edge."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -29,6 +30,7 @@ from rptcam_cl.rendering.diffraction import (
 from rptcam_cl.rendering.far_light import FarLight, strew
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.lamp_images import LampImage, brightness, without_lamps
+from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.lens_settings import Dirt
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import scene_of
@@ -482,6 +484,13 @@ def test_lamps_are_as_bright_as_their_film_and_those_half_hidden_are_left():
     np.testing.assert_allclose(without_lamps(film, (0, 0), lamps, light), 0.2, rtol=1e-5)
     film[:, :, 71:] = 0.2  # the last is half behind something
     assert brightness(film, (0, 0), lamps) == pytest.approx(light * [[1], [1], [0]], rel=1e-6)
+
+
+@pytest.mark.parametrize(("waves", "pixel_mm", "shown"), [(7.5, 0.01, 1), (40.0, 0.03, 0), (7.5, 0.3, 0)])
+def test_lamps_on_pixels_too_large_for_their_rings_have_the_film_of_the_rays(waves, pixel_mm, shown):
+    scene = load_scene(lamp_scene(waves, 32)[0] | {"film": {"width_mm": 32 * pixel_mm, "resolution": [32, 32]}})
+    found = replace(diffraction_of(scene), plan=make_plan(scene))
+    assert len(found.spread.lamps) == shown
 
 
 @pytest.mark.slow
