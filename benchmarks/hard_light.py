@@ -42,7 +42,7 @@ def room(width: float = 4.0, height: float = 3.0, depth: float = 4.0, window: bo
         return [*sides, rectangle([-x, 0, z], [0, 0, -depth], [0, height, 0], RED)]
     frame = [(0.0, 1.0, -z, z), (2.2, height, -z, z), (1.0, 2.2, -z, -0.6), (1.0, 2.2, 0.6, z)]
     return sides + [
-        rectangle([-x, low, near], [0, 0, far - near], [0, high - low, 0], RED) for low, high, near, far in frame
+        rectangle([-x, low, far], [0, 0, near - far], [0, high - low, 0], RED) for low, high, near, far in frame
     ]
 
 
