@@ -28,6 +28,7 @@ from rptcam_cl.scene.quantities import (
     NUMBER,
     AffineRows,
     Direction,
+    GroupName,
     Moment,
     Position,
 )
@@ -491,6 +492,9 @@ class PlacedObject(SceneModel):
 
     label: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     """Class of the object, as chair: of semantic masks and annotations."""
+
+    group: GroupName | None = None
+    """Name of the layer that has its light, where `render.layers` has `lights` and it shines; by default its own."""
 
     transform: Transform = ()
     """One step or a list of steps, applied in their order to the shape as described by its own keys."""
