@@ -13,15 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
 from rptcam_cl.optics.chief_rays import without_obstructions
-from rptcam_cl.optics.image_quality import (
-    NOTHING,
-    STAYS,
-    Setting,
-    at_plane,
-    default_fields,
-    field_waves,
-    result_of,
-)
+from rptcam_cl.optics.image_quality import NOTHING, STAYS, Setting, at_plane, default_fields, field_waves, result_of
 from rptcam_cl.optics.ray_trace import Rays
 from rptcam_cl.optics.shapes import Biconic, Turned
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam

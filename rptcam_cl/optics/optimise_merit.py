@@ -13,14 +13,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.glass import AIR, Medium
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.optimise_problem import THIN, Problem, Solve, Term, Variable
-from rptcam_cl.optics.ray_derivatives import (
-    Beam,
-    Paraxial,
-    Seeds,
-    sag_with_derivatives,
-    trace_beam,
-    trace_paraxial,
-)
+from rptcam_cl.optics.ray_derivatives import Beam, Paraxial, Seeds, sag_with_derivatives, trace_beam, trace_paraxial
 from rptcam_cl.optics.ray_trace import Status, trace
 
 Array = NDArray[np.float64]

@@ -24,9 +24,7 @@ from rptcam_cl.optics.glass import AIR
 from rptcam_cl.optics.image_quality import default_fields, setting
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens, names_a_file
-from rptcam_cl.optics.ray_derivatives import (
-    follows_derivatives,
-)
+from rptcam_cl.optics.ray_derivatives import follows_derivatives
 
 Kind = Literal["curvature", "thickness", "conic", "aspheric", "film"]
 UNITS = {
