@@ -16,9 +16,9 @@ from rptcam_cl.optics import charts, drawing
 from rptcam_cl.optics.aberrations import FINE, fields_of
 from rptcam_cl.optics.design import image_circle, t_number
 from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfold, with_film
-from rptcam_cl.optics.image_quality import Setting, at_plane, fan_points, result_of, section_rays
+from rptcam_cl.optics.image_quality import Setting, fan_points, result_of, section_rays
 from rptcam_cl.optics.irradiance import irradiance_with_error, pass_areas, veiling_glare
-from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, axial_transmittance, has_coatings
+from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, at_plane, axial_transmittance, has_coatings
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
 
 if TYPE_CHECKING:
