@@ -15,10 +15,10 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
+from rptcam_cl.optics.beams import Beam, passing_beam
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.lens import brought_to_focus
 from rptcam_cl.optics.ray_trace import at_plane
-from rptcam_cl.optics.spot import Beam, passing_beam
 from rptcam_cl.optics.waves import (
     AIRY,
     PupilFunction,

@@ -162,17 +162,22 @@ class Iterated(Shape):
 
     def meet(self, profile: SurfaceProfile, points: Array, directions: Array) -> Hits:
         """Return the hits."""
-        dx, dy, dz = directions
         x0, y0, to_plane = on_vertex_plane(points, directions)
         start = self.first_guess(profile, x0, y0, directions)
         step, converged, crossed = self._iterate(profile, x0, y0, directions, start)
-        hit = np.stack([x0 + step * dx, y0 + step * dy, step * dz])
+        hits = self.hits_after(profile, x0, y0, to_plane, directions, step)
+        return hits._replace(met=hits.met & converged, undecided=np.isfinite(step) & ~converged & crossed)
+
+    def hits_after(
+        self, profile: SurfaceProfile, x: Array, y: Array, to_plane: Array, directions: Array, step: Array
+    ) -> Hits:
+        """Return the hits of rays that are a step away from where they cross the plane of the vertex."""
+        hit = np.stack([x + step * directions[0], y + step * directions[1], step * directions[2]])
         normal = self.normal_at(profile, *hit)
         normal /= np.sqrt(np.sum(normal * normal, axis=0))
         cosine = np.sum(normal * directions, axis=0)
-        reached = np.isfinite(step)
-        met = reached & converged & (normal[2] > 0) & (cosine * dz > 0)
-        return Hits(hit, to_plane + step, normal, cosine, met, reached & ~converged & crossed)
+        met = np.isfinite(step) & (normal[2] > 0) & (cosine * directions[2] > 0)
+        return Hits(hit, to_plane + step, normal, cosine, met)
 
     def first_guess(self, profile: SurfaceProfile, x: Array, y: Array, directions: Array) -> Array:
         """Return the step from the vertex plane at which the iteration starts: there."""

@@ -34,7 +34,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.optics.glass import AIR, ConstantIndex
 from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.ray_trace import Rays, Status
+from rptcam_cl.optics.ray_trace import Rays, Status, at_plane, axis_points
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.rendering.account import film_rays
 from rptcam_cl.rendering.film import FilmLayout
@@ -146,15 +146,7 @@ def parallel(heights: Array, z: float = -20.0) -> tuple[Array, Array]:
 
 def spot(rays: Rays, z: float) -> Array:
     """Return the distances [mm] from the axis at which rays cross a plane."""
-    step = (z - rays.origins[:, 2]) / rays.directions[:, 2]
-    places = rays.origins + step[:, None] * rays.directions
-    return np.asarray(np.hypot(places[:, 0], places[:, 1]))
-
-
-def crossings(rays: Rays) -> Array:
-    """Return where rays come nearest to the axis, z [mm]."""
-    p, d = rays.origins, rays.directions
-    return np.asarray(p[:, 2] - np.sum(p[:, :2] * d[:, :2], axis=1) / np.sum(d[:, :2] ** 2, axis=1) * d[:, 2])
+    return np.asarray(np.hypot(*at_plane(rays.origins, rays.directions, z)[:, :2].T))
 
 
 def plano_hyperbolic(conic: float, n: float = 1.5, focal: float = 20.0) -> tuple[Lens, float]:
@@ -180,7 +172,7 @@ def weierstrass_error(session: Session, index: float, precision: Precision) -> f
     directions = np.column_stack([np.sin(angles) * np.cos(turn), np.sin(angles) * np.sin(turn), np.cos(angles)])
     origins = np.tile([0, 0, -r - r / n], (60, 1))
     rays = trace_on_device(lens, session, origins, directions, LINE_D_NM, "scene", precision)
-    return float(np.abs(crossings(rays) + r + n * r).max()) if rays.passed.all() else np.inf
+    return float(np.abs(axis_points(rays.origins, rays.directions) + r + n * r).max()) if rays.passed.all() else np.inf
 
 
 def stigmatic_checks(session: Session) -> list[selfcheck.Check]:
