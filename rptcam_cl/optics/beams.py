@@ -426,10 +426,10 @@ def enter(lens: Lens, field_degrees: float, points: Array, wavelength_nm: float)
     angle, middle = np.radians(field_degrees), np.array([0.0, 0.0, _radius(lens)])
     along, across = np.array([0.0, np.sin(angle), np.cos(angle)]), np.array([0.0, np.cos(angle), -np.sin(angle)])
     origins = middle + points[:, :1] * [1.0, 0.0, 0.0] + points[:, 1:] * across
-    return enter_rays(lens, origins, np.broadcast_to(along, origins.shape), wavelength_nm)
+    return _enter_rays(lens, origins, np.broadcast_to(along, origins.shape), wavelength_nm)
 
 
-def enter_rays(lens: Lens, origins: Array, directions: Array, wavelength_nm: float) -> Rays:
+def _enter_rays(lens: Lens, origins: Array, directions: Array, wavelength_nm: float) -> Rays:
     """Return rays (n, 3) traced through a lens, whose first surface they meet from outside, whatever their direction.
 
     Origins may be any points of the rays; directions are unit vectors of the light.
@@ -540,7 +540,7 @@ def passing_from(
         return targets, light / np.linalg.norm(light, axis=1, keepdims=True)
 
     def through(points: Array) -> Rays:
-        return enter_rays(lens, *beam(points), wavelength_nm)
+        return _enter_rays(lens, *beam(points), wavelength_nm)
 
     centre = np.array([(origin - middle) @ right, (origin - middle) @ up])
     half = 2.0 * lens.first_order(wavelength_nm).entrance_pupil.diameter_mm
@@ -555,7 +555,7 @@ def passing_from(
 
 def _cut_off(box: Array, through: Callable[[Array], Rays]) -> bool:
     """Return whether light passes by the edges of a box, or none within."""
-    points, size = grid_points(box, COARSE)
+    points, size = _grid_points(box, COARSE)
     lit = points[through(points).passed]
     return not len(lit) or bool(np.any(lit < box[0] + size) or np.any(lit > box[1] - size))
 
@@ -571,7 +571,7 @@ def _find_passing(
     """Return points of a box whose rays pass, those rays, and a cell's area [mm2], on grids that narrow it down."""
     for count in counts:
         for finer in finest:  # a small pupil behind a large first surface slips through the first grid
-            points, size = grid_points(box, finer * count)
+            points, size = _grid_points(box, finer * count)
             rays = through(points)
             good = rays.passed
             if good.any() or count != counts[0]:
@@ -582,7 +582,7 @@ def _find_passing(
     return points[good], rays.some(good), float(size.prod())
 
 
-def grid_points(box: Array, count: int) -> tuple[Array, Array]:
+def _grid_points(box: Array, count: int) -> tuple[Array, Array]:
     """Return the centres (count^2, 2) of the cells of a box and the size of a cell."""
     size = (box[1] - box[0]) / count
     x, y = (box[0, i] + size[i] * (np.arange(count) + 0.5) for i in (0, 1))

@@ -219,7 +219,7 @@ UNSAID: dict[str, dict[str, Any]] = {
 }
 
 
-def check_charts() -> None:
+def _check_charts() -> None:
     """Raise an error when the package that draws charts is not installed.
 
     Raises
@@ -234,7 +234,7 @@ def check_charts() -> None:
 @contextmanager
 def styled() -> Iterator[None]:
     """Draw in the house style, whatever the user's own settings are; also as a decorator."""
-    check_charts()
+    _check_charts()
     from matplotlib import style
 
     with style.context(["default", {**STYLE}], after_reset=True):
@@ -278,7 +278,7 @@ def series(number: int) -> str:
 def check_suffix(path: FilePath, plain: Sequence[str] = ()) -> None:
     """Raise an error when a picture cannot be written under this name; `plain` suffixes need no matplotlib."""
     if known_suffix(path, (*SUFFIXES, *plain), "unknown kind of picture") not in plain:
-        check_charts()
+        _check_charts()
 
 
 def encode(picture: Drawing | Figure, path: FilePath) -> bytes:

@@ -69,7 +69,7 @@ def ray_paths(lens: Lens, origins: Array, directions: Array, wavelength_nm: floa
     points = [lens.from_scene_axes(np.array(origins, dtype=np.float64).T, np.array(directions).T)[0].T]
     rays = None
     for count in range(1, len(lens.surfaces) + 1):
-        rays = tracer(cut_behind(lens, count), origins, directions, wavelength_nm)
+        rays = tracer(_cut_behind(lens, count), origins, directions, wavelength_nm)
         points.append(rays.origins)
     assert rays is not None
     paths = RayPaths(np.stack(points), rays)
@@ -77,7 +77,7 @@ def ray_paths(lens: Lens, origins: Array, directions: Array, wavelength_nm: floa
     return paths
 
 
-def cut_behind(lens: Lens, count: int) -> Lens:
+def _cut_behind(lens: Lens, count: int) -> Lens:
     """Return the lens of the first surfaces alone."""
     if count == len(lens.surfaces):
         return lens
@@ -272,7 +272,7 @@ def glass(lens: Lens, section: str, wavelength_nm: float) -> list[tuple[float, A
     return outlines
 
 
-def medium_behind(lens: Lens, section: str, wavelength_nm: float, film_z: float) -> tuple[float, Array] | None:
+def _medium_behind(lens: Lens, section: str, wavelength_nm: float, film_z: float) -> tuple[float, Array] | None:
     """Return index and outline of what fills the space up to the film, None for air."""
     index = float(lens.indices(wavelength_nm)[-1])
     if abs(index - 1.0) <= 1e-6:
@@ -437,7 +437,7 @@ def draw_glass(picture: charts.Drawing, frame: Frame, setting: Setting, view: Vi
     """Draw what lies between the surfaces."""
     media = glass(setting.lens, view.section, setting.wavelength_nm)
     if setting.film_distance_mm is not None:
-        behind = medium_behind(setting.lens, view.section, setting.wavelength_nm, setting.film_z)
+        behind = _medium_behind(setting.lens, view.section, setting.wavelength_nm, setting.film_z)
         media += [behind] if behind else []
     for index, outline in media:
         note = f"index {index:.4f} at {setting.wavelength_nm:g} nm"

@@ -527,7 +527,7 @@ def veiling_glare(
             raise InputError(f"the {name} reflects a share from 0 to below 1 (got {share:g})")
     check_lens(lens)
     point = Beam(0.0, film_distance_mm, is_diffuse=True)
-    tree = Tree(Lit(reversed_lens(lens), SKY_MM, point, wavelength_nm, (np.inf, np.inf), transmission), 2, RAYS)
+    tree = Tree(Lit(_reversed_lens(lens), SKY_MM, point, wavelength_nm, (np.inf, np.inf), transmission), 2, RAYS)
     account, image = tree.account, tree.account.image
     if not image > 0:
         raise InputError(f"{lens.name}: no light reaches the middle of the film")
@@ -539,7 +539,7 @@ def veiling_glare(
     return Glare(*parts, veil / (1.0 + veil))
 
 
-def reversed_lens(lens: Lens) -> Lens:
+def _reversed_lens(lens: Lens) -> Lens:
     """Return a lens that light passes from its film side.
 
     Raises

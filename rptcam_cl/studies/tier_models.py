@@ -446,7 +446,7 @@ class VisibleWorld:
         return starts, np.column_stack([signs * self.slopes, np.ones(5)])
 
 
-def clip_polygon(polygon: Array, view: VisibleWorld) -> Array:
+def _clip_polygon(polygon: Array, view: VisibleWorld) -> Array:
     """Return the part of a polygon (n, 3) that lies in the view."""
     for normal, offset in zip(*view.sides(), strict=True):
         if len(polygon):
@@ -454,13 +454,13 @@ def clip_polygon(polygon: Array, view: VisibleWorld) -> Array:
     return polygon
 
 
-def triangle_depths(triangles: Array, view: VisibleWorld) -> list[float]:
+def _triangle_depths(triangles: Array, view: VisibleWorld) -> list[float]:
     """Return the ends of the distances at which a view shows triangles (n, 3, 3); nothing where it does not."""
     normals, offsets = view.sides()
     inside = triangles @ normals.T + offsets >= 0
     whole = np.all(inside, axis=(1, 2))
     cut = triangles[np.all(np.any(inside, axis=1), axis=1) & ~whole]  # the others lie wholly beyond one side
-    pieces = [clip_polygon(triangle, view) for triangle in cut] if len(cut) <= MOST_CUT else [cut.reshape(-1, 3)]
+    pieces = [_clip_polygon(triangle, view) for triangle in cut] if len(cut) <= MOST_CUT else [cut.reshape(-1, 3)]
     seen = np.concatenate([triangles[whole].reshape(-1, 3), *pieces])
     return [float(seen[:, 2].min()), float(seen[:, 2].max())] if len(seen) else []
 
@@ -553,7 +553,7 @@ def _part_depths(part: MeshPlacement, placed: Array, view: VisibleWorld) -> list
     if not _holds_start(box, view):
         return _box_faces(box, view)
     vertices = _transform(part.mesh.positions + part.mesh.origin, placed @ part.placement)
-    return triangle_depths(vertices[part.mesh.faces], view)
+    return _triangle_depths(vertices[part.mesh.faces], view)
 
 
 def _box_faces(box: Array, view: VisibleWorld) -> list[float]:
@@ -561,7 +561,7 @@ def _box_faces(box: Array, view: VisibleWorld) -> list[float]:
 
 
 def _faces(faces: list[Array], view: VisibleWorld) -> list[float]:
-    return [depth for face in faces for depth in clip_polygon(face, view)[:, 2].tolist()]
+    return [depth for face in faces for depth in _clip_polygon(face, view)[:, 2].tolist()]
 
 
 def _holds_start(box: Array, view: VisibleWorld) -> bool:

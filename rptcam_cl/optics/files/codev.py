@@ -19,7 +19,7 @@ from rptcam_cl.optics.lens import Lens
 OF_THE_MODEL = 1e-9  # by which indices follow the n_d and V_d of their name
 
 
-def private_glasses(statements: list[tuple[int, list[str]]], path: str) -> dict[str, Any]:
+def _private_glasses(statements: list[tuple[int, list[str]]], path: str) -> dict[str, Any]:
     """Return the `glass` entries of the private glasses of a sequence by their names, in capitals."""
     glasses: dict[str, Any] = {}
     wavelengths: list[float] = []
@@ -119,7 +119,7 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a CODE V sequence; glasses of `makers` come first."""
     table = LensTable(path, makers=makers, working=True)
     statements = _statements(text)
-    private = private_glasses(statements, path)
+    private = _private_glasses(statements, path)
     surfaces = _parse(statements, table, private)
     _choose_radii(surfaces, table)
     frame = AxisFrame(SENSES)

@@ -833,7 +833,7 @@ def focus_by_phase(task: Task) -> FocusReport:
     NoContrast
         When no zone gives a distance.
     """
-    search = phase_search(task)
+    search = _phase_search(task)
     state = search.finish()
     sure = probability_within(0.25, search.error)
     report = task.report("phase", state, search.zone, search.error * task.drive.depth_of_focus, sure, search.records())
@@ -841,7 +841,7 @@ def focus_by_phase(task: Task) -> FocusReport:
     return report
 
 
-def phase_search(task: Task) -> PhaseSearch:
+def _phase_search(task: Task) -> PhaseSearch:
     """Return the search of the chosen zone, after its first probe.
 
     Raises
@@ -877,7 +877,7 @@ def phase_search(task: Task) -> PhaseSearch:
 # Hybrid focus: phase detection points to the focus, and contrast finds it there.
 
 
-def uncertainty_of(search: PhaseSearch) -> float:
+def _uncertainty_of(search: PhaseSearch) -> float:
     """Return how uncertain the state of a search is [depths of focus], its distance from the last probe included.
 
     Far from the focus the blur of the target's surroundings shifts the match by a few percent of the way.
@@ -905,7 +905,7 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     """
     search = None
     try:
-        search = phase_search(task)
+        search = _phase_search(task)
         _approach(search)
     except NoContrast as problem:
         if problem.is_flat and search is None:  # one that shows detail first may lose it for want of samples
@@ -916,7 +916,7 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     probes = replace(task, zones=(search.zone,)).probes(MEASURES[BEST])
     probes.budget = max(MOST_OF_SEARCH - search.spent, MOST_OF_SEARCH // 2)
     sharp = task.drive.depth_of_focus
-    reach = max(REACH, AGREEMENT * uncertainty_of(search)) * sharp
+    reach = max(REACH, AGREEMENT * _uncertainty_of(search)) * sharp
     pointed = probes.place_of(search.state)
     try:
         peak, _ = greatest_contrast(probes, Policy.CENTRE, (pointed, reach))
@@ -948,6 +948,6 @@ def _by_phase(task: Task, search: PhaseSearch, probes: Probes, why: str) -> Focu
 def _approach(search: PhaseSearch) -> None:
     """Probe through half pupils until contrast finds the way."""
     for _ in range(HYBRID_STEPS):
-        if uncertainty_of(search) <= NEAR_ENOUGH:
+        if _uncertainty_of(search) <= NEAR_ENOUGH:
             return
         search.step(search.state, SAMPLES)

@@ -51,7 +51,7 @@ def _wave_size() -> int | None:
     return SMALL_WAVE if is_cancellable() else None
 
 
-def take_samples(wavefront: Wavefront, samples: int) -> None:
+def _take_samples(wavefront: Wavefront, samples: int) -> None:
     """Take samples of every pixel; where they may be given up, the queue of the device is kept short."""
     for wave in wavefront.waves(0, samples):
         wavefront.enqueue(*wave)
@@ -365,7 +365,7 @@ class ProbeRenderer:
             for wavefront in both:
                 wavefront.clear()
                 wavefront.seed = seed * PARTS + part
-                take_samples(wavefront, count)
+                _take_samples(wavefront, count)
             self.samples += both[0].camera_rays
             pictures.append(_mean_light(*(wavefront.picture(count) for wavefront in both)))
         self.seconds += time.perf_counter() - begun
