@@ -9,7 +9,7 @@ import importlib.util
 import io
 import math
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field
 from functools import cached_property
@@ -147,7 +147,7 @@ def svg_text(picture: Drawing) -> str:
 
 
 def _path(path: Path) -> str:
-    steps = "M" + "L".join(_points(path.points)) + ("Z" if path.closed else "")
+    steps = "M" + "L".join(f"{_number(x)} {_number(y)}" for x, y in path.points) + ("Z" if path.closed else "")
     words = [f'<path d="{steps}"', f'fill="{path.fill or "none"}"']
     if path.stroke:
         words += [f'stroke="{path.stroke}"', f'stroke-width="{_number(path.width)}"', 'stroke-linejoin="round"']
@@ -163,10 +163,6 @@ def _text(text: Text) -> str:
         f'<text x="{x}" y="{y}" font-size="{_number(text.size)}" text-anchor="{escape(text.anchor)}"'
         f' fill="{text.colour}">{escape(text.text, quote=False)}</text>'
     )
-
-
-def _points(points: Iterable[Point]) -> list[str]:
-    return [f"{_number(x)} {_number(y)}" for x, y in points]
 
 
 def _number(value: float) -> str:

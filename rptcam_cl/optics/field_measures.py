@@ -673,7 +673,7 @@ def draw_ghost(setting: Setting, ghosts: Ghosts, way: tuple[int, ...]) -> charts
     outline = [drawing.profile(lit.lens, k, "y") for k in range(len(folded.surfaces) - 1)] + drawing.blades(
         lit.lens, "y"
     )
-    frame = drawing.Frame.around([*outline, film, *rays], setting)
+    frame = drawing.PixelFrame.around([*outline, film, *rays], setting)
     picture = charts.Drawing(drawing.WIDTH, frame.height, _title(ghosts, way))
     drawing.draw_glass(picture, frame, setting, view)
     picture.add(charts.Path(frame.axis(), charts.FAINT, 0.8, dash=(10, 3, 2, 3)))

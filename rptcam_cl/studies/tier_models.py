@@ -486,7 +486,8 @@ def depth_range_mm(scene: Scene, view: VisibleWorld) -> tuple[float, float]:
             seen = [depth for placed in places for depth in _plane_depths(item, placed, view)]
         else:
             assert not isinstance(solid, Plane)
-            seen = _ends(solid, places, view) if len(places) > FEW else _all_depths(solid, places, view)
+            few = len(places) <= FEW
+            seen = [d for placed in places for d in _depths(solid, placed, view)] if few else _ends(solid, places, view)
         all_depths += seen
         if seen and any(map(_shows_images, solid.shown_materials())):
             all_depths.append(FAR_MM)
@@ -512,10 +513,6 @@ def _places_over_time(scene: Scene, item: Object) -> Array:
     open_s = scene.shutter.open_s
     times = [open_s] if item.trajectory is None else np.linspace(open_s, open_s + scene.shutter.time_s, MOMENTS)
     return np.concatenate([item.places(scene.folders, float(time_s)) for time_s in times])
-
-
-def _all_depths(item: Solid, places: Array, view: VisibleWorld) -> list[float]:
-    return [depth for placed in places for depth in _depths(item, placed, view)]
 
 
 def _ends(item: Solid, places: Array, view: VisibleWorld) -> list[float]:

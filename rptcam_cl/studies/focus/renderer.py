@@ -47,10 +47,6 @@ from rptcam_cl.studies.focus.probe import (
 SMALL_WAVE = 1 << 14  # slots, of work that may be given up: so few hold up nothing else on the device
 
 
-def _wave_size() -> int | None:
-    return SMALL_WAVE if is_cancellable() else None
-
-
 def _take_samples(wavefront: Wavefront, samples: int) -> None:
     """Take samples of every pixel; where they may be given up, the queue of the device is kept short."""
     for wave in wavefront.waves(0, samples):
@@ -445,8 +441,9 @@ class ProbeRenderer:
             view = self.view
             plan, buffers = self._white_plan(camera) if empty else (self._scene_plan(), self._scene_buffers())
             plan = replace(plan, camera=camera)
+            wave_size = SMALL_WAVE if is_cancellable() else None
             self._wavefronts[facts] = Wavefront(
-                self.session, plan, view.layout, view.scene.render, _wave_size(), buffers=buffers, scouts=False
+                self.session, plan, view.layout, view.scene.render, wave_size, buffers=buffers, scouts=False
             )
             self._wavefronts[facts].choose_tiles(view.tiles())
         return self._wavefronts[facts]
