@@ -8,11 +8,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.exchange.pbrt.files import Context
-from rptcam_cl.exchange.pbrt.world import Entity, Matrix, apply, is_invertible, mean_scale, tidy
+from rptcam_cl.exchange.mesh_data import Array, Matrix, apply, is_invertible, mean_scale, tidy
+from rptcam_cl.exchange.pbrt.world import Context, Entity
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.assets.pictures import read_picture
 
@@ -22,8 +21,6 @@ from rptcam_cl.scene.assets.pictures import read_picture
 # pbrt's world is left-handed: the same numbers in our right-handed one would show everything in a mirror, unless the
 # file begins with ``Scale -1 1 1`` as those do that come from right-handed programs. So the x axis is reversed if,
 # and only if, a picture would be mirrored otherwise; scenes of right-handed programs keep their coordinates.
-
-Array = NDArray[np.float64]
 
 # Scales that are 1 but for the digits of a matrix that was written out.
 ROUNDING = 1e-4
@@ -41,7 +38,7 @@ AXES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class CameraFrame:
     """The camera's place, in the world of ours.
 
     Attributes
@@ -80,7 +77,7 @@ def in_millimetres(camera: Entity) -> bool:
     return camera.kind == "realistic" and camera.parameters.has("specfile")
 
 
-def frame_of(camera: Entity) -> Frame:
+def frame_of(camera: Entity) -> CameraFrame:
     """Return the frame of a camera.
 
     Raises
@@ -103,7 +100,7 @@ def frame_of(camera: Entity) -> Frame:
     unit = mean_scale(camera.world_from_object) * (MILLIMETRE if in_millimetres(camera) else 1.0)
     forward, up = (world[:3, :3] @ (axis / np.linalg.norm(axis)) for axis in (forward, up))
     reach = max(1.0, float(np.abs(eye).max()) * 1e-3)  # so that eye + forward keeps its digits
-    return Frame(world, eye, forward * reach, up, 1.0 if abs(unit - 1) < ROUNDING else unit, stretch)
+    return CameraFrame(world, eye, forward * reach, up, 1.0 if abs(unit - 1) < ROUNDING else unit, stretch)
 
 
 # Reconstruction filters of pbrt as those of our film.
@@ -241,8 +238,9 @@ def raster_of(context: Context, film: Entity | None) -> Raster:
     return Raster(width, height, (x0, x1, y0, y1))
 
 
-def diagonal_mm(film: Entity | None) -> float:
+def _diagonal_mm(context: Context) -> float:
     """Return the diagonal of the film [mm], of use to lens cameras only."""
+    film = context.scene.options.get("Film")
     return DEFAULT_DIAGONAL_MM if film is None else film.parameters.number("diagonal", DEFAULT_DIAGONAL_MM)
 
 
@@ -319,7 +317,7 @@ STOPS: dict[str, Keys] = {
 CameraKeys = tuple[Keys, Keys, Keys]  # of `camera`, of `film` and of the scene itself
 
 
-def convert_camera(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
+def convert_camera(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     """Return a camera as keys of a scene of ours."""
     kinds: dict[str, Callable[..., CameraKeys]] = {
         "perspective": _perspective, "orthographic": _orthographic, "environment": _spherical,
@@ -329,7 +327,7 @@ def convert_camera(context: Context, camera: Entity, frame: Frame, raster: Raste
         raise camera.unknown("camera", kinds)
     if np.any(frame.stretch != 1) and camera.kind != "perspective":
         context.report.ignored(camera.place, "uneven scaling of the camera's space")
-    return kinds[camera.kind](context, camera, frame, raster, film)
+    return kinds[camera.kind](context, camera, frame, raster)
 
 
 def _screen(camera: Entity, raster: Raster) -> Array:
@@ -371,7 +369,7 @@ def _film_keys(raster: Raster, half_x: float, half_y: float) -> Keys:
     return keys
 
 
-def _perspective(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
+def _perspective(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     raster, half_x, half_y = _centre_screen(context, camera, raster)
     half_x, half_y = half_x * frame.stretch[0], half_y * frame.stretch[1]
     fov = camera.parameters.number("fov", 90.0)
@@ -392,7 +390,7 @@ def _perspective(context: Context, camera: Entity, frame: Frame, raster: Raster,
     return keys, _film_keys(raster, half_x, half_y), {}
 
 
-def _orthographic(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
+def _orthographic(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     raster, half_x, half_y = _centre_screen(context, camera, raster)
     if camera.parameters.number("lensradius", 0.0) > 0:
         context.ignored(camera, "the lens radius of a parallel view")
@@ -401,7 +399,7 @@ def _orthographic(context: Context, camera: Entity, frame: Frame, raster: Raster
     return keys, _film_keys(raster, half_x, half_y), {}
 
 
-def _spherical(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
+def _spherical(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     camera.parameters.skip("lensradius", "focaldistance", "frameaspectratio", "screenwindow")
     mapping = camera.parameters.text("mapping", "equalarea" if camera.kind == "spherical" else "equirectangular")
     if mapping not in ("equalarea", "equirectangular"):
@@ -416,7 +414,7 @@ def _spherical(context: Context, camera: Entity, frame: Frame, raster: Raster, f
     return {"kind": "environment", **frame.pose()}, raster.keys(), {}
 
 
-def _realistic(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
+def _realistic(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     parameters = camera.parameters
     if in_millimetres(camera):
         return _realistic_of_v2(context, camera, frame, raster)
@@ -427,10 +425,10 @@ def _realistic(context: Context, camera: Entity, frame: Frame, raster: Raster, f
     if weighting:
         context.approximated(camera, "simple weighting as exposure relative to the axis")
     scene = {"exposure": "relative" if weighting else "irradiance"}
-    return keys, {**raster.keys(), "diagonal_mm": diagonal_mm(film)}, scene
+    return keys, {**raster.keys(), "diagonal_mm": _diagonal_mm(context)}, scene
 
 
-def _realistic_of_v2(context: Context, camera: Entity, frame: Frame, raster: Raster) -> CameraKeys:
+def _realistic_of_v2(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     """Return the lens camera of pbrt-v2's assignments: its place is that of the front vertex, its film is given.
 
     Distances are millimetres, and the light is irradiance on the film (the weight A cos^4 / Z^2 of the assignment).

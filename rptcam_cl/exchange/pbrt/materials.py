@@ -11,21 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance
-from rptcam_cl.exchange.pbrt.files import Context, is_readable, picture_name
+from rptcam_cl.exchange.mesh_data import Array
 from rptcam_cl.exchange.pbrt.textures import (
     COLOURS,
-    Array,
     Shade,
     heights,
+    is_readable,
     light,
     number_shade,
+    picture_name,
     reflectance_srgb,
     samples_of,
     shade,
     single,
     value,
 )
-from rptcam_cl.exchange.pbrt.world import Entity, MaterialName
+from rptcam_cl.exchange.pbrt.world import Context, Entity, MaterialName
 from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, MOST_ASYMMETRY, SMALLEST_INDEX, SUBSTANCES
 
 # Materials of ours as plain keys, and pbrt's roughness as GGX's alpha.

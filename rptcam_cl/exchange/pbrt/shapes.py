@@ -13,174 +13,32 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.pbrt.camera import Frame
-from rptcam_cl.exchange.pbrt.files import Context
-from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, medium_keys, opacity_keys
-from rptcam_cl.exchange.pbrt.source import Parameters, Place, read_limited
-from rptcam_cl.exchange.pbrt.textures import lamp_radiance, number_shade
-from rptcam_cl.exchange.pbrt.world import (
-    ODD,
-    Entity,
-    Instance,
+from rptcam_cl.exchange.conversion import TABLED, Place, read_limited
+from rptcam_cl.exchange.mesh_data import (
+    Array,
+    Faces,
     Matrix,
-    ShapeUse,
-    apply,
-    apply_to_normals,
+    MeshData,
     is_bearable,
     is_similarity,
     is_transform_of_ours,
+    limit_of_loop,
     mean_scale,
-    reflects,
+    rectangle_of,
     tidy,
 )
+from rptcam_cl.exchange.pbrt.camera import CameraFrame
+from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, medium_keys, opacity_keys
+from rptcam_cl.exchange.pbrt.source import Parameters
+from rptcam_cl.exchange.pbrt.textures import lamp_radiance, number_shade
+from rptcam_cl.exchange.pbrt.world import ODD, Context, Entity, Instance, ShapeUse
 from rptcam_cl.scene.meshes import read_mesh_file
 from rptcam_cl.scene.shapes import bezier_pieces
 
-# Triangle meshes on their way from pbrt to a scene of ours.
-
-Array = NDArray[np.float64]
-Faces = NDArray[np.int64]
-
-# Corners of two triangles of a parallelogram agree to this, relative to its size: files carry six digits or so.
-PARALLELOGRAM_TOLERANCE = 1e-5
-CORNERS_UV = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64)
-
-
-@dataclass(frozen=True, eq=False)
-class MeshData:
-    """A mesh; the front side is that from which a face runs counter-clockwise.
-
-    Attributes
-    ----------
-    vertices : (n, 3) array
-    faces : (m, 3) array of int
-    normals : (n, 3) array or None
-    uvs : (n, 2) array or None
-    """
-
-    vertices: Array
-    faces: Faces
-    normals: Array | None = None
-    uvs: Array | None = None
-
-    def transformed(self, matrix: Matrix) -> MeshData:
-        """Return the mesh in another place; its front side is carried along, also by a reflection."""
-        normals = None if self.normals is None else apply_to_normals(matrix, self.normals)
-        faces = self.faces[:, ::-1] if reflects(matrix) else self.faces
-        return replace(self, vertices=apply(matrix, self.vertices), faces=faces, normals=normals)
-
-    def reversed(self) -> MeshData:
-        """Return the mesh with front and back exchanged."""
-        return replace(self, faces=self.faces[:, ::-1], normals=None if self.normals is None else -self.normals)
-
-    def facing_its_normals(self) -> MeshData:
-        """Return the mesh with the front of each face on the side of its vertex normals, as pbrt takes it."""
-        if self.normals is None:
-            return self
-        behind = (self.crosses() * self.normals[self.faces].sum(axis=1)).sum(axis=1) < 0
-        return replace(self, faces=np.where(behind[:, None], self.faces[:, ::-1], self.faces))
-
-    def crosses(self) -> Array:
-        """Return the cross product of two edges of each face (m, 3): its normal, twice its area long."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        return np.cross(b - a, c - a)
-
-    def areas(self) -> Array:
-        """Return the area of each face (m,)."""
-        return np.asarray(np.linalg.norm(self.crosses(), axis=1) / 2)
-
-    def keys(self) -> dict[str, Any]:
-        """Return the keys of a mesh that is written out."""
-        keys: dict[str, Any] = {"vertices": tidy(self.vertices), "faces": self.faces.tolist()}
-        if self.normals is not None:
-            keys["normals"] = tidy(self.normals)
-        if self.uvs is not None:
-            keys["uvs"] = self.uvs.tolist()
-        return keys
-
-    def write_ply(self, path: Path) -> None:
-        """Write the mesh as a binary PLY file."""
-        parts = [(self.vertices, "x y z"), (self.normals, "nx ny nz"), (self.uvs, "u v")]
-        columns = [rows for rows, _ in parts if rows is not None]
-        names = " ".join(names for rows, names in parts if rows is not None).split()
-        rows = np.zeros(len(self.faces), np.dtype([("count", "u1"), ("vertices", "<i4", 3)]))
-        rows["count"], rows["vertices"] = 3, self.faces
-        header = [
-            "ply", "format binary_little_endian 1.0", f"element vertex {len(self.vertices)}",
-            *(f"property float {name}" for name in names),
-            f"element face {len(self.faces)}", "property list uchar int vertex_indices", "end_header\n",
-        ]  # fmt: skip
-        vertices = np.concatenate(columns, axis=1).astype("<f4")
-        path.write_bytes("\n".join(header).encode() + vertices.tobytes() + rows.tobytes())
-
-
-def rectangle_of(mesh: MeshData, *, textured: bool, oriented: bool) -> dict[str, Any] | None:
-    """Return the keys of a rectangle for a mesh of two triangles that are one; None when they are not.
-
-    Parameters
-    ----------
-    textured
-        Whether the texture coordinates must be those of a rectangle, from (0, 0) to (1, 1).
-    oriented
-        Whether the front must stay the front.
-    """
-    ring = _ring(mesh)
-    if ring is None:
-        return None
-    a, b, c, d = corners = mesh.vertices[ring]
-    size = np.ptp(corners, axis=0).max()
-    if np.abs(a + c - b - d).max() > PARALLELOGRAM_TOLERANCE * size or not _is_flat(mesh, ring):
-        return None
-    if textured:
-        if mesh.uvs is None:
-            return None
-        turns = [ring] if oriented else [ring, ring[::-1]]
-        fits = [turn for way in turns for turn in _rotations(way) if np.allclose(mesh.uvs[turn], CORNERS_UV, atol=1e-6)]
-        if not fits:
-            return None
-        ring = fits[0]
-    a, b, _, d = mesh.vertices[ring]
-    if np.linalg.norm(np.cross(b - a, d - a)) < 1e-9 * size * size:
-        return None
-    return {"shape": "rectangle", "corner": tidy(a), "edge_u": tidy(b - a), "edge_v": tidy(d - a)}
-
-
-def _ring(mesh: MeshData) -> list[int] | None:
-    """Return the four corners of two triangles that share an edge, from the first corner on, in its order."""
-    if len(mesh.faces) != 2 or len(set(mesh.faces.reshape(-1).tolist())) != 4:
-        return None
-    first, second = mesh.faces.tolist()
-    for k in range(3):
-        apex, p, q = first[k], first[(k + 1) % 3], first[(k + 2) % 3]
-        for j in range(3):
-            if (second[j], second[(j + 1) % 3]) == (q, p):
-                ring = [apex, p, second[(j + 2) % 3], q]
-                start = ring.index(first[0])
-                return ring[start:] + ring[:start]
-    return None
-
-
-def _rotations(ring: list[int]) -> list[list[int]]:
-    return [ring[k:] + ring[:k] for k in range(4)]
-
-
-def _is_flat(mesh: MeshData, ring: list[int]) -> bool:
-    """Return whether the vertex normals, if any, are the normal of the plane."""
-    if mesh.normals is None:
-        return True
-    normal = mesh.crosses()[0]
-    length = np.linalg.norm(normal)
-    lengths = np.linalg.norm(mesh.normals[ring], axis=1)
-    return bool(np.all(mesh.normals[ring] @ normal > (1 - 1e-6) * length * lengths))
-
-
 # Meshes of a pbrt scene: triangles, bilinear patches, control meshes, and PLY files of their own.
-
-Indices = NDArray[np.int64]
 
 # Cells along each side of a bilinear patch that is not flat.
 PATCH_CELLS = 8
@@ -225,66 +83,6 @@ def subdivided_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     return replace(mesh, normals=normals / np.where(lengths > 0, lengths, 1)), len(mesh.faces)
 
 
-def limit_of_loop(mesh: MeshData, steps: int) -> MeshData:
-    """Return a mesh subdivided after Loop (1987), with its vertices moved to the surface that further steps lead to."""
-    vertices, faces = mesh.vertices, mesh.faces
-    for _ in range(steps):
-        vertices, faces = _loop_step(vertices, faces)
-    edges, _, borders = _edges_of(faces)
-    valence, sums = _neighbours(len(vertices), edges, vertices)
-    gamma = 1 / (valence + 3 / (8 * _loop_weight(valence)))
-    limit = (1 - valence * gamma)[:, None] * vertices + gamma[:, None] * sums
-    return MeshData(_on_borders(vertices, edges[borders], limit, 1 / 6), faces)
-
-
-def _loop_step(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
-    """Divide each triangle into four: new vertices on the edges, the others moved (Loop; Hoppe 1994 at borders)."""
-    edges, of_faces, borders = _edges_of(faces)
-    valence, sums = _neighbours(len(vertices), edges, vertices)
-    beta = _loop_weight(valence)
-    moved = (1 - valence * beta)[:, None] * vertices + beta[:, None] * sums
-    moved = _on_borders(vertices, edges[borders], moved, 1 / 8)
-    ends = vertices[edges].sum(axis=1)
-    apexes = np.zeros_like(ends)
-    for corner in range(3):
-        np.add.at(apexes, of_faces[:, corner], vertices[faces[:, (corner + 2) % 3]])
-    middles = np.where(borders[:, None], ends / 2, 3 / 8 * ends + apexes / 8)
-    ab, bc, ca = (of_faces[:, k] + len(vertices) for k in range(3))
-    a, b, c = faces.T
-    parts = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-    return np.concatenate([moved, middles]), np.concatenate([np.stack(part, axis=1) for part in parts])
-
-
-def _edges_of(faces: Faces) -> tuple[Faces, Faces, NDArray[np.bool_]]:
-    """Return the edges (e, 2), those of each face (m, 3) from corner to corner, and which have not two faces."""
-    pairs = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    edges, numbers, counts = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
-    return edges, numbers.reshape(-1, 3), counts != 2
-
-
-def _neighbours(count: int, edges: Faces, vertices: Array) -> tuple[Array, Array]:
-    """Return how many neighbours each vertex has, at least one counted, and the sum of their positions."""
-    valence, sums = np.zeros(count), np.zeros((count, 3))
-    for end in range(2):
-        np.add.at(valence, edges[:, end], 1)
-        np.add.at(sums, edges[:, end], vertices[edges[:, 1 - end]])
-    return np.maximum(valence, 1), sums
-
-
-def _loop_weight(valence: Array) -> Array:
-    """Return the weight of each neighbour (Warren 1995, as pbrt has it)."""
-    return np.where(valence == 3, 3 / 16, 3 / (8 * valence))
-
-
-def _on_borders(vertices: Array, borders: Faces, inside: Array, weight: float) -> Array:
-    """Return vertices, those on a border from their neighbours along it alone."""
-    count, sums = _neighbours(len(vertices), borders, vertices)
-    on = np.zeros(len(vertices), bool)
-    on[borders] = True
-    along = (1 - 2 * weight) * vertices + 2 * weight * sums / count[:, None]
-    return np.where(on[:, None], along, inside)
-
-
 def bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
     """Return bilinear patches as triangles, and the number of patches; flat parallelograms are exact."""
     vertices = _points(shape)
@@ -303,7 +101,7 @@ def bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
     return _clean(context, shape, _tessellate(vertices, quads, normals, uvs)), len(quads)
 
 
-def _tessellate(vertices: Array, quads: Indices, normals: Array | None, uvs: Array | None) -> MeshData:
+def _tessellate(vertices: Array, quads: Faces, normals: Array | None, uvs: Array | None) -> MeshData:
     """Return patches cut into cells, each patch with vertices of its own."""
     cells = PATCH_CELLS
     t = np.linspace(0, 1, cells + 1)
@@ -322,7 +120,7 @@ def _tessellate(vertices: Array, quads: Indices, normals: Array | None, uvs: Arr
     return MeshData(spread(vertices), faces, None if normals is None else spread(normals), new_uvs)
 
 
-def _are_parallelograms(vertices: Array, quads: Indices) -> bool:
+def _are_parallelograms(vertices: Array, quads: Faces) -> bool:
     p00, p10, p01, p11 = (vertices[quads[:, k]] for k in range(4))
     size = np.abs(p11 - p00).max() + np.abs(p10 - p01).max()
     return bool(np.abs(p00 + p11 - p10 - p01).max() <= 1e-6 * size)
@@ -342,7 +140,7 @@ def _uvs(parameters: Parameters) -> Array | None:
     return None
 
 
-def _indices(shape: Entity, count: int, corners: int) -> Indices:
+def _indices(shape: Entity, count: int, corners: int) -> Faces:
     """Return the corners of the faces, (n, corners); those of a single face may be left out."""
     parameters = shape.parameters
     values = parameters.numbers("indices", "integer")
@@ -397,7 +195,7 @@ AROUND, ALONG = 128, 64  # quadrilaterals of a full turn and of a curved profile
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class RevolvedCurve:
     """The curve that turns about the z axis.
 
     Attributes
@@ -419,7 +217,7 @@ class Profile:
     v: Array | None = None
 
 
-def sphere(parameters: Parameters) -> Profile:
+def sphere(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a sphere between zmin and zmax."""
     radius = positive(parameters, "radius", 1.0)
     low = np.clip(parameters.number("zmin", -radius) / radius, -1, 1)
@@ -429,10 +227,10 @@ def sphere(parameters: Parameters) -> Profile:
     zero = np.zeros_like(angle)
     points = radius * np.stack([np.sin(angle), zero, np.cos(angle)], axis=1)
     tangents = np.stack([-np.cos(angle), zero, np.sin(angle)], axis=1)
-    return Profile(points, tangents, low == -1 and high == 1, 2 * math.pi * radius**2 * (high - low))
+    return RevolvedCurve(points, tangents, low == -1 and high == 1, 2 * math.pi * radius**2 * (high - low))
 
 
-def disk(parameters: Parameters) -> Profile:
+def disk(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a disk, from the rim to the hole."""
     height, radius = parameters.number("height", 0.0), positive(parameters, "radius", 1.0)
     inner = min(parameters.number("innerradius", 0.0), radius)
@@ -440,7 +238,7 @@ def disk(parameters: Parameters) -> Profile:
     return _segment((radius, 0, height), (inner, 0, height), inner == 0, area)
 
 
-def cylinder(parameters: Parameters) -> Profile:
+def cylinder(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a cylinder without caps."""
     radius = positive(parameters, "radius", 1.0)
     low, high = parameters.number("zmin", -1.0), parameters.number("zmax", 1.0)
@@ -448,13 +246,13 @@ def cylinder(parameters: Parameters) -> Profile:
     return _segment((radius, 0, low), (radius, 0, high), True, 2 * math.pi * radius * (high - low))
 
 
-def cone(parameters: Parameters) -> Profile:
+def cone(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a cone without a cap."""
     radius, height = positive(parameters, "radius", 1.0), positive(parameters, "height", 1.0)
     return _segment((radius, 0, 0), (0, 0, height), True, math.pi * radius * math.hypot(radius, height))
 
 
-def paraboloid(parameters: Parameters) -> Profile:
+def paraboloid(parameters: Parameters) -> RevolvedCurve:
     """Return the profile z = zmax (r / radius)^2 between zmin and zmax."""
     radius, top = positive(parameters, "radius", 1.0), positive(parameters, "zmax", 1.0)
     bottom = max(parameters.number("zmin", 0.0), 0.0)
@@ -462,10 +260,10 @@ def paraboloid(parameters: Parameters) -> Profile:
     radii = radius * np.sqrt(heights / top)
     points = np.stack([radii, np.zeros_like(radii), heights], axis=1)
     tangents = np.stack([np.ones_like(radii), np.zeros_like(radii), 2 * top * radii / radius**2], axis=1)
-    return Profile(points, tangents, False, 0.0, v=(heights - bottom) / (top - bottom or 1.0))
+    return RevolvedCurve(points, tangents, False, 0.0, v=(heights - bottom) / (top - bottom or 1.0))
 
 
-def hyperboloid(parameters: Parameters) -> Profile:
+def hyperboloid(parameters: Parameters) -> RevolvedCurve:
     """Return the segment from p1 to p2."""
     return _segment(parameters.vector("p1", (0, 0, 0)), parameters.vector("p2", (1, 1, 1)), False, 0.0, steps=ALONG)
 
@@ -484,7 +282,7 @@ def positive(parameters: Parameters, name: str, default: float) -> float:
     return value
 
 
-def sweep(profile: Profile, degrees: float) -> MeshData:
+def sweep(profile: RevolvedCurve, degrees: float) -> MeshData:
     """Return the mesh that a profile sweeps from +x over +y; its front is that of pbrt: along du x dv.
 
     u and v of the mesh run from 0 to 1 along the turn and along the profile. Of a profile without extent there are no
@@ -507,7 +305,7 @@ def sweep(profile: Profile, degrees: float) -> MeshData:
     return MeshData(vertices, faces[areas > 1e-12 * areas.max()], normals, mesh.uvs)
 
 
-def _profile_normals(profile: Profile) -> Array:
+def _profile_normals(profile: RevolvedCurve) -> Array:
     x, y, _ = profile.points.T
     radii = np.hypot(x, y)
     safe = np.where(radii > 0, radii, 1)
@@ -517,10 +315,10 @@ def _profile_normals(profile: Profile) -> Array:
     return np.asarray(normals / np.where(lengths > 0, lengths, 1))
 
 
-def _segment(start: object, end: object, full: bool, area: float, steps: int = 1) -> Profile:
+def _segment(start: object, end: object, full: bool, area: float, steps: int = 1) -> RevolvedCurve:
     first, last = np.asarray(start, np.float64), np.asarray(end, np.float64)
     points = first + np.linspace(0, 1, steps + 1)[:, None] * (last - first)
-    return Profile(points, np.broadcast_to(last - first, points.shape), full, area)
+    return RevolvedCurve(points, np.broadcast_to(last - first, points.shape), full, area)
 
 
 Keys = dict[str, Any]
@@ -624,7 +422,7 @@ def _round(context: Context, placed: Placed) -> Piece | None:
     return keys | transform_keys(placed.world), profile.area, None
 
 
-def _revolved_mesh(context: Context, placed: Placed, profile: Profile, degrees: float) -> Piece | None:
+def _revolved_mesh(context: Context, placed: Placed, profile: RevolvedCurve, degrees: float) -> Piece | None:
     if not 0 < degrees <= 360:
         raise placed.shape.error(f"phimax must lie between 0 and 360 (got {degrees:g})")
     mesh = sweep(profile, degrees)
@@ -719,7 +517,6 @@ def _ply(context: Context, placed: Placed) -> Piece | None:
 # The objects of a scene of ours: shapes with their materials, each material and shared mesh once.
 
 MOST_VALUES = 45_000  # from which single objects are put together, so that the scene file stays one to be read
-TABLED = 32  # places from which a table holds them
 
 
 def count_values(value: Any) -> int:
@@ -752,7 +549,7 @@ class Objects:
     """Takes the shapes of a pbrt scene one by one."""
 
     context: Context
-    frame: Frame
+    frame: CameraFrame
     items: list[Keys] = field(default_factory=list)
     materials: dict[str, Keys] = field(default_factory=dict)
     meshes: dict[str, Keys] = field(default_factory=dict)

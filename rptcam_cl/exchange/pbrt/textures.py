@@ -3,23 +3,138 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.colour import RGB_FROM_XYZ, SRGB_WHITE, WAVELENGTHS_NM, blackbody, cie_1931, planck_radiance, xyz_of
+from rptcam_cl.core.colour import (
+    RGB_FROM_XYZ,
+    SRGB_WHITE,
+    WAVELENGTHS_NM,
+    blackbody,
+    cie_1931,
+    linear_from_srgb,
+    planck_radiance,
+    xyz_of,
+)
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.exchange.pbrt.files import NOT_READ, READABLE, Context, is_readable, mean_colour, picture_name
-from rptcam_cl.exchange.pbrt.source import Parameter, read_limited
-from rptcam_cl.exchange.pbrt.world import Entity, is_invertible, tidy
-from rptcam_cl.scene.assets.pictures import write_exr
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.exchange.conversion import Place, read_limited
+from rptcam_cl.exchange.mesh_data import Array, is_invertible, tidy
+from rptcam_cl.exchange.pbrt.source import Parameter
+from rptcam_cl.exchange.pbrt.world import Context, Entity
+from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS, SUFFIXES, read_picture, write_exr
+
+# Pictures of pbrt scenes: those that ours reads by their name, TGA and PFM files in another format.
+
+Pixels = NDArray[np.float32]
+
+# Kinds of pictures that pbrt reads and ours does not, and all that are converted.
+OTHERS = (".tga", ".pfm")
+READABLE = (*SUFFIXES, *OTHERS)
+NOT_READ = "a kind of picture that is not read"
+_PFM = re.compile(rb"(P[Ff])\s+(\d{1,9})\s+(\d{1,9})\s+([-+.\deE]{1,30})\s")
+_LARGEST_FILE = 16 * LARGEST_PIXELS
+
+
+def is_readable(path: Path) -> bool:
+    """Return whether a picture can be shown, by its suffix."""
+    return path.suffix.lower() in READABLE
+
+
+def picture_name(context: Context, path: Path, place: Place) -> str:
+    """Return the name under which the scene of ours reads a picture; one of another kind is written anew."""
+    suffix = path.suffix.lower()
+    if suffix not in OTHERS:
+        return context.files.reference(path, place, read_picture)
+    if str(path) not in context.pictures:
+        if suffix == ".tga":
+            name = context.files.add("files", f"{path.stem}.png", partial(_write_png, _tga(path, place)))
+        else:
+            name = context.files.add("files", f"{path.stem}.exr", partial(write_exr, {"RGB": _pfm(path, place)}))
+        context.report.noted(place, f"{path.name}: written anew, to {name}")
+        context.pictures[str(path)] = name
+    return context.pictures[str(path)]
+
+
+def lamp_pixels(context: Context, path: Path, place: Place) -> Pixels:
+    """Return the linear colours of a lamp's or the sky's picture, (height, width, 3), the top row first.
+
+    pbrt-v2 and v3 take the bytes of such a picture for linear ones (their ``ReadImage``), pbrt-v4 for sRGB.
+    """
+    texels = _texels(path, place)
+    if texels.dtype != np.uint8:
+        return np.asarray(texels, np.float32)
+    return _decode_srgb(texels) if context.scene.version == 4 else np.asarray(texels / np.float32(255))
+
+
+def mean_colour(path: Path, place: Place, *, linear: bool) -> NDArray[np.float64]:
+    """Return the mean of a picture's linear colours; bytes are sRGB unless they are linear."""
+    texels = _texels(path, place)
+    if texels.dtype != np.uint8:
+        return np.asarray(texels.mean(axis=(0, 1), dtype=np.float64))
+    return np.asarray((texels / 255 if linear else _decode_srgb(texels)).mean(axis=(0, 1), dtype=np.float64))
+
+
+def _texels(path: Path, place: Place) -> NDArray[Any]:
+    """Return the colours of a picture as it stores them, (height, width, 3)."""
+    if path.suffix.lower() == ".pfm":
+        return _pfm(path, place)
+    if path.suffix.lower() == ".tga":
+        return _tga(path, place)[..., :3]
+    try:
+        return read_picture(path).texels[..., :3]
+    except InputError as problem:
+        raise place.error(f"{path.name}: {problem}") from None
+
+
+def _decode_srgb(texels: NDArray[Any]) -> Pixels:
+    """Return the linear values of sRGB bytes (IEC 61966-2-1)."""
+    return np.asarray(linear_from_srgb(np.arange(256) / 255).astype(np.float32)[texels])
+
+
+def _tga(path: Path, place: Place) -> NDArray[np.uint8]:
+    import PIL.Image
+
+    try:
+        with PIL.Image.open(path, formats=("TGA",)) as image:
+            if image.width * image.height > LARGEST_PIXELS:
+                raise place.error(f"{path.name}: is too large (allowed: at most {LARGEST_PIXELS} pixels)")
+            return np.asarray(image.convert("RGBA" if "A" in image.getbands() else "RGB"))
+    except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as problem:
+        raise place.error(f"{path.name}: is not a TGA picture ({str(problem).splitlines()[0]})") from None
+
+
+def _pfm(path: Path, place: Place) -> Pixels:
+    """Return the colours of a portable float map, whose rows run upwards; a negative scale means little-endian."""
+    raw = read_limited(path, path.name, _LARGEST_FILE)
+    header = _PFM.match(raw)
+    if header is None:
+        raise place.error(f"{path.name}: is not a PFM picture")
+    channels = 3 if header[1] == b"PF" else 1
+    width, height = int(header[2]), int(header[3])
+    order = "<" if header[4].startswith(b"-") else ">"
+    count = width * height * channels
+    if not count or len(raw) - header.end() < 4 * count:
+        raise place.error(f"{path.name}: holds fewer than its {width} x {height} pixels")
+    values = np.frombuffer(raw, f"{order}f4", count, header.end()).astype(np.float32)
+    if not np.isfinite(values).all():
+        raise place.error(f"{path.name}: holds numbers that are not finite")
+    return np.maximum(np.broadcast_to(values.reshape(height, width, channels)[::-1], (height, width, 3)), 0)
+
+
+def _write_png(pixels: NDArray[np.uint8], path: Path) -> None:
+    import PIL.Image
+
+    PIL.Image.fromarray(pixels).save(path, format="PNG")
+
 
 # Spectra and colours of other spaces as linear sRGB (ITU-R BT.709 primaries, white D65).
-
-Array = NDArray[np.float64]
 
 ACES_WHITE = (0.32168, 0.33767)
 # Primaries and white as CIE x, y: BT.2020, SMPTE RP 431-2 with D65 as pbrt has it, SMPTE ST 2065-1.
