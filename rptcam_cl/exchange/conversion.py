@@ -24,7 +24,7 @@ from rptcam_cl.scene.load import load_scene, scene_text
 
 # The text of a file, and places in it.
 
-LONGEST_MESSAGE = 1000
+_LONGEST_MESSAGE = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class Place:
 
 def one_line(message: str) -> str:
     """Return a message fit for one line of a terminal: names of a file may hold anything."""
-    shown = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "…"
+    shown = message if len(message) <= _LONGEST_MESSAGE else message[:_LONGEST_MESSAGE] + "…"
     return "".join(mark if mark.isprintable() else f"\\x{ord(mark):02x}" for mark in shown)
 
 
@@ -109,7 +109,7 @@ def read_limited(path: Path, name: str, limit: int) -> bytes:
 # What a conversion ignored or approximated, with the lines of the source.
 
 # Lines named per message; a scene of ten thousand shapes may break one rule ten thousand times.
-LINES_NAMED = 8
+_LINES_NAMED = 8
 
 
 @dataclass
@@ -154,8 +154,10 @@ class Report:
 
     def __iter__(self) -> Iterator[str]:
         for ((file, line), *others), message in self._sorted():
-            named = ", ".join(str(other) if name == file else f"{name}:{other}" for name, other in others[:LINES_NAMED])
-            rest = len(others) - LINES_NAMED
+            named = ", ".join(
+                str(other) if name == file else f"{name}:{other}" for name, other in others[:_LINES_NAMED]
+            )
+            rest = len(others) - _LINES_NAMED
             more = f" (also on {named}{f' and {rest} more' if rest > 0 else ''})" if others else ""
             yield f"{file}:{line}: {message}{more}"
 
@@ -168,7 +170,7 @@ TABLED = 32  # places from which a table holds them
 
 # Files that the scene of ours names: referenced where a scene may read them, copied beside it otherwise.
 
-LARGEST_COPY = 4 << 30
+_LARGEST_COPY = 4 << 30
 
 
 @dataclass
@@ -290,7 +292,7 @@ def _check_file(check: Callable[[Path], object], path: Path, place: Place) -> No
 
 def _copy(source: Path, target: Path) -> None:
     try:
-        target.write_bytes(read_limited(source, str(source), LARGEST_COPY))
+        target.write_bytes(read_limited(source, str(source), _LARGEST_COPY))
     except MemoryError:
         raise InputError(f"{source}: is too large to be copied") from None
 

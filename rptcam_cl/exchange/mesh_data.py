@@ -23,7 +23,7 @@ Faces = NDArray[np.int64]
 SMALLEST = 1e-12  # stretch, relative to the largest, below which a transform counts as one that flattens space
 
 # Decimal digits that coordinates keep: far more than float32 has, fewer than float64 leaves after an inverse.
-DIGITS = 13
+_DIGITS = 13
 
 
 def is_invertible(matrix: Matrix) -> bool:
@@ -53,7 +53,7 @@ def apply(matrix: Matrix, points: Matrix) -> Matrix:
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
 
 
-def apply_to_normals(matrix: Matrix, normals: Matrix) -> Matrix:
+def _apply_to_normals(matrix: Matrix, normals: Matrix) -> Matrix:
     """Return unit normals (n, 3) transformed: by the inverse transpose."""
     turned = normals @ np.linalg.inv(matrix[:3, :3])
     lengths = np.linalg.norm(turned, axis=1, keepdims=True)
@@ -72,12 +72,12 @@ def is_similarity(matrix: Matrix) -> bool:
 
 
 def tidy(values: ArrayLike) -> list[Any]:
-    """Return an array as nested lists, rounded to `DIGITS` of its largest number: what inverses leave vanishes."""
+    """Return an array as nested lists, rounded to `_DIGITS` of its largest number: what inverses leave vanishes."""
     array = np.asarray(values, np.float64)
     largest = float(np.abs(array).max(initial=0))
     if not 0 < largest < math.inf:
         return list(array.tolist())
-    decimals = DIGITS - 1 - math.floor(math.log10(largest))
+    decimals = _DIGITS - 1 - math.floor(math.log10(largest))
     return list((np.round(array, decimals) + 0.0).tolist())  # + 0.0 makes no zero negative
 
 
@@ -89,8 +89,8 @@ def mean_scale(matrix: Matrix) -> float:
 # Triangle meshes.
 
 # Corners of two triangles of a parallelogram agree to this, relative to its size: files carry six digits or so.
-PARALLELOGRAM_TOLERANCE = 1e-5
-CORNERS_UV = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64)
+_PARALLELOGRAM_TOLERANCE = 1e-5
+_CORNERS_UV = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class MeshData:
 
     def transformed(self, matrix: Matrix) -> MeshData:
         """Return the mesh in another place; its front side is carried along, also by a reflection."""
-        normals = None if self.normals is None else apply_to_normals(matrix, self.normals)
+        normals = None if self.normals is None else _apply_to_normals(matrix, self.normals)
         faces = self.faces[:, ::-1] if reflects(matrix) else self.faces
         return replace(self, vertices=apply(matrix, self.vertices), faces=faces, normals=normals)
 
@@ -176,13 +176,15 @@ def rectangle_of(mesh: MeshData, *, textured: bool, oriented: bool) -> dict[str,
         return None
     a, b, c, d = corners = mesh.vertices[ring]
     size = np.ptp(corners, axis=0).max()
-    if np.abs(a + c - b - d).max() > PARALLELOGRAM_TOLERANCE * size or not _is_flat(mesh, ring):
+    if np.abs(a + c - b - d).max() > _PARALLELOGRAM_TOLERANCE * size or not _is_flat(mesh, ring):
         return None
     if textured:
         if mesh.uvs is None:
             return None
         turns = [ring] if oriented else [ring, ring[::-1]]
-        fits = [turn for way in turns for turn in _rotations(way) if np.allclose(mesh.uvs[turn], CORNERS_UV, atol=1e-6)]
+        fits = [
+            turn for way in turns for turn in _rotations(way) if np.allclose(mesh.uvs[turn], _CORNERS_UV, atol=1e-6)
+        ]
         if not fits:
             return None
         ring = fits[0]

@@ -26,11 +26,11 @@ from rptcam_cl.scene.shapes import bezier_pieces
 
 Keys = dict[str, Any]
 
-USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-WIDTH_PX = 960
-MOST_FACES = (400_000, 400_000, 10_000, 10_000)  # that each division of a subdivision surface may lead to
-SHARP = 10.0  # a crease of so much is one of every division (UsdGeomMesh, SHARPNESS_INFINITE)
-MOST_PIXEL_ASPECT = 20.0
+_USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+_WIDTH_PX = 960
+_MOST_FACES = (400_000, 400_000, 10_000, 10_000)  # that each division of a subdivision surface may lead to
+_SHARP = 10.0  # a crease of so much is one of every division (UsdGeomMesh, SHARPNESS_INFINITE)
+_MOST_PIXEL_ASPECT = 20.0
 
 
 def _module(name: str) -> Any:
@@ -40,7 +40,7 @@ def _module(name: str) -> Any:
         raise InputError("stages of USD need usd-core: pip install 'rptcam_cl[usd]'") from None
 
 
-class PrimReport(Report):
+class _PrimReport(Report):
     """What became of prims: messages with the paths that they concern."""
 
     def __init__(self) -> None:
@@ -83,7 +83,7 @@ class Stage:
 
     stage: Any
     time: Any
-    report: PrimReport
+    report: _PrimReport
     files: FileStore
     objects: list[Keys] = field(default_factory=list)
     lights: list[Keys] = field(default_factory=list)
@@ -308,7 +308,7 @@ class Stage:
         spikes = None
         if len(at) and len(at) == len(how) and at.min() >= 0 and at.max() < count:
             spikes = np.zeros(count)
-            spikes[at] = np.where(how >= SHARP, np.inf, how)
+            spikes[at] = np.where(how >= _SHARP, np.inf, how)
         lengths = _numbers(mesh.GetCreaseLengthsAttr().Get(self.time), 1, np.int64)
         run = _numbers(mesh.GetCreaseIndicesAttr().Get(self.time), 1, np.int64)
         sharpness = _numbers(mesh.GetCreaseSharpnessesAttr().Get(self.time), 1)
@@ -320,7 +320,7 @@ class Stage:
         elif len(sharpness) != len(firsts):
             return None, None, spikes
         ends = np.stack([run[firsts], run[firsts + 1]], axis=1)
-        return ends, np.where(sharpness >= SHARP, np.inf, sharpness), spikes
+        return ends, np.where(sharpness >= _SHARP, np.inf, sharpness), spikes
 
     def _smoothed(self, prim: Any, mesh: Any, polygons: PolygonMesh) -> tuple[PolygonMesh, Faces, bool]:
         """Subdivide a mesh where it says so.
@@ -340,7 +340,7 @@ class Stage:
         if scheme == self.geom.Tokens.none or (polygons.normals is not None and not written):
             return polygons, begins, False
         if scheme == self.geom.Tokens.catmullClark:
-            for most in MOST_FACES:
+            for most in _MOST_FACES:
                 if len(polygons.corners) > most:  # which there would be faces of
                     break
                 begins = np.concatenate([[0], np.cumsum(polygons.counts)])[begins]
@@ -598,9 +598,9 @@ class Stage:
         pose: Keys = {"eye": tidy(eye), "target": tidy(eye - back / np.linalg.norm(back)),
                       "up": tidy(up / np.linalg.norm(up))}  # fmt: skip
         width, height = camera.horizontalAperture, camera.verticalAperture
-        if not (width > 0 and height > 0 and width / height < MOST_PIXEL_ASPECT):
+        if not (width > 0 and height > 0 and width / height < _MOST_PIXEL_ASPECT):
             width, height = 20.955, 15.2908
-        film: Keys = {"resolution": [WIDTH_PX, max(round(WIDTH_PX * height / width), 1)], "width_mm": float(width)}
+        film: Keys = {"resolution": [_WIDTH_PX, max(round(_WIDTH_PX * height / width), 1)], "width_mm": float(width)}
         if camera.horizontalApertureOffset or camera.verticalApertureOffset:
             self.report.say("ignored", "the offset of the film", self.camera)
         tenth = metres_per_unit / 10  # focal length and film are tenths of a unit of the scene
@@ -629,7 +629,7 @@ class Stage:
         eye = middle + np.array(away) / np.linalg.norm(away) * reach / math.sin(math.radians(20))
         keys: Keys = {"kind": "pinhole", "eye": tidy(eye), "target": tidy(middle), "up": up.tolist(),
                       "fov_degrees": 40, "fov_axis": "vertical"}  # fmt: skip
-        return keys, {"resolution": [WIDTH_PX, WIDTH_PX * 2 // 3]}
+        return keys, {"resolution": [_WIDTH_PX, _WIDTH_PX * 2 // 3]}
 
 
 class _Inputs:
@@ -816,7 +816,7 @@ def _merge_instances(stage: Stage) -> None:
     stage.objects = merged
 
 
-def _pose_skeletons(stage: Any, code: float, report: PrimReport) -> None:
+def _pose_skeletons(stage: Any, code: float, report: _PrimReport) -> None:
     """Move the points of meshes to where their skeletons and blend shapes put them at a time code."""
     skel, usd = _module("UsdSkel"), _module("Usd")
     walk = usd.PrimRange(stage.GetPseudoRoot(), usd.TraverseInstanceProxies())
@@ -855,7 +855,7 @@ def convert_stage(source: Path, target: Path, *, time_s: float | None = None) ->
     except Exception as problem:
         said = re.findall(r" : '(.*)", str(problem)) or [str(problem)]
         raise InputError(f"{source}: is no stage of USD ({said[0][:200]})") from None
-    report = PrimReport()
+    report = _PrimReport()
     for warning in heard.TakeUncoalescedDiagnostics():
         if missing := re.search(r"Could not open asset @([^@]*)@", warning.commentary):
             report.say("ignored", f"{missing[1]} cannot be read", opened.GetPseudoRoot())

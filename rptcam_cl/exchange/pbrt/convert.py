@@ -51,7 +51,7 @@ Keys = dict[str, Any]
 # Lights without a surface: point, spot, distant, and constant light from everywhere.
 
 
-def convert_lights(context: Context, frame: CameraFrame) -> tuple[list[Keys], Array, list[Entity]]:
+def _convert_lights(context: Context, frame: CameraFrame) -> tuple[list[Keys], Array, list[Entity]]:
     """Return the lights of a scene of ours, the constant light of its sky, and the maps of the sky as they are."""
     lights: list[Keys] = []
     sky = np.zeros(3)
@@ -106,8 +106,8 @@ def _radiance(context: Context, entity: Entity, per_illuminance: float) -> Array
     return colour * illuminance / per_illuminance if illuminance > 0 else colour
 
 
-EDGE_STEPS = 64  # of the edge of a cone: between them its fourth power is straight, 1e-3 of the middle off
-STEP_DEGREES = 0.5  # of the directions of a lamp that shines with a picture, those that ours tells apart
+_EDGE_STEPS = 64  # of the edge of a cone: between them its fourth power is straight, 1e-3 of the middle off
+_STEP_DEGREES = 0.5  # of the directions of a lamp that shines with a picture, those that ours tells apart
 
 
 def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
@@ -121,7 +121,7 @@ def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
         context.approximated(entity, "a point light without its picture")
         return _point(context, entity, frame)
     world = _world(entity, frame)
-    vertical, horizontal = np.arange(0, 180.1, STEP_DEGREES), np.arange(0, 360.1, STEP_DEGREES)
+    vertical, horizontal = np.arange(0, 180.1, _STEP_DEGREES), np.arange(0, 360.1, _STEP_DEGREES)
     down, around = np.radians(vertical), np.radians(horizontal)[:, None]
     aside = np.sin(down)
     out = np.stack(np.broadcast_arrays(aside * np.cos(around), aside * np.sin(around), -np.cos(down)), axis=-1)
@@ -139,7 +139,7 @@ def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
         context.approximated(entity, "its picture in one colour, the mean")
     pattern = shown @ np.asarray(LUMINANCE)
     if fov:
-        context.approximated(entity, f"its picture in steps of {STEP_DEGREES:g} degrees")
+        context.approximated(entity, f"its picture in steps of {_STEP_DEGREES:g} degrees")
     color = tint * _intensity(context, entity, frame, 4 * math.pi * float(luminance(mean)))
     largest = float(pattern.max())
     file = context.files.add("files", f"{path.stem}.ies", partial(_write_ies, vertical, horizontal, pattern / largest))
@@ -198,7 +198,7 @@ def _spot(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     start, stop = math.cos(math.radians(inner)), math.cos(math.radians(outer))
     origin, direction = _ray(entity, frame)
     if context.scene.version == 3 and not parameters.has("power"):  # which pbrt-v4 alone has
-        edge = np.linspace(inner, outer, EDGE_STEPS + 1)
+        edge = np.linspace(inner, outer, _EDGE_STEPS + 1)
         pattern = ((np.cos(np.radians(edge)) - stop) / (start - stop)) ** 4
         vertical = np.concatenate([[0.0][: inner > 0], edge, [180.0][: outer < 180]])
         pattern = np.concatenate([[1.0][: inner > 0], pattern, [0.0][: outer < 180]])
@@ -236,7 +236,7 @@ def _distant(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
 # The sky: constant light, and pictures of the surroundings.
 
 
-def convert_sky(context: Context, frame: CameraFrame, sky: Array, maps: list[Entity]) -> Keys | None:
+def _convert_sky(context: Context, frame: CameraFrame, sky: Array, maps: list[Entity]) -> Keys | None:
     """Return the environment of a scene of ours from constant light and maps of the sky, None for a black one."""
     constant: Keys | None = {"kind": "constant", "radiance": sky.tolist()} if sky.any() else None
     used = None
@@ -329,8 +329,8 @@ def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:
 # upper half sphere fills the diamond in the middle of the square, the lower one its corners.
 
 # Samples across and down each pixel of a picture in longitude and latitude.
-SAMPLES = 4
-TALLEST = 4096  # rows; twice as many columns are half of the pixels that a picture may have
+_SAMPLES = 4
+_TALLEST = 4096  # rows; twice as many columns are half of the pixels that a picture may have
 
 
 def square_of_angles(z: ArrayLike, longitude: ArrayLike) -> tuple[Array, Array]:
@@ -363,7 +363,7 @@ def square_heights(size: int) -> Array:
 def in_longitude_and_latitude(square: NDArray[np.float32], *, clockwise: bool) -> NDArray[np.float32]:
     """Return a square picture of the sphere as one in longitude and latitude, twice as wide as high.
 
-    Each pixel is the mean of `SAMPLES` x `SAMPLES` pixels that lie under it, spread evenly in longitude and latitude.
+    Each pixel is the mean of `_SAMPLES` x `_SAMPLES` pixels that lie under it, spread evenly in longitude and latitude.
 
     Parameters
     ----------
@@ -372,24 +372,24 @@ def in_longitude_and_latitude(square: NDArray[np.float32], *, clockwise: bool) -
         Whether longitude falls from the left edge to the right one; it is 180 degrees in the middle either way.
     """
     size = len(square)
-    rows = min(size, TALLEST)
-    longitude = (np.arange(2 * rows * SAMPLES) + 0.5) / (2 * rows * SAMPLES) * (2 * np.pi)
+    rows = min(size, _TALLEST)
+    longitude = (np.arange(2 * rows * _SAMPLES) + 0.5) / (2 * rows * _SAMPLES) * (2 * np.pi)
     if clockwise:
         longitude = longitude[::-1]
     converted = np.empty((rows, 2 * rows, 3), np.float32)
     for row in range(rows):
-        latitude = np.pi * (row + (np.arange(SAMPLES) + 0.5) / SAMPLES) / rows
+        latitude = np.pi * (row + (np.arange(_SAMPLES) + 0.5) / _SAMPLES) / rows
         u, v = square_of_angles(np.cos(latitude)[:, None], longitude[None, :])
         column = np.minimum((u * size).astype(np.intp), size - 1)
         line = np.minimum((v * size).astype(np.intp), size - 1)
-        samples = square[line, column].reshape(SAMPLES, 2 * rows, SAMPLES, 3)
+        samples = square[line, column].reshape(_SAMPLES, 2 * rows, _SAMPLES, 3)
         converted[row] = samples.mean(axis=(0, 2), dtype=np.float64)
     return converted
 
 
 # Parameters of every camera that concern motion, which is not converted.
-SHUTTER = ("shutteropen", "shutterclose")
-DEEP = 200  # times that light is scattered below a surface, at most
+_SHUTTER = ("shutteropen", "shutterclose")
+_DEEP = 200  # times that light is scattered below a surface, at most
 
 
 def convert_scene(source: Path, target: Path, *, missing: Missing = "error", root: Path | None = None) -> Conversion:
@@ -440,7 +440,7 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
         scene["metres_per_unit"] = frame.metres_per_unit
     if ev := exposure_ev(context, film, camera):
         scene["picture"] = {"ev": ev}
-    camera.parameters.skip(*SHUTTER)
+    camera.parameters.skip(*_SHUTTER)
     objects = Objects(context, frame)
     objects.add_all()
     sections = objects.keys()
@@ -451,12 +451,12 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
     around = context.scene.media.get(context.scene.around_camera)
     if around is not None and (fog := medium_keys(context, around)) is not None:
         scene["medium"] = fog
-    if context.deep and scene["render"].get("max_depth", 8) < DEEP:
-        scene["render"]["max_depth"] = DEEP
-    lights, sky, maps = convert_lights(context, frame)
+    if context.deep and scene["render"].get("max_depth", 8) < _DEEP:
+        scene["render"]["max_depth"] = _DEEP
+    lights, sky, maps = _convert_lights(context, frame)
     if lights:
         scene["lights"] = lights
-    if (environment := convert_sky(context, frame, sky, maps)) is not None:
+    if (environment := _convert_sky(context, frame, sky, maps)) is not None:
         scene["environment"] = environment
     return dict(plain(scene))
 

@@ -41,10 +41,10 @@ from rptcam_cl.scene.shapes import bezier_pieces
 # Meshes of a pbrt scene: triangles, bilinear patches, control meshes, and PLY files of their own.
 
 # Cells along each side of a bilinear patch that is not flat.
-PATCH_CELLS = 8
+_PATCH_CELLS = 8
 
 
-def triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
+def _triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     """Return a triangle mesh, and its number of triangles; those without area are left out."""
     parameters = shape.parameters
     vertices = _points(shape)
@@ -59,17 +59,17 @@ def triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     return _clean(context, shape, MeshData(vertices, corners, normals, uvs)), len(corners)
 
 
-MOST_SUBDIVIDED = 4_000_000  # triangles
+_MOST_SUBDIVIDED = 4_000_000  # triangles
 
 
-def subdivided_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
+def _subdivided_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     """Return a subdivision surface, of vertices on the surface that the steps lead to."""
     levels = shape.parameters.integer("levels" if shape.parameters.has("levels") else "nlevels", 3)
     shape.parameters.skip("scheme")
     vertices = _points(shape)
     mesh = _clean(context, shape, MeshData(vertices, _indices(shape, len(vertices), 3)))
     steps = max(levels, 0)
-    while steps and len(mesh.faces) * 4**steps > MOST_SUBDIVIDED:
+    while steps and len(mesh.faces) * 4**steps > _MOST_SUBDIVIDED:
         steps -= 1
     if steps != levels:
         context.approximated(shape, f"subdivided {steps} times, not {levels}")
@@ -83,7 +83,7 @@ def subdivided_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     return replace(mesh, normals=normals / np.where(lengths > 0, lengths, 1)), len(mesh.faces)
 
 
-def bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
+def _bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
     """Return bilinear patches as triangles, and the number of patches; flat parallelograms are exact."""
     vertices = _points(shape)
     quads = _indices(shape, len(vertices), 4)
@@ -97,13 +97,13 @@ def bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
         p00, p10, p01, p11 = quads.T
         faces = np.concatenate([np.stack([p00, p10, p11], axis=1), np.stack([p00, p11, p01], axis=1)])
         return _clean(context, shape, MeshData(vertices, faces, normals, uvs)), len(quads)
-    context.approximated(shape, f"each patch as {PATCH_CELLS} x {PATCH_CELLS} cells of two triangles")
+    context.approximated(shape, f"each patch as {_PATCH_CELLS} x {_PATCH_CELLS} cells of two triangles")
     return _clean(context, shape, _tessellate(vertices, quads, normals, uvs)), len(quads)
 
 
 def _tessellate(vertices: Array, quads: Faces, normals: Array | None, uvs: Array | None) -> MeshData:
     """Return patches cut into cells, each patch with vertices of its own."""
-    cells = PATCH_CELLS
+    cells = _PATCH_CELLS
     t = np.linspace(0, 1, cells + 1)
     v, u = (axis.reshape(-1) for axis in np.meshgrid(t, t, indexing="ij"))
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v])  # of p00, p10, p01, p11
@@ -191,7 +191,7 @@ def _read_mesh(path: Path, place: Place) -> MeshData:
 
 # Surfaces of revolution as meshes: parts of spheres, disks and cylinders, and the shapes that only pbrt-v3 has.
 
-AROUND, ALONG = 128, 64  # quadrilaterals of a full turn and of a curved profile
+_AROUND, _ALONG = 128, 64  # quadrilaterals of a full turn and of a curved profile
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,20 +219,20 @@ class RevolvedCurve:
 
 def sphere(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a sphere between zmin and zmax."""
-    radius = positive(parameters, "radius", 1.0)
+    radius = _positive(parameters, "radius", 1.0)
     low = np.clip(parameters.number("zmin", -radius) / radius, -1, 1)
     high = np.clip(parameters.number("zmax", radius) / radius, -1, 1)
     low, high = min(low, high), max(low, high)
-    angle = np.linspace(math.acos(low), math.acos(high), ALONG + 1)
+    angle = np.linspace(math.acos(low), math.acos(high), _ALONG + 1)
     zero = np.zeros_like(angle)
     points = radius * np.stack([np.sin(angle), zero, np.cos(angle)], axis=1)
     tangents = np.stack([-np.cos(angle), zero, np.sin(angle)], axis=1)
     return RevolvedCurve(points, tangents, low == -1 and high == 1, 2 * math.pi * radius**2 * (high - low))
 
 
-def disk(parameters: Parameters) -> RevolvedCurve:
+def _disk(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a disk, from the rim to the hole."""
-    height, radius = parameters.number("height", 0.0), positive(parameters, "radius", 1.0)
+    height, radius = parameters.number("height", 0.0), _positive(parameters, "radius", 1.0)
     inner = min(parameters.number("innerradius", 0.0), radius)
     area = math.pi * (radius**2 - inner**2)
     return _segment((radius, 0, height), (inner, 0, height), inner == 0, area)
@@ -240,23 +240,23 @@ def disk(parameters: Parameters) -> RevolvedCurve:
 
 def cylinder(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a cylinder without caps."""
-    radius = positive(parameters, "radius", 1.0)
+    radius = _positive(parameters, "radius", 1.0)
     low, high = parameters.number("zmin", -1.0), parameters.number("zmax", 1.0)
     low, high = min(low, high), max(low, high)
     return _segment((radius, 0, low), (radius, 0, high), True, 2 * math.pi * radius * (high - low))
 
 
-def cone(parameters: Parameters) -> RevolvedCurve:
+def _cone(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a cone without a cap."""
-    radius, height = positive(parameters, "radius", 1.0), positive(parameters, "height", 1.0)
+    radius, height = _positive(parameters, "radius", 1.0), _positive(parameters, "height", 1.0)
     return _segment((radius, 0, 0), (0, 0, height), True, math.pi * radius * math.hypot(radius, height))
 
 
-def paraboloid(parameters: Parameters) -> RevolvedCurve:
+def _paraboloid(parameters: Parameters) -> RevolvedCurve:
     """Return the profile z = zmax (r / radius)^2 between zmin and zmax."""
-    radius, top = positive(parameters, "radius", 1.0), positive(parameters, "zmax", 1.0)
+    radius, top = _positive(parameters, "radius", 1.0), _positive(parameters, "zmax", 1.0)
     bottom = max(parameters.number("zmin", 0.0), 0.0)
-    heights = top * np.linspace(math.sqrt(bottom / top), 1, ALONG + 1) ** 2  # denser where it curves most
+    heights = top * np.linspace(math.sqrt(bottom / top), 1, _ALONG + 1) ** 2  # denser where it curves most
     radii = radius * np.sqrt(heights / top)
     points = np.stack([radii, np.zeros_like(radii), heights], axis=1)
     tangents = np.stack([np.ones_like(radii), np.zeros_like(radii), 2 * top * radii / radius**2], axis=1)
@@ -265,16 +265,16 @@ def paraboloid(parameters: Parameters) -> RevolvedCurve:
 
 def hyperboloid(parameters: Parameters) -> RevolvedCurve:
     """Return the segment from p1 to p2."""
-    return _segment(parameters.vector("p1", (0, 0, 0)), parameters.vector("p2", (1, 1, 1)), False, 0.0, steps=ALONG)
+    return _segment(parameters.vector("p1", (0, 0, 0)), parameters.vector("p2", (1, 1, 1)), False, 0.0, steps=_ALONG)
 
 
-PROFILES = {
-    "sphere": sphere, "disk": disk, "cylinder": cylinder, "cone": cone, "paraboloid": paraboloid,
+_PROFILES = {
+    "sphere": sphere, "disk": _disk, "cylinder": cylinder, "cone": _cone, "paraboloid": _paraboloid,
     "hyperboloid": hyperboloid,
 }  # fmt: skip
 
 
-def positive(parameters: Parameters, name: str, default: float) -> float:
+def _positive(parameters: Parameters, name: str, default: float) -> float:
     """Return a number above 0."""
     value = parameters.number(name, default)
     if not value > 0:
@@ -288,7 +288,7 @@ def sweep(profile: RevolvedCurve, degrees: float) -> MeshData:
     u and v of the mesh run from 0 to 1 along the turn and along the profile. Of a profile without extent there are no
     faces.
     """
-    around, along = max(3, round(AROUND * degrees / 360)), len(profile.points)
+    around, along = max(3, round(_AROUND * degrees / 360)), len(profile.points)
     angles = np.radians(np.linspace(0, degrees, around + 1))
     cos, sin, zero, one = np.cos(angles), np.sin(angles), np.zeros_like(angles), np.ones_like(angles)
     turns = np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, one]])
@@ -324,7 +324,7 @@ def _segment(start: object, end: object, full: bool, area: float, steps: int = 1
 Keys = dict[str, Any]
 
 # Faces up to which a mesh stands in the scene file itself.
-MOST_INLINE = 200
+_MOST_INLINE = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,7 +360,7 @@ Piece = tuple[Keys, float, MeshData | None]
 the parts that pbrt takes for lamps of their own [square units of pbrt's scene], 0 if unknown; the mesh, if any."""
 
 
-def convert_shape(context: Context, placed: Placed) -> Piece | None:
+def _convert_shape(context: Context, placed: Placed) -> Piece | None:
     """Return a shape as an object of ours; None, with a report, when it has no counterpart."""
     shape = placed.shape
     kinds: dict[str, Callable[[Context, Placed], Piece | None]] = {
@@ -375,7 +375,7 @@ def convert_shape(context: Context, placed: Placed) -> Piece | None:
     return kinds[shape.kind](context, placed)
 
 
-def transform_keys(matrix: Matrix) -> Keys:
+def _transform_keys(matrix: Matrix) -> Keys:
     """Return the key of a transform, nothing for the identity."""
     if np.array_equal(matrix, np.eye(4)):
         return {}
@@ -397,13 +397,13 @@ def _sphere(context: Context, placed: Placed) -> Piece | None:
         scaled = radius * mean_scale(placed.world)
         return {"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area, None
     keys = {"shape": "sphere", "center": [0, 0, 0], "radius": radius}
-    return keys | transform_keys(placed.world), profile.area, None
+    return keys | _transform_keys(placed.world), profile.area, None
 
 
 def _round(context: Context, placed: Placed) -> Piece | None:
     """Return a disk, cylinder or cone, or the mesh of what is only a part of one."""
     parameters = placed.shape.parameters
-    profile = PROFILES[placed.shape.kind](parameters)
+    profile = _PROFILES[placed.shape.kind](parameters)
     degrees = parameters.number("phimax", 360.0)
     flips = placed.use.reverse and placed.oriented
     skewed = placed.shape.kind == "disk" and placed.textured  # our disk has u and v across, pbrt's run round it
@@ -419,7 +419,7 @@ def _round(context: Context, placed: Placed) -> Piece | None:
         end = "apex" if placed.shape.kind == "cone" else "top"
         keys = {"shape": placed.shape.kind, "base": [0, 0, float(first[2])], end: [0, 0, float(last[2])],
                 "radius": radius, "capped": False}  # fmt: skip
-    return keys | transform_keys(placed.world), profile.area, None
+    return keys | _transform_keys(placed.world), profile.area, None
 
 
 def _revolved_mesh(context: Context, placed: Placed, profile: RevolvedCurve, degrees: float) -> Piece | None:
@@ -434,7 +434,7 @@ def _revolved_mesh(context: Context, placed: Placed, profile: RevolvedCurve, deg
 
 
 def _mesh(context: Context, placed: Placed) -> Piece | None:
-    makers = {"trianglemesh": triangle_mesh, "bilinearmesh": bilinear_patches, "loopsubdiv": subdivided_mesh}
+    makers = {"trianglemesh": _triangle_mesh, "bilinearmesh": _bilinear_patches, "loopsubdiv": _subdivided_mesh}
     mesh, parts = makers[placed.shape.kind](context, placed.shape)
     if not len(mesh.faces):
         _note_no_area(context, placed.shape)
@@ -473,7 +473,7 @@ def _curve(context: Context, placed: Placed) -> Piece | None:
         context.approximated(shape, "a ribbon that turns to whoever sees it")
     keys: Keys = {"shape": "curves", "basis": "bezier", "form": "tube" if form == "cylinder" else "flat"}
     if placed.shared:
-        keys |= transform_keys(placed.world)
+        keys |= _transform_keys(placed.world)
     else:
         rows = rows @ placed.world[:3, :3].T + placed.world[:3, 3]
         widths = widths * mean_scale(placed.world)
@@ -489,7 +489,7 @@ def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
     if placed.use.reverse:
         mesh = mesh.reversed()
     if placed.shared:
-        return transform_keys(placed.world), area, mesh
+        return _transform_keys(placed.world), area, mesh
     mesh = mesh.transformed(placed.world)
     rectangle = rectangle_of(mesh, textured=placed.textured, oriented=placed.oriented)
     return ({}, area, mesh) if rectangle is None else (rectangle, area, None)
@@ -500,7 +500,7 @@ def _ply(context: Context, placed: Placed) -> Piece | None:
     name, place = placed.shape.file_name()
     if (path := context.find_or_note(name, place, "the object is left out")) is None:
         return None
-    keys = transform_keys(placed.world)
+    keys = _transform_keys(placed.world)
     area = 0.0
     if placed.oriented or placed.use.lamp is not None:
         mesh = _read_mesh(path, place)
@@ -519,16 +519,16 @@ def _ply(context: Context, placed: Placed) -> Piece | None:
 MOST_VALUES = 45_000  # from which single objects are put together, so that the scene file stays one to be read
 
 
-def count_values(value: Any) -> int:
+def _count_values(value: Any) -> int:
     """Return the number of values that a part of a scene takes in a file: lists, mappings, keys and scalars."""
     if isinstance(value, Mapping):
-        return 1 + sum(1 + count_values(item) for item in value.values())
+        return 1 + sum(1 + _count_values(item) for item in value.values())
     if isinstance(value, list | tuple):
-        return 1 + sum(map(count_values, value))
-    return count_values(value.tolist()) if isinstance(value, np.ndarray) else 1
+        return 1 + sum(map(_count_values, value))
+    return _count_values(value.tolist()) if isinstance(value, np.ndarray) else 1
 
 
-def join_meshes(parts: list[MeshData]) -> MeshData:
+def _join_meshes(parts: list[MeshData]) -> MeshData:
     """Return meshes as one; normals and texture coordinates have all of them or none."""
     starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     normals = [part.normals for part in parts if part.normals is not None]
@@ -541,7 +541,7 @@ def join_meshes(parts: list[MeshData]) -> MeshData:
     )
 
 
-ONE_SIDED = ("emissive", "dielectric", "principled")
+_ONE_SIDED = ("emissive", "dielectric", "principled")
 
 
 @dataclass
@@ -561,9 +561,9 @@ class Objects:
 
     def keys(self) -> Keys:
         """Return the sections of the scene."""
-        sizes = {index: count_values(mesh.keys()) if len(mesh.faces) <= MOST_INLINE else 2
+        sizes = {index: _count_values(mesh.keys()) if len(mesh.faces) <= _MOST_INLINE else 2
                  for index, (_, mesh) in self._loose.items()}  # fmt: skip
-        if count_values(self.items) + sum(sizes.values()) > MOST_VALUES:
+        if _count_values(self.items) + sum(sizes.values()) > MOST_VALUES:
             self._merge()
             self._merge_spheres()
         for index, (use, mesh) in self._loose.items():
@@ -639,7 +639,7 @@ class Objects:
             if "bump" in json.dumps(material) and self._has_vertex_normals(use.shape):
                 material = bumps_of_mesh(material, self.context.scene.version)
             textured, oriented = _is_textured(material), _has_front(material)
-        piece = convert_shape(self.context, Placed(use, world, textured, oriented, shared))
+        piece = _convert_shape(self.context, Placed(use, world, textured, oriented, shared))
         if piece is None:
             return
         keys, area, mesh = piece
@@ -758,7 +758,7 @@ class Objects:
             for index in members[1:]:
                 self.items[index] = {}
             first = self.items[members[0]]
-            if len(points) > MOST_INLINE:
+            if len(points) > _MOST_INLINE:
                 name = f"{first['material']}.npz"
                 arrays: dict[str, Any] = {"points": np.array(points), "counts": np.array(counts)}
                 del first["points"]
@@ -777,7 +777,7 @@ class Objects:
             if not others:
                 continue
             use, _ = self._loose[first]
-            self._loose[first] = use, join_meshes([self._loose[index][1] for index in (first, *others)])
+            self._loose[first] = use, _join_meshes([self._loose[index][1] for index in (first, *others)])
             for index in others:
                 del self._loose[index]
                 self.items[index] = {}
@@ -788,7 +788,7 @@ class Objects:
 
     def _mesh_keys(self, use: ShapeUse, mesh: MeshData) -> Keys:
         """Return a small mesh written out, a large one as a file beside the scene."""
-        if len(mesh.faces) <= MOST_INLINE:
+        if len(mesh.faces) <= _MOST_INLINE:
             return mesh.keys()
         name = f"{use.shape.kind}-{use.shape.place.line_number}.ply"
         return {"file": self.context.files.add("meshes", name, mesh.write_ply)}
@@ -825,7 +825,7 @@ def _has_front(material: Keys) -> bool:
     """Return whether the front of a material is not as its back: of bumps the back has dents."""
     parts = material.get("materials", ())
     uneven = "normal_map" in material or "bump" in material
-    return material["kind"] in ONE_SIDED or uneven or any(map(_has_front, parts))
+    return material["kind"] in _ONE_SIDED or uneven or any(map(_has_front, parts))
 
 
 def _is_textured(value: Any) -> bool:

@@ -17,10 +17,10 @@ from rptcam_cl.core.files import Folders
 from rptcam_cl.exchange.conversion import Place, Source, read_limited
 
 # What one file may hold, unpacked: far more than the largest published scenes have in one text file.
-MAX_BYTES = 1 << 30
+_MAX_BYTES = 1 << 30
 
 
-def read_source(path: Path, name: str) -> Source:
+def _read_source(path: Path, name: str) -> Source:
     """Return the text of a pbrt file; one that ends in .gz is unpacked.
 
     Raises
@@ -30,7 +30,7 @@ def read_source(path: Path, name: str) -> Source:
     StateError
         When it cannot be read.
     """
-    raw = read_limited(path, name, MAX_BYTES)
+    raw = read_limited(path, name, _MAX_BYTES)
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError(f"{name}:1:1: is UTF-16 text; save it as UTF-8")
     try:
@@ -50,7 +50,7 @@ _TOKEN = re.compile(
 )
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _ESCAPES = {"b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "\\": "\\", "'": "'", '"': '"'}
-LONGEST_SHOWN = 60
+_LONGEST_SHOWN = 60
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Token:
     def shown(self) -> str:
         """Return the token as an error quotes it."""
         text = f'"{self.text}"' if self.kind == "string" else self.text
-        return text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "…"
+        return text if len(text) <= _LONGEST_SHOWN else text[:_LONGEST_SHOWN] + "…"
 
 
 class TokenStream:
@@ -125,7 +125,7 @@ class TokenStream:
         return None
 
 
-def number_of(token: Token) -> float:
+def _number_of(token: Token) -> float:
     """Return the number that a word says."""
     if token.kind != "word" or not _NUMBER.fullmatch(token.text):
         raise token.place.error(f"expected a number (got {token.shown()})")
@@ -153,12 +153,12 @@ def _unescape(text: str, place: Place) -> str:
 Values = NDArray[np.float64] | tuple[str, ...] | tuple[bool, ...]
 
 # Numbers in one value of each type; "" for types whose values are words.
-SIZES = {
+_SIZES = {
     "float": 1, "integer": 1, "point": 3, "point2": 2, "point3": 3, "vector": 3, "vector2": 2, "vector3": 3,
     "normal": 3, "normal3": 3, "rgb": 3, "color": 3, "xyz": 3, "blackbody": 1, "spectrum": 1,
 }  # fmt: skip
-WORDS = ("string", "texture", "spectrum")
-TYPES = (*SIZES, "bool", "string", "texture")
+_WORDS = ("string", "texture", "spectrum")
+_TYPES = (*_SIZES, "bool", "string", "texture")
 _BOOLS = {"true": True, "false": False}
 
 
@@ -169,7 +169,7 @@ class Parameter:
     Attributes
     ----------
     kind : str
-        Its type, a key of `SIZES` or one of `WORDS` or ``bool``.
+        Its type, a key of `_SIZES` or one of `_WORDS` or ``bool``.
     values : array of float64, or tuple of str or of bool
     place : Place
     """
@@ -294,7 +294,7 @@ class Parameters:
         return values[0]
 
 
-def read_parameters(tokens: TokenStream, what: str, place: Place) -> Parameters:
+def _read_parameters(tokens: TokenStream, what: str, place: Place) -> Parameters:
     """Take the parameters that follow in a file, up to the next directive."""
     parameters = Parameters(what, place)
     while (token := tokens.peek()) is not None and token.kind == "string":
@@ -311,8 +311,8 @@ def _declaration(token: Token, what: str) -> tuple[str, str]:
     if len(words) != 2:
         raise token.place.error(f'{what}: expected a parameter such as "float fov" (got {token.shown()})')
     kind, name = words
-    if kind not in TYPES:
-        raise token.place.error(f"{what}: unknown type {kind} of parameter {name} (allowed: {', '.join(TYPES)})")
+    if kind not in _TYPES:
+        raise token.place.error(f"{what}: unknown type {kind} of parameter {name} (allowed: {', '.join(_TYPES)})")
     return kind, name
 
 
@@ -326,12 +326,12 @@ def _values(tokens: TokenStream, declared: Token, kind: str) -> Values:
         raise declared.place.error(f"{name} must hold numbers or text, not true or false")
     if kind == "bool" and isinstance(values, np.ndarray) and len(values):
         raise declared.place.error(f"{name} must hold true or false")
-    if is_text and values and kind not in (*WORDS, "bool"):
+    if is_text and values and kind not in (*_WORDS, "bool"):
         raise declared.place.error(f"{name} must hold numbers, not text")
     if kind in ("string", "texture") and isinstance(values, np.ndarray):
         raise declared.place.error(f"{name} must hold text in quotes")
-    if isinstance(values, np.ndarray) and len(values) % SIZES.get(kind, 1):
-        raise declared.place.error(f"{name} holds {len(values)} numbers, not a multiple of {SIZES[kind]}")
+    if isinstance(values, np.ndarray) and len(values) % _SIZES.get(kind, 1):
+        raise declared.place.error(f"{name} holds {len(values)} numbers, not a multiple of {_SIZES[kind]}")
     return values
 
 
@@ -368,7 +368,7 @@ def _of_words(tokens: list[Token], declared: Token) -> Values:
         return tuple(_BOOLS[token.text] for token in tokens)
     if tokens and re.match(r"[A-Z]", tokens[0].text):
         raise declared.place.error(f"{declared.shown()} has no value; {tokens[0].shown()} follows")
-    return np.array([number_of(token) for token in tokens], np.float64)
+    return np.array([_number_of(token) for token in tokens], np.float64)
 
 
 # Statements of pbrt files: a directive with its arguments, in the order in which included files bring them.
@@ -376,20 +376,20 @@ def _of_words(tokens: list[Token], declared: Token) -> Values:
 # Numbers after a directive.
 NUMBERS = {"LookAt": 9, "Translate": 3, "Scale": 3, "Rotate": 4, "Transform": 16, "ConcatTransform": 16,
            "TransformTimes": 2}  # fmt: skip
-BARE = ("WorldBegin", "WorldEnd", "AttributeBegin", "AttributeEnd", "TransformBegin", "TransformEnd", "ObjectEnd",
+_BARE = ("WorldBegin", "WorldEnd", "AttributeBegin", "AttributeEnd", "TransformBegin", "TransformEnd", "ObjectEnd",
         "ReverseOrientation", "Identity")  # fmt: skip
 # Texts after a directive, and whether parameters follow.
-TEXTS = {
+_TEXTS = {
     "Include": 1, "Import": 1, "CoordinateSystem": 1, "CoordSysTransform": 1, "NamedMaterial": 1, "ObjectBegin": 1,
     "ObjectInstance": 1, "ColorSpace": 1, "MediumInterface": 2,
 }  # fmt: skip
-WITH_PARAMETERS = {
+_WITH_PARAMETERS = {
     "Camera": 1, "Film": 1, "Sampler": 1, "Integrator": 1, "PixelFilter": 1, "Accelerator": 1, "Material": 1,
     "MakeNamedMaterial": 1, "MakeNamedMedium": 1, "LightSource": 1, "AreaLightSource": 1, "Shape": 1, "Attribute": 1,
     "Texture": 3, "Option": 0, "SurfaceIntegrator": 1, "VolumeIntegrator": 1, "Renderer": 1, "Volume": 1,
 }  # fmt: skip
-OLDER = ("SearchPath", "Exterior", "Interior")
-DIRECTIVES = (*NUMBERS, *BARE, *TEXTS, *WITH_PARAMETERS, "ActiveTransform")
+_OLDER = ("SearchPath", "Exterior", "Interior")
+_DIRECTIVES = (*NUMBERS, *_BARE, *_TEXTS, *_WITH_PARAMETERS, "ActiveTransform")
 
 # Files that one scene may include, counted each time; the largest published scene has some thousand.
 MOST_FILES = 20_000
@@ -436,7 +436,7 @@ def read_statements(path: Path, folders: Folders | None = None) -> Iterator[Stat
     folders = folders or Folders(path.parent, owner="pbrt scene")
     # files that are being read: their real paths, and where they are imported
     stack: list[tuple[Path, TokenStream, Place | None]] = [
-        (path.resolve(), TokenStream(read_source(path, str(path))), None)
+        (path.resolve(), TokenStream(_read_source(path, str(path))), None)
     ]
     files = 1
     while stack:
@@ -468,33 +468,33 @@ def _open_included(statement: Statement, folders: Folders, including: list[Path]
         real = folders.find(name)
         if real in including:
             raise InputError(f"{name} includes itself, by way of {len(including)} files")
-        return real, TokenStream(read_source(real, str(folders.base / name)))
+        return real, TokenStream(_read_source(real, str(folders.base / name)))
     except RptcamError as problem:
         raise statement.place.error(f"{statement.directive}: {problem}") from None
 
 
 def _statement(token: Token, tokens: TokenStream) -> Statement:
     name = token.text
-    if token.kind != "word" or name not in DIRECTIVES:
+    if token.kind != "word" or name not in _DIRECTIVES:
         raise token.place.error(_no_directive(token))
     if name in NUMBERS:
         return Statement(name, token.place, numbers=_numbers(tokens, token, NUMBERS[name]))
-    if name in BARE:
+    if name in _BARE:
         return Statement(name, token.place)
     if name == "ActiveTransform":
         return Statement(name, token.place, (_active(tokens, token),))
-    if name in TEXTS:
-        texts = _texts(tokens, token, TEXTS[name])
+    if name in _TEXTS:
+        texts = _texts(tokens, token, _TEXTS[name])
         return Statement(name, token.place, texts)
-    texts = _texts(tokens, token, WITH_PARAMETERS[name])
+    texts = _texts(tokens, token, _WITH_PARAMETERS[name])
     what = " ".join([name, *(f'"{text}"' for text in texts)])
-    return Statement(name, token.place, texts, parameters=read_parameters(tokens, what, token.place))
+    return Statement(name, token.place, texts, parameters=_read_parameters(tokens, what, token.place))
 
 
 def _no_directive(token: Token) -> str:
-    if token.text in OLDER:
+    if token.text in _OLDER:
         return f"{token.text} is a directive of pbrt-v1 or of LuxRender (allowed: scenes of pbrt-v2, v3 and v4)"
-    matches = difflib.get_close_matches(token.text, DIRECTIVES, n=1)
+    matches = difflib.get_close_matches(token.text, _DIRECTIVES, n=1)
     hint = f"; did you mean {matches[0]}?" if matches else " such as Shape or Camera"
     return f"expected a directive (got {token.shown()}){hint}"
 
@@ -509,7 +509,7 @@ def _numbers(tokens: TokenStream, directive: Token, count: int) -> NDArray[np.fl
             if token is None:
                 raise directive.place.error(f"{directive.text} needs {count} numbers (got {len(values)})")
             if token.kind != "bracket":
-                values.append(number_of(token))
+                values.append(_number_of(token))
             elif token.text == "]" or values:
                 raise token.place.error(f"{directive.text} needs {count} numbers (got {len(values)})")
         listed = np.array(values)

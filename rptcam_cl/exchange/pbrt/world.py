@@ -24,16 +24,16 @@ from rptcam_cl.scene.placement import turn_about
 # matters once, when a picture is compared with another (see ``camera.frame_of``).
 
 # Where nothing is: the transform of what stands under one that cannot be used.
-NOWHERE = np.full((4, 4), np.nan)
+_NOWHERE = np.full((4, 4), np.nan)
 
 ODD = "its transform flattens space, or leads beyond what a scene can hold"
 
 
-class OddTransformError(ValueError):
+class _OddTransformError(ValueError):
     """A transform that places nothing, with what is odd about it."""
 
 
-def step_matrix(statement: Statement) -> Matrix:
+def _step_matrix(statement: Statement) -> Matrix:
     """Return the matrix that a transforming directive multiplies the current one with, from the right.
 
     Raises
@@ -48,18 +48,18 @@ def step_matrix(statement: Statement) -> Matrix:
             result[:3, 3] = numbers
         case "Scale":
             if not numbers.all():
-                raise OddTransformError("Scale by 0 flattens space")
+                raise _OddTransformError("Scale by 0 flattens space")
             result[:3, :3] = np.diag(numbers)
         case "Rotate":
             result[:3, :3] = _rotation(statement)
         case "LookAt":
             result = _camera_from_world(statement)
         case _:
-            result = read_matrix(statement)
+            result = _read_matrix(statement)
     return result
 
 
-def read_matrix(statement: Statement) -> Matrix:
+def _read_matrix(statement: Statement) -> Matrix:
     """Return the matrix of ``Transform`` or ``ConcatTransform``, which pbrt writes column by column.
 
     Raises
@@ -69,12 +69,12 @@ def read_matrix(statement: Statement) -> Matrix:
     """
     matrix = statement.numbers.reshape(4, 4).T.copy()
     if not np.allclose(matrix[3], (0, 0, 0, matrix[3, 3]), rtol=0, atol=1e-9) or abs(matrix[3, 3]) < SMALLEST:
-        raise OddTransformError(
+        raise _OddTransformError(
             f"{statement.directive} is not affine: every fourth number must be 0, the last one 1 (written by columns)"
         )
     matrix /= matrix[3, 3]
     if not is_invertible(matrix):
-        raise OddTransformError(f"{statement.directive} cannot be inverted: it flattens space")
+        raise _OddTransformError(f"{statement.directive} cannot be inverted: it flattens space")
     return matrix
 
 
@@ -83,7 +83,7 @@ def _rotation(statement: Statement) -> Matrix:
     degrees, *axis = statement.numbers
     length = math.hypot(*axis)
     if length < SMALLEST:
-        raise OddTransformError("Rotate needs an axis (got 0 0 0)")
+        raise _OddTransformError("Rotate needs an axis (got 0 0 0)")
     return turn_about(np.array(axis) / length, float(degrees))
 
 
@@ -93,7 +93,7 @@ def _camera_from_world(statement: Statement) -> Matrix:
     forward = target - eye
     right = np.cross(up, forward)
     if np.linalg.norm(right) <= SMALLEST * float(np.linalg.norm(up)) * float(np.linalg.norm(forward)):
-        raise OddTransformError("LookAt: eye, target and up fix no view (allowed: eye off the target, up not along)")
+        raise _OddTransformError("LookAt: eye, target and up fix no view (allowed: eye off the target, up not along)")
     forward = forward / np.linalg.norm(forward)
     right = right / np.linalg.norm(right)
     world_from_camera = np.eye(4)
@@ -251,9 +251,9 @@ class GraphicsState:
     defaults: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict)
 
 
-COLOR_SPACES = ("srgb", "rec2020", "dci-p3", "aces2065-1")
-OPTIONS = ("Camera", "Film", "Sampler", "Integrator", "SurfaceIntegrator", "PixelFilter")
-IGNORED = {
+_COLOR_SPACES = ("srgb", "rec2020", "dci-p3", "aces2065-1")
+_OPTIONS = ("Camera", "Film", "Sampler", "Integrator", "SurfaceIntegrator", "PixelFilter")
+_IGNORED = {
     "Accelerator": "how rays find surfaces is decided by the renderer",
     "TransformTimes": "nothing moves while the shutter is open",
     "Option": "it steers pbrt itself",
@@ -293,13 +293,13 @@ class World:
             for item in statement.parameters.repeated:
                 what = f'{statement.described()}: "{item.name}" is given twice; the last one counts'
                 self.report.noted(item.place, what)
-        if name in IGNORED:
-            self.report.ignored(statement.place, f"{statement.described()}: {IGNORED[name]}")
+        if name in _IGNORED:
+            self.report.ignored(statement.place, f"{statement.described()}: {_IGNORED[name]}")
             return
         if name in NUMBERS:
             self._transform(statement)
             return
-        if name in OPTIONS:
+        if name in _OPTIONS:
             self._option(statement)
             return
         _ACTIONS[name](self, statement)
@@ -308,7 +308,7 @@ class World:
         """Say why pbrt skips a directive with a warning where it stands, nothing where it does not."""
         if self.ended:
             return "stands after WorldEnd, behind the picture that is rendered"
-        if self.in_world and (name in OPTIONS or name == "WorldBegin"):
+        if self.in_world and (name in _OPTIONS or name == "WorldBegin"):
             return "stands inside the world"
         if not self.in_world and name in ("Shape", "LightSource", "ObjectInstance", "WorldEnd"):
             return "stands before WorldBegin"
@@ -341,13 +341,13 @@ class World:
         try:
             is_whole = statement.directive == "Transform"
             with np.errstate(over="ignore", invalid="ignore"):
-                matrix = read_matrix(statement) if is_whole else self.state.ctm @ step_matrix(statement)
+                matrix = _read_matrix(statement) if is_whole else self.state.ctm @ _step_matrix(statement)
             if not np.isfinite(matrix).all() and np.isfinite(self.state.ctm).all():
-                raise OddTransformError(f"{statement.directive} leads beyond the range of numbers")
+                raise _OddTransformError(f"{statement.directive} leads beyond the range of numbers")
             self.set_transform(matrix)
-        except OddTransformError as problem:
+        except _OddTransformError as problem:
             self.report.noted(statement.place, f"{problem}; what stands under it is left out")
-            self.set_transform(NOWHERE)
+            self.set_transform(_NOWHERE)
 
     def set_transform(self, matrix: Matrix) -> None:
         """Make a matrix the current transform."""
@@ -360,7 +360,7 @@ class World:
         self.scene.options[name] = self.entity(statement, statement.texts[0])
         if name == "Camera":
             self.scene.around_camera = self.state.outside
-            world_from_camera = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else NOWHERE
+            world_from_camera = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else _NOWHERE
             self.spaces["camera"] = np.asarray(world_from_camera, np.float64)
         if statement.directive == "SurfaceIntegrator" or (name == "Film" and statement.texts[0] == "image"):
             self.scene.version = 3
@@ -456,8 +456,8 @@ def _reverse(world: World, statement: Statement) -> None:
 
 def _color_space(world: World, statement: Statement) -> None:
     (name,) = statement.texts
-    if name not in COLOR_SPACES:
-        raise statement.place.error(f'unknown ColorSpace "{name}" (allowed: {", ".join(COLOR_SPACES)})')
+    if name not in _COLOR_SPACES:
+        raise statement.place.error(f'unknown ColorSpace "{name}" (allowed: {", ".join(_COLOR_SPACES)})')
     world.state = replace(world.state, color_space=name)
 
 
