@@ -32,14 +32,7 @@ from rptcam_cl.core.strict_yaml import Document, FieldError
 from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.keys import GLASS, glass_json_schema
 from rptcam_cl.optics.glass import Medium, held_index, known_range
-from rptcam_cl.scene.base import (
-    Alternatives,
-    FileName,
-    SceneModel,
-    read_number,
-    refuse,
-    unknown_name,
-)
+from rptcam_cl.scene.base import Alternatives, FileName, SceneModel, read_number, refuse, unknown_name
 from rptcam_cl.scene.quantities import (
     NUMBER,
     Albedo,

@@ -23,14 +23,7 @@ from rptcam_cl.core.files import Folders
 from rptcam_cl.core.records import Hidden
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, FileReference, SceneModel, refuse
 from rptcam_cl.scene.materials import Material
-from rptcam_cl.scene.quantities import (
-    LARGEST_COORDINATE,
-    NUMBER,
-    AffineRows,
-    Direction,
-    Moment,
-    Position,
-)
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, AffineRows, Direction, Moment, Position
 
 # Transforms: steps that place an object in the world.
 

@@ -22,17 +22,7 @@ from rptcam_cl.core.files import Folders
 from rptcam_cl.scene import assets
 from rptcam_cl.scene.assets.mesh import Draft, MeshSurface, make_contents
 from rptcam_cl.scene.base import Alternatives, refuse, unknown_name
-from rptcam_cl.scene.materials import (
-    Conductor,
-    Hair,
-    Material,
-    Matte,
-    Mix,
-    Plastic,
-    Principled,
-    Translucent,
-    has_holes,
-)
+from rptcam_cl.scene.materials import Conductor, Hair, Material, Matte, Mix, Plastic, Principled, Translucent, has_holes
 from rptcam_cl.scene.meshes import LoadedMesh, MeshObject, WidePoints
 from rptcam_cl.scene.placement import Bounds, PlacedObject, SceneObject
 from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, WHOLE_NUMBER, Direction, Length, Position, cross
@@ -228,9 +218,7 @@ def _aruco(
     return pattern
 
 
-def _marker(
-    pattern: BoardPattern, x: float, y: float, pitch: float, fill: float, dictionary: str, number: int
-) -> None:
+def _marker(pattern: BoardPattern, x: float, y: float, pitch: float, fill: float, dictionary: str, number: int) -> None:
     """Add a light square with a marker in its middle."""
     bits = marker_bits(dictionary, number)
     side = fill * pitch

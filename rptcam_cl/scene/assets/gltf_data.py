@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import name_errors, read_whole
-from rptcam_cl.scene.assets.mesh import (
-    Find,
-)
+from rptcam_cl.scene.assets.mesh import Find
 
 # The JSON of a glTF file, read key by key; what is not as it must be is refused with its place.
 
