@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import WAVELENGTHS_NM, cie_1931, daylight_65, rgb_basis
+from rptcam_cl.core.constants import GOLDEN
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.remember import checkpoint
-from rptcam_cl.rendering.several import GOLDEN
 
 # An opening is a set of edges, seen along a line in each direction: how wide it is open there is a sum of ramps, and
 # the Fourier transform of that line is the field in this direction (the projection-slice theorem). Light of a

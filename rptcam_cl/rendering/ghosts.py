@@ -28,8 +28,8 @@ from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, 
 from rptcam_cl.rendering.cameras.setting import LensSetting
 from rptcam_cl.rendering.far_light import shares_of_white
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among, occluded
-from rptcam_cl.rendering.lamp_points import Patches, lattice, patches_of, points_alone, points_at, square_patch
+from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among
+from rptcam_cl.rendering.lamps import Patches, lattice, occluded, patches_of, points_alone, points_at, square_patch
 from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
 from rptcam_cl.rendering.scene_buffers import SceneBuffers

@@ -15,7 +15,7 @@ from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupils
 from rptcam_cl.rendering.cameras.point_waves import PointWave, opening_of, point_wave, ray_picture, wave_picture
 from rptcam_cl.rendering.far_light import fade, quick, shares_of_white
-from rptcam_cl.rendering.lamp_points import lattice, patches_of
+from rptcam_cl.rendering.lamps import lattice, patches_of
 from rptcam_cl.rendering.plan.plan import Plan
 
 # What a lamp's film shows by rays is measured in the film itself, so that whatever hides or dims a lamp counts; the
