@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -184,12 +184,8 @@ CORNERS = 1024  # of an outline
 HALVINGS = 24  # that find each
 SAME_AREA = 0.02  # within which an outline and the cells inside it are one opening
 
-
-class OpenTo(Protocol):
-    """Which directions (n, 2), as cosines, are open to a point of the film, or each to a point (n, 2) of its own."""
-
-    def __call__(self, cosines: Array, places: Array | None = None) -> Mask:
-        """Return them."""
+OpenTo = Callable[..., Mask]
+"""Finds which directions (n, 2), as cosines, are open to a point of the film, or each to a point (n, 2) of its own."""
 
 
 @dataclass(frozen=True)
@@ -468,7 +464,7 @@ def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:
     within = ((np.arange(FINER) + 0.5) / FINER - 0.5) * (x[1] - x[0])
     moves = np.stack(np.meshgrid(within, within), axis=-1).reshape(-1, 2)
     centre = opens(grid.reshape(-1, 2)).reshape(PUPIL_ACROSS, PUPIL_ACROSS)
-    edge = _by_an_edge(centre)
+    edge = by_an_edge(centre)
     coverage = centre.astype(np.float64)
     coverage[edge] = np.mean([opens(grid[edge] + move) for move in moves], axis=0)
     return FilmPupil(coverage, x, y, index)
@@ -493,7 +489,7 @@ def _axes(box: Array, count: int) -> tuple[Array, Array]:
     return box[0, 0] + offsets, box[0, 1] + offsets
 
 
-def _by_an_edge(inside: Mask) -> Mask:
+def by_an_edge(inside: Mask) -> Mask:
     """Return which cells touch one that differs; outside of the grid nothing is open."""
     wide = np.pad(inside, 1)
     count = len(inside)
