@@ -169,7 +169,7 @@ class LampImage:
 
 
 @dataclass(frozen=True)
-class LampView:
+class _LampView:
     """What the pictures of lamps follow from.
 
     Attributes
@@ -200,7 +200,7 @@ class LampView:
     nm: float
 
 
-def lamp_images(plan: Plan, camera_from_world: Array, view: LampView, units: float) -> list[LampImage]:
+def _lamp_images(plan: Plan, camera_from_world: Array, view: _LampView, units: float) -> list[LampImage]:
     """Return the pictures of lamps on the film that waves change.
 
     Parameters
@@ -249,7 +249,7 @@ def _lamps(plan: Plan) -> Iterator[Array]:
             yield np.column_stack([points, np.tile(at[:, 3], LAMP_POINTS)])
 
 
-def _image(view: LampView, places: Array, source: Array, units: float) -> LampImage | None:
+def _image(view: _LampView, places: Array, source: Array, units: float) -> LampImage | None:
     """Return the picture of a lamp by the places of its points; None where waves do not change it, or are not known."""
     middle, pixel = places.mean(axis=0), float(np.sqrt(abs(view.pixel_mm[0] * view.pixel_mm[1])))
     point = view.point(middle)
@@ -450,7 +450,7 @@ def _lit(lamp: LampImage, part: Window) -> NDArray[np.bool_]:
     return np.asarray(lamp.rays[:, part[0], part[1]].sum(axis=0) > 1e-6 * lamp.rays.max())
 
 
-def by_waves(shape: tuple[int, ...], offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
+def _by_waves(shape: tuple[int, ...], offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
     """Return planes of the same by waves, without their far light."""
     planes = np.zeros(shape)
     for lamp, own in zip(lamps, light, strict=True):
@@ -541,7 +541,7 @@ class FilmSpread:
             beside = shares[:, None, None] - received(light, planes.shape[1:])
             spread += beside * (planes - bright).mean(axis=(1, 2))[:, None, None]  # as bright beside the film as on it
         if by_lamps.any():
-            spread += by_waves(planes.shape, offset, self._near_lamps, by_lamps)
+            spread += _by_waves(planes.shape, offset, self._near_lamps, by_lamps)
             for number in self._wide:
                 spread += by_lamps[number][:, None, None] * self._star(number, layout)
             spread = np.maximum(spread, 0.0) if pixels.min(initial=0.0) >= 0 else spread
@@ -704,7 +704,7 @@ class Diffraction:
             there = point[:3] * min(FARTHEST_M / length, 1.0 if point[3] else np.inf)
             return np.asarray(1e3 * there + [0.0, 0.0, film_z])
 
-        view = LampView(
+        view = _LampView(
             self.pupils,
             lambda points: seen_places(chief, points),
             lambda place: _film_point(scene, place[0] - 0.5, place[1] - 0.5),
@@ -714,7 +714,7 @@ class Diffraction:
             bool(plan.facts.get("LENS_SPLITS")),
             MIDDLE_NM if lens is None else lens.wavelength_nm,
         )
-        return lamp_images(plan, scene.camera.world_from_camera()[:3, :3].T, view, units)
+        return _lamp_images(plan, scene.camera.world_from_camera()[:3, :3].T, view, units)
 
     @cached_property
     def _edges(self) -> Array | None:

@@ -88,7 +88,7 @@ class Sources:
         return float(np.max(sideways / np.abs(self.places[:, 2]), initial=0.0))
 
 
-def ghost_sources(
+def _ghost_sources(
     scene: Scene, plan: Plan, buffers: SceneBuffers, session: Session, lens: Lens, film_z: float
 ) -> Sources:
     """Return the sources of a scene that light the front of a lens from less than 85 degrees and are not hidden.
@@ -341,7 +341,7 @@ class GhostFilm:
         self.lens, self.film_distance = setting.lens, setting.film_distance_mm
         film_z = self.lens.film_z(self.film_distance)
         buffers = SceneBuffers(session, plan)
-        self.sources: Sources = ghost_sources(scene, plan, buffers, session, self.lens, film_z)
+        self.sources: Sources = _ghost_sources(scene, plan, buffers, session, self.lens, film_z)
         self.bands = bands(scene, plan, setting, self.sources)
         self.lenses = [self._opening(self.lens, nm, setting.transmission) for nm, _ in self.bands]
         middle = len(self.bands) // 2

@@ -121,7 +121,7 @@ def polished_faces(plan: Plan) -> Iterator[MirrorFaces]:
         yield MirrorFaces.joined(flats)
 
 
-def polished_count(plan: Plan) -> int:
+def _polished_count(plan: Plan) -> int:
     """How many triangles take as long to search as all that `polished_faces` yields, about."""
     count = 0
     for index, kind in _polished_primitives(plan):
@@ -157,7 +157,13 @@ def _on_shape(bend: Bend, points: Array) -> tuple[Array, Array]:
 
 
 def _faces(
-    corners: Array, normals: Array | None, bend: Bend, outline: Outline, placement: Array, material: int, primitive: int
+    corners: Array,
+    normals: Array | None,
+    bend: Bend,
+    outline: Outline,
+    placement: Array,
+    material: int,
+    primitive: int,
 ) -> MirrorFaces:
     """Return pieces by their corners (n, 3, 3), and normals there; flat ones lie in the world."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -181,7 +187,12 @@ def _of_shape(record: np.void, kind: Kind) -> tuple[Array, Bend, Outline, Array]
     if kind in (Kind.SPHERE, Kind.ELLIPSOID):
         return _globe(), Bend.SPHERE, Outline.TRIANGLE, placement
     if kind in (Kind.CYLINDER, Kind.CONE):
-        return _drum(kind is Kind.CONE), Bend.CONE if kind is Kind.CONE else Bend.CYLINDER, Outline.TRIANGLE, placement
+        return (
+            _drum(kind is Kind.CONE),
+            Bend.CONE if kind is Kind.CONE else Bend.CYLINDER,
+            Outline.TRIANGLE,
+            placement,
+        )
     canonical = _BOX if kind is Kind.BOX else _SQUARE * 2.0 - [1.0, 1.0, 0.0] if kind is Kind.DISK else _SQUARE
     outline = {Kind.DISK: Outline.DISK, Kind.PLANE: Outline.ENDLESS}.get(kind, Outline.SQUARE)
     return canonical @ placement[:, :3].T + placement[:, 3], Bend.FLAT, outline, placement
@@ -661,7 +672,7 @@ def highlights(
     numbered = [lobe for own in lobes.values() for lobe in own]
     if not numbered:
         return None
-    parts, lamps = [], lamps[: max(MOST_PAIRS // max(polished_count(plan), 1), 1)]
+    parts, lamps = [], lamps[: max(MOST_PAIRS // max(_polished_count(plan), 1), 1)]
     for faces in polished_faces(plan):
         for trial in _trials(faces, lobes, numbered, lamps, front):
             parts += _reflect(trial, numbered, front, plan, session, buffers)

@@ -109,7 +109,7 @@ def of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, n
     columns = np.exp(turn * pixel_mm[0] * np.outer(pupil.cosines_x - pupil.cosines_x.mean(), places[known]))
     rows = np.exp(turn * pixel_mm[1] * np.outer(places[known], pupil.cosines_y - pupil.cosines_y.mean()))
     light = np.zeros((len(places), len(places)))
-    kept = kept_by_cells(places[known] * pupil.step * pupil.index / (nm * 1e-6) * np.array(pixel_mm)[:, None])
+    kept = _kept_by_cells(places[known] * pupil.step * pupil.index / (nm * 1e-6) * np.array(pixel_mm)[:, None])
     light[np.ix_(known, known)] = np.abs(rows @ pupil.coverage @ columns) ** 2 / np.outer(kept[1], kept[0])
     per_point = (pupil.step * pupil.index / (nm * 1e-6)) ** 2 * pixel_mm[0] * pixel_mm[1] / finer**2
     binned = light.reshape(size, finer, size, finer).sum(axis=(1, 3))
@@ -599,12 +599,12 @@ def wave_picture(wave: PointWave, nm: float, x_mm: Array, y_mm: Array) -> Array:
     turn, pupil = 2j * np.pi * wave.pupil.index / (nm * 1e-6), wave.pupil
     step = pupil.step * pupil.index / (nm * 1e-6)
     rows, columns = np.exp(turn * np.outer(y_mm, pupil.cosines_y)), np.exp(turn * np.outer(pupil.cosines_x, x_mm))
-    kept = [kept_by_cells(places * step) for places in (x_mm, y_mm)]
+    kept = [_kept_by_cells(places * step) for places in (x_mm, y_mm)]
     means = wave.amplitude(nm) * np.sinc(wave.places * step).prod(axis=-1)  # of cells, whose rays lead to one place
     return np.asarray(np.abs(rows @ means @ columns) ** 2 * step**2 / np.outer(kept[1], kept[0]))
 
 
-def kept_by_cells(places: Array) -> Array:
+def _kept_by_cells(places: Array) -> Array:
     """Return the share of light, by its distance along an axis in widths of what cells resolve, that cells show there.
 
     A cell averages the opening over its width, and shows light of one width away, which falls as the cube, as its own.
