@@ -249,7 +249,7 @@ def _place(handle: Any) -> tuple[int, int] | None:
     return None
 
 
-def _print_trial(platform_number: int, device_number: int) -> None:
+def print_trial(platform_number: int, device_number: int) -> None:
     """Try a device in this process, print what it showed as a line of JSON, and end the process."""
     handle = drivers.load_opencl().get_platforms()[platform_number].get_devices()[device_number]
     print("\n" + json.dumps(asdict(try_here(handle))), flush=True)

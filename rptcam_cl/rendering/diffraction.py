@@ -8,7 +8,7 @@ waves alone. docs/diffraction.md says why, and how far that is from the full wav
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -38,7 +38,7 @@ from rptcam_cl.rendering.point_spread import (
     PointWave,
     fade,
     near_kernel,
-    opening_of,
+    point_opening,
     point_wave,
     quick,
     ray_picture,
@@ -134,6 +134,7 @@ LARGEST_PX = 256  # half width of a picture of a lamp
 BEYOND = 1.8  # radii of the rays that it reaches, and as far as the kernel of a sharp point
 MOST_ACROSS = 512  # points across a picture by waves: of finer ones, pixels show what rays do
 RAYS_FINER = 4  # points across a pixel for the picture by rays
+FEW_WAVES_PX = 0.25  # wavelength times f-number, below which a third of the wavelengths say what a pixel shows
 SHOWS = 0.01  # of its light by which waves must differ from rays
 UNLIKE = 0.3  # of the light of a lamp by which its film may differ from its rays, in parts of its picture
 PARTS = 3  # of its picture each way
@@ -169,60 +170,60 @@ class LampImage:
 
 
 @dataclass(frozen=True)
-class _LampView:
-    """What the pictures of lamps follow from.
+class _LampFilm:
+    """The film on which lamps are imaged.
 
     Attributes
     ----------
     pupils : FilmPupils
-    seen : callable
-        Gives the places [pixels] where points of the scene, homogeneous and in the frame of the camera [m], are seen.
-    point : callable
-        Gives a place on the film [mm].
-    source : callable
-        Gives such a point in the frame of the lens [mm].
     pixel_mm : tuple of float
         Width and height of a pixel; negative where columns or rows run against x or y.
-    resolution : tuple of int
     splits : bool
         Whether rays of the film have a wavelength each, that the lens refracts by.
     nm : float
         Of the others.
+    units : float
+        Wavelengths over twice the numerical aperture that the kernel of a sharp point reaches.
     """
 
     pupils: FilmPupils
-    seen: Callable[[Array], Array]
-    point: Callable[[Array], Array]
-    source: Callable[[Array], Array]
     pixel_mm: tuple[float, float]
-    resolution: tuple[int, int]
     splits: bool
     nm: float
+    units: float
 
 
-def _lamp_images(plan: Plan, camera_from_world: Array, view: _LampView, units: float) -> list[LampImage]:
-    """Return the pictures of lamps on the film that waves change.
-
-    Parameters
-    ----------
-    camera_from_world : (3, 3) array
-    units
-        Wavelengths over twice the numerical aperture that the kernel of a sharp point reaches.
-    """
+def _lamp_images(scene: Scene, plan: Plan, pupils: FilmPupils, units: float) -> list[LampImage]:
+    """Return the pictures of lamps on the film that waves change, near them as far as a kernel reaches."""
+    scene, lamps = at_opening(scene), list(_lamps(plan))
+    if not lamps:
+        return []
+    camera, lens, (width, height) = camera_of(scene), scene.camera.lens_camera, _pixel_mm(scene)
+    setting = camera.setting if lens is not None else None
+    film_z = 0.0 if setting is None else setting.lens.film_z(setting.film_distance_mm)
+    sense, splits = -1.0 if scene.camera.flip else 1.0, bool(plan.facts.get("LENS_SPLITS"))
+    nm = MIDDLE_NM if lens is None else lens.wavelength_nm
+    film = _LampFilm(pupils, (sense * width, -sense * height), splits, nm, units)
+    points, turn = np.concatenate(lamps), scene.camera.world_from_camera()[:3, :3]
+    there = np.column_stack([points[:, :3] @ turn, points[:, 3]])
+    ends = np.cumsum([len(lamp) for lamp in lamps])[:-1]
     images = []
-    for points in _lamps(plan):
+    for own, places in zip(np.split(there, ends), np.split(seen_places(camera.chief_rays(), there), ends), strict=True):
         checkpoint()
-        there = np.column_stack([points[:, :3] @ camera_from_world.T, points[:, 3]])
-        places = view.seen(there)
         middle = places.mean(axis=0)
         if not np.isfinite(places).all() or np.ptp(places, axis=0).max() > WIDEST_PX:
             continue
-        if not ((middle > -0.5) & (middle < np.array(view.resolution) + 0.5)).all():
-            continue
-        image = _image(view, places, view.source(there.mean(axis=0)), units)
-        if image is not None:
-            images.append(image)
-    return images
+        if ((middle > -0.5) & (middle < np.array(scene.film.resolution) + 0.5)).all():
+            point = _film_point(scene, middle[0] - 0.5, middle[1] - 0.5)
+            images.append(_image(film, places, point, _source(own.mean(axis=0), film_z)))
+    return [image for image in images if image is not None]
+
+
+def _source(point: Array, film_z: float) -> Array:
+    """Return a point of the scene, homogeneous and in the frame of the camera [m], in that of the lens [mm]."""
+    length = float(np.linalg.norm(point[:3]))
+    there = point[:3] * min(FARTHEST_M / length, 1.0 if point[3] else np.inf)
+    return np.asarray(1e3 * there + [0.0, 0.0, film_z])
 
 
 def _lamps(plan: Plan) -> Iterator[Array]:
@@ -249,38 +250,34 @@ def _lamps(plan: Plan) -> Iterator[Array]:
             yield np.column_stack([points, np.tile(at[:, 3], LAMP_POINTS)])
 
 
-def _image(view: _LampView, places: Array, source: Array, units: float) -> LampImage | None:
+def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampImage | None:
     """Return the picture of a lamp by the places of its points; None where waves do not change it, or are not known."""
-    middle, pixel = places.mean(axis=0), float(np.sqrt(abs(view.pixel_mm[0] * view.pixel_mm[1])))
-    point = view.point(middle)
+    middle, pixel = places.mean(axis=0), float(np.sqrt(abs(film.pixel_mm[0] * film.pixel_mm[1])))
     try:
-        seen = view.pupils(point)
-        unit = 550e-6 / seen.index / (2 * seen.aperture) / pixel
-        rough = point_wave(view.pupils, seen, point, source, view.nm)
-        radius = rough.radius_mm / pixel
-        reach = min(
-            int(np.ceil(max(BEYOND * radius + units * unit, 2.0) + np.ptp(places, axis=0).max() / 2)), LARGEST_PX
-        )
+        opening = point_opening(film.pupils, point, source, film.nm)
+        unit = 550e-6 / opening.index / (2 * opening.aperture) / pixel
+        radius = opening.radius_mm / pixel
+        wide = max(BEYOND * radius + film.units * unit, 2.0) + np.ptp(places, axis=0).max() / 2
+        reach = min(int(np.ceil(wide)), LARGEST_PX)
         if (2 * reach + 1) * _finer(unit, 550.0) > MOST_ACROSS:
             return None
-        opening = opening_of(view.pupils, seen, point, source, view.nm, min(reach / unit, 160.0))
-        every = [
-            point_wave(view.pupils, opening, point, source, nm) for nm in (WAVES_NM if view.splits else (view.nm,))
-        ]
+        wave = opening.wave(min(reach / unit, 160.0))
+        waves_nm = WAVES_NM if unit > FEW_WAVES_PX else WAVES_NM[1::3]
+        split = [point_wave(film.pupils, wave.pupil, point, source, nm) for nm in (waves_nm if film.splits else ())]
     except InputError:
         return None
     first = np.floor(middle).astype(int) - reach
     sharp = _sharp(places - first, 2 * reach + 1)
-    shares = shares_of_white(WAVES_NM)
     waves, rays = (np.zeros((3, 2 * reach + 1, 2 * reach + 1)) for _ in range(2))
     offsets = np.arange(2 * reach + 1) + 0.5 - (middle - first)[:, None]
-    for k, (nm, share) in enumerate(zip(WAVES_NM, shares, strict=True)):
+    for k, (nm, share) in enumerate(zip(waves_nm, shares_of_white(waves_nm)[:, :, None, None], strict=True)):
         checkpoint()
-        wave = every[k if view.splits else 0]
-        waves += share[:, None, None] * _wave_pixels(wave, nm, view.pixel_mm, offsets, unit)
-        if view.splits or k == 0:
-            part = _ray_pixels(wave, view.pixel_mm, offsets)
-            rays += share[:, None, None] * part if view.splits else part
+        own = split[k] if film.splits else wave
+        waves += share * _wave_pixels(own, nm, film.pixel_mm, offsets, unit)
+        if film.splits:
+            rays += share * _ray_pixels(own, film.pixel_mm, offsets)
+    if not film.splits:
+        rays += _ray_pixels(wave, film.pixel_mm, offsets)
     away = np.hypot(offsets[0][None, :], offsets[1][:, None])
     waves, rays = _spread(waves, sharp, middle - first) * fade(away, reach), _spread(rays, sharp, middle - first)
     if not np.abs(waves - rays).sum() > SHOWS * rays.sum():
@@ -683,38 +680,12 @@ class Diffraction:
         plain = FilmSpread(film.resolution, _pixel_mm(self.scene), seen)
         near = replace(plain, edges=self._edges)
         near = near if near.reach < max(film.resolution) else plain
-        if self.plan is None:
+        if self.plan is None or self.pupils is None:
             return near
         if unit_px(seen[len(seen) // 2], near.pixel_mm) < FINEST_PX:
             return near
-        lamps = self._lamps(self.plan, REACH if near.edges is None else NEAR)
+        lamps = _lamp_images(self.scene, self.plan, self.pupils, REACH if near.edges is None else NEAR)
         return replace(near, lamps=tuple(lamps))
-
-    def _lamps(self, plan: Plan, units: float) -> list[LampImage]:
-        """Return the pictures of lamps, near them as far as a kernel reaches, by wavelengths times f-number."""
-        assert self.pupils is not None
-        scene = at_opening(self.scene)
-        camera, lens = camera_of(scene), scene.camera.lens_camera
-        chief, side, setting = camera.chief_rays(), _pixel_mm(scene), camera.setting if lens is not None else None
-        film_z = 0.0 if setting is None else setting.lens.film_z(setting.film_distance_mm)
-        sense = -1.0 if scene.camera.flip else 1.0
-
-        def source(point: Array) -> Array:
-            length = float(np.linalg.norm(point[:3]))
-            there = point[:3] * min(FARTHEST_M / length, 1.0 if point[3] else np.inf)
-            return np.asarray(1e3 * there + [0.0, 0.0, film_z])
-
-        view = _LampView(
-            self.pupils,
-            lambda points: seen_places(chief, points),
-            lambda place: _film_point(scene, place[0] - 0.5, place[1] - 0.5),
-            source,
-            (sense * side[0], -sense * side[1]),
-            scene.film.resolution,
-            bool(plan.facts.get("LENS_SPLITS")),
-            MIDDLE_NM if lens is None else lens.wavelength_nm,
-        )
-        return _lamp_images(plan, scene.camera.world_from_camera()[:3, :3].T, view, units)
 
     @cached_property
     def _edges(self) -> Array | None:

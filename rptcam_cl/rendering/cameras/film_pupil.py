@@ -265,15 +265,15 @@ class FilmPupils:
     arrive: Arrive
     pupil_mm: float
 
-    def __call__(self, point: Array) -> FilmPupil:
-        """Return the opening as a grid.
+    def __call__(self, point: Array, across: int = PUPIL_ACROSS) -> FilmPupil:
+        """Return the opening as a grid of so many cells each way.
 
         Raises
         ------
         InputError
             Where no light reaches the film.
         """
-        return _pupil(*self.directions(point), self.index)
+        return _pupil(*self.directions(point), self.index, across)
 
     def outline(self, point: Array) -> Array | None:
         """Return corners (n, 2) of the outline in direction cosines, anticlockwise about its middle, within 1e-6.
@@ -450,7 +450,7 @@ def flat_pupils(
     return FilmPupils(seen, index, radius_mm, arrive, -sense / slopes[0] if slopes[0] else np.inf)
 
 
-def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:
+def _pupil(opens: OpenTo, box: Array, index: float, across: int = PUPIL_ACROSS) -> FilmPupil:
     """Return the opening that lies within a box (middle, half width) of cosines."""
     for _ in range(4):  # a small opening behind a large rear surface is found step by step
         inside, before = _open_directions(opens, box), box
@@ -459,11 +459,11 @@ def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:
         box = _about(inside, before)
         if not box[1, 0] < 0.7 * before[1, 0]:
             break
-    x, y = _axes(box, PUPIL_ACROSS)
+    x, y = _axes(box, across)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     within = ((np.arange(FINER) + 0.5) / FINER - 0.5) * (x[1] - x[0])
     moves = np.stack(np.meshgrid(within, within), axis=-1).reshape(-1, 2)
-    centre = opens(grid.reshape(-1, 2)).reshape(PUPIL_ACROSS, PUPIL_ACROSS)
+    centre = opens(grid.reshape(-1, 2)).reshape(across, across)
     edge = by_an_edge(centre)
     coverage = centre.astype(np.float64)
     coverage[edge] = np.mean([opens(grid[edge] + move) for move in moves], axis=0)
