@@ -29,6 +29,8 @@ from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.lamps import lattice, patches_of
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_spread import (
+    ANGLES,
+    FEW_ANGLES,
     FINE,
     MIDDLE_NM,
     NEAR,
@@ -176,6 +178,8 @@ class _LampFilm:
     Attributes
     ----------
     pupils : FilmPupils
+    seen : sequence of (point, FilmPupil)
+        Points of the film [mm], and the openings that they see.
     pixel_mm : tuple of float
         Width and height of a pixel; negative where columns or rows run against x or y.
     splits : bool
@@ -187,13 +191,16 @@ class _LampFilm:
     """
 
     pupils: FilmPupils
+    seen: Sequence[tuple[Array, FilmPupil]]
     pixel_mm: tuple[float, float]
     splits: bool
     nm: float
     units: float
 
 
-def _lamp_images(scene: Scene, plan: Plan, pupils: FilmPupils, units: float) -> list[LampImage]:
+def _lamp_images(
+    scene: Scene, plan: Plan, pupils: FilmPupils, seen: Sequence[tuple[Array, FilmPupil]], units: float
+) -> list[LampImage]:
     """Return the pictures of lamps on the film that waves change, near them as far as a kernel reaches."""
     scene, lamps = at_opening(scene), list(_lamps(plan))
     if not lamps:
@@ -203,12 +210,15 @@ def _lamp_images(scene: Scene, plan: Plan, pupils: FilmPupils, units: float) -> 
     film_z = 0.0 if setting is None else setting.lens.film_z(setting.film_distance_mm)
     sense, splits = -1.0 if scene.camera.flip else 1.0, bool(plan.facts.get("LENS_SPLITS"))
     nm = MIDDLE_NM if lens is None else lens.wavelength_nm
-    film = _LampFilm(pupils, (sense * width, -sense * height), splits, nm, units)
+    film = _LampFilm(pupils, seen, (sense * width, -sense * height), splits, nm, units)
     points, turn = np.concatenate(lamps), scene.camera.world_from_camera()[:3, :3]
     there = np.column_stack([points[:, :3] @ turn, points[:, 3]])
-    ends = np.cumsum([len(lamp) for lamp in lamps])[:-1]
+    counts, chief = [len(lamp) for lamp in lamps], camera.chief_rays()
+    every = np.split(there, np.cumsum(counts)[:-1])
+    middles = seen_places(chief, np.array([own.mean(axis=0) for own in every]))
+    all_places = seen_places(chief, there, np.repeat(middles, counts, axis=0))
     images = []
-    for own, places in zip(np.split(there, ends), np.split(seen_places(camera.chief_rays(), there), ends), strict=True):
+    for own, places in zip(every, np.split(all_places, np.cumsum(counts)[:-1]), strict=True):
         checkpoint()
         middle = places.mean(axis=0)
         if not np.isfinite(places).all() or np.ptp(places, axis=0).max() > WIDEST_PX:
@@ -254,7 +264,8 @@ def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampI
     """Return the picture of a lamp by the places of its points; None where waves do not change it, or are not known."""
     middle, pixel = places.mean(axis=0), float(np.sqrt(abs(film.pixel_mm[0] * film.pixel_mm[1])))
     try:
-        opening = point_opening(film.pupils, point, source, film.nm)
+        near = min(film.seen, key=lambda known: float(np.linalg.norm(known[0] - point)))
+        opening = point_opening(film.pupils, near, point, source, film.nm)
         unit = 550e-6 / opening.index / (2 * opening.aperture) / pixel
         radius = opening.radius_mm / pixel
         wide = max(BEYOND * radius + film.units * unit, 2.0) + np.ptp(places, axis=0).max() / 2
@@ -491,6 +502,8 @@ class FilmSpread:
         Of the opening that the film's middle sees, with its dirt, as `FarLight` has them; None where they are unknown.
     lamps : tuple of LampImage
         Those whose pictures by waves take the place of those by rays.
+    directions : int
+        Of far light.
     """
 
     resolution: tuple[int, int]
@@ -498,6 +511,7 @@ class FilmSpread:
     pupils: tuple[FilmPupil, ...]
     edges: Array | None = None
     lamps: tuple[LampImage, ...] = ()
+    directions: int = ANGLES
 
     @cached_property
     def reach(self) -> int:
@@ -516,7 +530,13 @@ class FilmSpread:
     @cached_property
     def _far_light(self) -> FarLight:
         assert self.edges is not None
-        return FarLight(self.edges, self.pupils[len(self.pupils) // 2].index, self.pixel_mm, self.reach)
+        index = self.pupils[len(self.pupils) // 2].index
+        return FarLight(self.edges, index, self.pixel_mm, self.reach, self.directions)
+
+    @cached_property
+    def _of_plain_films(self) -> FilmSpread:
+        """The same for films without lamps, which show no spikes."""
+        return replace(self, directions=FEW_ANGLES)
 
     @cached_property
     def far(self) -> tuple[Array, Array]:
@@ -527,6 +547,8 @@ class FilmSpread:
         """Return a film (height, width, 3) of linear RGB with its light spread."""
         planes, offset = np.moveaxis(pixels.astype(np.float64), -1, 0), (layout.x, layout.y)
         bright, by_lamps = lamps_of(planes), brightness(planes, offset, self.lamps)
+        if self.edges is not None and self.directions > FEW_ANGLES and not (bright.any() or by_lamps.any()):
+            return self._of_plain_films.over(pixels, layout)
         if by_lamps.any():
             planes = without_lamps(planes, offset, self.lamps, by_lamps)
             bright = np.where(bright > 0, planes, 0.0)
@@ -676,7 +698,8 @@ class Diffraction:
         """
         film = self.scene.film
         columns, rows = _nodes(film.resolution)
-        seen = tuple(self._pupil_at(_film_point(self.scene, column, row)) for row in rows for column in columns)
+        points = [_film_point(self.scene, column, row) for row in rows for column in columns]
+        seen = tuple(self._pupil_at(point) for point in points)
         plain = FilmSpread(film.resolution, _pixel_mm(self.scene), seen)
         near = replace(plain, edges=self._edges)
         near = near if near.reach < max(film.resolution) else plain
@@ -684,7 +707,8 @@ class Diffraction:
             return near
         if unit_px(seen[len(seen) // 2], near.pixel_mm) < FINEST_PX:
             return near
-        lamps = _lamp_images(self.scene, self.plan, self.pupils, REACH if near.edges is None else NEAR)
+        known = list(zip(points, seen, strict=True))
+        lamps = _lamp_images(self.scene, self.plan, self.pupils, known, REACH if near.edges is None else NEAR)
         return replace(near, lamps=tuple(lamps))
 
     @cached_property

@@ -13,7 +13,7 @@ from rptcam_cl.core.constants import GOLDEN
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
-from rptcam_cl.rendering.cameras.film_pupil import Arrivals, FilmPupil, FilmPupils, by_an_edge
+from rptcam_cl.rendering.cameras.film_pupil import Arrivals, FilmPupil, FilmPupils, OpenTo, by_an_edge
 
 Array = NDArray[np.float64]
 
@@ -124,7 +124,7 @@ def of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, n
 # wavelength is that of another, scaled; so one table over directions and radii, summed up over both, gives all of
 # them in every pixel.
 
-ANGLES = 2048  # directions over half a turn; the other half is alike
+ANGLES, FEW_ANGLES = 2048, 128  # directions over half a turn, with lamps and without; the other half is alike
 CELLS, LINE = 4096, 2.5  # of the line that an opening is seen along, and its length in widths of the opening
 RESOLVED = 512.0  # wavelengths times f-number up to which the light is computed; beyond it falls as its cube
 BANDS, SPANS = 448, 384  # radii, evenly in their logarithm, of that light and of the film's
@@ -148,12 +148,15 @@ class FarLight:
         Width and height of a pixel.
     reach : int
         Of the kernel about each pixel, which fades as this begins [pixels].
+    directions : int
+        Over half a turn, that tell spikes of lamps apart.
     """
 
     edges: Array
     index: float
     pixel_mm: tuple[float, float]
     reach: int
+    directions: int = ANGLES
 
     @property
     def _pixel(self) -> float:
@@ -182,12 +185,12 @@ class FarLight:
         low = 0.5 * self.reach / self.unit_px(STARBURST_NM[-1])
         radii = np.geomspace(min(low, RESOLVED / 4), RESOLVED, BANDS)
         edges = (self.edges - np.tile(self._middle, 2)) / self._width
-        shares = np.zeros((ANGLES, BANDS))
+        shares = np.zeros((self.directions, BANDS))
         rho = np.arange(CELLS // 2 + 1) / LINE
-        to_share = 2 * (np.pi / ANGLES) / LINE / (self._area / self._width**2)
-        for start in range(0, ANGLES, AT_ONCE):
-            angles = np.pi * (np.arange(start, min(start + AT_ONCE, ANGLES)) + 0.5) / ANGLES
-            light = _along(edges, angles) * to_share * rho
+        to_share = 2 * (np.pi / self.directions) / LINE / (self._area / self._width**2)
+        for start in range(0, self.directions, AT_ONCE):
+            numbers = np.arange(start, min(start + AT_ONCE, self.directions)) + 0.5
+            light = _along(edges, np.pi * numbers / self.directions, np.mod(numbers * GOLDEN, 1.0)) * to_share * rho
             total = np.cumsum(light, axis=1)
             shares[start : start + AT_ONCE] = [np.interp(radii, rho + 0.5 / LINE, line) for line in total]
         return radii, shares - shares[:, :1]
@@ -264,7 +267,7 @@ class FarLight:
             lit = radius > TAPER * self.reach
             if lit.any():
                 at = np.clip(np.log(radius[lit] / edges[0]) / step, 0, SPANS - 1.001)
-                light[:, row, lit] = _between(boxes, angle[lit] * ANGLES / np.pi - 0.5, at)
+                light[:, row, lit] = _between(boxes, angle[lit] * self.directions / np.pi - 0.5, at)
         return light
 
     @cached_property
@@ -276,8 +279,14 @@ class FarLight:
         return float((lengths + np.roll(lengths, 1)).max() / self._width)
 
 
-def _along(edges: Array, angles: Array) -> Array:
-    """Return |F|^2 of an opening in its widths at multiples of 1 / LINE, (directions, CELLS / 2 + 1)."""
+def _along(edges: Array, angles: Array, shift: Array) -> Array:
+    """Return |F|^2 of an opening in its widths at multiples of 1 / LINE, (directions, CELLS / 2 + 1).
+
+    Parameters
+    ----------
+    shift
+        Of each line, in parts of a cell, so that what is folded back adds up without a phase.
+    """
     checkpoint()
     n = np.stack([np.cos(angles), np.sin(angles)])
     start, end = edges[:, :2] @ n, edges[:, 2:] @ n  # (edges, directions)
@@ -285,7 +294,6 @@ def _along(edges: Array, angles: Array) -> Array:
     low, wide = np.minimum(start, end), np.maximum(np.abs(end - start), NARROW)
     step = LINE / CELLS
     rows = np.broadcast_to(np.arange(len(angles)) * CELLS, low.shape)
-    shift = np.mod(angles * ANGLES / np.pi * GOLDEN, 1.0)  # so that what is folded back adds up without a phase
     second = np.zeros(len(angles) * CELLS)
     for place, sign in ((low, 1.0), (low + wide, -1.0)):  # a ramp in the sum is two kinks
         cell = (place + LINE / 2) / step + shift
@@ -322,8 +330,9 @@ def _boxes(light: Array, edges: Array, across: float, out: float) -> Array:
     total = np.concatenate([np.zeros_like(ring[:, :1]), np.cumsum(np.tile(ring, (1, 3, 1)), axis=1)], axis=1)
     half = np.minimum(0.5 * across / edges, np.pi / 4)
     pixels = 2 * half * edges  # of each box
-    half = half * ANGLES / np.pi
-    directions = ANGLES + np.arange(ANGLES) + 0.5
+    count = light.shape[1]
+    half = half * count / np.pi
+    directions = count + np.arange(count) + 0.5
     boxes = np.empty(ring.shape)  # by rows, whatever the order of the light
     for k in places:
         below, above = (_interpolated(total[:, :, k], directions + side * half[k]) for side in (-1, 1))
@@ -340,7 +349,7 @@ def _between(table: Array, turn: Array, at: Array) -> Array:
     """Return a table (3, directions, radii) between its entries (3, n); directions go round."""
     first, j = np.floor(turn).astype(np.int64), at.astype(np.int64)
     u, v = turn - first, at - j
-    i, following = first % ANGLES, (first + 1) % ANGLES
+    i, following = first % table.shape[1], (first + 1) % table.shape[1]
     flat = table.reshape(3, -1)
     value = np.zeros((3, len(turn)))
     for row, weight in ((i, 1 - u), (following, u)):
@@ -387,7 +396,7 @@ Mask = NDArray[np.bool_]
 NODES = 31  # directions each way that are traced
 POWERS = 13  # of polynomials through them
 WIDER = 1.2  # of their square than the opening
-FEWEST = 200  # of them that must be found
+FOUND = 0.2  # of them that must be found
 DISK = 1.15  # radius of a disk of them that counts, in half widths of the square
 FAITHFUL_WAVES = 0.03  # rms by which polynomials may miss traced paths
 
@@ -447,8 +456,15 @@ def point_wave(pupils: FilmPupils, pupil: FilmPupil, point: Array, source: Array
     return PointWave(pupil, *rays_of(pupils, axes, point, source, nm)(*axes)[:3])
 
 
-def rays_of(pupils: FilmPupils, axes: list[Array], point: Array, source: Array, nm: float) -> Rays:
-    """Return the rays of a source, as polynomials of the directions in which the point sees them cross the pupil.
+def rays_of(
+    pupils: FilmPupils,
+    axes: list[Array],
+    point: Array,
+    source: Array,
+    nm: float,
+    fit: tuple[int, int] = (NODES, POWERS),
+) -> Rays:
+    """Return rays of a source, as polynomials of the directions in which the point sees them cross the pupil.
 
     On a sphere about the point, through the middle of the exit pupil, where the opening ends the light.
 
@@ -456,13 +472,16 @@ def rays_of(pupils: FilmPupils, axes: list[Array], point: Array, source: Array, 
     ----------
     axes
         Columns and rows of a square of directions, which they are known about.
+    fit
+        Directions each way that are traced, and powers of the polynomials through them.
 
     Raises
     ------
     InputError
         As `point_wave`.
     """
-    few = [_chebyshev(axis) for axis in axes]
+    nodes, powers = fit
+    few = [_chebyshev(axis, nodes) for axis in axes]
     cosines = np.stack(np.meshgrid(*few), axis=-1)
     rays = pupils.arrive(point, source, nm, cosines)
     seen, path = _on_sphere(rays, point, cosines.reshape(-1, 2), pupils)
@@ -470,20 +489,20 @@ def rays_of(pupils: FilmPupils, axes: list[Array], point: Array, source: Array, 
     middles, halves = np.array([axis.mean() for axis in axes]), np.array([np.ptp(axis) / 2 for axis in axes])
     with np.errstate(invalid="ignore"):
         known = np.isfinite(values).all(axis=1) & (np.hypot(*((seen - middles) / halves).T) < DISK)
-    if known.sum() < FEWEST:
+    if known.sum() < FOUND * nodes**2:
         raise InputError(f"camera.diffraction: too few rays of a point reach {_named(point)}")
     middle = values[known].mean(axis=0)
-    i, j = np.nonzero(np.add.outer(np.arange(POWERS + 1), np.arange(POWERS + 1)) <= POWERS)
+    i, j = np.nonzero(np.add.outer(np.arange(powers + 1), np.arange(powers + 1)) <= powers)
 
     def terms(places: Array, axis: int) -> Array:
-        return np.polynomial.chebyshev.chebvander((places - middles[axis]) / (DISK * halves[axis]), POWERS)
+        return np.polynomial.chebyshev.chebvander((places - middles[axis]) / (DISK * halves[axis]), powers)
 
     matrix = terms(seen[known, 0], 0)[:, j] * terms(seen[known, 1], 1)[:, i]
     factors, *_ = np.linalg.lstsq(matrix, values[known] - middle, rcond=1e-13)
     missed = np.sqrt(np.mean((matrix @ factors[:, 0] - (values[known, 0] - middle[0])) ** 2)) / (nm * 1e-6)
     if missed > FAITHFUL_WAVES:
         raise InputError(f"camera.diffraction: the wavefront of a point is too uneven at {_named(point)}")
-    table = np.zeros((6, POWERS + 1, POWERS + 1))
+    table = np.zeros((6, powers + 1, powers + 1))
     table[:, i, j] = factors.T
 
     def at(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
@@ -511,21 +530,21 @@ def _on_sphere(rays: Arrivals, point: Array, cosines: Array, pupils: FilmPupils)
     return (off - (foot - root)[:, None] * cosines) / radius, rays.path_mm + pupils.index * (radius - root)
 
 
-def _chebyshev(axis: Array) -> Array:
+def _chebyshev(axis: Array, nodes: int) -> Array:
     half = WIDER * np.ptp(axis) / 2
-    return np.asarray(axis.mean() + half * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES))
+    return np.asarray(axis.mean() + half * np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes))
 
 
 #
 # The opening for light out of focus, and pictures of a point in pixels.
 
 COARSE = 96  # cells across the opening, of which those by its edge are divided
-FINER = 4  # points across a cell that the edge runs through
+FINER = 3  # points across a cell that the edge runs through
 STEEP = 0.3  # waves that the path may change between two cells
 CLEAR = 3.0  # cells across the opening for each wavelength over its aperture that a picture reaches
 MOST_ACROSS = 6 * COARSE
-FEW_ACROSS = 48  # cells across the opening as the film sees it, which tell where to look
-ROOM = 1.1  # of a square about the opening as the film sees it, that holds the opening as a point sees it
+FEW_ACROSS, FEW_NODES, FEW_POWERS = 48, 19, 7  # the same, and of rays, in the search for it
+ROOM = 1.4  # of a square about the opening that a point near by sees, that holds it
 
 
 @dataclass(frozen=True)
@@ -561,6 +580,13 @@ class PointOpening:
         """Numerical aperture of the round opening of the same area, in the medium before the film."""
         return float(np.sqrt(self.inside.sum() / np.pi) * (self.axes[0][1] - self.axes[0][0]))
 
+    @property
+    def box(self) -> tuple[Array, float]:
+        """Middle and half width of the square about what is open, with room of a cell."""
+        grid, step = np.stack(np.meshgrid(*self.axes), axis=-1)[self.inside], self.axes[0][1] - self.axes[0][0]
+        low, high = grid.min(axis=0) - step, grid.max(axis=0) + step
+        return (low + high) / 2, float((high - low).max()) / 2
+
     def wave(self, units: float) -> PointWave:
         """Return the light of the point, for a picture that reaches so many wavelengths over twice the aperture.
 
@@ -587,35 +613,67 @@ class PointOpening:
         return PointWave(pupil, *self.rays(pupil.cosines_x, pupil.cosines_y)[:3])
 
 
-def point_opening(pupils: FilmPupils, point: Array, source: Array, nm: float) -> PointOpening:
+def point_opening(
+    pupils: FilmPupils, seen: tuple[Array, FilmPupil], point: Array, source: Array, nm: float
+) -> PointOpening:
     """Find the opening for light of a source [mm], in the frame of the lens, about a point of the film (x, y) [mm].
+
+    Parameters
+    ----------
+    seen
+        A point of the film near by, and the opening that it sees, which tell where to look.
 
     Raises
     ------
     InputError
         When no light arrives, or its rays are not known.
     """
-    seen = pupils(point, FEW_ACROSS)
-    middle = np.array([seen.cosines_x.mean(), seen.cosines_y.mean()])
-    half = float(ROOM * np.ptp(seen.cosines_x) / 2)
-    opens = pupils.directions(point)[0]
-    for _ in range(2):
-        axes = [middle[k] + half * ((np.arange(COARSE) + 0.5) / COARSE * 2 - 1) for k in (0, 1)]
-        rays = rays_of(pupils, axes, point, source, nm)
-        _, _, places, ways = rays(*axes)
-        grid = np.stack(np.meshgrid(*axes), axis=-1)
-        inside = opens(ways.reshape(-1, 2), (places + point).reshape(-1, 2)).reshape(COARSE, COARSE)
-        if not inside.any():
-            raise InputError("camera.diffraction: no light of a lamp reaches the film")
-        step = axes[0][1] - axes[0][0]
-        low, high = grid[inside].min(axis=0) - step, grid[inside].max(axis=0) + step
-        middle, half = (low + high) / 2, float((high - low).max()) / 2
-    radius = float(np.hypot(*places[inside].T).max())
+    opens, few = pupils.directions(point)[0], (FEW_ACROSS, FEW_NODES, FEW_POWERS)
+    try:
+        first = _look(pupils, opens, _moved(pupils, *seen, point), point, source, nm, few)
+    except InputError:  # it is not where it is looked for
+        own = _moved(pupils, point, pupils(point, FEW_ACROSS), point)
+        first = _look(pupils, opens, own, point, source, nm, few)
+    return _look(pupils, opens, first.box, point, source, nm, (COARSE, NODES, POWERS))
+
+
+def _moved(pupils: FilmPupils, known: Array, seen: FilmPupil, point: Array) -> tuple[Array, float]:
+    """Return middle and half width of a square of directions that holds the opening, by that of another point."""
+    middle, half = np.array([seen.cosines_x.mean(), seen.cosines_y.mean()]), float(np.ptp(seen.cosines_x)) / 2
+
+    def from_pupil(place: Array) -> Array:
+        return np.asarray(place / np.sqrt(place @ place + pupils.pupil_mm**2) * np.sign(pupils.pupil_mm))
+
+    far = not np.isfinite(pupils.pupil_mm)
+    return middle if far else middle + from_pupil(point) - from_pupil(known), ROOM * half
+
+
+def _look(
+    pupils: FilmPupils,
+    opens: OpenTo,
+    box: tuple[Array, float],
+    point: Array,
+    source: Array,
+    nm: float,
+    size: tuple[int, int, int],
+) -> PointOpening:
+    """Look for an opening in a square of directions; cells across, nodes and powers of the rays."""
+    (middle, half), (across, nodes, powers) = box, size
+    axes = [middle[k] + half * ((np.arange(across) + 0.5) / across * 2 - 1) for k in (0, 1)]
+    rays = rays_of(pupils, axes, point, source, nm, (nodes, powers))
+    _, _, places, ways = rays(*axes)
+    inside = opens(ways.reshape(-1, 2), (places + point).reshape(-1, 2)).reshape(across, across)
+    if not inside.any():
+        raise InputError("camera.diffraction: no light of a lamp reaches the film")
+    cut = inside[[0, -1]].any() or inside[:, [0, -1]].any()
+    if cut and across == FEW_ACROSS:
+        raise InputError("camera.diffraction: the opening for a lamp is larger than it is known")
 
     def passes(ways: Array, places: Array) -> Mask:
         return opens(ways, places + point)
 
-    return PointOpening(inside, axes, rays, radius, passes, seen.index, nm)
+    radius = float(np.hypot(*places[inside].T).max())
+    return PointOpening(inside, axes, rays, radius, passes, pupils.index, nm)
 
 
 def _divided(

@@ -448,7 +448,7 @@ def test_a_hexagon_out_of_focus_has_the_picture_of_its_waves(waves):
     scene, image, film = lamp_scene(waves)
     loaded = load_scene(scene)
     pupils, source, middle = camera_of(loaded).film_pupils(), np.array([0.0, 0.0, -200e3]), np.zeros(2)
-    wave = point_opening(pupils, middle, source, 550.0).wave(60.0)
+    wave = point_opening(pupils, (middle, pupils(middle)), middle, source, 550.0).wave(60.0)
     places = (np.arange(160) - 79.5) * 0.0015
     expected = full_wave_picture(image, film, 550.0, places)
     found = wave_picture(wave, 550.0, places, places)
