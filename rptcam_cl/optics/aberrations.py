@@ -13,17 +13,9 @@ from numpy.typing import NDArray
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
 from rptcam_cl.optics.chief_rays import without_obstructions
-from rptcam_cl.optics.image_quality import (
-    NOTHING,
-    STAYS,
-    Setting,
-    at_plane,
-    default_fields,
-    field_waves,
-    result_of,
-)
-from rptcam_cl.optics.ray_trace import Rays
-from rptcam_cl.optics.shapes import Biconic, Turned
+from rptcam_cl.optics.image_quality import NOTHING, STAYS, Setting, default_fields, field_waves, result_of
+from rptcam_cl.optics.ray_trace import Rays, at_plane
+from rptcam_cl.optics.shapes import Biconic, Transposed
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
 from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
 from rptcam_cl.optics.waves import MOST_ACROSS, ExitRays, check_wavefront
@@ -63,7 +55,7 @@ def _turned_surface(surface: Surface) -> Surface:
     if isinstance(form, Biconic):
         form, curvature, conic = Biconic(curvature, conic), form.curvature_x, form.conic_x
     elif form is not None:
-        form = Turned(form)
+        form = Transposed(form)
     if isinstance(shape, StopMask):
         shape = StopMask(shape.cells[::-1, ::-1].T)
     elif shape is not None:

@@ -14,7 +14,7 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.lens import limiting_surface, system_matrix
-from rptcam_cl.optics.ray_trace import L, arrive, leave, passing, refract, trace
+from rptcam_cl.optics.ray_trace import L, passing, trace, trace_crossings
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -61,37 +61,6 @@ def crossings(lens: Lens, origins: Array, directions: Array, wavelength_nm: floa
     p, d = origins.T.astype(np.float64), directions.T / np.linalg.norm(directions, axis=1)
     heights, *out = trace_crossings(lens, range(len(lens.surfaces) - 1, -1, -1), p, d, lens.indices(wavelength_nm))
     return Crossings(heights, *out)
-
-
-def trace_crossings(
-    lens: Lens, order: range, p: Array, d: Array, indices: Array, *, towards_film: bool = False
-) -> tuple[Array, Array, Array]:
-    """Return where rays cross neighbouring surfaces (surfaces, n, 2), scene side first, and the points (n, 3) and
-    directions with which they leave them.
-
-    Parameters
-    ----------
-    order
-        Surfaces in the order in which the rays meet them.
-    p, d : (3, n) arrays
-        Points [mm] and unit directions in the medium before the first of them.
-    """
-    sense = 1.0 if towards_film else -1.0
-    heights = np.empty((len(lens.surfaces), p.shape[1], 2))
-    lost = np.zeros(p.shape[1], dtype=bool)
-    with np.errstate(all="ignore"):
-        for k in order:
-            hits, d, met = arrive(lens, k, sense, p, d)
-            lost |= ~met
-            ratio = indices[k] / indices[k + 1] if towards_film else indices[k + 1] / indices[k]
-            if ratio != 1.0:
-                d, through = refract(d, hits.normals, hits.cosines, ratio)
-            p, d = leave(lens, k, hits.points, d)
-            heights[k] = np.where(lost[:, None], np.nan, p[:2].T)
-            if ratio != 1.0:
-                lost |= ~through
-    points, directions = (np.where(lost[:, None], np.nan, values.T) for values in (p, d))
-    return heights[min(order, default=0) : max(order, default=-1) + 1], points, directions
 
 
 #

@@ -43,13 +43,6 @@ class GlassChoice:
         return self.entry if self.entry is not None else {"nd": self.index, "vd": self.abbe}
 
 
-def lensmaker_focal_length(r1: float, r2: float, thickness: float, index: float) -> float:
-    """Return the focal length of a single lens in air from its signed radii (eq. 3)."""
-    c1, c2 = 1.0 / r1, 1.0 / r2
-    power = (index - 1.0) * (c1 - c2 + (index - 1.0) * thickness * c1 * c2 / index)
-    return 1.0 / power if power else math.inf
-
-
 def image_distances(focal_length: float, object_to_film: float) -> tuple[float, float]:
     """Return the two image distances of a thin lens between an object and a film that distance apart (eqs. 4 and 5).
 

@@ -14,8 +14,8 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
 from rptcam_cl.optics.chief_rays import without_rims
-from rptcam_cl.optics.image_quality import Setting, at_plane, default_fields, fan_points, section_rays, setting
-from rptcam_cl.optics.ray_trace import Rays, Status
+from rptcam_cl.optics.image_quality import Setting, default_fields, fan_points, section_rays, setting
+from rptcam_cl.optics.ray_trace import Rays, Status, at_plane
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens

@@ -17,6 +17,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.lens import brought_to_focus
+from rptcam_cl.optics.ray_trace import at_plane
 from rptcam_cl.optics.spot import Beam, passing_beam
 from rptcam_cl.optics.waves import (
     AIRY,
@@ -210,11 +211,6 @@ def _measure_fan(setting: Setting, field_degrees: float, section: str) -> tuple[
     return width, float(
         np.std(at_plane(rays.origins[good], rays.directions[good], setting.film_z)[:, :2], axis=0).max()
     )
-
-
-def at_plane(origins: Array, directions: Array, z: float) -> Array:
-    """Return the points (n, 3) where rays cross a plane across the axis."""
-    return origins + directions * ((z - origins[:, 2]) / directions[:, 2])[:, None]
 
 
 # Spots: where the rays of beams from fields and wavelengths meet the film.

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.chief_rays import ChiefRays, round_chief_rays, trace_crossings
+from rptcam_cl.optics.chief_rays import ChiefRays, round_chief_rays
 from rptcam_cl.optics.lens import limiting_surface
-from rptcam_cl.optics.ray_trace import Rays, passing
+from rptcam_cl.optics.ray_trace import Rays, passing, trace_crossings
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens

@@ -14,7 +14,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.chief_rays import without_obstructions
 from rptcam_cl.optics.lens import limiting_surface
-from rptcam_cl.optics.ray_trace import Rays, Status, refract
+from rptcam_cl.optics.ray_trace import Rays, Status, at_plane, refract
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -336,7 +336,7 @@ def spot(
     """
     beam = beam or Beam()
     points, rays, cell = passing_beam(lens, beam, wavelength_nm, across, coarse)
-    film = _at_film(lens, rays, film_distance_mm)
+    film = at_plane(rays.origins, rays.directions, lens.film_z(film_distance_mm))[:, :2]
     slopes = lens.sense * rays.directions[:, :2] / rays.directions[:, 2:]
     centroid, drift = film.mean(axis=0), slopes.mean(axis=0)
     off, turn = film - centroid, slopes - drift
@@ -426,7 +426,7 @@ def distortion(lens: Lens, film_distance_mm: float, field_degrees: float, wavele
     """Return the chief ray's film height over that of the ideal f tan(angle), less 1, for an object at infinity."""
     _, ray = chief_ray(lens, field_degrees, wavelength_nm)
     ideal = lens.first_order(wavelength_nm).front_focal_length_mm * np.tan(np.radians(field_degrees))
-    return float(_at_film(lens, ray, film_distance_mm)[0, 1] / ideal - 1.0)
+    return float(at_plane(ray.origins, ray.directions, lens.film_z(film_distance_mm))[0, 1] / ideal - 1.0)
 
 
 def _first_box(lens: Lens, beam: Beam) -> Array:
@@ -440,9 +440,3 @@ def _first_box(lens: Lens, beam: Beam) -> Array:
     slope = abs(np.tan(np.radians(beam.field_degrees))) + first.semi_diameter / beam.object_distance_mm
     reach = float(np.max(heights + sags * slope)) * 1.001
     return np.array([[-reach, -reach], [reach, reach]])
-
-
-def _at_film(lens: Lens, rays: Rays, film_distance_mm: float) -> Array:
-    """Return x, y (n, 2) where rays meet the film."""
-    step = (lens.film_z(film_distance_mm) - rays.origins[:, 2]) / rays.directions[:, 2]
-    return rays.origins[:, :2] + rays.directions[:, :2] * step[:, None]

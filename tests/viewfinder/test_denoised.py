@@ -14,7 +14,7 @@ from PIL import Image as Pillow
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.session import Frame, RenderSession
 from rptcam_cl.scene.load import load_scene
-from rptcam_cl.viewfinder.studio import CLEAN, DARKEST, Slot, visible_noise
+from rptcam_cl.viewfinder.slot import CLEAN, DARKEST, Slot, visible_noise
 from tests.viewfinder.page_client import ALIVE_WITHIN_S, SCENE, page, serving
 
 Film = NDArray[np.float32]

@@ -93,7 +93,7 @@ NOT_READ = {"DIF": "a diffractive surface", "HOE": "a holographic surface", "GRT
 
 
 @dataclass
-class _Surface:
+class _SeqSurface:
     line: int
     value: float
     thickness: float
@@ -166,8 +166,8 @@ def _statements(text: str) -> list[tuple[int, list[str]]]:
 
 def _parse(
     statements: list[tuple[int, list[str]]], table: LensTable, private_ones: Mapping[str, Any]
-) -> list[_Surface]:
-    surfaces: list[_Surface] = []
+) -> list[_SeqSurface]:
+    surfaces: list[_SeqSurface] = []
     radius_mode: bool | None = None
     inside, private = True, False
     for line, words in statements:
@@ -191,7 +191,7 @@ def _parse(
             inside = True
             value, thickness = _numbers([*rest, "0", "0"][:2], table, line)
             glass = rest[2] if len(rest) > 2 else ""
-            surfaces.append(_Surface(line, value, thickness, glass, radius_mode))
+            surfaces.append(_SeqSurface(line, value, thickness, glass, radius_mode))
         elif rest and not key.startswith("TIT") and (qualifier := _QUALIFIER.fullmatch(rest[0])):
             for target in _targets(qualifier, surfaces):
                 _take(target, key, rest[1:], line, table)
@@ -208,7 +208,7 @@ def _parse(
     return surfaces
 
 
-def _targets(qualifier: re.Match[str], surfaces: list[_Surface]) -> list[_Surface]:
+def _targets(qualifier: re.Match[str], surfaces: list[_SeqSurface]) -> list[_SeqSurface]:
     """Return the surfaces of a qualifier such as S3, S2..5, SA, SS or SI-1; object and image are none of them."""
 
     def number(word: str, back: str | None) -> int:
@@ -228,7 +228,7 @@ def _numbers(words: list[str], table: LensTable, line: int) -> list[float]:
     return numbers(["0" if word.lower() in INFINITE else word for word in words], table.path, line)
 
 
-def _choose_radii(surfaces: list[_Surface], table: LensTable) -> None:
+def _choose_radii(surfaces: list[_SeqSurface], table: LensTable) -> None:
     """Where no RDM says so, take the numbers as curvatures, as CODE V does, unless no beam could cross them."""
     open_ones = [surface for surface in surfaces if surface.radius_mode is None]
     heights = [surface.diameter / 2 for surface in open_ones if surface.diameter]
@@ -269,7 +269,7 @@ def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
         table.note(line, f"{key} is ignored")
 
 
-def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTable) -> None:
+def _take(surface: _SeqSurface, key: str, rest: list[str], line: int, table: LensTable) -> None:
     if rest and _POSITION.fullmatch(rest[0]):  # of a zoom
         if rest[0].upper() != "Z1":
             return
@@ -318,7 +318,7 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
         table.note(line, f"{key} is ignored")
 
 
-def _set(surface: _Surface, key: str, value: float) -> None:
+def _set(surface: _SeqSurface, key: str, value: float) -> None:
     """Set a thickness, radius or curvature that stands in a line of its own."""
     if key == "THI":
         surface.thickness = value
@@ -326,7 +326,7 @@ def _set(surface: _Surface, key: str, value: float) -> None:
         surface.value, surface.radius_mode = value, key == "RDY"
 
 
-def _row(surface: _Surface, table: LensTable, private: Mapping[str, Any]) -> dict[str, Any]:
+def _row(surface: _SeqSurface, table: LensTable, private: Mapping[str, Any]) -> dict[str, Any]:
     row: dict[str, Any] = {}
     if surface.curvature:
         row["radius"] = 1.0 / surface.curvature

@@ -21,8 +21,8 @@ from rptcam_cl.studies.focus.probe import (
     BEST,
     MEASURES,
     TERMS,
+    Estimate,
     FocusReport,
-    Measured,
     NoContrast,
     OutOfReach,
     Policy,
@@ -755,7 +755,7 @@ class PhaseSearch:
         if self.on_probe is not None:
             value, error = self._displacement_of(probe, match)
             place = self.drive.nearer * self.drive.coordinate(state)
-            measures = [Measured(value, error, np.zeros(0))]
+            measures = [Estimate(value, error, np.zeros(0))]
             self.on_probe(Probe(place, stop, None, 1.0, measures, probe.samples, probe.seconds))
         return match
 
