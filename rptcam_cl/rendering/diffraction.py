@@ -206,8 +206,7 @@ def _lamp_images(
     if not lamps:
         return []
     camera, lens, (width, height) = camera_of(scene), scene.camera.lens_camera, _pixel_mm(scene)
-    setting = camera.setting if lens is not None else None
-    film_z = 0.0 if setting is None else setting.lens.film_z(setting.film_distance_mm)
+    film_z = 0.0 if (setting := camera.setting) is None else setting.lens.film_z(setting.film_distance_mm)
     sense, splits = -1.0 if scene.camera.flip else 1.0, bool(plan.facts.get("LENS_SPLITS"))
     nm = MIDDLE_NM if lens is None else lens.wavelength_nm
     film = _LampFilm(pupils, seen, (sense * width, -sense * height), splits, nm, units)
@@ -703,9 +702,8 @@ class Diffraction:
         plain = FilmSpread(film.resolution, _pixel_mm(self.scene), seen)
         near = replace(plain, edges=self._edges)
         near = near if near.reach < max(film.resolution) else plain
-        if self.plan is None or self.pupils is None:
-            return near
-        if unit_px(seen[len(seen) // 2], near.pixel_mm) < FINEST_PX:
+        unit = unit_px(seen[len(seen) // 2], near.pixel_mm)
+        if self.plan is None or self.pupils is None or unit < FINEST_PX:
             return near
         known = list(zip(points, seen, strict=True))
         lamps = _lamp_images(self.scene, self.plan, self.pupils, known, REACH if near.edges is None else NEAR)

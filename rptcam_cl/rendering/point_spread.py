@@ -539,7 +539,7 @@ def _chebyshev(axis: Array, nodes: int) -> Array:
 # The opening for light out of focus, and pictures of a point in pixels.
 
 COARSE = 96  # cells across the opening, of which those by its edge are divided
-FINER = 3  # points across a cell that the edge runs through
+FINER = 4  # points across a cell that the edge runs through
 STEEP = 0.3  # waves that the path may change between two cells
 CLEAR = 3.0  # cells across the opening for each wavelength over its aperture that a picture reaches
 MOST_ACROSS = 6 * COARSE
@@ -606,10 +606,8 @@ class PointOpening:
             _, _, places, ways = self.rays(x, y)
             return np.concatenate([ways, places], axis=-1)
 
-        def passes(them: Array) -> Mask:
-            return self.passes(them[:, :2], them[:, 2:])
-
-        pupil = FilmPupil(*_divided(self.inside, parts, self.axes, rays_at, passes), self.index)
+        cells = _divided(self.inside, parts, self.axes, rays_at, lambda rays: self.passes(rays[:, :2], rays[:, 2:]))
+        pupil = FilmPupil(*cells, self.index)
         return PointWave(pupil, *self.rays(pupil.cosines_x, pupil.cosines_y)[:3])
 
 
@@ -630,11 +628,11 @@ def point_opening(
     """
     opens, few = pupils.directions(point)[0], (FEW_ACROSS, FEW_NODES, FEW_POWERS)
     try:
-        first = _look(pupils, opens, _moved(pupils, *seen, point), point, source, nm, few)
+        first = _search(pupils, opens, _moved(pupils, *seen, point), point, source, nm, few)
     except InputError:  # it is not where it is looked for
         own = _moved(pupils, point, pupils(point, FEW_ACROSS), point)
-        first = _look(pupils, opens, own, point, source, nm, few)
-    return _look(pupils, opens, first.box, point, source, nm, (COARSE, NODES, POWERS))
+        first = _search(pupils, opens, own, point, source, nm, few)
+    return _search(pupils, opens, first.box, point, source, nm, (COARSE, NODES, POWERS))
 
 
 def _moved(pupils: FilmPupils, known: Array, seen: FilmPupil, point: Array) -> tuple[Array, float]:
@@ -648,7 +646,7 @@ def _moved(pupils: FilmPupils, known: Array, seen: FilmPupil, point: Array) -> t
     return middle if far else middle + from_pupil(point) - from_pupil(known), ROOM * half
 
 
-def _look(
+def _search(
     pupils: FilmPupils,
     opens: OpenTo,
     box: tuple[Array, float],
@@ -657,7 +655,7 @@ def _look(
     nm: float,
     size: tuple[int, int, int],
 ) -> PointOpening:
-    """Look for an opening in a square of directions; cells across, nodes and powers of the rays."""
+    """Search for an opening in a square of directions; cells across, nodes and powers of the rays."""
     (middle, half), (across, nodes, powers) = box, size
     axes = [middle[k] + half * ((np.arange(across) + 0.5) / across * 2 - 1) for k in (0, 1)]
     rays = rays_of(pupils, axes, point, source, nm, (nodes, powers))
@@ -669,11 +667,8 @@ def _look(
     if cut and across == FEW_ACROSS:
         raise InputError("camera.diffraction: the opening for a lamp is larger than it is known")
 
-    def passes(ways: Array, places: Array) -> Mask:
-        return opens(ways, places + point)
-
     radius = float(np.hypot(*places[inside].T).max())
-    return PointOpening(inside, axes, rays, radius, passes, pupils.index, nm)
+    return PointOpening(inside, axes, rays, radius, lambda w, at: opens(w, at + point), pupils.index, nm)
 
 
 def _divided(

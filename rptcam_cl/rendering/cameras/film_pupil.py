@@ -388,9 +388,13 @@ def _rear_box(lens: Lens, origin: Array, rear: float) -> Array:
     edge = rear * np.stack([np.cos(turns), np.sin(turns)], axis=1)
     depths = lens.length + np.linspace(0.0, lens.surfaces[-1].rim_sag(rear * (1 - 1e-9)), 3)
     to_film = np.concatenate([np.column_stack([origin[:2] - edge, np.full(len(edge), origin[2] - z)]) for z in depths])
-    cosines = to_film[:, :2] / np.linalg.norm(to_film, axis=1)[:, None]
-    low, high = cosines.min(axis=0), cosines.max(axis=0)
-    return np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * 1.02)])
+    return _square_about(to_film[:, :2] / np.linalg.norm(to_film, axis=1)[:, None], 1.02)
+
+
+def _square_about(cosines: Array, room: float = 1.0, step: float = 0.0) -> Array:
+    """Return the middle and half width of a square about directions, with room of a factor and a step."""
+    low, high = cosines.min(axis=0) - step, cosines.max(axis=0) + step
+    return np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * room)])
 
 
 def flat_pupils(
@@ -428,9 +432,7 @@ def flat_pupils(
 
         turns = np.linspace(0.0, 2 * np.pi, 65)
         edge = middle + abs(slopes[1]) * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-        cosines = -sense * edge / np.sqrt(1 + np.sum(edge * edge, axis=1))[:, None]
-        low, high = cosines.min(axis=0), cosines.max(axis=0)
-        return opens, np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * 1.02)])
+        return opens, _square_about(-sense * edge / np.sqrt(1 + np.sum(edge * edge, axis=1))[:, None], 1.02)
 
     def arrive(point: Array, source: Array, nm: float, cosines: Array) -> Arrivals:
         """A perfect lens: all rays of the source meet in one point, C + t (slope) of the film point that sees it."""
@@ -479,9 +481,7 @@ def _open_directions(opens: OpenTo, box: Array) -> Array:
 def _about(inside: Array, box: Array) -> Array:
     """Return the box about directions that `_open_directions` returns, with room of a step."""
     x, _ = _axes(box, FIRST_ACROSS)
-    step = x[1] - x[0]
-    low, high = inside.min(axis=0) - step, inside.max(axis=0) + step
-    return np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2)])
+    return _square_about(inside, step=float(x[1] - x[0]))
 
 
 def _axes(box: Array, count: int) -> tuple[Array, Array]:
