@@ -16,10 +16,10 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.as_built import Copies, Deviation, check_copies, film_points
+from rptcam_cl.optics.beams import Beam, passing_beam
 from rptcam_cl.optics.charts import FAINT, INK, new_figure, series, styled
 from rptcam_cl.optics.lens import Lens, brought_to_focus, film_distance, in_configuration
 from rptcam_cl.optics.optimise_problem import Problem
-from rptcam_cl.optics.spot import Beam, passing_beam
 from rptcam_cl.optics.waves import diffraction_mtf
 from rptcam_cl.rendering.tolerances import (
     Interval,
