@@ -116,6 +116,13 @@ def _plan_for_glances(before: SceneState, scene: Scene, resolved: Scene, parts: 
     return make_plan(resolved, coarse=True, parts=parts)
 
 
+def _is_of_another_pupil(before: Plan, after: Plan) -> bool:
+    """Whether kernels of two plans differ in how camera rays aim at the pupil, and in nothing else of the camera."""
+    one, other = before.camera.facts, after.camera.facts
+    names = [name for name in {**one, **other} if one.get(name) != other.get(name)]
+    return bool(names) and all(name.startswith("PUPIL_") for name in names)
+
+
 def _stands_still(before: Scene, after: Scene) -> bool:
     """Whether two scenes differ in the moment alone, and nothing in them moves."""
     shutter = before.shutter.model_copy(update={"open_s": after.shutter.open_s})
@@ -237,9 +244,11 @@ class SceneCompiler:
         resolved, _ = self._resolve_soon(scene, reading)
         self._parts.rough = True
         plan = _plan_for_glances(before, scene, resolved.scene, self._parts)
-        if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
+        state = self._plan_state(scene, resolved, plan, is_final=False)
+        if _is_of_another_pupil(before.plan, plan) and not self.is_ready(state):  # as coarse tables may be
             plan = make_plan(resolved.scene, parts=self._parts)
-        return self._plan_state(scene, resolved, plan, is_final=False)
+            state = self._plan_state(scene, resolved, plan, is_final=False)
+        return state
 
     def final(self, state: SceneState) -> SceneState:
         """Plan a scene as `render` does."""
