@@ -429,8 +429,8 @@ def realistic_model(
     sampled_nm = (camera.wavelength_nm, low, high) if dispersive else (camera.wavelength_nm,)
     shares = camera.pupil == "shared" and not (windows or coarse)
     shared = shared_sampling(scene, setting, sampled_nm) if shares else None
-    on_axis_of = _on_axis if shared is None else partial(_on_axis, soon=disk_irradiance)
-    irradiance = paraxial_irradiance if windows else partial(_on_axis, soon=_axial) if coarse else on_axis_of
+    on_axis_of = axis_irradiance if shared is None else partial(axis_irradiance, soon=disk_irradiance)
+    irradiance = paraxial_irradiance if windows else partial(axis_irradiance, soon=_axial) if coarse else on_axis_of
     clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
     axial_colour = None
     if dispersive:
@@ -524,7 +524,7 @@ _without_losses = remember(most=REMEMBERED, by=by_content, disk=on_disk())(on_ax
 _colour_error = remember(most=REMEMBERED, by=by_content)(colour_error_px)
 
 
-def _on_axis(
+def axis_irradiance(
     lens: Lens,
     film_distance_mm: float,
     wavelength_nm: float,
@@ -551,7 +551,7 @@ def _glanced_axis(lens: Lens, film_distance_mm: float, wavelength_nm: float, los
 
     Over that of another wavelength it is right within a thousandth.
     """
-    clear = _on_axis(without_shape(lens), film_distance_mm, wavelength_nm, soon=_axial)
+    clear = axis_irradiance(without_shape(lens), film_distance_mm, wavelength_nm, soon=_axial)
     return clear * float(axial_transmittance(lens, np.array([wavelength_nm]), losses)[0]) if losses else clear
 
 
