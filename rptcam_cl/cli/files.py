@@ -21,7 +21,7 @@ from rptcam_cl.core.files import (
 )
 
 if TYPE_CHECKING:
-    from rptcam_cl.exchange.pbrt.convert import Conversion
+    from rptcam_cl.exchange.conversion import Conversion
     from rptcam_cl.scene.load import Missing
 
 SCENES, NOT_SCENE = (".yaml", ".yml"), "a scene file is YAML"

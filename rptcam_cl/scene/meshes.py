@@ -124,7 +124,7 @@ def read_mesh_file(path: Path, find: Find, *, painted: bool = True, time_s: floa
 
 # Lists of vectors and faces written out in a scene, or given as arrays from Python.
 
-NORMALS_MODES: tuple[NormalsMode, ...] = ("auto", "smooth", "flat")
+_NORMALS_MODES: tuple[NormalsMode, ...] = ("auto", "smooth", "flat")
 
 
 class Vectors:
@@ -148,14 +148,14 @@ class Vectors:
         return list(self.rows.tolist())
 
 
-class Faces:
+class FaceLists:
     """Polygons of three or more corners that do not change: `groups` holds them by their number of corners."""
 
     def __init__(self, groups: list[Polygons]) -> None:
         self.groups = groups
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Faces) and self.plain() == other.plain()
+        return isinstance(other, FaceLists) and self.plain() == other.plain()
 
     def __hash__(self) -> int:
         return hash(tuple(corners.tobytes() for _, corners in self.groups))
@@ -204,15 +204,15 @@ def _shades(value: Any) -> Vectors:
     return shades
 
 
-def _faces(value: Any) -> Faces:
+def _faces(value: Any) -> FaceLists:
     allowed = "a list of lists of 3 or more vertex numbers, which count from 0"
-    if isinstance(value, Faces):
+    if isinstance(value, FaceLists):
         return value
     if isinstance(value, np.ndarray) and value.dtype.kind in "iu" and value.ndim == 2 and value.shape[1] >= 3:
         value = value.astype(np.int64)
         if not len(value):
             raise refuse("is empty", got=[], allowed=allowed)
-        return Faces([Polygons(np.arange(len(value)), value)])
+        return FaceLists([Polygons(np.arange(len(value)), value)])
     if not isinstance(value, (list, tuple)) or not value:
         raise refuse("must be faces", allowed=allowed)
     by_size: dict[int, tuple[list[int], list[Any]]] = {}
@@ -223,7 +223,7 @@ def _faces(value: Any) -> Faces:
         numbers, rows = by_size.setdefault(len(row), ([], []))
         numbers.append(index)
         rows.append(row)
-    return Faces([Polygons(np.array(numbers), np.array(rows, np.int64)) for numbers, rows in by_size.values()])
+    return FaceLists([Polygons(np.array(numbers), np.array(rows, np.int64)) for numbers, rows in by_size.values()])
 
 
 def _is_index(value: Any) -> bool:
@@ -233,8 +233,8 @@ def _is_index(value: Any) -> bool:
 def _normals(value: Any) -> Vectors | str:
     if not isinstance(value, str):
         return _vectors(3, value)
-    if value not in NORMALS_MODES:
-        raise unknown_name("is not a known choice", value, NORMALS_MODES, otherwise=", or a list of vectors")
+    if value not in _NORMALS_MODES:
+        raise unknown_name("is not a known choice", value, _NORMALS_MODES, otherwise=", or a list of vectors")
     return value
 
 
@@ -257,20 +257,20 @@ Pairs = Annotated[
     Vectors, PlainValidator(lambda value: _vectors(2, value)), _PLAIN, WithJsonSchema(_rows_schema("number", 2, 2))
 ]
 Shades = Annotated[Vectors, PlainValidator(_shades), _PLAIN, WithJsonSchema(_POINTS_SCHEMA)]
-FaceRows = Annotated[Faces, PlainValidator(_faces), _PLAIN, WithJsonSchema(_rows_schema("integer", 3, None))]
+FaceRows = Annotated[FaceLists, PlainValidator(_faces), _PLAIN, WithJsonSchema(_rows_schema("integer", 3, None))]
 Normals = Annotated[
     Vectors | NormalsMode,
     PlainValidator(_normals),
     _PLAIN,
-    WithJsonSchema({"anyOf": [{"enum": list(NORMALS_MODES)}, _POINTS_SCHEMA]}),
+    WithJsonSchema({"anyOf": [{"enum": list(_NORMALS_MODES)}, _POINTS_SCHEMA]}),
 ]
 
 
 # Materials of mesh files as materials of the scene.
 
 # Below this a number is 0; what float32 cannot hold the scene refuses.
-SMALLEST = 1e-30
-ALONG_U = FileTexture(one_pixel(255, 128, 255), "brushed along u")
+_SMALLEST = 1e-30
+_ALONG_U = FileTexture(one_pixel(255, 128, 255), "brushed along u")
 
 
 def material_of(given: FileMaterial, folders: Folders, absent: list[str] | None = None) -> Material:
@@ -436,7 +436,7 @@ class _Translation:
             return {}
         if given.anisotropy_texture is None and given.roughness_texture is None:
             return _stretch_keys(given.roughness, strength)
-        directions = given.anisotropy_texture or ALONG_U
+        directions = given.anisotropy_texture or _ALONG_U
         anisotropy_map = AnisotropyMap(**self._texture_keys(directions), strength=strength)
         self._fill(anisotropy_map, directions)
         return {"anisotropy_map": anisotropy_map}
@@ -557,7 +557,7 @@ def _stretch_keys(roughness: float, strength: float) -> dict[str, float]:
 
 def _clip(value: float, low: float, high: float) -> float:
     clipped = min(high, max(low, value))
-    return clipped if abs(clipped) > SMALLEST else 0.0
+    return clipped if abs(clipped) > _SMALLEST else 0.0
 
 
 def _at_normal(index: float) -> float:

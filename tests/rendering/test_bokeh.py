@@ -134,6 +134,7 @@ def test_layers_of_the_first_ray_have_rays_that_aim_at_nothing(layer):
     assert "lamps_aimed_at" not in rptcam_cl.render(scene, spp=1).metadata
 
 
+@pytest.mark.slow
 def test_a_scene_that_was_rendered_before_needs_no_lines_of_sight(monkeypatch, tmp_path):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     scene = CASES["partly hidden"]

@@ -12,6 +12,7 @@ import rptcam_cl
 from tests.rendering.pictures import pixels
 from tests.rendering.test_emitters import ground_under, rectangle_above
 from tests.rendering.test_world import still_life
+from tests.support.cases import slow
 from tests.support.statistics import assert_same_tiles, sampled
 
 LENS = {
@@ -40,7 +41,7 @@ def named(request):
     return request.param, bits(scene(request.param), seed=3)
 
 
-@pytest.mark.parametrize("wave_size", [1, 1024, 4097, 65536, 1 << 20])
+@pytest.mark.parametrize("wave_size", [1024, *map(slow, (1, 4097, 65536, 1 << 20))])
 def test_wave_size_does_not_change_a_bit(named, wave_size):
     name, plain = named
     assert bits(scene(name), seed=3, wave_size=wave_size) == plain
@@ -51,7 +52,7 @@ def test_second_render_in_a_process_is_the_same(named):
     assert bits(scene(name), seed=3) == plain
 
 
-@pytest.mark.parametrize("named", ["lens", pytest.param("pinhole", marks=pytest.mark.slow)], indirect=True)
+@pytest.mark.parametrize("named", [slow("lens"), "pinhole"], indirect=True)
 def test_another_process_makes_the_same_bits(named):
     name, plain = named
     program = f"from tests.rendering import test_determinism as t; print(t.bits(t.scene({name!r}), seed=3))"
@@ -105,6 +106,7 @@ def test_variance_of_independent_samples_falls_as_one_over_their_number():
     assert noise(7, 64, INDEPENDENT).var() * 64 == pytest.approx(noise(8, 1, INDEPENDENT).var(), rel=0.06)
 
 
+@pytest.mark.slow
 def test_variance_of_smooth_light_falls_far_faster_on_the_lattice():
     assert noise(7, 64).var() < noise(7, 64, INDEPENDENT).var() / 15
     assert noise(7, 1024).var() < noise(7, 1024, INDEPENDENT).var() / 150

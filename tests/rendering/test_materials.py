@@ -81,6 +81,7 @@ def test_rough_glass_absorbs(kind):
     assert red > 1.5 * green > 2 * blue
 
 
+@pytest.mark.slow
 def test_pane_from_behind_is_the_same_beside_glass_that_absorbs():
     pane = {"kind": "thin_glass", "transmittance": [1.0, 0.5, 0.1]}
     behind = {"shape": "rectangle", "corner": [-1, 0, -1], "edge_u": [0, 0, 2], "edge_v": [2, 0, 0], "material": pane}
@@ -231,6 +232,7 @@ def test_plain_conductor_does_not_change_beside_every_other_material():
     assert_same_tiles(a, b)
 
 
+@pytest.mark.slow
 def test_glowing_surface_lights_as_a_lamp_does():
     panel = {"shape": "rectangle", "corner": [-1, -1, 2], "edge_u": [0, 2, 0], "edge_v": [2, 0, 0]}
     black = {"kind": "principled", "base_color": 0.0, "specular": 0.0}

@@ -71,6 +71,7 @@ def test_the_shape_of_the_stop_is_seen(session):
     assert np.mean(lit != (fitted.weight > 0)) < 0.01
 
 
+@pytest.mark.slow
 def test_each_wavelength_goes_its_own_way():
     scene = scene_of("planar-1897", width_mm=24.0)
     scene = change_scene(

@@ -15,6 +15,7 @@ from rptcam_cl.scene.load import load_scene
 from tests.device.probes import run
 from tests.rendering.light.test_environment_pictures import batches
 from tests.rendering.pictures import MATTE, flat_mean, lamp, looking, scene_of
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent, assert_same_tiles
 
 GROUND = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": MATTE}
@@ -357,7 +358,7 @@ def glossy_hall():
     return scene
 
 
-@pytest.mark.parametrize("made", [large_lamps, large_lamps_over_plastic, pytest.param(hall, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("made", [large_lamps_over_plastic, *map(slow, (large_lamps, hall))])
 def test_passes_and_stream_give_the_same_bits(session, made) -> None:
     scene = load_scene(made())
     assert make_plan(scene).facts["LIGHT_TREE"] == 1
