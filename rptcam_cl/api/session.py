@@ -193,9 +193,8 @@ class RenderSession:
         self._noise_spp = 1  # at which it was estimated
         self._waiting: SceneState | None = None
         self._seconds, self._added_s, self._complete = 0.0, 0.0, True  # spent on the film; by the last samples
-        self._guides: tuple[Any, FilmRun, tuple[float, float]] | None = (
-            None  # of the picture that was denoised last, and what that is
-        )
+        # Of the picture that was denoised last, after what that is
+        self._guides: tuple[Any, FilmRun, tuple[float, float]] | None = None
         self._denoiser: tuple[tuple[int, int], Denoiser] | None = None  # of the size that was denoised last
         self._shown = self._compiler.first(given)
         self._reading = self._shown.resolved.metered_cd_m2  # of the exposure meter, for glances

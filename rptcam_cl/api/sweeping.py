@@ -102,6 +102,7 @@ def _small(image: Image) -> Picture:
 # already.
 
 KIND = "frames"
+# All code of these rooms and all kernels decide a measurement.
 ROOMS = ("core", "device", "optics", "scene", "rendering", "studies", "api")
 
 
@@ -210,12 +211,8 @@ class FrameTracker:
             self.measured += 1
             return measure(session)
 
-        return _disk().find_or_make((__version__, session.info.driver, what, scene.content_hash()), measure_here)
-
-
-def _disk() -> Disk:
-    """Where measurements are kept; all code of these rooms and all kernels decide them."""
-    return Disk(KIND, ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
+        disk = Disk(KIND, ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
+        return disk.find_or_make((__version__, session.info.driver, what, scene.content_hash()), measure_here)
 
 
 def _is_metered(scene: Scene) -> bool:
