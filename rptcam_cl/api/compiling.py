@@ -14,7 +14,7 @@ from rptcam_cl.api.job import Resolved, resolve
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device.fork_server import CompileServer
 from rptcam_cl.device.session import NotKeptError, Session
-from rptcam_cl.rendering.highlights import aimed_plan
+from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.layers import GUIDES
 from rptcam_cl.rendering.metering import reading_cd_m2
 from rptcam_cl.rendering.passes import signature
