@@ -18,11 +18,10 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.camera_models import BY_ANGLE, normal_points
 from rptcam_cl.exchange.camera_view import View, check_distances, distance_along
-from rptcam_cl.optics.chief_rays import film_chief_rays
+from rptcam_cl.optics.beams import Beam, film_chief_rays, is_steep, passing_beam, passing_from, takes_steep_light
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays
-from rptcam_cl.optics.spot import Beam, is_steep, passing_beam, passing_from, takes_steep_light
 from rptcam_cl.rendering.cameras.ideal import shaped
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import film_frame

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, name_errors, named_files, read_whole, replacing
-from rptcam_cl.optics.chief_rays import crossings
+from rptcam_cl.optics.beams import crossings
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens, names_a_file

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
-from rptcam_cl.optics.chief_rays import without_obstructions
+from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam, without_obstructions
 from rptcam_cl.optics.image_quality import NOTHING, STAYS, Setting, default_fields, field_waves, result_of
 from rptcam_cl.optics.ray_trace import Rays, at_plane
 from rptcam_cl.optics.shapes import Biconic, Transposed
-from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
 from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
 from rptcam_cl.optics.waves import MOST_ACROSS, ExitRays, check_wavefront
 
@@ -245,7 +244,7 @@ def zernike(
     rows.sort(key=lambda row: (row["field_degrees"], row["wavelength_nm"], row["fringe"]))
     return result_of(
         setting, "Zernike coefficients", rows,
-        lambda: curves_over(
+        lambda: _curves_over(
             f"{setting.lens.name}: Zernike coefficients (fringe), {wavelengths_nm[0]:g} nm",
             [row for row in rows if row["wavelength_nm"] == wavelengths_nm[0] and row["fringe"] > 1],
             ("fringe", "number of the term"), [("fringe_waves", "degrees")], "waves", "field_degrees", ("o:",),
@@ -282,7 +281,7 @@ def field_curvature(
     rows = curvature_rows(setting, fields_of(setting, fields, FINE), wavelengths_nm)
     return result_of(
         setting, "field curvature", rows,
-        lambda: curves_over(
+        lambda: _curves_over(
             f"{setting.lens.name}: field curvature", rows, ("field_degrees", "angle from the axis [degrees]"),
             [("tangential_mm", "nm tangential"), ("sagittal_mm", "nm sagittal")], "behind the film [mm]",
             "wavelength_nm",
@@ -353,7 +352,7 @@ def focal_shift(setting: Setting, wavelengths_nm: Sequence[float]) -> charts.Mea
         ]  # fmt: skip
     return result_of(
         setting, "focal shift", rows,
-        lambda: curves_over(
+        lambda: _curves_over(
             f"{setting.lens.name}: focus over the wavelength", rows, ("wavelength_nm", "wavelength [nm]"),
             [("shift_mm", "of the pupil's radius")], "behind the film [mm]", "zone",
         ),
@@ -394,7 +393,7 @@ def through_focus(
     title = f"{setting.lens.name}: spots through focus"
     return result_of(
         setting, "spots through focus", rows,
-        lambda: curves_over(
+        lambda: _curves_over(
             title, rows, ("shift_mm", "film away from the lens [mm]"), [("rms_um", "degrees")], "rms spot [µm]",
             "field_degrees",
         ),
@@ -415,7 +414,7 @@ def _through_focus(
 
 
 @charts.styled()
-def curves_over(
+def _curves_over(
     title: str,
     rows: Sequence[Row],
     across: tuple[str, str],

@@ -244,7 +244,7 @@ def lens_info(
         result["working_f_number"] = working_f_number(lens, film, wavelength_nm)
         result["t_number"] = t_number(lens, film, wavelength_nm, transmission)
         circle = image_circle(lens, film, wavelength_nm)
-        result["half_light_circle_mm"] = 2 * half_light_radius(lens, film, circle, wavelength_nm)
+        result["half_light_circle_mm"] = 2 * _half_light_radius(lens, film, circle, wavelength_nm)
         if circle < farthest(lens, film, wavelength_nm):  # else nothing in the lens ends its picture
             result["image_circle_mm"] = 2 * circle
             result["field_of_view_degrees"] = field_of_view(lens, film, circle * INSIDE, wavelength_nm)
@@ -319,7 +319,9 @@ def farthest(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_
     return LARGEST_FIELD * (length if np.isfinite(length) else film_distance_mm)
 
 
-def half_light_radius(lens: Lens, film_distance_mm: float, circle_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
+def _half_light_radius(
+    lens: Lens, film_distance_mm: float, circle_mm: float, wavelength_nm: float = LINE_D_NM
+) -> float:
     """Return the least film radius [mm] along +x with half the irradiance of the axis, within 1 %.
 
     Parameters

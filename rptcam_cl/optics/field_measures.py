@@ -15,6 +15,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts, drawing
 from rptcam_cl.optics.aberrations import FINE, fields_of
+from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam
 from rptcam_cl.optics.best_focus import axial_blur, best_film_distance
 from rptcam_cl.optics.design import image_circle, t_number
 from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfold, with_film
@@ -22,7 +23,6 @@ from rptcam_cl.optics.image_quality import Setting, fan_points, result_of, secti
 from rptcam_cl.optics.irradiance import irradiance_with_error, pass_areas, veiling_glare
 from rptcam_cl.optics.lens import Lens, brought_to_focus, film_distance
 from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, at_plane, axial_transmittance, has_coatings
-from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -673,7 +673,7 @@ def draw_ghost(setting: Setting, ghosts: Ghosts, way: tuple[int, ...]) -> charts
     outline = [drawing.profile(lit.lens, k, "y") for k in range(len(folded.surfaces) - 1)] + drawing.blades(
         lit.lens, "y"
     )
-    frame = drawing.Frame.around([*outline, film, *rays], setting)
+    frame = drawing.PixelFrame.around([*outline, film, *rays], setting)
     picture = charts.Drawing(drawing.WIDTH, frame.height, _title(ghosts, way))
     drawing.draw_glass(picture, frame, setting, view)
     picture.add(charts.Path(frame.axis(), charts.FAINT, 0.8, dash=(10, 3, 2, 3)))

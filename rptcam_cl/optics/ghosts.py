@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.coating import Amplitude, Interface, LayerStack, Polarised, constant_reflectance
 from rptcam_cl.optics.glass import attenuation
 from rptcam_cl.optics.lens import Lens, system_matrix
 from rptcam_cl.optics.ray_trace import COATED, LensTransmission, arrive, leave, reflect, refract
-from rptcam_cl.optics.spot import Beam
 from rptcam_cl.optics.surface import IN_PLACE, Surface
 
 #
@@ -274,7 +274,7 @@ class Step(NamedTuple):
     reflects: bool
 
 
-def check_order(order: int) -> None:
+def _check_order(order: int) -> None:
     """Raise an error when light that is reflected so often never reaches the film, or is not followed."""
     if order not in ORDERS:
         raise InputError(
@@ -855,7 +855,7 @@ def find_ghosts(lit: Lit, order: int = 2) -> Ghosts:
         When the order is another, the lens is a half lens or has no first rim, no ray of the source meets it, or the
         film reflects more than all light.
     """
-    check_order(order)
+    _check_order(order)
     check_lens(lit.lens)
     if not 0 <= lit.film_reflectance < 1:
         raise InputError(f"the film reflects a share from 0 to below 1 (got {lit.film_reflectance:g})")

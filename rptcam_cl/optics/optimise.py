@@ -402,11 +402,9 @@ class MeritFunction:
 
     def _lost(self, state: State) -> tuple[Array, Array]:
         """Count rays that miss a surface or are totally reflected as spots of `LOST`, larger the farther they fail."""
-        scale = LOST * 1e3 * abs(self.given.focal_length_mm) * self._penalty_weight() * np.sqrt(self.lost_weights)
+        weight = max(term.weight for term in self.given.terms)
+        scale = LOST * 1e3 * abs(self.given.focal_length_mm) * weight * np.sqrt(self.lost_weights)
         return scale * state.beam.excess, (scale * state.beam.excess_by).T
-
-    def _penalty_weight(self) -> float:
-        return max(term.weight for term in self.given.terms)
 
     def _bounds(self, state: State) -> tuple[Array, Array]:
         rows = self.overstepped(state)

@@ -360,6 +360,14 @@ def at_plane(origins: Array, directions: Array, z: float) -> Array:
     return origins + directions * ((z - origins[:, 2]) / directions[:, 2])[:, None]
 
 
+def axis_points(origins: Array, directions: Array) -> Array:
+    """Return z (n,) where rays, drawn on either way, come nearest to the axis [mm]; not-a-number along it."""
+    across = np.sum(directions[:, :2] ** 2, axis=1)
+    with np.errstate(all="ignore"):
+        step = -np.sum(origins[:, :2] * directions[:, :2], axis=1) / across
+        return np.where(across > 1e-14, origins[:, 2] + step * directions[:, 2], np.nan)
+
+
 def arrive(lens: Prescription, k: int, sense: float, p: Array, d: Array) -> tuple[Hits, Array, Mask]:
     """Return where rays (3, n) hit a surface and their directions, both in its frame, and which of them meet it.
 

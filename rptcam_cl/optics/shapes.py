@@ -101,10 +101,10 @@ class Shape(ABC):
     def fourth_order(self, profile: SurfaceProfile, section: str = "y") -> float:
         """Return 8 times the factor of y^4, or x^4, in the sag: c^3 of a sphere [1/mm3]."""
         weight = profile.axes()[0 if section == "x" else 1]
-        return weight * (conic_fourth(profile.curvature, profile.conic) + 8.0 * _factor_of_r4(profile))
+        return weight * (_conic_fourth(profile.curvature, profile.conic) + 8.0 * _factor_of_r4(profile))
 
 
-def conic_fourth(curvature: float, conic: float) -> float:
+def _conic_fourth(curvature: float, conic: float) -> float:
     """Return 8 times the factor of r^4 in the sag of a conic [1/mm3]."""
     return (1.0 + conic) * curvature**3
 
@@ -125,11 +125,11 @@ def sag_of_profile(profile: SurfaceProfile, s: Array) -> tuple[Array, Array]:
     root = np.sqrt(1.0 - (1.0 + profile.conic) * c * c * s)
     z = c * s / (1.0 + root)
     slope = 0.5 * c / root
-    more, its_slope = polynomial_of(profile, s)
+    more, its_slope = _polynomial_of(profile, s)
     return np.asarray(z + more), np.asarray(slope + its_slope)
 
 
-def polynomial_of(profile: SurfaceProfile, s: Array) -> tuple[Array, Array]:
+def _polynomial_of(profile: SurfaceProfile, s: Array) -> tuple[Array, Array]:
     """Return the sum of a_p s^(p/2) and its derivative by s: Horner in s or, with odd powers, in r = sqrt(s)."""
     if not profile.aspheric:
         return np.zeros_like(s), np.zeros_like(s)
@@ -162,17 +162,22 @@ class Iterated(Shape):
 
     def meet(self, profile: SurfaceProfile, points: Array, directions: Array) -> Hits:
         """Return the hits."""
-        dx, dy, dz = directions
         x0, y0, to_plane = on_vertex_plane(points, directions)
         start = self.first_guess(profile, x0, y0, directions)
         step, converged, crossed = self._iterate(profile, x0, y0, directions, start)
-        hit = np.stack([x0 + step * dx, y0 + step * dy, step * dz])
+        hits = self.hits_after(profile, x0, y0, to_plane, directions, step)
+        return hits._replace(met=hits.met & converged, undecided=np.isfinite(step) & ~converged & crossed)
+
+    def hits_after(
+        self, profile: SurfaceProfile, x: Array, y: Array, to_plane: Array, directions: Array, step: Array
+    ) -> Hits:
+        """Return the hits of rays that are a step away from where they cross the plane of the vertex."""
+        hit = np.stack([x + step * directions[0], y + step * directions[1], step * directions[2]])
         normal = self.normal_at(profile, *hit)
         normal /= np.sqrt(np.sum(normal * normal, axis=0))
         cosine = np.sum(normal * directions, axis=0)
-        reached = np.isfinite(step)
-        met = reached & converged & (normal[2] > 0) & (cosine * dz > 0)
-        return Hits(hit, to_plane + step, normal, cosine, met, reached & ~converged & crossed)
+        met = np.isfinite(step) & (normal[2] > 0) & (cosine * directions[2] > 0)
+        return Hits(hit, to_plane + step, normal, cosine, met)
 
     def first_guess(self, profile: SurfaceProfile, x: Array, y: Array, directions: Array) -> Array:
         """Return the step from the vertex plane at which the iteration starts: there."""
@@ -338,7 +343,7 @@ class Asphere(Iterated):
         dx, dy, dz = directions
         (wx, wy), c, q = profile.axes(), profile.curvature, 1.0 + profile.conic
         s = wx * x * x + wy * y * y
-        z, _ = polynomial_of(profile, s)
+        z, _ = _polynomial_of(profile, s)
         f = c * (s + q * z * z) + 2.0 * z
         g = dz - c * (wx * dx * x + wy * dy * y - q * dz * z)
         a = c * (wx * dx * dx + wy * dy * dy + q * dz * dz)
@@ -351,7 +356,7 @@ class Asphere(Iterated):
         """Return Newton's step for rays at points, and on which side of the surface these lie, by its sign."""
         (wx, wy), half_c, q = profile.axes(), 0.5 * profile.curvature, 1.0 + profile.conic
         s, along_s = wx * x * x + wy * y * y, 2.0 * (wx * x * d[0] + wy * y * d[1])
-        polynomial, slope = polynomial_of(profile, s)
+        polynomial, slope = _polynomial_of(profile, s)
         w, along_w = z - polynomial, d[2] - slope * along_s
         side = w - half_c * (s + q * w * w)
         return side / (along_w - half_c * (along_s + 2.0 * q * w * along_w)), side
@@ -359,7 +364,7 @@ class Asphere(Iterated):
     def normal_at(self, profile: SurfaceProfile, x: Array, y: Array, z: Array) -> Array:
         """Return normals (3, n) of any length; z is negative on the far sheet of an asphere."""
         (wx, wy), c, q = profile.axes(), profile.curvature, 1.0 + profile.conic
-        polynomial, slope = polynomial_of(profile, wx * x * x + wy * y * y)
+        polynomial, slope = _polynomial_of(profile, wx * x * x + wy * y * y)
         nz = 1.0 - c * q * (z - polynomial)
         sideways = -(c + 2.0 * slope * nz)
         return np.stack([wx * x * sideways, wy * y * sideways, nz])
@@ -402,7 +407,7 @@ class Biconic(Form):
     @classmethod
     def read(cls, fields: Fields, scale: float) -> Biconic | None:
         """Return the biconic of `radius_x`, unless `form` makes it a toroid."""
-        curvature = read_curvature_x(fields, scale)
+        curvature = _read_curvature_x(fields, scale)
         if curvature is None or fields.text("form", "biconic") != "biconic":
             return None
         return cls(curvature, fields.number("conic_x", 0.0))
@@ -427,7 +432,7 @@ class Biconic(Form):
         """Return 8 times the factor of y^4, or x^4, in the sag [1/mm3]."""
         if section == "y":
             return super().fourth_order(profile, section)
-        return conic_fourth(self.curvature_x, self.conic_x) + 8.0 * _factor_of_r4(profile)
+        return _conic_fourth(self.curvature_x, self.conic_x) + 8.0 * _factor_of_r4(profile)
 
     def sag_and_slopes(self, profile: SurfaceProfile, x: Array, y: Array) -> tuple[Array, Array, Array]:
         """Return z, dz/dx and dz/dy."""
@@ -436,13 +441,13 @@ class Biconic(Form):
         top = cx * x * x + cy * y * y
         root = np.sqrt(1.0 - qx * x * x - qy * y * y)
         under = 1.0 + root
-        polynomial, slope = polynomial_of(profile, x * x + y * y)
+        polynomial, slope = _polynomial_of(profile, x * x + y * y)
         zx = 2.0 * cx * x / under + top * qx * x / (root * under * under) + 2.0 * x * slope
         zy = 2.0 * cy * y / under + top * qy * y / (root * under * under) + 2.0 * y * slope
         return top / under + polynomial, zx, zy
 
 
-def read_curvature_x(fields: Fields, scale: float) -> float | None:
+def _read_curvature_x(fields: Fields, scale: float) -> float | None:
     """Return the curvature of `radius_x` [1/mm], None without that key."""
     radius = fields.number("radius_x", math.inf, infinite=True)
     if radius == 0:
@@ -478,7 +483,7 @@ class Toroid(Form):
     @classmethod
     def read(cls, fields: Fields, scale: float) -> Toroid | None:
         """Return the toroid of `radius_x` and `form: toroid`."""
-        curvature = read_curvature_x(fields, scale)
+        curvature = _read_curvature_x(fields, scale)
         if curvature is None or fields.text("form", "biconic") != "toroid":
             return None
         fields.number("conic_x", 0.0)
@@ -499,7 +504,7 @@ class Toroid(Form):
 
     def fourth_order(self, profile: SurfaceProfile, section: str = "y") -> float:
         """Return 8 times the factor of y^4, or x^4, in the sag: across the profile it is a circle [1/mm3]."""
-        return conic_fourth(self.curvature_x, 0.0) if section == "x" else super().fourth_order(profile, section)
+        return _conic_fourth(self.curvature_x, 0.0) if section == "x" else super().fourth_order(profile, section)
 
     def sag_and_slopes(self, profile: SurfaceProfile, x: Array, y: Array) -> tuple[Array, Array, Array]:
         """Return z, dz/dx and dz/dy."""

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.chief_rays import without_rims
+from rptcam_cl.optics.beams import Beam, chief_ray, is_steep, passing_beam, without_rims
 from rptcam_cl.optics.ray_trace import Rays, at_plane, trace_crossings
-from rptcam_cl.optics.spot import Beam, chief_ray, is_steep, passing_beam
 from rptcam_cl.optics.surface import StopMask
 
 if TYPE_CHECKING:

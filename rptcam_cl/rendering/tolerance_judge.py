@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import Copies, film_points
+from rptcam_cl.optics.beams import Beam, passing_beam
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.spot import Beam, passing_beam
 from rptcam_cl.optics.waves import diffraction_mtf
 from rptcam_cl.scene.lens_settings import Merit
 

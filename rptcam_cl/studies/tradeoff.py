@@ -169,7 +169,7 @@ class TradeoffReport:
 
     def __str__(self) -> str:
         """Return advice, tables and how they were found, as ``rptcam tradeoff --details`` prints them."""
-        return plain_text(self)
+        return _plain_text(self)
 
     def markdown(self, title: str = TITLE) -> str:
         """Return the same as Markdown."""
@@ -373,13 +373,13 @@ PROBABLE = 0.75  # odds from which one configuration is called probably better
 LONGER = 4  # times the measurement, which halves its intervals
 
 
-def headline(report: TradeoffReport) -> list[str]:
+def _headline(report: TradeoffReport) -> list[str]:
     """Return three lines, then one for each configuration that may be better than the advised one."""
     said = [_each("Set", report, _set), _each("Costs", report, _cost), _each("Gains", report, _gain)]
     return said + list(dict.fromkeys(line for advice in report.advice for line in _open_questions(report, advice)))
 
 
-def name_in_sentence(report: TradeoffReport, name: str) -> str:
+def _name_in_sentence(report: TradeoffReport, name: str) -> str:
     """Return the name of a configuration in a sentence."""
     measurement = report.named(name)
     if AS_IT_IS in (name, *measurement.same_as):
@@ -400,7 +400,7 @@ def _wish(advice: Advice) -> str:
 def _settings(report: TradeoffReport, name: str, samples: int = 0) -> str:
     measurement = report.named(name)
     sets = " ".join(f" --set '{text}'" for text in measurement.settings)
-    return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({name_in_sentence(report, name)})"
+    return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({_name_in_sentence(report, name)})"
 
 
 def _set(report: TradeoffReport, advice: Advice) -> str:
@@ -440,14 +440,14 @@ def _open_questions(report: TradeoffReport, advice: Advice) -> list[str]:
     """Return a line about what may be better than what is advised, with its odds where they are known."""
     if advice.perhaps is None:
         return []
-    other, wish = name_in_sentence(report, advice.perhaps), _wish(advice)
+    other, wish = _name_in_sentence(report, advice.perhaps), _wish(advice)
     longer = f"measure longer (--budget {seconds(LONGER * (report.budget or report.seconds)).replace(' ', '')})"
     share = _odds(report, advice)
     if share is None:
         return [f"Perhaps better {wish}: {other}; {longer}."]
     if share >= PROBABLE:
         return [f"Probably better {wish}, {odds(share)}: {_settings(report, advice.perhaps)}; {longer} to be sure."]
-    both = f"{name_in_sentence(report, REFERENCE)} and {other}"
+    both = f"{_name_in_sentence(report, REFERENCE)} and {other}"
     return [f"Too close to call {wish} between {both}, {odds(1 - share)}: {longer}."]
 
 
@@ -471,7 +471,7 @@ PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 def recommendation(report: TradeoffReport) -> list[str]:
     """Return sentences: the advice, the meaning of its terms, then what else was found."""
     chosen = list(dict.fromkeys(advice.chosen for advice in report.advice if advice.chosen is not None))
-    said = [*headline(report), *_terms(report)]
+    said = [*_headline(report), *_terms(report)]
     said += [_difference_text(report, report.named(name)) for name in chosen if name != REFERENCE]
     said += _camera(report)
     said += _depth(report)
@@ -488,7 +488,7 @@ def caveats(report: TradeoffReport) -> list[str]:
         f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {first} and {second}"
         f" samples per pixel, {report.long_tiles} tiles with {most}. Brackets are intervals of 95 %."
     ]
-    said += [*rare_path_warnings(report), *why_longer(report)]
+    said += [*_rare_path_warnings(report), *_why_longer(report)]
     clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
     if report.by_cpu:
         said.append("Times are CPU times divided by the number of cores: those of a render on an idle machine.")
@@ -502,10 +502,10 @@ def caveats(report: TradeoffReport) -> list[str]:
     return said
 
 
-def rare_path_warnings(report: TradeoffReport) -> list[str]:
+def _rare_path_warnings(report: TradeoffReport) -> list[str]:
     """Return a warning where the noise of an advised configuration or the reference comes from rare bright paths."""
     names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
-    rare = [name_in_sentence(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
+    rare = [_name_in_sentence(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
     if not rare:
         return []
     return [
@@ -514,7 +514,7 @@ def rare_path_warnings(report: TradeoffReport) -> list[str]:
     ]
 
 
-def why_longer(report: TradeoffReport) -> list[str]:
+def _why_longer(report: TradeoffReport) -> list[str]:
     """Return why measuring took longer than it was to."""
     if not report.budget or report.seconds <= LATE * report.budget:
         return []
@@ -539,7 +539,7 @@ def _terms(report: TradeoffReport) -> list[str]:
 
 
 def _difference_text(report: TradeoffReport, measurement: MeasuredVariant) -> str:
-    name = name_in_sentence(report, measurement.name)
+    name = _name_in_sentence(report, measurement.name)
     if measurement.unbiased:
         return f"The only change by {name} is in the noise."
     sure = measurement.sure_bias_of_tiles
@@ -676,11 +676,11 @@ def _cameras(report: TradeoffReport) -> list[list[str]]:
 
 def summary(report: TradeoffReport) -> list[str]:
     """Return the lines that the command prints without its details: the advice, its terms, and doubts."""
-    doubts = [*rare_path_warnings(report), *why_longer(report)]
-    return [*headline(report), "", MEANT, *doubts, "All numbers and how they were found: --details."]
+    doubts = [*_rare_path_warnings(report), *_why_longer(report)]
+    return [*_headline(report), "", MEANT, *doubts, "All numbers and how they were found: --details."]
 
 
-def plain_text(report: TradeoffReport) -> str:
+def _plain_text(report: TradeoffReport) -> str:
     """Return the report as text, its tables in plain columns."""
     parts = [f"{title}\n{_align([columns, *rows])}" for title, columns, rows in tables(report)]
     return "\n\n".join(["\n".join(recommendation(report)), *parts, "\n".join(caveats(report))])

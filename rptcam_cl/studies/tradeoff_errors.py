@@ -73,7 +73,7 @@ def spread_about(value: float, replicates: Array, error: float) -> Array:
     return np.asarray(value + (replicates - value) * (error / spread if spread > 0 else 0.0))
 
 
-def over_seeds(values: Array, counts: NDArray[np.int64]) -> Array:
+def _over_seeds(values: Array, counts: NDArray[np.int64]) -> Array:
     """Return the mean of one value per seed, for each draw."""
     return np.asarray(counts @ values / counts.sum(axis=1))
 
@@ -679,7 +679,7 @@ def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
 
 
 def _energy(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
-    values = over_seeds(error.brightness, counts) / over_seeds(reference.brightness, counts) - 1
+    values = _over_seeds(error.brightness, counts) / _over_seeds(reference.brightness, counts) - 1
     return spread_about(values[0], values, max(float(values.std()), error.tile_errors["energy"]))
 
 

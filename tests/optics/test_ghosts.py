@@ -10,6 +10,7 @@ import pytest
 
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.coating import (
     BARE,
     MAGNESIUM_FLUORIDE,
@@ -23,7 +24,6 @@ from rptcam_cl.optics.ghosts import NOWHERE, Entry, Ghosts, Lit, find_ghosts, gh
 from rptcam_cl.optics.lens import Lens, system_matrix
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, axial_transmittance, with_coating
-from rptcam_cl.optics.spot import Beam
 from tests.optics.truth import truth
 
 TRUTH = json.loads((Path(__file__).parents[1] / "data" / "wave_truth" / "ghosts.json").read_text())

@@ -12,9 +12,9 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import aberrations, image_quality
+from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spot import Beam
 from rptcam_cl.optics.waves import (
     AIRY,
     PupilFunction,

@@ -5,8 +5,8 @@ import pytest
 
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam, passing_steep_beam, steep_chief_ray
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam, passing_steep_beam, steep_chief_ray
 
 # A strong meniscus far before its stop: it sees more than a half space.
 MENISCUS = {

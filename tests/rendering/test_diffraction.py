@@ -9,9 +9,9 @@ from scipy.special import j0, j1
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spot import Beam
 from rptcam_cl.optics.waves import pupil_function, transfer
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of

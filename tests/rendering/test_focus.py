@@ -9,10 +9,10 @@ import yaml
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
+from rptcam_cl.optics.beams import Beam, spot
 from rptcam_cl.optics.best_focus import best_film_distance_at
 from rptcam_cl.optics.lens import nearest_object_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spot import Beam, spot
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from tests.rendering.pictures import lamp, pixels, scene_of, seed_of
 from tests.support.cases import fast

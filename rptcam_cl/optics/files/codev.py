@@ -19,7 +19,7 @@ from rptcam_cl.optics.lens import Lens
 OF_THE_MODEL = 1e-9  # by which indices follow the n_d and V_d of their name
 
 
-def private_glasses(statements: list[tuple[int, list[str]]], path: str) -> dict[str, Any]:
+def _private_glasses(statements: list[tuple[int, list[str]]], path: str) -> dict[str, Any]:
     """Return the `glass` entries of the private glasses of a sequence by their names, in capitals."""
     glasses: dict[str, Any] = {}
     wavelengths: list[float] = []
@@ -119,7 +119,7 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a CODE V sequence; glasses of `makers` come first."""
     table = LensTable(path, makers=makers, working=True)
     statements = _statements(text)
-    private = private_glasses(statements, path)
+    private = _private_glasses(statements, path)
     surfaces = _parse(statements, table, private)
     _choose_radii(surfaces, table)
     frame = AxisFrame(SENSES)
@@ -277,24 +277,13 @@ def _take(surface: _SeqSurface, key: str, rest: list[str], line: int, table: Len
     if key in ("THI", "RDY", "CUY") and rest and rest[0].isalpha():
         return  # a solve, whose value stands in the line of the surface
     if key in ("REX", "REY"):
-        words = [word.upper() for word in rest]
-        value = table.number([w for w in words if w[:1] in "+-.0123456789"][-1:], line)
+        words, value = _last_number(rest, line, table)
         if {"OBS", "HOL"} & set(words):
             table.note(line, f"{key} {' '.join(rest)} is ignored")
         elif "EDG" not in words or key not in surface.clear:
             surface.clear[key] = value
     elif key in _NUMBERED:
-        value = table.number([word for word in rest if word.upper() != "CLR"], line)
-        if key == "K":
-            surface.conic = value
-        elif key in POWERS:
-            surface.aspheric[POWERS[key]] = value
-        elif key in (*TILTS, *OFFSETS):
-            surface.bend[key] = value
-        elif key in ("THI", "RDY", "CUY"):
-            _set(surface, key, value)
-        else:
-            surface.curvature_x = value if key == "CUX" else (1.0 / value if value else 0.0)
+        _set(surface, key, table.number([word for word in rest if word.upper() != "CLR"], line))
     elif key == "STO":
         surface.stop = True
     elif key == "RMD":
@@ -302,8 +291,7 @@ def _take(surface: _SeqSurface, key: str, rest: list[str], line: int, table: Len
     elif key == "CIR" and {"OBS", "HOL"} & {word.upper() for word in rest}:
         surface.inner_diameter = 2 * numbers(rest[-1:], table.path, line)[0]
     elif key == "CIR":
-        words = [word.upper() for word in rest]
-        value = table.number([w for w in words if w[:1] in "+-.0123456789"][-1:], line)
+        words, value = _last_number(rest, line, table)
         if "EDG" not in words or surface.diameter is None:
             surface.diameter = 2 * abs(value)
     elif key in ("CYL", "YTO"):
@@ -318,12 +306,26 @@ def _take(surface: _SeqSurface, key: str, rest: list[str], line: int, table: Len
         table.note(line, f"{key} is ignored")
 
 
+def _last_number(rest: list[str], line: int, table: LensTable) -> tuple[list[str], float]:
+    """Return words in capitals, and the last number among them."""
+    words = [word.upper() for word in rest]
+    return words, table.number([word for word in words if word[:1] in "+-.0123456789"][-1:], line)
+
+
 def _set(surface: _SeqSurface, key: str, value: float) -> None:
-    """Set a thickness, radius or curvature that stands in a line of its own."""
-    if key == "THI":
+    """Set one number of a surface."""
+    if key == "K":
+        surface.conic = value
+    elif key in POWERS:
+        surface.aspheric[POWERS[key]] = value
+    elif key in (*TILTS, *OFFSETS):
+        surface.bend[key] = value
+    elif key == "THI":
         surface.thickness = value
-    else:
+    elif key in ("RDY", "CUY"):
         surface.value, surface.radius_mode = value, key == "RDY"
+    else:
+        surface.curvature_x = value if key == "CUX" else (1.0 / value if value else 0.0)
 
 
 def _row(surface: _SeqSurface, table: LensTable, private: Mapping[str, Any]) -> dict[str, Any]:

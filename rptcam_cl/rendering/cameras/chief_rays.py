@@ -13,16 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.optics.beams import ChiefRays, aimed_rays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.charts import add_key, new_chart, series, styled
-from rptcam_cl.optics.chief_rays import ChiefRays, aimed_rays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.irradiance import on_axis_irradiance
-from rptcam_cl.optics.lens import (
-    Lens,
-    film_distance,
-    focus_reach_mm,
-    nearest_object_distance,
-    shift_of,
-)
+from rptcam_cl.optics.lens import Lens, film_distance, focus_reach_mm, nearest_object_distance, shift_of
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission
 from rptcam_cl.rendering.cameras.pupil import FilmGrid
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, half_film_mm

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.chief_rays import without_rims
+from rptcam_cl.optics.beams import without_rims
 from rptcam_cl.optics.ghosts import with_wider_stop
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import cells, grid, narrowing_probes, pupil_boxes

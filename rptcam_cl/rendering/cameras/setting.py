@@ -18,8 +18,8 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import LOSS_TABLE_LENGTH, LOSS_TABLE_NM
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.as_built import Heat
+from rptcam_cl.optics.beams import ChiefRays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
-from rptcam_cl.optics.chief_rays import ChiefRays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.coating import BARE, Coating, Interface, Layer, LayerStack, QuarterWave, constant_reflectance
 from rptcam_cl.optics.files.glasses import WORDS, read_layers
 from rptcam_cl.optics.glass import Medium, attenuation
@@ -35,7 +35,7 @@ from rptcam_cl.optics.lens import (
     travel_mm,
 )
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
-from rptcam_cl.optics.ray_trace import LensTransmission, has_coatings, known_nm, with_coating
+from rptcam_cl.optics.ray_trace import LensTransmission, axis_points, has_coatings, known_nm, with_coating
 from rptcam_cl.rendering.cameras.pupil import SamplingMetadata, by_content, on_disk, without_shape
 from rptcam_cl.scene.camera import NO_MOVEMENTS, NOT_FOUND_YET, CameraKind, LensCamera, pose_matrix
 from rptcam_cl.scene.lens_settings import CoatingLayers, Focus
@@ -890,7 +890,7 @@ def _drift_by(
         rays = chief_rays(lens, np.array(film), wavelength_nm)
     except InputError:  # no surface of the lens limits the light
         return []
-    places = np.where(rays.clear, pupil_z - rays.axis_points(), np.nan).reshape(len(FIELDS), -1)
+    places = np.where(rays.clear, pupil_z - axis_points(rays.origins, rays.directions), np.nan).reshape(len(FIELDS), -1)
     return [
         (field, float(np.mean(row[np.isfinite(row)])))
         for field, row in zip(FIELDS, places, strict=True)

@@ -114,7 +114,7 @@ APART = 1.0  # depths of focus between two things that one state does not show s
 MOST_LAMPS = 0.5  # share of what a zone shows, from which its lamps are what is focused on
 
 
-def subject_of(task: Task, state: float, zone: Zone) -> ZoneSubject | None:
+def _subject_of(task: Task, state: float, zone: Zone) -> ZoneSubject | None:
     """Find what a zone is focused on: of several distances the nearest that fills a quarter of it, else the most.
 
     None where less than a quarter shows anything.
@@ -137,7 +137,7 @@ def subject_of(task: Task, state: float, zone: Zone) -> ZoneSubject | None:
 
 def _subjects(task: Task, state: float, zones: Mapping[int, Zone]) -> dict[int, ZoneSubject]:
     """Find what some zones are focused on, of those that show enough."""
-    found = {k: subject_of(task, state, zone) for k, zone in zones.items()}
+    found = {k: _subject_of(task, state, zone) for k, zone in zones.items()}
     return {k: subject for k, subject in found.items() if subject is not None}
 
 

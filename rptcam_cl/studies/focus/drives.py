@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.beams import without_obstructions
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
-from rptcam_cl.optics.chief_rays import without_obstructions
 from rptcam_cl.optics.lens import (
     Lens,
     film_behind,

@@ -173,7 +173,7 @@ class Estimate:
     leave_one_out: Array
 
 
-def without_exposure(image: ZoneImage) -> Array | None:
+def _without_exposure(image: ZoneImage) -> Array | None:
     """Divide the luminance of the parts (count, height, width) by its mean, and take a quadratic off; None if dark."""
     luminance = image.luminance
     mean = float(luminance.mean())
@@ -206,7 +206,7 @@ def energy(filters: Filters) -> Callable[[ZoneImage], Estimate]:
     """
 
     def measure(image: ZoneImage) -> Estimate:
-        parts = without_exposure(image)
+        parts = _without_exposure(image)
         count = len(image.parts)
         if parts is None:
             return Estimate(0.0, 0.0, np.zeros(count))
@@ -296,7 +296,7 @@ def sum_modified_laplacian(image: ZoneImage) -> Estimate:
     what noise makes; here the sign of a difference is that of the *other* parts, so that noise adds nothing on the
     average and no threshold is needed. The error is never below that of a zone with nothing but this noise in it.
     """
-    parts = without_exposure(image)
+    parts = _without_exposure(image)
     count = len(image.parts)
     if parts is None or min(parts.shape[1:]) < 3:
         return Estimate(0.0, 0.0, np.zeros(count))
@@ -351,7 +351,7 @@ def block_sums(picture: Array) -> Array:
     return np.array([block.sum() for row in rows for block in np.array_split(row, BLOCKS, axis=1)])
 
 
-def plain_variance(image: ZoneImage) -> Estimate:
+def _plain_variance(image: ZoneImage) -> Estimate:
     """Return the variance of the luminance as it is, noise and exposure included: what the rptcam paper maximises."""
     luminance = image.luminance
     return jackknife(len(luminance), lambda kept: float(luminance[kept].mean(axis=0).var()))
@@ -376,7 +376,7 @@ class Measure:
 ROUNDED = 1e-5  # size of details that the rounding of float32 pictures makes, many times over
 LEAST_DETAIL = 5e-5  # mean square of the details relative to the mean: 0.7 %
 MEASURES: dict[str, Measure] = {
-    "variance": Measure(plain_variance, 0.0),
+    "variance": Measure(_plain_variance, 0.0),
     "normalised_variance": Measure(energy(_variance), LEAST_DETAIL),
     "tenengrad": Measure(energy(_tenengrad), 8 * LEAST_DETAIL),
     "brenner": Measure(energy(_brenner), LEAST_DETAIL),

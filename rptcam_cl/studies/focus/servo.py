@@ -160,7 +160,7 @@ class DriveLimits:
     acceleration: float
 
 
-def drive_limits(drive: Drive, settings: ContinuousFocus) -> DriveLimits:
+def _drive_limits(drive: Drive, settings: ContinuousFocus) -> DriveLimits:
     """Return the limits of a camera's drive: as its lens file says, or else as usual."""
     low, high = sorted(drive.coordinate(state) for state in drive.limits)
     known = drive.motor
@@ -344,7 +344,7 @@ class Servo:
 
 def servo_of(drive: Drive, place: float, settings: ContinuousFocus) -> Servo:
     """Return a servo of a camera's drive that begins in focus."""
-    limits = drive_limits(drive, settings)
+    limits = _drive_limits(drive, settings)
     return Servo(place, limits, lambda at: drive.first_order_vergence(drive.state_at(at)), settings)
 
 

@@ -66,7 +66,7 @@ def test_defocused_spot_is_a_disk() -> None:
 
 
 def test_spots_agree_with_the_published_reference_of_optics() -> None:
-    from rptcam_cl.optics.spot import Beam, spot
+    from rptcam_cl.optics.beams import Beam, spot
 
     state = setting(load_lens("dgauss-50mm"), f_number=4)
     (row,) = spot_table(film_spots(state, [10.0], [587.5618], 128))
@@ -161,7 +161,7 @@ def test_thin_lens_with_its_stop_has_no_distortion(distance_m: float | None) -> 
 
 
 def test_distortion_agrees_with_that_of_optics() -> None:
-    from rptcam_cl.optics.spot import distortion
+    from rptcam_cl.optics.beams import distortion
 
     state = setting(load_lens("wide-22mm"))
     (row,) = distortion_table(state, [30.0], [587.5618], "tan")
@@ -300,6 +300,7 @@ def test_figures_by_default_are_those_of_many_rays_and_say_how_exact_they_are(
         )
 
 
+@pytest.mark.slow
 def test_spots_through_focus_have_as_many_rays_as_they_need() -> None:
     lens = rptcam_cl.load_lens("tessar-102mm")
     least, most = (
