@@ -222,7 +222,7 @@ def osl_text(view: View) -> str:
 
 
 def _columns_of_surfaces(lens: Lens, film_z: float, wavelength_nm: float) -> dict[str, Any]:
-    """Return what the shader has of the surfaces, from film to scene, by the names in its text."""
+    """List the surfaces from film to scene, column by column, by the names in the text of the shader."""
     indices = lens.indices(wavelength_nm)
     rows = range(len(lens.surfaces) - 1, -1, -1)
     surfaces = [lens.surfaces[k] for k in rows]
