@@ -182,6 +182,7 @@ def test_lens_without_a_real_image_cannot_be_measured() -> None:
         film_spots(state, [0.0], [587.56])
 
 
+@pytest.mark.slow
 def test_a_field_that_nothing_reaches_is_an_empty_row_among_others() -> None:
     state = setting(load_lens("wide-22mm"))
     spots = film_spots(state, [0.0, 100.0], [587.56], 24)
@@ -300,6 +301,7 @@ def test_figures_by_default_are_those_of_many_rays_and_say_how_exact_they_are(
         )
 
 
+@pytest.mark.slow
 def test_spots_through_focus_have_as_many_rays_as_they_need() -> None:
     lens = rptcam_cl.load_lens("tessar-102mm")
     least, most = (

@@ -71,6 +71,7 @@ def moved(item, steps):
 FLAT = pytest.param(("box", "disk", "rectangle", "mesh"), marks=pytest.mark.slow)  # test_moments.py has each of them
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [("sphere", "ellipsoid", "cylinder", "cone"), FLAT], ids=["round", "flat"])
 def test_exposure_is_the_mean_of_still_pictures(session, names):
     """Four shapes side by side, each on the same way."""
@@ -89,6 +90,7 @@ def test_exposure_is_the_mean_of_still_pictures(session, names):
         assert_same_tiles(blurred, exposures(still(1), session, "middle", spp=64))
 
 
+@pytest.mark.slow
 def test_many_objects_on_ways_of_their_own(session):
     """Planes, shadows, mirrors, glass and lamps that move, some things that stand, in one scene."""
     mirror = {"kind": "mirror", "reflectance": 0.9}
@@ -122,6 +124,7 @@ def test_object_that_holds_while_the_shutter_is_open_changes_no_bit(session, fra
         assert film(held, session).tobytes() == film(still, session).tobytes()
 
 
+@pytest.mark.slow
 def test_camera_that_moves_is_the_world_that_moves_back(session):
     """Each path has the same time, so that pictures agree pixel by pixel."""
     beside = moved(CUBE, [{"translate": [1.2, 0.1, 0.3]}])  # where two faces lie in one plane, rounding decides
@@ -240,6 +243,7 @@ def test_passes_and_stream_and_every_width_agree(session, lanes, organisation, m
     assert np.isclose(film(scene, open_session()), plain, rtol=1e-4, atol=1e-5).mean() > 0.95
 
 
+@pytest.mark.slow
 def test_interruption_changes_no_bit(session, tmp_path):
     scene = scene_with([FLOOR, CUBE | {"motion": WAY}], shutter={"time_s": 1, "kind": "rolling", "readout_s": 1})
     whole = film(scene, session, spp=9)
