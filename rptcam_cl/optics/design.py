@@ -1,4 +1,4 @@
-"""Lenses from a few wishes (Kumar et al. 2024, eqs. 3-12), and the numbers of `lens info` of any lens."""
+"""Lenses from a few numbers (Kumar et al. 2024, eqs. 3-12), and the numbers of `lens info` of any lens."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 #
-# Lenses from a few wishes: a single lens of a focal length, and an achromatic doublet (Kumar et al. 2024, eqs. 3-12).
+# Lenses from a few numbers: a single lens of a focal length, and an achromatic doublet (Kumar et al. 2024, eqs. 3-12).
 #
 # Radii are signed here, positive when the centre lies on the film side; the paper writes magnitudes for biconvex and
 # biconcave lenses. Its eq. 12 lacks a minus sign: an achromat needs P1 / V1 + P2 / V2 = 0.

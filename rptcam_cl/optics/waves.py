@@ -514,7 +514,7 @@ def _slopes(pupil: PupilFunction, axis: int) -> float:
 def strehl(pupil: PupilFunction) -> Strehl:
     """Return the Strehl ratios at the chief ray's point and at the brightest point of the film."""
     perfect = float((np.sqrt(pupil.density) * pupil.coverage).sum()) ** 2
-    size = _padded(pupil)
+    size = _transform_size(pupil)
     light = np.abs(np.fft.fft2(pupil.field.astype(np.complex64), (size, size)))  # single: it says where alone
     row, column = np.unravel_index(int(np.argmax(light)), light.shape)
     width = pupil.length_mm / (size * pupil.step)
@@ -551,7 +551,7 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     By the spread of a line on the film, which is its transform; each point counts on that side of the middle of the
     light where it lies nearer.
     """
-    count = _padded(pupil)
+    count = _transform_size(pupil)
     line = (np.abs(np.fft.fft(pupil.field, count, axis=axis)) ** 2).sum(axis=1 - axis)
     line /= count * pupil.flux.sum()
     places = np.fft.fftfreq(count) * count
@@ -562,7 +562,7 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     return np.where(shifts < len(pupil.coverage), values, 0.0)
 
 
-def _padded(pupil: PupilFunction) -> int:
+def _transform_size(pupil: PupilFunction) -> int:
     """Return how many cells a transform has, a number that it is quick for."""
     return -(-PADDED * len(pupil.coverage) // 64) * 64
 
