@@ -284,12 +284,15 @@ def narrow_boxes(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, 
     """
     points = grid(boxes, *shape)
     hits = probe.passes(film[:, None], points)
-    margin = cells(boxes, *shape)
+    return boxes_round(points, hits, cells(boxes, *shape), boxes)
+
+
+def boxes_round(points: Array, hits: Mask, margin: Array, otherwise: Array) -> tuple[Array, Mask]:
+    """Return boxes round those of points (m, n, 2) that are hits (m, n), a margin (m, 2) wider, and which have any."""
     low = np.where(hits[..., None], points, np.inf).min(axis=1) - margin
     high = np.where(hits[..., None], points, -np.inf).max(axis=1) + margin
     lit: Mask = np.asarray(np.any(hits, axis=1))
-    tight = boxes_of(low, high)
-    return np.where(lit[:, None], tight, boxes), lit
+    return np.where(lit[:, None], boxes_of(low, high), otherwise), lit
 
 
 # Boxes round the pupils that film points see: found even where they are much smaller than the rear element.
