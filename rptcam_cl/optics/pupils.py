@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +13,9 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import ChiefRays, round_chief_rays
-from rptcam_cl.optics.lens import limiting_surface
+from rptcam_cl.optics.lens import Lens, limiting_surface
 from rptcam_cl.optics.ray_trace import Rays, passing, trace_crossings
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.surface import Surface
-
+from rptcam_cl.optics.surface import Surface
 
 #
 # How the film of a camera stands behind its lens: straight across the axis, or moved, tilted and swung.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,13 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam, chief_ray, is_steep, passing_beam, without_rims
+from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays, at_plane, trace_crossings
-from rptcam_cl.optics.surface import StopMask
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.surface import Surface
-
+from rptcam_cl.optics.surface import StopMask, Surface
 
 #
 # The pupil function of a lens: amplitude and path differences of the light of one point, over its directions.
