@@ -25,7 +25,7 @@ from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.ghosts import Ghosting
 from rptcam_cl.rendering.ground_truth import object_at
-from rptcam_cl.rendering.highlights import aimed_plan
+from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.layers import GUIDES, Denoiser
 from rptcam_cl.rendering.metering import reading_cd_m2
 from rptcam_cl.rendering.passes import signature

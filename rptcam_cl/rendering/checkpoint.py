@@ -256,7 +256,7 @@ class Saver:
         self.metered_cd_m2 = saved.facts.get("metered_cd_m2")
         self.focus = saved.facts.get("focus")
         self.parts = list(saved.facts.get("work", []))
-        warn_of_not_finite(saved)
+        _warn_of_not_finite(saved)
         return saved.done, self.part.unpack(saved.arrays, self._layout.tiles, self._layout.pixels)
 
     @property
@@ -354,7 +354,7 @@ class Saver:
         return None
 
 
-def warn_of_not_finite(saved: Checkpoint) -> None:
+def _warn_of_not_finite(saved: Checkpoint) -> None:
     """Warn of pixels whose sums are no finite numbers, as failing memory or an overflow leaves them: they stay so."""
     film, layers = saved.arrays.get("film"), saved.arrays.get("layers")
     summed = [] if film is None else [film]
@@ -578,7 +578,7 @@ def check_whole(part: Checkpoint) -> None:
         raise _damage(part.path, "its array film does not fit")
 
 
-def check_same(parts: Sequence[Checkpoint]) -> None:
+def _check_same(parts: Sequence[Checkpoint]) -> None:
     """Refuse parts that are not of one render.
 
     Raises
@@ -621,7 +621,7 @@ def layout_of(facts: dict[str, Any]) -> FilmLayout:
     return FilmLayout.of(Film(resolution=tuple(facts["resolution"]), crop=tuple(facts["crop"]) or None))
 
 
-def check_complete(parts: Sequence[Checkpoint], layout: FilmLayout) -> int:
+def _check_complete(parts: Sequence[Checkpoint], layout: FilmLayout) -> int:
     """Return the samples per pixel of the whole; refuse parts that overlap or leave gaps.
 
     Raises
@@ -768,7 +768,7 @@ def merge_states(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool =
         A file cannot be read or is damaged; or parts are not of one render, overlap, or leave gaps.
     """
     parts = [read_part(path) for path in paths]
-    check_same(parts)
+    _check_same(parts)
     same = OneMaker(allow_mixed)
     for part in parts:
         same.add(str(part.path), part.facts.get("made_by"))
@@ -778,10 +778,10 @@ def merge_states(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool =
     for part in parts:
         if part.part.count > layout.tiles:
             raise _damage(part.path, "part")
-    end = check_complete(parts, layout)
+    end = _check_complete(parts, layout)
     arrays = merge_arrays(parts, layout)
     for part in parts:
-        warn_of_not_finite(part)
+        _warn_of_not_finite(part)
     facts = parts[0].facts
     devices = list(dict.fromkeys(name for part in parts for name in part.facts["devices"]))
     whole = facts | {"part": None, "done": end, "devices": devices, "work": _work(parts), "made_by": same.makers}

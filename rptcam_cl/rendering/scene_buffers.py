@@ -109,7 +109,7 @@ def check_memory(needs: MemoryNeeds, session: Session) -> None:
             f"the scene needs {amount(size)} for {what}; device {session.info.id} takes at most"
             f" {amount(session.largest_buffer_bytes)} in one piece ({cure})"
         )
-    budget = memory_budget(session)
+    budget = _memory_budget(session)
     if needs.total <= budget:
         return
     parts = {
@@ -131,7 +131,7 @@ def check_memory(needs: MemoryNeeds, session: Session) -> None:
     )
 
 
-def memory_budget(session: Session) -> int:
+def _memory_budget(session: Session) -> int:
     """How much memory a render may plan with [bytes]; on a CPU also not more than the host has free."""
     offered = session.info.memory_bytes
     if session.info.type == "cpu" and (free := free_host_bytes()) is not None:

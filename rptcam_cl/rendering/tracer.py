@@ -470,7 +470,7 @@ MOST_BYTES = 1 << 16  # of each array of the scene
 MOST_WITH_PHOTONS = 1 << 26  # of each array, where photons look at the scene
 
 
-def compile_plan(device: str, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> None:
+def _compile_plan(device: str, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> None:
     """Compile in this process what a plan needs on a device; the arrays of the plan are on the host."""
     session = open_session(device)
     wavefront = Wavefront(session, plan, SMALL, settings, buffers=buffers.uploaded_to(session))
@@ -488,7 +488,7 @@ def warm_up_denoiser(wavefront: Wavefront) -> None:
 
 
 def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> bytes | None:
-    """Pickle `compile_plan` and its arguments for `CompileServer.compile`; None where they cannot be sent."""
+    """Pickle `_compile_plan` and its arguments for `CompileServer.compile`; None where they cannot be sent."""
     most = MOST_WITH_PHOTONS if plan.caustics.active else MOST_BYTES
     if plan.caustics.active and buffers.most_bytes > most:
         return None
@@ -500,6 +500,6 @@ def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderS
         surroundings=replace(plan.surroundings, distribution=plan.surroundings.distribution[:1]),
     )
     try:
-        return pickle.dumps((compile_plan, (session.info.id, light, buffers.on_host(light, most), settings)))
+        return pickle.dumps((_compile_plan, (session.info.id, light, buffers.on_host(light, most), settings)))
     except (pickle.PicklingError, AttributeError, TypeError):  # something in it holds a function
         return None

@@ -19,7 +19,7 @@ from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.account import truncation
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
-from rptcam_cl.rendering.highlights import aimed_plan
+from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront

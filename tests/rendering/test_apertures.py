@@ -94,6 +94,7 @@ def test_shaped_stop_passes_the_share_of_light_of_its_area(name, folder):
     assert share == pytest.approx(shape.area / np.pi, rel=0.006)  # noise 0.2 %, pupil aberration below 0.3 %
 
 
+@pytest.mark.slow
 def test_relative_exposure_of_a_shaped_stop_is_one_on_the_axis(folder):
     wall = {"environment": {"kind": "constant", "radiance": 1.0}, "render": {"spp": 400}}
     for name in ("star", "picture"):

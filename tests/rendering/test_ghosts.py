@@ -20,9 +20,9 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
 from rptcam_cl.optics.surface import blades
 from rptcam_cl.rendering import ghosts as ghost_film
-from rptcam_cl.rendering.far_light import shares_of_white
 from rptcam_cl.rendering.ghosts import WAVES_NM, GhostFilm
 from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.scene.load import load_scene
 from tests.support.cases import slow
 

@@ -37,6 +37,7 @@ def both(scene, **options):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "organisation"),
     [

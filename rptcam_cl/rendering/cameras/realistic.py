@@ -94,7 +94,7 @@ Window = tuple[float, float, float, float]
 """Part of the film: x from, x to, y from, y to [mm], in the frame of the lens."""
 
 
-def pupil_in_windows(
+def _pupil_in_windows(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
@@ -183,7 +183,7 @@ def _around(boxes: NDArray[np.float64], lit: NDArray[np.bool_]) -> NDArray[np.fl
     return np.concatenate([low - spread, high - low + 2 * spread])
 
 
-def paraxial_irradiance(
+def _paraxial_irradiance(
     lens: Lens, film_distance_mm: float, wavelength_nm: float, transmission: LensTransmission = IDEAL
 ) -> float:
     """Return the irradiance of the centre of the film for unit radiance by first-order optics."""
@@ -431,7 +431,7 @@ def realistic_model(
     shares = camera.pupil == "shared" and not (windows or coarse)
     shared = shared_sampling(scene, setting, sampled_nm) if shares else None
     on_axis_of = _on_axis if shared is None else partial(_on_axis, soon=disk_irradiance)
-    irradiance = paraxial_irradiance if windows else partial(_on_axis, soon=_axial) if coarse else on_axis_of
+    irradiance = _paraxial_irradiance if windows else partial(_on_axis, soon=_axial) if coarse else on_axis_of
     clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
     balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
     pupil = shared or _pupil(scene, setting, lens, sampled_nm, windows, coarse)
@@ -508,7 +508,7 @@ def _pupil(
     assert camera is not None
     frame = film_frame(camera)
     if windows:
-        return pupil_in_windows(lens, film_distance_mm, frame.bounds(half), camera.wavelength_nm, windows, frame)
+        return _pupil_in_windows(lens, film_distance_mm, frame.bounds(half), camera.wavelength_nm, windows, frame)
     tier = "auto" if camera.pupil == "shared" else camera.pupil
     return pupil_sampling(lens, film_distance_mm, half, sampled_nm, tier, frame, coarse=coarse)
 

@@ -74,7 +74,7 @@ def light_emitter(
             power = np.pi * reach**2 * luminance(colour)
         case SunLight():
             colour = light.irradiance
-            power = fill_sun(record, colour, light.diameter_degrees / 2) * np.pi * reach**2
+            power = _fill_sun(record, colour, light.diameter_degrees / 2) * np.pi * reach**2
             record["hidden"] = _hidden_from_camera(light, scene)
     # The spectrum is scaled as the record has its colour.
     largest = int(np.argmax(colour))
@@ -96,19 +96,19 @@ def _without_surface() -> np.void:
     return record
 
 
-def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_degrees: float) -> float:
+def _fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_degrees: float) -> float:
     """Fill in a disk at infinity that gives an irradiance where it is faced; return that as luminance [W/m²]."""
     sin2 = np.sin(np.deg2rad(radius_degrees)) ** 2
     fill(record, kind=EmitterKind.SUN, a=(0.0, 0.0, 0.0, sin2), radiance=np.asarray(irradiance) / (np.pi * sin2))
     return float(luminance(irradiance))
 
 
-def sun_emitter(towards: Array, irradiance: Array, reach: float) -> tuple[np.void, float]:
+def _sun_emitter(towards: Array, irradiance: Array, reach: float) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of the sun of a sky; ``reach`` is the radius of the scene [m]."""
     record = _without_surface()
     fill(record, normal=towards)
     red, green, blue = irradiance.tolist()
-    return record, fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2
+    return record, _fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2
 
 
 def _unit(direction: tuple[float, float, float]) -> NDArray[np.float64]:
@@ -171,7 +171,7 @@ SOLIDS = {
 QUADRATURE_STEPS = 64
 
 
-def fill_solid(record: np.void, kind: Kind, placement: Array) -> None:
+def _fill_solid(record: np.void, kind: Kind, placement: Array) -> None:
     """Fill in what ``kernels/light/solids.h`` reads of the shape.
 
     Parameters
@@ -351,7 +351,7 @@ PLACES = {
 }
 
 
-def lit_points(
+def _lit_points(
     primitives: Sequence[Primitive], lamps_of_primitive: Mapping[int, int], lamps: Lamps, eye: Array
 ) -> Array:
     """Return points (n, 3) [m about the eye] of what is no lamp itself; of a plane the foot of each lamp.
@@ -476,7 +476,7 @@ def _sphere(primitive: Primitive, record: np.void) -> float:
 
 def _solid(primitive: Primitive, record: np.void) -> float:
     """Fill in a solid; return its area."""
-    fill_solid(record, primitive.kind, primitive.placement)
+    _fill_solid(record, primitive.kind, primitive.placement)
     return area_of_solid(primitive.kind, primitive.placement[:3, :3])
 
 
@@ -606,7 +606,7 @@ def pack_emitters(
         lights.append((record, surroundings.flux * np.pi * reach**2))
     if surroundings.sun is not None:
         assert scene.environment is not None
-        lights.append(sun_emitter(*surroundings.sun, reach))
+        lights.append(_sun_emitter(*surroundings.sun, reach))
         lights[-1][0]["hidden"] = _hidden_from_camera(scene.environment, scene)
     lights = sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
@@ -625,7 +625,7 @@ def pack_emitters(
         if lamps and (
             held["LIGHT_TREE"] > 0
             if held is not None
-            else variance_by_power(lamps, lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN
+            else variance_by_power(lamps, _lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN
         ):
             order = np.argsort(~near, kind="stable")  # of_primitive stays: surfaces stand first
             records, powers = records[order], powers[order]

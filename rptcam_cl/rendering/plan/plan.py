@@ -215,11 +215,11 @@ def _spectral(
     table = wavelength_table(matching, _density(matching, spectra.lights), *range_nm)
     edges = table[:, 0].astype(np.float64)
     colours = np.concatenate([rgb_basis().T, daylight_65()[None]])
-    colours = cell_means(colours, edges)
+    colours = _cell_means(colours, edges)
     seen = table[:-1, 1:].T.astype(np.float64) @ (colours[:3] * colours[3]).T / WAVELENGTH_CELLS
     table[:, 1:] = table[:, 1:] @ np.linalg.inv(seen).T
     table[:, 1:] /= _left_of_white(table, colours[3], axial)
-    known = cell_means(np.array(spectra.samples), edges) if spectra.samples else np.zeros((0, WAVELENGTH_CELLS))
+    known = _cell_means(np.array(spectra.samples), edges) if spectra.samples else np.zeros((0, WAVELENGTH_CELLS))
     parts = np.concatenate([part.ravel() for part in (table, colours.T, known)]).astype(np.float32)
     return Spectrum.of(
         SpectrumKind.SPECTRAL, parts, SPECTRAL_COLOURS=1, HAS_SPECTRA=int(len(known) > 0), LENS_SPLITS=int(lens)
@@ -237,7 +237,7 @@ def _density(matching: Array, lights: list[Array]) -> Array:
     return np.asarray(density)
 
 
-def cell_means(spectra: Array, edges_nm: Array) -> Array:
+def _cell_means(spectra: Array, edges_nm: Array) -> Array:
     """Return means (n, cells) of spectra (n, 401), linear between `WAVELENGTHS_NM`, over cells of wavelength."""
     grid = np.union1d(WAVELENGTHS_NM, edges_nm)
     values = np.array([np.interp(grid, WAVELENGTHS_NM, row) for row in spectra])
@@ -314,7 +314,7 @@ class Caustics:
         return {"CAUSTICS": int(self.active)}
 
 
-def pack_caustics(
+def _pack_caustics(
     scene: Scene,
     primitives: Sequence[Primitive],
     first_triangles: NDArray[np.int32],
@@ -595,7 +595,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
     if parts.held is None or parts.held["CAUSTICS"]:
-        caustics = pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
+        caustics = _pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
     else:
         caustics = _without("photons take other kernels")
     hidden = np.array([primitive.hidden for primitive in primitives] or [0], np.int32) | boundaries(primitives)

@@ -300,6 +300,7 @@ def test_figures_by_default_are_those_of_many_rays_and_say_how_exact_they_are(
         )
 
 
+@pytest.mark.slow
 def test_spots_through_focus_have_as_many_rays_as_they_need() -> None:
     lens = rptcam_cl.load_lens("tessar-102mm")
     least, most = (

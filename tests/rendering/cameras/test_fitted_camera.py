@@ -62,6 +62,7 @@ def test_every_number_of_the_table_counts(session, place):
     assert apart_px.max() > 0.25
 
 
+@pytest.mark.slow
 def test_the_shape_of_the_stop_is_seen(session):
     heart = scene_of(aperture={"shape": "heart"}, f_number=4)
     traced, fitted, apart_px = both_ways(session, heart)

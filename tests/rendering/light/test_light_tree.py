@@ -300,6 +300,7 @@ def test_tree_is_for_lamps_that_stand_apart(pitch, height, tree) -> None:
     assert plan.facts["LIGHT_TREE"] == tree
 
 
+@pytest.mark.slow
 def test_light_of_many_spheres_has_its_closed_form() -> None:
     # E = pi L (r / d)^2 cos, exactly, of spheres wholly above the ground
     rng = np.random.default_rng(5)

@@ -69,6 +69,7 @@ def square():
     return a, b, np.full(COUNT**2, 1 / COUNT**2)
 
 
+@pytest.mark.slow
 def test_painted_rectangle(folder) -> None:
     corner, x, y = [-0.4, -0.2, 0.8], [0, 1.2, 0], [1.1, 0, 0.2]
     lamp = {"shape": "rectangle", "corner": corner, "edge_u": x, "edge_v": y, "material": GLOW}

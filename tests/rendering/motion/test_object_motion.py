@@ -89,6 +89,7 @@ def test_exposure_is_the_mean_of_still_pictures(session, names):
         assert_same_tiles(blurred, exposures(still(1), session, "middle", spp=64))
 
 
+@pytest.mark.slow
 def test_many_objects_on_ways_of_their_own(session):
     """Planes, shadows, mirrors, glass and lamps that move, some things that stand, in one scene."""
     mirror = {"kind": "mirror", "reflectance": 0.9}
@@ -122,6 +123,7 @@ def test_object_that_holds_while_the_shutter_is_open_changes_no_bit(session, fra
         assert film(held, session).tobytes() == film(still, session).tobytes()
 
 
+@pytest.mark.slow
 def test_camera_that_moves_is_the_world_that_moves_back(session):
     """Each path has the same time, so that pictures agree pixel by pixel."""
     beside = moved(CUBE, [{"translate": [1.2, 0.1, 0.3]}])  # where two faces lie in one plane, rounding decides

@@ -40,6 +40,7 @@ def test_picture_does_not_depend_on_the_tree(monkeypatch, roulette):
     assert films[0].std() > 0.05
 
 
+@pytest.mark.slow
 def test_scene_gets_a_tree_from_the_break_even_on(monkeypatch, tmp_path):
     monkeypatch.setenv("RPTCAM_CACHE_DIR", str(tmp_path))  # where no tree is kept yet
     built = []
