@@ -144,6 +144,7 @@ def test_solid_of_index_1_takes_no_light_from_the_floor_behind_it(shape):
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.04)  # four times the noise of the ball
 
 
+@pytest.mark.slow
 def test_lamp_behind_glass_is_seen_as_it_is(monkeypatch):
     """The light of a lamp seen through glass is that of the path: photons bring what goes on from a receiver alone."""
     monkeypatch.setattr(Session, "lanes", 1)  # where what is true is 1, not -1

@@ -71,6 +71,7 @@ def moved(item, steps):
 FLAT = pytest.param(("box", "disk", "rectangle", "mesh"), marks=pytest.mark.slow)  # test_moments.py has each of them
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [("sphere", "ellipsoid", "cylinder", "cone"), FLAT], ids=["round", "flat"])
 def test_exposure_is_the_mean_of_still_pictures(session, names):
     """Four shapes side by side, each on the same way."""
