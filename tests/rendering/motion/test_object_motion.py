@@ -243,6 +243,7 @@ def test_passes_and_stream_and_every_width_agree(session, lanes, organisation, m
     assert np.isclose(film(scene, open_session()), plain, rtol=1e-4, atol=1e-5).mean() > 0.95
 
 
+@pytest.mark.slow
 def test_interruption_changes_no_bit(session, tmp_path):
     scene = scene_with([FLOOR, CUBE | {"motion": WAY}], shutter={"time_s": 1, "kind": "rolling", "readout_s": 1})
     whole = film(scene, session, spp=9)
