@@ -23,6 +23,7 @@ from rptcam_cl.scene.camera import (
 )
 from rptcam_cl.scene.exposure import ContinuousFocus, Exposure, FrameSequence, Shutter, ValueKeyframe
 from rptcam_cl.scene.film import (
+    ColourView,
     Film,
     FilmFilter,
     PictureSettings,
@@ -168,6 +169,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Picture": (PictureSettings,),
     "White balance": (WhiteBalance,),
     "Tone curve": (ToneCurve,),
+    "OpenColorIO view": (ColourView,),
     "Normal map": (NormalMap, "Every texture"),
     "Bump": (Bump,),
     "Mapping": (Mapping,),
