@@ -42,6 +42,9 @@ OTHERS = (
     "tree of shapes",
     "everything",
     "light of lamps",
+    "hair",
+    "many lamps",
+    "ring",
 )  # of tests.device.every_kernel
 
 
