@@ -23,8 +23,8 @@ from benchmarks.report import print_table
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.api.interface import load_lens
 from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
-from rptcam_cl.optics import aberrations, image_quality
-from rptcam_cl.optics.spot import Beam
+from rptcam_cl.optics import aberrations, image_quality, ray_trace
+from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.waves import ExitRays
 
 Array = NDArray[np.float64]
@@ -90,7 +90,7 @@ def ours(setting: image_quality.Setting, heights: Array) -> Figures:
     exit_rays = ExitRays(lens, beam, LINE_D_NM, setting.film_z)
     points = np.column_stack([np.zeros_like(heights), heights])
     traced = lens.trace(*beam.rays(points), LINE_D_NM, "scene")
-    off = image_quality.at_plane(traced.origins, traced.directions, setting.film_z)[:, 1] - exit_rays.chief[1]
+    off = ray_trace.at_plane(traced.origins, traced.directions, setting.film_z)[:, 1] - exit_rays.chief[1]
     last = len(lens.surfaces)
     return {
         "first-order rays": np.stack([marginal[:last, 0], chief[:last, 0]]),

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from benchmarks.report import arguments, machine, print_table, write_json
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.scene.exposure import ContinuousFocus
-from rptcam_cl.studies.focus.servo import FOCAL_LENGTHS_PER_S, RISE_S, Limits, Servo
+from rptcam_cl.studies.focus.servo import FOCAL_LENGTHS_PER_S, RISE_S, DriveLimits, Servo
 
 NOISES = (0.0, 0.05, 0.1, 0.2)  # depths of focus
 SEEDS = 8
@@ -57,7 +57,7 @@ def errors_of(
     times = np.arange(max(round(seconds * fps), 4)) / fps
     subject = np.array([1 / (1 / focal_mm - 1e-3 / distance_m(float(t))) for t in times])
     seen = subject + sharp_mm * noise * np.random.default_rng(seed).normal(size=len(times))
-    limits = Limits((0.94 * focal_mm, 2 * focal_mm), speed, speed / RISE_S)
+    limits = DriveLimits((0.94 * focal_mm, 2 * focal_mm), speed, speed / RISE_S)
     servo = Servo(seen[0], limits, lambda place: 1e3 * (1 / focal_mm - 1 / place), settings)
     servo.measure(seen[0], noise * sharp_mm)
     places, limited = [seen[0]], 0

@@ -20,7 +20,7 @@ import rptcam_cl
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.studies.focus.probe import MEASURES, Measured, Probe, Zone, peak_of
+from rptcam_cl.studies.focus.probe import MEASURES, Estimate, Probe, Zone, peak_of
 from rptcam_cl.studies.focus.renderer import ProbeRenderer
 
 ZONE = Zone(0.47, 0.53, 0.46, 0.54)
@@ -68,7 +68,7 @@ def probes_of(probe: ProbeRenderer, steps: list[float], samples: int, seed: int)
     return found
 
 
-def monotonic(values: list[Measured]) -> float:
+def monotonic(values: list[Estimate]) -> float:
     """Return the share of steps that fall on the way out from the top."""
     curve = np.array([value.value for value in values])
     top = int(curve.argmax())
@@ -76,7 +76,7 @@ def monotonic(values: list[Measured]) -> float:
     return float(np.mean(out < 0))
 
 
-def half_width(steps: list[float], values: list[Measured]) -> float:
+def half_width(steps: list[float], values: list[Estimate]) -> float:
     """Return the distance from the top at which half is left, the mean of both sides [depths of focus]."""
     curve, places = np.array([value.value for value in values]), np.array(sorted(steps))
     top = int(curve.argmax())

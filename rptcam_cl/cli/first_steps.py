@@ -159,10 +159,7 @@ def run_view(arguments: argparse.Namespace) -> int:
     if means_one(arguments.device):
         open_early(arguments.device)
     from rptcam_cl.viewfinder.engine import Viewfinder
-    from rptcam_cl.viewfinder.page import check_server, is_loopback
-
-    check_server()
-    from rptcam_cl.viewfinder.server import serve
+    from rptcam_cl.viewfinder.server import is_loopback, serve
 
     if not (is_loopback(arguments.host) or arguments.others):
         raise InputError(

@@ -198,9 +198,9 @@ def order(text: str) -> int:
 
 
 def _ghosts(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.optics.beams import Beam
     from rptcam_cl.optics.field_measures import draw_ghost, ghost_summary, ghost_table
     from rptcam_cl.optics.ghosts import Lit, find_ghosts
-    from rptcam_cl.optics.spot import Beam
 
     lens_options.check_picture(arguments.output, arguments.lens, (".svg",))
     state = lens_options.lens_in_use(arguments)

@@ -127,13 +127,13 @@ def driver_name(handle: Any) -> str:
     return hashlib.sha256("\n".join(facts).encode() + code).hexdigest()
 
 
-def keep_refusal(handle: Any, why: str) -> None:
+def _keep_refusal(handle: Any, why: str) -> None:
     """Keep why a device that builds kernels cannot be used."""
     _REFUSALS.add(("refusal", driver_name(handle)), why)
 
 
 def refusal(handle: Any) -> str | None:
-    """Read the refusal that `keep_refusal` has kept of a device; None where there is none."""
+    """Read the refusal that `_keep_refusal` has kept of a device; None where there is none."""
     why: str | None = _REFUSALS.find(("refusal", driver_name(handle)))
     return why
 
@@ -391,7 +391,7 @@ def speed_of(device: DeviceInfo) -> float:
 
 def refuse(device: DeviceInfo, why: str) -> str:
     """Have a device not be used from now on, in other processes too; return what an error says of it."""
-    keep_refusal(device.handle, why)
+    _keep_refusal(device.handle, why)
     return f"device {device.id} {device.name} cannot be used: {why}; {drivers.instead()}"
 
 
@@ -586,7 +586,7 @@ def fitting_devices(devices: list[DeviceInfo], spec: str | None = None) -> tuple
     """
     for source, value in (
         ("--device", spec),
-        ("RPTCAM_DEVICE", first_device(os.environ.get("RPTCAM_DEVICE"))),
+        ("RPTCAM_DEVICE", _first_device(os.environ.get("RPTCAM_DEVICE"))),
         ("PYOPENCL_CTX", os.environ.get("PYOPENCL_CTX")),
     ):
         if value is not None and value.strip():
@@ -633,7 +633,7 @@ def several_of_environment() -> list[str] | None:
     return words if len(words) > 1 or words == [ALL] else None
 
 
-def first_device(spec: str | None) -> str | None:
+def _first_device(spec: str | None) -> str | None:
     """Return the device that a command takes that takes one: the first of a list, the best of all."""
     if spec is None:
         return None

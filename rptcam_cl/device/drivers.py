@@ -407,7 +407,7 @@ def load_opencl() -> Any:
         os.environ.setdefault(name, "0")
     if sys.platform.startswith("linux"):
         make_pocl_cache_usable()
-        show_intel_runtime()
+        _show_intel_runtime()
     try:
         import pyopencl
     except Exception as error:  # a missing library, or a cache folder that a user has set
@@ -415,11 +415,11 @@ def load_opencl() -> Any:
     return pyopencl
 
 
-def show_intel_runtime() -> None:
+def _show_intel_runtime() -> None:
     """Name a folder of drivers to the loader if pip has installed Intel's runtime and the user names no drivers."""
     if any(os.environ.get(name) for name in VARIABLES):
         return
-    library = intel_library()
+    library = _intel_library()
     if library is None:
         return
     with contextlib.suppress(OSError):
@@ -433,7 +433,7 @@ def show_intel_runtime() -> None:
         os.environ["OCL_ICD_VENDORS"] = str(folder)
 
 
-def intel_library() -> Path | None:
+def _intel_library() -> Path | None:
     """Return the library of Intel's runtime in this environment of Python; None where it is not installed."""
     try:
         files = metadata.files(PACKAGE) or []

@@ -78,7 +78,7 @@ def mark_work(folder: Path, *, ended_well: Callable[[], bool]) -> None:
     atexit.register(end_work)
 
 
-def leave_work() -> None:
+def _leave_work() -> None:
     """Leave the marks to the process that this one was forked from."""
     for _, file, _ in _of_this_process.values():
         file.close()
@@ -262,7 +262,7 @@ def start_fork_server() -> CompileServer | None:
         if process == 0:
             os.close(to_orders)
             os.close(answers)
-            leave_work()
+            _leave_work()
             serve(orders, to_answers, IDLE)
         os.close(orders)
         os.close(to_answers)

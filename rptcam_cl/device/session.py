@@ -543,11 +543,11 @@ def _open_all(wanted: Wanted) -> list[Session]:
     if devices.ALL in words:
         if len(words) > 1:
             raise DeviceError("--device: 'all' stands alone (or name the devices)")
-        return [open_session(info.id) for info in usable_devices()]
+        return [open_session(info.id) for info in _usable_devices()]
     return [word if isinstance(word, Session) else open_session(word) for word in words]
 
 
-def usable_devices() -> list[devices.DeviceInfo]:
+def _usable_devices() -> list[devices.DeviceInfo]:
     """Return every device that builds a kernel, with a warning for each that does not.
 
     Raises

@@ -32,14 +32,14 @@ from rptcam_cl.scene.placement import quaternion_of
 
 Array = NDArray[np.float64]
 
-FIELDS = 5  # places across and down the picture from which the pupil is seen
-STEPS = 48  # points across the last surface, and across the pupil, that rays from each are aimed at
-NARROWED = 3  # times that the pupil is narrowed down
+_FIELDS = 5  # places across and down the picture from which the pupil is seen
+_STEPS = 48  # points across the last surface, and across the pupil, that rays from each are aimed at
+_NARROWED = 3  # times that the pupil is narrowed down
 
-FAR_MM = 1e4  # from where on a pupil ahead of the film is as good as infinitely far
-ROUNDS = 12  # of Newton's iteration, which needs three to five
-SMALL = 4e-7  # last step of it, over the size of the place: a few roundings in float32
-AXIS_RAYS = (1024, 64)  # outwards and round the disk, by which the light in the middle of the film is found
+_FAR_MM = 1e4  # from where on a pupil ahead of the film is as good as infinitely far
+_ROUNDS = 12  # of Newton's iteration, which needs three to five
+_SMALL = 4e-7  # last step of it, over the size of the place: a few roundings in float32
+_AXIS_RAYS = (1024, 64)  # outwards and round the disk, by which the light in the middle of the film is found
 
 PROGRAM = """\
 // {about}
@@ -205,27 +205,11 @@ def osl_text(view: View) -> str:
     normal /= np.linalg.norm(normal)
     plane, radius = _disk(view, setting)
     middle = corner + (across + up) / 2
-    indices = lens.indices(wavelength)
-    rows = range(len(lens.surfaces) - 1, -1, -1)
-    surfaces = [lens.surfaces[k] for k in rows]
-    axes = [surface.axes() for surface in surfaces]
-    terms = max((max(power, 2) + 1 for surface in surfaces for power, _ in surface.aspheric), default=0)
     return PROGRAM.format(
         about=f"{view.name}, film {setting.film_distance_mm:.6g} mm behind it, {wavelength:g} nm",
-        count=len(surfaces),
-        vertex=_listed(film_z - float(lens.vertices[k]) for k in rows),
-        curvature=_listed(-surface.curvature for surface in surfaces),
-        shape=_listed(1.0 + surface.conic for surface in surfaces),
-        clear=_listed(min(surface.semi_diameter, 1e6) ** 2 for surface in surfaces),
-        ratio=_listed(float(indices[k + 1] / indices[k]) for k in rows),
-        across_x=_listed(x for x, _ in axes),
-        across_y=_listed(y for _, y in axes),
-        terms=terms,
-        size=terms * len(surfaces),
-        aspheric=", ".join(str(int(bool(surface.aspheric))) for surface in surfaces),
-        coefficients=_listed(-dict(surface.aspheric).get(i, 0.0) for surface in surfaces for i in range(terms)),
-        rounds=ROUNDS,
-        small=SMALL,
+        **_columns_of_surfaces(lens, film_z, wavelength),
+        rounds=_ROUNDS,
+        small=_SMALL,
         corner=_turned(corner, film_z),
         across=_turned(across),
         up=_turned(up),
@@ -235,6 +219,29 @@ def osl_text(view: View) -> str:
         disk=repr(float(film_z - plane)),
         scale=repr(1.0 / _on_axis(lens, middle, normal, plane, radius, wavelength)),
     )
+
+
+def _columns_of_surfaces(lens: Lens, film_z: float, wavelength_nm: float) -> dict[str, Any]:
+    """List the surfaces from film to scene, column by column, by the names in the text of the shader."""
+    indices = lens.indices(wavelength_nm)
+    rows = range(len(lens.surfaces) - 1, -1, -1)
+    surfaces = [lens.surfaces[k] for k in rows]
+    axes = [surface.axes() for surface in surfaces]
+    terms = max((max(power, 2) + 1 for surface in surfaces for power, _ in surface.aspheric), default=0)
+    return {
+        "count": len(surfaces),
+        "vertex": _listed(film_z - float(lens.vertices[k]) for k in rows),
+        "curvature": _listed(-surface.curvature for surface in surfaces),
+        "shape": _listed(1.0 + surface.conic for surface in surfaces),
+        "clear": _listed(min(surface.semi_diameter, 1e6) ** 2 for surface in surfaces),
+        "ratio": _listed(float(indices[k + 1] / indices[k]) for k in rows),
+        "across_x": _listed(x for x, _ in axes),
+        "across_y": _listed(y for _, y in axes),
+        "terms": terms,
+        "size": terms * len(surfaces),
+        "aspheric": ", ".join(str(int(bool(surface.aspheric))) for surface in surfaces),
+        "coefficients": _listed(-dict(surface.aspheric).get(i, 0.0) for surface in surfaces for i in range(terms)),
+    }
 
 
 def _check(lens: Lens) -> None:
@@ -264,22 +271,22 @@ def _disk(view: View, setting: LensSetting) -> tuple[float, float]:
     lens = setting.lens
     film_z, last = lens.film_z(setting.film_distance_mm), lens.length
     pupil_z = last + lens.first_order(setting.camera.wavelength_nm).exit_pupil.distance_mm
-    plane = pupil_z if setting.film_distance_mm / 2 < film_z - pupil_z < FAR_MM else last
-    film = view.film_points(view.grid(FIELDS, FIELDS))
+    plane = pupil_z if setting.film_distance_mm / 2 < film_z - pupil_z < _FAR_MM else last
+    film = view.film_points(view.grid(_FIELDS, _FIELDS))
     film[:, 2] += film_z
     rear = lens.surfaces[-1].semi_diameter
     radius = _reach(lens, film, last, rear, setting.camera.wavelength_nm)
     if plane != last:
         spread = float(np.max((film[:, 2] - plane) / (film[:, 2] - last)))
         radius = radius * spread + abs(spread - 1.0) * float(np.hypot(*film[:, :2].T).max())
-    for _ in range(NARROWED):
+    for _ in range(_NARROWED):
         radius = min(radius, _reach(lens, film, plane, radius, setting.camera.wavelength_nm))
     return float(plane), radius
 
 
 def _reach(lens: Lens, film: Array, plane: float, half: float, wavelength_nm: float) -> float:
     """Return how far from the axis light to film points crosses a plane, within a square of half side ``half`` [mm]."""
-    line = np.linspace(-half, half, STEPS)
+    line = np.linspace(-half, half, _STEPS)
     x, y = (values.ravel() for values in np.meshgrid(line, line))
     origins = np.repeat(film, x.size, axis=0)
     targets = np.tile(np.column_stack([x, y, np.full(x.size, plane)]), (len(film), 1))
@@ -292,7 +299,7 @@ def _reach(lens: Lens, film: Array, plane: float, half: float, wavelength_nm: fl
 
 def _on_axis(lens: Lens, middle: Array, normal: Array, plane: float, reach: float, wavelength_nm: float) -> float:
     """Return the mean over the disk of what the middle of the film gets, before it is scaled to 1 [1/mm^2]."""
-    shares, turns = ((np.arange(count) + 0.5) / count for count in AXIS_RAYS)
+    shares, turns = ((np.arange(count) + 0.5) / count for count in _AXIS_RAYS)
     radius, azimuth = (part.ravel() for part in np.meshgrid(reach * np.sqrt(shares), 2 * math.pi * turns))
     targets = np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(radius.size, plane)])
     away = targets - middle
@@ -324,8 +331,8 @@ def _listed(values: Iterable[float], between: str = ", ") -> str:
 # pupil. What USD cannot say, distortion and the lens itself, is custom data. Lengths are centimetres, because then
 # focal length and apertures, which USD has in tenths of the unit, are millimetres.
 
-CM_PER_M = 100.0
-NEAREST_CM, FARTHEST_CM = 0.1, 1e6  # what is drawn at most: from 1 mm to 10 km
+_CM_PER_M = 100.0
+_NEAREST_CM, _FARTHEST_CM = 0.1, 1e6  # what is drawn at most: from 1 mm to 10 km
 
 
 def usd_text(view: View, calibration: Calibration) -> str:
@@ -347,16 +354,16 @@ def usd_text(view: View, calibration: Calibration) -> str:
         "horizontalApertureOffset": (width / 2 - cx) * focal_mm / fx,
         "verticalApertureOffset": (cy - height / 2) * focal_mm / fy,
         "fStop": focal_mm / pupil_mm if pupil_mm else 0.0,  # 0 is a pinhole
-        "focusDistance": min(focus_m, FAR_M) * CM_PER_M,
+        "focusDistance": min(focus_m, FAR_M) * _CM_PER_M,
     }
     setting = view.setting  # the lens begins so far ahead of the entrance pupil
     ahead_cm = 0.0 if setting is None else (setting.lens.film_z(setting.film_distance_mm) - view.pupil_ahead_mm) / 10
-    near = max(ahead_cm, NEAREST_CM)
+    near = max(ahead_cm, _NEAREST_CM)
     lines = [
         "#usda 1.0",
         "(",
         '    defaultPrim = "Camera"',
-        f"    metersPerUnit = {1 / CM_PER_M!r}",
+        f"    metersPerUnit = {1 / _CM_PER_M!r}",
         '    upAxis = "Y"',
         ")",
         "",
@@ -366,7 +373,7 @@ def usd_text(view: View, calibration: Calibration) -> str:
         "{",
         '    token projection = "perspective"',
         *(f"    float {name} = {value!r}" for name, value in numbers.items()),
-        f"    float2 clippingRange = ({near!r}, {FARTHEST_CM!r})",
+        f"    float2 clippingRange = ({near!r}, {_FARTHEST_CM!r})",
         f"    matrix4d xformOp:transform = ( {', '.join(f'({_listed(row)})' for row in _pose_rows(view))} )",
         '    uniform token[] xformOpOrder = ["xformOp:transform"]',
         "}",
@@ -386,7 +393,7 @@ def _pose_rows(view: View) -> list[list[float]]:
     """Return the pose as USD has it: by rows right, up, back and the place [cm]."""
     pose = view.pose()
     pose[:3, 1:3] *= -1.0
-    pose[:3, 3] *= CM_PER_M
+    pose[:3, 3] *= _CM_PER_M
     rows: list[list[float]] = np.add(pose.T, 0.0).tolist()  # which makes 0 of -0
     return rows
 
@@ -436,26 +443,26 @@ def _dictionary(values: dict[str, Any], indent: str) -> list[str]:
 # COLMAP counts from its corner, as we do. Poses are from the world of the scene to x right, y down, z ahead at the
 # entrance pupil.
 
-PIXEL_CENTRE = 0.5  # of the first pixel, as we and COLMAP count; OpenCV and ROS call it 0
-ROS = {
+_PIXEL_CENTRE = 0.5  # of the first pixel, as we and COLMAP count; OpenCV and ROS call it 0
+_ROS = {
     "pinhole": "plumb_bob",
     "brown_conrady": "plumb_bob",
     "rational": "rational_polynomial",
     BY_ANGLE: "equidistant",
 }
-COLMAP = {"pinhole": "PINHOLE", "brown_conrady": "FULL_OPENCV", "rational": "FULL_OPENCV", BY_ANGLE: "OPENCV_FISHEYE"}
+_COLMAP = {"pinhole": "PINHOLE", "brown_conrady": "FULL_OPENCV", "rational": "FULL_OPENCV", BY_ANGLE: "OPENCV_FISHEYE"}
 ALL = ("pinhole", "brown_conrady", "rational", "thin_prism", BY_ANGLE)
 HELD: dict[str, tuple[str, ...]] = {
     "opencv": ALL,
-    "ros": tuple(ROS),
-    "colmap": tuple(COLMAP),
+    "ros": tuple(_ROS),
+    "colmap": tuple(_COLMAP),
     "openlensio": ("pinhole", "brown_conrady", "rational"),
     "usd": ALL,
     "osl": ALL,
 }
-OPENTRACKIO_VERSION = [1, 0, 1]
-LONGEST_NAME = 1023  # characters, by its schema
-SAME_FOCUS = 1e-3  # share by which fx and fy may differ [mm] where a file has one focal length
+_OPENTRACKIO_VERSION = [1, 0, 1]
+_LONGEST_NAME = 1023  # characters, by its schema
+_SAME_FOCUS = 1e-3  # share by which fx and fy may differ [mm] where a file has one focal length
 
 
 def check_held(form: str, model: str) -> None:
@@ -466,7 +473,7 @@ def check_held(form: str, model: str) -> None:
 
 def _opencv_matrix(view: View, calibration: Calibration) -> list[float]:
     fx, fy, cx, cy = calibration.parameters[:4].tolist()
-    return [fx, 0.0, cx - PIXEL_CENTRE, 0.0, fy, cy - PIXEL_CENTRE, 0.0, 0.0, 1.0]
+    return [fx, 0.0, cx - _PIXEL_CENTRE, 0.0, fy, cy - _PIXEL_CENTRE, 0.0, 0.0, 1.0]
 
 
 def _about(view: View, calibration: Calibration) -> str:
@@ -527,7 +534,7 @@ def ros_text(view: View, calibration: Calibration) -> str:
         f"image_height: {view.size[1]}",
         f"camera_name: {'_'.join(re.findall('[A-Za-z0-9]+', view.name)) or 'camera'}",
         *block("camera_matrix", 3, 3, matrix),
-        f"distortion_model: {ROS[calibration.model]}",
+        f"distortion_model: {_ROS[calibration.model]}",
         *block("distortion_coefficients", 1, len(coefficients), coefficients),
         *block("rectification_matrix", 3, 3, np.eye(3).ravel().tolist()),
         *block("projection_matrix", 3, 4, projection),
@@ -546,7 +553,7 @@ def colmap_texts(view: View, calibration: Calibration, picture: str) -> dict[str
     x, y, z, w = quaternion_of(pose[:3, :3])
     return {
         "cameras.txt": f"# {_about(view, calibration)}\n# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
-        f"1 {COLMAP[calibration.model]} {width} {height} {values}\n",
+        f"1 {_COLMAP[calibration.model]} {width} {height} {values}\n",
         "images.txt": "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; then POINTS2D[] of it\n"
         f"1 {_listed((w, x, y, z, *pose[:3, 3]), ' ')} 1 {picture}\n\n",
         "points3D.txt": "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n",
@@ -574,7 +581,7 @@ def openlensio_text(view: View, calibration: Calibration) -> str:
         lens["focusDistance"] = facts["focus_distance_m"]
     text = json.dumps([facts["world_from_camera"], calibration.parameters.tolist()])
     sample = {
-        "protocol": {"name": "OpenTrackIO", "version": OPENTRACKIO_VERSION},
+        "protocol": {"name": "OpenTrackIO", "version": _OPENTRACKIO_VERSION},
         "sampleId": f"urn:uuid:{uuid.uuid5(uuid.NAMESPACE_OID, text)}",
         "static": {
             "camera": {
@@ -584,7 +591,7 @@ def openlensio_text(view: View, calibration: Calibration) -> str:
                 },
                 "activeSensorResolution": {"width": view.size[0], "height": view.size[1]},
             },
-            "lens": {"model": view.name[:LONGEST_NAME]},
+            "lens": {"model": view.name[:_LONGEST_NAME]},
         },
         "lens": lens,
         "transforms": [_transform(view)],
@@ -595,7 +602,7 @@ def openlensio_text(view: View, calibration: Calibration) -> str:
 def _openlensio_lens(view: View, calibration: Calibration, pixel_mm: list[float]) -> dict[str, Any]:
     """Return the lens of `openlensio_text`: focal length, offsets and distortion."""
     focal = [value * mm for value, mm in zip(calibration.parameters[:2].tolist(), pixel_mm, strict=True)]
-    if abs(focal[0] - focal[1]) > SAME_FOCUS * focal[0]:
+    if abs(focal[0] - focal[1]) > _SAME_FOCUS * focal[0]:
         raise InputError(
             f"--openlensio: {view.name} has another focal length across ({focal[0]:.4f} mm)"
             f" than down ({focal[1]:.4f} mm); such a file holds one"
@@ -649,7 +656,7 @@ def document(view: View, calibrations: Sequence[Calibration], refused: dict[str,
     return {
         **facts,
         "object_shape": view.object_shape,
-        "pixel_centre": PIXEL_CENTRE,
+        "pixel_centre": _PIXEL_CENTRE,
         "conventions": {
             "pixels": "from the left and top edges of the picture: the first pixel covers 0 to 1, its centre is 0.5",
             "axes": "x right, y down, z ahead; world_from_camera by rows [m], at the entrance pupil",

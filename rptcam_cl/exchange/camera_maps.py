@@ -18,11 +18,10 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.camera_models import BY_ANGLE, normal_points
 from rptcam_cl.exchange.camera_view import View, check_distances, distance_along
-from rptcam_cl.optics.chief_rays import film_chief_rays
+from rptcam_cl.optics.beams import Beam, film_chief_rays, is_steep, passing_beam, passing_from, takes_steep_light
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays
-from rptcam_cl.optics.spot import Beam, is_steep, passing_beam, passing_from, takes_steep_light
 from rptcam_cl.rendering.cameras.ideal import shaped
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import film_frame
@@ -38,18 +37,18 @@ from rptcam_cl.scene.assets.pictures import write_exr
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-SAMPLES = (45, 33)  # chief rays across and down that a fit goes by
-MARGIN = 0.02  # of the picture's sides that is fitted beyond its edges
+_SAMPLES = (45, 33)  # chief rays across and down that a fit goes by
+_MARGIN = 0.02  # of the picture's sides that is fitted beyond its edges
 DEGREES = (10, 16, 24)  # that are tried
 GOOD_PX = 2e-3  # error that is good enough
-NEWTON = 6  # rounds of the way back, which mostly needs one
-EXACT_PX = 1e-4
-CHUNK = 1 << 14
-LEAST = 60  # chief rays below which there is nothing to fit
+_NEWTON = 6  # rounds of the way back, which mostly needs one
+_EXACT_PX = 1e-4
+_CHUNK = 1 << 14
+_LEAST = 60  # chief rays below which there is nothing to fit
 
 
 @dataclass(frozen=True)
-class Polynomial:
+class ChebyshevFunction:
     """A smooth function of the plane: Chebyshev polynomials (n, n, outputs) over a box (low, high)."""
 
     coefficients: Array
@@ -70,16 +69,16 @@ class Polynomial:
     def _evaluate(self, coefficients: Array, points: Array) -> Array:
         unit = (points - self.low) / (self.high - self.low) * 2.0 - 1.0
         result = np.empty((len(points), coefficients.shape[2]))
-        for start in range(0, len(points), CHUNK):
-            part = unit[start : start + CHUNK]
+        for start in range(0, len(points), _CHUNK):
+            part = unit[start : start + _CHUNK]
             across = chebyshev.chebvander(part[:, 0], coefficients.shape[0] - 1)
             down = chebyshev.chebvander(part[:, 1], coefficients.shape[1] - 1)
             for k in range(coefficients.shape[2]):
-                result[start : start + CHUNK, k] = np.sum((across @ coefficients[:, :, k]) * down, axis=1)
+                result[start : start + _CHUNK, k] = np.sum((across @ coefficients[:, :, k]) * down, axis=1)
         return result
 
 
-def fitted(points: Array, values: Array, degree: int, low: Array, high: Array) -> Polynomial:
+def fitted(points: Array, values: Array, degree: int, low: Array, high: Array) -> ChebyshevFunction:
     """Return the polynomials of a total degree that fit values (n, 2) at points (n, 2) best."""
     unit = (points - low) / (high - low) * 2.0 - 1.0
     across, down = (chebyshev.chebvander(unit[:, k], degree) for k in (0, 1))
@@ -87,7 +86,7 @@ def fitted(points: Array, values: Array, degree: int, low: Array, high: Array) -
     solution = np.linalg.lstsq(across[:, i] * down[:, j], values, rcond=1e-12)[0]
     coefficients = np.zeros((degree + 1, degree + 1, values.shape[1]))
     coefficients[i, j] = solution
-    return Polynomial(coefficients, low, high)
+    return ChebyshevFunction(coefficients, low, high)
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,7 @@ class SmoothMap:
 
     Attributes
     ----------
-    to_angles, to_places : Polynomial
+    to_angles, to_places : ChebyshevFunction
     size : tuple of int
         Of the picture [pixels].
     error_px : float
@@ -105,8 +104,8 @@ class SmoothMap:
         Largest angle from the axis that was fitted [radians].
     """
 
-    to_angles: Polynomial
-    to_places: Polynomial
+    to_angles: ChebyshevFunction
+    to_places: ChebyshevFunction
     size: tuple[int, int]
     error_px: float
     widest: float
@@ -115,15 +114,15 @@ class SmoothMap:
         """Return the places (n, 2) of angles (n, 2), and which of them lie in the picture or just beyond its edges."""
         places = np.full(angles.shape, -1.0)
         inside = np.all((angles >= self.to_places.low) & (angles <= self.to_places.high), axis=1)
-        rows = np.flatnonzero(inside & (np.linalg.norm(angles, axis=1) <= self.widest * (1 + MARGIN)))
+        rows = np.flatnonzero(inside & (np.linalg.norm(angles, axis=1) <= self.widest * (1 + _MARGIN)))
         low, high = self.to_angles.low, self.to_angles.high
         at, wanted = np.clip(self.to_places(angles[rows]), low, high), angles[rows]
         left = np.arange(len(rows))
-        for _ in range(NEWTON):
+        for _ in range(_NEWTON):
             off = self.to_angles(at[left]) - wanted[left]
             step = np.linalg.solve(self.to_angles.slopes(at[left]), off[..., None])[..., 0]
             at[left] = np.clip(at[left] - step, low, high)
-            left = left[np.abs(step).max(axis=1) >= EXACT_PX]
+            left = left[np.abs(step).max(axis=1) >= _EXACT_PX]
             if not len(left):
                 break
         good = np.ones(len(rows), bool)
@@ -143,11 +142,11 @@ def smooth_map(view: View) -> SmoothMap:
         When too little of the picture has light.
     """
     size = np.array(view.size, np.float64)
-    low, high = -MARGIN * size, (1 + MARGIN) * size
-    places, angles = _samples(view, low, high, SAMPLES)
-    if len(places) < LEAST:
+    low, high = -_MARGIN * size, (1 + _MARGIN) * size
+    places, angles = _samples(view, low, high, _SAMPLES)
+    if len(places) < _LEAST:
         raise InputError(f"{view.name}: the picture shows nothing to map (allowed: a film inside the image circle)")
-    between, seen = _samples(view, low, high, (SAMPLES[0] - 10, SAMPLES[1] - 8))
+    between, seen = _samples(view, low, high, (_SAMPLES[0] - 10, _SAMPLES[1] - 8))
     inside = np.all((between >= 0) & (between <= size), axis=1)
     best: SmoothMap | None = None
     for degree in DEGREES:
@@ -187,10 +186,10 @@ def _samples(view: View, low: Array, high: Array, counts: tuple[int, int]) -> tu
 
 Pixels = NDArray[np.float32]
 
-WIDEST = math.radians(70.0)  # from the axis, up to which a straight picture has a place for what a lens shows
+_WIDEST = math.radians(70.0)  # from the axis, up to which a straight picture has a place for what a lens shows
 MOST_PIXELS = 200_000_000  # of a straight picture
-EDGE = 257  # places along each edge that say how large the straight picture has to be
-NOWHERE = -1.0
+_EDGE = 257  # places along each edge that say how large the straight picture has to be
+_NOWHERE = -1.0
 
 
 @dataclass(frozen=True)
@@ -252,7 +251,7 @@ def _centres(size: tuple[int, ...]) -> Array:
 
 def _map(places: Array, known: Mask, size: tuple[int, ...], of: tuple[int, ...]) -> Pixels:
     """Return a map of some size whose values are places, where known, as shares of a picture of another size."""
-    values = np.full((len(places), 3), NOWHERE, np.float32)
+    values = np.full((len(places), 3), _NOWHERE, np.float32)
     values[known, 0] = places[known, 0] / of[0]
     values[known, 1] = 1.0 - places[known, 1] / of[1]
     values[:, 2] = known
@@ -274,8 +273,8 @@ def _tangents(smooth: SmoothMap, places: Array) -> tuple[Array, Mask]:
     """Return tangents (n, 2) of places along their azimuths, and which of them are shown not too far from the axis."""
     angles = smooth.to_angles(places)
     length = np.linalg.norm(angles, axis=1)
-    near = (length <= WIDEST) & (length <= smooth.widest)
-    scale = np.tan(np.minimum(length, WIDEST)) / np.maximum(length, 1e-300)
+    near = (length <= _WIDEST) & (length <= smooth.widest)
+    scale = np.tan(np.minimum(length, _WIDEST)) / np.maximum(length, 1e-300)
     return np.asarray(angles * scale[:, None]), near
 
 
@@ -295,7 +294,7 @@ def _principal(view: View) -> tuple[Array, Array]:
 
 def _bounds(smooth: SmoothMap, size: tuple[int, int], focal: Array) -> tuple[Array, Array]:
     """Return the box of the straight picture about its principal point [pixels] that holds all that the lens shows."""
-    shares = np.linspace(0.0, 1.0, EDGE)
+    shares = np.linspace(0.0, 1.0, _EDGE)
     places = np.stack(np.meshgrid(shares * size[0], shares * size[1]), axis=-1).reshape(-1, 2)
     tangents, shown = _tangents(smooth, places)
     seen = tangents[shown] * focal
@@ -304,12 +303,12 @@ def _bounds(smooth: SmoothMap, size: tuple[int, int], focal: Array) -> tuple[Arr
 
 # What a lens does to even light over the picture: its vignetting, and its blur of points at a distance.
 
-RADII = 25  # from the axis to the farthest pixel, where a round lens is measured first
-ROUNDS = 6  # of halving the way between two of them, where straight lines err
-PLANE_ROUNDS = 1  # the same of nodes
-LINE_ERROR = 2e-3  # of the irradiance there that calls for halving, which takes three quarters of it
-FAINT = 0.05  # of the light on the axis: of less, that share of this counts
-LIT = 0.02  # of the light on the axis: in the dark beyond, a shaped stop is not compared with a round one
+_RADII = 25  # from the axis to the farthest pixel, where a round lens is measured first
+_ROUNDS = 6  # of halving the way between two of them, where straight lines err
+_PLANE_ROUNDS = 1  # the same of nodes
+_LINE_ERROR = 2e-3  # of the irradiance there that calls for halving, which takes three quarters of it
+_FAINT = 0.05  # of the light on the axis: of less, that share of this counts
+_LIT = 0.02  # of the light on the axis: in the dark beyond, a shaped stop is not compared with a round one
 NODES = (17, 13)  # across and down, where lenses that are not round are measured, and shaped stops
 
 
@@ -349,7 +348,7 @@ def vignetting_map(view: View) -> Pixels:
     if round_lens is lens:
         return np.asarray(falloff / centre, np.float32)
     # what the shape of the stop takes is smooth up to the edge of the image circle, where the falloff is not
-    last = known[values > LIT * values[0]].max()
+    last = known[values > _LIT * values[0]].max()
 
     def share(r: float, degrees: float) -> float:
         r = min(r, last)
@@ -373,11 +372,11 @@ def _over_plane(view: View, value: Callable[[float, float], float]) -> Array:
 
     nodes = np.empty(NODES[::-1])
     fill(nodes, np.ones_like(nodes, bool))
-    for _ in range(PLANE_ROUNDS):
+    for _ in range(_PLANE_ROUNDS):
         bend = np.zeros_like(nodes)
         bend[1:-1] = np.abs(np.diff(nodes, 2, axis=0))
         bend[:, 1:-1] = np.maximum(bend[:, 1:-1], np.abs(np.diff(nodes, 2, axis=1)))
-        bent = bend > 4 * LINE_ERROR * np.maximum(np.abs(nodes), FAINT)  # straight lines err by a quarter at most
+        bent = bend > 4 * _LINE_ERROR * np.maximum(np.abs(nodes), _FAINT)  # straight lines err by a quarter at most
         size = (2 * nodes.shape[1] - 1, 2 * nodes.shape[0] - 1)
         near = np.zeros(size[::-1], bool)
         for down, across in np.argwhere(bent):
@@ -393,14 +392,14 @@ def _over_plane(view: View, value: Callable[[float, float], float]) -> Array:
 
 def _along_radius(light: Callable[[Array], Array], farthest: float) -> tuple[Array, Array]:
     """Return radii from the axis and the light there, so close that straight lines over their squares join it."""
-    radii = np.linspace(0.0, farthest, RADII)
+    radii = np.linspace(0.0, farthest, _RADII)
     values = light(radii)
-    unsure = np.arange(RADII - 1)  # stretches by the index of their inner end
-    for _ in range(ROUNDS):
+    unsure = np.arange(_RADII - 1)  # stretches by the index of their inner end
+    for _ in range(_ROUNDS):
         middle = (radii[unsure] + radii[unsure + 1]) / 2
         true = light(middle)
         error = np.abs(true - np.interp(middle**2, radii**2, values))
-        bent = error > LINE_ERROR * np.maximum(true, FAINT * values[0])
+        bent = error > _LINE_ERROR * np.maximum(true, _FAINT * values[0])
         # a stretch is halved where it bends; its halves lie behind as many new radii as are before them
         at = unsure + 1
         radii, values = np.insert(radii, at, middle), np.insert(values, at, true)
@@ -465,8 +464,8 @@ def between(nodes: Array, size: tuple[int, int]) -> Array:
 # colour show as centroids beside it.
 
 ACROSS = 96  # rays that span a beam each way
-MOST_PX = 129  # of a kernel's side
-FAR_MM = 1e8
+_MOST_PX = 129  # of a kernel's side
+_FAR_MM = 1e8
 
 
 @dataclass(frozen=True)
@@ -511,7 +510,7 @@ def point_images(
     distances_m
         From the entrance pupil, along the axis or of a sphere as the view has it; that of the view when empty.
     pixels
-        Side of a kernel, odd; as large as the light needs when absent, up to `MOST_PX`.
+        Side of a kernel, odd; as large as the light needs when absent, up to `_MOST_PX`.
     across
         Rays that span a beam each way.
 
@@ -537,7 +536,7 @@ def point_images(
         cell = index[0] * grid[0] + index[1]
         landed[index] = sources.landed(cell, waves[index[2]], distances[index[3]], across)
     reach = max((float(np.abs(off).max()) for off, _ in landed.values() if len(off)), default=0.0)
-    side = pixels or min(2 * math.ceil(reach) + 1, MOST_PX)
+    side = pixels or min(2 * math.ceil(reach) + 1, _MOST_PX)
     kernels = np.zeros((*shape, side, side), np.float32)
     centroids, kept = np.full((*shape, 2), np.nan), np.zeros(shape)
     for index, (off, weights) in landed.items():
@@ -599,7 +598,7 @@ class _Sources:
     def _point(self, cell: int, distance_m: float) -> tuple[Array, float, Array]:
         """Return where the point of a chief ray lies: the direction to it and its distance [mm] from an origin."""
         origin, away = self.chief.origins[cell], self.chief.directions[cell]
-        if not distance_m * 1e3 < FAR_MM:
+        if not distance_m * 1e3 < _FAR_MM:
             return away, math.inf, origin
         from_pupil = (origin - self.pupil)[None]
         return away, float(distance_along(from_pupil, away[None], distance_m * 1e3, sphere=self.sphere)[0]), origin

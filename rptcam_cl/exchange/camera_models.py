@@ -28,22 +28,17 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-INTRINSICS = ("fx", "fy", "cx", "cy")
-BROWN = ("k1", "k2", "p1", "p2", "k3")
+_INTRINSICS = ("fx", "fy", "cx", "cy")
+_BROWN = ("k1", "k2", "p1", "p2", "k3")
 COEFFICIENTS: dict[str, tuple[str, ...]] = {
     "pinhole": (),
-    "brown_conrady": BROWN,
-    "rational": (*BROWN, "k4", "k5", "k6"),
-    "thin_prism": (*BROWN, "k4", "k5", "k6", "s1", "s2", "s3", "s4"),
+    "brown_conrady": _BROWN,
+    "rational": (*_BROWN, "k4", "k5", "k6"),
+    "thin_prism": (*_BROWN, "k4", "k5", "k6", "s1", "s2", "s3", "s4"),
     "kannala_brandt": ("k1", "k2", "k3", "k4"),
 }
 BY_ANGLE = "kannala_brandt"
-LEAST_AHEAD = 0.02  # z of a unit direction below which a plane in front of the camera has no place for it
-
-
-def in_reach(model: str, directions: Array) -> NDArray[np.bool_]:
-    """Return which directions (n, 3) a model has a place for."""
-    return np.asarray(np.ones(len(directions), bool) if model == BY_ANGLE else directions[:, 2] > LEAST_AHEAD)
+_LEAST_AHEAD = 0.02  # z of a unit direction below which a plane in front of the camera has no place for it
 
 
 def normal_points(model: str, directions: Array) -> Array:
@@ -57,7 +52,7 @@ def normal_points(model: str, directions: Array) -> Array:
         return np.asarray(across * np.where(length > 1e-12, angle / length, 1.0)[:, None])
 
 
-def sees(model: str, parameters: Array, directions: Array) -> NDArray[np.bool_]:
+def _sees(model: str, parameters: Array, directions: Array) -> NDArray[np.bool_]:
     """Return which directions (n, 3) a model of these parameters sees.
 
     Those ahead of the camera, z > 0; of the model by angles those up to where its radius no longer grows with the
@@ -93,7 +88,7 @@ def project(model: str, parameters: Array, directions: Array) -> Array:
     """
     with np.errstate(all="ignore"):
         places = placed(model, parameters, normal_points(model, directions))
-    places[~sees(model, parameters, directions)] = np.nan
+    places[~_sees(model, parameters, directions)] = np.nan
     return places
 
 
@@ -114,7 +109,7 @@ def distorted(model: str, coefficients: Array, points: Array) -> Array:
     x, y = points.T
     scale = 1 + square * (k1 + square * (k2 + square * k3))
     if len(coefficients) > 5:
-        scale = scale / denominator(coefficients, square)
+        scale = scale / _denominator(coefficients, square)
     bent = [
         x * scale + 2 * p1 * x * y + p2 * (square + 2 * x * x),
         y * scale + p1 * (square + 2 * y * y) + 2 * p2 * x * y,
@@ -142,7 +137,7 @@ def slopes(model: str, parameters: Array, points: Array) -> Array:
         x, y = points.T
         along = points
         if len(coefficients) > 5:
-            below = denominator(coefficients, square)
+            below = _denominator(coefficients, square)
             along = points / below[:, None]
             ratio = (1 + square * (k1 + square * (k2 + square * k3))) / below
             by[:, :, 5:8] = -(along * ratio[:, None])[:, :, None] * powers[:, None, :3]
@@ -155,7 +150,7 @@ def slopes(model: str, parameters: Array, points: Array) -> Array:
     return jacobian
 
 
-def denominator(coefficients: Array, square: Array) -> Array:
+def _denominator(coefficients: Array, square: Array) -> Array:
     """The denominator of the rational model, at squared distances from the axis."""
     k4, k5, k6 = coefficients[5:8]
     return np.asarray(1 + square * (k4 + square * (k5 + square * k6)))
@@ -172,13 +167,13 @@ Mask = NDArray[np.bool_]
 FITTED = (25, 19)  # places across and down that the fit goes by, from edge to edge
 CHECKED = (37, 29)  # places across and down that the residual is measured at, from edge to edge; 1 more than 4 n
 # Times as fine along edges and diagonals, where models err fastest, and between places with and without light.
-FINER = 8
-LEAST_PLACES = 40  # with light, below which nothing can be fitted
-ROUNDS = 120
-DAMPING = 1e-3
-NEAR = 1e-9  # the same for a start that leaves little
-SMALL = 1e-13  # share of the error by which a step has to improve it
-TOO_HIGH = 1e12  # damping at which no step helps any more
+_FINER = 8
+_LEAST_PLACES = 40  # with light, below which nothing can be fitted
+_ROUNDS = 120
+_DAMPING = 1e-3
+_NEAR = 1e-9  # the same for a start that leaves little
+_SMALL = 1e-13  # share of the error by which a step has to improve it
+_TOO_HIGH = 1e12  # damping at which no step helps any more
 
 
 @dataclass(frozen=True)
@@ -209,7 +204,7 @@ class Calibration:
     @property
     def named(self) -> dict[str, float]:
         """The parameters by their names."""
-        names = (*INTRINSICS, *COEFFICIENTS[self.model])
+        names = (*_INTRINSICS, *COEFFICIENTS[self.model])
         return dict(zip(names, self.parameters.tolist(), strict=True))
 
     @property
@@ -229,7 +224,7 @@ class Calibration:
 
 
 @dataclass(frozen=True)
-class Seen:
+class _Samples:
     """Places of a picture and their directions in the scene, where it has light.
 
     Attributes
@@ -244,32 +239,7 @@ class Seen:
     places: Array
     directions: Array
     weights: Array
-    middle: Array | None
-
-
-@dataclass(frozen=True)
-class Checked:
-    """Where a residual is measured.
-
-    Attributes
-    ----------
-    lit : (rows, columns) array
-        Which of the places have light that are spread evenly over a picture from edge to edge, or over its upper left
-        quarter to the middle.
-    places, directions : (n, 2), (n, 3) arrays
-        With light: those spread evenly; then along edges and diagonals, and where some of four neighbours have light
-        and others none.
-    weights : (n,) array
-        In the mean over the picture.
-    lit_share : float
-        Of the picture.
-    """
-
-    lit: Mask
-    places: Array
-    directions: Array
-    weights: Array
-    lit_share: float
+    middle: Array | None = None
 
 
 def calibrate(view: View, model: str) -> Calibration:
@@ -282,14 +252,15 @@ def calibrate(view: View, model: str) -> Calibration:
     """
     if model not in COEFFICIENTS:
         raise InputError(f"model: unknown camera model (got {model}; allowed {', '.join(COEFFICIENTS)})")
-    seen, checked = _samples(view)
+    seen, checked, evenly_lit, lit_share = _samples(view)
     count = int(seen.weights.sum())
-    if count < LEAST_PLACES:
+    if count < _LEAST_PLACES:
         raise InputError(
             f"{view.name}: the picture shows nothing to fit a camera model to: light reaches {count} of"
             f" {FITTED[0] * FITTED[1]} places (allowed: a film inside the image circle)"
         )
-    if not in_reach(model, np.concatenate([seen.directions, checked.directions])).all():
+    ahead = np.concatenate([seen.directions, checked.directions])[:, 2]
+    if model != BY_ANGLE and not (ahead > _LEAST_AHEAD).all():
         widest = np.degrees(np.arccos(seen.directions[:, 2].min()))
         raise InputError(
             f"{view.name}: {model} has no place for a direction {widest:.1f} degrees from the axis"
@@ -297,14 +268,14 @@ def calibrate(view: View, model: str) -> Calibration:
         )
     parameters = _fitted(model, seen)
     off = placed(model, parameters, normal_points(model, checked.directions)) - checked.places
-    errors = np.full((*checked.lit.shape, 2), np.nan)
-    errors[checked.lit] = off[: np.count_nonzero(checked.lit)]
+    errors = np.full((*evenly_lit.shape, 2), np.nan)
+    errors[evenly_lit] = off[: np.count_nonzero(evenly_lit)]
     if seen.middle is not None:
         for axis, number in enumerate(CHECKED):
             errors = _unfolded(errors, number, axis)
     squares = off[:, 0] ** 2 + off[:, 1] ** 2
     max_px, rms_px = math.sqrt(squares.max()), math.sqrt(float(checked.weights @ squares / checked.weights.sum()))
-    return Calibration(model, parameters, max_px, rms_px, errors, checked.lit_share)
+    return Calibration(model, parameters, max_px, rms_px, errors, lit_share)
 
 
 def _unfolded(errors: Array, count: int, axis: int) -> Array:
@@ -333,13 +304,25 @@ def calibrate_best(view: View, models: Sequence[str], allowed_px: float) -> Cali
 
 
 @lru_cache(maxsize=8)
-def _samples(view: View) -> tuple[Seen, Checked]:
-    """The places that a fit goes by, and those that its residual is measured at."""
+def _samples(view: View) -> tuple[_Samples, _Samples, Mask, float]:
+    """Find the places that a fit goes by, and those that its residual is measured at.
+
+    Returns
+    -------
+    seen, checked : _Samples
+        Those of the residual are some spread evenly; then some along edges and diagonals, and where some of four
+        neighbours have light and others none.
+    evenly_lit : (rows, columns) array
+        Which of the places have light that are spread evenly over a picture from edge to edge, or over its upper left
+        quarter to the middle.
+    lit_share : float
+        Of the picture.
+    """
     places, weights, even, lines = _places(view.size, mirrored=view.is_mirrored)
     directions, lit = view.directions(np.concatenate([places, even.reshape(-1, 2), lines]))
     n, m, shape = len(places), len(places) + even.shape[0] * even.shape[1], even.shape[:2]
     middle = np.array(view.size) / 2 if view.is_mirrored else None
-    seen = Seen(places[lit[:n]], directions[:n][lit[:n]], weights[lit[:n]], middle)
+    seen = _Samples(places[lit[:n]], directions[:n][lit[:n]], weights[lit[:n]], middle)
     lit_evenly = lit[n:m].reshape(shape)
     bright = lit[n:]
     checked = np.concatenate([even.reshape(-1, 2), lines])[bright]
@@ -347,18 +330,18 @@ def _samples(view: View) -> tuple[Seen, Checked]:
     of_lines = np.zeros(np.count_nonzero(lit[m:]))
     if lit_evenly.all():
         weights = np.outer(_simpson(shape[0]), _simpson(shape[1])).ravel()
-        return seen, Checked(lit_evenly, checked, away, np.append(weights, of_lines), 1.0)
+        return seen, _Samples(checked, away, np.append(weights, of_lines)), lit_evenly, 1.0
     corners = np.stack([lit_evenly[:-1, :-1], lit_evenly[:-1, 1:], lit_evenly[1:, :-1], lit_evenly[1:, 1:]])
     whole = corners.all(axis=0)
     each = np.pad(whole.astype(np.float64), 1) / 4
     weights = (each[:-1, :-1] + each[:-1, 1:] + each[1:, :-1] + each[1:, 1:])[lit_evenly]
-    within = (np.stack(np.meshgrid(*[np.arange(FINER)] * 2), axis=-1).reshape(-1, 2) + 0.5) / FINER
+    within = (np.stack(np.meshgrid(*[np.arange(_FINER)] * 2), axis=-1).reshape(-1, 2) + 0.5) / _FINER
     mixed = np.argwhere(corners.any(axis=0) & ~whole)[:, None, ::-1]
     edge = (even[0, 0] + (mixed + within) * (even[1, 1] - even[0, 0])).reshape(-1, 2)
     there, shines = view.directions(edge)
     checked, away = np.concatenate([checked, edge[shines]]), np.concatenate([away, there[shines]])
-    weights = np.concatenate([weights, of_lines, np.full(np.count_nonzero(shines), 1.0 / FINER**2)])
-    return seen, Checked(lit_evenly, checked, away, weights, float(weights.sum()) / whole.size)
+    weights = np.concatenate([weights, of_lines, np.full(np.count_nonzero(shines), 1.0 / _FINER**2)])
+    return seen, _Samples(checked, away, weights), lit_evenly, float(weights.sum()) / whole.size
 
 
 def _simpson(count: int) -> Array:
@@ -380,20 +363,20 @@ def _places(size: tuple[int, int], *, mirrored: bool) -> tuple[Array, Array, Arr
     weights = (
         np.prod(np.where(places < np.array(size) / 2, 2.0, 1.0), axis=-1) if mirrored else np.ones(places.shape[:2])
     )
-    steps = np.linspace(0.0, 1.0, FINER * max(CHECKED) + 1)
+    steps = np.linspace(0.0, 1.0, _FINER * max(CHECKED) + 1)
     zero = np.zeros_like(steps)
     rest = () if mirrored else ((steps, zero + 1.0), (zero + 1.0, steps), (steps, 1.0 - steps))
     lines = np.concatenate([np.stack(pair, axis=1) for pair in ((steps, zero), (zero, steps), (steps, steps), *rest)])
     return places.reshape(-1, 2), weights.ravel(), even, lines * (at_x[-1], at_y[-1])
 
 
-def _fitted(model: str, seen: Seen) -> Array:
+def _fitted(model: str, seen: _Samples) -> Array:
     """Return the parameters whose sum of squared errors is least."""
     points = normal_points(model, seen.directions)
     start = _pinhole(points, seen)
     if model == "pinhole":
         return start
-    names = (*INTRINSICS, *COEFFICIENTS[model])
+    names = (*_INTRINSICS, *COEFFICIENTS[model])
     # What does not look the same in a mirror is zero where the picture does.
     free = [k for k, name in enumerate(names) if seen.middle is None or name[0] in "fk"]
     fixed, root = np.concatenate([start, np.zeros(len(names) - 4)]), np.sqrt(seen.weights)[:, None]
@@ -413,18 +396,18 @@ def _fitted(model: str, seen: Seen) -> Array:
 
     count = len(COEFFICIENTS[model])
     if count in (4, 5):
-        return whole(least_squares(errors, derivatives, _radial_start(model, points, seen)[free], NEAR))
+        return whole(_least_squares(errors, derivatives, _radial_start(model, points, seen)[free], _NEAR))
     simpler = _fitted("brown_conrady" if count == 8 else "rational", seen)
     starts = [np.concatenate([simpler, np.zeros(4 + count - len(simpler))])]
     if count == 8:
         starts.append(_rational_start(simpler, points, seen.places))
     square = np.sum(points * points, axis=1)
-    solutions = [whole(least_squares(errors, derivatives, begin[free])) for begin in starts]
-    good = [one for one in solutions if denominator(one[4:], np.linspace(0.0, 1.1 * square.max(), 200)).min() > 0]
+    solutions = [whole(_least_squares(errors, derivatives, begin[free])) for begin in starts]
+    good = [one for one in solutions if _denominator(one[4:], np.linspace(0.0, 1.1 * square.max(), 200)).min() > 0]
     return min(good or [starts[0]], key=lambda one: float(np.sum(errors(one[free]) ** 2)))
 
 
-def _pinhole(points: Array, seen: Seen) -> Array:
+def _pinhole(points: Array, seen: _Samples) -> Array:
     """Return fx, fy, cx, cy by a linear fit."""
     weights, places, middle = seen.weights[:, None], seen.places, seen.middle
     none = np.zeros(2)
@@ -434,7 +417,7 @@ def _pinhole(points: Array, seen: Seen) -> Array:
     return np.concatenate([focal, mean - focal * centre])
 
 
-def _radial_start(model: str, points: Array, seen: Seen) -> Array:
+def _radial_start(model: str, points: Array, seen: _Samples) -> Array:
     """Return parameters by a linear fit: of places x that are cx and x times a polynomial of the squared distance."""
     square = np.sum(points * points, axis=1)
     reach, count = square.max(), len(COEFFICIENTS[model]) - 2 * (model != BY_ANGLE)
@@ -469,20 +452,20 @@ def _rational_start(simpler: Array, points: Array, places: Array) -> Array:
     return np.array([*simpler[:4], k1, k2, 0.0, 0.0, k3, k4, k5, k6])
 
 
-def least_squares(
-    errors: Callable[[Array], Array], derivatives: Callable[[Array], Array], start: Array, damping: float = DAMPING
+def _least_squares(
+    errors: Callable[[Array], Array], derivatives: Callable[[Array], Array], start: Array, damping: float = _DAMPING
 ) -> Array:
     """Return the parameters at which the sum of squared errors is least, from a start that is not far."""
     parameters, error = start, errors(start)
     cost = float(error @ error)
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         rows = derivatives(parameters)
         normal, gradient = rows.T @ rows, rows.T @ error
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-        while damping < TOO_HIGH:
+        while damping < _TOO_HIGH:
             scaled = normal / np.outer(scale, scale) + damping * np.eye(len(scale))
             step = np.linalg.solve(scaled, gradient / scale) / scale
-            if gradient @ step <= SMALL * cost:  # what the step can gain; larger damping gains less
+            if gradient @ step <= _SMALL * cost:  # what the step can gain; larger damping gains less
                 return parameters
             trial = parameters - step
             with np.errstate(all="ignore"):
@@ -493,7 +476,7 @@ def least_squares(
             damping *= 10
         else:
             break
-        done = cost - improved <= SMALL * cost
+        done = cost - improved <= _SMALL * cost
         parameters, error, cost, damping = trial, new, improved, max(damping / 10, 1e-15)
         if done:
             break
@@ -503,7 +486,7 @@ def least_squares(
 # Plots of how a camera model errs over the picture, and of maps.
 
 WIDTH = 8.0  # of the plot [inches]
-EVERY = 3  # cells between arrows
+_EVERY = 3  # cells between arrows
 
 
 @styled()
@@ -524,7 +507,7 @@ def residual_chart(view: View, calibration: Calibration) -> Figure:
     shown = axes.imshow(length, cmap="viridis", extent=around, vmin=0.0, aspect="equal")
     axes.set(xlabel="column [px]", ylabel="row [px]", xlim=(0, columns), ylim=(rows, 0))
     axes.grid(visible=False)
-    part = np.s_[EVERY // 2 :: EVERY, EVERY // 2 :: EVERY]
+    part = np.s_[_EVERY // 2 :: _EVERY, _EVERY // 2 :: _EVERY]
     if calibration.max_px > 0:
         errors = calibration.errors[part] / calibration.max_px
         axes.quiver(

@@ -16,7 +16,7 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.optics.chief_rays import fan_chief_rays, film_chief_rays, round_chief_rays
+from rptcam_cl.optics.beams import fan_chief_rays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import list_lenses, load_lens, names_a_file
@@ -44,15 +44,15 @@ from rptcam_cl.scene.scene import Scene
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-UPRIGHT = np.diag([1.0, -1.0, -1.0])  # from the axes of computer vision to those of the camera's frame
-TURNED = np.diag([-1.0, 1.0, -1.0])  # the same of an inverted picture, which a camera on its head takes
-SHAPES = ("plane", "sphere")  # of an object
+_UPRIGHT = np.diag([1.0, -1.0, -1.0])  # from the axes of computer vision to those of the camera's frame
+_TURNED = np.diag([-1.0, 1.0, -1.0])  # the same of an inverted picture, which a camera on its head takes
+_SHAPES = ("plane", "sphere")  # of an object
 FAR_M = 1e5  # from where on the object is as good as infinitely far
-PROBES = 9  # places across and down that say how wide the field is
-DRIFT_PLACES = (41, 31)  # across and down, whose chief rays say where the pupil lies at which angle
-DRIFT_ANGLES = 33  # of that table
-ON_AXIS = 1e-3  # angle below which a chief ray does not tell where it crosses the axis [radians]
-STEEP = math.cos(math.radians(75.0))  # of a direction from the axis, beyond which the object is a sphere and no plane
+_PROBES = 9  # places across and down that say how wide the field is
+_DRIFT_PLACES = (41, 31)  # across and down, whose chief rays say where the pupil lies at which angle
+_DRIFT_ANGLES = 33  # of that table
+_ON_AXIS = 1e-3  # angle below which a chief ray does not tell where it crosses the axis [radians]
+_STEEP = math.cos(math.radians(75.0))  # of a direction from the axis, beyond which the object is a sphere and no plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ class View:
     @property
     def axes(self) -> Array:
         """Directions of computer vision (columns) in the camera's frame, (3, 3)."""
-        return UPRIGHT if self.scene.camera.flip else TURNED
+        return _UPRIGHT if self.scene.camera.flip else _TURNED
 
     def pose(self) -> Array:
         """Return the 4x4 matrix from the view's frame to the world [m]: right, down, ahead and the entrance pupil."""
@@ -160,7 +160,7 @@ class View:
         places = np.atleast_2d(np.asarray(places, np.float64))
         if not self.is_traced:
             return self._ideal(places), np.ones(len(places), dtype=bool)
-        probes = self.grid(PROBES, PROBES)
+        probes = self.grid(_PROBES, _PROBES)
         origins, away, lit = self._chief_rays(np.concatenate([probes, places]))
         first, rest = slice(len(probes)), slice(len(probes), None)
         seen = away[rest]
@@ -189,7 +189,7 @@ class View:
 
     def _shape_of(self, away: Array, lit: Mask) -> str:
         """The kind of object: a sphere where no plane across the axis lies before all of the field."""
-        return self.shape or ("sphere" if np.any(-away[lit, 2] < STEEP) else "plane")
+        return self.shape or ("sphere" if np.any(-away[lit, 2] < _STEEP) else "plane")
 
     @property
     def object_shape(self) -> str | None:
@@ -198,7 +198,7 @@ class View:
             return None
         if self.shape or not self.is_traced:
             return self.shape or "plane"
-        _, away, lit = self._chief_rays(self.grid(PROBES, PROBES))
+        _, away, lit = self._chief_rays(self.grid(_PROBES, _PROBES))
         return self._shape_of(away, lit)
 
     def drift_by_angle(self) -> tuple[Array, Array] | None:
@@ -208,16 +208,16 @@ class View:
         """
         if not self.is_traced or not (self.setting and self.setting.lens.is_rotational):
             return None
-        origins, away, lit = self._chief_rays(self.grid(*DRIFT_PLACES))
+        origins, away, lit = self._chief_rays(self.grid(*_DRIFT_PLACES))
         across = np.hypot(away[:, 0], away[:, 1])
-        origins, away, across = (values[lit & (across > ON_AXIS)] for values in (origins, away, across))
+        origins, away, across = (values[lit & (across > _ON_AXIS)] for values in (origins, away, across))
         if not len(away):
             return None
         angles = np.arctan2(across, -away[:, 2])
         along = np.sum(origins[:, :2] * away[:, :2], axis=1) / across**2
         ahead = along * away[:, 2] - origins[:, 2]
         order = np.argsort(angles)
-        nodes = np.linspace(0.0, angles.max(), DRIFT_ANGLES)
+        nodes = np.linspace(0.0, angles.max(), _DRIFT_ANGLES)
         return np.degrees(nodes), np.interp(nodes, [0.0, *angles[order]], [0.0, *ahead[order]])
 
     def _ideal(self, places: Array) -> Array:
@@ -229,7 +229,7 @@ class View:
             seen *= np.sign(seen[:, 2:]) * [1.0, -1.0, 1.0]
         else:
             seen = np.column_stack([(at - (known["cx"], known["cy"])) / (known["fx"], known["fy"]), np.ones(len(at))])
-        return np.asarray(seen / np.linalg.norm(seen, axis=1, keepdims=True) @ (UPRIGHT @ self.axes))
+        return np.asarray(seen / np.linalg.norm(seen, axis=1, keepdims=True) @ (_UPRIGHT @ self.axes))
 
     def grid(self, columns: int, rows: int) -> Array:
         """Return places (rows x columns, 2) spread evenly over the picture from edge to edge, row by row."""
@@ -302,8 +302,8 @@ def view(
         For a camera that sees all around, or whose focus is yet to be found, or whose pupil is infinitely far away; for
         another shape, and for a distance that is not above 0.
     """
-    if shape is not None and shape not in SHAPES:
-        raise InputError(f"shape: is no shape of an object (got {shape}; allowed: {', '.join(SHAPES)})")
+    if shape is not None and shape not in _SHAPES:
+        raise InputError(f"shape: is no shape of an object (got {shape}; allowed: {', '.join(_SHAPES)})")
     if distance_m is not None:
         check_distances((distance_m,), "distance_m")
     scene = at_opening(scene if scene.requested_autofocus is not None else on_film(scene))
@@ -325,12 +325,12 @@ def view(
 
 # What a camera is taken of: a scene file, or a lens alone with a film that its image circle holds.
 
-SIZE = (768, 512)  # of the picture of a lens alone [pixels]
-FORMAT_MM = (36.0, 24.0)  # of its film, where the image circle holds that
-FILL = 0.98  # of the image circle's radius that half the diagonal of a smaller film takes
+_SIZE = (768, 512)  # of the picture of a lens alone [pixels]
+_FORMAT_MM = (36.0, 24.0)  # of its film, where the image circle holds that
+_FILL = 0.98  # of the image circle's radius that half the diagonal of a smaller film takes
 
 
-def is_scene(source: str | Path | Mapping[str, Any]) -> bool:
+def _is_scene(source: str | Path | Mapping[str, Any]) -> bool:
     """Return whether a name, a file or a mapping is a scene, and no lens."""
     if isinstance(source, Mapping):
         return "camera" in source
@@ -375,11 +375,11 @@ def subject(
     """
     if isinstance(source, Scene):
         scene = source
-    elif is_scene(source):
+    elif _is_scene(source):
         scene = load_scene(source, overrides)
     else:
         name = str(source)
-        scene = load_scene(_of_lens(name, size or SIZE, film_mm), overrides, base_dir=Path(name).resolve().parent)
+        scene = load_scene(_of_lens(name, size or _SIZE, film_mm), overrides, base_dir=Path(name).resolve().parent)
     film: dict[str, Any] = {} if size is None else {"resolution": list(size)}
     if film_mm is not None:
         film |= dict.fromkeys(("format", "width_mm", "diagonal_mm", "pixel_pitch_um")) | {"size_mm": list(film_mm)}
@@ -406,7 +406,7 @@ def _of_lens(name: str, size: tuple[int, int], film_mm: tuple[float, float] | No
 def _fitting(lens: Lens, back: float, size: tuple[int, int]) -> tuple[float, float]:
     """Return the sides of a film of square pixels [mm]: of the small format, or what the image circle holds of it."""
     radius = image_circle(lens, back, LINE_D_NM)
-    half = min(math.hypot(*FORMAT_MM) / 2, FILL * radius)
+    half = min(math.hypot(*_FORMAT_MM) / 2, _FILL * radius)
     width, height = size
     scale = 2 * half / math.hypot(width, height)
     return width * scale, height * scale

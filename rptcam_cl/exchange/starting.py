@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, name_errors, named_files, read_whole, replacing
-from rptcam_cl.optics.chief_rays import crossings
+from rptcam_cl.optics.beams import crossings
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens, names_a_file
@@ -28,11 +28,11 @@ from rptcam_cl.scene.meshes import GLTF, read_mesh_file
 
 # Files that a new scene names: those elsewhere are copied beside it, because a scene reads its own folder only.
 
-LARGEST_COPY = 4 << 30  # bytes
+_LARGEST_COPY = 4 << 30  # bytes
 
 
 @dataclass
-class Copies:
+class CopiedFiles:
     """Where the files of a new scene are to lie.
 
     Attributes
@@ -97,7 +97,7 @@ class Copies:
 
 def _content(path: Path) -> bytes:
     with name_errors(path):
-        return read_whole(path, LARGEST_COPY)
+        return read_whole(path, _LARGEST_COPY)
 
 
 def _check_file(path: Path) -> Path:
@@ -111,11 +111,11 @@ def _check_file(path: Path) -> Path:
 # What a new scene shows: the points of a model, what its file says of cameras and lamps, and what a ray meets.
 
 Array = NDArray[np.float64]
-MOST_POINTS = 20_000  # of a part, which say how large it looks to a hundredth of a per cent
+_MOST_POINTS = 20_000  # of a part, which say how large it looks to a hundredth of a per cent
 
 
 @dataclass(frozen=True)
-class Subject:
+class ShownModel:
     """What is to be shown.
 
     Attributes
@@ -165,7 +165,7 @@ class Subject:
         return float(distance[met].min()) if met.any() else None
 
 
-def read_subject(path: Path, time_s: float | None = None) -> Subject:
+def _read_subject(path: Path, time_s: float | None = None) -> ShownModel:
     """Read the subject of a mesh file, one of glTF at a time.
 
     Raises
@@ -182,7 +182,7 @@ def read_subject(path: Path, time_s: float | None = None) -> Subject:
         bare = any(part.material is None for part in contents.parts)
         missing = () if bare else _missing_pictures(real)
     points, triangles = zip(*map(_place_part, contents.parts), strict=True)
-    return Subject(
+    return ShownModel(
         points=_fewer(np.concatenate(points)),
         triangles=np.concatenate(triangles),
         cameras=cameras,
@@ -209,37 +209,37 @@ def _place_part(part: MeshPlacement) -> tuple[Array, Array]:
 
 
 def _fewer(points: Array) -> Array:
-    """Return at most `MOST_POINTS` of many points, and the outermost of each axis."""
+    """Return at most `_MOST_POINTS` of many points, and the outermost of each axis."""
     ends = points[np.concatenate([points.argmin(axis=0), points.argmax(axis=0)])]
-    return np.concatenate([points[:: 1 + len(points) // MOST_POINTS], ends])
+    return np.concatenate([points[:: 1 + len(points) // _MOST_POINTS], ends])
 
 
 # What stands in where nothing is given: three balls for a model, a floor and a soft box for a picture of light.
 
-BALLS = (
+_BALLS = (
     ((-0.24, 0.1, 0.0), {"kind": "plastic", "reflectance": [0.5, 0.06, 0.04], "roughness": 0.3}),
     ((0.0, 0.1, 0.08), {"kind": "dielectric", "index": 1.5}),
     ((0.24, 0.1, 0.0), {"kind": "conductor", "metal": "gold", "roughness": 0.2}),
 )
-RADIUS = 0.1
+_RADIUS = 0.1
 
 
-def balls() -> Subject:
+def _balls() -> ShownModel:
     """Return three balls on y = 0: glossy, glass and gold."""
     turns = np.linspace(0, 2 * np.pi, 33)[:-1]
     rings = np.concatenate(
         [
-            RADIUS
+            _RADIUS
             * np.column_stack([np.sin(a) * np.cos(turns), np.cos(a) * np.ones_like(turns), np.sin(a) * np.sin(turns)])
             for a in np.linspace(0, np.pi, 17)
         ]
     )
-    points = np.concatenate([rings + center for center, _ in BALLS])
-    objects = tuple({"shape": "sphere", "center": list(at), "radius": RADIUS, "material": made} for at, made in BALLS)
-    return Subject(points, np.empty((0, 3, 3)), [], [], objects=objects)
+    points = np.concatenate([rings + center for center, _ in _BALLS])
+    objects = tuple({"shape": "sphere", "center": list(at), "radius": _RADIUS, "material": made} for at, made in _BALLS)
+    return ShownModel(points, np.empty((0, 3, 3)), [], [], objects=objects)
 
 
-def studio(bounds: tuple[Array, Array], eye: Array, up: Array) -> dict[str, Any]:
+def _studio(bounds: tuple[Array, Array], eye: Array, up: Array) -> dict[str, Any]:
     """Return surroundings of even light, a floor below the subject and a soft box beside the camera."""
     low, high = bounds
     size, middle = float(np.linalg.norm(high - low)) or 1.0, (low + high) / 2
@@ -274,15 +274,15 @@ def _short(vector: Array) -> list[float]:
 
 Vector = tuple[float, float, float]
 
-FILL = 2 / 3  # of the film's width or height, whichever the subject fills more of
-HEIGHTS = 65  # chief rays between the axis and the corner of the film
-FEWEST = 4  # of them that must pass the lens
-ROUNDS = 60
-CLOSE_ENOUGH = 2e-3  # relative, of the share that is filled
+_FILL = 2 / 3  # of the film's width or height, whichever the subject fills more of
+_HEIGHTS = 65  # chief rays between the axis and the corner of the film
+_FEWEST = 4  # of them that must pass the lens
+_ROUNDS = 60
+_CLOSE_ENOUGH = 2e-3  # relative, of the share that is filled
 
 
 @dataclass(frozen=True)
-class View:
+class CameraAxes:
     """A camera in scene units; `forward`, `right` and `up` are unit vectors at right angles."""
 
     eye: Array
@@ -291,7 +291,7 @@ class View:
     up: Array
 
     @classmethod
-    def towards(cls, target: Array, direction: Array, distance: float, up: Array) -> View:
+    def towards(cls, target: Array, direction: Array, distance: float, up: Array) -> CameraAxes:
         """Return the view from a place that lies in a direction from what it looks at."""
         forward = -direction / np.linalg.norm(direction)
         right = np.cross(forward, up)
@@ -304,7 +304,7 @@ class View:
 
 
 # From a view and the depth of the plane in focus to the lens of the camera there.
-SetLens = Callable[[View, float], LensSetting]
+SetLens = Callable[[CameraAxes, float], LensSetting]
 
 
 class Projection:
@@ -334,7 +334,7 @@ class Projection:
         self._unit_mm = metres_per_unit * 1e3
         self.length_mm = lens.length + lens.sense * back  # from the first vertex to the film
         self.pupils_mm, self.scales_mm = np.transpose([_perspective(setting, section) for section in "xy"])
-        self._heights = np.linspace(0, 1.2 * corner_mm, HEIGHTS)
+        self._heights = np.linspace(0, 1.2 * corner_mm, _HEIGHTS)
         self._rays = _chief_rays(setting, self._heights)
 
     def film_mm(self, seen: Array) -> Array:
@@ -388,7 +388,7 @@ def _chief_rays(setting: LensSetting, heights: Array) -> tuple[Array, Array] | N
         starts = rays.origins[:, 0] - slopes * rays.origins[:, 2]
         rising = np.diff(slopes) > 0  # also false for what does not pass
     last = len(heights) if rising.all() else 1 + int(rising.argmin())
-    return (-starts[:last], slopes[:last]) if last >= FEWEST else None
+    return (-starts[:last], slopes[:last]) if last >= _FEWEST else None
 
 
 def frame_subject(
@@ -398,7 +398,7 @@ def frame_subject(
     film_mm: tuple[float, float],
     set_lens: SetLens,
     metres_per_unit: float,
-) -> tuple[View, Array, float]:
+) -> tuple[CameraAxes, Array, float]:
     """Return the view that two thirds fill, else the nearest from outside the subject that the lens can focus.
 
     Parameters
@@ -415,7 +415,7 @@ def frame_subject(
 
     Returns
     -------
-    view : View
+    view : CameraAxes
     target : (3,) array
         What the camera looks at.
     share : float
@@ -431,9 +431,9 @@ def frame_subject(
     radius = float(np.linalg.norm(points - target, axis=1).max())
     distance, nearest = 4 * radius + 100 / unit_mm, radius  # nearer, a wide lens would stand among the parts
     view, refused = None, InputError("")
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         try:
-            tried = View.towards(target, direction, distance, up)
+            tried = CameraAxes.towards(target, direction, distance, up)
             projection = Projection(set_lens(tried, distance), unit_mm * 1e-3, float(np.hypot(*half)))
             image = projection.film_mm(tried.seen(points))
             if not np.isfinite(image).all():
@@ -446,10 +446,10 @@ def frame_subject(
         before_lens = distance - projection.length_mm / unit_mm
         shift = middle / projection.scales_mm * before_lens
         target = target + shift[0] * view.right + shift[1] * view.up
-        wanted = distance - before_lens + before_lens * share / FILL
-        is_centred = float(np.abs(middle / half).max()) < CLOSE_ENOUGH
-        is_nearest = share < FILL and wanted <= nearest * 1.01
-        if is_centred and (abs(share / FILL - 1) < CLOSE_ENOUGH or is_nearest):
+        wanted = distance - before_lens + before_lens * share / _FILL
+        is_centred = float(np.abs(middle / half).max()) < _CLOSE_ENOUGH
+        is_nearest = share < _FILL and wanted <= nearest * 1.01
+        if is_centred and (abs(share / _FILL - 1) < _CLOSE_ENOUGH or is_nearest):
             break
         distance = max(wanted, nearest * 1.01)
     if view is None:
@@ -459,16 +459,16 @@ def frame_subject(
 
 # The data of a new scene: film and camera, lights and surroundings, the model or three balls in its place.
 
-UP: dict[str, tuple[float, float, float]] = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
-FULL_FRAME_MM = 43.2666  # diagonal of 36 x 24
-DEFAULT_LENS = "dgauss-50mm"
-MOST_OPEN = 2.8  # f-number of a first picture, or the widest of a slower lens
-FAR_M = 1e6
-FOCUSINGS = 5  # in which the entrance pupil comes to rest where it is wanted; each leaves a tenth of the way at most
+_UP: dict[str, tuple[float, float, float]] = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
+_FULL_FRAME_MM = 43.2666  # diagonal of 36 x 24
+_DEFAULT_LENS = "dgauss-50mm"
+_MOST_OPEN = 2.8  # f-number of a first picture, or the widest of a slower lens
+_FAR_M = 1e6
+_FOCUSINGS = 5  # in which the entrance pupil comes to rest where it is wanted; each leaves a tenth of the way at most
 PLAIN = {"kind": "plastic", "reflectance": 0.5, "roughness": 0.4}  # of a model whose file has no material
-ROUND_TO = 6  # digits
-PLAUSIBLE = (0.01, 20.0)  # [m], the longest side of what one takes a picture of
-UNITS = (0.001, 0.01, 100.0, 1000.0)  # models are wrong by: millimetres, centimetres taken for metres, or twice so
+_ROUND_TO = 6  # digits
+_PLAUSIBLE = (0.01, 20.0)  # [m], the longest side of what one takes a picture of
+_UNITS = (0.001, 0.01, 100.0, 1000.0)  # models are wrong by: millimetres, centimetres taken for metres, or twice so
 
 
 def starting_scene(folder: Path, model: Path | None = None, **options: Any) -> Start:
@@ -525,18 +525,18 @@ class Start:
     report: list[str] = field(default_factory=list)
 
     @cached_property
-    def copies(self) -> Copies:
+    def copies(self) -> CopiedFiles:
         """Files that are to lie beside it."""
-        return Copies(self.folder)
+        return CopiedFiles(self.folder)
 
     @cached_property
-    def _subject(self) -> Subject:
-        return balls() if self.model is None else read_subject(self.model, self.time_s)
+    def _subject(self) -> ShownModel:
+        return _balls() if self.model is None else _read_subject(self.model, self.time_s)
 
     @cached_property
     def _up(self) -> Array:
         stl = self.model is not None and self.model.suffix.lower() == ".stl"
-        return np.array(UP[self.up or ("z" if stl else "y")], dtype=float)
+        return np.array(_UP[self.up or ("z" if stl else "y")], dtype=float)
 
     def build(self) -> None:
         """Make the scene."""
@@ -562,7 +562,7 @@ class Start:
         self._place_objects()
 
     def _lens_key(self) -> str:
-        lens = self.lens or DEFAULT_LENS
+        lens = self.lens or _DEFAULT_LENS
         if not names_a_file(lens):
             load_lens(lens)  # which says which names there are
             return lens
@@ -573,7 +573,7 @@ class Start:
         """Set a film of full frame, or as large as the image circle lets it be; return its sides."""
         width, height = self.scene["film"]["resolution"]
         design = load_lens(Path(lens) if names_a_file(lens) else lens)
-        diagonal = FULL_FRAME_MM if height_mm is None else height_mm * math.hypot(width, height) / height
+        diagonal = _FULL_FRAME_MM if height_mm is None else height_mm * math.hypot(width, height) / height
         circle = 2 * image_circle(design, film_distance(design, np.inf))
         if diagonal > circle:
             diagonal = math.floor(circle * 100) / 100
@@ -581,13 +581,13 @@ class Start:
         self.scene["film"]["diagonal_mm"] = round(diagonal, 4)
         return diagonal * width / math.hypot(width, height), diagonal * height / math.hypot(width, height)
 
-    def _camera(self, lens: str, view: View, target: Array, depth: float) -> dict[str, Any]:
+    def _camera(self, lens: str, view: CameraAxes, target: Array, depth: float) -> dict[str, Any]:
         """Return the keys of a lens camera focused at a depth ahead of it."""
         keys: dict[str, Any] = {"kind": "realistic", "lens": lens}
         design = load_lens(self._lens_source(lens))
         widest = design.first_order().f_number
-        if design.stop is not None and widest < MOST_OPEN:
-            keys["f_number"] = MOST_OPEN
+        if design.stop is not None and widest < _MOST_OPEN:
+            keys["f_number"] = _MOST_OPEN
         pose = {"eye": _round(view.eye), "target": _round(target), "up": _round(self._up)}
         return keys | pose | {"focus": {"distance_m": _digits(depth * self.metres_per_unit)}}
 
@@ -598,7 +598,7 @@ class Start:
         lens, subject, unit = self._lens_key(), self._subject, self.metres_per_unit
         film = self._film_mm(str(self._lens_source(lens)))
 
-        def set_lens(view: View, depth: float) -> LensSetting:
+        def set_lens(view: CameraAxes, depth: float) -> LensSetting:
             return self._set(lens, view, depth)
 
         direction = _three_quarters(self._up)
@@ -614,7 +614,7 @@ class Start:
         size = " x ".join(f"{side * unit:.3g}" for side in high - low)
         self.report.append(f"the model is {size} m; it fills {share:.0%} of the frame from {depth * unit:.3g} m")
 
-    def _set(self, lens: str, view: View, depth: float) -> LensSetting:
+    def _set(self, lens: str, view: CameraAxes, depth: float) -> LensSetting:
         """Return the lens focused at a depth ahead of the middle of the film."""
         source = self._lens_source(lens)
         camera = self._camera(str(source), view, view.eye + view.forward, depth)
@@ -630,7 +630,7 @@ class Start:
         eye, forward = np.array(camera.eye), np.array(camera.forward)
         unit = self.metres_per_unit
         right = np.cross(forward, camera.up)
-        view = View(eye, forward, right / np.linalg.norm(right), np.array(camera.up))
+        view = CameraAxes(eye, forward, right / np.linalg.norm(right), np.array(camera.up))
         ahead = self._subject.first_hit(eye, forward)
         if ahead is None:
             depths = view.seen(self._subject.points)[:, 2]
@@ -638,16 +638,16 @@ class Start:
         degrees = math.degrees(camera.height_radians)
         if self.lens is None:
             pose = {"eye": _round(eye), "target": _round(eye + ahead * forward), "up": list(camera.up)}
-            self.scene["film"]["diagonal_mm"] = FULL_FRAME_MM
+            self.scene["film"]["diagonal_mm"] = _FULL_FRAME_MM
             self.scene["camera"] = {
                 "kind": "thin_lens",
                 **pose,
                 "fov_degrees": _digits(degrees),
                 "fov_axis": "vertical",
-                "f_number": MOST_OPEN,
+                "f_number": _MOST_OPEN,
                 "focus_distance_m": _digits(ahead * unit),
             }
-            self.report.append(f"the camera is {camera.name} of the file, as a thin lens at f/{MOST_OPEN}")
+            self.report.append(f"the camera is {camera.name} of the file, as a thin lens at f/{_MOST_OPEN}")
             return
         lens = self._lens_key()
         try:
@@ -662,14 +662,14 @@ class Start:
             f"the camera is {camera.name} of the file, {degrees:.3g} degrees high; the film fits that through {lens}"
         )
 
-    def _behind(self, lens: str, view: View, ahead: float) -> tuple[float, float]:
+    def _behind(self, lens: str, view: CameraAxes, ahead: float) -> tuple[float, float]:
         """Return how far behind a view's eye the film is whose entrance pupil is there, and the scale of the picture.
 
         Lengths are scene units, the scale is that of `Projection`, upwards. The plane in focus lies ahead of the eye.
         """
         unit = self.metres_per_unit
-        depth = FAR_M / unit  # at first, as a lens may focus no nearer than where its film will be
-        for _ in range(FOCUSINGS):
+        depth = _FAR_M / unit  # at first, as a lens may focus no nearer than where its film will be
+        for _ in range(_FOCUSINGS):
             projection = Projection(self._set(lens, view, depth), unit, 1.0)
             back = (projection.length_mm - float(projection.pupils_mm[1])) * 1e-3 / unit
             depth = ahead + back
@@ -687,7 +687,7 @@ class Start:
             scene["environment"] = {"kind": "image", "file": name, "up": _round(self._up)}
         elif not lights:
             eye = np.array(scene["camera"]["eye"], dtype=float)
-            scene |= studio(self._subject.bounds, eye, self._up)
+            scene |= _studio(self._subject.bounds, eye, self._up)
 
     def _place_objects(self) -> None:
         scene, subject = self.scene, self._subject
@@ -718,25 +718,25 @@ def _round_value(value: Any) -> Any:
     return _digits(value) if isinstance(value, float) else _round(np.array(value))
 
 
-def _doubts_of_size(subject: Subject, unit: float) -> list[str]:
+def _doubts_of_size(subject: ShownModel, unit: float) -> list[str]:
     """A hint for a model that nobody would photograph at that size, so that its unit must be another."""
     low, high = subject.bounds
     size = float((high - low).max()) * unit
-    if size == 0 or PLAUSIBLE[0] <= size <= PLAUSIBLE[1]:
+    if size == 0 or _PLAUSIBLE[0] <= size <= _PLAUSIBLE[1]:
         return []
-    factors = [factor for factor in UNITS if PLAUSIBLE[0] <= size * factor <= PLAUSIBLE[1]]
+    factors = [factor for factor in _UNITS if _PLAUSIBLE[0] <= size * factor <= _PLAUSIBLE[1]]
     factors = factors or [10.0 ** -math.floor(math.log10(size))]
-    ways = " or ".join(f"--metres-per-unit {unit * factor:g} (then {length(size * factor)})" for factor in factors)
-    return [f"hint: the model is {length(size)} long; if that is not its true size, say {ways}"]
+    ways = " or ".join(f"--metres-per-unit {unit * factor:g} (then {_length(size * factor)})" for factor in factors)
+    return [f"hint: the model is {_length(size)} long; if that is not its true size, say {ways}"]
 
 
-def length(metres: float) -> str:
+def _length(metres: float) -> str:
     """Return a length in words, in millimetres below a tenth of a metre."""
     return f"{metres:.3g} m" if metres >= 0.1 else f"{1000 * metres:.3g} mm"
 
 
 def _digits(value: float) -> float:
-    return float(f"{value:.{ROUND_TO}g}")
+    return float(f"{value:.{_ROUND_TO}g}")
 
 
 def _round(vector: Array) -> list[float]:

@@ -8,36 +8,28 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import content_name
-from rptcam_cl.exchange.pbrt.convert import Conversion
-from rptcam_cl.exchange.pbrt.files import FileStore
-from rptcam_cl.exchange.pbrt.shapes import TABLED, MeshData
-from rptcam_cl.exchange.pbrt.source import Report
-from rptcam_cl.exchange.pbrt.world import is_bearable, is_transform_of_ours, tidy
+from rptcam_cl.exchange.conversion import TABLED, Conversion, FileStore, Report
+from rptcam_cl.exchange.mesh_data import Array, Faces, MeshData, PolygonMesh, is_bearable, is_transform_of_ours, tidy
 from rptcam_cl.rendering.plan.environment import axes
-from rptcam_cl.scene.assets.mesh import distinct_rows
 from rptcam_cl.scene.assets.pictures import SUFFIXES
 from rptcam_cl.scene.materials import LEAST_BEND, MOST_INDEX
 from rptcam_cl.scene.shapes import bezier_pieces
 
-Array = NDArray[np.float64]
-Faces = NDArray[np.int64]
 Keys = dict[str, Any]
 
-USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-WIDTH_PX = 960
-MOST_FACES = (400_000, 400_000, 10_000, 10_000)  # that each division of a subdivision surface may lead to
-SHARP = 10.0  # a crease of so much is one of every division (UsdGeomMesh, SHARPNESS_INFINITE)
-MOST_PIXEL_ASPECT = 20.0
+_USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+_WIDTH_PX = 960
+_MOST_FACES = (400_000, 400_000, 10_000, 10_000)  # that each division of a subdivision surface may lead to
+_SHARP = 10.0  # a crease of so much is one of every division (UsdGeomMesh, SHARPNESS_INFINITE)
+_MOST_PIXEL_ASPECT = 20.0
 
 
 def _module(name: str) -> Any:
@@ -47,7 +39,7 @@ def _module(name: str) -> Any:
         raise InputError("stages of USD need usd-core: pip install 'rptcam_cl[usd]'") from None
 
 
-class PrimReport(Report):
+class _PrimReport(Report):
     """What became of prims: messages with the paths that they concern."""
 
     def __init__(self) -> None:
@@ -74,149 +66,6 @@ class PrimReport(Report):
         return len(self.prims)
 
 
-# Subdivision surfaces.
-
-
-@dataclass(frozen=True, eq=False)
-class Polygons:
-    """Faces of any number of corners.
-
-    Attributes
-    ----------
-    points : (n, 3) array
-    counts : (m,) array of int
-        Corners of each face.
-    corners : (c,) array of int
-        Points of the corners, face by face.
-    uvs, normals : (c, 2) and (c, 3) arrays or None
-        Of the corners.
-    creases, sharpness : (k, 2) and (k,) arrays or None
-        Edges, by the points at their ends, which stay sharp for so many divisions.
-    spikes : (n,) array or None
-        For how many divisions each point stays where it is.
-    """
-
-    points: Array
-    counts: Faces
-    corners: Faces
-    uvs: Array | None = None
-    normals: Array | None = None
-    creases: Faces | None = None
-    sharpness: Array | None = None
-    spikes: Array | None = None
-
-    @property
-    def starts(self) -> Faces:
-        """The first corner of each face."""
-        return np.concatenate([[0], np.cumsum(self.counts)[:-1]]).astype(np.int64)
-
-    @property
-    def following(self) -> Faces:
-        """The corner that follows each corner round its face."""
-        following = np.arange(1, len(self.corners) + 1)
-        following[self.starts + self.counts - 1] = self.starts
-        return following
-
-    def subdivided(self) -> Polygons:
-        """Divide faces into quadrilaterals; borders are splines, but points of a border that only one face has stay.
-
-        Sources: E. Catmull and J. Clark, "Recursively generated B-spline surfaces on arbitrary topological meshes",
-        Computer-Aided Design 10, 1978; creases by T. DeRose, M. Kass and T. Truong, "Subdivision surfaces in
-        character animation", SIGGRAPH 1998.
-        """
-        points, corners, following = self.points, self.corners, self.following
-        count = len(points)
-        face_of = np.repeat(np.arange(len(self.counts)), self.counts)
-        middles = _sum_by(face_of, points[corners], len(self.counts)) / self.counts[:, None]
-        keys, edge_of, uses = np.unique(_edge_keys(corners, corners[following], count), return_inverse=True,
-                                        return_counts=True)  # fmt: skip
-        edges = np.stack(np.divmod(keys, count), axis=1)
-        sharp = np.where(uses == 2, 0.0, np.inf)
-        if self.creases is not None and self.sharpness is not None:
-            named = _edge_keys(self.creases[:, 0], self.creases[:, 1], count)
-            at = np.minimum(np.searchsorted(keys, named), len(keys) - 1)
-            there = keys[at] == named
-            np.maximum.at(sharp, at[there], self.sharpness[there])
-        ends = points[edges].sum(axis=1)
-        smooth_edges = (ends + _sum_by(edge_of, middles[face_of], len(edges))) / 4
-        on_edges = _blend(smooth_edges, ends / 2, np.where(uses == 2, sharp, np.inf))
-        valence = np.bincount(edges.ravel(), minlength=count).astype(np.float64)
-        faces = np.bincount(corners, minlength=count).astype(np.float64)
-        q = _sum_by(corners, middles[face_of], count) / np.maximum(faces, 1)[:, None]
-        r = _sum_by(edges.ravel(), np.repeat(ends / 2, 2, axis=0), count) / np.maximum(valence, 1)[:, None]
-        n = np.maximum(valence, 1)[:, None]
-        # A point of two sharp edges lies on their spline, one of more is a corner; by less than 1, in between.
-        kept = sharp > 0
-        crease, its_sharpness = edges[kept], np.repeat(sharp[kept], 2)
-        meeting = np.bincount(crease.ravel(), minlength=count)
-        along = _sum_by(crease.ravel(), points[crease[:, ::-1].ravel()], count)
-        mean = np.bincount(crease.ravel(), its_sharpness, count) / np.maximum(meeting, 1)
-        on_spline = (meeting == 2) & (faces > 1)
-        ruled = np.where(on_spline[:, None], 0.75 * points + along / 8, points)
-        moved = _blend((q + 2 * r + (n - 3) * points) / n, ruled, np.where(meeting >= 2, mean, 0.0))
-        moved = moved if self.spikes is None else _blend(moved, points, self.spikes)
-        moved = np.where((faces > 0)[:, None], moved, points)
-        before = np.empty_like(following)
-        before[following] = np.arange(len(following))
-        quads = np.stack(
-            [corners, count + edge_of, count + len(edges) + face_of, count + edge_of[before]], axis=1
-        )  # fmt: skip
-        lasting = np.flatnonzero((sharp > 1) & (uses == 2))
-        halves = np.stack([edges[lasting].ravel(), np.repeat(count + lasting, 2)], axis=1)
-        return Polygons(
-            np.concatenate([moved, on_edges, middles]), np.full(len(quads), 4), quads.ravel(),
-            None if self.uvs is None else self._even(self.uvs, face_of, following, before),
-            creases=halves, sharpness=np.repeat(sharp[lasting] - 1, 2),
-            spikes=None if self.spikes is None else np.concatenate(
-                [np.maximum(self.spikes - 1, 0), np.zeros(len(edges) + len(middles))]
-            ),
-        )  # fmt: skip
-
-    def _even(self, values: Array, face_of: Faces, following: Faces, before: Faces) -> Array:
-        """Return the values of corners at those of the quadrilaterals that each face is divided into."""
-        middle = (_sum_by(face_of, values, len(self.counts)) / self.counts[:, None])[face_of]
-        parts = [values, (values + values[following]) / 2, middle, (values + values[before]) / 2]
-        return np.stack(parts, axis=1).reshape(-1, values.shape[1])
-
-    def triangles(self, faces: Faces | None = None, *, smooth: bool = False) -> MeshData:
-        """Return some faces, or all, as triangles about their first corners."""
-        chosen = np.arange(len(self.counts)) if faces is None else faces
-        starts, fans = self.starts[chosen], np.maximum(self.counts[chosen] - 2, 0)
-        first = np.repeat(starts, fans)
-        step = np.arange(fans.sum()) - np.repeat(np.cumsum(fans) - fans, fans)
-        corners = np.stack([first, first + step + 1, first + step + 2], axis=1)
-        normals = self.normals
-        if smooth:
-            mesh = MeshData(self.points, self.corners[corners])
-            crosses = np.repeat(mesh.crosses(), 3, axis=0)
-            normals = _sum_by(mesh.faces.ravel(), crosses, len(self.points))[self.corners]
-        columns = [part for part in (normals, self.uvs) if part is not None]
-        if not columns:
-            used, numbers = np.unique(self.corners[corners], return_inverse=True)
-            return MeshData(self.points[used], numbers.reshape(-1, 3))
-        rows = np.hstack([self.corners[:, None], *columns])[corners.ravel()]
-        first, numbers = distinct_rows(rows)
-        points, rest = self.points[self.corners[corners.ravel()[first]]], rows[first, 1:]
-        width = 0 if normals is None else 3
-        mesh_normals = None if normals is None else rest[:, :3]
-        mesh_uvs = None if self.uvs is None else rest[:, width : width + 2]
-        return MeshData(points, numbers.reshape(-1, 3), mesh_normals, mesh_uvs)
-
-
-def _sum_by(index: Faces, rows: Array, count: int) -> Array:
-    return np.stack([np.bincount(index, column, count) for column in rows.T], axis=1)
-
-
-def _edge_keys(a: Faces, b: Faces, count: int) -> Faces:
-    """Return a number for each pair of points, whichever comes first."""
-    return np.minimum(a, b).astype(np.int64) * count + np.maximum(a, b)
-
-
-def _blend(smooth: Array, sharp: Array, sharpness: Array) -> Array:
-    share = np.minimum(sharpness, 1.0)[:, None]
-    return (1 - share) * smooth + share * sharp
-
-
 # A stage, prim by prim.
 
 
@@ -233,7 +82,7 @@ class Stage:
 
     stage: Any
     time: Any
-    report: PrimReport
+    report: _PrimReport
     files: FileStore
     objects: list[Keys] = field(default_factory=list)
     lights: list[Keys] = field(default_factory=list)
@@ -407,7 +256,7 @@ class Stage:
         return self._contents[content]
 
     def _write_parts(
-        self, prim: Any, mesh: Any, caged: Polygons, subsets: list[tuple[str, Faces]]
+        self, prim: Any, mesh: Any, caged: PolygonMesh, subsets: list[tuple[str, Faces]]
     ) -> list[tuple[str, Any]]:
         polygons, begins, smooth = self._smoothed(prim, mesh, caged)
         parts: list[tuple[str, Faces | None]] = []
@@ -430,7 +279,7 @@ class Stage:
             self.report.say("ignored", "a mesh without faces of any area", prim)
         return written
 
-    def _polygons(self, prim: Any, mesh: Any) -> Polygons | None:
+    def _polygons(self, prim: Any, mesh: Any) -> PolygonMesh | None:
         """Return the faces of a mesh as they are written; None, with a report, where they are not sound."""
         points = _numbers(mesh.GetPointsAttr().Get(self.time), 3)
         counts = _numbers(mesh.GetFaceVertexCountsAttr().Get(self.time), 1, np.int64)
@@ -449,7 +298,7 @@ class Stage:
             )
             corners = corners[order]
             uvs, normals = (None if values is None else values[order] for values in (uvs, normals))
-        return Polygons(points, counts, corners, uvs, normals, *self._creases(mesh, len(points)))
+        return PolygonMesh(points, counts, corners, uvs, normals, *self._creases(mesh, len(points)))
 
     def _creases(self, mesh: Any, count: int) -> tuple[Faces | None, Array | None, Array | None]:
         """Return the edges of a mesh that are creased, how sharply, and how sharp its points are."""
@@ -458,7 +307,7 @@ class Stage:
         spikes = None
         if len(at) and len(at) == len(how) and at.min() >= 0 and at.max() < count:
             spikes = np.zeros(count)
-            spikes[at] = np.where(how >= SHARP, np.inf, how)
+            spikes[at] = np.where(how >= _SHARP, np.inf, how)
         lengths = _numbers(mesh.GetCreaseLengthsAttr().Get(self.time), 1, np.int64)
         run = _numbers(mesh.GetCreaseIndicesAttr().Get(self.time), 1, np.int64)
         sharpness = _numbers(mesh.GetCreaseSharpnessesAttr().Get(self.time), 1)
@@ -470,14 +319,14 @@ class Stage:
         elif len(sharpness) != len(firsts):
             return None, None, spikes
         ends = np.stack([run[firsts], run[firsts + 1]], axis=1)
-        return ends, np.where(sharpness >= SHARP, np.inf, sharpness), spikes
+        return ends, np.where(sharpness >= _SHARP, np.inf, sharpness), spikes
 
-    def _smoothed(self, prim: Any, mesh: Any, polygons: Polygons) -> tuple[Polygons, Faces, bool]:
+    def _smoothed(self, prim: Any, mesh: Any, polygons: PolygonMesh) -> tuple[PolygonMesh, Faces, bool]:
         """Subdivide a mesh where it says so.
 
         Returns
         -------
-        polygons : Polygons
+        polygons : PolygonMesh
         begins : (n + 1,) array of int
             Where the faces stand that each face has become, and where they end.
         smooth : bool
@@ -490,7 +339,7 @@ class Stage:
         if scheme == self.geom.Tokens.none or (polygons.normals is not None and not written):
             return polygons, begins, False
         if scheme == self.geom.Tokens.catmullClark:
-            for most in MOST_FACES:
+            for most in _MOST_FACES:
                 if len(polygons.corners) > most:  # which there would be faces of
                     break
                 begins = np.concatenate([[0], np.cumsum(polygons.counts)])[begins]
@@ -675,7 +524,7 @@ class Stage:
             if content is None or Path(name).suffix.lower() not in SUFFIXES:
                 return None
             raw = bytes(content.GetBuffer())
-            self._pictures[path] = self.files.add("files", name, partial(_write, raw))
+            self._pictures[path] = self.files.add("files", name, lambda target: target.write_bytes(raw))
         return self._pictures[path]
 
     def _add_light(self, prim: Any) -> None:
@@ -748,9 +597,9 @@ class Stage:
         pose: Keys = {"eye": tidy(eye), "target": tidy(eye - back / np.linalg.norm(back)),
                       "up": tidy(up / np.linalg.norm(up))}  # fmt: skip
         width, height = camera.horizontalAperture, camera.verticalAperture
-        if not (width > 0 and height > 0 and width / height < MOST_PIXEL_ASPECT):
+        if not (width > 0 and height > 0 and width / height < _MOST_PIXEL_ASPECT):
             width, height = 20.955, 15.2908
-        film: Keys = {"resolution": [WIDTH_PX, max(round(WIDTH_PX * height / width), 1)], "width_mm": float(width)}
+        film: Keys = {"resolution": [_WIDTH_PX, max(round(_WIDTH_PX * height / width), 1)], "width_mm": float(width)}
         if camera.horizontalApertureOffset or camera.verticalApertureOffset:
             self.report.say("ignored", "the offset of the film", self.camera)
         tenth = metres_per_unit / 10  # focal length and film are tenths of a unit of the scene
@@ -779,7 +628,7 @@ class Stage:
         eye = middle + np.array(away) / np.linalg.norm(away) * reach / math.sin(math.radians(20))
         keys: Keys = {"kind": "pinhole", "eye": tidy(eye), "target": tidy(middle), "up": up.tolist(),
                       "fov_degrees": 40, "fov_axis": "vertical"}  # fmt: skip
-        return keys, {"resolution": [WIDTH_PX, WIDTH_PX * 2 // 3]}
+        return keys, {"resolution": [_WIDTH_PX, _WIDTH_PX * 2 // 3]}
 
 
 class _Inputs:
@@ -883,10 +732,6 @@ class _Inputs:
         return keys
 
 
-def _write(content: bytes, target: Path) -> None:
-    target.write_bytes(content)
-
-
 def _numbers(values: Any, width: int, kind: Any = np.float64) -> Any:
     """Return an array of a stage, (n, width) or of single numbers; an empty one for what is none."""
     try:
@@ -966,7 +811,7 @@ def _merge_instances(stage: Stage) -> None:
     stage.objects = merged
 
 
-def _pose_skeletons(stage: Any, code: float, report: PrimReport) -> None:
+def _pose_skeletons(stage: Any, code: float, report: _PrimReport) -> None:
     """Move the points of meshes to where their skeletons and blend shapes put them at a time code."""
     skel, usd = _module("UsdSkel"), _module("Usd")
     walk = usd.PrimRange(stage.GetPseudoRoot(), usd.TraverseInstanceProxies())
@@ -1005,7 +850,7 @@ def convert_stage(source: Path, target: Path, *, time_s: float | None = None) ->
     except Exception as problem:
         said = re.findall(r" : '(.*)", str(problem)) or [str(problem)]
         raise InputError(f"{source}: is no stage of USD ({said[0][:200]})") from None
-    report = PrimReport()
+    report = _PrimReport()
     for warning in heard.TakeUncoalescedDiagnostics():
         if missing := re.search(r"Could not open asset @([^@]*)@", warning.commentary):
             report.say("ignored", f"{missing[1]} cannot be read", opened.GetPseudoRoot())

@@ -12,19 +12,10 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
-from rptcam_cl.optics.chief_rays import without_obstructions
-from rptcam_cl.optics.image_quality import (
-    NOTHING,
-    STAYS,
-    Setting,
-    at_plane,
-    default_fields,
-    field_waves,
-    result_of,
-)
-from rptcam_cl.optics.ray_trace import Rays
-from rptcam_cl.optics.shapes import Biconic, Turned
-from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
+from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam, without_obstructions
+from rptcam_cl.optics.image_quality import NOTHING, STAYS, Setting, default_fields, field_waves, result_of
+from rptcam_cl.optics.ray_trace import Rays, at_plane
+from rptcam_cl.optics.shapes import Biconic, Transposed
 from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
 from rptcam_cl.optics.waves import MOST_ACROSS, ExitRays, check_wavefront
 
@@ -46,24 +37,24 @@ def in_section(setting: Setting, section: str) -> Setting:
     """
     if section not in SECTIONS:
         raise InputError(f'section: must be "x" or "y" (got {section!r})')
-    return replace(setting, lens=_turned(setting.lens)) if section == "x" else setting
+    return replace(setting, lens=_exchange_axes(setting.lens)) if section == "x" else setting
 
 
-def _turned(lens: Lens) -> Lens:
+def _exchange_axes(lens: Lens) -> Lens:
     """Return a lens with x and y exchanged, whose name says so; itself where that makes no difference."""
     if lens.is_rotational and lens.fold is None and not (lens.stop and lens.stop.stop_shape):
         return lens
-    surfaces = tuple(_turned_surface(surface) for surface in lens.surfaces)
-    fold = None if lens.fold is None else _turned_pose(lens.fold)
+    surfaces = tuple(_exchange_in_surface(surface) for surface in lens.surfaces)
+    fold = None if lens.fold is None else _exchange_in_pose(lens.fold)
     return replace(lens, name=f"{lens.name}, fields along x", surfaces=surfaces, fold=fold)
 
 
-def _turned_surface(surface: Surface) -> Surface:
+def _exchange_in_surface(surface: Surface) -> Surface:
     shape, form, conic, curvature = surface.stop_shape, surface.form, surface.conic, surface.curvature
     if isinstance(form, Biconic):
         form, curvature, conic = Biconic(curvature, conic), form.curvature_x, form.conic_x
     elif form is not None:
-        form = Turned(form)
+        form = Transposed(form)
     if isinstance(shape, StopMask):
         shape = StopMask(shape.cells[::-1, ::-1].T)
     elif shape is not None:
@@ -71,18 +62,18 @@ def _turned_surface(surface: Surface) -> Surface:
     other = {"x": "y", "y": "x", None: None}
     return replace(
         surface, curvature=curvature, conic=conic, form=form, stop_shape=shape, cylinder=other[surface.cylinder],
-        pose=_turned_pose(surface.pose) if surface.pose else None,
-        region=_turned_region(surface.region) if surface.region else None,
+        pose=_exchange_in_pose(surface.pose) if surface.pose else None,
+        region=_exchange_in_region(surface.region) if surface.region else None,
     )  # fmt: skip
 
 
-def _turned_region(region: Region) -> Region:
+def _exchange_in_region(region: Region) -> Region:
     normal = None if region.normal_degrees is None else 90.0 - region.normal_degrees
     return replace(region, half_width=region.half_height, half_height=region.half_width,
                    centre=region.centre[::-1], normal_degrees=normal)  # fmt: skip
 
 
-def _turned_pose(pose: SurfacePose) -> SurfacePose:
+def _exchange_in_pose(pose: SurfacePose) -> SurfacePose:
     x, y, z = pose.offset
     ((a, b, c), (d, e, f), (g, h, i)) = pose.rotation
     return SurfacePose((y, x, z), ((e, d, f), (b, a, c), (h, g, i)))
@@ -253,7 +244,7 @@ def zernike(
     rows.sort(key=lambda row: (row["field_degrees"], row["wavelength_nm"], row["fringe"]))
     return result_of(
         setting, "Zernike coefficients", rows,
-        lambda: curves_over(
+        lambda: _curves_over(
             f"{setting.lens.name}: Zernike coefficients (fringe), {wavelengths_nm[0]:g} nm",
             [row for row in rows if row["wavelength_nm"] == wavelengths_nm[0] and row["fringe"] > 1],
             ("fringe", "number of the term"), [("fringe_waves", "degrees")], "waves", "field_degrees", ("o:",),
@@ -290,7 +281,7 @@ def field_curvature(
     rows = curvature_rows(setting, fields_of(setting, fields, FINE), wavelengths_nm)
     return result_of(
         setting, "field curvature", rows,
-        lambda: curves_over(
+        lambda: _curves_over(
             f"{setting.lens.name}: field curvature", rows, ("field_degrees", "angle from the axis [degrees]"),
             [("tangential_mm", "nm tangential"), ("sagittal_mm", "nm sagittal")], "behind the film [mm]",
             "wavelength_nm",
@@ -361,7 +352,7 @@ def focal_shift(setting: Setting, wavelengths_nm: Sequence[float]) -> charts.Mea
         ]  # fmt: skip
     return result_of(
         setting, "focal shift", rows,
-        lambda: curves_over(
+        lambda: _curves_over(
             f"{setting.lens.name}: focus over the wavelength", rows, ("wavelength_nm", "wavelength [nm]"),
             [("shift_mm", "of the pupil's radius")], "behind the film [mm]", "zone",
         ),
@@ -402,7 +393,7 @@ def through_focus(
     title = f"{setting.lens.name}: spots through focus"
     return result_of(
         setting, "spots through focus", rows,
-        lambda: curves_over(
+        lambda: _curves_over(
             title, rows, ("shift_mm", "film away from the lens [mm]"), [("rms_um", "degrees")], "rms spot [µm]",
             "field_degrees",
         ),
@@ -423,7 +414,7 @@ def _through_focus(
 
 
 @charts.styled()
-def curves_over(
+def _curves_over(
     title: str,
     rows: Sequence[Row],
     across: tuple[str, str],

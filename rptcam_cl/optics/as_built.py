@@ -17,7 +17,7 @@ from rptcam_cl.optics.files.glass_catalogues import bundled_thermal
 from rptcam_cl.optics.glass import AIR, STANDARD_C, STANDARD_HPA, Heated, Medium, Melt, Thermal
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import refract
-from rptcam_cl.optics.shapes import Biconic, Hits, Iterated, Toroid
+from rptcam_cl.optics.shapes import ITERATIONS, LAST_STEP, Biconic, Hits, Iterated, Toroid, on_vertex_plane
 from rptcam_cl.optics.surface import IN_PLACE, Configuration, FocusState, Surface, SurfacePose
 
 # A lens at another temperature: its glass has another index, and glass and barrel are longer.
@@ -344,8 +344,6 @@ def turns(about_x: Array, about_y: Array) -> Array:
 # from the edge of a beam is left out: it would make the number of rays jump, and with it every sensitivity.
 
 RAYS_TOGETHER = 8192  # whose components stay in the processor's cache
-NEWTON_STEPS = 24
-LAST_STEP = 1e-9  # of the distance scale, as in `optics.shapes.iterated`
 
 
 def check_copies(lens: Lens) -> None:
@@ -446,17 +444,12 @@ def _meet(surface: Surface, curvatures: Array, p: Array, d: Array) -> Hits:
     shape = surface.shape
     if not isinstance(shape, Iterated):
         return shape.meet(profile, p, d)
-    to_plane = -p[2] / d[2]
-    x, y = p[0] + to_plane * d[0], p[1] + to_plane * d[1]
+    x, y, to_plane = on_vertex_plane(p, d)
     step = shape.first_guess(profile, x, y, d)
     least = LAST_STEP * (np.abs(x) + np.abs(y) + np.abs(step)) + 1e-300
-    for _ in range(NEWTON_STEPS):
+    for _ in range(ITERATIONS):
         change, _side = shape.newton_step(profile, x + step * d[0], y + step * d[1], step * d[2], d)
         step = step - change
         if np.all((np.abs(change) <= least) | ~np.isfinite(change)):
             break
-    hit = np.stack([x + step * d[0], y + step * d[1], step * d[2]])
-    normal = shape.normal_at(profile, *hit)
-    normal /= np.sqrt(np.sum(normal * normal, axis=0))
-    cosine = np.sum(normal * d, axis=0)
-    return Hits(hit, to_plane + step, normal, cosine, np.isfinite(step) & (normal[2] > 0) & (cosine > 0))
+    return shape.hits_after(profile, x, y, to_plane, d, step)

@@ -11,9 +11,20 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.beams import COARSE, Beam, spot
 from rptcam_cl.optics.lens import MEASURED_FROM, Lens, film_distance
-from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe, grid, narrow_boxes, narrowing_probes, pupil_boxes
-from rptcam_cl.optics.spot import COARSE, Beam, spot
+from rptcam_cl.optics.pupils import (
+    UNMOVED,
+    FilmFrame,
+    FilmProbe,
+    boxes_of,
+    boxes_round,
+    cells,
+    grid,
+    narrow_boxes,
+    narrowing_probes,
+    pupil_boxes,
+)
 
 # The film distance of the least real-ray spot at the working aperture, on the axis or at a field point.
 
@@ -260,26 +271,65 @@ WIDENED = 1.6  # the beam from a point near the lens meets the front elsewhere t
 
 
 @dataclass(frozen=True)
-class _Beams:
-    """Beams in the scene, one per film point (n).
+class _SceneBeams:
+    """Beams in the scene that a film sees through a lens, one per film point (n).
 
     Attributes
     ----------
+    frame : FilmFrame
+        How the film stands.
     nearest, along : (n, 3) arrays
         The middle ray's nearest point to the first vertex, and its direction away from the lens.
     middle : (n, 3) array
         Where the middle ray leaves the lens.
-    frame : (n, 2, 3) array
+    across : (n, 2, 3) array
         Unit vectors across the beam.
     reach : (n, 2) array
         How far around the middle to look for its rays along those [mm].
+    lit : (n,) array
+        Which have any light.
     """
 
+    lens: Lens
+    film_distance_mm: float
+    wavelength_nm: float
+    frame: FilmFrame
     nearest: Array
     along: Array
     middle: Array
-    frame: Array
+    across: Array
     reach: Array
+    lit: Mask
+
+    def variances(self, vergence: float) -> Array:
+        """Return the variances (n, 2) in x and y of where light of a point meets the film [mm2]; nan without light."""
+        boxes = boxes_of(-self.reach, self.reach)
+        steps = grid(boxes, *NARROWING)
+        _, passed = self._on_film(steps, vergence)
+        boxes, _ = boxes_round(steps, passed, cells(boxes, *NARROWING), boxes)
+        film, passed = self._on_film(grid(boxes, BLUR_ACROSS, BLUR_ACROSS), vergence)
+        count = np.sum(passed, axis=1)[:, None]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = np.sum(np.where(passed[..., None], film, 0.0), axis=1) / count
+            return np.asarray(np.sum(np.where(passed[..., None], film - mean[:, None], 0.0) ** 2, axis=1) / count)
+
+    def _on_film(self, steps: Array, vergence: float) -> tuple[Array, Mask]:
+        """Return where rays from a point of each beam through steps (n, rays, 2) across it meet the film, and which."""
+        lens, frame = self.lens, self.frame
+        front = self.middle[:, None] + np.einsum("nrk,nki->nri", steps, self.across)
+        if vergence == 0.0:
+            origins, directions = front, np.broadcast_to(-self.along[:, None], front.shape)
+        else:
+            sources = (self.nearest + self.along / vergence)[:, None]
+            origins, directions = np.broadcast_to(sources, front.shape), front - sources
+        rays = lens.trace(origins.reshape(-1, 3), directions.reshape(-1, 3), self.wavelength_nm, start="scene")
+        across, up = lens.sense * np.array(frame.slopes)  # of the film's plane, in z of the lens
+        x, y = (rays.origins[:, :2] - np.array(frame.centre)).T
+        ahead = lens.film_z(self.film_distance_mm) + x * across + y * up - rays.origins[:, 2]
+        dx, dy, dz = rays.directions.T
+        film = rays.origins[:, :2] + (ahead / (dz - dx * across - dy * up))[:, None] * rays.directions[:, :2]
+        film = film if frame.is_flat else frame.on_film(film)
+        return film.reshape(steps.shape), rays.passed.reshape(steps.shape[:2])
 
 
 def blur_variances(
@@ -302,18 +352,19 @@ def blur_variances(
         How the film stands; x and y of the blur run along its sides.
     """
     boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), film)
-    beams, has_beam = _beams(lens, film_distance_mm + frame.depth(film), film, boxes, wavelength_nm)
-    spots = [_spots(lens, film_distance_mm, beams, float(vergence), wavelength_nm, frame) for vergence in vergences]
-    variances = np.stack(spots, axis=1)
-    lit = lit & has_beam & np.isfinite(variances).all(axis=(1, 2))
+    beams = _scene_beams(lens, film_distance_mm, film, boxes, wavelength_nm, frame)
+    variances = np.stack([beams.variances(float(vergence)) for vergence in vergences], axis=1)
+    lit = lit & beams.lit & np.isfinite(variances).all(axis=(1, 2))
     return np.where(lit[:, None, None], variances, 0.0), lit
 
 
-def _beams(lens: Lens, distances_mm: Array, film: Array, boxes: Array, wavelength_nm: float) -> tuple[_Beams, Mask]:
-    """Return the beams that film points at distances see through boxes of the rear plane, and which have any light."""
+def _scene_beams(
+    lens: Lens, film_distance_mm: float, film: Array, boxes: Array, wavelength_nm: float, frame: FilmFrame
+) -> _SceneBeams:
+    """Return the beams that film points see through boxes of the rear plane."""
     rear = grid(boxes, *NARROWING)
     count, rays_each = rear.shape[:2]
-    distances = np.broadcast_to(distances_mm[:, None, None], (count, rays_each, 1))
+    distances = np.broadcast_to((film_distance_mm + frame.depth(film))[:, None, None], (count, rays_each, 1))
     away = np.concatenate([rear - film[:, None], -lens.sense * distances], axis=-1)
     origins = np.empty_like(away)
     origins[..., :2], origins[..., 2] = film[:, None], lens.length + lens.sense * distances[..., 0]
@@ -324,59 +375,14 @@ def _beams(lens: Lens, distances_mm: Array, film: Array, boxes: Array, wavelengt
     starts = np.where(passed[..., None], rays.origins.reshape(away.shape), 0.0)
     middle = np.sum(weight * starts, axis=1)
     along = _unit(np.sum(weight * rays.directions.reshape(away.shape), axis=1))
-    across = _unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)]))
-    frame = np.stack([across, np.cross(along, across)], axis=1)
-    offsets = np.einsum("nri,nki->nrk", starts - middle[:, None], frame)
+    first = _unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)]))
+    across = np.stack([first, np.cross(along, first)], axis=1)
+    offsets = np.einsum("nri,nki->nrk", starts - middle[:, None], across)
     reach = WIDENED * np.max(np.abs(offsets) * passed[..., None], axis=1)
     nearest = middle - np.sum(middle * along, axis=1)[:, None] * along
-    return _Beams(nearest, along, middle, frame, reach), np.asarray(passed.any(axis=1))
+    lit = np.asarray(passed.any(axis=1))
+    return _SceneBeams(lens, film_distance_mm, wavelength_nm, frame, nearest, along, middle, across, reach, lit)
 
 
 def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1), SMALLEST)[:, None])
-
-
-def _spots(
-    lens: Lens, film_distance_mm: float, beams: _Beams, vergence: float, wavelength_nm: float, frame: FilmFrame
-) -> Array:
-    """Return the variances (n, 2) in x and y of where the light of a point meets the film [mm2]; nan without light."""
-    boxes = np.stack([-beams.reach[:, 0], beams.reach[:, 0], -beams.reach[:, 1], beams.reach[:, 1]], axis=1)
-    steps = grid(boxes, *NARROWING)
-    _, passed = _on_film(lens, film_distance_mm, beams, steps, vergence, wavelength_nm, frame)
-    margin = (boxes[:, 1::2] - boxes[:, ::2]) / NARROWING
-    low = np.where(passed[..., None], steps, np.inf).min(axis=1) - margin
-    high = np.where(passed[..., None], steps, -np.inf).max(axis=1) + margin
-    boxes = np.where(np.sum(passed, axis=1)[:, None] > 0, np.stack([low, high], axis=-1).reshape(-1, 4), boxes)
-    film, passed = _on_film(
-        lens, film_distance_mm, beams, grid(boxes, BLUR_ACROSS, BLUR_ACROSS), vergence, wavelength_nm, frame
-    )
-    count = np.sum(passed, axis=1)[:, None]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.sum(np.where(passed[..., None], film, 0.0), axis=1) / count
-        return np.asarray(np.sum(np.where(passed[..., None], film - mean[:, None], 0.0) ** 2, axis=1) / count)
-
-
-def _on_film(
-    lens: Lens,
-    film_distance_mm: float,
-    beams: _Beams,
-    steps: Array,
-    vergence: float,
-    wavelength_nm: float,
-    frame: FilmFrame,
-) -> tuple[Array, Mask]:
-    """Return where rays from a point of each beam through steps (n, rays, 2) across it meet the film, and which do."""
-    front = beams.middle[:, None] + np.einsum("nrk,nki->nri", steps, beams.frame)
-    if vergence == 0.0:
-        origins, directions = front, np.broadcast_to(-beams.along[:, None], front.shape)
-    else:
-        sources = (beams.nearest + beams.along / vergence)[:, None]
-        origins, directions = np.broadcast_to(sources, front.shape), front - sources
-    rays = lens.trace(origins.reshape(-1, 3), directions.reshape(-1, 3), wavelength_nm, start="scene")
-    across, up = lens.sense * np.array(frame.slopes)  # of the film's plane, in z of the lens
-    x, y = (rays.origins[:, :2] - np.array(frame.centre)).T
-    ahead = lens.film_z(film_distance_mm) + x * across + y * up - rays.origins[:, 2]
-    dx, dy, dz = rays.directions.T
-    film = rays.origins[:, :2] + (ahead / (dz - dx * across - dy * up))[:, None] * rays.directions[:, :2]
-    film = film if frame.is_flat else frame.on_film(film)
-    return film.reshape(steps.shape), rays.passed.reshape(steps.shape[:2])

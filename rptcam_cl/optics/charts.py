@@ -9,7 +9,7 @@ import importlib.util
 import io
 import math
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field
 from functools import cached_property
@@ -147,7 +147,7 @@ def svg_text(picture: Drawing) -> str:
 
 
 def _path(path: Path) -> str:
-    steps = "M" + "L".join(_points(path.points)) + ("Z" if path.closed else "")
+    steps = "M" + "L".join(f"{_number(x)} {_number(y)}" for x, y in path.points) + ("Z" if path.closed else "")
     words = [f'<path d="{steps}"', f'fill="{path.fill or "none"}"']
     if path.stroke:
         words += [f'stroke="{path.stroke}"', f'stroke-width="{_number(path.width)}"', 'stroke-linejoin="round"']
@@ -163,10 +163,6 @@ def _text(text: Text) -> str:
         f'<text x="{x}" y="{y}" font-size="{_number(text.size)}" text-anchor="{escape(text.anchor)}"'
         f' fill="{text.colour}">{escape(text.text, quote=False)}</text>'
     )
-
-
-def _points(points: Iterable[Point]) -> list[str]:
-    return [f"{_number(x)} {_number(y)}" for x, y in points]
 
 
 def _number(value: float) -> str:
@@ -219,7 +215,7 @@ UNSAID: dict[str, dict[str, Any]] = {
 }
 
 
-def check_charts() -> None:
+def _check_charts() -> None:
     """Raise an error when the package that draws charts is not installed.
 
     Raises
@@ -234,7 +230,7 @@ def check_charts() -> None:
 @contextmanager
 def styled() -> Iterator[None]:
     """Draw in the house style, whatever the user's own settings are; also as a decorator."""
-    check_charts()
+    _check_charts()
     from matplotlib import style
 
     with style.context(["default", {**STYLE}], after_reset=True):
@@ -278,7 +274,7 @@ def series(number: int) -> str:
 def check_suffix(path: FilePath, plain: Sequence[str] = ()) -> None:
     """Raise an error when a picture cannot be written under this name; `plain` suffixes need no matplotlib."""
     if known_suffix(path, (*SUFFIXES, *plain), "unknown kind of picture") not in plain:
-        check_charts()
+        _check_charts()
 
 
 def encode(picture: Drawing | Figure, path: FilePath) -> bytes:

@@ -1,10 +1,10 @@
-"""Lenses from a few wishes (Kumar et al. 2024, eqs. 3-12), and the numbers of `lens info` of any lens."""
+"""Lenses from a few numbers (Kumar et al. 2024, eqs. 3-12), and the numbers of `lens info` of any lens."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,16 +13,12 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import plain
 from rptcam_cl.optics.irradiance import on_axis_irradiance
-from rptcam_cl.optics.lens import brought_to_focus
+from rptcam_cl.optics.lens import Lens, brought_to_focus
 from rptcam_cl.optics.pupils import FilmProbe, box_near, grid, narrow_boxes, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance
 
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-
-
 #
-# Lenses from a few wishes: a single lens of a focal length, and an achromatic doublet (Kumar et al. 2024, eqs. 3-12).
+# Lenses from a few numbers: a single lens of a focal length, and an achromatic doublet (Kumar et al. 2024, eqs. 3-12).
 #
 # Radii are signed here, positive when the centre lies on the film side; the paper writes magnitudes for biconvex and
 # biconcave lenses. Its eq. 12 lacks a minus sign: an achromat needs P1 / V1 + P2 / V2 = 0.
@@ -41,13 +37,6 @@ class GlassChoice:
     def in_file(self) -> Any:
         """Return the `glass` entry of a lens file."""
         return self.entry if self.entry is not None else {"nd": self.index, "vd": self.abbe}
-
-
-def lensmaker_focal_length(r1: float, r2: float, thickness: float, index: float) -> float:
-    """Return the focal length of a single lens in air from its signed radii (eq. 3)."""
-    c1, c2 = 1.0 / r1, 1.0 / r2
-    power = (index - 1.0) * (c1 - c2 + (index - 1.0) * thickness * c1 * c2 / index)
-    return 1.0 / power if power else math.inf
 
 
 def image_distances(focal_length: float, object_to_film: float) -> tuple[float, float]:
@@ -251,7 +240,7 @@ def lens_info(
         result["working_f_number"] = working_f_number(lens, film, wavelength_nm)
         result["t_number"] = t_number(lens, film, wavelength_nm, transmission)
         circle = image_circle(lens, film, wavelength_nm)
-        result["half_light_circle_mm"] = 2 * half_light_radius(lens, film, circle, wavelength_nm)
+        result["half_light_circle_mm"] = 2 * _half_light_radius(lens, film, circle, wavelength_nm)
         if circle < farthest(lens, film, wavelength_nm):  # else nothing in the lens ends its picture
             result["image_circle_mm"] = 2 * circle
             result["field_of_view_degrees"] = field_of_view(lens, film, circle * INSIDE, wavelength_nm)
@@ -326,7 +315,9 @@ def farthest(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_
     return LARGEST_FIELD * (length if np.isfinite(length) else film_distance_mm)
 
 
-def half_light_radius(lens: Lens, film_distance_mm: float, circle_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
+def _half_light_radius(
+    lens: Lens, film_distance_mm: float, circle_mm: float, wavelength_nm: float = LINE_D_NM
+) -> float:
     """Return the least film radius [mm] along +x with half the irradiance of the axis, within 1 %.
 
     Parameters

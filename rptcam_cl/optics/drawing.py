@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,10 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
-from rptcam_cl.optics.chief_rays import without_rims
-from rptcam_cl.optics.image_quality import Setting, at_plane, default_fields, fan_points, section_rays, setting
-from rptcam_cl.optics.ray_trace import Rays, Status
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-
+from rptcam_cl.optics.beams import without_rims
+from rptcam_cl.optics.image_quality import Setting, default_fields, fan_points, section_rays, setting
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.ray_trace import Rays, Status, at_plane, trace
 
 #
 # Rays surface by surface, by whichever tracer: the lens cut off behind each of its surfaces gives the points there.
@@ -29,14 +26,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-Tracer = Callable[["Lens", Array, Array, float], Rays]
+Tracer = Callable[[Lens, Array, Array, float], Rays]
 """Traces rays from the scene, given lens, origins, directions and wavelength [nm]."""
 
 
 def reference(lens: Lens, origins: Array, directions: Array, wavelength_nm: float) -> Rays:
     """Return rays traced in float64 on the host."""
-    from rptcam_cl.optics.ray_trace import trace
-
     return trace(lens, origins, directions, wavelength_nm, "scene")
 
 
@@ -69,7 +64,7 @@ def ray_paths(lens: Lens, origins: Array, directions: Array, wavelength_nm: floa
     points = [lens.from_scene_axes(np.array(origins, dtype=np.float64).T, np.array(directions).T)[0].T]
     rays = None
     for count in range(1, len(lens.surfaces) + 1):
-        rays = tracer(cut_behind(lens, count), origins, directions, wavelength_nm)
+        rays = tracer(_cut_behind(lens, count), origins, directions, wavelength_nm)
         points.append(rays.origins)
     assert rays is not None
     paths = RayPaths(np.stack(points), rays)
@@ -77,7 +72,7 @@ def ray_paths(lens: Lens, origins: Array, directions: Array, wavelength_nm: floa
     return paths
 
 
-def cut_behind(lens: Lens, count: int) -> Lens:
+def _cut_behind(lens: Lens, count: int) -> Lens:
     """Return the lens of the first surfaces alone."""
     if count == len(lens.surfaces):
         return lens
@@ -272,7 +267,7 @@ def glass(lens: Lens, section: str, wavelength_nm: float) -> list[tuple[float, A
     return outlines
 
 
-def medium_behind(lens: Lens, section: str, wavelength_nm: float, film_z: float) -> tuple[float, Array] | None:
+def _medium_behind(lens: Lens, section: str, wavelength_nm: float, film_z: float) -> tuple[float, Array] | None:
     """Return index and outline of what fills the space up to the film, None for air."""
     index = float(lens.indices(wavelength_nm)[-1])
     if abs(index - 1.0) <= 1e-6:
@@ -325,7 +320,9 @@ def draw_lens(setting: Setting, view: View | None = None, tracer: Tracer = refer
     outline = [profile(setting.lens, k, view.section) for k in range(len(setting.lens.surfaces))]
     outline += blades(setting.lens, view.section)
     film = _film(setting, [line[-1] for beam, ray, line in lines if beam.paths.last.status[ray] == Status.ok])
-    frame = Frame.around([*outline, *([film] if film is not None else []), *(line for _, _, line in lines)], setting)
+    frame = PixelFrame.around(
+        [*outline, *([film] if film is not None else []), *(line for _, _, line in lines)], setting
+    )
     picture = charts.Drawing(WIDTH, frame.height, _title(setting))
     draw_glass(picture, frame, setting, view)
     picture.add(charts.Path(_axis(frame, setting, view), charts.FAINT, 0.8, dash=(10, 3, 2, 3)))
@@ -363,7 +360,7 @@ def svg(
 
 
 @dataclass(frozen=True)
-class Frame:
+class PixelFrame:
     """Millimetres to pixels, alike along both axes; the optical axis lies level."""
 
     scale: float
@@ -372,7 +369,7 @@ class Frame:
     height: float
 
     @staticmethod
-    def around(lines: Sequence[Array], setting: Setting) -> Frame:
+    def around(lines: Sequence[Array], setting: Setting) -> PixelFrame:
         """Return the frame that holds lines of points (z, height)."""
         size = size_of(setting.lens)
         points = np.concatenate(lines)
@@ -386,7 +383,7 @@ class Frame:
         tall = max((above + below) * scale, LEAST_HEIGHT)
         spare = (WIDTH - 2 * MARGIN) / scale - (right - left)
         middle = HEAD + tall / 2 + (above - below) / 2 * scale
-        return Frame(scale, left - spare / 2, middle, HEAD + tall + FOOT)
+        return PixelFrame(scale, left - spare / 2, middle, HEAD + tall + FOOT)
 
     def places(self, points: Array) -> list[charts.Point]:
         """Return pixels for points (z, height)."""
@@ -397,7 +394,7 @@ class Frame:
         return [(MARGIN / 2, self.middle), (WIDTH - MARGIN / 2, self.middle)]
 
 
-def _axis(frame: Frame, setting: Setting, view: View) -> list[charts.Point]:
+def _axis(frame: PixelFrame, setting: Setting, view: View) -> list[charts.Point]:
     """Return the optical axis in pixels, from mirror to mirror where they fold it."""
     lens = without_rims(setting.lens)
     if lens.fold is None:
@@ -433,11 +430,11 @@ def _title(setting: Setting) -> str:
     return "; ".join(parts)
 
 
-def draw_glass(picture: charts.Drawing, frame: Frame, setting: Setting, view: View) -> None:
+def draw_glass(picture: charts.Drawing, frame: PixelFrame, setting: Setting, view: View) -> None:
     """Draw what lies between the surfaces."""
     media = glass(setting.lens, view.section, setting.wavelength_nm)
     if setting.film_distance_mm is not None:
-        behind = medium_behind(setting.lens, view.section, setting.wavelength_nm, setting.film_z)
+        behind = _medium_behind(setting.lens, view.section, setting.wavelength_nm, setting.film_z)
         media += [behind] if behind else []
     for index, outline in media:
         note = f"index {index:.4f} at {setting.wavelength_nm:g} nm"
@@ -446,7 +443,7 @@ def draw_glass(picture: charts.Drawing, frame: Frame, setting: Setting, view: Vi
         )
 
 
-def draw_surfaces(picture: charts.Drawing, frame: Frame, setting: Setting, view: View) -> None:
+def draw_surfaces(picture: charts.Drawing, frame: PixelFrame, setting: Setting, view: View) -> None:
     """Draw surfaces, obstructions and the stop."""
     for k, surface in enumerate(setting.lens.surfaces):
         flat_stop = surface.is_stop and surface.is_sphere and not surface.curvature
@@ -461,7 +458,7 @@ def draw_surfaces(picture: charts.Drawing, frame: Frame, setting: Setting, view:
         picture.add(charts.Path(frame.places(blade), charts.INK, 3.5, note=f"stop, surface {setting.lens.stop_index}"))
 
 
-def _draw_ray(picture: charts.Drawing, frame: Frame, beam: Bundle, ray: int, line: Array) -> None:
+def _draw_ray(picture: charts.Drawing, frame: PixelFrame, beam: Bundle, ray: int, line: Array) -> None:
     places = frame.places(line)
     status = Status(int(beam.paths.last.status[ray]))
     if status == Status.ok:
@@ -474,7 +471,7 @@ def _draw_ray(picture: charts.Drawing, frame: Frame, beam: Bundle, ray: int, lin
         picture.add(charts.Path([(x - MARK, y - tilt), (x + MARK, y + tilt)], BLOCKED, 1.3, note=what))
 
 
-def _draw_numbers(picture: charts.Drawing, frame: Frame, lines: Sequence[tuple[Bundle, int, Array]]) -> None:
+def _draw_numbers(picture: charts.Drawing, frame: PixelFrame, lines: Sequence[tuple[Bundle, int, Array]]) -> None:
     """Write the number of each surface that blocks rays beside its outermost mark."""
     marks: dict[int, charts.Point] = {}
     for beam, ray, line in lines:

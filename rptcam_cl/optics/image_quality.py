@@ -15,9 +15,10 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
+from rptcam_cl.optics.beams import Beam, passing_beam
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.lens import brought_to_focus
-from rptcam_cl.optics.spot import Beam, passing_beam
+from rptcam_cl.optics.ray_trace import at_plane
 from rptcam_cl.optics.waves import (
     AIRY,
     PupilFunction,
@@ -212,11 +213,6 @@ def _measure_fan(setting: Setting, field_degrees: float, section: str) -> tuple[
     )
 
 
-def at_plane(origins: Array, directions: Array, z: float) -> Array:
-    """Return the points (n, 3) where rays cross a plane across the axis."""
-    return origins + directions * ((z - origins[:, 2]) / directions[:, 2])[:, None]
-
-
 # Spots: where the rays of beams from fields and wavelengths meet the film.
 
 ACROSS, MOST_ACROSS = 64, 1024  # rays that span a beam each way: at first, and at most
@@ -349,7 +345,7 @@ def at_best_focus(setting: Setting, wavelengths_nm: Sequence[float], field_degre
     return replace(setting, film_distance_mm=distance)
 
 
-def by_field(of_fields: Sequence[OfField]) -> dict[float, list[OfField]]:
+def _by_field(of_fields: Sequence[OfField]) -> dict[float, list[OfField]]:
     """Return the spots or wavefronts of each field, in order."""
     groups: dict[float, list[OfField]] = {}
     for one in of_fields:
@@ -381,7 +377,7 @@ def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
     ``rms_error_um`` and ``largest_error_um`` are what half as many rays across change.
     """
     rows: list[dict[str, Any]] = []
-    for degrees, group in by_field(spots).items():
+    for degrees, group in _by_field(spots).items():
         for spot in group:
             rows.append(_row(degrees, spot.wavelength_nm, [spot]))
         if len(group) > 1:
@@ -415,7 +411,7 @@ def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
     from matplotlib.lines import Line2D
 
     spots = [spot for spot in spots if len(spot.points)]
-    groups = by_field(spots)
+    groups = _by_field(spots)
     figure, panels = _panels(
         f"{setting.lens.name}: spots on the film", len(groups), TITLE_AND_KEY, sharex=True, sharey=True
     )
@@ -521,7 +517,7 @@ def mtf_table(spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) ->
 
     ``error`` is what half as many rays across change of either modulation.
     """
-    groups = by_field(spots)
+    groups = _by_field(spots)
     fields = {degrees: field_mtf(group, frequencies_per_mm) for degrees, group in groups.items()}
     rows = table_of(fields, frequencies_per_mm)
     before = table_of(
@@ -549,7 +545,7 @@ def table_of(
 
 
 @charts.styled()
-def mtf_chart(title: str, frequencies: Array, fields: Mapping[float, Sequence[Array] | None]) -> Figure:
+def _mtf_chart(title: str, frequencies: Array, fields: Mapping[float, Sequence[Array] | None]) -> Figure:
     """Return a chart of curves as `field_mtf` has them: tangential full, sagittal dashed, the first limit dotted."""
     from matplotlib.lines import Line2D
 
@@ -584,7 +580,7 @@ def mtf(
     groups: Mapping[float, Sequence[Any]]
     curves: Callable[[Sequence[Any], ArrayLike], list[Array] | None]
     if diffraction:
-        groups, curves = by_field(field_waves(setting, fields, wavelengths_nm, rays)), wave_transfer
+        groups, curves = _by_field(field_waves(setting, fields, wavelengths_nm, rays)), _wave_transfer
         rows = [
             row | {"error": error}
             for one, group in groups.items()
@@ -595,13 +591,13 @@ def mtf(
         ]  # fmt: skip
     else:
         spots = film_spots(setting, fields, wavelengths_nm, rays, mtf_moves(frequencies_per_mm))
-        groups, curves, rows = by_field(spots), field_mtf, mtf_table(spots, frequencies_per_mm)
+        groups, curves, rows = _by_field(spots), field_mtf, mtf_table(spots, frequencies_per_mm)
     how = " by wave optics" if diffraction else ", geometrical times diffraction"
     frequencies = np.linspace(0.0, max(frequencies_per_mm), CURVE)
 
     def chart() -> Figure:
         shown = {degrees: curves(group, frequencies) for degrees, group in groups.items()}
-        return mtf_chart(f"{setting.lens.name}: MTF{how}", frequencies, shown)
+        return _mtf_chart(f"{setting.lens.name}: MTF{how}", frequencies, shown)
 
     return result_of(setting, "MTF", rows, chart)
 
@@ -757,7 +753,7 @@ def field_waves(
     return waves
 
 
-def wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
+def _wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
     """Return a row for each wavefront, up to the sphere about the chief ray's point: rms, range, Strehl ratios.
 
     The errors are what a third of the cells across the pupil changes, at most, over `FINER`.
@@ -783,7 +779,7 @@ def wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
 
 
 @charts.styled()
-def wavefront_chart(setting: Setting, waves: Sequence[PupilFunction]) -> Figure:
+def _wavefront_chart(setting: Setting, waves: Sequence[PupilFunction]) -> Figure:
     """Return the maps of path differences over the pupil side by side, to one scale, in direction cosines."""
     figure, panels = _panels(f"{setting.lens.name}: wavefront at the exit pupil", len(waves), TITLE)
     maps = [_map(wave) for wave in waves]
@@ -812,7 +808,7 @@ def wavefront(
 ) -> charts.Measured:
     """Return how far wavefronts are from spheres."""
     waves = field_waves(setting, fields, wavelengths_nm, rays)
-    return result_of(setting, "wavefront", wavefront_table(waves), lambda: wavefront_chart(setting, waves))
+    return result_of(setting, "wavefront", _wavefront_table(waves), lambda: _wavefront_chart(setting, waves))
 
 
 # The image of a point and the transfer of a lens by wave optics, over all wavelengths of a field.
@@ -824,7 +820,7 @@ FINEST = 16.0  # points per wavelength times f-number that pixels are averaged o
 MOST_POINTS = 1200  # along each side of the image
 
 
-def wave_transfer(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[Array]:
+def _wave_transfer(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[Array]:
     """Return tangential and sagittal modulation of one field, and what its perfect pupil would leave of each."""
     limits = [transfer(wave.without_aberrations(), frequencies_per_mm) for wave in group]
     perfect = [np.tensordot(_weights(group), [np.abs(limit[axis]) for limit in limits], 1) for axis in (0, 1)]

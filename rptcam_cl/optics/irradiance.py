@@ -13,13 +13,12 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
-from rptcam_cl.optics.chief_rays import chebyshev_nodes, geometry_but_stop, trace_crossings
+from rptcam_cl.optics.beams import Beam, chebyshev_nodes, geometry_but_stop
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
 from rptcam_cl.optics.glass import Medium
 from rptcam_cl.optics.lens import Lens, limiting_surface
 from rptcam_cl.optics.pupils import FilmProbe, narrow_boxes, narrowing_probes, pupil_boxes, spread_points
-from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance
-from rptcam_cl.optics.spot import Beam
+from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance, trace_crossings
 from rptcam_cl.optics.surface import Surface
 
 #
@@ -377,12 +376,12 @@ def disk_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = 
 
 
 @remember(most=REMEMBERED, by=geometry_but_stop)
-def _beams_of(lens: Lens, stop: int, wavelength_nm: float) -> dict[tuple[int, int], _Beam | None]:
+def _beams_of(lens: Lens, stop: int, wavelength_nm: float) -> dict[tuple[int, int], _AxialRays | None]:
     """Return where beams are kept, by their cells and widths: all states of the film and of the stop share them."""
     return {}
 
 
-def _trace_beam(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _Beam | None:
+def _trace_beam(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _AxialRays | None:
     """Return the beam of a cell; None where a ray is lost or polynomials of so low a degree leave errors."""
     ends = 2.0 ** (cell / CELLS_OF_DISTANCE), 2.0 ** ((cell + 1) / CELLS_OF_DISTANCE)
     indices, order = lens.indices(wavelength_nm), range(len(lens.surfaces) - 1, -1, -1)
@@ -400,12 +399,12 @@ def _trace_beam(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _
             return None
         polynomials = to_height @ np.tensordot(to_film, values, 1)
         if np.all(np.abs(polynomials[:, -2:]) <= EXACT * np.abs(values).max(axis=(0, 1))):
-            return _Beam(height, (float(ends[0]), float(ends[1])), polynomials)
+            return _AxialRays(height, (float(ends[0]), float(ends[1])), polynomials)
     return None
 
 
 @dataclass(frozen=True, eq=False)
-class _Beam:
+class _AxialRays:
     """Rays from the axis of the film.
 
     Attributes
@@ -528,7 +527,7 @@ def veiling_glare(
             raise InputError(f"the {name} reflects a share from 0 to below 1 (got {share:g})")
     check_lens(lens)
     point = Beam(0.0, film_distance_mm, is_diffuse=True)
-    tree = Tree(Lit(reversed_lens(lens), SKY_MM, point, wavelength_nm, (np.inf, np.inf), transmission), 2, RAYS)
+    tree = Tree(Lit(_reversed_lens(lens), SKY_MM, point, wavelength_nm, (np.inf, np.inf), transmission), 2, RAYS)
     account, image = tree.account, tree.account.image
     if not image > 0:
         raise InputError(f"{lens.name}: no light reaches the middle of the film")
@@ -540,7 +539,7 @@ def veiling_glare(
     return Glare(*parts, veil / (1.0 + veil))
 
 
-def reversed_lens(lens: Lens) -> Lens:
+def _reversed_lens(lens: Lens) -> Lens:
     """Return a lens that light passes from its film side.
 
     Raises

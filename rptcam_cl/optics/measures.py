@@ -390,7 +390,7 @@ THROUGH_FOCUS = Measurement(
     "through_focus", ("range_mm", "fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
 DEPTH_OF_FIELD = Measurement(
-    "dof", "depth_of_field", "depth_of_field",
+    "dof", "depth_of_field", "field_measures",
     "depth of field and hyperfocal distance by traced rays and by the thin-lens formula, and the scale of the lens",
     "Return the depth of field on the axis, by traced rays and by the thin-lens formula, from the object to the film.",
     (

@@ -24,9 +24,7 @@ from rptcam_cl.optics.glass import AIR
 from rptcam_cl.optics.image_quality import default_fields, setting
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens, names_a_file
-from rptcam_cl.optics.ray_derivatives import (
-    follows_derivatives,
-)
+from rptcam_cl.optics.ray_derivatives import follows_derivatives
 
 Kind = Literal["curvature", "thickness", "conic", "aspheric", "film"]
 UNITS = {
@@ -201,7 +199,7 @@ class _Reader:
         length += [term.target for term in terms if term.name == "focal_length"]
         wavelengths = self._list("wavelengths_nm", (LINE_F_NM, LINE_D_NM, LINE_C_NM), 200, 3000)
         f_number = top.positive("f_number", first.f_number)
-        fields = self._list("fields_degrees", None, 0, 89) or self._fields(f_number)
+        fields = self._list("fields_degrees", None, 0, 89) or self._fields()
         variables, glasses = self._variables()
         film = self._film()
         variables += [Variable("film", self.last)] if film == "best" else []
@@ -244,7 +242,7 @@ class _Reader:
             raise self.top.fail("lens", "has no focal length")
         return lens
 
-    def _fields(self, f_number: float) -> tuple[float, ...]:
+    def _fields(self) -> tuple[float, ...]:
         try:
             return tuple(float(f) for f in default_fields(setting(self.lens)))
         except InputError as trouble:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +12,10 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.chief_rays import ChiefRays, round_chief_rays, trace_crossings
-from rptcam_cl.optics.lens import limiting_surface
-from rptcam_cl.optics.ray_trace import Rays, passing
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.surface import Surface
-
+from rptcam_cl.optics.beams import ChiefRays, round_chief_rays
+from rptcam_cl.optics.lens import Lens, limiting_surface
+from rptcam_cl.optics.ray_trace import Rays, passing, trace_crossings
+from rptcam_cl.optics.surface import Surface
 
 #
 # How the film of a camera stands behind its lens: straight across the axis, or moved, tilted and swung.
@@ -284,12 +279,15 @@ def narrow_boxes(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, 
     """
     points = grid(boxes, *shape)
     hits = probe.passes(film[:, None], points)
-    margin = cells(boxes, *shape)
+    return boxes_round(points, hits, cells(boxes, *shape), boxes)
+
+
+def boxes_round(points: Array, hits: Mask, margin: Array, otherwise: Array) -> tuple[Array, Mask]:
+    """Return boxes round those of points (m, n, 2) that are hits (m, n), a margin (m, 2) wider, and which have any."""
     low = np.where(hits[..., None], points, np.inf).min(axis=1) - margin
     high = np.where(hits[..., None], points, -np.inf).max(axis=1) + margin
     lit: Mask = np.asarray(np.any(hits, axis=1))
-    tight = boxes_of(low, high)
-    return np.where(lit[:, None], tight, boxes), lit
+    return np.where(lit[:, None], boxes_of(low, high), otherwise), lit
 
 
 # Boxes round the pupils that film points see: found even where they are much smaller than the rear element.
@@ -562,21 +560,21 @@ def _one_line(
     # Coarse outlines find out by tracing them whether light reaches the corner; fine ones find how far it reaches.
     lit = radius_mm if fineness is COARSE_OUTLINES else _lit_radius(probes, radius_mm, radial=True)
     lit = max([lit, *(_lit_radius(of, radius_mm * scale, radial=True) / scale for of, scale in beside)])
-    film = film_line(lit, fineness.radial_nodes)
+    film = _film_line(lit, fineness.radial_nodes)
     centres, axes = _frames(probes, film, radial=True)
     if fineness is COARSE_OUTLINES and not axes.all():
         lit = _lit_radius(probes, radius_mm, radial=True)
-        film = film_line(lit, fineness.radial_nodes)
+        film = _film_line(lit, fineness.radial_nodes)
         centres, axes = _frames(probes, film, radial=True)
     states = ((probes, 1.0), *beside)
     frames = between(centres), between(axes)
     reaches = [reach_of(of[-1], scale * film, *frames, fineness, mirrored=True) for of, scale in states]
     reach = np.max(reaches, axis=0)
-    radii = envelope(reach[None], fineness.directions) * (1.0 + fineness.margin)
+    radii = _envelope(reach[None], fineness.directions) * (1.0 + fineness.margin)
     if lit < radius_mm:
         radii[:, -EDGE_NODES:] *= 1.0 + EDGE_MARGIN
     holes = [
-        hole_of(of[-1], scale * film, *frames, fineness, each, mirrored=True)
+        _hole_of(of[-1], scale * film, *frames, fineness, each, mirrored=True)
         for (of, scale), each in zip(states, reaches, strict=True) if lens.is_obstructed
     ]  # fmt: skip
     inner = _inner(np.min(holes, axis=0)[None], radii, fineness, np.array([lit < radius_mm])) if holes else None
@@ -585,7 +583,7 @@ def _one_line(
 
 def _inner(holes: Array, radii: Array, fineness: Fineness, closes: Mask) -> Array:
     """Return radii at the nodes within which nothing passes between them either; 0 next to where the light ends."""
-    inner = np.maximum(-envelope(-holes, fineness.directions) - HOLE_MARGIN * radii, 0.0)
+    inner = np.maximum(-_envelope(-holes, fineness.directions) - HOLE_MARGIN * radii, 0.0)
     inner[closes, -EDGE_NODES:] = 0.0
     return inner
 
@@ -624,11 +622,11 @@ def _lines(
         if other == k and axes[k].any():
             seen = probes[k][-1], _closing_line(reach[k], nodes), centres[k], axes[k], fineness
             edges[k] = reach_of(*seen)
-            holes[k] = hole_of(*seen, edges[k]) if lens.is_obstructed else 0.0
+            holes[k] = _hole_of(*seen, edges[k]) if lens.is_obstructed else 0.0
         for values in (edges, holes):
             values[k] = np.roll(values[other][:, ::-1], 1, axis=1) if mirrored else values[other]
     margin = fineness.tilted_margin if lens.is_rotational else fineness.margin
-    radii = envelope(edges, fineness.directions) * (1.0 + margin)
+    radii = _envelope(edges, fineness.directions) * (1.0 + margin)
     radii[(lit < ends)[::2], -EDGE_NODES:] *= 1.0 + LINE_EDGE_MARGIN
     inner = _inner(holes, radii, fineness, (lit < ends)[::2]) if holes.any() else None
     return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii, inner)
@@ -674,7 +672,7 @@ def _lengthen(reach: Array) -> Array:
     return held
 
 
-def film_line(reach: float, nodes: int) -> Array:
+def _film_line(reach: float, nodes: int) -> Array:
     """Return points (2 nodes - 1, 2) on a line of a length: the nodes and the middles between them."""
     x = _with_middles(np.linspace(0.0, reach, nodes))
     return np.stack([x, np.zeros(len(x))], axis=1)
@@ -783,7 +781,7 @@ def reach_of(
     return np.concatenate([reach, reach[:, -2:0:-1]], axis=1) if mirrored else reach
 
 
-def hole_of(
+def _hole_of(
     probe: FilmProbe,
     film: Array,
     centres: Array,
@@ -825,7 +823,7 @@ def hole_of(
     return np.concatenate([hole, hole[:, -2:0:-1]], axis=1) if mirrored else hole
 
 
-def envelope(reach: Array, directions: int) -> Array:
+def _envelope(reach: Array, directions: int) -> Array:
     """Return radii at the nodes that, interpolated over film and direction, hold the outlines traced at every point.
 
     Parameters
@@ -894,7 +892,7 @@ class StoppedPupils:
         pairs = zip(turns.reshape(-1, len(angles)), radii.reshape(-1, len(angles)), strict=True)
         even = np.array([np.interp(angles, turn, radius) for turn, radius in pairs]).reshape(reach.shape).max(axis=0)
         outline = np.concatenate([even, even[:, -2:0:-1]], axis=1)
-        wider = envelope(outline[None], FINENESS.directions) * (1.0 + FINENESS.margin)
+        wider = _envelope(outline[None], FINENESS.directions) * (1.0 + FINENESS.margin)
         return PupilShapes(np.array([self.radius_mm]), centres[None], axes[None], wider)
 
     def _reach(self, height: float) -> Array:
@@ -921,7 +919,7 @@ def stopped_pupils(
     states
         The lens, and its last vertex to film [mm].
     """
-    first_mm, line = states[0][1], film_line(radius_mm, FINENESS.radial_nodes)
+    first_mm, line = states[0][1], _film_line(radius_mm, FINENESS.radial_nodes)
     clear = np.logical_and.reduce([
         _chief(lens, film_distance_mm, line * (film_distance_mm / first_mm), nm).clear
         for lens, film_distance_mm in states for nm in wavelengths_nm
@@ -930,7 +928,7 @@ def stopped_pupils(
         radius_mm = float(line[max(int(np.argmin(clear)) - 1, 0), 0])
     if not radius_mm > 0:
         return None
-    film = film_line(radius_mm, FINENESS.radial_nodes)
+    film = _film_line(radius_mm, FINENESS.radial_nodes)
     traced = []
     for lens, film_distance_mm in states:
         for wavelength_nm in wavelengths_nm:

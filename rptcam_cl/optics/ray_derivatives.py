@@ -125,41 +125,7 @@ def sag_with_derivatives(surface: Surface, height: float, seeds: Seeds, k: int) 
     return float(profile.z[0] + profile.slope[0] * beyond), total
 
 
-@dataclass(frozen=True)
-class Beam:
-    """Rays with their derivatives by the variables, on the film or where they were started.
-
-    Attributes
-    ----------
-    points, directions : (3, n) arrays
-        On the film: z is 0 there.
-    paths : (n,) array
-        Optical path [mm] from the start.
-    points_by, directions_by : lists of three (variables, n) arrays
-    paths_by : (variables, n) array
-    status, surface : (n,) arrays
-        As of `ray_trace.Rays`.
-    excess : (n,) array
-        Of a ray that fails how far it is from coming through, 1 or more and smooth; 0 of the others.
-    excess_by : (variables, n) array
-    heights : (surfaces, n) array
-        Distance from the axis where each surface was met; 0 from where a ray fails.
-    """
-
-    points: Array
-    directions: Array
-    paths: Array
-    points_by: list[Array]
-    directions_by: list[Array]
-    paths_by: Array
-    status: NDArray[np.int32]
-    surface: NDArray[np.int32]
-    excess: Array
-    excess_by: Array
-    heights: Array
-
-
-def trace_beam(
+def trace_with_derivatives(
     lens: Prescription,
     points: Array,
     directions: Array,
@@ -170,7 +136,7 @@ def trace_beam(
     points_by_z: Array,
     paths_by: Array,
     directions_by: list[Array] | None = None,
-) -> Beam:
+) -> RaysWithDerivatives:
     """Trace rays from the scene to the film, with their derivatives.
 
     Parameters
@@ -194,59 +160,70 @@ def trace_beam(
     directions_by : list of three (variables, n) arrays, optional
         Derivatives of directions; without them they do not depend on the variables.
     """
-    walk = _Walk(lens, points, directions, paths, seeds, points_by_z, paths_by)
+    rays = RaysWithDerivatives(lens, points, directions, paths, seeds, points_by_z, paths_by)
     launched = np.abs(points_by_z)
     if directions_by is not None:
-        walk.dd = [by.copy() for by in directions_by]
+        rays.directions_by = [by.copy() for by in directions_by]
         launched = launched + sum(np.abs(by).sum(axis=1) for by in directions_by)
     with np.errstate(all="ignore"):
         for k, count in enumerate(seeds.active(launched)):
-            walk.cross(k, lens.surfaces[k], indices[k], indices[k + 1], count)
+            rays.cross(k, lens.surfaces[k], indices[k], indices[k + 1], count)
             gap = film_mm if k + 1 == len(lens.surfaces) else lens.surfaces[k].thickness
-            walk.shift(gap, seeds.thicknesses[k])
-        walk.to_plane(indices[-1])
-    return walk.beam()
+            rays.shift(gap, seeds.thicknesses[k])
+        rays.to_plane(indices[-1])
+    return rays
 
 
-class _Walk:
-    """Rays on their way, in the frame of the vertex that they come to next."""
+class RaysWithDerivatives:
+    """Rays with their derivatives by the variables: on their way in the frame of the next vertex, at last of the film.
+
+    Attributes
+    ----------
+    points, directions : (3, n) arrays
+        On the film z is 0.
+    paths : (n,) array
+        Optical path [mm] from the start.
+    points_by, directions_by : lists of three (variables, n) arrays
+    paths_by : (variables, n) array
+    status, surface : (n,) arrays
+        As of `ray_trace.Rays`.
+    excess : (n,) array
+        Of a ray that fails how far it is from coming through, 1 or more and smooth; 0 of the others.
+    excess_by : (variables, n) array
+    heights : (surfaces, n) array
+        Distance from the axis where each surface was met; 0 from where a ray fails.
+    """
 
     def __init__(
         self, lens: Prescription, p: Array, d: Array, paths: Array, seeds: Seeds, by_z: Array, paths_by: Array
     ) -> None:
         count, n = len(by_z), p.shape[1]
-        self.seeds, self.p, self.d, self.paths = seeds, p, d, paths
-        self.dp = [np.zeros((count, n)) for _ in range(3)]
-        self.dp[2] += by_z[:, None]
-        self.dd = [np.zeros((count, n)) for _ in range(3)]
-        self.dpaths = paths_by.copy()
+        self.seeds, self.points, self.directions, self.paths = seeds, p, d, paths
+        self.points_by = [np.zeros((count, n)) for _ in range(3)]
+        self.points_by[2] += by_z[:, None]
+        self.directions_by = [np.zeros((count, n)) for _ in range(3)]
+        self.paths_by = paths_by.copy()
         self.status = np.zeros(n, dtype=np.int32)
         self.surface = np.full(n, -1, dtype=np.int32)
         self.excess, self.excess_by = np.zeros(n), np.zeros((count, n))
         self.heights = np.zeros((len(lens.surfaces), n))
 
-    def beam(self) -> Beam:
-        return Beam(
-            self.p, self.d, self.paths, self.dp, self.dd, self.dpaths, self.status, self.surface, self.excess,
-            self.excess_by, self.heights,
-        )  # fmt: skip
-
     def shift(self, gap: float, by: Array) -> None:
         """Go to the frame of the next vertex."""
-        self.p = self.p.copy()
-        self.p[2] -= gap
+        self.points = self.points.copy()
+        self.points[2] -= gap
         if by.any():
-            self.dp[2] -= by[:, None]
+            self.points_by[2] -= by[:, None]
 
     def cross(self, k: int, surface: Surface, before: Array, after: Array, count: int) -> None:
         """Refract at a surface; `count` variables matter up to there."""
-        hits = surface.meet(self.p, self.d)
+        hits = surface.meet(self.points, self.directions)
         met = hits.met & np.isfinite(hits.distances)
         if not met.all():
             self._lose(~met & (self.status == Status.ok), Status.missed, k, *self._miss(surface, k))
-            hits = surface.meet(self.p, self.d)
+            hits = surface.meet(self.points, self.directions)
         dn, dcos = self._hit(k, surface, hits.points, hits.normals, hits.cosines, hits.distances, before, count)
-        self.heights[k] = np.where(self.status == Status.ok, np.hypot(self.p[0], self.p[1]), 0.0)
+        self.heights[k] = np.where(self.status == Status.ok, np.hypot(self.points[0], self.points[1]), 0.0)
         ratio = before / after
         if np.all(ratio == 1.0):
             return
@@ -260,20 +237,20 @@ class _Walk:
             dn, dcos = [np.where(lost, 0.0, a) for a in dn], np.where(lost, 0.0, dcos)
         root = np.sqrt(square)
         bend, dbend = root - ratio * cos, (ratio * ratio * cos / root - ratio) * dcos
-        self.d = ratio * self.d + bend * normal
+        self.directions = ratio * self.directions + bend * normal
         for i in range(3):
-            self.dd[i][:count] = ratio * self.dd[i][:count] + dbend * normal[i] + bend * dn[i]
+            self.directions_by[i][:count] = ratio * self.directions_by[i][:count] + dbend * normal[i] + bend * dn[i]
 
     def _hit(
         self, k: int, surface: Surface, at: Array, normal: Array, cos: Array, length: Array, index: Array, count: int
     ) -> tuple[list[Array], Array]:
         """Move to the points where rays hit; return the derivatives of unit normals and of cosines."""
         self.paths = self.paths + index * length
-        self.p = at
+        self.points = at
         if not count:
             nothing = np.zeros((0, len(length)))
             return [nothing] * 3, nothing
-        d, dp, dd = self.d, [a[:count] for a in self.dp], [a[:count] for a in self.dd]
+        d, dp, dd = self.directions, [a[:count] for a in self.points_by], [a[:count] for a in self.directions_by]
         moved = [dp[i] + length * dd[i] for i in range(3)]
         x, y = at[0], at[1]
         profile = ProfileDerivatives(surface, x * x + y * y)
@@ -284,8 +261,8 @@ class _Walk:
         dlength /= cos
         for i in range(3):
             moved[i] += dlength * d[i]
-            self.dp[i][:count] = moved[i]
-        self.dpaths[:count] += index * dlength
+            self.points_by[i][:count] = moved[i]
+        self.paths_by[:count] += index * dlength
         # N = (-2 x z', -2 y z', 1) and n = N / |N|, with 1 / |N| the z of n
         dslope = (2.0 * profile.bend) * (x * moved[0] + y * moved[1])
         for seed, _, slope in rows:
@@ -300,10 +277,10 @@ class _Walk:
 
     def _miss(self, surface: Surface, k: int) -> tuple[Array, Array]:
         """Return by how much rays miss a surface, more for steeper ones and rays farther out, and its derivative."""
-        step = -self.p[2] / self.d[2]
-        dstep = -(self.dp[2] + step * self.dd[2]) / self.d[2]
-        x, y = (self.p[i] + step * self.d[i] for i in range(2))
-        dx, dy = (self.dp[i] + step * self.dd[i] + dstep * self.d[i] for i in range(2))
+        step = -self.points[2] / self.directions[2]
+        dstep = -(self.points_by[2] + step * self.directions_by[2]) / self.directions[2]
+        x, y = (self.points[i] + step * self.directions[i] for i in range(2))
+        dx, dy = (self.points_by[i] + step * self.directions_by[i] + dstep * self.directions[i] for i in range(2))
         inverse = 1.0 / surface.semi_diameter**2 if np.isfinite(surface.semi_diameter) else 0.0
         scale = surface.curvature**2 + inverse
         square = x * x + y * y
@@ -320,19 +297,19 @@ class _Walk:
         self.excess_by[: len(by)] = np.where(fits, STEEP * by, self.excess_by[: len(by)])
         self.excess_by[~np.isfinite(self.excess_by)] = 0.0
         axis = np.array([[0.0], [0.0], [1.0]])
-        self.p, self.d = np.where(lost, 0.0, self.p), np.where(lost, axis, self.d)
-        for arrays in (self.dp, self.dd):
+        self.points, self.directions = np.where(lost, 0.0, self.points), np.where(lost, axis, self.directions)
+        for arrays in (self.points_by, self.directions_by):
             for a in arrays:
                 a[:, lost] = 0.0
 
     def to_plane(self, index: Array) -> None:
         """Go to the plane of the film; the path goes on to there."""
-        length = -self.p[2] / self.d[2]
-        dlength = -(self.dp[2] + length * self.dd[2]) / self.d[2]
-        self.p = self.p + length * self.d
+        length = -self.points[2] / self.directions[2]
+        dlength = -(self.points_by[2] + length * self.directions_by[2]) / self.directions[2]
+        self.points = self.points + length * self.directions
         for i in range(3):
-            self.dp[i] += length * self.dd[i] + dlength * self.d[i]
-        self.paths, self.dpaths = self.paths + index * length, self.dpaths + index * dlength
+            self.points_by[i] += length * self.directions_by[i] + dlength * self.directions[i]
+        self.paths, self.paths_by = self.paths + index * length, self.paths_by + index * dlength
 
 
 @dataclass(frozen=True)

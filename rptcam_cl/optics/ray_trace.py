@@ -317,26 +317,55 @@ def _trace_passing(
     return (rows, p, d) if good.all() else (rows[good], p[:, good], d[:, good])
 
 
-def crossings(lens: Prescription, origins: Array, directions: Array, wavelength_nm: float) -> tuple[list[Array], Mask]:
-    """Return where rays from the scene cross each surface, (2, n) in its frame, and which cross all; rims do not count.
+def trace_crossings(
+    lens: Prescription, order: range, p: Array, d: Array, indices: Array, *, towards_film: bool = False
+) -> tuple[Array, Array, Array]:
+    """Return where rays cross neighbouring surfaces, whose rims do not count, and how they leave the last of them.
 
-    Of a lens without half lenses, in one colour.
+    Parameters
+    ----------
+    order
+        Surfaces in the order in which the rays meet them.
+    p, d : (3, n) arrays
+        Points [mm] and unit directions in the frame of the lens, in the medium before the first of them.
+
+    Returns
+    -------
+    places : (surfaces, n, 2) array
+        x and y in the frame of each surface, scene side first; not a number from where a ray misses one or is totally
+        reflected.
+    points, directions : (n, 3) arrays
+        In the frame of the lens; not a number for rays that do not cross them all.
     """
-    indices, places = lens.indices(wavelength_nm), list[Array]()
-    p, d = lens.from_scene_axes(origins.T, (directions / np.linalg.norm(directions, axis=1, keepdims=True)).T)
-    good = np.ones(len(origins), dtype=bool)
+    places = np.empty((len(lens.surfaces), p.shape[1], 2))
+    lost = np.zeros(p.shape[1], dtype=bool)
     with np.errstate(all="ignore"):
-        for k, surface in enumerate(lens.surfaces):
-            hits, d, met = arrive(lens, k, lens.senses[k], p, d)
-            places.append(hits.points[:2])
-            good &= met
-            if surface.is_mirror:
+        for k in order:
+            hits, d, met = arrive(lens, k, lens.senses[k] if towards_film else -lens.senses[k + 1], p, d)
+            lost |= ~met
+            places[k] = np.where(lost[:, None], np.nan, hits.points[:2].T)
+            ratio = indices[k] / indices[k + 1] if towards_film else indices[k + 1] / indices[k]
+            if lens.surfaces[k].is_mirror:
                 d = reflect(d, hits.normals, hits.cosines)
-            elif (ratio := indices[k] / indices[k + 1]) != 1.0:
+            elif ratio != 1.0:
                 d, through = refract(d, hits.normals, hits.cosines, ratio)
-                good &= through
+                lost |= ~through
             p, d = leave(lens, k, hits.points, d)
-    return places, good
+    points, directions = (np.where(lost[:, None], np.nan, values.T) for values in (p, d))
+    return places[min(order, default=0) : max(order, default=-1) + 1], points, directions
+
+
+def at_plane(origins: Array, directions: Array, z: float) -> Array:
+    """Return the points (n, 3) where rays cross a plane across the axis."""
+    return origins + directions * ((z - origins[:, 2]) / directions[:, 2])[:, None]
+
+
+def axis_points(origins: Array, directions: Array) -> Array:
+    """Return z (n,) where rays, drawn on either way, come nearest to the axis [mm]; not-a-number along it."""
+    across = np.sum(directions[:, :2] ** 2, axis=1)
+    with np.errstate(all="ignore"):
+        step = -np.sum(origins[:, :2] * directions[:, :2], axis=1) / across
+        return np.where(across > 1e-14, origins[:, 2] + step * directions[:, 2], np.nan)
 
 
 def arrive(lens: Prescription, k: int, sense: float, p: Array, d: Array) -> tuple[Hits, Array, Mask]:
@@ -390,7 +419,7 @@ def _trace_part(
     lens: Prescription, rays: Rays, part: slice, indices: Array, forward: bool, losses: Losses | None
 ) -> None:
     """Trace some of the rays and write the results in their place."""
-    beam = _Beam(rays, part, indices, losses)
+    beam = _RaysUnderWay(rays, part, indices, losses)
     if forward:
         beam.p, beam.d = lens.from_scene_axes(beam.p, beam.d)
     for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
@@ -404,7 +433,7 @@ def _trace_part(
         rays.transmittance[beam.rows] = losses.share
 
 
-class _Beam:
+class _RaysUnderWay:
     """Rays still under way, by components; those that fail are stored and dropped."""
 
     def __init__(self, rays: Rays, part: slice, indices: Array, losses: Losses | None) -> None:

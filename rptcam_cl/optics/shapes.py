@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class Profile(Protocol):
+class SurfaceProfile(Protocol):
     """What the shapes read of a `Surface`: its section along the axis, turned about it or, of a cylinder, straight."""
 
     @property
@@ -80,36 +80,36 @@ class Shape(ABC):
     kind: ClassVar[SurfaceKind]
 
     @abstractmethod
-    def meet(self, profile: Profile, points: Array, directions: Array) -> Hits:
+    def meet(self, profile: SurfaceProfile, points: Array, directions: Array) -> Hits:
         """Return where rays meet the part of the surface about its vertex."""
 
     def fill(self, record: Any, sense: float) -> None:
         """Write into the record of a device what the profile does not say; ``sense`` is -1 where z is mirrored."""
         record["kind"] = self.kind
 
-    def sag_and_slopes(self, profile: Profile, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    def sag_and_slopes(self, profile: SurfaceProfile, x: Array, y: Array) -> tuple[Array, Array, Array]:
         """Return z, dz/dx and dz/dy above points of the vertex plane; NaN where the surface does not reach."""
         wx, wy = profile.axes()
         z, slope = sag_of_profile(profile, wx * x * x + wy * y * y)
         return z, 2.0 * wx * x * slope, 2.0 * wy * y * slope
 
-    def paraxial_curvature(self, profile: Profile, section: str) -> float:
+    def paraxial_curvature(self, profile: SurfaceProfile, section: str) -> float:
         """Return the curvature at the vertex in the y-z or x-z section [1/mm], the r^2 term of an asphere included."""
         weight = profile.axes()[0 if section == "x" else 1]
         return profile.curvature * weight + 2.0 * weight * sum(a for power, a in profile.aspheric if power == 2)
 
-    def fourth_order(self, profile: Profile, section: str = "y") -> float:
+    def fourth_order(self, profile: SurfaceProfile, section: str = "y") -> float:
         """Return 8 times the factor of y^4, or x^4, in the sag: c^3 of a sphere [1/mm3]."""
         weight = profile.axes()[0 if section == "x" else 1]
-        return weight * (conic_fourth(profile.curvature, profile.conic) + 8.0 * _factor_of_r4(profile))
+        return weight * (_conic_fourth(profile.curvature, profile.conic) + 8.0 * _factor_of_r4(profile))
 
 
-def conic_fourth(curvature: float, conic: float) -> float:
+def _conic_fourth(curvature: float, conic: float) -> float:
     """Return 8 times the factor of r^4 in the sag of a conic [1/mm3]."""
     return (1.0 + conic) * curvature**3
 
 
-def _factor_of_r4(profile: Profile) -> float:
+def _factor_of_r4(profile: SurfaceProfile) -> float:
     return sum(a for power, a in profile.aspheric if power == 4)
 
 
@@ -119,17 +119,17 @@ def on_vertex_plane(points: Array, directions: Array) -> tuple[Array, Array, Arr
     return points[0] + to_plane * directions[0], points[1] + to_plane * directions[1], to_plane
 
 
-def sag_of_profile(profile: Profile, s: Array) -> tuple[Array, Array]:
+def sag_of_profile(profile: SurfaceProfile, s: Array) -> tuple[Array, Array]:
     """Return z and dz/ds of the profile, s being the squared distance from the axis."""
     c = profile.curvature
     root = np.sqrt(1.0 - (1.0 + profile.conic) * c * c * s)
     z = c * s / (1.0 + root)
     slope = 0.5 * c / root
-    more, its_slope = polynomial_of(profile, s)
+    more, its_slope = _polynomial_of(profile, s)
     return np.asarray(z + more), np.asarray(slope + its_slope)
 
 
-def polynomial_of(profile: Profile, s: Array) -> tuple[Array, Array]:
+def _polynomial_of(profile: SurfaceProfile, s: Array) -> tuple[Array, Array]:
     """Return the sum of a_p s^(p/2) and its derivative by s: Horner in s or, with odd powers, in r = sqrt(s)."""
     if not profile.aspheric:
         return np.zeros_like(s), np.zeros_like(s)
@@ -160,38 +160,43 @@ WORTH_MOVING = 0.75  # share of rays still under way, below which they are moved
 class Iterated(Shape):
     """A surface met by Newton's iteration on its sag and slopes."""
 
-    def meet(self, profile: Profile, points: Array, directions: Array) -> Hits:
+    def meet(self, profile: SurfaceProfile, points: Array, directions: Array) -> Hits:
         """Return the hits."""
-        dx, dy, dz = directions
         x0, y0, to_plane = on_vertex_plane(points, directions)
         start = self.first_guess(profile, x0, y0, directions)
         step, converged, crossed = self._iterate(profile, x0, y0, directions, start)
-        hit = np.stack([x0 + step * dx, y0 + step * dy, step * dz])
+        hits = self.hits_after(profile, x0, y0, to_plane, directions, step)
+        return hits._replace(met=hits.met & converged, undecided=np.isfinite(step) & ~converged & crossed)
+
+    def hits_after(
+        self, profile: SurfaceProfile, x: Array, y: Array, to_plane: Array, directions: Array, step: Array
+    ) -> Hits:
+        """Return the hits of rays that are a step away from where they cross the plane of the vertex."""
+        hit = np.stack([x + step * directions[0], y + step * directions[1], step * directions[2]])
         normal = self.normal_at(profile, *hit)
         normal /= np.sqrt(np.sum(normal * normal, axis=0))
         cosine = np.sum(normal * directions, axis=0)
-        reached = np.isfinite(step)
-        met = reached & converged & (normal[2] > 0) & (cosine * dz > 0)
-        return Hits(hit, to_plane + step, normal, cosine, met, reached & ~converged & crossed)
+        met = np.isfinite(step) & (normal[2] > 0) & (cosine * directions[2] > 0)
+        return Hits(hit, to_plane + step, normal, cosine, met)
 
-    def first_guess(self, profile: Profile, x: Array, y: Array, directions: Array) -> Array:
+    def first_guess(self, profile: SurfaceProfile, x: Array, y: Array, directions: Array) -> Array:
         """Return the step from the vertex plane at which the iteration starts: there."""
         return np.zeros_like(x)
 
-    def newton_step(self, profile: Profile, x: Array, y: Array, z: Array, d: Array) -> tuple[Array, Array]:
+    def newton_step(self, profile: SurfaceProfile, x: Array, y: Array, z: Array, d: Array) -> tuple[Array, Array]:
         """Return Newton's step for rays at points, and on which side of the surface these lie, by its sign."""
         with np.errstate(invalid="ignore", divide="ignore"):
             sag, zx, zy = self.sag_and_slopes(profile, x, y)
         return (z - sag) / (d[2] - zx * d[0] - zy * d[1]), z - sag
 
-    def normal_at(self, profile: Profile, x: Array, y: Array, z: Array) -> Array:
+    def normal_at(self, profile: SurfaceProfile, x: Array, y: Array, z: Array) -> Array:
         """Return normals (3, n) of any length."""
         with np.errstate(invalid="ignore", divide="ignore"):
             _, zx, zy = self.sag_and_slopes(profile, x, y)
         return np.stack([-zx, -zy, np.ones_like(zx)])
 
     def _iterate(
-        self, profile: Profile, x0: Array, y0: Array, directions: Array, start: Array
+        self, profile: SurfaceProfile, x0: Array, y0: Array, directions: Array, start: Array
     ) -> tuple[Array, Mask, Mask]:
         """Return the step from the vertex plane to the surface, NaN where lost, which converged, and which crossed it.
 
@@ -284,7 +289,7 @@ class Sphere(Shape):
 
     kind = SurfaceKind.SPHERE
 
-    def meet(self, profile: Profile, points: Array, directions: Array) -> Hits:
+    def meet(self, profile: SurfaceProfile, points: Array, directions: Array) -> Hits:
         """Return the hits; the normal of a sphere has unit length by construction."""
         curvature = profile.curvature
         dx, dy, dz = directions
@@ -306,7 +311,7 @@ class Conic(Shape):
 
     kind = SurfaceKind.CONIC_KIND
 
-    def meet(self, profile: Profile, points: Array, directions: Array) -> Hits:
+    def meet(self, profile: SurfaceProfile, points: Array, directions: Array) -> Hits:
         """Return the hits."""
         dx, dy, dz = directions
         wx, wy = profile.axes()
@@ -333,12 +338,12 @@ class Asphere(Iterated):
 
     kind = SurfaceKind.ASPHERE
 
-    def first_guess(self, profile: Profile, x: Array, y: Array, directions: Array) -> Array:
+    def first_guess(self, profile: SurfaceProfile, x: Array, y: Array, directions: Array) -> Array:
         """Return the step from the vertex plane to the base conic, moved by the polynomial's value there; 0 if none."""
         dx, dy, dz = directions
         (wx, wy), c, q = profile.axes(), profile.curvature, 1.0 + profile.conic
         s = wx * x * x + wy * y * y
-        z, _ = polynomial_of(profile, s)
+        z, _ = _polynomial_of(profile, s)
         f = c * (s + q * z * z) + 2.0 * z
         g = dz - c * (wx * dx * x + wy * dy * y - q * dz * z)
         a = c * (wx * dx * dx + wy * dy * dy + q * dz * dz)
@@ -347,25 +352,25 @@ class Asphere(Iterated):
         meets = (discriminant >= 0) & (1.0 - c * q * (step * dz - z) > 0)
         return np.where(meets, step, 0.0)
 
-    def newton_step(self, profile: Profile, x: Array, y: Array, z: Array, d: Array) -> tuple[Array, Array]:
+    def newton_step(self, profile: SurfaceProfile, x: Array, y: Array, z: Array, d: Array) -> tuple[Array, Array]:
         """Return Newton's step for rays at points, and on which side of the surface these lie, by its sign."""
         (wx, wy), half_c, q = profile.axes(), 0.5 * profile.curvature, 1.0 + profile.conic
         s, along_s = wx * x * x + wy * y * y, 2.0 * (wx * x * d[0] + wy * y * d[1])
-        polynomial, slope = polynomial_of(profile, s)
+        polynomial, slope = _polynomial_of(profile, s)
         w, along_w = z - polynomial, d[2] - slope * along_s
         side = w - half_c * (s + q * w * w)
         return side / (along_w - half_c * (along_s + 2.0 * q * w * along_w)), side
 
-    def normal_at(self, profile: Profile, x: Array, y: Array, z: Array) -> Array:
+    def normal_at(self, profile: SurfaceProfile, x: Array, y: Array, z: Array) -> Array:
         """Return normals (3, n) of any length; z is negative on the far sheet of an asphere."""
         (wx, wy), c, q = profile.axes(), profile.curvature, 1.0 + profile.conic
-        polynomial, slope = polynomial_of(profile, wx * x * x + wy * y * y)
+        polynomial, slope = _polynomial_of(profile, wx * x * x + wy * y * y)
         nz = 1.0 - c * q * (z - polynomial)
         sideways = -(c + 2.0 * slope * nz)
         return np.stack([wx * x * sideways, wy * y * sideways, nz])
 
 
-def shape_of_profile(profile: Profile) -> Shape:
+def shape_of_profile(profile: SurfaceProfile) -> Shape:
     """Return the kind of a surface that is its profile alone."""
     if profile.aspheric:
         return Asphere()
@@ -402,7 +407,7 @@ class Biconic(Form):
     @classmethod
     def read(cls, fields: Fields, scale: float) -> Biconic | None:
         """Return the biconic of `radius_x`, unless `form` makes it a toroid."""
-        curvature = read_curvature_x(fields, scale)
+        curvature = _read_curvature_x(fields, scale)
         if curvature is None or fields.text("form", "biconic") != "biconic":
             return None
         return cls(curvature, fields.number("conic_x", 0.0))
@@ -417,32 +422,32 @@ class Biconic(Form):
         super().fill(record, sense)
         record["own"][:2] = sense * self.curvature_x, self.conic_x
 
-    def paraxial_curvature(self, profile: Profile, section: str) -> float:
+    def paraxial_curvature(self, profile: SurfaceProfile, section: str) -> float:
         """Return the curvature at the vertex in a section [1/mm]."""
         if section == "y":
             return super().paraxial_curvature(profile, section)
         return self.curvature_x + 2.0 * sum(a for power, a in profile.aspheric if power == 2)
 
-    def fourth_order(self, profile: Profile, section: str = "y") -> float:
+    def fourth_order(self, profile: SurfaceProfile, section: str = "y") -> float:
         """Return 8 times the factor of y^4, or x^4, in the sag [1/mm3]."""
         if section == "y":
             return super().fourth_order(profile, section)
-        return conic_fourth(self.curvature_x, self.conic_x) + 8.0 * _factor_of_r4(profile)
+        return _conic_fourth(self.curvature_x, self.conic_x) + 8.0 * _factor_of_r4(profile)
 
-    def sag_and_slopes(self, profile: Profile, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    def sag_and_slopes(self, profile: SurfaceProfile, x: Array, y: Array) -> tuple[Array, Array, Array]:
         """Return z, dz/dx and dz/dy."""
         cx, cy = self.curvature_x, profile.curvature
         qx, qy = (1.0 + self.conic_x) * cx * cx, (1.0 + profile.conic) * cy * cy
         top = cx * x * x + cy * y * y
         root = np.sqrt(1.0 - qx * x * x - qy * y * y)
         under = 1.0 + root
-        polynomial, slope = polynomial_of(profile, x * x + y * y)
+        polynomial, slope = _polynomial_of(profile, x * x + y * y)
         zx = 2.0 * cx * x / under + top * qx * x / (root * under * under) + 2.0 * x * slope
         zy = 2.0 * cy * y / under + top * qy * y / (root * under * under) + 2.0 * y * slope
         return top / under + polynomial, zx, zy
 
 
-def read_curvature_x(fields: Fields, scale: float) -> float | None:
+def _read_curvature_x(fields: Fields, scale: float) -> float | None:
     """Return the curvature of `radius_x` [1/mm], None without that key."""
     radius = fields.number("radius_x", math.inf, infinite=True)
     if radius == 0:
@@ -478,7 +483,7 @@ class Toroid(Form):
     @classmethod
     def read(cls, fields: Fields, scale: float) -> Toroid | None:
         """Return the toroid of `radius_x` and `form: toroid`."""
-        curvature = read_curvature_x(fields, scale)
+        curvature = _read_curvature_x(fields, scale)
         if curvature is None or fields.text("form", "biconic") != "toroid":
             return None
         fields.number("conic_x", 0.0)
@@ -493,15 +498,15 @@ class Toroid(Form):
         super().fill(record, sense)
         record["own"][0] = sense * self.curvature_x
 
-    def paraxial_curvature(self, profile: Profile, section: str) -> float:
+    def paraxial_curvature(self, profile: SurfaceProfile, section: str) -> float:
         """Return the curvature at the vertex in a section [1/mm]."""
         return self.curvature_x if section == "x" else super().paraxial_curvature(profile, section)
 
-    def fourth_order(self, profile: Profile, section: str = "y") -> float:
+    def fourth_order(self, profile: SurfaceProfile, section: str = "y") -> float:
         """Return 8 times the factor of y^4, or x^4, in the sag: across the profile it is a circle [1/mm3]."""
-        return conic_fourth(self.curvature_x, 0.0) if section == "x" else super().fourth_order(profile, section)
+        return _conic_fourth(self.curvature_x, 0.0) if section == "x" else super().fourth_order(profile, section)
 
-    def sag_and_slopes(self, profile: Profile, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    def sag_and_slopes(self, profile: SurfaceProfile, x: Array, y: Array) -> tuple[Array, Array, Array]:
         """Return z, dz/dx and dz/dy."""
         cx = self.curvature_x
         z, slope = sag_of_profile(profile, y * y)
@@ -514,7 +519,7 @@ class Toroid(Form):
 
 
 @dataclass(frozen=True)
-class Turned(Form):
+class Transposed(Form):
     """A form whose x is its y.
 
     Attributes
@@ -539,15 +544,15 @@ class Turned(Form):
         """Raise an error, as devices have the form itself."""
         raise InputError(f"a surface {self.description} has no place on a device")
 
-    def paraxial_curvature(self, profile: Profile, section: str) -> float:
+    def paraxial_curvature(self, profile: SurfaceProfile, section: str) -> float:
         """Return the curvature at the vertex in a section [1/mm]."""
         return self.form.paraxial_curvature(profile, _OTHER[section])
 
-    def fourth_order(self, profile: Profile, section: str = "y") -> float:
+    def fourth_order(self, profile: SurfaceProfile, section: str = "y") -> float:
         """Return 8 times the factor of y^4, or x^4, in the sag [1/mm3]."""
         return self.form.fourth_order(profile, _OTHER[section])
 
-    def sag_and_slopes(self, profile: Profile, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    def sag_and_slopes(self, profile: SurfaceProfile, x: Array, y: Array) -> tuple[Array, Array, Array]:
         """Return z, dz/dx and dz/dy."""
         z, along_y, along_x = self.form.sag_and_slopes(profile, y, x)
         return z, along_x, along_y

@@ -66,7 +66,7 @@ class StopShape:
         counter_clockwise = vertices if _signed_area(vertices) > 0 else vertices[::-1]
         middle = _sees_all(counter_clockwise)
         if middle is None:
-            return cut_ears(counter_clockwise)
+            return _cut_ears(counter_clockwise)
         apex = np.broadcast_to(middle, counter_clockwise.shape)
         return np.stack([apex, counter_clockwise, np.roll(counter_clockwise, -1, axis=0)], axis=1)
 
@@ -140,7 +140,7 @@ def fit_to_stop(points: ArrayLike) -> Array:
     return np.asarray(moved / np.hypot(*moved.T).max())
 
 
-def cut_ears(vertices: Array) -> Array:
+def _cut_ears(vertices: Array) -> Array:
     """Return triangles (n, 3, 2) that make up a counter-clockwise polygon, cutting off one corner after the other."""
     rest = list(vertices)
     triangles = []

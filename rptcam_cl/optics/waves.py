@@ -5,22 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.chief_rays import without_rims
-from rptcam_cl.optics.ray_trace import Rays, crossings
-from rptcam_cl.optics.spot import Beam, chief_ray, is_steep, passing_beam
-from rptcam_cl.optics.surface import StopMask
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.surface import Surface
-
+from rptcam_cl.optics.beams import Beam, chief_ray, is_steep, passing_beam, without_rims
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.ray_trace import Rays, at_plane, trace_crossings
+from rptcam_cl.optics.surface import StopMask, Surface
 
 #
 # The pupil function of a lens: amplitude and path differences of the light of one point, over its directions.
@@ -197,7 +191,7 @@ class ExitRays:
     ) -> None:
         self.lens, self.beam, self.wavelength_nm, self.film_z = lens, beam, wavelength_nm, film_z
         self.open = without_rims(lens)
-        self._nodes: dict[int, tuple[Array, tuple[Array, Array], list[Array], Mask]] = {}
+        self._nodes: dict[int, tuple[Array, tuple[Array, Array], Array, Mask]] = {}
         indices = lens.indices(wavelength_nm)
         self.first_index, self.index = float(indices[0]), float(indices[-1])
         pupil_z = lens.film_z(lens.first_order().exit_pupil.distance_mm) if sphere_z is None else sphere_z
@@ -212,14 +206,22 @@ class ExitRays:
         chief = self._trace(np.array([[0.0, height]]))
         if not chief.passed[0]:
             raise InputError(f"{lens.name}: the chief ray at {beam.field_degrees:g} degrees does not reach the film")
-        step = (film_z - chief.origins[0, 2]) / chief.directions[0, 2]
-        self.chief = chief.origins[0] + step * chief.directions[0]
+        self.chief = at_plane(chief.origins, chief.directions, film_z)[0]
         self.chief_path = float(self._path(np.array([[0.0, height]]), chief)[0])
         self.sphere_radius = float(np.linalg.norm(self.chief - [0.0, 0.0, pupil_z]))
         self.sphere_sense = float(np.sign((film_z - pupil_z) * lens.sense)) or 1.0
 
     def _trace(self, points: Array) -> Rays:
         return self.open.trace(*self.beam.rays(points), self.wavelength_nm, start="scene")
+
+    def _crossings(self, points: Array) -> tuple[Array, Mask]:
+        """Return where rays cross each surface (surfaces, n, 2), in its frame, and which cross all."""
+        origins, directions = self.beam.rays(points)
+        unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        p, d = self.open.from_scene_axes(origins.T, unit.T)
+        order, indices = range(len(self.open.surfaces)), self.open.indices(self.wavelength_nm)
+        places, _, onward = trace_crossings(self.open, order, p, d, indices, towards_film=True)
+        return places, np.asarray(np.isfinite(onward[:, 2]))
 
     def _path(self, points: Array, rays: Rays) -> Array:
         """Return the optical path from the source, or its wavefront, to the foot of the perpendicular from C [mm]."""
@@ -262,7 +264,7 @@ class ExitRays:
         if nodes not in self._nodes:
             of_nodes = np.stack(np.meshgrid(self.box[0, 0] + at, self.box[0, 1] + at), axis=-1).reshape(-1, 2)
             points, rays, met = self._find_rays(of_nodes)
-            places, crossed = crossings(self.open, *self.beam.rays(points), self.wavelength_nm)
+            places, crossed = self._crossings(points)
             self._nodes[nodes] = points, self.waves(points, rays), places, met & crossed
         points, waves, places, met = self._nodes[nodes]
 
@@ -275,7 +277,7 @@ class ExitRays:
         all_points[lost] = np.nan
         limits = [
             (surface, spread_out(x), spread_out(y))
-            for surface, (x, y) in zip(self.lens.surfaces, places, strict=True)
+            for surface, (x, y) in zip(self.lens.surfaces, np.moveaxis(places, 2, 1), strict=True)
             if surface.inner_semi_diameter or surface.stop_shape or not surface.clears(x[met], y[met]).all()
         ]
         return all_points, plane, sphere, np.where(lost, 0.0, _coverage_by_places(limits, plane.shape))
@@ -507,7 +509,7 @@ def _slopes(pupil: PupilFunction, axis: int) -> float:
 def strehl(pupil: PupilFunction) -> Strehl:
     """Return the Strehl ratios at the chief ray's point and at the brightest point of the film."""
     perfect = float((np.sqrt(pupil.density) * pupil.coverage).sum()) ** 2
-    size = _padded(pupil)
+    size = _transform_size(pupil)
     light = np.abs(np.fft.fft2(pupil.field.astype(np.complex64), (size, size)))  # single: it says where alone
     row, column = np.unravel_index(int(np.argmax(light)), light.shape)
     width = pupil.length_mm / (size * pupil.step)
@@ -544,7 +546,7 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     By the spread of a line on the film, which is its transform; each point counts on that side of the middle of the
     light where it lies nearer.
     """
-    count = _padded(pupil)
+    count = _transform_size(pupil)
     line = (np.abs(np.fft.fft(pupil.field, count, axis=axis)) ** 2).sum(axis=1 - axis)
     line /= count * pupil.flux.sum()
     places = np.fft.fftfreq(count) * count
@@ -555,7 +557,7 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     return np.where(shifts < len(pupil.coverage), values, 0.0)
 
 
-def _padded(pupil: PupilFunction) -> int:
+def _transform_size(pupil: PupilFunction) -> int:
     """Return how many cells a transform has, a number that it is quick for."""
     return -(-PADDED * len(pupil.coverage) // 64) * 64
 

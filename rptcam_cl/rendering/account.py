@@ -131,7 +131,7 @@ OTHER_FATES = 0.01  # share of the rays that float32 may send elsewhere; near a 
 LARGEST_ERROR_PX = 0.1  # that float32 may make in a lens
 
 
-def self_knowledge(
+def _self_knowledge(
     plan: Plan, wavefront: AnyWavefront, rendering: Rendering, margin: LensMargin | None
 ) -> dict[str, Any]:
     """Return the numerical part of a picture's statistics; see docs/numerics.md.
@@ -211,7 +211,7 @@ GEOMETRY = (
 )  # fmt: skip
 
 
-def boards_of(scene: Scene) -> dict[str, Any]:
+def _boards_of(scene: Scene) -> dict[str, Any]:
     """Describe the boards of a scene when the shutter opens, for its metadata; nothing without any."""
     boards = [
         item.described(index, scene.shutter.open_s, scene.metres_per_unit)
@@ -273,7 +273,7 @@ def statistics(
         }
     if rendering.resumed_from:
         stats["resumed_from"] = rendering.resumed_from
-    stats["numerics"] = self_knowledge(plan, wavefront, rendering, margin)
+    stats["numerics"] = _self_knowledge(plan, wavefront, rendering, margin)
     return stats
 
 
@@ -316,7 +316,7 @@ def describe(
         **({"missing": list(scene.stand_ins)} if scene.stand_ins else {}),
         **({"object_names": plan.owners.objects} if NAMING_OBJECTS & set(layers) else {}),
         **({"material_names": plan.owners.materials} if NAMING_MATERIALS & set(layers) else {}),
-        **boards_of(scene),
+        **_boards_of(scene),
         **found_before,
         "numerics": summary(stats["numerics"]),
     }

@@ -7,6 +7,7 @@ waves alone. docs/diffraction.md says why, and how far that is from the full wav
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -17,19 +18,39 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import EmitterKind, Hidden
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
-from rptcam_cl.rendering.cameras.point_waves import (
-    kept_by_cells,
-)
 from rptcam_cl.rendering.cameras.setting import film_frame
-from rptcam_cl.rendering.far_light import FarLight, fade, quick, received, shares_of_white, strew
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.lamp_images import LampImage, View, brightness, by_waves, lamp_images, without_lamps
+from rptcam_cl.rendering.lamps import lattice, patches_of
 from rptcam_cl.rendering.plan.plan import Plan
+from rptcam_cl.rendering.point_spread import (
+    ANGLES,
+    FEW_ANGLES,
+    FINE,
+    MIDDLE_NM,
+    NEAR,
+    REACH,
+    WAVES_NM,
+    FarLight,
+    PointWave,
+    fade,
+    near_kernel,
+    point_opening,
+    point_wave,
+    quick,
+    ray_picture,
+    reach_px,
+    received,
+    shares_of_white,
+    strew,
+    unit_px,
+    wave_picture,
+)
 from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 
@@ -103,76 +124,346 @@ def _convolve(plane: Array, kernel: Array) -> Array:
 
 
 #
-# What an opening makes of a point of light, pixel by pixel: the kernel of its diffraction.
+# Lamps in a picture as waves image them: rings and spikes of light out of focus, in place of what rays bring.
 #
-# The light of a wavelength at a film point x is |integral of exp(2 pi i (l x + m y) / wavelength) dl dm|^2 over the
-# open directions (Fraunhofer). Red, green and blue have each the mean over the wavelengths that make them in white
-# light. A kernel has no negative values and the sum 1, so that it neither rings nor adds light.
+# What a lamp's film shows by rays is measured in the film itself, so that whatever hides or dims a lamp counts; the
+# picture by waves of as much light takes its place.
 
-NEAR, REACH = 20.0, 64.0  # half width of a kernel with far light and without, in wavelength over twice the aperture
-LEAST_REACH, MOST_REACH = 2, 256  # the same in pixels
-KNOWN = 1.02 * REACH  # from where the light is left out; an opening of 144 cells shows its image again 141 away
-FINE = 2.5  # points per wavelength over twice the numerical aperture; 2 resolve the light exactly
-SHARP, SMOOTH = 1.4, 2.0  # the same in pixels: below the first a pixel averages the light, above the second it samples
-WAVES_NM = np.arange(410.0, 700.0, 20.0)
-MIDDLE_NM = 550.0
-
-
-def white_shares() -> Array:
-    """Return the share of each of `WAVES_NM` in red, green and blue of daylight, shape (wavelengths, 3)."""
-    return shares_of_white(tuple(WAVES_NM.tolist()))
+MOST_LAMPS = 64
+LAMP_POINTS = 16  # of each patch of a lamp
+WIDEST_PX = 64.0  # sharp image of a lamp that is treated as one
+LARGEST_PX = 256  # half width of a picture of a lamp
+BEYOND = 1.8  # radii of the rays that it reaches, and as far as the kernel of a sharp point
+MOST_ACROSS = 512  # points across a picture by waves: of finer ones, pixels show what rays do
+RAYS_FINER = 4  # points across a pixel for the picture by rays
+FEW_WAVES_PX = 0.25  # wavelength times f-number, below which a third of the wavelengths say what a pixel shows
+SHOWS = 0.01  # of its light by which waves must differ from rays
+UNLIKE = 0.3  # of the light of a lamp by which its film may differ from its rays, in parts of its picture
+PARTS = 3  # of its picture each way
 
 
-def unit_px(pupil: FilmPupil, pixel_mm: tuple[float, float], nm: float = MIDDLE_NM) -> float:
-    """Return wavelength over twice the numerical aperture, which is wavelength times f-number [pixels]."""
-    length = nm * 1e-6 / pupil.index
-    return float(length / (2 * pupil.aperture) / np.sqrt(pixel_mm[0] * pixel_mm[1]))
+@dataclass(frozen=True)
+class LampImage:
+    """The picture of a lamp of light 1, about pixels of the whole film.
 
-
-def reach_px(unit: float, largest: int, units: float = REACH) -> int:
-    """Return half the width of a kernel [pixels], at most that of the film."""
-    return int(min(max(np.ceil(units * unit), LEAST_REACH), MOST_REACH, largest))
-
-
-def kernel(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int) -> Array:
-    """Return the kernels of red, green and blue, shape (3, 2 reach + 1, 2 reach + 1), rows by y and columns by x.
-
-    Parameters
+    Attributes
     ----------
-    pupil : FilmPupil
-    pixel_mm : tuple of float
-        Width and height of a pixel.
-    reach : int
-        Pixels on each side of the middle one.
+    column, row : int
+        Of its first pixel.
+    waves, rays : (3, height, width) arrays
+        Of red, green and blue; by waves, near the lamp and without its far light.
+    place : (x, y)
+        Of its middle [pixels].
+    radius : float
+        Of its farthest ray [pixels].
     """
-    total = np.zeros((3, 2 * reach + 1, 2 * reach + 1))
-    for nm, shares in zip(WAVES_NM, white_shares(), strict=True):
-        total += shares[:, None, None] * of_wavelength(pupil, pixel_mm, reach, nm)
-    away = np.arange(-reach, reach + 1)
-    total *= fade(np.hypot(away[:, None], away[None, :]), reach)
-    return np.asarray(total / total.sum(axis=(1, 2), keepdims=True))
+
+    column: int
+    row: int
+    waves: NDArray[np.float32]
+    rays: NDArray[np.float32]
+    place: tuple[float, float]
+    radius: float
+
+    @property
+    def reach(self) -> int:
+        """From its middle to where it ends [pixels]."""
+        return int(self.waves.shape[2] // 2)
 
 
-def of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, nm: float) -> Array:
-    """Return the share of the light of a wavelength in each pixel; what lies beyond is not among them."""
-    checkpoint()
-    unit, size = unit_px(pupil, pixel_mm, nm), 2 * reach + 1
-    if KNOWN * unit < 0.5:  # all of it in the middle one
-        return np.pad(np.ones((1, 1)), reach)
-    width = float(np.sqrt(np.clip((SMOOTH - unit) / (SMOOTH - SHARP), 0.0, 1.0)))  # of the square that is averaged
-    finer = max(int(np.ceil(FINE / unit * width)), 1)
-    within = ((np.arange(finer) + 0.5) / finer - 0.5) * width
-    places = (np.arange(-reach, reach + 1)[:, None] + within).ravel()
-    known = np.abs(places) <= KNOWN * unit
-    turn = 2j * np.pi * pupil.index / (nm * 1e-6)
-    columns = np.exp(turn * pixel_mm[0] * np.outer(pupil.cosines_x - pupil.cosines_x.mean(), places[known]))
-    rows = np.exp(turn * pixel_mm[1] * np.outer(places[known], pupil.cosines_y - pupil.cosines_y.mean()))
-    light = np.zeros((len(places), len(places)))
-    kept = kept_by_cells(places[known] * pupil.step * pupil.index / (nm * 1e-6) * np.array(pixel_mm)[:, None])
-    light[np.ix_(known, known)] = np.abs(rows @ pupil.coverage @ columns) ** 2 / np.outer(kept[1], kept[0])
-    per_point = (pupil.step * pupil.index / (nm * 1e-6)) ** 2 * pixel_mm[0] * pixel_mm[1] / finer**2
-    binned = light.reshape(size, finer, size, finer).sum(axis=(1, 3))
-    return np.asarray(binned * per_point / pupil.coverage.sum())
+@dataclass(frozen=True)
+class _LampFilm:
+    """The film on which lamps are imaged.
+
+    Attributes
+    ----------
+    pupils : FilmPupils
+    seen : sequence of (point, FilmPupil)
+        Points of the film [mm], and the openings that they see.
+    pixel_mm : tuple of float
+        Width and height of a pixel; negative where columns or rows run against x or y.
+    splits : bool
+        Whether rays of the film have a wavelength each, that the lens refracts by.
+    nm : float
+        Of the others.
+    units : float
+        Wavelengths over twice the numerical aperture that the kernel of a sharp point reaches.
+    """
+
+    pupils: FilmPupils
+    seen: Sequence[tuple[Array, FilmPupil]]
+    pixel_mm: tuple[float, float]
+    splits: bool
+    nm: float
+    units: float
+
+
+def _lamp_images(
+    scene: Scene, plan: Plan, pupils: FilmPupils, seen: Sequence[tuple[Array, FilmPupil]], units: float
+) -> list[LampImage]:
+    """Return the pictures of lamps on the film that waves change, near them as far as a kernel reaches."""
+    scene, lamps = at_opening(scene), list(_lamps(plan))
+    if not lamps:
+        return []
+    camera, lens, (width, height) = camera_of(scene), scene.camera.lens_camera, _pixel_mm(scene)
+    film_z = 0.0 if (setting := camera.setting) is None else setting.lens.film_z(setting.film_distance_mm)
+    sense, splits = -1.0 if scene.camera.flip else 1.0, bool(plan.facts.get("LENS_SPLITS"))
+    nm = MIDDLE_NM if lens is None else lens.wavelength_nm
+    film = _LampFilm(pupils, seen, (sense * width, -sense * height), splits, nm, units)
+    points, turn = np.concatenate(lamps), scene.camera.world_from_camera()[:3, :3]
+    there = np.column_stack([points[:, :3] @ turn, points[:, 3]])
+    counts, chief = [len(lamp) for lamp in lamps], camera.chief_rays()
+    every = np.split(there, np.cumsum(counts)[:-1])
+    middles = seen_places(chief, np.array([own.mean(axis=0) for own in every]))
+    all_places = seen_places(chief, there, np.repeat(middles, counts, axis=0))
+    images = []
+    for own, places in zip(every, np.split(all_places, np.cumsum(counts)[:-1]), strict=True):
+        checkpoint()
+        middle = places.mean(axis=0)
+        if not np.isfinite(places).all() or np.ptp(places, axis=0).max() > WIDEST_PX:
+            continue
+        if ((middle > -0.5) & (middle < np.array(scene.film.resolution) + 0.5)).all():
+            point = _film_point(scene, middle[0] - 0.5, middle[1] - 0.5)
+            images.append(_image(film, places, point, _source(own.mean(axis=0), film_z)))
+    return [image for image in images if image is not None]
+
+
+def _source(point: Array, film_z: float) -> Array:
+    """Return a point of the scene, homogeneous and in the frame of the camera [m], in that of the lens [mm]."""
+    length = float(np.linalg.norm(point[:3]))
+    there = point[:3] * min(FARTHEST_M / length, 1.0 if point[3] else np.inf)
+    return np.asarray(1e3 * there + [0.0, 0.0, film_z])
+
+
+def _lamps(plan: Plan) -> Iterator[Array]:
+    """Yield points (n, 4) of each lamp that the camera may see, about the eye, homogeneous [m]; brightest first."""
+    records = plan.emitters.records[: plan.emitters.count]
+    bright = np.argsort([-float(max(record["radiance"][:3])) for record in records], kind="stable")
+    left = MOST_LAMPS
+    for record in (records[k] for k in bright):
+        kind = EmitterKind(int(record["kind"]))
+        if record["hidden"] & Hidden.FROM_CAMERA or kind in (
+            EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.ENVIRONMENT, EmitterKind.DIRECTIONAL, EmitterKind.TRIANGLE,
+        ):  # fmt: skip
+            continue
+        known = patches_of(record, np.zeros(3))
+        if known is None or left == 0:
+            continue
+        left -= 1
+        (at, light, _), patches = known
+        s, t = lattice(LAMP_POINTS)
+        points = np.concatenate(
+            [patches.at(np.full(len(at), x), np.full(len(at), y)) for x, y in zip(s, t, strict=True)]
+        )
+        if light.any():
+            yield np.column_stack([points, np.tile(at[:, 3], LAMP_POINTS)])
+
+
+def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampImage | None:
+    """Return the picture of a lamp by the places of its points; None where waves do not change it, or are not known."""
+    middle, pixel = places.mean(axis=0), float(np.sqrt(abs(film.pixel_mm[0] * film.pixel_mm[1])))
+    try:
+        near = min(film.seen, key=lambda known: float(np.linalg.norm(known[0] - point)))
+        opening = point_opening(film.pupils, near, point, source, film.nm)
+        unit = 550e-6 / opening.index / (2 * opening.aperture) / pixel
+        radius = opening.radius_mm / pixel
+        wide = max(BEYOND * radius + film.units * unit, 2.0) + np.ptp(places, axis=0).max() / 2
+        reach = min(int(np.ceil(wide)), LARGEST_PX)
+        if (2 * reach + 1) * _finer(unit, 550.0) > MOST_ACROSS:
+            return None
+        wave = opening.wave(min(reach / unit, 160.0))
+        waves_nm = WAVES_NM if unit > FEW_WAVES_PX else WAVES_NM[1::3]
+        split = [point_wave(film.pupils, wave.pupil, point, source, nm) for nm in (waves_nm if film.splits else ())]
+    except InputError:
+        return None
+    first = np.floor(middle).astype(int) - reach
+    sharp = _sharp(places - first, 2 * reach + 1)
+    waves, rays = (np.zeros((3, 2 * reach + 1, 2 * reach + 1)) for _ in range(2))
+    offsets = np.arange(2 * reach + 1) + 0.5 - (middle - first)[:, None]
+    for k, (nm, share) in enumerate(zip(waves_nm, shares_of_white(waves_nm)[:, :, None, None], strict=True)):
+        checkpoint()
+        own = split[k] if film.splits else wave
+        waves += share * _wave_pixels(own, nm, film.pixel_mm, offsets, unit)
+        if film.splits:
+            rays += share * _ray_pixels(own, film.pixel_mm, offsets)
+    if not film.splits:
+        rays += _ray_pixels(wave, film.pixel_mm, offsets)
+    away = np.hypot(offsets[0][None, :], offsets[1][:, None])
+    waves, rays = _spread(waves, sharp, middle - first) * fade(away, reach), _spread(rays, sharp, middle - first)
+    if not np.abs(waves - rays).sum() > SHOWS * rays.sum():
+        return None
+    x, y = middle.tolist()
+    return LampImage(int(first[0]), int(first[1]), waves.astype(np.float32), rays.astype(np.float32), (x, y), radius)
+
+
+def _sharp(places: Array, size: int) -> Array:
+    """Return the shares of points in the four pixels about each, of a square of pixels."""
+    square = np.zeros((size, size))
+    x, y = (places - 0.5).T
+    i, j = np.floor(x).astype(int), np.floor(y).astype(int)
+    for column, by_column in ((i, 1 - x + i), (i + 1, x - i)):
+        for row, by_row in ((j, 1 - y + j), (j + 1, y - j)):
+            good = (column >= 0) & (column < size) & (row >= 0) & (row < size)
+            np.add.at(square, (row[good], column[good]), (by_column * by_row)[good] / len(places))
+    return square
+
+
+def _spread(picture: Array, sharp: Array, middle: Array) -> Array:
+    """Return the picture of a point in the middle (3, n, n) for all points of a lamp."""
+    size = len(sharp)
+    alone = np.zeros_like(sharp)
+    for column, row, share in _about((middle[0], middle[1])):
+        alone[row, column] += share
+    if np.abs(sharp - alone).sum() < 0.02:
+        return picture
+    side = quick(2 * size)
+    rows, columns = np.indices((size, size))
+    mean = [int(np.rint((sharp * axis).sum())) for axis in (rows, columns)]
+    whole = np.fft.rfft2(picture, (side, side)) * np.fft.rfft2(sharp, (side, side))
+    full = np.fft.irfft2(whole, (side, side))
+    return np.asarray(full[:, mean[0] : mean[0] + size, mean[1] : mean[1] + size])
+
+
+def _finer(unit: float, nm: float) -> int:
+    """Return into how many points a pixel is divided, by the wavelength over twice the aperture at 550 nm [pixels]."""
+    return max(int(np.ceil(FINE / unit * 550.0 / nm)), 1)
+
+
+def _wave_pixels(wave: PointWave, nm: float, pixel_mm: tuple[float, float], offsets: Array, unit: float) -> Array:
+    """Return the light of each pixel, of 1 altogether."""
+    finer = _finer(unit, nm)
+    within = (np.arange(finer) + 0.5) / finer - 0.5
+    x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
+    light = wave_picture(wave, nm, x, y) * abs(pixel_mm[0] * pixel_mm[1]) / finer**2
+    size = offsets.shape[1]
+    return np.asarray(light.reshape(size, finer, size, finer).sum(axis=(1, 3)))
+
+
+def _ray_pixels(wave: PointWave, pixel_mm: tuple[float, float], offsets: Array) -> Array:
+    within = (np.arange(RAYS_FINER) + 0.5) / RAYS_FINER - 0.5
+    x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
+    size = offsets.shape[1]
+    return np.asarray(ray_picture(wave, x, y).reshape(size, RAYS_FINER, size, RAYS_FINER).sum(axis=(1, 3)))
+
+
+#
+# How bright each lamp is on a film.
+
+
+def brightness(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage]) -> Array:
+    """Return the light of lamps (n, 3) on planes (3, height, width) of a film; 0 of those that it shows otherwise.
+
+    By least squares of the rays' pictures, about the mean of each picture's square, so that even light about a lamp
+    does not count. A lamp that something hides in part is not like its rays.
+    """
+    places = [_on_film(planes.shape[1:], offset, lamp) for lamp in lamps]
+    good = [k for k, (film, _) in enumerate(places) if all(side.stop > side.start for side in film)]
+    while good:
+        light = _fitted(planes, [(lamps[k], *places[k]) for k in good])
+        left = planes - _together(planes.shape, [(lamps[k], *places[k]) for k in good], light)
+        fine = [_is_like(left, *places[k], lamps[k], own) for k, own in zip(good, light, strict=True)]
+        if all(fine):
+            found = np.zeros((len(lamps), 3))
+            found[good] = light
+            return found
+        good = [k for k, is_fine in zip(good, fine, strict=True) if is_fine]
+    return np.zeros((len(lamps), 3))
+
+
+Window = tuple[slice, slice]
+
+
+def _on_film(shape: tuple[int, ...], offset: tuple[int, int], lamp: LampImage) -> tuple[Window, Window]:
+    """Return which rows and columns of a film a lamp's picture covers, and which of its own these are."""
+    film, own = [], []
+    for first, size, length in zip(
+        (lamp.row - offset[1], lamp.column - offset[0]), lamp.rays.shape[1:], shape, strict=True
+    ):
+        low, high = max(first, 0), min(first + size, length)
+        film.append(slice(low, max(high, low)))
+        own.append(slice(low - first, max(high, low) - first))
+    return (film[0], film[1]), (own[0], own[1])
+
+
+Placed = tuple[LampImage, Window, Window]
+
+
+def _fitted(planes: Array, placed: Sequence[Placed]) -> Array:
+    light = np.zeros((len(placed), 3))
+    for channel in range(3):
+        own = [lamp.rays[channel][part].astype(np.float64) for lamp, _, part in placed]
+        tests = [rays - rays.mean() for rays in own]
+        matrix, right = np.zeros((len(placed), len(placed))), np.zeros(len(placed))
+        for k, (_, film, _) in enumerate(placed):
+            right[k] = float(np.sum(tests[k] * planes[channel][film]))
+            for m, (_, other, _) in enumerate(placed):
+                low = [max(a.start, b.start) for a, b in zip(film, other, strict=True)]
+                high = [min(a.stop, b.stop) for a, b in zip(film, other, strict=True)]
+                if all(a < b for a, b in zip(low, high, strict=True)):
+                    first = tuple(slice(a - c.start, b - c.start) for a, b, c in zip(low, high, film, strict=True))
+                    second = tuple(slice(a - c.start, b - c.start) for a, b, c in zip(low, high, other, strict=True))
+                    matrix[k, m] = float(np.sum(tests[k][first] * own[m][second]))
+        light[:, channel] = np.linalg.lstsq(matrix, right, rcond=1e-9)[0]
+    return np.maximum(light, 0.0)
+
+
+def _is_like(left: Array, film: Window, part: Window, lamp: LampImage, light: Array) -> bool:
+    """Return whether what is left of a film without a lamp is even, in parts of the lamp's picture."""
+    whole = float(light.sum())
+    if not whole > 0:
+        return False
+    rest, rays = left[:, film[0], film[1]].sum(axis=0), lamp.rays[:, part[0], part[1]].sum(axis=0)
+    dark = rays <= 1e-3 * rays.max()
+    rest = rest - (rest[dark].mean() if dark.any() else 0.0)
+    lit = np.argwhere(~dark)
+    low, high = lit.min(axis=0), lit.max(axis=0) + 1
+    rows, columns = (np.linspace(low[k], high[k], PARTS + 1).astype(int) for k in (0, 1))
+    off = sum(
+        abs(float(rest[a:b, c:d].sum())) for a, b in itertools.pairwise(rows) for c, d in itertools.pairwise(columns)
+    )
+    return off < UNLIKE * whole * float(rays.sum()) / 3
+
+
+def _together(shape: tuple[int, ...], placed: Sequence[Placed], light: Array) -> Array:
+    """Return the film of lamps by their rays."""
+    planes = np.zeros(shape)
+    for (lamp, film, part), own in zip(placed, light, strict=True):
+        planes[:, film[0], film[1]] += own[:, None, None] * lamp.rays[:, part[0], part[1]]
+    return planes
+
+
+def without_lamps(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
+    """Return planes (3, height, width) of a film without lamps of some light (n, 3), as their rays show them.
+
+    What is left there is noise of the lamp and what stands about it; it is kept between none and the brightest pixel
+    beside the lamp.
+    """
+    placed = [
+        (lamp, *_on_film(planes.shape[1:], offset, lamp)) for lamp, own in zip(lamps, light, strict=True) if own.any()
+    ]
+    left = planes - _together(planes.shape, placed, light[light.any(axis=1)])
+    lit = np.zeros(planes.shape[1:], np.bool_)
+    for lamp, film, part in placed:
+        lit[film] |= _lit(lamp, part)
+    for lamp, film, part in placed:
+        inside, dark = _lit(lamp, part), ~lit[film]
+        for plane in left:
+            window = plane[film]
+            window[inside] = np.clip(window[inside], 0.0, window[dark].max() if dark.any() else np.inf)
+    return left
+
+
+def _lit(lamp: LampImage, part: Window) -> NDArray[np.bool_]:
+    return np.asarray(lamp.rays[:, part[0], part[1]].sum(axis=0) > 1e-6 * lamp.rays.max())
+
+
+def _by_waves(shape: tuple[int, ...], offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
+    """Return planes of the same by waves, without their far light."""
+    planes = np.zeros(shape)
+    for lamp, own in zip(lamps, light, strict=True):
+        film, part = _on_film(shape[1:], offset, lamp)
+        planes[:, film[0], film[1]] += own[:, None, None] * lamp.waves[:, part[0], part[1]]
+    return planes
 
 
 #
@@ -210,6 +501,8 @@ class FilmSpread:
         Of the opening that the film's middle sees, with its dirt, as `FarLight` has them; None where they are unknown.
     lamps : tuple of LampImage
         Those whose pictures by waves take the place of those by rays.
+    directions : int
+        Of far light.
     """
 
     resolution: tuple[int, int]
@@ -217,6 +510,7 @@ class FilmSpread:
     pupils: tuple[FilmPupil, ...]
     edges: Array | None = None
     lamps: tuple[LampImage, ...] = ()
+    directions: int = ANGLES
 
     @cached_property
     def reach(self) -> int:
@@ -227,7 +521,7 @@ class FilmSpread:
     @cached_property
     def kernels(self) -> tuple[tuple[Array, Array], list[Array]]:
         """Columns and rows of the nodes on the whole film, and the kernel of each, with the light that is not far."""
-        own = [kernel(pupil, self.pixel_mm, self.reach)[:, :, ::-1] for pupil in self.pupils]  # x runs to the left
+        own = [near_kernel(pupil, self.pixel_mm, self.reach)[:, :, ::-1] for pupil in self.pupils]  # x runs to the left
         if self.edges is not None:
             own = [part * (1 - self.far[0])[:, None, None] for part in own]
         return _nodes(self.resolution), own
@@ -235,7 +529,13 @@ class FilmSpread:
     @cached_property
     def _far_light(self) -> FarLight:
         assert self.edges is not None
-        return FarLight(self.edges, self.pupils[len(self.pupils) // 2].index, self.pixel_mm, self.reach)
+        index = self.pupils[len(self.pupils) // 2].index
+        return FarLight(self.edges, index, self.pixel_mm, self.reach, self.directions)
+
+    @cached_property
+    def _of_plain_films(self) -> FilmSpread:
+        """The same for films without lamps, which show no spikes."""
+        return replace(self, directions=FEW_ANGLES)
 
     @cached_property
     def far(self) -> tuple[Array, Array]:
@@ -246,6 +546,8 @@ class FilmSpread:
         """Return a film (height, width, 3) of linear RGB with its light spread."""
         planes, offset = np.moveaxis(pixels.astype(np.float64), -1, 0), (layout.x, layout.y)
         bright, by_lamps = lamps_of(planes), brightness(planes, offset, self.lamps)
+        if self.edges is not None and self.directions > FEW_ANGLES and not (bright.any() or by_lamps.any()):
+            return self._of_plain_films.over(pixels, layout)
         if by_lamps.any():
             planes = without_lamps(planes, offset, self.lamps, by_lamps)
             bright = np.where(bright > 0, planes, 0.0)
@@ -257,7 +559,7 @@ class FilmSpread:
             beside = shares[:, None, None] - received(light, planes.shape[1:])
             spread += beside * (planes - bright).mean(axis=(1, 2))[:, None, None]  # as bright beside the film as on it
         if by_lamps.any():
-            spread += by_waves(planes.shape, offset, self._near_lamps, by_lamps)
+            spread += _by_waves(planes.shape, offset, self._near_lamps, by_lamps)
             for number in self._wide:
                 spread += by_lamps[number][:, None, None] * self._star(number, layout)
             spread = np.maximum(spread, 0.0) if pixels.min(initial=0.0) >= 0 else spread
@@ -395,42 +697,17 @@ class Diffraction:
         """
         film = self.scene.film
         columns, rows = _nodes(film.resolution)
-        seen = tuple(self._pupil_at(_film_point(self.scene, column, row)) for row in rows for column in columns)
+        points = [_film_point(self.scene, column, row) for row in rows for column in columns]
+        seen = tuple(self._pupil_at(point) for point in points)
         plain = FilmSpread(film.resolution, _pixel_mm(self.scene), seen)
         near = replace(plain, edges=self._edges)
         near = near if near.reach < max(film.resolution) else plain
-        if self.plan is None:
+        unit = unit_px(seen[len(seen) // 2], near.pixel_mm)
+        if self.plan is None or self.pupils is None or unit < FINEST_PX:
             return near
-        if unit_px(seen[len(seen) // 2], near.pixel_mm) < FINEST_PX:
-            return near
-        lamps = self._lamps(self.plan, REACH if near.edges is None else NEAR)
+        known = list(zip(points, seen, strict=True))
+        lamps = _lamp_images(self.scene, self.plan, self.pupils, known, REACH if near.edges is None else NEAR)
         return replace(near, lamps=tuple(lamps))
-
-    def _lamps(self, plan: Plan, units: float) -> list[LampImage]:
-        """Return the pictures of lamps, near them as far as a kernel reaches, by wavelengths times f-number."""
-        assert self.pupils is not None
-        scene = at_opening(self.scene)
-        camera, lens = camera_of(scene), scene.camera.lens_camera
-        chief, side, setting = camera.chief_rays(), _pixel_mm(scene), camera.setting if lens is not None else None
-        film_z = 0.0 if setting is None else setting.lens.film_z(setting.film_distance_mm)
-        sense = -1.0 if scene.camera.flip else 1.0
-
-        def source(point: Array) -> Array:
-            length = float(np.linalg.norm(point[:3]))
-            there = point[:3] * min(FARTHEST_M / length, 1.0 if point[3] else np.inf)
-            return np.asarray(1e3 * there + [0.0, 0.0, film_z])
-
-        view = View(
-            self.pupils,
-            lambda points: seen_places(chief, points),
-            lambda place: _film_point(scene, place[0] - 0.5, place[1] - 0.5),
-            source,
-            (sense * side[0], -sense * side[1]),
-            scene.film.resolution,
-            bool(plan.facts.get("LENS_SPLITS")),
-            MIDDLE_NM if lens is None else lens.wavelength_nm,
-        )
-        return lamp_images(plan, scene.camera.world_from_camera()[:3, :3].T, view, units)
 
     @cached_property
     def _edges(self) -> Array | None:

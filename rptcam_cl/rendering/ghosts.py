@@ -26,12 +26,12 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, ghosts_have_colours, usable_nm
 from rptcam_cl.rendering.cameras.setting import LensSetting
-from rptcam_cl.rendering.far_light import shares_of_white
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among, occluded
-from rptcam_cl.rendering.lamp_points import Patches, lattice, patches_of, points_alone, points_at, square_patch
+from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among
+from rptcam_cl.rendering.lamps import Patches, lattice, occluded, patches_of, points_alone, points_at, square_patch
 from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
+from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import array_of_text, text_of_array
 from rptcam_cl.scene.load import at_opening
@@ -88,7 +88,7 @@ class Sources:
         return float(np.max(sideways / np.abs(self.places[:, 2]), initial=0.0))
 
 
-def ghost_sources(
+def _ghost_sources(
     scene: Scene, plan: Plan, buffers: SceneBuffers, session: Session, lens: Lens, film_z: float
 ) -> Sources:
     """Return the sources of a scene that light the front of a lens from less than 85 degrees and are not hidden.
@@ -341,7 +341,7 @@ class GhostFilm:
         self.lens, self.film_distance = setting.lens, setting.film_distance_mm
         film_z = self.lens.film_z(self.film_distance)
         buffers = SceneBuffers(session, plan)
-        self.sources: Sources = ghost_sources(scene, plan, buffers, session, self.lens, film_z)
+        self.sources: Sources = _ghost_sources(scene, plan, buffers, session, self.lens, film_z)
         self.bands = bands(scene, plan, setting, self.sources)
         self.lenses = [self._opening(self.lens, nm, setting.transmission) for nm, _ in self.bands]
         middle = len(self.bands) // 2

@@ -161,7 +161,7 @@ class GroundTruth:
         if "occlusion" in self.names:
             said["occlusion"] = [None if np.isnan(share) else share for share in self._hidden.tolist()]
         if "sharp_class_id" in self.names:
-            said |= classes_of(self.scene)
+            said |= _classes_of(self.scene)
         return layers, said
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -260,7 +260,7 @@ class GroundTruth:
         return (self._depth - (np.nan if ahead_mm is None else ahead_mm * 1e-3)).astype(np.float32)
 
     def _classes(self) -> NDArray[np.int32]:
-        of_object = np.array([*classes_of(self.scene)["object_classes"], 0], np.int32)  # the last for nothing
+        of_object = np.array([*_classes_of(self.scene)["object_classes"], 0], np.int32)  # the last for nothing
         return np.asarray(of_object[self._hits.objects])
 
     @cached_property
@@ -351,7 +351,7 @@ def saved_truth(
     return layers, text_of_array(arrays[SAID]) if SAID in arrays else {}
 
 
-def classes_of(scene: Scene) -> dict[str, Any]:
+def _classes_of(scene: Scene) -> dict[str, Any]:
     """Return the names of the classes that objects are labelled with, what has none first, and the class of each."""
     names = list(dict.fromkeys(["", *(item.label or "" for item in scene.objects)]))
     return {"class_names": names, "object_classes": [names.index(item.label or "") for item in scene.objects]}

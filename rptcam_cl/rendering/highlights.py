@@ -2,73 +2,271 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from enum import IntEnum
 from functools import partial
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import Rows, dataclass
-from rptcam_cl.core.records import EmitterKind, device_declarations
-from rptcam_cl.core.remember import content_name, identity_of_code
+from rptcam_cl.core.records import EmitterKind, Hidden, Kind
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.cameras.lamp_aim import Sights
-from rptcam_cl.rendering.lamp_points import FLAT, POINTS, Points, lattice, points_of
+from rptcam_cl.rendering.lamps import FLAT, POINTS, Points, lattice, occluded, points_of
 from rptcam_cl.rendering.plan.materials import SPREADING_ALPHA, Lobe, lobes_of
-from rptcam_cl.rendering.plan.mirror_faces import Bend, Faces, Outline, polished_count, polished_faces
-from rptcam_cl.rendering.plan.plan import Plan, aim, may_aim
+from rptcam_cl.rendering.plan.plan import Plan
+from rptcam_cl.rendering.plan.primitives import PackedMeshes, TriangleGroup
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
-# Ways through the scene that the device finds blocked or open.
+# Polished surfaces of a scene in pieces: points and normals of each by two coordinates, in float64.
 
-NOTHING = -1  # a target, or a triangle of one, that no primitive is
-GROUP = 4  # work items
+ROUND = (Kind.SPHERE, Kind.ELLIPSOID, Kind.CYLINDER, Kind.CONE)
+PART = 1 << 14  # triangles of a mesh at a time
+AROUND, UPWARDS, ALONG = 24, 12, 8  # pieces of round shapes
+WORTH = 8000  # triangles of meshes that take as long as a round shape
 
 
-def occluded(
-    session: Session,
-    plan: Plan,
-    buffers: SceneBuffers,
-    origins: NDArray[Any],
-    directions: NDArray[Any],
-    reach: NDArray[Any],
-    targets: NDArray[Any] | None = None,
-) -> NDArray[np.bool_]:
-    """Return whether something of the scene stands on each of n ways; glass does, too.
+class Outline(IntEnum):
+    """Which coordinates a piece has."""
 
-    Parameters
+    TRIANGLE = 0
+    SQUARE = 1
+    DISK = 2
+    ENDLESS = 3
+
+
+class Bend(IntEnum):
+    """How the plane of a piece is bent: not at all, or onto a canonical shape."""
+
+    FLAT = 0
+    SPHERE = 1
+    CYLINDER = 2
+    CONE = 3
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorFaces(Rows):
+    """Pieces of surfaces.
+
+    Attributes
     ----------
-    buffers
-        The scene on the device.
-    origins, directions : (n, 3) arrays
-        In the plan's frame of the scene [m]; directions are unit vectors.
-    reach : (n,) array
-        Lengths of the ways [m].
-    targets : (n, 2) array, optional
-        Primitive, and triangle of it, that do not count.
+    corner, first, second : (n, 3) arrays
+        A point of the piece is at the corner + a first + b second, in the world about the eye [m]; of round pieces in
+        the frame of the canonical shape, onto which it is then moved.
+    normals : (n, 3, 3) array
+        At the corner, and what they gain along the two edges; of round pieces they are not used.
+    placement, outwards : (n, 3, 4) and (n, 3, 3) arrays
+        Of round pieces, to the world; and of their normals.
+    outline, bend : (n,) arrays
+        See `Outline` and `Bend`.
+    material, primitive : (n,) arrays
+        Indices in the plan.
     """
-    if not len(origins):
-        return np.zeros(0, np.bool_)
-    rays, group = len(origins), GROUP * session.lanes
-    count = -(-rays // group) * group
-    packed = np.zeros((9, count), np.float32)
-    packed[5], packed[7:] = 1.0, NOTHING
-    packed[:3, :rays], packed[3:6, :rays], packed[6, :rays] = origins.T, directions.T, reach
-    if targets is not None:
-        packed[7:, :rays] = targets.T
-    facts = plan.facts | buffers.tree_facts | {"VW": session.lanes}
-    program = session.program(["pass/occluded.cl"], facts, device_declarations())
-    blocked = session.allocate(4 * count)
-    launch = session.bind(
-        program, "occluded", **buffers.scene, rays=session.upload(packed), blocked=blocked, count=np.uint32(count)
-    )
-    launch.enqueue(count // session.lanes, GROUP)
-    return session.read(blocked, np.int32, count)[:rays] > 0
+
+    corner: Array
+    first: Array
+    second: Array
+    normals: Array
+    placement: Array
+    outwards: Array
+    outline: Indices
+    bend: Indices
+    material: Indices
+    primitive: Indices
+
+    @property
+    def plain(self) -> NDArray[np.bool_]:
+        """Which are flat, with one normal."""
+        return np.asarray((self.bend == Bend.FLAT) & ~self.normals[:, 1:].any(axis=(1, 2)))
+
+    def at(self, a: Array, b: Array) -> tuple[Array, Array]:
+        """Return points and unit normals (n, 3) at coordinates (n,)."""
+        points = self.corner + a[:, None] * self.first + b[:, None] * self.second
+        normals = self.normals[:, 0] + a[:, None] * self.normals[:, 1] + b[:, None] * self.normals[:, 2]
+        for bend in (Bend.SPHERE, Bend.CYLINDER, Bend.CONE):
+            own = self.bend == bend
+            if own.any():
+                on, out = _on_shape(bend, points[own])
+                points[own] = np.einsum("nij,nj->ni", self.placement[own, :, :3], on) + self.placement[own, :, 3]
+                normals[own] = np.einsum("nij,nj->ni", self.outwards[own], out)
+        return points, normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+
+    def holds(self, a: Array, b: Array) -> NDArray[np.bool_]:
+        """Return whether coordinates are within the pieces."""
+        ranged = (a >= 0) & (b >= 0) & (a < 1) & (b < 1)
+        inside = [ranged & (a + b < 1), ranged, (2 * a - 1) ** 2 + (2 * b - 1) ** 2 < 1, np.isfinite(a + b)]
+        return np.asarray(np.choose(self.outline, inside))
+
+
+def polished_faces(plan: Plan) -> Iterator[MirrorFaces]:
+    """Yield the pieces of what reflects like a mirror, or nearly, as it stands when the shutter opens."""
+    flats = []
+    for index, kind in _polished_primitives(plan):
+        record = plan.primitives[index]
+        if kind is Kind.MESH and plan.meshes is not None:
+            yield from _of_mesh(plan.meshes, record, index)
+            continue
+        corners, bend, outline, placement = _of_shape(record, kind)
+        faces = _faces(corners, None, bend, outline, placement, int(record["material"]), index)
+        if bend is Bend.FLAT:
+            flats.append(faces)
+        else:
+            yield faces
+    if flats:
+        yield MirrorFaces.joined(flats)
+
+
+def _polished_count(plan: Plan) -> int:
+    """How many triangles take as long to search as all that `polished_faces` yields, about."""
+    count = 0
+    for index, kind in _polished_primitives(plan):
+        if kind is Kind.MESH and plan.meshes is not None:
+            count += len(_triangles(plan.meshes, plan.primitives[index], index))
+        else:
+            count += WORTH if kind in ROUND else 1
+    return count
+
+
+def _polished_primitives(plan: Plan) -> Iterator[tuple[int, Kind]]:
+    """Yield the primitives that reflect like a mirror, or nearly, and that the camera sees, and their kinds."""
+    polished = np.array([any(True for _ in lobes_of(plan.materials, index)) for index in range(len(plan.materials))])
+    if not polished.any():
+        return
+    seen = plan.hidden[: plan.primitive_count] & Hidden.FROM_CAMERA == 0
+    own = np.flatnonzero(polished[plan.primitives["material"][: plan.primitive_count]] & seen)
+    kinds = np.searchsorted(plan.kind_end, own, side="right")
+    found = ((int(index), Kind(int(kind))) for index, kind in zip(own, kinds, strict=True))
+    yield from ((index, kind) for index, kind in found if kind is not Kind.CURVE)  # too fine for a mirror image
+
+
+def _on_shape(bend: Bend, points: Array) -> tuple[Array, Array]:
+    """Return points moved onto a canonical shape, and what is normal to it there."""
+    if bend is Bend.SPHERE:
+        on = points / np.maximum(np.linalg.norm(points, axis=1), 1e-300)[:, None]
+        return on, on
+    along = points[:, 2:]
+    lean = 1.0 if bend is Bend.CONE else 0.0
+    out = points[:, :2] / np.maximum(np.linalg.norm(points[:, :2], axis=1), 1e-300)[:, None]
+    width = 1.0 - lean * along
+    return np.concatenate([width * out, along], axis=1), np.concatenate([out, np.full_like(along, lean)], axis=1)
+
+
+def _faces(
+    corners: Array,
+    normals: Array | None,
+    bend: Bend,
+    outline: Outline,
+    placement: Array,
+    material: int,
+    primitive: int,
+) -> MirrorFaces:
+    """Return pieces by their corners (n, 3, 3), and normals there; flat ones lie in the world."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    if normals is None:
+        normals = np.repeat(np.cross(first, second)[:, None], 3, axis=1)
+    gains = np.stack([normals[:, 0], normals[:, 1] - normals[:, 0], normals[:, 2] - normals[:, 0]], axis=1)
+    count = len(corners)
+    numbers = (np.full(count, number, np.intp) for number in (outline, bend, material, primitive))
+    outwards = np.broadcast_to(np.linalg.inv(placement[:, :3]).T, (count, 3, 3))
+    placements = np.broadcast_to(placement, (count, 3, 4))
+    return MirrorFaces(corners[:, 0], first, second, gains, placements, outwards, *numbers)
+
+
+def _of_shape(record: np.void, kind: Kind) -> tuple[Array, Bend, Outline, Array]:
+    """Return the corners of the pieces of a primitive, their bend and outline, and the placement of round ones."""
+    rows = np.array([record[name] for name in ("row_x", "row_y", "row_z")], np.float64)
+    if kind is Kind.SPHERE:
+        placement = np.column_stack([rows[0, 3] * np.eye(3), rows[0, :3]])
+    else:
+        placement = np.linalg.inv(np.vstack([rows, [0.0, 0.0, 0.0, 1.0]]))[:3]
+    if kind in (Kind.SPHERE, Kind.ELLIPSOID):
+        return _globe(), Bend.SPHERE, Outline.TRIANGLE, placement
+    if kind in (Kind.CYLINDER, Kind.CONE):
+        return (
+            _drum(kind is Kind.CONE),
+            Bend.CONE if kind is Kind.CONE else Bend.CYLINDER,
+            Outline.TRIANGLE,
+            placement,
+        )
+    canonical = _BOX if kind is Kind.BOX else _SQUARE * 2.0 - [1.0, 1.0, 0.0] if kind is Kind.DISK else _SQUARE
+    outline = {Kind.DISK: Outline.DISK, Kind.PLANE: Outline.ENDLESS}.get(kind, Outline.SQUARE)
+    return canonical @ placement[:, :3].T + placement[:, 3], Bend.FLAT, outline, placement
+
+
+def _globe() -> Array:
+    """Return triangles (n, 3, 3) about the origin, with corners on the unit sphere."""
+    angle, height = np.linspace(0, 2 * np.pi, AROUND + 1), np.linspace(0, np.pi, UPWARDS + 1)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    upwards = np.broadcast_to(np.cos(height)[:, None, None], (UPWARDS + 1, AROUND + 1, 1))
+    triangles = _grid(np.concatenate([np.sin(height)[:, None, None] * ring, upwards], axis=2))
+    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return np.asarray(triangles[np.linalg.norm(sides, axis=1) > 1e-9])
+
+
+def _drum(pointed: bool) -> Array:
+    """Return triangles (n, 3, 3) with corners on the unit cylinder, or on the cone but for its tip."""
+    angle, height = np.linspace(0, 2 * np.pi, AROUND + 1), np.linspace(0, 0.999 if pointed else 1.0, ALONG + 1)
+    width = 1.0 - height if pointed else np.ones_like(height)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    upwards = np.broadcast_to(height[:, None, None], (ALONG + 1, AROUND + 1, 1))
+    return _grid(np.concatenate([width[:, None, None] * ring, upwards], axis=2))
+
+
+def _grid(points: Array) -> Array:
+    """Return the triangles between points (rows, columns, 3)."""
+    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, :-1], points[1:, 1:]
+    triangles = np.concatenate([np.stack([a, b, c], axis=2), np.stack([d, c, b], axis=2)], axis=1)
+    return triangles.reshape(-1, 3, 3)
+
+
+_SQUARE = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+
+
+def _box() -> Array:
+    triangles = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            corners = np.full((3, 3), -1.0)
+            corners[:, axis] = side
+            corners[1, (axis + 1) % 3] = corners[2, (axis + 2) % 3] = 1.0
+            triangles.append(corners)
+    return np.array(triangles)
+
+
+_BOX = _box()
+
+
+def _triangles(meshes: PackedMeshes, record: np.void, index: int) -> NDArray[np.int32]:
+    """Return the corners (n, 3) of the triangles of a primitive that is a mesh, in the pool of vertices."""
+    instance = int(record["instance"])
+    group: TriangleGroup = meshes.groups[int(meshes.group_of_instance[instance])]
+    slot = index - int(meshes.instances[instance]["first_primitive"])
+    own = meshes.triangles[int(record["first_triangle"]) : group.first_triangle + group.triangles]
+    return own[: int(np.searchsorted(own[:, 3], slot, side="right")), :3]
+
+
+def _of_mesh(meshes: PackedMeshes, record: np.void, index: int) -> Iterator[MirrorFaces]:
+    """Yield the triangles of a primitive that is a mesh, some at a time."""
+    placed = meshes.instances[int(record["instance"])]
+    shift = meshes.groups[int(meshes.group_of_instance[int(record["instance"])])].shift
+    world = np.array([placed[f"world_{axis}"] for axis in "xyz"], np.float64)
+    triangles = _triangles(meshes, record, index)
+    for low in range(0, len(triangles), PART):
+        vertices = meshes.vertices[triangles[low : low + PART]].astype(np.float64)
+        corners = (vertices[..., :3] + shift) @ world[:, :3].T + world[:, 3]
+        edges = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        size = np.linalg.norm(edges, axis=1)
+        normals = vertices[..., 3:6] @ np.linalg.inv(world[:, :3])
+        length = np.linalg.norm(normals, axis=2, keepdims=True)
+        of_plane = (edges / np.maximum(size, 1e-300)[:, None])[:, None]
+        normals = np.where(length > 0, normals / np.maximum(length, 1e-300), of_plane)
+        faces = _faces(corners, normals, Bend.FLAT, Outline.TRIANGLE, np.eye(3, 4), int(record["material"]), index)
+        yield faces[size > 0]
 
 
 #
@@ -90,7 +288,7 @@ class MirrorSights(Rows):
 
     Attributes
     ----------
-    faces : Faces
+    faces : MirrorFaces
     eyes : (n, 3) array
         In the world about the eye of the camera [m].
     lamps : (n, 4) array
@@ -99,7 +297,7 @@ class MirrorSights(Rows):
         Of the facet that reflects, against the surface.
     """
 
-    faces: Faces
+    faces: MirrorFaces
     eyes: Array
     lamps: Array
     slopes: Array
@@ -370,7 +568,7 @@ def _ways(sights: MirrorSights, points: Array) -> tuple[Array, Array]:
     return _unit(sights.eyes - points), np.where(sights.lamps[:, 3:] > 0, _unit(lamps - points), lamps)
 
 
-def _middle(faces: Faces) -> tuple[Array, Array]:
+def _middle(faces: MirrorFaces) -> tuple[Array, Array]:
     middle = np.where(faces.outline == Outline.TRIANGLE, 1.0 / 3.0, 0.5)
     return middle, middle
 
@@ -474,7 +672,7 @@ def highlights(
     numbered = [lobe for own in lobes.values() for lobe in own]
     if not numbered:
         return None
-    parts, lamps = [], lamps[: max(MOST_PAIRS // max(polished_count(plan), 1), 1)]
+    parts, lamps = [], lamps[: max(MOST_PAIRS // max(_polished_count(plan), 1), 1)]
     for faces in polished_faces(plan):
         for trial in _trials(faces, lobes, numbered, lamps, front):
             parts += _reflect(trial, numbered, front, plan, session, buffers)
@@ -522,7 +720,7 @@ def _together(records: Sequence[np.void], scale: float, place: Array) -> Points:
 
 
 def _trials(
-    faces: Faces, lobes: dict[int, list[Lobe]], numbered: list[Lobe], lamps: Sequence[Lamp], front: Front
+    faces: MirrorFaces, lobes: dict[int, list[Lobe]], numbered: list[Lobe], lamps: Sequence[Lamp], front: Front
 ) -> Iterator[_Trial]:
     """Yield what may reflect lamps in pieces, some at a time."""
     widest = np.array([max((SPREAD * lobe.alpha for lobe in own), default=0.0) for own in lobes.values()])
@@ -542,7 +740,7 @@ def _trials(
 
 
 def _candidates(
-    faces: Faces, widest: Array, points: Callable[[Array], Points], front: Front
+    faces: MirrorFaces, widest: Array, points: Callable[[Array], Points], front: Front
 ) -> Iterator[tuple[NDArray[np.intp], tuple[Points, bool]]]:
     """Yield pieces that may show a lamp to the front, with the lamp as it shows to them, and whether they are many."""
     count = len(faces)
@@ -571,7 +769,9 @@ def _candidates(
             yield able[own[low : low + TOGETHER]], ((at, light * square, target), len(able) > MANY)
 
 
-def _pair(faces: Faces, alpha: float, lobe: int, lamp: tuple[Points, bool], number: int, front: Front) -> list[_Trial]:
+def _pair(
+    faces: MirrorFaces, alpha: float, lobe: int, lamp: tuple[Points, bool], number: int, front: Front
+) -> list[_Trial]:
     """Return the sights of pieces: each point of a lamp, with a slope of the facets, from each point of the front."""
     (places, light, targets), many = lamp
     slopes = np.zeros((1, 2))
@@ -650,58 +850,3 @@ def _gather(parts: list[Found]) -> Pencils | None:
     bends = np.stack([np.bincount(place, weight * part) for part in bends.reshape(-1, 9).T], axis=1)
     length = np.linalg.norm(ways, axis=1)
     return ways / length[:, None], (bends / total[:, None]).reshape(-1, 3, 3), irradiance
-
-
-# The plan whose camera rays aim at lamps out of focus; the device tries through which pixels a lamp shows.
-
-
-def aimed_plan(
-    plan: Plan, session: Session, layers: Iterable[str] = (), buffers: SceneBuffers | None = None
-) -> tuple[Plan, SceneBuffers | None]:
-    """Return the plan with camera rays that aim at lamps out of focus, and the scene on the device where it was needed.
-
-    Without such a lamp it is the plan that was given. Tables of a scene that is not on the device yet are kept on disk:
-    it is rendered once, and perhaps again by another process. A scene that is there has other tables the next moment,
-    or the same lamps in other colours.
-
-    Parameters
-    ----------
-    layers
-        That the picture is to have.
-    buffers
-        The scene on the device, where it is there already.
-    """
-    if not may_aim(plan, layers):
-        return plan, None
-    held = [buffers]
-
-    def shows(sights: Sights) -> NDArray[np.bool_]:
-        scene = held[0] = held[0] or SceneBuffers(session, plan)
-        return _open(sights, session, plan, scene)
-
-    new = aim(plan, shows, _name_of_sights(plan, session), on_disk=buffers is None)
-    scene = held[0]
-    return new, scene if new is plan or scene is None else SceneBuffers(session, new, scene)
-
-
-def _name_of_sights(plan: Plan, session: Session) -> str | None:
-    """Return a name for all that lines of sight through a scene depend on; None where textures cut holes."""
-    if plan.facts["HAS_OPACITY"]:
-        return None
-    info = session.info
-    driver = info.name, info.driver, session.kind, session.lanes
-    code = identity_of_code(("rendering",), ("common", "geometry", "pass"))
-    places: list[object] = [plan.primitives, plan.kind_end, plan.hidden]
-    shapes = [*places, plan.movements.segments, plan.movements.of_primitive]
-    meshes: list[object] = []
-    if plan.meshes is not None:
-        shapes += [plan.meshes.instances, plan.meshes.group_of_instance]
-        meshes = [(group.key, group.shift) for group in plan.meshes.groups]
-    return content_name(code, driver, sorted(plan.facts.items()), shapes, meshes)
-
-
-def _open(sights: Sights, session: Session, plan: Plan, buffers: SceneBuffers) -> NDArray[np.bool_]:
-    away = sights.targets - sights.origins
-    distance = np.linalg.norm(away, axis=1)
-    reach = np.maximum(distance - sights.short, 0.0)
-    return ~occluded(session, plan, buffers, sights.origins, away / distance[:, None], reach)

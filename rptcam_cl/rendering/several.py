@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.constants import GOLDEN
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError
 from rptcam_cl.device.session import Session
@@ -27,7 +28,6 @@ from rptcam_cl.scene.film import RenderSettings
 
 MEASURED_SECONDS = 0.3  # that each device renders before its share is known
 STEPS = 1000  # shares are whole numbers of these parts, so that their text repeats them exactly
-GOLDEN = (5**0.5 - 1) / 2  # its multiples, less their whole parts, are spread evenly, however many there are
 
 Part = dict[str, Any]
 """``samples``: first and end; ``split``: shares by device, as ``--split`` takes them; ``dropped``: devices and why."""
@@ -50,14 +50,14 @@ def measure_speed(wavefront: Wavefront) -> float:
     at_once = max(wavefront.capacity // wavefront.samples_per_wave, BLOCK) // TILE_PIXELS
     step = -(-layout.tiles // at_once)
     wavefront.choose_tiles(np.arange(0, layout.tiles, step, dtype=np.uint32))
-    samples, first, begin_part = 0, 0, time.perf_counter()
-    while time.perf_counter() - begin_part < MEASURED_SECONDS or not samples:
+    samples, first, start = 0, 0, time.perf_counter()
+    while time.perf_counter() - start < MEASURED_SECONDS or not samples:
         for wave in wavefront.waves(first, wavefront.samples_per_wave):
             wavefront.enqueue(*wave)
             samples += wave[1] * wave[3]
         first += wavefront.samples_per_wave
         wavefront.finish()
-    seconds = time.perf_counter() - begin_part
+    seconds = time.perf_counter() - start
     wavefront.clear()
     return samples / seconds
 
@@ -288,11 +288,11 @@ class Worker:
 
     def run(self, ranges: Ranges, halt: threading.Event) -> None:
         """Render ranges of samples and wait for them; leave early once ``halt`` is set."""
-        begin_part, before = time.perf_counter(), self.wavefront.camera_rays
+        start, before = time.perf_counter(), self.wavefront.camera_rays
         for tiles, first, samples in ranges:
             self._render(tiles, first, samples, halt)
         self.made += self.wavefront.camera_rays - before
-        self.seconds += time.perf_counter() - begin_part
+        self.seconds += time.perf_counter() - start
 
     def _render(self, tiles: NDArray[np.uint32], first: int, samples: int, halt: threading.Event) -> None:
         wavefront, pending = self.wavefront, 0
@@ -380,7 +380,7 @@ class SharedWavefront(RenderedFilm):
         shares: Sequence[float] | None = None,
         lenient: bool = False,
     ) -> None:
-        self.layout, self.settings = layout, settings
+        self.layout, self.settings, self.light_groups = layout, settings, plan.light_groups.names
         self._halt = threading.Event()
         self._workers: list[Worker] = []
         given = [0.0] * len(sessions) if shares is None else shares
@@ -480,7 +480,7 @@ class SharedWavefront(RenderedFilm):
 
     def enqueue(self, first_pixel: int, pixels: int, first_sample: int, samples: int) -> None:
         """Render what `waves` returned, each device its tiles, and wait for it."""
-        begin_part = time.perf_counter()
+        start = time.perf_counter()
         if self._base_done is None:
             self._base_done = first_sample
         if not self._parts:
@@ -488,7 +488,7 @@ class SharedWavefront(RenderedFilm):
         self._ends[self.tiles] = first_sample + samples
         own = {worker.id: self.tiles[worker.owned[self.tiles]] for worker in self._live()}
         self._run({name: [(tiles, first_sample, samples)] for name, tiles in own.items()}, {})
-        seconds = time.perf_counter() - begin_part
+        seconds = time.perf_counter() - start
         if seconds < 0.5 * ROUND_SECONDS and samples >= self._round:
             self._round = min(2 * self._round, MOST_OF_A_ROUND)
         elif seconds > 2 * ROUND_SECONDS:

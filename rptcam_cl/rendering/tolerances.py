@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,6 @@ from rptcam_cl.optics.glass import AIR, abbe_number
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.scene.lens_settings import GRADES, OF_EITHER, Distribution, Tolerance, Tolerances, grade
 from rptcam_cl.scene.load import input_error
-
-if TYPE_CHECKING:
-    pass
-
 
 # Specifications of tolerances: a grade by its name, a YAML file, or the same as Python data.
 

@@ -17,7 +17,7 @@ from rptcam_cl.device.session import Session
 
 
 @dataclass(frozen=True, eq=False)
-class BinaryTree:
+class _BinaryTree:
     """A binary tree over leaves 0 ... n - 1; inner nodes are n ... 2 n - 2.
 
     Attributes
@@ -43,7 +43,7 @@ class BinaryTree:
         return len(self.children) + 1
 
 
-def binary_tree(depths: NDArray[np.uint8], leaf_bounds: NDArray[np.float32]) -> BinaryTree:
+def binary_tree(depths: NDArray[np.uint8], leaf_bounds: NDArray[np.float32]) -> _BinaryTree:
     """Return the tree in which the node of depth ``depths[i]`` parts leaves ``i`` and ``i + 1``.
 
     Parameters
@@ -67,7 +67,7 @@ def binary_tree(depths: NDArray[np.uint8], leaf_bounds: NDArray[np.float32]) -> 
         bounds[leaves + level, 3:] = np.maximum(bounds[left, 3:], bounds[right, 3:])
         height[leaves + level] = np.maximum(height[left], height[right]) + 1
     root = leaves + int(levels[0][0]) if levels else 0
-    return BinaryTree(root, children, bounds, height)
+    return _BinaryTree(root, children, bounds, height)
 
 
 def _link(levels: list[NDArray[np.int64]], leaves: int) -> NDArray[np.int32]:
@@ -89,7 +89,7 @@ def _link(levels: list[NDArray[np.int64]], leaves: int) -> NDArray[np.int32]:
 
 
 def heights(children: NDArray[np.int32], root: int, most: int) -> NDArray[np.uint8] | None:
-    """Return the levels below each node of a tree as in `BinaryTree`, or None where they are more than ``most``."""
+    """Return the levels below each node of a tree as in `_BinaryTree`, or None where they are more than ``most``."""
     leaves = len(children) + 1
     height = np.zeros(2 * leaves - 1, np.uint8)
     levels = [np.array([root], np.int32)]
@@ -151,7 +151,7 @@ class Builder:
         self._program = build_program(session)
         self._small = SMALL[session.kind] if session.loop_limit is None else SMALL_FOR_SHORT_LOOPS
         self._count = len(lower)
-        self._shrink = np.float32(scale_of(np.concatenate([lower.min(axis=0), upper.max(axis=0)])))
+        self._shrink = np.float32(_scale_of(np.concatenate([lower.min(axis=0), upper.max(axis=0)])))
         self._boxes = session.allocate(32 * self._count)
         self._spare: Any = None
         self._run("gather", self._count, 64, lower=session.upload(lower), upper=session.upload(upper))
@@ -223,7 +223,7 @@ class Builder:
         return primitives.reshape(-1, self.leaf_size), corners.reshape(-1, 6)
 
 
-def scale_of(bounds: NDArray[np.float32]) -> float:
+def _scale_of(bounds: NDArray[np.float32]) -> float:
     """Return the power of two that brings a box's longest edge into [0.5, 1), as near as float32 allows."""
     longest = float((bounds[3:].astype(np.float64) - bounds[:3]).max())
     exponent = int(np.frexp(longest)[1]) if longest > 0.0 else 0
@@ -238,7 +238,7 @@ MOVES_OF_LAUNCH = 1 << 11  # a GPU that shows a screen, too, ends a launch that 
 STEPS_OF_MOVE = 6 * 128  # at most: five ways up a tree, taken together with the loop over the moves
 
 
-def reinsert(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree:
+def reinsert(tree: _BinaryTree, max_depth: int, session: Session) -> _BinaryTree:
     """Return a tree of the same leaves with less area, or the same tree where that would get deeper than ``max_depth``.
 
     In each round all nodes look for better places at once, and then move one after the other, the greatest gain first
@@ -256,7 +256,7 @@ def reinsert(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree:
         "parents": _written(session, _parents(tree)),
         "leaves": np.int32(tree.leaves),
         "root": np.int32(tree.root),
-        "shrink": np.float32(scale_of(tree.bounds[tree.root])),
+        "shrink": np.float32(_scale_of(tree.bounds[tree.root])),
     }
     places, gains = session.allocate(4 * nodes), session.allocate(4 * nodes)
     search = session.bind(program, "search", **on_device, places=places, gains=gains, count=np.int32(nodes))
@@ -285,7 +285,7 @@ def _written(session: Session, array: NDArray[Any]) -> Any:
     return buffer
 
 
-def _parents(tree: BinaryTree) -> NDArray[np.int32]:
+def _parents(tree: _BinaryTree) -> NDArray[np.int32]:
     parents = np.full(len(tree.bounds), -1, np.int32)
     parents[tree.children] = tree.leaves + np.arange(len(tree.children))[:, None]
     return parents
@@ -476,7 +476,7 @@ def max_binary_depth(width: int) -> int:
     return max_levels(width) * (width.bit_length() - 1)
 
 
-def widen(tree: BinaryTree, blocks: NDArray[np.int32], width: int) -> Bvh:
+def widen(tree: _BinaryTree, blocks: NDArray[np.int32], width: int) -> Bvh:
     """Return the wide tree whose nodes have the least area in sum.
 
     Where a part of the tree is so deep that this might not end in time, nodes open their deepest children instead: that
@@ -497,7 +497,7 @@ def widen(tree: BinaryTree, blocks: NDArray[np.int32], width: int) -> Bvh:
     return _lay_out(tree, np.concatenate(levels), blocks)
 
 
-def _costs(tree: BinaryTree, width: int) -> NDArray[np.float32]:
+def _costs(tree: _BinaryTree, width: int) -> NDArray[np.float32]:
     """Return the least area of wide nodes below each node (nodes, width): if it may take 1, 2 ... width slots.
 
     In one slot the node is a wide node of its own; in several its children share them (Ylitie 2017, section 3.1).
@@ -522,14 +522,14 @@ def _sharings(left: NDArray[np.float32], right: NDArray[np.float32], slots: int)
     return np.stack([left[:, k] + right[:, slots - 2 - k] for k in range(slots - 1)])
 
 
-def _node_areas(tree: BinaryTree) -> NDArray[np.float32]:
+def _node_areas(tree: _BinaryTree) -> NDArray[np.float32]:
     """Return half areas, of the scene scaled near size 1; never quite 0, so that fewer nodes are always better."""
-    extent = (tree.bounds[:, 3:].astype(np.float64) - tree.bounds[:, :3]) * scale_of(tree.bounds[tree.root])
+    extent = (tree.bounds[:, 3:].astype(np.float64) - tree.bounds[:, :3]) * _scale_of(tree.bounds[tree.root])
     areas: NDArray[np.float64] = (extent * np.roll(extent, 1, axis=1) + 1e-12 * extent).sum(axis=1) + 1e-24
     return areas.astype(np.float32)
 
 
-def _cheapest(tree: BinaryTree, costs: NDArray[np.float32], nodes: NDArray[np.int32], width: int) -> NDArray[np.int32]:
+def _cheapest(tree: _BinaryTree, costs: NDArray[np.float32], nodes: NDArray[np.int32], width: int) -> NDArray[np.int32]:
     """Fill the slots of wide nodes of least cost: with nodes of the binary tree, or -1."""
     slots, granted = np.full((len(nodes), width), -1, np.int32), np.zeros((len(nodes), width), np.int64)
     slots[:, 0], granted[:, 0] = nodes, np.where(nodes >= tree.leaves, width, 1)
@@ -551,7 +551,7 @@ def _cheapest(tree: BinaryTree, costs: NDArray[np.float32], nodes: NDArray[np.in
     return slots
 
 
-def _flattest(tree: BinaryTree, nodes: NDArray[np.int32], width: int) -> NDArray[np.int32]:
+def _flattest(tree: _BinaryTree, nodes: NDArray[np.int32], width: int) -> NDArray[np.int32]:
     """Fill the slots of wide nodes by opening their deepest child each time."""
     slots = np.full((len(nodes), width), -1, np.int32)
     slots[:, 0] = nodes
@@ -565,7 +565,7 @@ def _flattest(tree: BinaryTree, nodes: NDArray[np.int32], width: int) -> NDArray
     return slots
 
 
-def _lay_out(tree: BinaryTree, slots: NDArray[np.int32], blocks: NDArray[np.int32]) -> Bvh:
+def _lay_out(tree: _BinaryTree, slots: NDArray[np.int32], blocks: NDArray[np.int32]) -> Bvh:
     inner, leaf = slots >= tree.leaves, (slots >= 0) & (slots < tree.leaves)
     children = np.full(slots.shape, EMPTY, np.int32)
     children[inner] = np.arange(1, int(inner.sum()) + 1)  # the very order in which the levels were made
@@ -666,7 +666,7 @@ class Nodes(Rows):
     high: NDArray[np.float32]
 
 
-def split_large_nodes(builder: Builder, root: Nodes, marks: NDArray[np.uint8]) -> Nodes:
+def _split_large_nodes(builder: Builder, root: Nodes, marks: NDArray[np.uint8]) -> Nodes:
     """Split nodes until one work item can take on each; return those, and write the marks of the splits.
 
     The boxes move from one buffer to the other at each level; small nodes that come to lie in the second stray and are
@@ -850,7 +850,7 @@ def sort_into_leaves(
     """Return leaf blocks, their boxes, and the depth of the node that parts each leaf from the next."""
     builder = Builder(session, lower, upper, leaf_size, max_depth)
     marks = np.zeros(len(lower), np.uint8)
-    small = split_large_nodes(builder, _root(lower, upper), marks)
+    small = _split_large_nodes(builder, _root(lower, upper), marks)
     ranges = np.stack([small.begin, small.end, small.depth, small.depth], axis=1).astype(np.int32)
     marks = builder.build_subtrees(ranges, marks)
     begins = np.flatnonzero(marks)

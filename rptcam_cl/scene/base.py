@@ -323,7 +323,7 @@ def one_pixel(red: int, green: int, blue: int) -> bytes:
 GREY = one_pixel(188, 188, 188)  # 0.503 once decoded from sRGB
 LARGEST_FILE = 2 << 30  # bytes, of a picture, the largest kind of file that parts of a scene name
 _PLAIN = {str, int, float, bool}
-ARRAY = "an array"  # name of what is no file
+_ARRAY = "an array"  # name of what is no file
 FileName = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
@@ -354,7 +354,7 @@ class FileReference(SceneModel):
             return validate(data)
         stream = io.BytesIO()
         np.save(stream, array, allow_pickle=False)
-        made = validate({**data, "file": ARRAY})
+        made = validate({**data, "file": _ARRAY})
         made.hold(stream.getvalue())
         return made
 

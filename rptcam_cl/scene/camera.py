@@ -68,7 +68,7 @@ NO_MOVEMENTS = Movements()
 # Where a camera stands and looks, at rest and while it moves.
 
 # Sine of the smallest angle between up and the viewing direction that still fixes the roll in float32.
-SMALLEST_ROLL_SINE = 1e-6
+_SMALLEST_ROLL_SINE = 1e-6
 
 
 class Pose(SceneModel):
@@ -113,7 +113,7 @@ class Pose(SceneModel):
         if distance < SMALLEST_LENGTH:
             raise refuse("equals the eye, so there is no viewing direction", got=list(self.target), path=("target",))
         roll = cross(forward / distance, np.divide(self.up, np.linalg.norm(self.up)))
-        if np.linalg.norm(roll) < SMALLEST_ROLL_SINE:
+        if np.linalg.norm(roll) < _SMALLEST_ROLL_SINE:
             raise refuse(
                 "is parallel to the viewing direction", got=list(self.up), allowed="any other direction", path=("up",)
             )
@@ -185,7 +185,7 @@ def _keeps_a_view(first: Vector, second: Vector) -> bool:
     sides = [ups[k] * views[k - 2] - ups[k - 2] * views[k] for k in (1, 2, 0)]
     side2, view2, up2 = (sum((part * part for part in parts), Polynomial([0.0])) for parts in (sides, views, ups))
     turning = np.real(side2.deriv().roots())
-    least = SMALLEST_ROLL_SINE**2 * max(view2(0.0), view2(1.0)) * max(up2(0.0), up2(1.0))
+    least = _SMALLEST_ROLL_SINE**2 * max(view2(0.0), view2(1.0)) * max(up2(0.0), up2(1.0))
     return all(side2(share) > least for share in (0.0, 1.0, *turning[(turning > 0) & (turning < 1)]))
 
 

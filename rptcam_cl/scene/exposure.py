@@ -17,7 +17,7 @@ from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Duration, Fraction,
 # Sequences: keys of a scene that change from frame to frame, by keyframes.
 
 MOST_FRAMES = 1_000_000
-ROUNDING = 1e-9  # of a number between whole ones, which is whole itself then: seeds and counts must be
+_ROUNDING = 1e-9  # of a number between whole ones, which is whole itself then: seeds and counts must be
 
 
 class ValueKeyframe(Keyframe):
@@ -105,7 +105,7 @@ def value_at(frames: Sequence[ValueKeyframe], time_s: float) -> Any:
     return here if share == 0 else _between(here, frames[index + 1].value, share)
 
 
-def is_even(frames: Sequence[ValueKeyframe]) -> bool:
+def _is_even(frames: Sequence[ValueKeyframe]) -> bool:
     """Return whether the values are numbers, or lists of as many numbers, so that they go evenly between keyframes."""
     shapes = {_shape(frame.value) for frame in frames}
     return len(shapes) == 1 and None not in shapes
@@ -120,7 +120,7 @@ def _shape(value: Any) -> int | None:
 def _between(one: Any, other: Any, share: float) -> Any:
     if _is_number(one) and _is_number(other):
         value = one + share * (other - one)
-        if isinstance(one, int) and isinstance(other, int) and abs(value - round(value)) <= ROUNDING * abs(value):
+        if isinstance(one, int) and isinstance(other, int) and abs(value - round(value)) <= _ROUNDING * abs(value):
             return round(value)
         return value
     if isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
@@ -134,8 +134,8 @@ def _is_number(value: Any) -> bool:
 
 # Exposure and shutter: what a value of 1 on the film stands for, and when light falls on it.
 
-MOVES_IN_EXPOSURE = ("camera", "materials", "objects", "lights", "environment")
-MOST_STEPS = 4096
+_MOVES_IN_EXPOSURE = ("camera", "materials", "objects", "lights", "environment")
+_MOST_STEPS = 4096
 
 
 class Shutter(SceneModel):
@@ -159,21 +159,21 @@ class Shutter(SceneModel):
     keys: Mapping[str, ValueKeyframes] = {}
     """Keys that change while it is open, as `camera.focal_length_mm`: keyframes by key path, of numbers."""
 
-    steps: Annotated[int, Field(ge=2, le=MOST_STEPS), WHOLE_NUMBER] = 32
+    steps: Annotated[int, Field(ge=2, le=_MOST_STEPS), WHOLE_NUMBER] = 32
     """Into how many equal steps the exposure is cut for `keys`, which hold still within each."""
 
     @field_validator("keys", mode="after")
     @classmethod
     def _check_moving_keys(cls, keys: Mapping[str, ValueKeyframes]) -> Any:
         for name, frames in keys.items():
-            if re.split(r"[.[]", name)[0] not in MOVES_IN_EXPOSURE:
+            if re.split(r"[.[]", name)[0] not in _MOVES_IN_EXPOSURE:
                 raise refuse(
                     "is no key that moves while the shutter is open",
                     got=name,
-                    allowed=f"keys of {listed(MOVES_IN_EXPOSURE)}, as camera.focal_length_mm",
+                    allowed=f"keys of {listed(_MOVES_IN_EXPOSURE)}, as camera.focal_length_mm",
                     path=(name,),
                 )
-            if not is_even(frames):
+            if not _is_even(frames):
                 raise refuse(
                     "does not go evenly",
                     got=name,
@@ -217,7 +217,7 @@ class Shutter(SceneModel):
 
 
 Mode = Literal["relative", "irradiance", "physical", "auto"]
-MODES: tuple[Mode, ...] = get_args(Mode)
+_MODES: tuple[Mode, ...] = get_args(Mode)
 
 LEAST_ISO, MOST_ISO = 1e-6, 1e12
 MOST_STOPS = 60
@@ -296,8 +296,8 @@ class Exposure(SceneModel):
 
 ExposureOrMode = Annotated[
     Exposure,
-    word_for("mode", MODES, otherwise=f", or a mapping with the keys {listed(list(Exposure.model_fields))}"),
-    AlsoAccepts({"enum": list(MODES), "type": "string"}),
+    word_for("mode", _MODES, otherwise=f", or a mapping with the keys {listed(list(Exposure.model_fields))}"),
+    AlsoAccepts({"enum": list(_MODES), "type": "string"}),
 ]
 
 

@@ -42,6 +42,7 @@ LayerName = Literal[
     "variance",
     "direct",
     "ghosts",
+    "lights",
     "crypto_object",
     "crypto_material",
     "sharp_depth",
@@ -59,8 +60,9 @@ LayerName = Literal[
     "ray_direction",
 ]
 LAYER_NAMES: tuple[LayerName, ...] = get_args(LayerName)
+LIGHT_LAYER = "lights."  # begins the names of what the layer lights becomes: one for each group of lamps
 # Of the picture itself, not of what its rays meet.
-FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance", "direct", "ghosts")
+FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance", "direct", "ghosts", "lights")
 # Of the chief rays alone, without the samples of the picture.
 SHARP_LAYERS: tuple[LayerName, ...] = LAYER_NAMES[LAYER_NAMES.index("sharp_depth") :]
 
@@ -80,7 +82,7 @@ def _each_once(names: tuple[LayerName, ...]) -> tuple[LayerName, ...]:
 
 Layers = Annotated[tuple[LayerName, ...], BeforeValidator(_as_list), AfterValidator(_each_once)]
 
-MAX_DEPTH = 1_000_000
+_MAX_DEPTH = 1_000_000
 ADAPTIVE_SPP = 16384  # where a noise target is out of reach
 
 
@@ -90,13 +92,13 @@ class RenderSettings(SceneModel):
     spp: Annotated[int, Field(ge=1, le=MAX_SPP), WHOLE_NUMBER] = 64
     """Samples per pixel."""
 
-    max_depth: Annotated[int, Field(ge=1, le=MAX_DEPTH), WHOLE_NUMBER] = 8
+    max_depth: Annotated[int, Field(ge=1, le=_MAX_DEPTH), WHOLE_NUMBER] = 8
     """Longest path [edges], the camera's included: 1 sees lamps only, 2 adds direct light."""
 
     seed: Annotated[int, Field(ge=0, le=MAX_SEED), WHOLE_NUMBER] = 0
     """Seed of the random numbers; another seed gives other noise."""
 
-    roulette_depth: Annotated[int, Field(ge=0, le=MAX_DEPTH), WHOLE_NUMBER] = 4
+    roulette_depth: Annotated[int, Field(ge=0, le=_MAX_DEPTH), WHOLE_NUMBER] = 4
     """Edge from which on Russian roulette may end a path; 0 means never."""
 
     sampler: Literal["lattice", "independent"] = "lattice"
@@ -163,7 +165,7 @@ class SpectrumSettings(SceneModel):
 # sensors, which are named after tubes or film; theirs are those that makers publish, of the camera named where these
 # differ.
 
-DEFAULT_RADIUS_PX = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "blackman_harris": 1.5, "mitchell": 2.0}
+_DEFAULT_RADIUS_PX = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "blackman_harris": 1.5, "mitchell": 2.0}
 
 
 class FilmFilter(SceneModel):
@@ -178,7 +180,7 @@ class FilmFilter(SceneModel):
     @property
     def radius(self) -> float:
         """Distance from the pixel's centre at which it ends [pixels]."""
-        return DEFAULT_RADIUS_PX[self.kind] if self.radius_px is None else self.radius_px
+        return _DEFAULT_RADIUS_PX[self.kind] if self.radius_px is None else self.radius_px
 
 
 SIDES_MM: dict[str, tuple[float, float]] = {
@@ -224,7 +226,7 @@ def _as_text(value: Any) -> Any:
 FormatName = Annotated[_Name, BeforeValidator(_as_text), AlsoAccepts({"const": 645})]
 
 
-def size_in_format(name: str, resolution: tuple[int, int]) -> tuple[float, float]:
+def _size_in_format(name: str, resolution: tuple[int, int]) -> tuple[float, float]:
     """Return width and height [mm] of the largest picture of square pixels in a format, upright where it is.
 
     Parameters
@@ -241,12 +243,12 @@ def size_in_format(name: str, resolution: tuple[int, int]) -> tuple[float, float
     return (width * pixel, height * pixel) if not math.isclose(across * height, down * width) else (across, down)
 
 
-DEFAULT_WIDTH_MM = 36.0
-MAX_PIXELS = 2**31 - 1
-PAIR = "a pair [width, height]"
-CROP = "[x0, x1, y0, y1]"
+_DEFAULT_WIDTH_MM = 36.0
+_MAX_PIXELS = 2**31 - 1
+_PAIR = "a pair [width, height]"
+_CROP = "[x0, x1, y0, y1]"
 
-Pixels = Annotated[int, Field(ge=1, le=MAX_PIXELS), WHOLE_NUMBER]
+Pixels = Annotated[int, Field(ge=1, le=_MAX_PIXELS), WHOLE_NUMBER]
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e9), NUMBER]
 
 
@@ -257,13 +259,13 @@ class Film(SceneModel):
         Alternatives(("format", "size_mm", "width_mm", "diagonal_mm", "pixel_pitch_um"), required=False),
     )
 
-    resolution: Annotated[tuple[Pixels, Pixels], BeforeValidator(list_of(2, PAIR))] = (640, 360)
+    resolution: Annotated[tuple[Pixels, Pixels], BeforeValidator(list_of(2, _PAIR))] = (640, 360)
     """Width and height of the whole film [pixels]; fewer than 2^31 pixels together."""
 
     format: FormatName | None = None
     """Film or sensor format by name; the largest picture in it, of square pixels, upright where the resolution is."""
 
-    size_mm: Annotated[tuple[Millimetres, Millimetres], BeforeValidator(list_of(2, PAIR))] | None = None
+    size_mm: Annotated[tuple[Millimetres, Millimetres], BeforeValidator(list_of(2, _PAIR))] | None = None
     """Width and height [mm]."""
 
     width_mm: Millimetres | None = None
@@ -275,7 +277,7 @@ class Film(SceneModel):
     pixel_pitch_um: Annotated[float, Field(ge=1e-3, le=1e9), NUMBER] | None = None
     """Distance between the centres of neighbouring pixels [µm], which are square."""
 
-    crop: Annotated[Rectangle, BeforeValidator(list_of(4, CROP))] | None = None
+    crop: Annotated[Rectangle, BeforeValidator(list_of(4, _CROP))] | None = None
     """Part to render, [x0, x1, y0, y1] as fractions of the film from its left and top edges; the whole by default."""
 
     filter: FilmFilter = FilmFilter()
@@ -287,7 +289,7 @@ class Film(SceneModel):
     @model_validator(mode="after")
     def _check(self) -> Self:
         width, height = self.resolution
-        if width * height > MAX_PIXELS:
+        if width * height > _MAX_PIXELS:
             raise refuse(
                 f"{width} x {height} pixels would need a film of {width * height * 16 / 1e9:.3g} GB",
                 got=[width, height],
@@ -302,14 +304,14 @@ class Film(SceneModel):
         if self.size_mm is not None:
             return (self.size_mm[0] * 1e-3, self.size_mm[1] * 1e-3)
         if self.format is not None:
-            across_mm, down_mm = size_in_format(self.format, self.resolution)
+            across_mm, down_mm = _size_in_format(self.format, self.resolution)
             return (across_mm * 1e-3, down_mm * 1e-3)
         if self.pixel_pitch_um is not None:
             return (width * self.pixel_pitch_um * 1e-6, height * self.pixel_pitch_um * 1e-6)
         if self.diagonal_mm is not None:
             pixel = self.diagonal_mm * 1e-3 / math.hypot(width, height)
             return (width * pixel, height * pixel)
-        across = (self.width_mm or DEFAULT_WIDTH_MM) * 1e-3
+        across = (self.width_mm or _DEFAULT_WIDTH_MM) * 1e-3
         return (across, across * height / width)
 
     def whole_in(self, resolution: tuple[int, int]) -> dict[str, Any]:
@@ -361,9 +363,9 @@ PRESETS: dict[str, dict[str, Any]] = {
     },
 }
 
-MOST_BITS = 16
-ABSOLUTE_ZERO = -273.15
-MOST_DOUBLINGS = 100.0  # any well is full long before
+_MOST_BITS = 16
+_ABSOLUTE_ZERO = -273.15
+_MOST_DOUBLINGS = 100.0  # any well is full long before
 
 PresetName = Literal["kac-12040", "imx477", "kaf-3200me"]
 ResponseName = Literal["nikon_d5100", "canon_eos_5d_mark_ii", "sigma_sd_merrill"]
@@ -391,7 +393,7 @@ Efficiency = Annotated[
     WithJsonSchema({"anyOf": [_EFFICIENCY, {"type": "array", "items": _EFFICIENCY, "minItems": 3, "maxItems": 3}]}),
 ]
 Electrons = Annotated[float, Field(ge=0, le=1e9), NUMBER]
-Celsius = Annotated[float, Field(ge=ABSOLUTE_ZERO, le=1000), NUMBER]
+Celsius = Annotated[float, Field(ge=_ABSOLUTE_ZERO, le=1000), NUMBER]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED), WHOLE_NUMBER]
 
 
@@ -431,10 +433,10 @@ class Sensor(SceneModel):
     system_gain_dn_per_e: Annotated[float, Field(ge=1e-9, le=1e9), NUMBER] | None = None
     """Overall system gain K [DN/electron]; by default from the ISO speed, or such that a full well gives the top DN."""
 
-    bit_depth: Annotated[int, Field(ge=1, le=MOST_BITS), WHOLE_NUMBER] = 14
+    bit_depth: Annotated[int, Field(ge=1, le=_MOST_BITS), WHOLE_NUMBER] = 14
     """Bits of the converter; numbers go from 0 to 2^bits - 1."""
 
-    black_level_dn: Annotated[float, Field(ge=0, le=2**MOST_BITS - 1), NUMBER] | None = None
+    black_level_dn: Annotated[float, Field(ge=0, le=2**_MOST_BITS - 1), NUMBER] | None = None
     """Number that no light gives [DN]; by default a 32nd of the range."""
 
     prnu: Annotated[float, Field(ge=0, le=1), NUMBER] = 0.0
@@ -489,7 +491,7 @@ class Sensor(SceneModel):
         if self.temperature_celsius is None:
             return self.dark_current_e_per_s
         doublings = (self.temperature_celsius - self.dark_current_celsius) / self.dark_doubling_kelvin
-        return float(self.dark_current_e_per_s * 2.0 ** min(doublings, MOST_DOUBLINGS))
+        return float(self.dark_current_e_per_s * 2.0 ** min(doublings, _MOST_DOUBLINGS))
 
 
 # How the film becomes the picture that a screen shows: white balance, exposure, tone curve.
@@ -500,8 +502,8 @@ Tone = Literal["srgb", "linear", "reinhard", "aces", "agx"]
 Gamut = Literal["clip", "desaturate"]
 LIGHTS: tuple[str, ...] = get_args(Light)
 COOLEST, HOTTEST = 1800.0, 40000.0  # [K]
-TINTS_PER_UV = 3000.0  # as photographers' programs count tint; that of D65 is 10
-LEAST_BLUE = 0.06  # least Z of a light with Y = 1; below, an adaptation to white has no sense
+_TINTS_PER_UV = 3000.0  # as photographers' programs count tint; that of D65 is 10
+_LEAST_BLUE = 0.06  # least Z of a light with Y = 1; below, an adaptation to white has no sense
 
 Factor = Annotated[float, Field(ge=0.001, le=1000), NUMBER]
 
@@ -556,7 +558,7 @@ class WhiteBalance(SceneModel):
             return self
         if self.temperature_k is None:
             raise refuse("needs temperature_k", got=self.tint, allowed="a temperature beside it", path=("tint",))
-        if _xyz_of_temperature(self.temperature_k, self.tint)[2] < LEAST_BLUE:
+        if _xyz_of_temperature(self.temperature_k, self.tint)[2] < _LEAST_BLUE:
             raise refuse("is greener than light can be at this temperature", got=self.tint, path=("tint",))
         return self
 
@@ -573,7 +575,7 @@ def _xyz_of_temperature(kelvin: float, tint: float) -> NDArray[np.float64]:
     """Return X, Y, Z of luminance 1 beside a black body, at right angles to their row in CIE 1960 u, v."""
     here, hotter = _uv(kelvin), _uv(kelvin * 1.001)
     along = (hotter - here) / np.linalg.norm(hotter - here)
-    u, v = here + tint / TINTS_PER_UV * np.array([along[1], -along[0]])
+    u, v = here + tint / _TINTS_PER_UV * np.array([along[1], -along[0]])
     return np.array([1.5 * u / v, 1.0, (2.0 - 0.5 * u) / v - 5.0])
 
 
@@ -584,7 +586,7 @@ def _uv(kelvin: float) -> NDArray[np.float64]:
 
 TONES: tuple[str, ...] = get_args(Tone)
 NO_BALANCE = "none"
-DEFAULT_TONE_WHITE = 4.0
+_DEFAULT_TONE_WHITE = 4.0
 
 
 class ToneCurve(SceneModel):
@@ -607,7 +609,7 @@ class ToneCurve(SceneModel):
     @property
     def shown_white(self) -> float:
         """Luminance that `reinhard` shows as white."""
-        return DEFAULT_TONE_WHITE if self.white is None else self.white
+        return _DEFAULT_TONE_WHITE if self.white is None else self.white
 
 
 class PictureSettings(SceneModel):

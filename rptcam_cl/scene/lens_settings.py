@@ -40,8 +40,8 @@ from rptcam_cl.scene.quantities import (
 
 # Autofocus settings of a scene: the method, where in the picture, and which of several zones is used.
 
-LARGEST = 1 << 20  # bytes
-MOST_ZONES = 1000
+_LARGEST = 1 << 20  # bytes
+_MOST_ZONES = 1000
 COLUMNS = 4
 _WORD = re.compile("[A-Za-z_]+")
 
@@ -71,7 +71,7 @@ def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
     except OSError as problem:
         raise StateError(f"{name}: cannot be read ({problem.strerror})") from None
     try:
-        text = data[:LARGEST].decode("utf-8-sig")
+        text = data[:_LARGEST].decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{name}: is not a text file (allowed: lines of xleft xright ytop ybottom)") from None
     zones: list[ZoneFractions] = []
@@ -86,15 +86,15 @@ def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
         zones.append(_zone(words, f"{name}:{number}"))
     if not zones:
         raise InputError(f"{name}: holds no zones (allowed: a line each of xleft xright ytop ybottom)")
-    if len(zones) > MOST_ZONES or len(data) > LARGEST:
-        raise InputError(f"{name}: is too long (allowed: up to {MOST_ZONES} zones)")
+    if len(zones) > _MOST_ZONES or len(data) > _LARGEST:
+        raise InputError(f"{name}: is too long (allowed: up to {_MOST_ZONES} zones)")
     return tuple(zones)
 
 
 def _start_of(file: Path) -> bytes:
     """Return as much of a file as may be read, and a byte more where it is longer."""
     with file.open("rb") as stream:
-        return stream.read(LARGEST + 1)
+        return stream.read(_LARGEST + 1)
 
 
 def _zone(words: list[str], place: str) -> ZoneFractions:
@@ -114,16 +114,16 @@ def _zone(words: list[str], place: str) -> ZoneFractions:
 
 Method = Literal["contrast", "laplacian", "variance", "depth", "phase", "hybrid"]
 METHODS: tuple[Method, ...] = get_args(Method)
-BY_DISTANCE = ("depth", "phase")  # methods that measure a distance, of which a criterion then makes the focus
-CRITERION = re.compile(r"spot|pixel|mtf@(\d+(?:\.\d+)?)")
-MOST_PER_MM = 2000.0
+_BY_DISTANCE = ("depth", "phase")  # methods that measure a distance, of which a criterion then makes the focus
+_CRITERION = re.compile(r"spot|pixel|mtf@(\d+(?:\.\d+)?)")
+_MOST_PER_MM = 2000.0
 
 
 def _criterion(text: Any) -> Any:
     """Check a criterion of sharpness: `spot`, `pixel` or `mtf@` and line pairs per millimetre."""
-    match = CRITERION.fullmatch(text) if isinstance(text, str) else None
-    if match is None or (match[1] and not 0 < float(match[1]) <= MOST_PER_MM):
-        allowed = f"spot, pixel, or mtf@30 with line pairs per mm of the film, up to {MOST_PER_MM:g}"
+    match = _CRITERION.fullmatch(text) if isinstance(text, str) else None
+    if match is None or (match[1] and not 0 < float(match[1]) <= _MOST_PER_MM):
+        allowed = f"spot, pixel, or mtf@30 with line pairs per mm of the film, up to {_MOST_PER_MM:g}"
         raise refuse("is no criterion of sharpness", got=text, allowed=allowed)
     return text
 
@@ -131,7 +131,7 @@ def _criterion(text: Any) -> Any:
 Policy = Literal["closest", "farthest", "centre", "weighted"]
 POLICIES: tuple[Policy, ...] = get_args(Policy)
 ObjectName = Annotated[str, Field(max_length=200)]
-ZONE = "[x0, x1, y0, y1]"
+_ZONE = "[x0, x1, y0, y1]"
 
 ZoneFractions = tuple[float, float, float, float]
 """Left, right, top and bottom of a zone in fractions of the picture from its left and top edges."""
@@ -139,11 +139,11 @@ ZoneFractions = tuple[float, float, float, float]
 
 def _list_of_zones(value: Any) -> Any:
     if not isinstance(value, (list, tuple)) or not value:
-        raise refuse("must be a list of zones", allowed=f"as [{ZONE}, …], in fractions of the picture")
+        raise refuse("must be a list of zones", allowed=f"as [{_ZONE}, …], in fractions of the picture")
     for index, zone in enumerate(value):
         if not isinstance(zone, (list, tuple)):
-            raise refuse(f"must be {ZONE}", got=zone, allowed="four fractions of the picture", path=(index,))
-        list_of(4, ZONE)(zone)
+            raise refuse(f"must be {_ZONE}", got=zone, allowed="four fractions of the picture", path=(index,))
+        list_of(4, _ZONE)(zone)
     return value
 
 
@@ -185,7 +185,7 @@ class AutoFocus(SceneModel):
 
     @model_validator(mode="after")
     def _check_criterion(self) -> Self:
-        if self.criterion is not None and self.method not in BY_DISTANCE:
+        if self.criterion is not None and self.method not in _BY_DISTANCE:
             raise refuse(
                 f"says what is sharpest at a distance, but {self.method} goes where its measure is greatest",
                 got=self.criterion,
@@ -284,9 +284,9 @@ class Focus(SceneModel):
 
 # What a scene says about its lens: which one, its opening, its losses, and the largest error of a cheaper model.
 
-MAX_TEXT = 1000
-MAX_DEPTH = 16
-MAX_VALUES = 50_000
+_MAX_TEXT = 1000
+_MAX_DEPTH = 16
+_MAX_VALUES = 50_000
 
 FORMS = "a name, a file in the scene's folder, or a prescription as a mapping"
 
@@ -294,15 +294,15 @@ FORMS = "a name, a file in the scene's folder, or a prescription as a mapping"
 def _lens(value: Any) -> str | dict[str, Any]:
     """Return a reference to a lens: short text, or a mapping of plain finite data."""
     if isinstance(value, str):
-        if not value.strip() or len(value) > MAX_TEXT or not value.isprintable():
+        if not value.strip() or len(value) > _MAX_TEXT or not value.isprintable():
             raise refuse("is not a name or file", allowed=FORMS)
         return value
     if not isinstance(value, dict):
         raise refuse("must be a lens", allowed=FORMS)
     pending: list[tuple[Any, tuple[str | int, ...]]] = [(value, ())]
     for count, (item, path) in enumerate(pending):
-        if count > MAX_VALUES or len(path) > MAX_DEPTH:
-            raise refuse(f"has more than {MAX_VALUES} values or {MAX_DEPTH} levels", allowed=FORMS)
+        if count > _MAX_VALUES or len(path) > _MAX_DEPTH:
+            raise refuse(f"has more than {_MAX_VALUES} values or {_MAX_DEPTH} levels", allowed=FORMS)
         pending.extend(_children(item, path))
     return value
 
@@ -324,7 +324,7 @@ def _children(item: Any, path: tuple[str | int, ...]) -> list[tuple[Any, tuple[s
 
 LensReference = Annotated[str | dict[str, Any], BeforeValidator(_lens)]
 
-PAIR = "a pair [x, y]"
+_PAIR = "a pair [x, y]"
 
 
 class CircularAperture(SceneModel):
@@ -386,7 +386,7 @@ class OutlineAperture(SceneModel):
     """Outline of the aperture."""
 
     points: Annotated[
-        tuple[Annotated[tuple[TextureNumber, TextureNumber], BeforeValidator(list_of(2, PAIR))], ...],
+        tuple[Annotated[tuple[TextureNumber, TextureNumber], BeforeValidator(list_of(2, _PAIR))], ...],
         Field(min_length=3, max_length=256),
     ]
     """Corners in order, as pairs [x, y] of any unit."""
@@ -445,7 +445,7 @@ class Stop(SceneModel):
 CLEAN = Stop()
 
 COATINGS = ("bare", "mgf2", "multi")
-WORDS: dict[str, dict[str, Any]] = {
+_WORDS: dict[str, dict[str, Any]] = {
     "ideal": {"fresnel": False, "absorption": False},
     "bare": {"coatings": False},
     "coated": {"coatings": True},
@@ -530,9 +530,9 @@ class Transmission(SceneModel):
     def _word(cls, value: Any) -> Any:
         if isinstance(value, dict | SceneModel):
             return value
-        if not isinstance(value, str) or value not in WORDS:
-            raise refuse("is not what a lens lets through", allowed=f"{', '.join(WORDS)}, or a mapping of what counts")
-        return WORDS[value]
+        if not isinstance(value, str) or value not in _WORDS:
+            raise refuse("is not what a lens lets through", allowed=f"{', '.join(_WORDS)}, or a mapping of what counts")
+        return _WORDS[value]
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -545,7 +545,7 @@ class Transmission(SceneModel):
 
 
 IDEAL = Transmission(fresnel=False, absorption=False)
-EVERY_FORM = {"enum": list(WORDS), "description": "What counts, in a word."}
+EVERY_FORM = {"enum": list(_WORDS), "description": "What counts, in a word."}
 
 AUTO = {"const": "auto", "description": "The bounds that they have by default."}
 
@@ -585,9 +585,9 @@ def _check_percent(value: Any) -> str:
     return str(value)
 
 
-LEAST_EXPANSION, MOST_EXPANSION = -1e-5, 1e-3  # of barrels [1/K]
-PERCENTAGE = {"type": "string", "pattern": _PATTERN}
-Percent = Annotated[str, BeforeValidator(_check_percent), WithJsonSchema(PERCENTAGE)]
+_LEAST_EXPANSION, _MOST_EXPANSION = -1e-5, 1e-3  # of barrels [1/K]
+_PERCENTAGE = {"type": "string", "pattern": _PATTERN}
+Percent = Annotated[str, BeforeValidator(_check_percent), WithJsonSchema(_PERCENTAGE)]
 
 
 class AsBuilt(SceneModel):
@@ -596,7 +596,7 @@ class AsBuilt(SceneModel):
     percentile: Percent
     """Which copy: so many of all are as good or better, `90%` one of the worse."""
 
-    spec: Annotated[str, Field(min_length=1, max_length=MAX_TEXT)] = "commercial"
+    spec: Annotated[str, Field(min_length=1, max_length=_MAX_TEXT)] = "commercial"
     """The tolerances: a grade (`commercial`, `precision`, `high_precision`), or a file in the scene's folder."""
 
     @property
@@ -611,21 +611,21 @@ def _from_percentile(value: Any) -> Any:
 
 def _check_barrel(value: Any) -> str | float:
     """Return a material, or an expansion."""
-    expansion = f", or a linear expansion from {LEAST_EXPANSION:g} to {MOST_EXPANSION:g} per kelvin"
+    expansion = f", or a linear expansion from {_LEAST_EXPANSION:g} to {_MOST_EXPANSION:g} per kelvin"
     if isinstance(value, str):
         if value not in BARRELS:
             raise unknown_name("is no material of a barrel", value, BARRELS, otherwise=expansion)
         return value
     number = read_number(value)
-    if not LEAST_EXPANSION <= number <= MOST_EXPANSION:
+    if not _LEAST_EXPANSION <= number <= _MOST_EXPANSION:
         raise refuse("is no linear expansion", allowed=listed(list(BARRELS)) + expansion)
     return number
 
 
-BARREL_FORMS = {
+_BARREL_FORMS = {
     "anyOf": [
         {"enum": list(BARRELS)},
-        {"type": "number", "minimum": LEAST_EXPANSION, "maximum": MOST_EXPANSION},
+        {"type": "number", "minimum": _LEAST_EXPANSION, "maximum": _MOST_EXPANSION},
     ]
 }
 
@@ -636,7 +636,7 @@ class RealLens(SceneModel):
     design: LensReference
     """The lens by name, file or prescription, as `lens` alone would be."""
 
-    as_built: Annotated[AsBuilt, BeforeValidator(_from_percentile), AlsoAccepts(PERCENTAGE)] | None = None
+    as_built: Annotated[AsBuilt, BeforeValidator(_from_percentile), AlsoAccepts(_PERCENTAGE)] | None = None
     """Which copy of it; the design itself by default."""
 
     temperature_c: Annotated[float, Field(ge=-100, le=140), NUMBER] = 20.0
@@ -645,7 +645,7 @@ class RealLens(SceneModel):
     pressure_hpa: Annotated[float, Field(ge=0, le=2000), NUMBER] = 1013.25
     """Pressure of that air [hPa]."""
 
-    barrel: Annotated[str | float, BeforeValidator(_check_barrel), WithJsonSchema(BARREL_FORMS)] = "aluminium"
+    barrel: Annotated[str | float, BeforeValidator(_check_barrel), WithJsonSchema(_BARREL_FORMS)] = "aluminium"
     """What holds elements and film: a material, or its linear expansion [1/K]."""
 
     @property
@@ -674,8 +674,8 @@ def with_design(value: Any, key: str) -> Any:
 
 # Tolerances of a lens: how far manufacture may be off, and by what copies of the lens are judged.
 
-MOST_COPIES = 100_000
-MOST_FIELDS = 32
+_MOST_COPIES = 100_000
+_MOST_FIELDS = 32
 
 Distribution = Literal["uniform", "normal", "end_point"]
 Number = Annotated[int, Field(ge=0, le=10_000), WHOLE_NUMBER]
@@ -685,10 +685,10 @@ Share = Annotated[float, Field(ge=0, le=50), NUMBER]
 Minutes = Annotated[float, Field(ge=0, le=600), NUMBER]
 Wavelength = Annotated[float, Field(ge=200, le=20_000), NUMBER]
 FieldAngle = Annotated[float, Field(ge=0, le=60), NUMBER]
-Text = Annotated[str, Field(max_length=MAX_TEXT)]
+Text = Annotated[str, Field(max_length=_MAX_TEXT)]
 
-OF_SURFACES = ("radius_percent", "radius_mm", "radius_fringes", "spacing_mm")
-OF_ELEMENTS = ("thickness_mm", "thickness_percent", "index", "abbe_percent", "wedge_arcmin", "wedge_um")
+_OF_SURFACES = ("radius_percent", "radius_mm", "radius_fringes", "spacing_mm")
+_OF_ELEMENTS = ("thickness_mm", "thickness_percent", "index", "abbe_percent", "wedge_arcmin", "wedge_um")
 OF_EITHER = ("decentre_mm", "tilt_arcmin", "tilt_um")
 
 
@@ -696,7 +696,7 @@ class Tolerance(SceneModel):
     """How far something may be off, either way. Exactly one quantity."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives((*OF_SURFACES, *OF_ELEMENTS, *OF_EITHER), required=True),
+        Alternatives((*_OF_SURFACES, *_OF_ELEMENTS, *OF_EITHER), required=True),
         Alternatives(("surfaces", "elements", "group"), required=False),
     )
 
@@ -760,13 +760,13 @@ class Tolerance(SceneModel):
     @property
     def quantity(self) -> str:
         """The key of the quantity."""
-        return next(key for key in (*OF_SURFACES, *OF_ELEMENTS, *OF_EITHER) if getattr(self, key) is not None)
+        return next(key for key in (*_OF_SURFACES, *_OF_ELEMENTS, *OF_EITHER) if getattr(self, key) is not None)
 
     @model_validator(mode="after")
     def _check_whose(self) -> Self:
         quantity = self.quantity
         either = quantity in OF_EITHER
-        by_surface = quantity in OF_SURFACES or (either and self.of == "surface")
+        by_surface = quantity in _OF_SURFACES or (either and self.of == "surface")
         wrong: dict[str, str] = {
             "surfaces": "" if by_surface else "elements",
             "elements": "" if not by_surface else "surfaces",
@@ -789,7 +789,7 @@ class Merit(SceneModel):
     rank_by: Literal["spot", "mtf"] = "spot"
     """What makes one copy better than another: a smaller spot, or a higher modulation."""
 
-    fields_degrees: Annotated[tuple[FieldAngle, ...], Field(min_length=1, max_length=MOST_FIELDS)] | None = None
+    fields_degrees: Annotated[tuple[FieldAngle, ...], Field(min_length=1, max_length=_MOST_FIELDS)] | None = None
     """Angles from the axis [degrees]; each beside 0 is seen in four directions. By default the axis, 0.7 of the widest
     field and that."""
 
@@ -824,7 +824,7 @@ class Tolerances(SceneModel):
     sigmas: Annotated[float, Field(gt=0, le=10), NUMBER] = 2.0
     """How many standard deviations a tolerance is, where the distribution is normal."""
 
-    copies: Annotated[int, Field(ge=10, le=MOST_COPIES), WHOLE_NUMBER] = 1000
+    copies: Annotated[int, Field(ge=10, le=_MOST_COPIES), WHOLE_NUMBER] = 1000
     """How many lenses are made."""
 
     seed: Annotated[int, Field(ge=0, le=2**63 - 1), WHOLE_NUMBER] = 0

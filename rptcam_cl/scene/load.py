@@ -84,8 +84,8 @@ def _flow(value: Any) -> str:
 
 # Turns what the scene model refuses into one line each: place, key path, problem, what was given, what is allowed.
 
-MAX_REPORTED = 5
-SECTIONS = ("camera", "film", "exposure", "shutter", "sequence", "sensor", "spectrum", "render", "picture")
+_MAX_REPORTED = 5
+_SECTIONS = ("camera", "film", "exposure", "shutter", "sequence", "sensor", "spectrum", "render", "picture")
 
 # Names of forms that a value without a kind may have; no keys.
 FORMS = (CONSTANT, SPECTRUM, MEASURED, DESIGN, REAL, IN_WORDS, LAYERED)
@@ -131,9 +131,9 @@ def input_error(error: ValidationError, data: Any, where: Where) -> InputError:
     where : callable
         Returns the place of a key path, ``FILE:LINE:COL: `` or the like; the flag: that of the key, not of its value.
     """
-    lines = [_line(item, data, where) for item in error.errors(include_url=False)[:MAX_REPORTED]]
-    if error.error_count() > MAX_REPORTED:
-        lines.append(f"and {error.error_count() - MAX_REPORTED} more problems")
+    lines = [_line(item, data, where) for item in error.errors(include_url=False)[:_MAX_REPORTED]]
+    if error.error_count() > _MAX_REPORTED:
+        lines.append(f"and {error.error_count() - _MAX_REPORTED} more problems")
     return InputError("\n".join(lines))
 
 
@@ -188,13 +188,13 @@ def _child(value: Any, key: str | int) -> Any:
 
 def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _Finding:
     """Word an error of pydantic's."""
-    got = f"got {shown(context.get('got', value))}"
+    got = f"got {_shown(context.get('got', value))}"
     if kind == REFUSED:
         problem = context["problem"]
         return _Finding(problem, got, context["allowed"], at_key=problem.startswith("unknown key"))
     if kind in _COMPARISONS:
         name, words = _COMPARISONS[kind]
-        return _Finding("is out of range", got, f"{words} {shown(context[name])}")
+        return _Finding("is out of range", got, f"{words} {_shown(context[name])}")
     if kind in ("missing", "union_tag_not_found"):
         return _Finding("is required but missing", at_key=True)
     if kind in ("literal_error", "union_tag_invalid"):
@@ -213,7 +213,7 @@ def _elsewhere(key: str) -> str:
     """Return ``; did you mean section.key?`` for a key that a section of the scene has, or nothing."""
     from rptcam_cl.scene.scene import Scene
 
-    for name in SECTIONS:
+    for name in _SECTIONS:
         if any(key in model.model_fields for model in _models(Scene.model_fields[name].annotation)):
             return f"; did you mean {name}.{key}?"
     return ""
@@ -227,18 +227,18 @@ def _models(annotation: Any) -> Iterator[type[SceneModel]]:
         yield from _models(part)
 
 
-def refusal_text(refusal: PydanticCustomError) -> str:
+def _refusal_text(refusal: PydanticCustomError) -> str:
     """The text of a refusal outside the model's own validation."""
     context = dict(refusal.context or {})
-    return f"{context['problem']} (got {shown(context['got'])}; allowed: {context['allowed']})"
+    return f"{context['problem']} (got {_shown(context['got'])}; allowed: {context['allowed']})"
 
 
-def shown(value: Any) -> str:
+def _shown(value: Any) -> str:
     """Return a value as it would stand in YAML, cut short."""
     if isinstance(value, Mapping):
         return f"a mapping with {listed([str(key) for key in value], most=6)}" if value else "an empty mapping"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(shown(item) for item in value[:6]) + (", …]" if len(value) > 6 else "]")
+        return "[" + ", ".join(_shown(item) for item in value[:6]) + (", …]" if len(value) > 6 else "]")
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -331,7 +331,7 @@ def _parent(data: dict[Any, Any], path: KeyPath, text: str) -> Any:
             place = _index(value, key, path[: length - 1], text)
         value[place] = value = _copy_to_change(value[place])
         if not isinstance(value, (dict, list)):
-            problem = f"is {shown(value)} and has no keys{_hint(path, value)}"
+            problem = f"is {_shown(value)} and has no keys{_hint(path, value)}"
             raise InputError(f"{text}: {dotted(path[:length])}: {problem}")
     return value
 
@@ -443,8 +443,8 @@ LARGEST_FILE, MOST_VALUES = 1 << 28, 5_000_000  # of a scene: bytes, and values,
 
 # What becomes a scene first, and how.
 _MODELS = (".glb", ".gltf", ".obj", ".ply", ".stl")
-NO_SCENES = {".pbrt": "rptcam convert {} scene.yaml makes one of it"}
-NO_SCENES |= dict.fromkeys(_MODELS, "rptcam new scene.yaml --model {} makes one round it")
+_NO_SCENES = {".pbrt": "rptcam convert {} scene.yaml makes one of it"}
+_NO_SCENES |= dict.fromkeys(_MODELS, "rptcam new scene.yaml --model {} makes one round it")
 
 
 def load_scene(
@@ -484,7 +484,7 @@ def load_scene(
         data: Any = copy.deepcopy(dict(source))
         folder = Path.cwd()
     else:
-        if (hint := NO_SCENES.get(Path(source).suffix.lower())) is not None:
+        if (hint := _NO_SCENES.get(Path(source).suffix.lower())) is not None:
             raise InputError(f"{source}: is no scene file; {hint.format(shlex.quote(str(source)))}")
         document = read_yaml(Path(source), most_bytes=LARGEST_FILE, most_values=MOST_VALUES)
         data, folder = document.data, Path(source).absolute().parent
@@ -496,7 +496,7 @@ def load_scene(
         scene = Scene.model_validate(data, context={"folders": folders, "made_of": data})
     except ValidationError as problem:
         raise input_error(problem, data, where) from None
-    return with_files(scene, where, missing)
+    return _with_files(scene, where, missing)
 
 
 def _as_scene_mapping(data: Any, document: Document | None) -> dict[Any, Any]:
@@ -504,7 +504,9 @@ def _as_scene_mapping(data: Any, document: Document | None) -> dict[Any, Any]:
     if data is None or data == {}:
         raise InputError(f"{place}the scene is empty (allowed: a mapping with at least the key camera)")
     if not isinstance(data, dict):
-        raise InputError(f"{place}a scene must be a mapping (got {shown(data)}; allowed: keys such as camera, objects)")
+        raise InputError(
+            f"{place}a scene must be a mapping (got {_shown(data)}; allowed: keys such as camera, objects)"
+        )
     return data
 
 
@@ -526,7 +528,7 @@ def _locator(document: Document | None, labels: dict[KeyPath, str]) -> Where:
     return where
 
 
-def with_files(scene: Scene, where: Where, missing: Missing, before: Scene | None = None) -> Scene:
+def _with_files(scene: Scene, where: Where, missing: Missing, before: Scene | None = None) -> Scene:
     """Return a scene whose files are where they may be; refuse one with others, naming all that are missing.
 
     What it has in common with the scene ``before`` is taken to be as it was.
@@ -592,7 +594,7 @@ def _check_instances(scene: Scene, path: KeyPath, where: Where) -> None:
         check_extent(item, item if not isinstance(item, MeshObject) else scene.load_mesh(item), path, scene.folders)
     except PydanticCustomError as problem:
         key = (*path, "instances")
-        raise InputError(f"{where(key, False)}{dotted(key)}: {refusal_text(problem)}") from None
+        raise InputError(f"{where(key, False)}{dotted(key)}: {_refusal_text(problem)}") from None
 
 
 def _items(section: Any) -> Iterable[tuple[KeyPath, Any]]:
@@ -640,7 +642,7 @@ def _check_mesh(scene: Scene, item: MeshObject, index: int, where: Where) -> Non
     except InputError as problem:
         raise type(problem)(f"{where((*path, key), False)}{dotted((*path, key))}: {problem}") from None
     except PydanticCustomError as problem:
-        raise InputError(f"{where((*path, key), False)}{dotted(path)}: {refusal_text(problem)}") from None
+        raise InputError(f"{where((*path, key), False)}{dotted(path)}: {_refusal_text(problem)}") from None
 
 
 def load_picture(settings: Mapping[str, Any], overrides: Iterable[str] = ()) -> PictureSettings:
@@ -680,9 +682,9 @@ def scene_json_schema_text() -> str:
 # Keys of a scene set to other values: what they do not concern stays the same instances.
 
 # Parts that are made anew with another: objects have materials and meshes.
-DEPENDENT = {"materials": ("objects",), "meshes": ("objects",)}
-UP = ("environment", "lights")  # parts whose defaults come from the camera's up
-WITHOUT_FILES = {"film", "exposure", "shutter", "render", "picture", "spectrum"}
+_DEPENDENT = {"materials": ("objects",), "meshes": ("objects",)}
+_UP = ("environment", "lights")  # parts whose defaults come from the camera's up
+_WITHOUT_FILES = {"film", "exposure", "shutter", "render", "picture", "spectrum"}
 
 
 def set_keys(scene: Scene, changes: Mapping[str, Any]) -> Scene:
@@ -706,9 +708,9 @@ def set_keys(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         assign(data, path, copy.deepcopy(value), text)
         paths.append(path)
     touched = {str(path[0]) for path in paths}
-    renewed = touched | {name for part in touched for name in DEPENDENT.get(part, ())}
+    renewed = touched | {name for part in touched for name in _DEPENDENT.get(part, ())}
     if any(path[0] == "camera" and (len(path) == 1 or path[1] == "up") for path in paths):
-        renewed |= set(UP)
+        renewed |= set(_UP)
     given = {name: value if name in renewed else getattr(scene, name) for name, value in data.items()}
     named = None if "meshes" in touched else _touched_materials(paths, data)
     if named is not None and "materials" in touched:
@@ -719,10 +721,10 @@ def set_keys(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         changed = Scene.model_validate(given, context=_context(scene, touched) | {"made_of": data})
     except ValidationError as problem:
         raise input_error(problem, data, _nowhere) from None
-    if touched <= WITHOUT_FILES:
+    if touched <= _WITHOUT_FILES:
         return changed
     earlier = None if "meshes" in touched else scene
-    return with_files(changed, _nowhere, "grey" if scene.stand_ins else "error", earlier)
+    return _with_files(changed, _nowhere, "grey" if scene.stand_ins else "error", earlier)
 
 
 def _path(text: str) -> KeyPath:

@@ -32,14 +32,7 @@ from rptcam_cl.core.strict_yaml import Document, FieldError
 from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.keys import GLASS, glass_json_schema
 from rptcam_cl.optics.glass import Medium, held_index, known_range
-from rptcam_cl.scene.base import (
-    Alternatives,
-    FileName,
-    SceneModel,
-    read_number,
-    refuse,
-    unknown_name,
-)
+from rptcam_cl.scene.base import Alternatives, FileName, SceneModel, read_number, refuse, unknown_name
 from rptcam_cl.scene.quantities import (
     NUMBER,
     Albedo,
@@ -58,12 +51,12 @@ from rptcam_cl.scene.textures import AnisotropyMap, Bump, Emission, NormalMap, R
 
 # What fills the space around a scene or the inside of its solids: fog, smoke, water, milk.
 
-LEFT_AT_VISIBILITY = 0.05  # of light, by which the World Meteorological Organization defines how far one sees
+_LEFT_AT_VISIBILITY = 0.05  # of light, by which the World Meteorological Organization defines how far one sees
 MOST_ASYMMETRY = 0.99
-LEAST_ASYMMETRY = 1e-3  # below it float32 does not tell scattering from even scattering
-BLACK: Colour = (0.0, 0.0, 0.0)
+_LEAST_ASYMMETRY = 1e-3  # below it float32 does not tell scattering from even scattering
+_BLACK: Colour = (0.0, 0.0, 0.0)
 FreePath = Annotated[float, Field(ge=1e-6, le=1e9), NUMBER]
-FREE_PATHS = BeforeValidator(
+_FREE_PATHS = BeforeValidator(
     lambda value: [value] * 3 if isinstance(value, (int, float)) and not isinstance(value, bool) else value
 )
 
@@ -89,7 +82,7 @@ SUBSTANCES: dict[str, tuple[tuple[float, float, float], tuple[float, float, floa
 }
 
 
-def albedo_for(colour: float) -> float:
+def _albedo_for(colour: float) -> float:
     """Return the share of light that an even medium must scatter so that a deep body of it gives back ``colour``.
 
     Of light from all sides, without a surface that reflects (Kulla and Conty 2017, inverting van de Hulst's fit).
@@ -125,10 +118,10 @@ class ScatteringMedium(SceneModel):
     color: Albedo | None = None
     """With `free_path_mm`: colour of a deep body of it in light from all sides, of what enters the surface."""
 
-    free_path_mm: Annotated[tuple[FreePath, FreePath, FreePath], FREE_PATHS] | None = None
+    free_path_mm: Annotated[tuple[FreePath, FreePath, FreePath], _FREE_PATHS] | None = None
     """With `color`: mean way of light between two events [mm], were scattering even; a number, or one a channel."""
 
-    emission_per_m: Radiance = BLACK
+    emission_per_m: Radiance = _BLACK
     """Radiance that is emitted per metre [W/(m³ sr) per channel]; a colour."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
@@ -157,7 +150,7 @@ class ScatteringMedium(SceneModel):
         if self.color is None or self.free_path_mm is None:
             return None
         per_m = [1e3 / way for way in self.free_path_mm]
-        red, green, blue = (albedo_for(channel) * rate for channel, rate in zip(self.color, per_m, strict=True))
+        red, green, blue = (_albedo_for(channel) * rate for channel, rate in zip(self.color, per_m, strict=True))
         return (red, green, blue), (per_m[0] - red, per_m[1] - green, per_m[2] - blue)
 
     @property
@@ -166,7 +159,7 @@ class ScatteringMedium(SceneModel):
         if (reduced := self._reduced) is not None:
             return _scaled(reduced[0], 1 / (1 - self.mean_cosine))
         if self.visibility_m is None:
-            return BLACK if self.scattering_per_m is None else self.scattering_per_m
+            return _BLACK if self.scattering_per_m is None else self.scattering_per_m
         return _scaled((1.0, 1.0, 1.0) if self.albedo is None else self.albedo, self._extinction)
 
     @property
@@ -175,18 +168,18 @@ class ScatteringMedium(SceneModel):
         if (reduced := self._reduced) is not None:
             return reduced[1]
         if self.visibility_m is None:
-            return BLACK if self.absorption_per_m is None else self.absorption_per_m
-        return BLACK if self.albedo is None else _scaled(_rest(self.albedo), self._extinction)
+            return _BLACK if self.absorption_per_m is None else self.absorption_per_m
+        return _BLACK if self.albedo is None else _scaled(_rest(self.albedo), self._extinction)
 
     @property
     def mean_cosine(self) -> float:
         """The asymmetry, 0 where float32 takes it for even scattering."""
-        return 0.0 if abs(self.asymmetry) < LEAST_ASYMMETRY else self.asymmetry
+        return 0.0 if abs(self.asymmetry) < _LEAST_ASYMMETRY else self.asymmetry
 
     @property
     def _extinction(self) -> float:
         assert self.visibility_m is not None
-        return float(-np.log(LEFT_AT_VISIBILITY) / self.visibility_m)
+        return float(-np.log(_LEFT_AT_VISIBILITY) / self.visibility_m)
 
 
 def _scaled(colour: Colour, factor: float) -> Colour:
@@ -311,7 +304,7 @@ class RoughMaterial(SceneModel):
 
 SMALLEST_INDEX, LARGEST_INDEX = 0.2, 5.0
 
-KEYS = {name: key for name, key in GLASS.items() if name != "transmittance"}
+_KEYS = {name: key for name, key in GLASS.items() if name != "transmittance"}
 
 
 def _read_medium(value: Any, info: ValidationInfo) -> Medium:
@@ -349,7 +342,7 @@ def _check_medium(medium: Medium) -> None:
         raise refuse(f"has a refractive index from {index.min():.4g} to {index.max():.4g}", allowed=span)
 
 
-def nearest_to_one(medium: Medium) -> float:
+def _nearest_to_one(medium: Medium) -> float:
     """Return the refractive index from 380 to 780 nm that is nearest to 1."""
     index = held_index(medium, WAVELENGTHS_NM)
     return float(index[np.abs(index - 1).argmin()])
@@ -359,7 +352,7 @@ Glass = Annotated[
     Medium,
     PlainValidator(_read_medium),
     PlainSerializer(repr, when_used="json"),
-    WithJsonSchema(glass_json_schema(KEYS)),
+    WithJsonSchema(glass_json_schema(_KEYS)),
 ]
 
 Index = Annotated[float, Field(ge=SMALLEST_INDEX, le=LARGEST_INDEX), NUMBER]
@@ -368,7 +361,7 @@ Index = Annotated[float, Field(ge=SMALLEST_INDEX, le=LARGEST_INDEX), NUMBER]
 LEAST_BEND = 0.01
 
 # What a colour channel of 0 stands for after a finite way: it must have a logarithm.
-DARKEST = 1e-6
+_DARKEST = 1e-6
 
 
 class Attenuation(SceneModel):
@@ -405,14 +398,14 @@ class AbsorbingMaterial(SceneModel):
 
 def _depth(left: Colour, distance: float) -> Colour:
     """Return the coefficient of absorption that leaves a share of light after a distance."""
-    red, green, blue = (-math.log(max(share, DARKEST)) / distance for share in left)
+    red, green, blue = (-math.log(max(share, _DARKEST)) / distance for share in left)
     if isinstance(left, SpectralColour):
-        return SpectralColour((red, green, blue), -np.log(np.maximum(left.samples, DARKEST)) / distance)
+        return SpectralColour((red, green, blue), -np.log(np.maximum(left.samples, _DARKEST)) / distance)
     return (red, green, blue)
 
 
 ABSORPTION = Alternatives(("absorption_per_m", "attenuation", "interior"), required=False)
-ROUGHNESS = Alternatives(("alpha", "roughness"), required=False)
+_ROUGHNESS = Alternatives(("alpha", "roughness"), required=False)
 
 
 class Dielectric(RoughMaterial, AbsorbingMaterial, BumpyMaterial):
@@ -434,7 +427,7 @@ class Dielectric(RoughMaterial, AbsorbingMaterial, BumpyMaterial):
     """Factor on what the surface refracts, at each passage: a colour of channels 0 to 1, or a texture; of real glass
     1."""
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("index", "glass"), False), ROUGHNESS, ABSORPTION)
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("index", "glass"), False), _ROUGHNESS, ABSORPTION)
 
     @property
     def n_d(self) -> float:
@@ -443,7 +436,7 @@ class Dielectric(RoughMaterial, AbsorbingMaterial, BumpyMaterial):
 
     @model_validator(mode="after")
     def _check_bend(self) -> Self:
-        nearest = self.index if self.glass is None else nearest_to_one(self.glass)
+        nearest = self.index if self.glass is None else _nearest_to_one(self.glass)
         if self.alphas is not None and abs(nearest - 1) < LEAST_BEND:
             raise refuse(
                 "bends light too little for a rough surface", got=nearest,
@@ -481,9 +474,9 @@ class ThinGlass(CoveringMaterial):
 Metal = Literal["aluminium", "chromium", "copper", "gold", "iron", "nickel", "platinum", "silver", "tungsten"]
 
 WRITTEN_OUT, MEASURED = "written out", "a table"  # forms of a metal that is no name; not keys
-SMALLEST_CONSTANT, LARGEST_CONSTANT = 1e-3, 100.0
+_SMALLEST_CONSTANT, _LARGEST_CONSTANT = 1e-3, 100.0
 
-Constant = Annotated[float, Field(ge=SMALLEST_CONSTANT, le=LARGEST_CONSTANT), NUMBER]
+Constant = Annotated[float, Field(ge=_SMALLEST_CONSTANT, le=_LARGEST_CONSTANT), NUMBER]
 _PER_CHANNEL = BeforeValidator(list_of(3, "one number each for red, green and blue"))
 
 
@@ -540,8 +533,8 @@ def _metal_spectrum(table: MetalTable, info: core_schema.ValidationInfo) -> Meta
     else:
         wavelengths, n, k = _written_rows(table)
     for name, column in (("n", n), ("k", k)):
-        if np.any((column < SMALLEST_CONSTANT) | (column > LARGEST_CONSTANT)):
-            span = f"{SMALLEST_CONSTANT:g} to {LARGEST_CONSTANT:g}"
+        if np.any((column < _SMALLEST_CONSTANT) | (column > _LARGEST_CONSTANT)):
+            span = f"{_SMALLEST_CONSTANT:g} to {_LARGEST_CONSTANT:g}"
             path = ("file",) if table.file is not None else (name,)
             raise refuse(f"{name} is out of range", got=column.tolist(), allowed=span, path=path)
     return MetalSpectrum(on_grid(wavelengths, n), on_grid(wavelengths, k))
@@ -775,7 +768,7 @@ class Plastic(RoughMaterial, BumpyMaterial):
     index: Annotated[float, Field(ge=1, le=5), NUMBER] = 1.5
     """Refractive index of the cover."""
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (ROUGHNESS,)
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (_ROUGHNESS,)
 
     @property
     def parameter(self) -> float:
@@ -784,10 +777,10 @@ class Plastic(RoughMaterial, BumpyMaterial):
 
 
 # Absorption [per radius] of the pigments of hair, of concentration 1 (d'Eon et al. 2011).
-EUMELANIN, PHEOMELANIN = (0.419, 0.697, 1.37), (0.187, 0.4, 1.05)
+_EUMELANIN, _PHEOMELANIN = (0.419, 0.697, 1.37), (0.187, 0.4, 1.05)
 
 
-def hair_depth(azimuthal: float) -> float:
+def _hair_depth(azimuthal: float) -> float:
     """Return the logarithm of the colour of hair over the root of its absorption (Chiang et al. 2016, 4.2)."""
     b = azimuthal
     return 5.969 + b * (-0.215 + b * (2.532 + b * (-10.73 + b * (5.574 + b * 0.245))))
@@ -840,10 +833,10 @@ class Hair(SceneModel):
             return self.reflectance
         absorption = self.absorption
         if self.eumelanin is not None:
-            pairs = zip(EUMELANIN, PHEOMELANIN, strict=True)
+            pairs = zip(_EUMELANIN, _PHEOMELANIN, strict=True)
             red, green, blue = (self.eumelanin * brown + self.pheomelanin * ruddy for brown, ruddy in pairs)
             absorption = (red, green, blue)
-        depth = hair_depth(self.roughness_across)
+        depth = _hair_depth(self.roughness_across)
         assert absorption is not None
         red, green, blue = (math.exp(-math.sqrt(share) * depth) for share in absorption)
         if isinstance(absorption, SpectralColour):
@@ -857,11 +850,11 @@ class Hair(SceneModel):
 
     @property
     def lobes(self) -> tuple[float, float, float, float]:
-        """Variance along the fibre, scale round it, sine of the tilt, and what `hair_depth` returns."""
+        """Variance along the fibre, scale round it, sine of the tilt, and what `_hair_depth` returns."""
         m, n = self.roughness, self.roughness_across
         variance = (0.726 * m + 0.812 * m**2 + 3.7 * m**20) ** 2
         scale = math.sqrt(math.pi / 8) * (0.265 * n + 1.194 * n**2 + 5.372 * n**22)
-        return variance, scale, math.sin(math.radians(self.tilt_degrees)), hair_depth(n)
+        return variance, scale, math.sin(math.radians(self.tilt_degrees)), _hair_depth(n)
 
 
 class Boundary(SceneModel):

@@ -12,6 +12,7 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +24,7 @@ from rptcam_cl.core.files import Folders
 from rptcam_cl.core.records import Hidden
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, FileReference, SceneModel, refuse
 from rptcam_cl.scene.materials import Material
-from rptcam_cl.scene.quantities import (
-    LARGEST_COORDINATE,
-    NUMBER,
-    AffineRows,
-    Direction,
-    Moment,
-    Position,
-)
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, AffineRows, Direction, GroupName, Moment, Position
 
 # Transforms: steps that place an object in the world.
 
@@ -94,7 +88,7 @@ class TransformStep(SceneModel):
             last = list(self.matrix[3])
             raise refuse("is not affine", got=last, allowed="[0, 0, 0, 1]", path=("matrix", 3))
         key = "matrix" if self.matrix is not None else "scale"
-        check_invertible(self.as_matrix(), path=(key,))
+        _check_invertible(self.as_matrix(), path=(key,))
         return self
 
     def as_matrix(self) -> Matrix:
@@ -111,7 +105,7 @@ class TransformStep(SceneModel):
         return result
 
 
-def check_invertible(matrix: Matrix, path: tuple[str | int, ...] = ()) -> None:
+def _check_invertible(matrix: Matrix, path: tuple[str | int, ...] = ()) -> None:
     """Refuse a 4x4 matrix that flattens space, or overflows when its coordinates are squared in float32."""
     stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
     if not stretches[-1] > SMALLEST_STRETCH_RATIO * stretches[0]:
@@ -134,7 +128,7 @@ def _as_steps(value: Any) -> Any:
 
 
 def _check_product(steps: tuple[TransformStep, ...]) -> tuple[TransformStep, ...]:
-    check_invertible(product(steps))
+    _check_invertible(product(steps))
     return steps
 
 
@@ -160,9 +154,9 @@ Transform = Annotated[
 Vector = NDArray[np.float64]
 
 # Sine of the angle below which two axes count as one: beyond rounding, below what anybody writes.
-SAME_AXIS = 1e-9
+_SAME_AXIS = 1e-9
 
-RIGID = 1e-5  # by which the rows of a matrix that only turns may miss being at right angles and of length 1
+_RIGID = 1e-5  # by which the rows of a matrix that only turns may miss being at right angles and of length 1
 
 MOST_KEYFRAMES = 100_000
 
@@ -208,7 +202,7 @@ class ObjectKeyframe(Keyframe):
         linear = np.array(self.matrix)[:3, :3]
         if (
             self.matrix[3] != (0, 0, 0, 1)
-            or np.abs(linear.T @ linear - np.eye(3)).max() > RIGID
+            or np.abs(linear.T @ linear - np.eye(3)).max() > _RIGID
             or np.linalg.det(linear) < 0
         ):
             raise refuse("does more than turn and shift", allowed="stretches in `transform`", path=("matrix",))
@@ -284,7 +278,7 @@ class Trajectory:
         if share > 0:
             following = self.frames[index + 1]
             matrix[:3, 3] += share * np.subtract(following.shift, frame.shift)
-            axis, degrees = turn_between(frame.turn, following.turn)
+            axis, degrees = _turn_between(frame.turn, following.turn)
             matrix[:3, :3] = turn_about(axis, share * degrees) @ matrix[:3, :3]
         return matrix
 
@@ -302,14 +296,14 @@ class Trajectory:
         if index == len(self.frames) - 1 or begin_s < self.frames[0].time_s or end_s <= begin_s:
             return np.array([0.0, 0.0, 1.0]), 0.0
         first, second = self.frames[index : index + 2]
-        axis, degrees = turn_between(first.turn, second.turn)
+        axis, degrees = _turn_between(first.turn, second.turn)
         return axis, degrees / 360 * (end_s - begin_s) / (second.time_s - first.time_s)
 
 
-def turn_between(first: Rotation | None, second: Rotation | None) -> tuple[Vector, float]:
+def _turn_between(first: Rotation | None, second: Rotation | None) -> tuple[Vector, float]:
     """Return axis and angle [degrees] of the turn that leads from one rotation to another."""
     a, b = _axis(first), _axis(second)
-    if a is not None and b is not None and np.linalg.norm(np.cross(a, b)) > SAME_AXIS:
+    if a is not None and b is not None and np.linalg.norm(np.cross(a, b)) > _SAME_AXIS:
         return _shortest(_matrix(second) @ _matrix(first).T)
     axis = a if a is not None else b
     if axis is None:
@@ -359,18 +353,24 @@ def quaternion_of(matrix: Matrix) -> Vector:
 
 # Tables of places, beside the scene: a forest, a crowd, the atoms of a crystal.
 
-MOST_PLACES = 1 << 26  # of one table
-TABLE_KEYS = "allowed: matrices (n, 3, 4), or positions (n, 3) and perhaps scales (n,)"
+_MOST_PLACES = 1 << 26  # of one table
+_TABLE_KEYS = "allowed: matrices (n, 3, 4), or positions (n, 3) and perhaps scales (n,)"
+
+
+_TABLES: WeakValueDictionary[Any, Matrix] = WeakValueDictionary()  # those in use, by the content that they are of
 
 
 class Instances(FileReference):
     """Many places at which an object stands: a table of NumPy beside the scene."""
 
-    _known: tuple[Any, Matrix] | None = PrivateAttr(None)
-    """The matrices, and the state of the file that they are of."""
+    _sound: Any = PrivateAttr(None)
+    """The content whose places are known to be sound: bytes, or a path with the size and time of its file."""
 
     def matrices(self, folders: Folders) -> Matrix:
         """Find the matrices that take the object, after its transform, to its places (n, 3, 4).
+
+        A table is not kept for longer than somebody uses it, and read again then: it would be a fifth of all that a
+        scene of many places takes.
 
         Raises
         ------
@@ -378,15 +378,19 @@ class Instances(FileReference):
             When the file has no such table, or places something where float32 cannot.
         """
         source = self.source(folders)
-        state = source if isinstance(source, bytes) else (source, source.stat().st_size, source.stat().st_mtime_ns)
-        if self._known is None or self._known[0] != state:
+        content = source if isinstance(source, bytes) else (source, source.stat().st_size, source.stat().st_mtime_ns)
+        matrices = _TABLES.get(content)
+        if matrices is None:
             try:
                 matrices = _read_places(source)
+                if self._sound != content:
+                    _check_places(matrices)
             except InputError as problem:
                 raise InputError(f"{self.place}{problem}") from None
             matrices.setflags(write=False)
-            self._known = state, matrices
-        return self._known[1]
+            self._sound = content
+            _TABLES[content] = matrices
+        return matrices
 
 
 def _read_places(source: Path | bytes) -> Matrix:
@@ -394,18 +398,17 @@ def _read_places(source: Path | bytes) -> Matrix:
     if "matrices" in table:
         rows = table["matrices"]
         if rows.ndim != 3 or rows.shape[1:] not in ((3, 4), (4, 4)):
-            raise InputError(f"matrices have the shape {rows.shape} ({TABLE_KEYS})")
+            raise InputError(f"matrices have the shape {rows.shape} ({_TABLE_KEYS})")
         matrices = np.ascontiguousarray(rows[:, :3])
     else:
         positions = table["positions"]
         scales = table.get("scales", np.ones(len(positions)))
         if positions.shape != (len(scales), 3) or scales.ndim != 1:
-            raise InputError(f"positions have the shape {positions.shape}, scales {scales.shape} ({TABLE_KEYS})")
+            raise InputError(f"positions have the shape {positions.shape}, scales {scales.shape} ({_TABLE_KEYS})")
         matrices = np.zeros((len(scales), 3, 4))
         matrices[:, range(3), range(3)], matrices[:, :, 3] = scales[:, None], positions
-    if not 0 < len(matrices) <= MOST_PLACES:
-        raise InputError(f"has {len(matrices)} places (allowed: 1 to {MOST_PLACES})")
-    _check_places(matrices)
+    if not 0 < len(matrices) <= _MOST_PLACES:
+        raise InputError(f"has {len(matrices)} places (allowed: 1 to {_MOST_PLACES})")
     return matrices
 
 
@@ -415,24 +418,24 @@ def _read_table(source: Path | bytes) -> dict[str, Matrix]:
         if isinstance(loaded, np.ndarray):
             return {"matrices": _numbers(loaded)}
         with loaded as content:
-            if sum(info.file_size for info in content.zip.infolist()) > MOST_PLACES * 128:
-                raise InputError(f"holds more than {MOST_PLACES} places")
+            if sum(info.file_size for info in content.zip.infolist()) > _MOST_PLACES * 128:
+                raise InputError(f"holds more than {_MOST_PLACES} places")
             table = {name: _numbers(content[name]) for name in ("matrices", "positions", "scales") if name in content}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as problem:
-        raise InputError(f"is no table of NumPy: {str(problem).splitlines()[0]} ({TABLE_KEYS})") from None
+        raise InputError(f"is no table of NumPy: {str(problem).splitlines()[0]} ({_TABLE_KEYS})") from None
     if "matrices" not in table and "positions" not in table:
-        raise InputError(f"has neither matrices nor positions ({TABLE_KEYS})")
+        raise InputError(f"has neither matrices nor positions ({_TABLE_KEYS})")
     return table
 
 
 def _numbers(array: NDArray[Any]) -> Matrix:
     if array.dtype.kind not in "fiu":
-        raise InputError(f"holds more than numbers ({TABLE_KEYS})")
+        raise InputError(f"holds more than numbers ({_TABLE_KEYS})")
     return np.asarray(array, np.float64)
 
 
 def _check_places(matrices: Matrix) -> None:
-    """Refuse places that `check_invertible` refuses; one product of stretches spares most their exact ones."""
+    """Refuse places that `_check_invertible` refuses; one product of stretches spares most their exact ones."""
     linear = matrices[:, :, :3]
     with np.errstate(all="ignore"):
         norm = np.sqrt(np.einsum("nij,nij->n", linear, linear))
@@ -444,7 +447,7 @@ def _check_places(matrices: Matrix) -> None:
         try:
             if not np.isfinite(matrices[index]).all():
                 raise refuse("holds numbers that are not finite", allowed="numbers")
-            check_invertible(np.vstack([matrices[index], (0, 0, 0, 1)]))
+            _check_invertible(np.vstack([matrices[index], (0, 0, 0, 1)]))
         except PydanticCustomError as problem:
             details = problem.context or {}
             raise InputError(f"place {index} {details['problem']} (allowed: {details['allowed']})") from None
@@ -491,6 +494,9 @@ class PlacedObject(SceneModel):
 
     label: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     """Class of the object, as chair: of semantic masks and annotations."""
+
+    group: GroupName | None = None
+    """Name of the layer that has its light, where `render.layers` has `lights` and it shines; by default its own."""
 
     transform: Transform = ()
     """One step or a list of steps, applied in their order to the shape as described by its own keys."""

@@ -119,20 +119,20 @@ class SpectralColour(tuple[float, float, float]):
         return {"samples": samples, "lines": [list(line) for line in self.lines]}
 
 
-SUFFIXES = (".csv", ".txt", ".tsv", ".spd")
-LARGEST_VALUE = 1e30
-MOST_ROWS = 10_000
+_SUFFIXES = (".csv", ".txt", ".tsv", ".spd")
+_LARGEST_VALUE = 1e30
+_MOST_ROWS = 10_000
 LARGEST_FILE = 4_000_000  # bytes
 _SHORTEST, _LONGEST = WAVELENGTHS_NM[0], WAVELENGTHS_NM[-1]
 
 
-def numbers_of(value: Any) -> tuple[float, ...]:
+def _numbers_of(value: Any) -> tuple[float, ...]:
     """Return a list of at least two numbers."""
     items = value.tolist() if isinstance(value, np.ndarray) else value
     if not isinstance(items, (list, tuple)):
         raise refuse("must be a list of numbers", allowed="a list of at least 2 numbers")
-    if not 2 <= len(items) <= MOST_ROWS:
-        raise refuse(f"has {len(items)} numbers", allowed=f"2 to {MOST_ROWS} numbers")
+    if not 2 <= len(items) <= _MOST_ROWS:
+        raise refuse(f"has {len(items)} numbers", allowed=f"2 to {_MOST_ROWS} numbers")
     return tuple(_number(item, index) for index, item in enumerate(items))
 
 
@@ -141,7 +141,7 @@ def _number(value: Any, index: int) -> float:
     return 0.0 if isinstance(value, float) and abs(value) < FLOAT32_MIN_NORMAL else number_at(value, (index,))
 
 
-def read_lines(value: Any) -> Lines:
+def _read_lines(value: Any) -> Lines:
     """Return lines, sorted, from a mapping of wavelength [nm] to amount."""
     if not isinstance(value, dict) or not value:
         raise refuse("must be a mapping from wavelength to amount", allowed="for instance {546.1: 1, 577: 0.5}")
@@ -155,15 +155,10 @@ def read_lines(value: Any) -> Lines:
             span = f"{_SHORTEST:g} to {_LONGEST:g} nm"
             raise refuse("has a wavelength out of range", got=key, allowed=span, path=(key,))
         amount = read_number(item) if not isinstance(item, str) else -1.0
-        if not 0 < amount <= LARGEST_VALUE:
-            raise refuse("is no amount of light", got=item, allowed=f"above 0 to {LARGEST_VALUE:g}", path=(key,))
+        if not 0 < amount <= _LARGEST_VALUE:
+            raise refuse("is no amount of light", got=item, allowed=f"above 0 to {_LARGEST_VALUE:g}", path=(key,))
         lines.append((wavelength, amount))
     return tuple(sorted(lines))
-
-
-def is_table_file(name: object) -> bool:
-    """Return whether a name is that of a file that may hold a table."""
-    return isinstance(name, str) and name.lower().endswith(SUFFIXES)
 
 
 def read_rows(
@@ -187,8 +182,8 @@ def read_rows(
     InputError
         When it is no such table; the message does not name the file.
     """
-    if not is_table_file(name):
-        raise InputError(f"is not a table of a spectrum (allowed: files {', '.join(SUFFIXES)}; a picture is a texture "
+    if not name.lower().endswith(_SUFFIXES):
+        raise InputError(f"is not a table of a spectrum (allowed: files {', '.join(_SUFFIXES)}; a picture is a texture "
                          "of `kind: image`)")  # fmt: skip
     lines = _text(folders.find(name)).splitlines()
     given = [(number, text) for number, line in enumerate(lines, 1) if (text := line.partition("#")[0].strip())]
@@ -201,8 +196,8 @@ def read_rows(
             wanted = " and ".join(("a wavelength", *meanings))
             raise InputError(f"line {number} does not hold {wanted} (got {text[:40]!r})")
         rows.append(row)
-    if not 2 <= len(rows) <= MOST_ROWS:
-        raise InputError(f"holds {len(rows)} rows (allowed: 2 to {MOST_ROWS})")
+    if not 2 <= len(rows) <= _MOST_ROWS:
+        raise InputError(f"holds {len(rows)} rows (allowed: 2 to {_MOST_ROWS})")
     wavelengths, *columns = np.array(rows, np.float64).T
     fault = fault_of(wavelengths)
     if fault is not None:
@@ -251,8 +246,8 @@ def _text(path: Path) -> str:
 # How a scene writes spectra: the keys of each form, and the colour that they stand for.
 
 _NUMBERS = {"type": "array", "items": {"type": "number"}, "minItems": 2}
-Numbers = Annotated[tuple[float, ...], BeforeValidator(numbers_of), WithJsonSchema(_NUMBERS)]
-Factor = Annotated[float, Field(gt=0, le=LARGEST_VALUE), BeforeValidator(read_number)]
+Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers_of), WithJsonSchema(_NUMBERS)]
+Factor = Annotated[float, Field(gt=0, le=_LARGEST_VALUE), BeforeValidator(read_number)]
 IlluminantName = Literal[
     "A", "D50", "D55", "D65", "D75", "E", "F2", "F7", "F11", "LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5"
 ]
@@ -329,7 +324,7 @@ class LightSpectrum(TabulatedSpectrum):
     illuminant: IlluminantName | None = None
     """Name of a CIE illuminant."""
 
-    lines_nm: Annotated[Lines, BeforeValidator(read_lines), WithJsonSchema(
+    lines_nm: Annotated[Lines, BeforeValidator(_read_lines), WithJsonSchema(
         {"type": "object", "additionalProperties": {"type": "number", "exclusiveMinimum": 0}, "minProperties": 1}
     )] | None = None  # fmt: skip
     """Lines: a mapping from wavelength [nm] to amount."""
@@ -383,21 +378,21 @@ class LightSpectrum(TabulatedSpectrum):
             return illuminant(self.illuminant), ()
         if self.lines_nm is not None:
             return lines_on_grid(self.lines_nm), self.lines_nm
-        rows = self.rows(folders, LARGEST_VALUE, "is too bright for sums in float32")
+        rows = self.rows(folders, _LARGEST_VALUE, "is too bright for sums in float32")
         return on_grid(*rows, beyond=0.0), ()
 
 
-def albedo(spectrum: TabulatedSpectrum, folders: Folders) -> SpectralColour:
+def _albedo(spectrum: TabulatedSpectrum, folders: Folders) -> SpectralColour:
     """Return shares of light; the table's ends hold beyond it."""
     return SpectralColour.of_reflectance(on_grid(*spectrum.rows(folders, 1.0, "would reflect more light than arrives")))
 
 
 def coefficient(spectrum: TabulatedSpectrum, folders: Folders) -> SpectralColour:
     """Return coefficients of absorption; the table's ends hold beyond it."""
-    return SpectralColour.of_coefficient(on_grid(*spectrum.rows(folders, LARGEST_VALUE, "is too large for float32")))
+    return SpectralColour.of_coefficient(on_grid(*spectrum.rows(folders, _LARGEST_VALUE, "is too large for float32")))
 
 
-def tint(spectrum: LightSpectrum, folders: Folders) -> SpectralColour:
+def _tint(spectrum: LightSpectrum, folders: Folders) -> SpectralColour:
     """Return light of luminance 1."""
     made = spectrum.light(folders)
     bright = float(exact_luminance(made))
@@ -411,7 +406,7 @@ def tint(spectrum: LightSpectrum, folders: Folders) -> SpectralColour:
 Colour = tuple[float, float, float]
 
 # Names of the two forms in the locations of errors; they are no keys.
-CHANNELS, SPECTRUM = "channels", "a spectrum"
+_CHANNELS, SPECTRUM = "channels", "a spectrum"
 
 _HEX_COLOUR = re.compile(r"#([0-9a-fA-F]{6})")
 
@@ -449,7 +444,7 @@ class ColourForms:
         if self.spectrum is not None:
             keys = handler.generate_schema(self.spectrum)
             spectral = core_schema.with_info_after_validator_function(self._spectrum, keys)
-            schema = core_schema.tagged_union_schema({CHANNELS: schema, SPECTRUM: spectral}, _form)
+            schema = core_schema.tagged_union_schema({_CHANNELS: schema, SPECTRUM: spectral}, _form)
         return core_schema.no_info_after_validator_function(
             lambda colour: colour,
             schema,
@@ -505,7 +500,7 @@ class ColourForms:
 
 def _form(value: Any) -> str:
     is_spectrum = isinstance(value, TabulatedSpectrum) or (isinstance(value, dict) and "kind" not in value)
-    return SPECTRUM if is_spectrum else CHANNELS
+    return SPECTRUM if is_spectrum else _CHANNELS
 
 
 def _plain(colour: Colour) -> Any:
@@ -590,7 +585,7 @@ Row = Annotated[
     tuple[Coordinate, Coordinate, Coordinate, Coordinate], BeforeValidator(list_of(4, "a row of 4 numbers"))
 ]
 
-MATRIX_SCHEMA = WithJsonSchema(
+_MATRIX_SCHEMA = WithJsonSchema(
     {
         "type": "array",
         "minItems": 3,
@@ -598,12 +593,26 @@ MATRIX_SCHEMA = WithJsonSchema(
         "items": {"type": "array", "minItems": 4, "maxItems": 4, "items": {"type": "number"}},
     }
 )
-AffineRows = Annotated[tuple[Row, Row, Row, Row], BeforeValidator(_four_rows), MATRIX_SCHEMA]
-Albedo = Annotated[Colour, ColourForms(1.0, "would reflect more light than arrives", TabulatedSpectrum, albedo)]
+AffineRows = Annotated[tuple[Row, Row, Row, Row], BeforeValidator(_four_rows), _MATRIX_SCHEMA]
+Albedo = Annotated[Colour, ColourForms(1.0, "would reflect more light than arrives", TabulatedSpectrum, _albedo)]
 Radiance = Annotated[
     Colour, ColourForms(LARGEST_RADIANCE, "is too bright for sums in float32", LightSpectrum, LightSpectrum.emission)
 ]
-LightColour = Annotated[Colour, ColourForms(LARGEST_RADIANCE, "is too bright for sums in float32", LightSpectrum, tint)]
+MOST_GROUP_LETTERS = 40
+
+
+def _group_name(name: object) -> object:
+    if isinstance(name, str) and not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_-]{{0,{MOST_GROUP_LETTERS - 1}}}", name):
+        raise refuse(
+            "is no name of a group", allowed=f"a letter, then letters, digits, _ and -, up to {MOST_GROUP_LETTERS}"
+        )
+    return name
+
+
+GroupName = Annotated[str, BeforeValidator(_group_name)]
+LightColour = Annotated[
+    Colour, ColourForms(LARGEST_RADIANCE, "is too bright for sums in float32", LightSpectrum, _tint)
+]
 Coefficient = Annotated[
     Colour, ColourForms(LARGEST_RADIANCE, "is too large for float32", TabulatedSpectrum, coefficient)
 ]

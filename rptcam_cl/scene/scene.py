@@ -60,10 +60,10 @@ Solid = SceneObject | Board | LoadedMesh
 Objects = Sequence[tuple[Object, Solid]]
 
 # Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
-LARGEST_EXTENT_RATIO = 1e7
+_LARGEST_EXTENT_RATIO = 1e7
 
 # Largest deviation of a pixel from a square that is taken as rounding.
-SQUARE_TOLERANCE = 0.01
+_SQUARE_TOLERANCE = 0.01
 
 
 def to_world(item: PlacedObject, points: NDArray[np.float64], folders: Folders | None = None) -> NDArray[np.float64]:
@@ -96,16 +96,16 @@ def check_extent(item: Object, solid: Solid, path: tuple[str | int, ...], folder
         raise refuse("is too small for float32", got=extent, allowed=allowed, path=path)
 
 
-def check_no_hair(material: Material | None, path: tuple[str | int, ...]) -> None:
+def _check_no_hair(material: Material | None, path: tuple[str | int, ...]) -> None:
     """Refuse hair on what is no curve."""
     if isinstance(material, Mix):
         for index, part in enumerate(material.materials):
-            check_no_hair(part, (*path, "materials", index))
+            _check_no_hair(part, (*path, "materials", index))
     if isinstance(material, Hair):
         raise refuse("is of fibres, which this shape has none of", got="hair", allowed="shape: curves", path=path)
 
 
-def check_focus(camera: Camera, shutter: Shutter) -> None:
+def _check_focus(camera: Camera, shutter: Shutter) -> None:
     """Refuse a point in focus that a moving camera has behind it when the shutter opens."""
     lens = camera.lens_camera
     if lens is None or lens.focus.point is None or not camera.motion:
@@ -120,7 +120,7 @@ def check_focus(camera: Camera, shutter: Shutter) -> None:
         )
 
 
-def check_followed(camera: Camera, objects: Sequence[Object]) -> None:
+def _check_followed(camera: Camera, objects: Sequence[Object]) -> None:
     """Refuse a focus that follows an object that is not there, or has no middle."""
     followed, path = camera.followed, ("camera", "focus", "object")
     if followed is None:
@@ -131,7 +131,7 @@ def check_followed(camera: Camera, objects: Sequence[Object]) -> None:
         raise unknown_name("is no name of an object", followed, known, without=without, path=path)
 
 
-def check_sequence(sequence: FrameSequence | None, shutter: Shutter, exposure: Exposure, autofocus: bool) -> None:
+def _check_sequence(sequence: FrameSequence | None, shutter: Shutter, exposure: Exposure, autofocus: bool) -> None:
     """Refuse what is to follow from frame to frame where nothing is found anew in each, and keys that move twice."""
     if sequence is None:
         return
@@ -157,7 +157,7 @@ def check_sequence(sequence: FrameSequence | None, shutter: Shutter, exposure: E
         )
 
 
-def check_keys_of_shutter(shutter: Shutter, camera: Camera, render: RenderSettings) -> None:
+def _check_keys_of_shutter(shutter: Shutter, camera: Camera, render: RenderSettings) -> None:
     """Refuse what cannot follow keys that move while the shutter is open."""
     if not shutter.keys:
         return
@@ -178,7 +178,7 @@ def check_keys_of_shutter(shutter: Shutter, camera: Camera, render: RenderSettin
             )
 
 
-def scene_warnings(
+def _scene_warnings(
     camera: Camera,
     film: Film,
     shutter: Shutter,
@@ -193,7 +193,7 @@ def scene_warnings(
         warnings.append("nothing in the scene emits light: the image will be black")
     width, height = film.size_m()
     aspect = (width / film.resolution[0]) / (height / film.resolution[1])
-    if abs(aspect - 1) > SQUARE_TOLERANCE:
+    if abs(aspect - 1) > _SQUARE_TOLERANCE:
         warnings.append(f"film.size_mm does not fit film.resolution: pixels are {aspect:.3g} times as wide as high")
     warnings += _extent_warnings(objects, folders)
     warnings += _mesh_warnings(objects, lights)
@@ -229,10 +229,10 @@ def _extent_warnings(objects: Objects, folders: Folders) -> list[str]:
     sizes = [float(np.ptp(points, axis=1).max(axis=1).min()) for points in corners]
     whole = float(np.ptp(np.concatenate([points.reshape(-1, 3) for points in corners]), axis=0).max())
     smallest = int(np.argmin(sizes))
-    if whole <= LARGEST_EXTENT_RATIO * sizes[smallest]:
+    if whole <= _LARGEST_EXTENT_RATIO * sizes[smallest]:
         return []
     return [
-        f"{_label(bounded[smallest][0], sizes[smallest])} is more than {LARGEST_EXTENT_RATIO:g} times smaller than "
+        f"{_label(bounded[smallest][0], sizes[smallest])} is more than {_LARGEST_EXTENT_RATIO:g} times smaller than "
         "the scene: float32 cannot resolve it"
     ]
 
@@ -287,7 +287,7 @@ def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
     return warnings
 
 
-FOLLOWS_THE_FILM = {"diffraction", "ghosts", "barrel_reflectance", "stop"}  # keys of the camera
+_FOLLOWS_THE_FILM = {"diffraction", "ghosts", "barrel_reflectance", "stop"}  # keys of the camera
 
 
 class Scene(SceneModel):
@@ -430,14 +430,14 @@ class Scene(SceneModel):
         self.camera.check_film(self.film.resolution)
         check_exposure(self.exposure, self.camera)
         self.picture.check_crop(self.film.crop)
-        check_focus(self.camera, self.shutter)
-        check_sequence(self.sequence, self.shutter, self.exposure, self.requested_autofocus is not None)
-        check_followed(self.camera, self.objects)
-        check_keys_of_shutter(self.shutter, self.camera, self.render)
+        _check_focus(self.camera, self.shutter)
+        _check_sequence(self.sequence, self.shutter, self.exposure, self.requested_autofocus is not None)
+        _check_followed(self.camera, self.objects)
+        _check_keys_of_shutter(self.shutter, self.camera, self.render)
         checked = self._checked
         for index, item in enumerate(self.objects):
             if id(item) not in checked and not isinstance(item, Curves):
-                check_no_hair(getattr(item, "material", None), ("objects", index, "material"))
+                _check_no_hair(getattr(item, "material", None), ("objects", index, "material"))
             if id(item) not in checked and not isinstance(item, MeshObject):
                 check_extent(item, item, path=("objects", index))
         return self
@@ -493,7 +493,7 @@ class Scene(SceneModel):
     def warnings(self) -> tuple[str, ...]:
         """Warnings of probable mistakes, one sentence each."""
         objects = tuple(zip(self.objects, self.solids(), strict=True))
-        own = scene_warnings(
+        own = _scene_warnings(
             self.camera, self.film, self.shutter, objects, self.lights, self.environment, self._folders
         )
         return (*self._stand_ins, *own, *self.lens_doubts)
@@ -581,11 +581,14 @@ class Scene(SceneModel):
         content = self.model_dump(
             mode="json",
             exclude={
-                "picture": True, "sequence": True, "sensor": True, "camera": FOLLOWS_THE_FILM,
+                "picture": True, "sequence": True, "sensor": True, "camera": _FOLLOWS_THE_FILM,
                 "materials": True, "meshes": True,
                 "render": {"spp", "layers", "layers_spp"}, "objects": {"__all__": left_out},
             },
         )  # fmt: skip
+        if "lights" not in self.render.layers:
+            for shining in (*content["objects"], *content["lights"], content["environment"] or {}):
+                shining.pop("group", None)
         if self.sensor is not None and self.sensor.response is not None:
             content["sensor"] = {"response": self.sensor.response}
         for item, plain in zip(self.objects, content["objects"], strict=True):
@@ -621,7 +624,7 @@ class Scene(SceneModel):
         That is what changes the film (`content_hash`, which may be given), and what follows it: diffraction, ghosts,
         the sensor, and how the picture is shown.
         """
-        followed: Any = {"camera": FOLLOWS_THE_FILM, "sensor": True, "picture": True}
+        followed: Any = {"camera": _FOLLOWS_THE_FILM, "sensor": True, "picture": True}
         return _hash([content_hash or self.content_hash(), self.model_dump(mode="json", include=followed)])
 
 

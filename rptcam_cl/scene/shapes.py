@@ -22,17 +22,7 @@ from rptcam_cl.core.files import Folders
 from rptcam_cl.scene import assets
 from rptcam_cl.scene.assets.mesh import Draft, MeshSurface, make_contents
 from rptcam_cl.scene.base import Alternatives, refuse, unknown_name
-from rptcam_cl.scene.materials import (
-    Conductor,
-    Hair,
-    Material,
-    Matte,
-    Mix,
-    Plastic,
-    Principled,
-    Translucent,
-    has_holes,
-)
+from rptcam_cl.scene.materials import Conductor, Hair, Material, Matte, Mix, Plastic, Principled, Translucent, has_holes
 from rptcam_cl.scene.meshes import LoadedMesh, MeshObject, WidePoints
 from rptcam_cl.scene.placement import Bounds, PlacedObject, SceneObject
 from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, WHOLE_NUMBER, Direction, Length, Position, cross
@@ -41,13 +31,13 @@ from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, WHOLE_NUMBER, Di
 
 # Square markers: the bits of OpenCV's predefined dictionaries.
 
-SIZES = (50, 100, 250, 1000)
-APRILTAG = "DICT_APRILTAG_36h11"
-APRILTAGS = 587
+_SIZES = (50, 100, 250, 1000)
+_APRILTAG = "DICT_APRILTAG_36h11"
+_APRILTAGS = 587
 # Name of each dictionary, with the row of the table that begins with it and how many markers it has.
 DICTIONARIES: dict[str, tuple[str, int]] = {
-    f"DICT_{side}X{side}_{count}": (f"{side}X{side}", count) for side in (4, 5, 6, 7) for count in SIZES
-} | {APRILTAG: ("APRILTAG_36h11", APRILTAGS)}
+    f"DICT_{side}X{side}_{count}": (f"{side}X{side}", count) for side in (4, 5, 6, 7) for count in _SIZES
+} | {_APRILTAG: ("APRILTAG_36h11", _APRILTAGS)}
 
 
 @cache
@@ -81,11 +71,11 @@ Array = NDArray[np.float64]
 Shape = Literal["dark", "light"]
 
 FLAT = 1e-9  # sine of a corner, below which a triangle has no area
-ARC = 96  # corners of a circle, whose area they keep
+_ARC = 96  # corners of a circle, whose area they keep
 
 
 @dataclass
-class Pattern:
+class BoardPattern:
     """A pattern in the plane z = 0, x to the right and y up, its middle at the origin; its front faces +z.
 
     Attributes
@@ -127,7 +117,7 @@ class Pattern:
 
     def round_in_square(self, middle: tuple[float, float], radius: float, half: float, sectors: int = 0) -> None:
         """Add a square of half side `half`, light around a disk that is dark, or a star of so many dark sectors."""
-        count = 2 * sectors * -(-ARC // (2 * sectors)) if sectors else ARC
+        count = 2 * sectors * -(-_ARC // (2 * sectors)) if sectors else _ARC
         true = radius * math.sqrt(2 * math.pi / count / math.sin(2 * math.pi / count))
         turns = [2 * math.pi * k / count for k in range(count + 1)]
         centre = np.array(middle)
@@ -172,22 +162,22 @@ def _surface(triangles: list[Array]) -> MeshSurface:
 # The patterns of boards. Rows count from the top; what OpenCV calls a board of n x m has the same order of corners.
 
 
-def _field(columns: int, rows: int, pitch: float, margin: float) -> tuple[Pattern, float, float]:
+def _field(columns: int, rows: int, pitch: float, margin: float) -> tuple[BoardPattern, float, float]:
     """Return a pattern with a light margin round columns and rows, and their left and upper edges."""
     width, height = columns * pitch, rows * pitch
-    pattern = Pattern(width + 2 * margin, height + 2 * margin)
+    pattern = BoardPattern(width + 2 * margin, height + 2 * margin)
     outer = pattern.width / 2, pattern.height / 2
     pattern.frame((-outer[0], -outer[1], *outer), (-width / 2, -height / 2, width / 2, height / 2))
     return pattern, -width / 2, height / 2
 
 
-def _inner_corners(pattern: Pattern, columns: int, rows: int, pitch: float, left: float, top: float) -> None:
+def _inner_corners(pattern: BoardPattern, columns: int, rows: int, pitch: float, left: float, top: float) -> None:
     pattern.corners += [
         (left + column * pitch, top - row * pitch) for row in range(1, rows) for column in range(1, columns)
     ]
 
 
-def checker(columns: int, rows: int, pitch: float, margin: float) -> Pattern:
+def _checker(columns: int, rows: int, pitch: float, margin: float) -> BoardPattern:
     """Return squares in turns, the upper left one dark; its points are where four meet."""
     pattern, left, top = _field(columns, rows, pitch, margin)
     for row in range(rows):
@@ -198,9 +188,9 @@ def checker(columns: int, rows: int, pitch: float, margin: float) -> Pattern:
     return pattern
 
 
-def charuco(
+def _charuco(
     columns: int, rows: int, pitch: float, margin: float, fill: float, dictionary: str, first_id: int
-) -> Pattern:
+) -> BoardPattern:
     """Return a checker with a marker in each light square, numbered along the rows."""
     pattern, left, top = _field(columns, rows, pitch, margin)
     number = first_id
@@ -216,7 +206,9 @@ def charuco(
     return pattern
 
 
-def aruco(columns: int, rows: int, pitch: float, margin: float, fill: float, dictionary: str, first_id: int) -> Pattern:
+def _aruco(
+    columns: int, rows: int, pitch: float, margin: float, fill: float, dictionary: str, first_id: int
+) -> BoardPattern:
     """Return markers in rows, numbered along them; its points are their corners."""
     pattern, left, top = _field(columns, rows, pitch, margin)
     for index in range(columns * rows):
@@ -226,7 +218,7 @@ def aruco(columns: int, rows: int, pitch: float, margin: float, fill: float, dic
     return pattern
 
 
-def _marker(pattern: Pattern, x: float, y: float, pitch: float, fill: float, dictionary: str, number: int) -> None:
+def _marker(pattern: BoardPattern, x: float, y: float, pitch: float, fill: float, dictionary: str, number: int) -> None:
     """Add a light square with a marker in its middle."""
     bits = marker_bits(dictionary, number)
     side = fill * pitch
@@ -248,7 +240,7 @@ def _marker(pattern: Pattern, x: float, y: float, pitch: float, fill: float, dic
     pattern.markers.append((number, [(left, top), (right, top), (right, bottom), (left, bottom)]))
 
 
-def circles(columns: int, rows: int, pitch: float, margin: float, fill: float) -> Pattern:
+def _circles(columns: int, rows: int, pitch: float, margin: float, fill: float) -> BoardPattern:
     """Return dark disks in rows; its points are their middles."""
     pattern, left, top = _field(columns, rows, pitch, margin)
     for row in range(rows):
@@ -259,7 +251,7 @@ def circles(columns: int, rows: int, pitch: float, margin: float, fill: float) -
     return pattern
 
 
-def siemens(side: float, margin: float, fill: float, sectors: int) -> Pattern:
+def _siemens(side: float, margin: float, fill: float, sectors: int) -> BoardPattern:
     """Return a star of dark and light sectors, the first dark one going up from the right; its point is the middle."""
     pattern, _, _ = _field(1, 1, side, margin)
     pattern.round_in_square((0.0, 0.0), fill * side / 2, side / 2, sectors)
@@ -267,7 +259,7 @@ def siemens(side: float, margin: float, fill: float, sectors: int) -> Pattern:
     return pattern
 
 
-def slanted_edge(side: float, margin: float, angle_degrees: float) -> Pattern:
+def _slanted_edge(side: float, margin: float, angle_degrees: float) -> BoardPattern:
     """Return a square, dark left of an edge that leans to the right by an angle; its points are the edge's ends."""
     pattern, _, _ = _field(1, 1, side, margin)
     half, lean = side / 2, side / 2 * math.tan(math.radians(angle_degrees))
@@ -280,7 +272,7 @@ def slanted_edge(side: float, margin: float, angle_degrees: float) -> Pattern:
 # Boards for calibration and measurement: flat patterns whose points pictures are to show where metadata say.
 
 Kind = Literal["checker", "charuco", "aruco", "circles", "siemens", "slanted_edge"]
-MOST_SQUARES = 200  # across or down
+_MOST_SQUARES = 200  # across or down
 # The kinds that read a key, where not all do.
 _OF_KINDS: dict[str, tuple[Kind, ...]] = {
     "columns": ("checker", "charuco", "aruco", "circles"),
@@ -305,10 +297,10 @@ class Board(PlacedObject):
     kind: Kind
     """What is on it."""
 
-    columns: Annotated[int, Field(ge=1, le=MOST_SQUARES), WHOLE_NUMBER] = 7
+    columns: Annotated[int, Field(ge=1, le=_MOST_SQUARES), WHOLE_NUMBER] = 7
     """Squares, markers or circles across."""
 
-    rows: Annotated[int, Field(ge=1, le=MOST_SQUARES), WHOLE_NUMBER] = 5
+    rows: Annotated[int, Field(ge=1, le=_MOST_SQUARES), WHOLE_NUMBER] = 5
     """Squares, markers or circles down."""
 
     pitch: Length = 0.03
@@ -370,22 +362,22 @@ class Board(PlacedObject):
         return self
 
     @cached_property
-    def pattern(self) -> Pattern:
+    def pattern(self) -> BoardPattern:
         """What is on it [scene units]."""
         size, margin = (self.columns, self.rows, self.pitch, self.margin * self.pitch), self.margin * self.pitch
         match self.kind:
             case "checker":
-                return checker(*size)
+                return _checker(*size)
             case "charuco":
-                return charuco(*size, self.fill, self.dictionary, self.first_id)
+                return _charuco(*size, self.fill, self.dictionary, self.first_id)
             case "aruco":
-                return aruco(*size, self.fill, self.dictionary, self.first_id)
+                return _aruco(*size, self.fill, self.dictionary, self.first_id)
             case "circles":
-                return circles(*size, self.fill)
+                return _circles(*size, self.fill)
             case "siemens":
-                return siemens(self.pitch, margin, self.fill, self.sectors)
+                return _siemens(self.pitch, margin, self.fill, self.sectors)
             case "slanted_edge":
-                return slanted_edge(self.pitch, margin, self.angle_degrees)
+                return _slanted_edge(self.pitch, margin, self.angle_degrees)
 
     @cached_property
     def loaded(self) -> LoadedMesh:
@@ -615,8 +607,8 @@ class Plane(SceneObject):
 # Hair, fur, grass and wires: cubic curves with a width.
 
 Basis = Literal["linear", "bezier", "bspline", "catmull_rom"]
-FEWEST: dict[str, int] = {"linear": 2, "bezier": 4, "bspline": 4, "catmull_rom": 2}
-MOST_POINTS = 1 << 22
+_FEWEST: dict[str, int] = {"linear": 2, "bezier": 4, "bspline": 4, "catmull_rom": 2}
+_MOST_POINTS = 1 << 22
 # Bézier points of a piece from four points in a row.
 _BEZIER_FROM = {
     "bezier": np.eye(4),
@@ -689,9 +681,9 @@ class Curves(SceneObject):
         if sum(sizes) != total:
             allowed = f"a sum of {total}"
             raise refuse(f"does not add up to the {total} points", got=sum(sizes), path=("counts",), allowed=allowed)
-        if not 0 < total <= MOST_POINTS:
-            raise refuse("has too few or too many points", got=total, path=("points",), allowed=f"2 to {MOST_POINTS}")
-        least = FEWEST[self.basis]
+        if not 0 < total <= _MOST_POINTS:
+            raise refuse("has too few or too many points", got=total, path=("points",), allowed=f"2 to {_MOST_POINTS}")
+        least = _FEWEST[self.basis]
         for index, size in enumerate(sizes):
             if size < least or (self.basis == "bezier" and size % 3 != 1):
                 allowed = "4, 7, 10 … points" if self.basis == "bezier" else f"at least {least} points"

@@ -27,7 +27,7 @@ from rptcam_cl.scene.quantities import (
 # Textures: colours and numbers that change over the surface coordinates (u, v).
 
 CONSTANT = "constant colour"
-SPECTRUM_KEYS = LightSpectrum.model_fields.keys() - {"scale"}  # textures have a scale, too
+_SPECTRUM_KEYS = LightSpectrum.model_fields.keys() - {"scale"}  # textures have a scale, too
 
 
 class Mapping(SceneModel):
@@ -281,7 +281,7 @@ Texture = Checker | Grid | Gradient | Noise | Perlin | Marble | Dots | ImageText
 def _texture_form(value: Any) -> str | None:
     """Return which form a textured parameter has: a constant (also as a spectrum), or the kind of texture."""
     if isinstance(value, dict):
-        if "kind" not in value and not SPECTRUM_KEYS.isdisjoint(value):
+        if "kind" not in value and not _SPECTRUM_KEYS.isdisjoint(value):
             return CONSTANT
         kind = value.get("kind")
         return kind if isinstance(kind, str) else None

@@ -132,7 +132,7 @@ LAMP = {"kind": "emissive", "radiance": 4}
 KINDS = ("sphere", "ellipsoid", "rectangle", "disk", "box", "cylinder", "cone")
 
 
-def turned_object(kind: str, center: Array, size: float, rng: np.random.Generator) -> dict[str, Any]:
+def _turned_object(kind: str, center: Array, size: float, rng: np.random.Generator) -> dict[str, Any]:
     """Return an object of a kind about a place, turned at random."""
     a, b = directions(rng, 2) * size
     at = center.tolist()
@@ -154,7 +154,7 @@ def turned_object(kind: str, center: Array, size: float, rng: np.random.Generato
     return shapes[kind]
 
 
-def upright_object(kind: str, center: Array, size: float) -> dict[str, Any]:
+def _upright_object(kind: str, center: Array, size: float) -> dict[str, Any]:
     """Return an object of a kind whose planes and axes are those of the world: its box is flat, or touched all over."""
     at, x, y = center.tolist(), [size, 0, 0], [0, size, 0]
     shapes: dict[str, dict[str, Any]] = {
@@ -177,9 +177,9 @@ def crowd(rng: np.random.Generator, count: int, place: Any = (0, 0, 0), holes: b
     for index, center in enumerate(grid):
         kind, size = KINDS[index % len(KINDS)], float(rng.choice([0.03, 0.125, 0.25]))
         item = (
-            upright_object(kind, place + center, size)
+            _upright_object(kind, place + center, size)
             if index % 3 == 0
-            else turned_object(kind, place + center, size, rng)
+            else _turned_object(kind, place + center, size, rng)
         )
         items.append(item | {"material": NET if holes and index % 5 == 0 else MATTE})
     items += items[:: max(count // 15, 1)]  # at equal distance: the first of the list counts
@@ -374,7 +374,7 @@ def pcg4d(x: int, y: int, z: int, w: int) -> tuple[int, int, int, int]:
     return x, y, z, w
 
 
-def known_counters() -> NDArray[np.int64]:
+def _known_counters() -> NDArray[np.int64]:
     """Return 512 counters (512, 3): every corner of their range, and some between."""
     rng = np.random.default_rng(2)
     grid = np.array([(a, b, c) for a in CORNERS for b in CORNERS for c in CORNERS])
@@ -383,7 +383,7 @@ def known_counters() -> NDArray[np.int64]:
 
 def wrong_random_numbers(session: Session, lanes: int) -> int:
     """Return how many of the 2048 random numbers of the known counters differ from those of the published hash."""
-    counters = known_counters()
+    counters = _known_counters()
     pixel, sample, dimension = counters.T
     got = random_numbers(session, pixel, sample, dimension, SEED, lanes=lanes)
     words = [pcg4d(int(a), int(b), int(c) ^ SEED[1], SEED[0]) for a, b, c in counters]
@@ -422,7 +422,7 @@ def arithmetic_checks(session: Session) -> list[Check]:
     ]
 
 
-def film_errors(session: Session, additions: int = ADDITIONS) -> tuple[float, int]:
+def _film_errors(session: Session, additions: int = ADDITIONS) -> tuple[float, int]:
     """Return the largest relative error of sums on the film, and how many not-finite samples were not counted.
 
     Every pixel gets numbers that are even over [0, 1), numbers of which one in 4096 is 1000, and tenths; the last
@@ -445,7 +445,7 @@ def film_errors(session: Session, additions: int = ADDITIONS) -> tuple[float, in
 
 
 def film_values(pixel: int, count: int) -> NDArray[np.float32]:
-    """Return the first samples (3, count) that `film_errors` adds to a pixel."""
+    """Return the first samples (3, count) that `_film_errors` adds to a pixel."""
     index = np.arange(count, dtype=np.uint32) * np.uint32(FILM_PIXELS) + np.uint32(pixel)
     word = index * np.uint32(2654435761)
     even = (word >> np.uint32(8)).astype(np.float32) * np.float32(2**-24)
@@ -470,7 +470,7 @@ def loop_check(session: Session) -> Check:
 
 def film_checks(session: Session) -> list[Check]:
     """Sums of many samples, and samples that are not numbers."""
-    error, uncounted = film_errors(session)
+    error, uncounted = _film_errors(session)
     return [
         Check(f"film: {ADDITIONS} samples in a pixel", error, 1e-7, "relative"),
         Check("film: samples that are not numbers", uncounted, 0, f"of {FILM_PIXELS} not dropped and counted"),
@@ -483,7 +483,7 @@ PLACES = ((0.0, 0.0, 0.0), (1000.0, -2000.0, 500.0), (148376.0, 1234.0, -223423.
 WIDEST = 8  # lanes of a work item of the probes
 
 
-def lanes_of(session: Session) -> int:
+def _lanes_of(session: Session) -> int:
     """Return the lanes that probes of a device have per work item."""
     return min(session.lanes, WIDEST)
 
@@ -501,7 +501,7 @@ def leaks(session: Session, place: Any, rng: np.random.Generator, rays: int, rin
     origin = inside.astype(np.float32)
     d = chosen[:, 0] * (1 - edge) + chosen[:, 1] * edge - origin
     d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
-    hits = scene.trace_mesh(origin, d, lanes=lanes_of(session))
+    hits = scene.trace_mesh(origin, d, lanes=_lanes_of(session))
     return int(((hits.primitive != 0) | ~hits.blocked).sum())
 
 
@@ -541,7 +541,7 @@ def mesh_tree_check(session: Session) -> Check:
     for kind in kinds:
         o, d = (rows.astype(np.float32) for rows in mesh_rays_of(kind, rng, rays))
         t, triangle = scene.brute(o, d)
-        hits = scene.trace_mesh(o, d, lanes=lanes_of(session))
+        hits = scene.trace_mesh(o, d, lanes=_lanes_of(session))
         is_hit = triangle >= 0
         apart = hits.t.view(np.uint32) != t.view(np.uint32)
         wrong += int((((hits.primitive >= 0) != is_hit) | (is_hit & apart) | (hits.blocked != is_hit)).sum())
@@ -556,7 +556,7 @@ def object_tree_check(session: Session) -> Check:
     wrong = 0
     for make in (random_rays, axis_rays):
         o, d = (rows.astype(np.float32) for rows in make(rng, rays))
-        by_tree, expected = (scene.trace_shapes(o, d, lanes=lanes_of(session)) for scene in (tree, loop))
+        by_tree, expected = (scene.trace_shapes(o, d, lanes=_lanes_of(session)) for scene in (tree, loop))
         wrong += int(by_tree.unlike(expected).sum())
     return Check("shapes: tree against every shape", wrong, 0, f"of {2 * rays} rays differ in a bit")
 
@@ -572,7 +572,7 @@ def departures(session: Session, size: float, away: float, rng: np.random.Genera
     o = place + size * 2 * directions(rng, rays)
     d = place + size * rng.uniform(-0.6, 0.6, (rays, 3)) - o
     d /= np.linalg.norm(d, axis=1, keepdims=True)
-    again = scene.departures(o, d, directions(rng, rays), lanes_of(session))
+    again = scene.departures(o, d, directions(rng, rays), _lanes_of(session))
     return int((again == 1).sum()), float((again == -1).mean())
 
 
@@ -588,14 +588,14 @@ def departure_check(session: Session) -> Check:
     return Check("self-hits, sizes 1e-5 to 1e5 m", measured, 0, f"of {rays * len(scales)} rays", note)
 
 
-def far_sphere_errors(session: Session, distance: float, rng: np.random.Generator, rays: int) -> tuple[float, int]:
+def _far_sphere_errors(session: Session, distance: float, rng: np.random.Generator, rays: int) -> tuple[float, int]:
     """Return how far from a unit sphere rays meet it, over the distance that they come from, and how many miss it."""
     sphere = {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": RAY_MATTE}
     scene = TracedScene(session, [sphere])
     o = (distance * directions(rng, rays)).astype(np.float32)
     d = 0.8 * directions(rng, rays) * rng.random((rays, 1)) - o
     d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
-    met = scene.trace_shapes(o, d, lanes=lanes_of(session))
+    met = scene.trace_shapes(o, d, lanes=_lanes_of(session))
     hit = met.primitive >= 0
     points = (o.astype(np.float64) + met.t.astype(np.float64)[:, None] * d)[hit]
     return float(np.abs(np.linalg.norm(points, axis=1) - 1).max(initial=0.0)) / distance, int((~hit).sum())
@@ -604,7 +604,7 @@ def far_sphere_errors(session: Session, distance: float, rng: np.random.Generato
 def far_sphere_checks(session: Session) -> list[Check]:
     """Spheres seen from 10 to 1e6 radii."""
     rng, rays = np.random.default_rng(19), 4096
-    errors = [far_sphere_errors(session, 10.0**power, rng, rays) for power in range(1, 7)]
+    errors = [_far_sphere_errors(session, 10.0**power, rng, rays) for power in range(1, 7)]
     return [
         Check("spheres from 10 to 1e6 radii: points", max(e for e, _ in errors), 1.6e-6, "of the distance"),
         Check("spheres from 10 to 1e6 radii: misses", sum(n for _, n in errors), 0, f"of {rays * len(errors)} rays"),

@@ -34,7 +34,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.optics.glass import AIR, ConstantIndex
 from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.ray_trace import Rays, Status
+from rptcam_cl.optics.ray_trace import Rays, Status, at_plane, axis_points
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.rendering.account import film_rays
 from rptcam_cl.rendering.film import FilmLayout
@@ -83,7 +83,7 @@ def surface_errors(
     wanted = lens.trace(origins, directions, start=start)
     got = trace_on_device(lens, session, origins, directions, LINE_D_NM, start, "single")
     finite = np.isfinite(got.origins).all(axis=1) & np.isfinite(got.directions).all(axis=1)
-    cosine = cosines_behind(lens, wanted, directions, start)
+    cosine = _cosines_behind(lens, wanted, directions, start)
     far = cosine >= 3e-3
     both = got.passed & wanted.passed
     turned = np.abs(got.directions - wanted.directions).max(axis=1)[both]
@@ -92,7 +92,7 @@ def surface_errors(
     return position, direction, int((far & (got.status != wanted.status)).sum() + (~finite).sum())
 
 
-def cosines_behind(lens: Lens, rays: Rays, directions: Array, start: str) -> Array:
+def _cosines_behind(lens: Lens, rays: Rays, directions: Array, start: str) -> Array:
     """Return the cosine of the angle behind the only surface of a lens; 1 for rays that do not reach it."""
     c = lens.surfaces[0].curvature
     normal = np.column_stack([-c * rays.origins[:, :2], 1 - c * rays.origins[:, 2]])
@@ -103,7 +103,7 @@ def cosines_behind(lens: Lens, rays: Rays, directions: Array, start: str) -> Arr
     return np.where(reached, np.sqrt(np.abs(square)), 1.0)
 
 
-def radius_checks(session: Session) -> list[selfcheck.Check]:
+def _radius_checks(session: Session) -> list[selfcheck.Check]:
     """Spheres of ten decades of radius and planes, from both sides, into denser and thinner media."""
     rng = np.random.default_rng(5)
     errors = [
@@ -120,7 +120,7 @@ def radius_checks(session: Session) -> list[selfcheck.Check]:
     ]
 
 
-def reflection_check(session: Session) -> selfcheck.Check:
+def _reflection_check(session: Session) -> selfcheck.Check:
     """Rays beside the critical angle, from both sides, through planes and almost planes."""
     wrong = count = 0
     for start, first, last in (("scene", 1.5, 1.0), ("film", 1.0, 1.5), ("scene", 1.0, 0.75)):
@@ -146,15 +146,7 @@ def parallel(heights: Array, z: float = -20.0) -> tuple[Array, Array]:
 
 def spot(rays: Rays, z: float) -> Array:
     """Return the distances [mm] from the axis at which rays cross a plane."""
-    step = (z - rays.origins[:, 2]) / rays.directions[:, 2]
-    places = rays.origins + step[:, None] * rays.directions
-    return np.asarray(np.hypot(places[:, 0], places[:, 1]))
-
-
-def crossings(rays: Rays) -> Array:
-    """Return where rays come nearest to the axis, z [mm]."""
-    p, d = rays.origins, rays.directions
-    return np.asarray(p[:, 2] - np.sum(p[:, :2] * d[:, :2], axis=1) / np.sum(d[:, :2] ** 2, axis=1) * d[:, 2])
+    return np.asarray(np.hypot(*at_plane(rays.origins, rays.directions, z)[:, :2].T))
 
 
 def plano_hyperbolic(conic: float, n: float = 1.5, focal: float = 20.0) -> tuple[Lens, float]:
@@ -180,10 +172,10 @@ def weierstrass_error(session: Session, index: float, precision: Precision) -> f
     directions = np.column_stack([np.sin(angles) * np.cos(turn), np.sin(angles) * np.sin(turn), np.cos(angles)])
     origins = np.tile([0, 0, -r - r / n], (60, 1))
     rays = trace_on_device(lens, session, origins, directions, LINE_D_NM, "scene", precision)
-    return float(np.abs(crossings(rays) + r + n * r).max()) if rays.passed.all() else np.inf
+    return float(np.abs(axis_points(rays.origins, rays.directions) + r + n * r).max()) if rays.passed.all() else np.inf
 
 
-def stigmatic_checks(session: Session) -> list[selfcheck.Check]:
+def _stigmatic_checks(session: Session) -> list[selfcheck.Check]:
     """Lenses that image a point sharply, whatever the angle: conics and the aplanatic sphere."""
     worst = 0.0
     for (lens, focus), height in ((plano_hyperbolic(-2.25), 9.0), (ellipsoidal(-1 / 2.25), 5.0)):
@@ -197,7 +189,7 @@ def stigmatic_checks(session: Session) -> list[selfcheck.Check]:
     ]
 
 
-def library_errors(session: Session, name: str, precision: Precision) -> tuple[float, float, int]:
+def _library_errors(session: Session, name: str, precision: Precision) -> tuple[float, float, int]:
     """Return the largest errors of position [mm] and direction of 512 rays through a lens of the library, and how many
     pass that should not or the other way round."""
     lens = load_lens(name)
@@ -215,9 +207,9 @@ def library_errors(session: Session, name: str, precision: Precision) -> tuple[f
     return float(position), float(direction), int((exact.passed != got.passed).sum())
 
 
-def library_checks(session: Session) -> list[selfcheck.Check]:
+def _library_checks(session: Session) -> list[selfcheck.Check]:
     """Rays through lenses of the library, aspheres and cylinders among them, against the float64 reference."""
-    errors = np.array([library_errors(session, name, "single") for name in LENSES])
+    errors = np.array([_library_errors(session, name, "single") for name in LENSES])
     checks = [
         selfcheck.Check(f"lens: points behind {len(LENSES)} real lenses", errors[:, 0].max(), 6e-5, "mm"),
         selfcheck.Check("lens: directions behind them", errors[:, 1].max(), 3e-6, "of 1"),
@@ -230,7 +222,7 @@ def library_checks(session: Session) -> list[selfcheck.Check]:
     if not session.info.fp64:
         return [*checks, selfcheck.needs_float64(*precise)]
     name, unit = precise
-    return [*checks, selfcheck.Check(name, max(library_errors(session, LENSES[0], "double")), 1e-11, unit)]
+    return [*checks, selfcheck.Check(name, max(_library_errors(session, LENSES[0], "double")), 1e-11, unit)]
 
 
 # Checks of whole pictures: light that is neither lost nor made, and the same bits however the work is cut up.
@@ -296,20 +288,20 @@ def picture(
     return render_plan(wavefront, spp=scene.render.most_spp, seconds=None, has_lens=plan.camera.has_lens).pixels
 
 
-def cavity_error(session: Session, mapping: Mapping[str, Any], reflectance: float, depth: int) -> float:
+def _cavity_error(session: Session, mapping: Mapping[str, Any], reflectance: float, depth: int) -> float:
     """Return the largest relative error of the pixels of a cavity: vertex k adds reflectance^k."""
     scene = load_scene(mapping)
     series = sum(reflectance**k for k in range(1, depth))
     return float(np.abs(picture(session, scene, make_plan(scene)).astype(np.float64) / series - 1).max())
 
 
-def energy_check(session: Session) -> selfcheck.Check:
+def _energy_check(session: Session) -> selfcheck.Check:
     """Light in closed rooms from a millimetre to ten kilometres against the truncated series."""
-    worst = max(cavity_error(session, cavity(radius), REFLECTANCE, DEPTH) for radius in SPHERE_RADII)
+    worst = max(_cavity_error(session, cavity(radius), REFLECTANCE, DEPTH) for radius in SPHERE_RADII)
     return selfcheck.Check("pictures: light in closed rooms of 1e-3 to 1e4 m", worst, 2e-6 + 1e-6 * DEPTH, "relative")
 
 
-def organisation_checks(session: Session) -> list[selfcheck.Check]:
+def _organisation_checks(session: Session) -> list[selfcheck.Check]:
     """One picture through a lens with waves of two sizes, and by both ways to organise the work."""
     scene = load_scene(STUDIO)
     plan = make_plan(scene)
@@ -327,7 +319,7 @@ def organisation_checks(session: Session) -> list[selfcheck.Check]:
     ]
 
 
-def lens_checks(session: Session) -> list[selfcheck.Check]:
+def _lens_checks(session: Session) -> list[selfcheck.Check]:
     """One picture through a lens traced in float32, in float64 where the device has it, and by fitted rays."""
     scene = load_scene(STUDIO)
     single = picture(session, scene, make_plan(scene)).astype(np.float64)
@@ -469,18 +461,18 @@ SUITE: dict[str, CheckMaker] = {
     "arithmetic": selfcheck.arithmetic_checks,
     "loops": selfcheck.loop_check,
     "film": selfcheck.film_checks,
-    "lens surfaces": radius_checks,
-    "total reflection": reflection_check,
-    "stigmatic lenses": stigmatic_checks,
-    "real lenses": library_checks,
+    "lens surfaces": _radius_checks,
+    "total reflection": _reflection_check,
+    "stigmatic lenses": _stigmatic_checks,
+    "real lenses": _library_checks,
     "leaks": selfcheck.leak_check,
     "tree of a mesh": selfcheck.mesh_tree_check,
     "tree of shapes": selfcheck.object_tree_check,
     "self-hits": selfcheck.departure_check,
     "far spheres": selfcheck.far_sphere_checks,
-    "light in closed rooms": energy_check,
-    "organisation": organisation_checks,
-    "ways through a lens": lens_checks,
+    "light in closed rooms": _energy_check,
+    "organisation": _organisation_checks,
+    "ways through a lens": _lens_checks,
 }
 
 

@@ -446,7 +446,7 @@ class VisibleWorld:
         return starts, np.column_stack([signs * self.slopes, np.ones(5)])
 
 
-def clip_polygon(polygon: Array, view: VisibleWorld) -> Array:
+def _clip_polygon(polygon: Array, view: VisibleWorld) -> Array:
     """Return the part of a polygon (n, 3) that lies in the view."""
     for normal, offset in zip(*view.sides(), strict=True):
         if len(polygon):
@@ -454,13 +454,13 @@ def clip_polygon(polygon: Array, view: VisibleWorld) -> Array:
     return polygon
 
 
-def triangle_depths(triangles: Array, view: VisibleWorld) -> list[float]:
+def _triangle_depths(triangles: Array, view: VisibleWorld) -> list[float]:
     """Return the ends of the distances at which a view shows triangles (n, 3, 3); nothing where it does not."""
     normals, offsets = view.sides()
     inside = triangles @ normals.T + offsets >= 0
     whole = np.all(inside, axis=(1, 2))
     cut = triangles[np.all(np.any(inside, axis=1), axis=1) & ~whole]  # the others lie wholly beyond one side
-    pieces = [clip_polygon(triangle, view) for triangle in cut] if len(cut) <= MOST_CUT else [cut.reshape(-1, 3)]
+    pieces = [_clip_polygon(triangle, view) for triangle in cut] if len(cut) <= MOST_CUT else [cut.reshape(-1, 3)]
     seen = np.concatenate([triangles[whole].reshape(-1, 3), *pieces])
     return [float(seen[:, 2].min()), float(seen[:, 2].max())] if len(seen) else []
 
@@ -486,7 +486,8 @@ def depth_range_mm(scene: Scene, view: VisibleWorld) -> tuple[float, float]:
             seen = [depth for placed in places for depth in _plane_depths(item, placed, view)]
         else:
             assert not isinstance(solid, Plane)
-            seen = _ends(solid, places, view) if len(places) > FEW else _all_depths(solid, places, view)
+            few = len(places) <= FEW
+            seen = [d for placed in places for d in _depths(solid, placed, view)] if few else _ends(solid, places, view)
         all_depths += seen
         if seen and any(map(_shows_images, solid.shown_materials())):
             all_depths.append(FAR_MM)
@@ -512,10 +513,6 @@ def _places_over_time(scene: Scene, item: Object) -> Array:
     open_s = scene.shutter.open_s
     times = [open_s] if item.trajectory is None else np.linspace(open_s, open_s + scene.shutter.time_s, MOMENTS)
     return np.concatenate([item.places(scene.folders, float(time_s)) for time_s in times])
-
-
-def _all_depths(item: Solid, places: Array, view: VisibleWorld) -> list[float]:
-    return [depth for placed in places for depth in _depths(item, placed, view)]
 
 
 def _ends(item: Solid, places: Array, view: VisibleWorld) -> list[float]:
@@ -553,7 +550,7 @@ def _part_depths(part: MeshPlacement, placed: Array, view: VisibleWorld) -> list
     if not _holds_start(box, view):
         return _box_faces(box, view)
     vertices = _transform(part.mesh.positions + part.mesh.origin, placed @ part.placement)
-    return triangle_depths(vertices[part.mesh.faces], view)
+    return _triangle_depths(vertices[part.mesh.faces], view)
 
 
 def _box_faces(box: Array, view: VisibleWorld) -> list[float]:
@@ -561,7 +558,7 @@ def _box_faces(box: Array, view: VisibleWorld) -> list[float]:
 
 
 def _faces(faces: list[Array], view: VisibleWorld) -> list[float]:
-    return [depth for face in faces for depth in clip_polygon(face, view)[:, 2].tolist()]
+    return [depth for face in faces for depth in _clip_polygon(face, view)[:, 2].tolist()]
 
 
 def _holds_start(box: Array, view: VisibleWorld) -> bool:

@@ -103,7 +103,7 @@ class FieldPoint:
         return float(max((np.max(each[np.isfinite(each)], initial=0.0) for each in apart), default=0.0))
 
 
-def trace_fields(
+def _trace_fields(
     setting: LensSetting,
     shape: StopShape | StopMask | None,
     half_film_mm: Array,
@@ -264,7 +264,7 @@ class Truth:
         coloured = requested and disperses(setting.lens)
         colours_nm = [min(max(end, low), high) for end in EXTREMES_NM] if coloured else []
         pixel_mm = float(2 * half_film_mm[0] / scene.film.resolution[0])
-        fields = trace_fields(setting, shape, half_film_mm, pixel_mm, shares, colours_nm)
+        fields = _trace_fields(setting, shape, half_film_mm, pixel_mm, shares, colours_nm)
         tint = lens_tint(scene, setting) if requested else 0.0
         lens = shaped(scene, setting).lens
         return cls(scene, first, lens, half_film_mm, shares, tuple(fields), round_stop(shape)[1], tint, coloured)
@@ -372,7 +372,7 @@ def tier_error(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierErro
     if tier == "realistic":
         return TierError(tier, dict.fromkeys(EFFECTS, none), none)
     if tier == "fitted":
-        return errors_of_polynomials(fit_polynomials(truth.scene, colours=truth.coloured))
+        return _errors_of_polynomials(fit_polynomials(truth.scene, colours=truth.coloured))
     bundles = [tier_bundle(truth.first, tier, field * truth.half_film_mm) for field in truth.shares]
     apart = [_bundle_errors(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
     distortion, blur, outline = (tuple(column) for column in zip(*apart, strict=True))
@@ -386,7 +386,7 @@ def tier_error(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierErro
     return TierError(tier, effects, _illumination(truth, lit, truth.axial(tier)), 0.0 if has_colours else truth.tint)
 
 
-def errors_of_polynomials(polynomials: RayMap) -> TierError:
+def _errors_of_polynomials(polynomials: RayMap) -> TierError:
     """Return the errors of polynomials in place of a lens: one bound for the whole film."""
     none = (0.0,) * len(FIELDS)
     effects = dict.fromkeys(EFFECTS, none) | {"distortion": (polynomials.error_px,) * len(FIELDS)}
@@ -626,7 +626,7 @@ def _polynomials(
         return decision, "realistic"
     if not requested and polynomials.multiply_adds > MULTIPLY_ADDS * surfaces:
         return decision, "realistic"
-    errors = errors_of_polynomials(polynomials)
+    errors = _errors_of_polynomials(polynomials)
     return replace(decision, errors=(*decision.errors, errors)), "fitted" if _is_allowed(
         errors, allowed
     ) else "realistic"

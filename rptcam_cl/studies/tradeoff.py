@@ -24,7 +24,7 @@ from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import in_focus
 from rptcam_cl.studies.tiers import FIELDS, TierError
-from rptcam_cl.studies.tradeoff_errors import TARGETS, Measurement, draws, measurements, pair_errors
+from rptcam_cl.studies.tradeoff_errors import TARGETS, MeasuredVariant, draws, measurements, pair_errors
 from rptcam_cl.studies.tradeoff_runs import (
     AS_IT_IS,
     REFERENCE,
@@ -105,7 +105,7 @@ class TradeoffReport:
         Time of the whole measurement [s].
     by_cpu : bool
         Whether times are CPU times divided by the number of cores.
-    measurements : tuple of Measurement
+    measurements : tuple of MeasuredVariant
         The most accurate configuration first.
     cameras : tuple of TierError
         Errors of cheaper camera models over the field, traced in float64.
@@ -137,7 +137,7 @@ class TradeoffReport:
     seeds: int
     seconds: float
     by_cpu: bool
-    measurements: tuple[Measurement, ...]
+    measurements: tuple[MeasuredVariant, ...]
     cameras: tuple[TierError, ...]
     allowed: str
     lens_colour_px: float | None
@@ -148,7 +148,7 @@ class TradeoffReport:
     ghosts: float | None = None
     budget: float = 0.0
 
-    def named(self, name: str) -> Measurement:
+    def named(self, name: str) -> MeasuredVariant:
         """Return the measurement of a configuration by its name or by that of another that is the same way."""
         for measurement in self.measurements:
             if name in (measurement.name, *measurement.same_as):
@@ -156,7 +156,7 @@ class TradeoffReport:
         names = [known for measurement in self.measurements for known in (measurement.name, *measurement.same_as)]
         raise InputError(f"{name}: was not compared (there are: {', '.join(names)})")
 
-    def camera_of(self, measurement: Measurement) -> TierError | None:
+    def camera_of(self, measurement: MeasuredVariant) -> TierError | None:
         """Return the errors of a configuration's camera model, where it is not the traced lens."""
         return next((each for each in self.cameras if each.tier == measurement.tier), None)
 
@@ -169,7 +169,7 @@ class TradeoffReport:
 
     def __str__(self) -> str:
         """Return advice, tables and how they were found, as ``rptcam tradeoff --details`` prints them."""
-        return plain_text(self)
+        return _plain_text(self)
 
     def markdown(self, title: str = TITLE) -> str:
         """Return the same as Markdown."""
@@ -290,7 +290,7 @@ def _short(value: float) -> str:
 WORTH = 1.05  # factor by which another configuration must be better than the most accurate one
 
 
-def advise_for_time(measurements: Sequence[Measurement], seconds: float) -> Advice:
+def advise_for_time(measurements: Sequence[MeasuredVariant], seconds: float) -> Advice:
     """Return the configuration with the least error after a time; the first one unless another is clearly better.
 
     Its name is None where the time is too short for one sample per pixel.
@@ -308,7 +308,7 @@ def advise_for_time(measurements: Sequence[Measurement], seconds: float) -> Advi
     return Advice("time", seconds, name, seconds, errors[best], samples, *ends, seconds, errors[0], perhaps)
 
 
-def advise_for_error(measurements: Sequence[Measurement], error: float) -> Advice:
+def advise_for_error(measurements: Sequence[MeasuredVariant], error: float) -> Advice:
     """Return the configuration that reaches an error first; the most accurate one unless another is clearly faster."""
     measurements = _may_be_advised(measurements)
     times = [each.seconds_until(error) for each in measurements]
@@ -322,7 +322,7 @@ def advise_for_error(measurements: Sequence[Measurement], error: float) -> Advic
     return Advice("error", error, measurements[best].name, times[best], error, samples, *ends, times[0], error, perhaps)
 
 
-def _may_be_advised(measurements: Sequence[Measurement]) -> list[Measurement]:
+def _may_be_advised(measurements: Sequence[MeasuredVariant]) -> list[MeasuredVariant]:
     """Return the measurements that may be advised, the most accurate one first.
 
     Independent samples show what the lattice gains; they can be better only by chance. Where noise comes from rare
@@ -338,12 +338,12 @@ def _may_be_advised(measurements: Sequence[Measurement]) -> list[Measurement]:
     return [full, *kept]
 
 
-def _at_their_worst(measurements: Sequence[Measurement]) -> list[Measurement]:
+def _at_their_worst(measurements: Sequence[MeasuredVariant]) -> list[MeasuredVariant]:
     """Return the measurements with the worst noise and time, relative to the first, that their intervals allow."""
     return [measurements[0], *(_at_worst(each, measurements[0].rate.value) for each in measurements[1:])]
 
 
-def _at_worst(measurement: Measurement, full_rate: float) -> Measurement:
+def _at_worst(measurement: MeasuredVariant, full_rate: float) -> MeasuredVariant:
     if not (full_rate > 0 and measurement.rate.value > 0):
         return replace(measurement, sample_s=replace(measurement.sample_s, value=measurement.sample_s.high))
     times = full_rate / measurement.gain.low / measurement.rate.value if measurement.gain.low > 0 else math.inf
@@ -358,7 +358,7 @@ def _clear_best(values: Sequence[float]) -> int:
 
 
 def _perhaps_better(
-    measurements: Sequence[Measurement], likely: Sequence[float], sure: Sequence[float], chosen: int
+    measurements: Sequence[MeasuredVariant], likely: Sequence[float], sure: Sequence[float], chosen: int
 ) -> str | None:
     """Return the name of another one whose likely value is clearly less than the sure value of the one chosen."""
     best = min(range(len(measurements)), key=likely.__getitem__)
@@ -373,13 +373,13 @@ PROBABLE = 0.75  # odds from which one configuration is called probably better
 LONGER = 4  # times the measurement, which halves its intervals
 
 
-def headline(report: TradeoffReport) -> list[str]:
+def _headline(report: TradeoffReport) -> list[str]:
     """Return three lines, then one for each configuration that may be better than the advised one."""
     said = [_each("Set", report, _set), _each("Costs", report, _cost), _each("Gains", report, _gain)]
     return said + list(dict.fromkeys(line for advice in report.advice for line in _open_questions(report, advice)))
 
 
-def name_in_sentence(report: TradeoffReport, name: str) -> str:
+def _name_in_sentence(report: TradeoffReport, name: str) -> str:
     """Return the name of a configuration in a sentence."""
     measurement = report.named(name)
     if AS_IT_IS in (name, *measurement.same_as):
@@ -400,7 +400,7 @@ def _wish(advice: Advice) -> str:
 def _settings(report: TradeoffReport, name: str, samples: int = 0) -> str:
     measurement = report.named(name)
     sets = " ".join(f" --set '{text}'" for text in measurement.settings)
-    return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({name_in_sentence(report, name)})"
+    return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({_name_in_sentence(report, name)})"
 
 
 def _set(report: TradeoffReport, advice: Advice) -> str:
@@ -440,14 +440,14 @@ def _open_questions(report: TradeoffReport, advice: Advice) -> list[str]:
     """Return a line about what may be better than what is advised, with its odds where they are known."""
     if advice.perhaps is None:
         return []
-    other, wish = name_in_sentence(report, advice.perhaps), _wish(advice)
+    other, wish = _name_in_sentence(report, advice.perhaps), _wish(advice)
     longer = f"measure longer (--budget {seconds(LONGER * (report.budget or report.seconds)).replace(' ', '')})"
     share = _odds(report, advice)
     if share is None:
         return [f"Perhaps better {wish}: {other}; {longer}."]
     if share >= PROBABLE:
         return [f"Probably better {wish}, {odds(share)}: {_settings(report, advice.perhaps)}; {longer} to be sure."]
-    both = f"{name_in_sentence(report, REFERENCE)} and {other}"
+    both = f"{_name_in_sentence(report, REFERENCE)} and {other}"
     return [f"Too close to call {wish} between {both}, {odds(1 - share)}: {longer}."]
 
 
@@ -471,7 +471,7 @@ PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 def recommendation(report: TradeoffReport) -> list[str]:
     """Return sentences: the advice, the meaning of its terms, then what else was found."""
     chosen = list(dict.fromkeys(advice.chosen for advice in report.advice if advice.chosen is not None))
-    said = [*headline(report), *_terms(report)]
+    said = [*_headline(report), *_terms(report)]
     said += [_difference_text(report, report.named(name)) for name in chosen if name != REFERENCE]
     said += _camera(report)
     said += _depth(report)
@@ -488,7 +488,7 @@ def caveats(report: TradeoffReport) -> list[str]:
         f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {first} and {second}"
         f" samples per pixel, {report.long_tiles} tiles with {most}. Brackets are intervals of 95 %."
     ]
-    said += [*rare_path_warnings(report), *why_longer(report)]
+    said += [*_rare_path_warnings(report), *_why_longer(report)]
     clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
     if report.by_cpu:
         said.append("Times are CPU times divided by the number of cores: those of a render on an idle machine.")
@@ -502,10 +502,10 @@ def caveats(report: TradeoffReport) -> list[str]:
     return said
 
 
-def rare_path_warnings(report: TradeoffReport) -> list[str]:
+def _rare_path_warnings(report: TradeoffReport) -> list[str]:
     """Return a warning where the noise of an advised configuration or the reference comes from rare bright paths."""
     names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
-    rare = [name_in_sentence(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
+    rare = [_name_in_sentence(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
     if not rare:
         return []
     return [
@@ -514,7 +514,7 @@ def rare_path_warnings(report: TradeoffReport) -> list[str]:
     ]
 
 
-def why_longer(report: TradeoffReport) -> list[str]:
+def _why_longer(report: TradeoffReport) -> list[str]:
     """Return why measuring took longer than it was to."""
     if not report.budget or report.seconds <= LATE * report.budget:
         return []
@@ -538,8 +538,8 @@ def _terms(report: TradeoffReport) -> list[str]:
     ]
 
 
-def _difference_text(report: TradeoffReport, measurement: Measurement) -> str:
-    name = name_in_sentence(report, measurement.name)
+def _difference_text(report: TradeoffReport, measurement: MeasuredVariant) -> str:
+    name = _name_in_sentence(report, measurement.name)
     if measurement.unbiased:
         return f"The only change by {name} is in the noise."
     sure = measurement.sure_bias_of_tiles
@@ -642,7 +642,7 @@ def tables(report: TradeoffReport) -> list[Table]:
     return shown
 
 
-def _errors(measurement: Measurement) -> list[str]:
+def _errors(measurement: MeasuredVariant) -> list[str]:
     return [
         measurement.name,
         bias(measurement.bias),
@@ -651,7 +651,7 @@ def _errors(measurement: Measurement) -> list[str]:
     ]
 
 
-def _costs(measurement: Measurement) -> list[str]:
+def _costs(measurement: MeasuredVariant) -> list[str]:
     return [
         measurement.name,
         ends(measurement.sample_s),
@@ -676,11 +676,11 @@ def _cameras(report: TradeoffReport) -> list[list[str]]:
 
 def summary(report: TradeoffReport) -> list[str]:
     """Return the lines that the command prints without its details: the advice, its terms, and doubts."""
-    doubts = [*rare_path_warnings(report), *why_longer(report)]
-    return [*headline(report), "", MEANT, *doubts, "All numbers and how they were found: --details."]
+    doubts = [*_rare_path_warnings(report), *_why_longer(report)]
+    return [*_headline(report), "", MEANT, *doubts, "All numbers and how they were found: --details."]
 
 
-def plain_text(report: TradeoffReport) -> str:
+def _plain_text(report: TradeoffReport) -> str:
     """Return the report as text, its tables in plain columns."""
     parts = [f"{title}\n{_align([columns, *rows])}" for title, columns, rows in tables(report)]
     return "\n\n".join(["\n".join(recommendation(report)), *parts, "\n".join(caveats(report))])
@@ -740,7 +740,7 @@ def tradeoff_plot(report: TradeoffReport, title: str) -> Figure:
     return figure
 
 
-def _errors_over_time(axes: Axes, measured: Sequence[Measurement], colours: dict[str, str]) -> None:
+def _errors_over_time(axes: Axes, measured: Sequence[MeasuredVariant], colours: dict[str, str]) -> None:
     """Draw a curve for each configuration, with its band, and where it meets the most accurate one."""
     full = measured[0].rate.value or measured[0].sample_s.value  # an even picture has no noise
     first, last = _decades(full, full / FINEST**2)  # from an error of 100 % of the most accurate one
@@ -786,7 +786,7 @@ def _decades(low: float, high: float) -> tuple[float, float]:
     return 10.0**first, 10.0 ** max(math.ceil(math.log10(high)), first + 1)
 
 
-def _error(measurement: Measurement, times: np.ndarray, end: str = "value") -> np.ndarray:
+def _error(measurement: MeasuredVariant, times: np.ndarray, end: str = "value") -> np.ndarray:
     """Return the root of relMSE after times, with bias and noise at an end of their intervals."""
     return np.asarray(np.sqrt(measurement.bias_at(end) + measurement.law(end).even(times / measurement.sample_s.value)))
 
@@ -811,14 +811,14 @@ def _errors_over_field(axes: Axes, report: TradeoffReport, colours: dict[str, st
     axes.set_ylim(0.0, max(1.08, axes.get_ylim()[1]))
 
 
-def _choose_maps(report: TradeoffReport) -> list[Measurement]:
+def _choose_maps(report: TradeoffReport) -> list[MeasuredVariant]:
     """Return the configurations that get a map: those that are advised, then those that differ most."""
     biased = [each for each in report.measurements if each.knob and not each.unbiased]
     chosen = {advice.chosen for advice in report.advice}
     return sorted(biased, key=lambda each: (each.name in chosen, each.bias.value), reverse=True)[:MOST_MAPS]
 
 
-def _draw_maps(figure: SubFigure, report: TradeoffReport, shown: Sequence[Measurement]) -> None:
+def _draw_maps(figure: SubFigure, report: TradeoffReport, shown: Sequence[MeasuredVariant]) -> None:
     """Draw how much each tile of the pictures differs, all in the same shades."""
     from matplotlib.colors import LogNorm
 
@@ -982,7 +982,7 @@ def _set_keys(part: Any) -> dict[str, Any]:
     return {name: getattr(part, name) for name in part.model_fields_set}
 
 
-def _measure(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
+def _measure(ready: list[Ready], pictures: Pictures) -> list[MeasuredVariant]:
     errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
     names = ("name", "knob", "same_as", "settings", "tier", "unbiased")
     named = [{name: getattr(each.configuration, name) for name in names} | {"start_s": each.start_s} for each in ready]

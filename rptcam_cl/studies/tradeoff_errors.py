@@ -73,7 +73,7 @@ def spread_about(value: float, replicates: Array, error: float) -> Array:
     return np.asarray(value + (replicates - value) * (error / spread if spread > 0 else 0.0))
 
 
-def over_seeds(values: Array, counts: NDArray[np.int64]) -> Array:
+def _over_seeds(values: Array, counts: NDArray[np.int64]) -> Array:
     """Return the mean of one value per seed, for each draw."""
     return np.asarray(counts @ values / counts.sum(axis=1))
 
@@ -468,7 +468,7 @@ TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) for which times are r
 
 
 @dataclass(frozen=True)
-class Measurement:
+class MeasuredVariant:
     """One configuration. Times are for the whole picture on an idle device, unless stated otherwise.
 
     Attributes
@@ -604,7 +604,7 @@ def measurements(
     timings: list[Timings],
     samples: tuple[int, int, int],
     counts: NDArray[np.int64],
-) -> list[Measurement]:
+) -> list[MeasuredVariant]:
     """Return the measurement of every configuration, the reference first.
 
     Parameters
@@ -649,7 +649,7 @@ def measurements(
         to = {target: interval(rows[0], rows[1:], seeds) for target, rows in reached}
         tiles: dict[str, Any] = {"bias_of_tiles": error.by_tile, "noise_of_tiles": error.noise_of_tiles}
         tiles["odds"] = (_gains(own, sources[0])[:, 1:] > 0).mean(axis=1)
-        results.append(Measurement(**names, **intervals, **tiles, samples=samples[1:], noise=noise, seconds_to=to))
+        results.append(MeasuredVariant(**names, **intervals, **tiles, samples=samples[1:], noise=noise, seconds_to=to))
     return results
 
 
@@ -679,7 +679,7 @@ def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
 
 
 def _energy(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
-    values = over_seeds(error.brightness, counts) / over_seeds(reference.brightness, counts) - 1
+    values = _over_seeds(error.brightness, counts) / _over_seeds(reference.brightness, counts) - 1
     return spread_about(values[0], values, max(float(values.std()), error.tile_errors["energy"]))
 
 

@@ -19,7 +19,7 @@ from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.account import truncation
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
-from rptcam_cl.rendering.highlights import aimed_plan
+from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront
@@ -349,7 +349,7 @@ def run(ready: Ready, tiles: SpreadTiles, samples: int, seed: int) -> tuple[NDAr
     return mean.astype(np.float32), wall, cpu
 
 
-def undisturbed_clock(device_type: str) -> Callable[[], float]:
+def _undisturbed_clock(device_type: str) -> Callable[[], float]:
     """Return a clock [s] that other work on the machine does not move: of a processor its time over all cores."""
     return (lambda: time.process_time() / cores()) if device_type == "cpu" else time.perf_counter
 
@@ -436,7 +436,7 @@ def render_by_turns(
     Where turns take longer than the first small renders said, there are fewer seeds and fewer long renders.
     """
     info, layout = ready[0].wavefront.session.info, ready[0].wavefront.layout
-    now = undisturbed_clock(info.type)
+    now = _undisturbed_clock(info.type)
     begun = now()
     on_progress("timing", 0.0)
     tiles, first = _extent(ready, seconds, seeds)
@@ -497,7 +497,7 @@ def _long(
 def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadTiles, int]:
     """Return the tiles and the samples per pixel of the first pictures, by the speed of small ones."""
     layout, kind = ready[0].wavefront.layout, ready[0].wavefront.session.info.type
-    now = undisturbed_clock(kind)
+    now = _undisturbed_clock(kind)
     rng = np.random.default_rng(TILES_SEED)
     pilot = spread_tiles(layout, PILOT_TILES, rng)
     for each in ready:

@@ -3,14 +3,13 @@
 Who owns what:
 
 - The engine's thread alone uses the studio, its slots and their sessions with their queue and their film. It starts
-  jobs, ends them, and takes over what they found.
-- A `Worker` is one thread. It gets what cannot change (scenes, films that were read, pixels), works on a queue and on
-  buffers of its own (`Session.beside`), and hands what it finds back by `Background.post`: the engine calls that
-  between two frames. So there is no lock but those of the two lists that threads share, and none is held while a
-  kernel runs.
-- A job is ended by a flag that the engine sets. The worker looks at it at every checkpoint (`core/remember.py`);
+  tasks, ends them, and takes over what they found.
+- A `BackgroundThread` gets what cannot change (scenes, films that were read, pixels), works on a queue and on buffers
+  of its own (`Session.beside`), and hands what it finds back by `Background.post`: the engine calls that between two
+  frames. So there is no lock but those of the two lists that threads share, and none is held while a kernel runs.
+- A task is ended by a flag that the engine sets. The thread looks at it at every checkpoint (`core/remember.py`);
   what it has posted by then is dropped, as the engine looks at the flag before it takes anything over. So a result can
-  never belong to another state than the one that the job was started for, however late it comes.
+  never belong to another state than the one that the task was started for, however late it comes.
 - While a hand moves something, workers wait at their checkpoints (`hold`): the device and the interpreter are left to
   the frames. Whoever waits holds nothing.
 """
@@ -29,7 +28,12 @@ from rptcam_cl.core.remember import CancelledError, cancellable
 LOG = logging.getLogger("rptcam_cl.viewfinder")
 
 
-class Job:
+def _raise(problem: Exception) -> None:
+    """Let the engine meet a problem of a thread as its own."""
+    raise problem
+
+
+class BackgroundTask:
     """One piece of work.
 
     Parameters
@@ -37,21 +41,21 @@ class Job:
     text
         What runs, for the busy sign; empty where that is not worth a word.
     work
-        Does it, in a thread of its own; it gets the job, to post by it.
+        Does it, in a thread of its own; it gets the task, to post by it.
     done
         Called by the engine with the result.
     failed
-        Called by the engine with an exception.
+        Called by the engine with an exception, which it takes for its own by default.
     key
-        A job that is started ends those of its key; None ends none.
+        A task that is started ends those of its key; None ends none.
     """
 
     def __init__(
         self,
         text: str,
-        work: Callable[[Job], Any],
+        work: Callable[[BackgroundTask], Any],
         done: Callable[[Any], None],
-        failed: Callable[[Exception], None],
+        failed: Callable[[Exception], None] = _raise,
         key: Hashable = None,
     ) -> None:
         self.text, self.work, self.done, self.failed, self.key = text, work, done, failed, key
@@ -59,39 +63,39 @@ class Job:
         self._background: Background | None = None
 
     def post(self, call: Callable[[], None]) -> None:
-        """Have the engine call something between two frames, unless the job is ended by then; the worker's thread."""
-        assert self._background is not None, "a job posts while it runs"
+        """Have the engine call something between two frames, unless the task is ended by then; the worker's thread."""
+        assert self._background is not None, "a task posts while it runs"
         self._background.post(lambda: None if self.is_ended else call())
 
 
-class Worker:
-    """A thread that does one job after the other; the engine's thread starts and ends them."""
+class BackgroundThread:
+    """A thread that does one task after the other; the engine's thread starts and ends them."""
 
     def __init__(self, name: str, background: Background) -> None:
         self._name, self._background = name, background
-        self._queue: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[BackgroundTask | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
-        self.jobs: list[Job] = []  # neither done nor ended
+        self.tasks: list[BackgroundTask] = []  # neither done nor ended
 
-    def start(self, job: Job) -> None:
-        """Do a job once those before it are done."""
-        job._background = self._background
-        if job.key is not None:
-            self.end(job.key)
-        self.jobs.append(job)
+    def start(self, task: BackgroundTask) -> None:
+        """Do a task once those before it are done."""
+        task._background = self._background
+        if task.key is not None:
+            self.end(task.key)
+        self.tasks.append(task)
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name=f"rptcam-view-{self._name}", daemon=True)
             self._thread.start()
-        self._queue.put(job)
+        self._queue.put(task)
 
     def end(self, key: Hashable = None) -> None:
-        """End all jobs, or those of a key."""
-        for job in self.jobs:
-            job.is_ended = job.is_ended or key is None or job.key == key
-        self.jobs = [job for job in self.jobs if not job.is_ended]
+        """End all tasks, or those of a key."""
+        for task in self.tasks:
+            task.is_ended = task.is_ended or key is None or task.key == key
+        self.tasks = [task for task in self.tasks if not task.is_ended]
 
     def close(self) -> None:
-        """End all jobs, and the thread after the one under way."""
+        """End all tasks, and the thread after the one under way."""
         self.end()
         self._queue.put(None)
 
@@ -102,32 +106,32 @@ class Worker:
         return self._thread is None or not self._thread.is_alive()
 
     def _run(self) -> None:
-        while (job := self._queue.get()) is not None:
-            if not job.is_ended:
-                self._do(job)
+        while (task := self._queue.get()) is not None:
+            if not task.is_ended:
+                self._do(task)
 
-    def _do(self, job: Job) -> None:
+    def _do(self, task: BackgroundTask) -> None:
         def check() -> None:
             self._background.free.wait()
-            if job.is_ended:
+            if task.is_ended:
                 raise CancelledError
 
         take: Callable[[], None]
         try:
             with cancellable(check):
                 check()
-                result = job.work(job)
-            take = lambda: job.done(result)  # noqa: E731 -- called by the engine
+                result = task.work(task)
+            take = lambda: task.done(result)  # noqa: E731 -- called by the engine
         except CancelledError:
             return
         except Exception as problem:
             failure = problem
-            take = lambda: job.failed(failure)  # noqa: E731
-        self._background.post(lambda: self._take(job, take))
+            take = lambda: task.failed(failure)  # noqa: E731
+        self._background.post(lambda: self._take(task, take))
 
-    def _take(self, job: Job, take: Callable[[], None]) -> None:
-        if not job.is_ended:
-            self.jobs.remove(job)
+    def _take(self, task: BackgroundTask, take: Callable[[], None]) -> None:
+        if not task.is_ended:
+            self.tasks.remove(task)
             take()
 
 
@@ -148,14 +152,14 @@ class Background:
     def __init__(self, wake: Callable[[], None]) -> None:
         self._wake = wake
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._workers: dict[str, Worker] = {}
+        self._workers: dict[str, BackgroundThread] = {}
         self.free = threading.Event()
         self.free.set()
 
-    def worker(self, name: str) -> Worker:
+    def worker(self, name: str) -> BackgroundThread:
         """The worker of a name; the engine's thread."""
         if name not in self._workers:
-            self._workers[name] = Worker(name, self)
+            self._workers[name] = BackgroundThread(name, self)
         return self._workers[name]
 
     def post(self, call: Callable[[], None]) -> None:
@@ -182,16 +186,16 @@ class Background:
     @property
     def texts(self) -> list[str]:
         """What runs and waits to run."""
-        texts = [job.text for worker in self._workers.values() for job in worker.jobs]
+        texts = [task.text for worker in self._workers.values() for task in worker.tasks]
         return list(dict.fromkeys(text for text in texts if text))
 
     def end(self) -> None:
-        """End all jobs."""
+        """End all tasks."""
         for worker in self._workers.values():
             worker.end()
 
     def close(self, timeout_s: float) -> bool:
-        """End all jobs and threads; return whether they have ended in time."""
+        """End all tasks and threads; return whether they have ended in time."""
         for worker in self._workers.values():
             worker.close()
         self.free.set()

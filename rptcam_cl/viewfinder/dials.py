@@ -37,7 +37,7 @@ from rptcam_cl.viewfinder.panel import (
     Mode,
     Panel,
     Settings,
-    Turned,
+    Turn,
     exposure_of,
     f_number_of_camera,
     f_numbers,
@@ -88,10 +88,6 @@ class LensEntry:
     zoom: bool
     kind: Literal["library", "file"]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the entry as plain values."""
-        return asdict(self)
-
 
 def lens_entries(scene: Scene) -> list[LensEntry]:
     """Return the lenses that a scene can be seen through, the library first; a scene's own prescription is not here."""
@@ -101,7 +97,7 @@ def lens_entries(scene: Scene) -> list[LensEntry]:
 _DISK = Disk(
     "lens-list",
     ("optics", "viewfinder"),
-    pack=lambda entries: ({}, {"lenses": [entry.as_dict() for entry in entries]}),
+    pack=lambda entries: ({}, {"lenses": [asdict(entry) for entry in entries]}),
     unpack=lambda _, facts: tuple(LensEntry(**entry) for entry in facts["lenses"]),
 )
 
@@ -203,7 +199,7 @@ MOST_EV = 5.0
 NO_FILM = "the camera has no lens opening: choose M, A, S or P first, and it is exposed as behind an ideal lens"
 
 
-def turn_mode(panel: Panel, value: Any) -> Turned:
+def turn_mode(panel: Panel, value: Any) -> Turn:
     """Choose M, A, S, P, or the scene's own scale of values; the picture stays as bright as it is, or is metered."""
     mode: Mode = next(known for known in MODES if known == word("mode", value, MODES))
     dials = panel.dials
@@ -224,12 +220,12 @@ def turn_mode(panel: Panel, value: Any) -> Turned:
     return _relink(new, settings, messages, standing=settings, ev_change=pushed)
 
 
-def _as_values(panel: Panel) -> Turned:
+def _as_values(panel: Panel) -> Turn:
     """Return the scene with values that stand for radiance, as bright as it is."""
     ev = math.log2(value_per_radiance(panel.resolved))
     exposure = Exposure(mode="relative", ev=min(max(ev, -MOST_STOPS), MOST_STOPS))
     dials = replace(panel.dials, mode="relative", auto_iso=False, ev=exposure.ev, locked_cd_m2=None, written=exposure)
-    return Turned(dials, {"exposure": _said(exposure)})
+    return Turn(dials, {"exposure": _said(exposure)})
 
 
 def _as_bright(panel: Panel, settings: Settings) -> Settings:
@@ -249,7 +245,7 @@ def _clamp(wanted: float, ends: tuple[float, float], words: str) -> tuple[float,
     return value, () if value == wanted else (words,)
 
 
-def turn_f_number(panel: Panel, value: Any) -> Turned:
+def turn_f_number(panel: Panel, value: Any) -> Turn:
     """Set the f-number, in M and A."""
     wanted = F_NUMBERS.exact(number("f_number", value))
     if panel.dials.mode in ("S", "P"):
@@ -261,7 +257,7 @@ def turn_f_number(panel: Panel, value: Any) -> Turned:
     return _relink(panel, replace(panel.settings, f_number=f_number), messages)
 
 
-def turn_time(panel: Panel, value: Any) -> Turned:
+def turn_time(panel: Panel, value: Any) -> Turn:
     """Set the exposure time, in M and S; where values stand for radiance it only smears what moves."""
     wanted = TIMES.exact(number("shutter_s", value))
     if panel.dials.mode in ("A", "P"):
@@ -270,11 +266,11 @@ def turn_time(panel: Panel, value: Any) -> Turned:
     time_s, messages = _clamp(wanted, ends, f"the shutter goes from {TIMES.text(low)} to {TIMES.text(high)}")
     if panel.dials.mode == "relative":
         words = "values stand for radiance, whatever the time: choose M, A, S or P to expose"
-        return Turned(panel.dials, {"shutter.time_s": time_s}, (*messages, words))
+        return Turn(panel.dials, {"shutter.time_s": time_s}, (*messages, words))
     return _relink(panel, replace(panel.settings, time_s=time_s), messages)
 
 
-def turn_iso(panel: Panel, value: Any) -> Turned:
+def turn_iso(panel: Panel, value: Any) -> Turn:
     """Set the ISO."""
     wanted = SPEEDS.exact(number("iso", value))
     if panel.dials.mode == "relative":
@@ -286,7 +282,7 @@ def turn_iso(panel: Panel, value: Any) -> Turned:
     return _relink(panel, replace(panel.settings, iso=iso), messages)
 
 
-def turn_auto_iso(panel: Panel, value: Any) -> Turned:
+def turn_auto_iso(panel: Panel, value: Any) -> Turn:
     """Leave the ISO to the meter, or keep what it has found."""
     on = flag("auto_iso", value)
     if panel.dials.mode == "relative":
@@ -300,7 +296,7 @@ def turn_auto_iso(panel: Panel, value: Any) -> Turned:
     return _relink(replace(panel, dials=dials), panel.settings, ev_change=pushed)
 
 
-def turn_ev(panel: Panel, value: Any) -> Turned:
+def turn_ev(panel: Panel, value: Any) -> Turn:
     """Set the compensation: what is free follows; in M, and where values stand for radiance, it scales the film."""
     words = f"compensation goes from -{MOST_EV:g} to +{MOST_EV:g} EV"
     ev, messages = _clamp(number("ev", value), (-MOST_EV, MOST_EV), words)
@@ -308,7 +304,7 @@ def turn_ev(panel: Panel, value: Any) -> Turned:
     return _relink(new, panel.settings, messages, ev_change=ev - panel.dials.ev)
 
 
-def turn_lock(panel: Panel, value: Any) -> Turned:
+def turn_lock(panel: Panel, value: Any) -> Turn:
     """Hold the reading of the meter, or let it go."""
     on = flag("lock", value)
     dials = panel.dials
@@ -319,7 +315,7 @@ def turn_lock(panel: Panel, value: Any) -> Turned:
     return _relink(replace(panel, dials=replace(dials, locked_cd_m2=reading)), panel.settings)
 
 
-def turn_metering(panel: Panel, value: Any) -> Turned:
+def turn_metering(panel: Panel, value: Any) -> Turn:
     """Choose what the meter weighs: the frame, its middle, or a spot."""
     metering = word("metering", value, METERINGS)
     dials = replace(panel.dials, metering=metering)
@@ -328,7 +324,7 @@ def turn_metering(panel: Panel, value: Any) -> Turned:
     return _write(replace(panel, dials=dials), Linked(panel.settings, 0.0, ()))
 
 
-def follow_light(panel: Panel) -> Turned:
+def follow_light(panel: Panel) -> Turn:
     """Set what follows a new reading of the meter; nothing within 0.02 EV, or where the scene's own metering follows.
 
     Parameters
@@ -387,7 +383,7 @@ def _relink(
     messages: tuple[str, ...] = (),
     standing: Settings | None = None,
     ev_change: float = 0.0,
-) -> Turned:
+) -> Turn:
     """Find what is free of the settings anew, and write them into the scene; the messages come first."""
     dials = panel.dials
     if not _follows(panel) or _is_metered_by_scene_alone(panel):
@@ -402,7 +398,7 @@ def _is_metered_by_scene_alone(panel: Panel) -> bool:
     return panel.without_film and panel.scene.exposure.mode == "auto" and panel.dials.mode == "A"
 
 
-def _write(panel: Panel, found: Linked, messages: tuple[str, ...] = ()) -> Turned:
+def _write(panel: Panel, found: Linked, messages: tuple[str, ...] = ()) -> Turn:
     """Make the changes of the scene that settings stand for, and name the limits that hold them back."""
     dials, settings, scene = panel.dials, found.settings, panel.scene
     exposure = _exposure(panel, found)
@@ -413,7 +409,7 @@ def _write(panel: Panel, found: Linked, messages: tuple[str, ...] = ()) -> Turne
         changes["shutter.time_s"] = settings.time_s
     if exposure != scene.exposure:
         changes["exposure"] = _said(exposure)
-    return Turned(replace(dials, written=exposure), changes, (*messages, *_words(panel, found)))
+    return Turn(replace(dials, written=exposure), changes, (*messages, *_words(panel, found)))
 
 
 def _exposure(panel: Panel, found: Linked) -> Exposure:
@@ -485,7 +481,7 @@ ZOOM_TEXTS: dict[ZoomKind, str] = {
 }
 
 
-def turn_focus(panel: Panel, value: Any) -> Turned:
+def turn_focus(panel: Panel, value: Any) -> Turn:
     """Focus at a distance [m]; from 100 km on at infinity."""
     metres, camera = number("focus_m", value), panel.scene.camera
     if not camera.focuses:
@@ -495,7 +491,7 @@ def turn_focus(panel: Panel, value: Any) -> Turned:
     nearest = nearest_focus_m(panel.view)
     reached = INFINITY_M if metres >= INFINITE_M else max(metres, nearest or 0.0)
     messages = (f"the nearest focus is {nearest:.3g} m",) if nearest is not None and metres < nearest else ()
-    return Turned(panel.dials, as_paths(camera.focus_keys(reached)), messages)
+    return Turn(panel.dials, as_paths(camera.focus_keys(reached)), messages)
 
 
 def as_paths(keys: dict[str, Any]) -> dict[str, Any]:
@@ -543,7 +539,7 @@ def zoomed_mm(panel: Panel) -> float | None:
     return focal_mm * panel.dials.whole_mm[0] / panel.dials.cropped_mm[0]
 
 
-def zoom_by(panel: Panel, clicks: float) -> Turned:
+def zoom_by(panel: Panel, clicks: float) -> Turn:
     """Zoom by clicks of a wheel; a click is 3 % of the focal length."""
     here = zoomed_mm(panel)
     if here is None:
@@ -551,7 +547,7 @@ def zoom_by(panel: Panel, clicks: float) -> Turned:
     return turn_zoom(panel, here * CLICK ** number("zoom", clicks))
 
 
-def turn_zoom(panel: Panel, value: Any) -> Turned:
+def turn_zoom(panel: Panel, value: Any) -> Turn:
     """Zoom to a focal length [mm]."""
     wanted, ends = number("zoom", value), zoom_range(panel)
     if ends is None:
@@ -562,18 +558,18 @@ def turn_zoom(panel: Panel, value: Any) -> Turned:
     if kind == "crop":
         return _cropped(panel, reached / ends[0], messages)
     if kind == "zoom":
-        return Turned(panel.dials, _zoomed(panel, reached), messages)
-    return Turned(panel.dials, _widened(panel, reached), messages)
+        return Turn(panel.dials, _zoomed(panel, reached), messages)
+    return Turn(panel.dials, _widened(panel, reached), messages)
 
 
-def _cropped(panel: Panel, factor: float, messages: tuple[str, ...]) -> Turned:
+def _cropped(panel: Panel, factor: float, messages: tuple[str, ...]) -> Turn:
     """Return a film that is smaller by a factor than the whole one."""
     width, height = panel.dials.whole_mm
     size = (width / factor, height / factor) if factor > 1 + 1e-9 else (width, height)
     dials = replace(panel.dials, cropped_mm=size)
     if is_same_size(size, film_mm(panel.scene)):
-        return Turned(dials, {}, messages)
-    return Turned(dials, {"film.size_mm": list(size)}, messages)
+        return Turn(dials, {}, messages)
+    return Turn(dials, {"film.size_mm": list(size)}, messages)
 
 
 SIZES = ("format", "size_mm", "width_mm", "diagonal_mm", "pixel_pitch_um")
@@ -598,7 +594,7 @@ def _widened(panel: Panel, focal_mm: float) -> dict[str, Any]:
     return {f"camera.{name}": value for name, value in (panel.scene.camera.zoom_keys(focal_mm, here) or {}).items()}
 
 
-def turn_lens(panel: Panel, value: Any) -> Turned:
+def turn_lens(panel: Panel, value: Any) -> Turn:
     """Change the lens for another of the list; f-number and focus stay as far as it reaches."""
     if not isinstance(value, str):
         raise InputError(f"lens: must be a name of the list (got {str(value)[:40]!r})")
@@ -625,8 +621,8 @@ def turn_lens(panel: Panel, value: Any) -> Turned:
     if lens is None:
         camera = _keys_behind(panel, entry.name, keys["camera.focus"])
         f_keys = {"f_number": keys["camera.f_number"]} if "camera.f_number" in keys else {}
-        return Turned(panel.dials, {"camera": _plain(camera | f_keys)}, messages)
-    return Turned(panel.dials, keys | _without(lens, keys), messages)
+        return Turn(panel.dials, {"camera": _plain(camera | f_keys)}, messages)
+    return Turn(panel.dials, keys | _without(lens, keys), messages)
 
 
 def _without(camera: LensCamera, keys: dict[str, Any]) -> dict[str, Any]:
@@ -668,7 +664,7 @@ def _focus_m(scene: Scene) -> float:
     return INFINITY_M
 
 
-def turn_stop(panel: Panel, value: Any) -> Turned:
+def turn_stop(panel: Panel, value: Any) -> Turn:
     """Give the stop another shape."""
     shape = word("stop", value, SHAPES)
     if (words := stop_is_fixed(panel.scene)) is not None:
@@ -676,10 +672,10 @@ def turn_stop(panel: Panel, value: Any) -> Turned:
     aperture: dict[str, Any] = {"shape": shape}
     if shape == "polygon":
         aperture["blades"] = DEFAULT_BLADES
-    return Turned(panel.dials, {"camera.aperture": aperture})
+    return Turn(panel.dials, {"camera.aperture": aperture})
 
 
-def turn_blades(panel: Panel, value: Any) -> Turned:
+def turn_blades(panel: Panel, value: Any) -> Turn:
     """Make the stop of so many blades; 0 makes it round."""
     count = number("blades", value)
     if count != round(count):
@@ -687,13 +683,13 @@ def turn_blades(panel: Panel, value: Any) -> Turned:
     if (words := stop_is_fixed(panel.scene)) is not None:
         return panel.same(words)
     if count == 0:
-        return Turned(panel.dials, {"camera.aperture": {"shape": "circle"}})
+        return Turn(panel.dials, {"camera.aperture": {"shape": "circle"}})
     blades, messages = _clamp(count, BLADES, f"a stop has from {BLADES[0]} to {BLADES[1]} blades")
     aperture = panel.scene.camera.outline
     kept = {}
     if isinstance(aperture, PolygonAperture):
         kept = {name: getattr(aperture, name) for name in ("curvature", "rotation_degrees") if getattr(aperture, name)}
-    return Turned(panel.dials, {"camera.aperture": {"shape": "polygon", "blades": int(blades)} | kept}, messages)
+    return Turn(panel.dials, {"camera.aperture": {"shape": "polygon", "blades": int(blades)} | kept}, messages)
 
 
 @remember(most=KEPT, by=optics_key)
@@ -705,41 +701,41 @@ def stop_is_fixed(scene: Scene) -> str | None:
     return camera.fixed_outline
 
 
-def turn_format(panel: Panel, value: Any) -> Turned:
+def turn_format(panel: Panel, value: Any) -> Turn:
     """Put another film behind the lens."""
     name = word("format", value, tuple(SIDES_MM))
     film = change_scene(panel.scene, film=dict.fromkeys(SIZES) | {"format": name})
     size = film_mm(film)
-    return Turned(replace(panel.dials, whole_mm=size, cropped_mm=size), {"film.format": name})
+    return Turn(replace(panel.dials, whole_mm=size, cropped_mm=size), {"film.format": name})
 
 
 BALANCES = (NO_BALANCE, *LIGHTS)
 
 
-def turn_white_balance(panel: Panel, value: Any) -> Turned:
+def turn_white_balance(panel: Panel, value: Any) -> Turn:
     """Choose the light that is made grey, by name or as a temperature [K]."""
     if isinstance(value, str):
-        return Turned(panel.dials, {"picture.white_balance": word("white_balance", value, BALANCES)})
+        return Turn(panel.dials, {"picture.white_balance": word("white_balance", value, BALANCES)})
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise InputError(f"white_balance: must be a light or a temperature in kelvin (got {str(value)[:40]!r})")
     return turn_temperature(panel, value)
 
 
-def turn_temperature(panel: Panel, value: Any) -> Turned:
+def turn_temperature(panel: Panel, value: Any) -> Turn:
     """Choose the colour temperature [K] of the light that is made grey."""
     words = f"temperatures go from {COOLEST:g} to {HOTTEST:g} K"
     kelvin, messages = _clamp(number("temperature_k", value), (COOLEST, HOTTEST), words)
     balance = panel.scene.picture.white_balance
     tint = {} if balance is None or balance.tint is None else {"tint": balance.tint}
-    return Turned(panel.dials, {"picture.white_balance": {"temperature_k": kelvin} | tint}, messages)
+    return Turn(panel.dials, {"picture.white_balance": {"temperature_k": kelvin} | tint}, messages)
 
 
-def turn_tone(panel: Panel, value: Any) -> Turned:
+def turn_tone(panel: Panel, value: Any) -> Turn:
     """Choose the tone curve."""
-    return Turned(panel.dials, {"picture.tone": word("tone", value, TONES)})
+    return Turn(panel.dials, {"picture.tone": word("tone", value, TONES)})
 
 
-DIALS: dict[str, Callable[[Panel, Any], Turned]] = {
+DIALS: dict[str, Callable[[Panel, Any], Turn]] = {
     "mode": turn_mode,
     "f_number": turn_f_number,
     "shutter_s": turn_time,
@@ -760,7 +756,7 @@ DIALS: dict[str, Callable[[Panel, Any], Turned]] = {
 }
 
 
-def turn_dial(panel: Panel, name: str, value: Any) -> Turned:
+def turn_dial(panel: Panel, name: str, value: Any) -> Turn:
     """Turn a dial.
 
     Parameters

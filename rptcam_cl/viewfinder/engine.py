@@ -19,8 +19,8 @@ from rptcam_cl.core.remember import CancelledError, cancellable
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.probe import FocusReport, Probe
 from rptcam_cl.viewfinder import messages, timeline
-from rptcam_cl.viewfinder.background import Background, Job, Worker
-from rptcam_cl.viewfinder.delivery import Delivery
+from rptcam_cl.viewfinder.background import Background, BackgroundTask
+from rptcam_cl.viewfinder.delivery import MOST_CLIENTS, Delivery, Reports
 from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, turn_focus, zoom_by
 from rptcam_cl.viewfinder.moves import (
     check_search,
@@ -34,150 +34,9 @@ from rptcam_cl.viewfinder.moves import (
     viewpoint_of,
 )
 from rptcam_cl.viewfinder.panel import Clock
-from rptcam_cl.viewfinder.state import MOST_CLIENTS, History, details_of, hello_message, state_message
-from rptcam_cl.viewfinder.studio import Origin, Slot, Studio, Watch, place_of, scene_error, text_of, values_before
+from rptcam_cl.viewfinder.slot import Slot
+from rptcam_cl.viewfinder.studio import History, Origin, Studio, Watch, place_of, scene_error, text_of, values_before
 from rptcam_cl.viewfinder.things import add_thing, switch_lamp, turn_thing
-
-# What the engine says to clients without a request: how the camera stands, and what lies under the pointer.
-
-STATE_S = 0.3  # between two states of a camera that moves; finding the depth of field takes longer than a glance
-PANEL_S = 0.1  # between two traces of the rays under the pointer while it moves
-
-
-class Reports:
-    """Reports to clients what has changed; only the engine's thread uses it.
-
-    Parameters
-    ----------
-    studio
-        What the reports are about.
-    delivery
-        Makes the figures of the picture.
-    lens
-        The worker that the lens panel belongs to.
-    """
-
-    def __init__(self, studio: Studio, delivery: Delivery, lens: Worker) -> None:
-        self._studio, self._delivery, self._tracing = studio, delivery, lens
-        self._reported: tuple[Any, ...] = ()
-        self._is_prepared = False
-        self._last_panel = self._last_state = 0.0
-
-    def inform(self, clients: list[messages.Client]) -> None:
-        """Tell clients how the camera stands, where that has changed, and what lies under their pointers."""
-        slot = self._studio.a
-        if slot is not None:
-            self._state(slot, clients)
-            self._point(slot, clients)
-        for each in self._studio.slots:
-            self._delivery.cover(each, clients)
-            self._delivery.count(each, clients)
-
-    def _state(self, slot: Slot, clients: list[messages.Client]) -> None:
-        resting = slot.rests_in() <= 0
-        if not resting and time.monotonic() < self._last_state + STATE_S:
-            return
-        answers = tuple((client.number, client.answers) for client in clients)
-        studio = self._studio
-        here = (
-            slot.session.generation,
-            slot.dials,
-            slot.messages,
-            studio.paused,
-            studio.denoises,
-            studio.recorder.is_on,
-            studio.selected,
-        )
-        reported = (*here, resting, *self._compare_state(), answers)
-        if reported != self._reported and not slot.wants_glance:
-            self._reported, self._last_state = reported, time.monotonic()
-            message = state_message(self._studio, slot)
-            for client in clients:
-                client.outbox.news("state", message | {"answers": client.answers})
-            if resting:
-                self._trace_details(slot, clients)
-
-    def _trace_details(self, slot: Slot, clients: list[messages.Client]) -> None:
-        """Say what has to be traced of the camera once that is done."""
-        panel, resolved, generation = self._studio.panel, slot.resolved, slot.session.generation
-        if panel is None:
-            return
-
-        def done(details: dict[str, Any]) -> None:
-            if slot is self._studio.a and slot.session.generation == generation:
-                message = state_message(self._studio, slot, details)
-                for client in clients:
-                    client.outbox.news("state", message | {"answers": client.answers})
-
-        self._tracing.start(
-            Job("lens panel", lambda job: details_of(panel, resolved), done, _raise, ("details", len(clients) > 0))
-        )
-
-    def prepare(self) -> None:
-        """Find what the first client will want to know, while it is still on its way."""
-        studio = self._studio
-        if studio.a is not None and not self._is_prepared:
-            self._is_prepared = True
-            hello_message(studio, studio.a, 0)
-            state_message(studio, studio.a)
-            self._trace_details(studio.a, [])
-
-    def greet(self, client: messages.Client) -> None:
-        """Tell a new client what there is and how the camera stands."""
-        studio = self._studio
-        if studio.a is None or client.was_greeted:
-            return
-        token = {} if client.token is None else {"token": client.token}
-        client.outbox.answer(hello_message(studio, studio.a, client.number) | token)
-        client.outbox.news("state", state_message(studio, studio.a))
-        self._reported = ()  # it hears the details as soon as they are traced
-        client.was_greeted = studio.was_seen = True
-        if studio.file_error is not None:
-            client.outbox.answer(studio.file_error)
-
-    def _compare_state(self) -> tuple[Any, ...]:
-        compare = self._studio.compare
-        return (compare["mode"], compare["model"], repr(compare["changes"]), compare["difference"])
-
-    def _point(self, slot: Slot, clients: list[messages.Client]) -> None:
-        """Meter and trace at the pointers that have moved, or under which the picture has changed."""
-        shown = slot.shown
-        for client in clients:
-            place = (client.pointer, None if shown is None else shown.number)
-            if place != client.pointed_at:
-                self._delivery.meter(slot, client)
-                self._lens(slot, client)
-                client.pointed_at = place
-
-    def _lens(self, slot: Slot, client: messages.Client) -> None:
-        panel, resolved, pointer = self._studio.panel, slot.resolved, client.pointer
-        if panel is None or "lens" not in client.settings.panels:
-            return
-        at = (pointer, slot.session.generation)
-        now = time.monotonic()
-        if at == client.lens_at or (slot.rests_in() > 0 and now - self._last_panel < PANEL_S):
-            return
-        self._last_panel = now
-        is_known = client.lens_shown == at[1]
-
-        def trace(job: Job) -> dict[str, Any]:
-            own = {} if is_known else {"section": panel.section(resolved), "numbers": panel.numbers(resolved)}
-            rays = None if pointer is None else panel.pointer(resolved, *pointer)
-            return {"type": "lens", "generation": at[1], "pointer": rays} | own
-
-        def done(message: dict[str, Any]) -> None:
-            if "section" in message:
-                client.lens_shown = at[1]
-            client.outbox.news("lens" if "section" not in message else "lens with section", message)
-
-        client.lens_at = at
-        self._tracing.start(Job("lens panel", trace, done, _raise, ("lens", client.number)))
-
-
-def _raise(problem: Exception) -> None:
-    """Let the engine meet a problem of a worker as its own."""
-    raise problem
-
 
 # What the engine does for each kind of message.
 
@@ -265,7 +124,7 @@ class Requests:
 
     def leave_search(self) -> None:
         """End the search for focus, where one runs or waits."""
-        under_way = [job.key[1] for job in self._searching.jobs if isinstance(job.key, tuple)]
+        under_way = [task.key[1] for task in self._searching.tasks if isinstance(task.key, tuple)]
         for client, message in (*under_way, *self._waiting):
             client.done(message.id, self._studio.generation, superseded=True)
         self._searching.end()
@@ -274,7 +133,7 @@ class Requests:
     @property
     def is_searching(self) -> bool:
         """Whether a search for focus runs."""
-        return bool(self._searching.jobs)
+        return bool(self._searching.tasks)
 
     def _dial(self, client: messages.Client, message: messages.Dial) -> None:
         slot = self._studio.slot(message.slot)
@@ -317,7 +176,9 @@ class Requests:
         for request in self._announced:
             self.answer(request)
 
-    def _compiles(self, client: messages.Client, message: messages.Focus | messages.Autofocus, **place: Any) -> bool:
+    def _compiles(
+        self, client: messages.Client, message: messages.FocusRequest | messages.Autofocus, **place: Any
+    ) -> bool:
         """Return whether another process is still at the kernels of a search for focus; the picture goes on then."""
         slot = self._studio.slot("A")
         method = message.method if isinstance(message, messages.Autofocus) else None
@@ -331,7 +192,7 @@ class Requests:
         self._waiting.append(request)
         return True
 
-    def _focus(self, client: messages.Client, message: messages.Focus) -> None:
+    def _focus(self, client: messages.Client, message: messages.FocusRequest) -> None:
         self._leave_other_search(message)
         if not self._compiles(client, message, point=(message.x, message.y)):
             self._search(client, message, partial(focus_at, x=message.x, y=message.y))
@@ -343,14 +204,14 @@ class Requests:
         if not self._compiles(client, message, zones=zones):
             self._search(client, message, partial(focus_zones, method=message.method, zones=zones))
 
-    def _leave_other_search(self, message: messages.Focus | messages.Autofocus) -> None:
+    def _leave_other_search(self, message: messages.FocusRequest | messages.Autofocus) -> None:
         if all(waiting is not message for _, waiting in self._announced):
             self.leave_search()
 
     def _search(
         self,
         client: messages.Client,
-        message: messages.Focus | messages.Autofocus,
+        message: messages.FocusRequest | messages.Autofocus,
         find: Callable[..., FocusReport],
     ) -> None:
         """Search for the focus while the picture goes on; the camera follows what is found by and by."""
@@ -359,17 +220,17 @@ class Requests:
         curve: list[dict[str, Any]] = []
         followed: set[str] = set()  # keys that the search has changed
 
-        def on_probe(job: Job, probe: Probe) -> None:
+        def on_probe(task: BackgroundTask, probe: Probe) -> None:
             curve.append({"position": probe.place, "score": probe.measures[0].value})
             points = list(curve)
-            job.post(lambda: client.outbox.news("search", {"type": "search", "curve": points}))
+            task.post(lambda: client.outbox.news("search", {"type": "search", "curve": points}))
 
-        def work(job: Job) -> FocusReport:
+        def work(task: BackgroundTask) -> FocusReport:
             return find(
                 scene,
                 device,
-                on_probe=partial(on_probe, job),
-                on_state=lambda state: job.post(lambda: self._follow(scene, state, followed)),
+                on_probe=partial(on_probe, task),
+                on_state=lambda state: task.post(lambda: self._follow(scene, state, followed)),
             )
 
         def done(report: FocusReport) -> None:
@@ -387,7 +248,7 @@ class Requests:
             if followed:
                 self._studio.change("A", values_before(scene, followed))
 
-        self._searching.start(Job("focus search", work, done, failed, ("focus", (client, message))))
+        self._searching.start(BackgroundTask("focus search", work, done, failed, ("focus", (client, message))))
 
     def _found(self, scene: Scene, report: FocusReport) -> Mapping[str, Any]:
         """Return the changes that set the focus that was found: where it has keys, by its distance, as these are."""
@@ -413,7 +274,7 @@ class Requests:
         client.magnifier = None if message.place is None else message
         client.forget_picture("A")
 
-    def _view(self, client: messages.Client, message: messages.View) -> None:
+    def _view(self, client: messages.Client, message: messages.ViewRequest) -> None:
         client.settings = client.settings.changed(message)
         client.forget_pictures()
 
@@ -441,10 +302,10 @@ class Requests:
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "save")
 
-        def work(job: Job) -> bytes:
+        def work(task: BackgroundTask) -> bytes:
             return messages.file_bytes(messages.exposed_longer(later(), message.ev), message.format)
 
-        self._saving.start(Job(f"saving {name}", work, done, failed))
+        self._saving.start(BackgroundTask(f"saving {name}", work, done, failed))
 
     def _text(self, client: messages.Client, message: messages.TextRequest) -> None:
         slot, origin = self._studio.slot(message.slot), self._studio.origin
@@ -463,7 +324,7 @@ class Requests:
         if not self.is_searching and self.history.note(acted=self._acted):
             self._acted = False
 
-    def _history(self, client: messages.Client, message: messages.Past) -> None:
+    def _history(self, client: messages.Client, message: messages.HistoryRequest) -> None:
         self.leave_search()
         self.history.note(acted=True)
         self._acted = False
@@ -495,15 +356,15 @@ class Requests:
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "change")
 
-        for job in self._selecting.jobs:
-            if isinstance(job.key, tuple):
-                job.key[0].done(job.key[1].id, studio.generation, superseded=True)
+        for task in self._selecting.tasks:
+            if isinstance(task.key, tuple):
+                task.key[0].done(task.key[1].id, studio.generation, superseded=True)
         self._selecting.end()
         if message.x is None or message.y is None:
             select(message.name)
         else:
             find = slot.session.object_later(message.x, message.y)
-            self._selecting.start(Job("selecting", lambda job: find(), done, failed, (client, message)))
+            self._selecting.start(BackgroundTask("selecting", lambda task: find(), done, failed, (client, message)))
 
     def _lamp(self, client: messages.Client, message: messages.Lamp) -> None:
         slot = self._studio.slot("A")
@@ -577,12 +438,7 @@ class Requests:
 
 
 _CHANGE_THE_CAMERA = ("set", "dial", "move", "time", "lamp", "add")
-_LEAVES_FOCUS = {
-    "exposure",
-    "picture",
-    "sensor",
-    "sequence",
-}  # parts of a scene whose change leaves a search for focus as it is
+_LEAVES_FOCUS = {"exposure", "picture", "sensor", "sequence"}  # parts whose change leaves a search for focus as it is
 _LEAD_TO_STATES = ("set", "dial", "move", "reset", "focus", "autofocus", "compare", "lamp", "add")
 _WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify", "select")
 
@@ -760,11 +616,11 @@ class Engine:
             worker, slot = self._background.worker(f"picture {name}"), slots.get(name)
             if slot is None or self._finishing.get(name) != slot.film:
                 worker.end()
-            if slot is not None and not worker.jobs and slot.wants_finishing:
+            if slot is not None and not worker.tasks and slot.wants_finishing:
                 self._finishing[name] = slot.film
                 finish = slot.picture_later()
                 text = " and ".join(slot.comes_last) + (" of B" if name == "B" else "")
-                worker.start(Job(text, lambda job, finish=finish: finish(), slot.show_finished, _raise))  # type: ignore[misc]
+                worker.start(BackgroundTask(text, lambda task, finish=finish: finish(), slot.show_finished))  # type: ignore[misc]
 
     def _tell_history(self, clients: list[messages.Client]) -> None:
         history = self._requests.history

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import asdict, field
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -19,6 +18,7 @@ from rptcam_cl.imaging.formats import RawImage
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
 from rptcam_cl.rendering.metering import SPOT_AREA, weights
+from rptcam_cl.scene.base import FLOAT32_MIN_NORMAL
 from rptcam_cl.scene.camera import Camera
 from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.load import at_opening, with_camera
@@ -43,39 +43,19 @@ DARK_VALUE = 0.5 / 255 / 12.92  # film values below it are shown as code 0: the 
 RAW_BINS = 256
 
 
-@dataclass(frozen=True)
-class Histogram:
-    """Counts by brightness.
+Histogram = dict[str, Any]
+"""Counts by brightness, as plain values: lists of counts by channel, ``luminance``, ``red``, ``green`` and ``blue`` or
+those of a sensor; ``edges``, the outer ones of the ``bins``; ``scale`` of these, ``display code``, ``stops`` about
+middle grey, or ``DN``; ``samples``, pixels that were counted; and what else is known: of the film what is clipped, of a
+sensor its levels."""
 
-    Attributes
-    ----------
-    counts : dict
-        Arrays of counts by channel: ``luminance``, ``red``, ``green``, ``blue``, or those of a sensor.
-    edges : array
-        Of the bins, one more than there are.
-    scale : str
-        What the edges are: ``display code``, ``stops`` about middle grey, or ``DN``.
-    samples : int
-        Pixels that were counted.
-    notes : dict
-        What else is known: of the film what is clipped, of a sensor its levels.
-    """
 
-    counts: dict[str, NDArray[np.int64]]
-    edges: NDArray[np.float64]
-    scale: str
-    samples: int
-    notes: dict[str, Any] = field(default_factory=dict)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the histogram as plain values, the channels by their names."""
-        counts = {name: values.tolist() for name, values in self.counts.items()}
-        ends = [float(self.edges[0]), float(self.edges[-1])]
-        return (
-            counts
-            | {"edges": ends, "bins": len(self.edges) - 1, "scale": self.scale, "samples": self.samples}
-            | self.notes
-        )
+def _histogram(
+    counts: Mapping[str, NDArray[np.int64]], scale: str, ends: tuple[float, float], samples: int
+) -> Histogram:
+    bins = len(next(iter(counts.values())))
+    lists = {name: values.tolist() for name, values in counts.items()}
+    return lists | {"edges": list(ends), "bins": bins, "scale": scale, "samples": samples}
 
 
 def thinned(picture: NDArray[Any], most: int = MOST_PIXELS) -> NDArray[Any]:
@@ -102,9 +82,8 @@ def histogram(
     luma = np.floor(luminance(codes, np.float32) + np.float32(0.5)).astype(np.uint8)
     counts = {"luminance": np.bincount(luma, minlength=CODES)}
     counts |= {name: np.bincount(codes[:, k], minlength=CODES) for k, name in enumerate(CHANNELS)}
-    edges = np.arange(CODES + 1, dtype=np.float64) - 0.5
-    notes = {} if pixels is None else {"clipped": clipping(pixels)}
-    return Histogram(counts, edges, "display code", len(codes), notes)
+    clipped = {} if pixels is None else {"clipped": clipping(pixels)}
+    return _histogram(counts, "display code", (-0.5, CODES - 0.5), len(codes)) | clipped
 
 
 def stop_histogram(pixels: NDArray[np.float32], most: int = MOST_PIXELS) -> Histogram:
@@ -118,7 +97,7 @@ def stop_histogram(pixels: NDArray[np.float32], most: int = MOST_PIXELS) -> Hist
             stops = np.log2(channel.astype(np.float64) / MIDDLE_GREY)
         place = np.floor((np.nan_to_num(stops, nan=-99.0, neginf=-99.0, posinf=99.0) - DARKEST_EV) * PER_STOP)
         counts[name] = np.bincount(np.clip(place, 0, bins - 1).astype(np.int64), minlength=bins)
-    return Histogram(counts, np.linspace(DARKEST_EV, BRIGHTEST_EV, bins + 1), "stops", len(values))
+    return _histogram(counts, "stops", (float(DARKEST_EV), float(BRIGHTEST_EV)), len(values))
 
 
 def raw_histogram(raw: RawImage) -> Histogram:
@@ -132,7 +111,7 @@ def raw_histogram(raw: RawImage) -> Histogram:
     }
     notes = {"black_dn": sensor.black_level_dn, "white_dn": sensor.white_level_dn}
     notes["saturated"] = int(np.count_nonzero(numbers >= math.floor(sensor.white_level_dn)))
-    return Histogram(counts, np.arange(bins + 1, dtype=np.float64) * width, "DN", numbers.size, notes)
+    return _histogram(counts, "DN", (0.0, float(bins * width)), numbers.size) | notes
 
 
 def _planes(numbers: NDArray[np.uint16], pattern: str) -> dict[str, list[NDArray[np.uint16]]]:
@@ -249,11 +228,6 @@ FALSE_COLOUR: tuple[Band, ...] = (
 """The scale: a stop to a zone, from black to what is white or more."""
 
 
-def false_colour_legend() -> list[dict[str, Any]]:
-    """Return the scale of false colour as plain values, darkest first."""
-    return [asdict(band) for band in FALSE_COLOUR]
-
-
 def false_colour(pixels: Film) -> NDArray[np.uint8]:
     """Return the place (h, w) in `FALSE_COLOUR` of each pixel, by its luminance."""
     edges = [MIDDLE_GREY * 2.0**band.low_ev for band in FALSE_COLOUR[1:] if band.low_ev is not None]
@@ -357,23 +331,6 @@ OVERLAYS: dict[OverlayName, Callable[[Film, float, float | None], Rgba]] = {
     "peaking": lambda pixels, level, noise: peaking_rgba(peaking(pixels, level, noise)),
 }
 """What is drawn over a film, by its level from 0 to 1, where it has one, and the noise of the picture."""
-
-
-def overlay(picture: NDArray[np.uint8], *layers: Rgba) -> NDArray[np.uint8]:
-    """Return a developed picture (h, w, 3) with layers (h, w, 4) over it, the last one on top.
-
-    Raises
-    ------
-    InputError
-        A layer has another size.
-    """
-    shown = picture.astype(np.float32)
-    for layer in layers:
-        if layer.shape[:2] != picture.shape[:2]:
-            raise InputError(f"overlay: has another size than the picture (got {layer.shape}, {picture.shape})")
-        alpha = layer[..., 3:].astype(np.float32) / np.float32(255)
-        shown += alpha * (layer[..., :3] - shown)
-    return np.asarray(np.floor(shown + np.float32(0.5)), np.uint8)
 
 
 def magnifier(
@@ -584,3 +541,77 @@ def _pinhole(scene: Scene) -> dict[str, Any]:
 def _said(camera: Camera) -> dict[str, Any]:
     """Return a camera as a scene file says it."""
     return camera.model_dump(mode="json", exclude_none=True, exclude_defaults=True) | {"kind": camera.kind}
+
+
+#
+# How two settings differ: a map in stops, and numbers.
+#
+# The number of a comparison is relMSE, the mean over the picture of |b - a|^2 / (|a|^2 + (0.01 mean a)^2) with
+# vectors of the three channels, |a|^2 averaged over tiles of 8 x 8 pixels, as `rptcam tradeoff` has it; a is the
+# picture, b what it is compared with. The noise of both counts in it.
+
+MSE_TILE = 8  # pixels
+MSE_FLOOR = 0.01  # of the mean: what is darker counts as this dark
+RANGE_STOPS = 2.0  # that the map shows in its strongest colours
+DARKER, EQUAL, BRIGHTER = (40, 90, 220), (244, 244, 244), (214, 48, 40)
+
+
+def difference_rgb(stops: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Draw by how much a second film is brighter (h, w) as a picture (h, w, 3): blue where it is darker, else red."""
+    share = np.clip(stops / np.float32(RANGE_STOPS), -1, 1)[..., None]
+    darker, equal, brighter = (np.array(colour, np.float32) for colour in (DARKER, EQUAL, BRIGHTER))
+    ends = np.where(share < 0, darker, brighter)
+    return np.asarray(np.floor(equal + np.abs(share) * (ends - equal) + 0.5), np.uint8)
+
+
+LEGEND = [
+    {"stops": -RANGE_STOPS, "colour": DARKER},
+    {"stops": 0.0, "colour": EQUAL},
+    {"stops": RANGE_STOPS, "colour": BRIGHTER},
+]
+"""Stops and colours of the map's ends and middle."""
+
+
+def difference(first: NDArray[np.float32], second: NDArray[np.float32]) -> tuple[NDArray[np.float32], dict[str, float]]:
+    """Compare a second film (h, w, 3) with a first of the same size.
+
+    Returns
+    -------
+    stops : (h, w) float32 array
+        How much brighter the second is; negative where it is darker.
+    numbers : dict
+        ``relmse``; ``mean_stops``, the mean of the absolute values of `stops`; ``bias_stops``, how much brighter the
+        second is in the mean; ``worst_stops``, the 99.9th percentile of the absolute values: more than noise of single
+        pixels.
+
+    Raises
+    ------
+    InputError
+        They have other sizes.
+    """
+    if first.shape != second.shape:
+        raise InputError(f"compare: the films have other sizes (got {first.shape} and {second.shape})")
+    a, b = first.astype(np.float64), second.astype(np.float64)
+    mean_square = float(np.sum(np.square(a.mean(axis=(0, 1)))))
+    squares = _tile_means(np.sum(np.square(a), axis=2)) + MSE_FLOOR**2 * mean_square
+    error = np.sum(np.square(b - a), axis=2)
+    relmse = float(np.mean(np.divide(error, squares, out=np.zeros_like(error), where=squares > 0)))
+    bright_a, bright_b = luminance(a), luminance(b)
+    floor = MSE_FLOOR * max(float(bright_a.mean()), float(bright_b.mean()), FLOAT32_MIN_NORMAL)
+    stops = np.log2(np.maximum(bright_b, floor) / np.maximum(bright_a, floor))
+    size = np.abs(stops)
+    return stops.astype(np.float32), {
+        "relmse": relmse,
+        "mean_stops": float(size.mean()),
+        "bias_stops": float(np.log2(max(bright_b.mean(), floor) / max(bright_a.mean(), floor))),
+        "worst_stops": float(np.percentile(size, 99.9)),
+    }
+
+
+def _tile_means(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return values (h, w), each replaced by the mean of its tile; tiles at the right and the bottom may be smaller."""
+    starts = [np.arange(0, size, MSE_TILE) for size in values.shape]
+    sums = np.add.reduceat(np.add.reduceat(values, starts[0], axis=0), starts[1], axis=1)
+    sizes = [np.diff([*start, size]) for start, size in zip(starts, values.shape, strict=True)]
+    means = sums / np.outer(*sizes)
+    return np.asarray(means.repeat(sizes[0], axis=0).repeat(sizes[1], axis=1))

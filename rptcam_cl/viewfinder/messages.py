@@ -159,7 +159,7 @@ class Ack(Message):
     frame: Count
 
 
-class View(Message):
+class ViewRequest(Message):
     """How a client wants its pictures; what is left out stays."""
 
     type: Literal["view"]
@@ -210,7 +210,7 @@ class Reset(Message):
     what: Literal["camera", "all"] = "all"
 
 
-class Focus(Message):
+class FocusRequest(Message):
     """Focus at a point of the picture."""
 
     type: Literal["focus"]
@@ -292,7 +292,7 @@ class Signal(Message):
     type: Literal["pause", "resume", "ping"]
 
 
-class Past(Message):
+class HistoryRequest(Message):
     """Go back, forward or to a state that was; keep, drop or compare one."""
 
     type: Literal["history"]
@@ -362,8 +362,8 @@ class Denoise(Message):
 
 
 AnyMessage = (
-    Hello | Ack | View | Set | Dial | Move | Reset | Focus | Autofocus | Pointer | Magnify | Compare | Save
-    | TextRequest | Signal | Denoise | Past | Time | Select | Lamp | Add
+    Hello | Ack | ViewRequest | Set | Dial | Move | Reset | FocusRequest | Autofocus | Pointer | Magnify | Compare
+    | Save | TextRequest | Signal | Denoise | HistoryRequest | Time | Select | Lamp | Add
 )  # fmt: skip
 _READER: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 
@@ -530,7 +530,7 @@ class Outbox:
 
 @dataclass(frozen=True)
 class ClientSettings:
-    """How a client wants its pictures; see `View`."""
+    """How a client wants its pictures; see `ViewRequest`."""
 
     width: int = 1920
     height: int = 1080
@@ -541,7 +541,7 @@ class ClientSettings:
     quality: int = 85
     panels: tuple[str, ...] = ()
 
-    def changed(self, view: View) -> ClientSettings:
+    def changed(self, view: ViewRequest) -> ClientSettings:
         """Return the settings with those that a message gives."""
         given = view.model_dump(exclude_none=True, exclude={"type", "id"})
         if "panels" in given:

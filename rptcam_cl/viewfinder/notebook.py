@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -12,7 +13,53 @@ from typing import Any
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.engine import TooManyClientsError, Viewfinder
-from rptcam_cl.viewfinder.page import module_text, style_text
+
+# The page's modules and styles as one text each, for notebooks, which take no folder of files.
+
+PAGE = Path(__file__).parent / "page"
+_IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w-]+)\.js";\n', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const) (\w+))", re.MULTILINE)
+_SHEET = re.compile(r'<link rel="stylesheet" href="([\w-]+\.css)">')
+
+
+def _variable(module: str) -> str:
+    return "module_" + module.replace("-", "_")
+
+
+def _collect_modules(module: str, texts: dict[str, str]) -> None:
+    """Add a module and, before it, those that it imports, to the texts by name."""
+    if module in texts:
+        return
+    text = (PAGE / f"{module}.js").read_text("utf-8")
+    for needed in _IMPORT.findall(text):
+        _collect_modules(needed[1], texts)
+    texts[module] = text
+
+
+def _enclose(module: str, text: str) -> str:
+    """Return a module as a function that is called at once, as names of two modules may be the same."""
+    exported = ", ".join(_EXPORT.findall(text))
+    inside = _EXPORT.sub("", _IMPORT.sub(lambda each: f"const {{{each[1]}}} = {_variable(each[2])};\n", text))
+    return f"const {_variable(module)} = (() => {{\n{inside}\nreturn {{ {exported} }};\n}})();\n"
+
+
+@cache
+def module_text() -> str:
+    """Return the widget's module with all that it imports, as anywidget takes it."""
+    texts: dict[str, str] = {}
+    _collect_modules("widget", texts)
+    parts = [_enclose(name, text) for name, text in texts.items()]
+    return "\n".join([*parts, f"export default {{ render: {_variable('widget')}.render }};\n"])
+
+
+@cache
+def style_text() -> str:
+    """Return the page's styles in the order in which the page loads them."""
+    names = _SHEET.findall((PAGE / "index.html").read_text("utf-8"))
+    return "\n".join((PAGE / name).read_text("utf-8") for name in names)
+
+
+# The widget, and its views as clients.
 
 NEEDED = "the viewfinder in a notebook needs anywidget: pip install 'rptcam_cl[widget]'"
 ALIVE_WITHIN_S = 150.0  # without a sign of life, which a view gives every 20 s and in a hidden tab every minute
@@ -147,10 +194,7 @@ def _widget_class() -> Any:
 
 
 def widget(
-    scene: Scene | str | Path | Mapping[str, Any],
-    *,
-    device: str | None = None,
-    size: tuple[int, int] | None = None,
+    scene: Scene | str | Path | Mapping[str, Any], *, device: str | None = None, size: tuple[int, int] | None = None
 ) -> Any:
     """Return a widget that shows the viewfinder of a scene in a notebook.
 

@@ -115,7 +115,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Limits:
+class DialLimits:
     """How far the dials go.
 
     Attributes
@@ -157,13 +157,7 @@ def exposure_of(settings: Settings, light: Light) -> float:
     return light(settings.f_number) * values_per_irradiance(settings.time_s, settings.iso)
 
 
-def exposure_value(settings: Settings, light: Light) -> float:
-    """Return the EV at ISO 100: log2(N² / t · 100 / S) with the f-number that the light stands for."""
-    square = math.pi / (4.0 * light(settings.f_number))
-    return math.log2(square / settings.time_s * 100.0 / settings.iso)
-
-
-def linked(mode: Mode, auto_iso: bool, settings: Settings, wanted: float, limits: Limits, light: Light) -> Linked:
+def linked(mode: Mode, auto_iso: bool, settings: Settings, wanted: float, limits: DialLimits, light: Light) -> Linked:
     """Return the settings that bring an exposure, as far as the dials go.
 
     Parameters
@@ -191,7 +185,7 @@ def linked(mode: Mode, auto_iso: bool, settings: Settings, wanted: float, limits
     return Linked(settings, off, _at_an_end(mode, auto_iso, settings, limits))
 
 
-def _at_an_end(mode: Mode, auto_iso: bool, settings: Settings, limits: Limits) -> tuple[str, ...]:
+def _at_an_end(mode: Mode, auto_iso: bool, settings: Settings, limits: DialLimits) -> tuple[str, ...]:
     free = {"A": ("time_s",), "S": ("f_number",), "P": ("f_number", "time_s")}.get(mode, ())
     names = (*free, "iso") if auto_iso else free
     ends = {name: limits.auto_iso if name == "iso" else getattr(limits, name) for name in names}
@@ -202,24 +196,24 @@ def _within(value: float, ends: tuple[float, float]) -> float:
     return min(max(value, ends[0]), ends[1])
 
 
-def _by_time(settings: Settings, wanted: float, limits: Limits, light: Light, slowest: float | None) -> Settings:
+def _by_time(settings: Settings, wanted: float, limits: DialLimits, light: Light, slowest: float | None) -> Settings:
     low, high = limits.time_s
     time_s = wanted / (light(settings.f_number) * values_per_irradiance(1.0, settings.iso))
     high = high if slowest is None else min(high, max(low, slowest))
     return replace(settings, time_s=_within(time_s, (low, high)))
 
 
-def _only_longer(settings: Settings, wanted: float, limits: Limits, light: Light) -> Settings:
+def _only_longer(settings: Settings, wanted: float, limits: DialLimits, light: Light) -> Settings:
     longer = _by_time(settings, wanted, limits, light, slowest=None)
     return longer if longer.time_s > settings.time_s and exposure_of(settings, light) < wanted else settings
 
 
-def _by_iso(settings: Settings, wanted: float, limits: Limits, light: Light) -> Settings:
+def _by_iso(settings: Settings, wanted: float, limits: DialLimits, light: Light) -> Settings:
     iso = wanted / (light(settings.f_number) * values_per_irradiance(settings.time_s, 1.0))
     return replace(settings, iso=_within(iso, limits.auto_iso))
 
 
-def _by_f_number(settings: Settings, wanted: float, limits: Limits, light: Light) -> Settings:
+def _by_f_number(settings: Settings, wanted: float, limits: DialLimits, light: Light) -> Settings:
     bright = wanted / values_per_irradiance(settings.time_s, settings.iso)
     return replace(settings, f_number=f_number_of(bright, settings.f_number, limits.f_number, light))
 
@@ -241,7 +235,7 @@ def f_number_of(bright: float, start: float, ends: tuple[float, float], light: L
     return f_number
 
 
-def _by_program(settings: Settings, wanted: float, limits: Limits, light: Light) -> Settings:
+def _by_program(settings: Settings, wanted: float, limits: DialLimits, light: Light) -> Settings:
     widest = replace(settings, f_number=limits.f_number[0])
     open_s = wanted / (light(widest.f_number) * values_per_irradiance(1.0, settings.iso))
     spare = math.log2(limits.hand_held_s / open_s)
@@ -459,7 +453,7 @@ class Dials:
 
 
 @dataclass(frozen=True)
-class Turned:
+class Turn:
     """What turning a dial came to.
 
     Attributes
@@ -496,9 +490,9 @@ class Panel:
     resolved: Scene
     reading_cd_m2: float | None = None
 
-    def same(self, *messages: str) -> Turned:
+    def same(self, *messages: str) -> Turn:
         """Return that nothing changes, and why."""
-        return Turned(self.dials, {}, messages)
+        return Turn(self.dials, {}, messages)
 
     @property
     def view(self) -> Scene:
@@ -528,12 +522,12 @@ class Panel:
         return Settings(f_number, self.resolved.shutter.time_s, self.resolved.exposure.iso)
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> DialLimits:
         """How far the dials go with this lens."""
         ends = TIMES.value(TIMES.first), TIMES.value(TIMES.last)
         focal_mm = focal_length_mm(self.view)
         hand_held = 1 / 60 if focal_mm is None else self.view.film.diagonal_m() * 1e3 / (focal_mm * DIAGONAL_35_MM)
-        return Limits(
+        return DialLimits(
             f_numbers(self.view),
             ends,
             (SPEEDS.value(SPEEDS.first), SPEEDS.value(SPEEDS.last)),

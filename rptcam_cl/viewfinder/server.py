@@ -1,21 +1,36 @@
-"""The server of a viewfinder: the page's own files, the WebSocket, who may come in, and the end by Ctrl-C."""
+"""The server of a viewfinder: who may come in, the page's own files, the WebSocket, and the end by Ctrl-C.
+
+It needs the extra `view`; without it the import raises `InputError`.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import hmac
+import ipaddress
 import json
 import os
+import secrets
 import signal
 import socket
 import sys
 import threading
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
 from typing import Any
+
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.viewfinder.engine import TooManyClientsError, Viewfinder
+from rptcam_cl.viewfinder.messages import MOST_BYTES, BadMessageError, Hello, read_message
+
+if _missing := [name for name in ("starlette", "uvicorn", "websockets") if find_spec(name) is None]:
+    _words = "the viewfinder in a browser needs starlette, uvicorn and websockets: pip install 'rptcam_cl[view]'"
+    raise InputError(f"{_words} (missing: {', '.join(_missing)})")
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -23,10 +38,105 @@ from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-from rptcam_cl.core.errors import StateError
-from rptcam_cl.viewfinder.engine import TooManyClientsError, Viewfinder
-from rptcam_cl.viewfinder.messages import MOST_BYTES, BadMessageError, Hello, read_message
-from rptcam_cl.viewfinder.page import OriginGuard, Tokens, check_server
+# Who may come in: the token, the names that the server answers to, and pages of its own alone.
+
+_TOKEN_BYTES = 32
+_LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+
+
+class AccessTokens:
+    """The token of a server, and one that is good for one visit.
+
+    The browser is opened with the second: the words of a command are there to be read by everybody on a machine.
+    """
+
+    def __init__(self) -> None:
+        self.lasting = secrets.token_urlsafe(_TOKEN_BYTES)
+        self.once = secrets.token_urlsafe(_TOKEN_BYTES)
+        self._once_left = True
+        self._lock = threading.Lock()
+
+    def admits(self, token: str) -> bool:
+        """Return whether a token is right; the one of a single visit is used up by that."""
+        given = token.encode("utf-8", "surrogatepass")
+        lasting = hmac.compare_digest(given, self.lasting.encode())
+        once = hmac.compare_digest(given, self.once.encode())
+        with self._lock:
+            visit = once and self._once_left
+            if visit:
+                self._once_left = False
+        return lasting or visit
+
+
+class OriginGuard:
+    """Refuses requests that are not for this server, or come from pages of others.
+
+    It wraps an ASGI application and looks at HTTP and WebSocket alike. A page of another site can make a browser ask
+    for anything, but cannot choose Host (a name of its own that leads here is thus refused: DNS rebinding) nor Origin.
+
+    Parameters
+    ----------
+    app
+        What is behind the doors.
+    host : str
+        That the server listens at.
+    port : int
+    """
+
+    def __init__(self, app: Any, host: str, port: int) -> None:
+        self._app = app
+        self._port = port
+        self._any_address = _is_unspecified(host)
+        names = {*_LOOPBACK, f"[{host}]" if ":" in host else host}
+        if self._any_address:
+            names.add(socket.gethostname().lower())
+        self._hosts = {f"{name}:{port}" for name in names} | (names if port == 80 else set())
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Pass a request on, or refuse it."""
+        if scope["type"] not in ("http", "websocket") or self._admits(scope["type"], scope["headers"]):
+            await self._app(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008})  # before it is accepted: HTTP 403
+        else:
+            headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"cache-control", b"no-store")]
+            await send({"type": "http.response.start", "status": 403, "headers": headers})
+            await send({"type": "http.response.body", "body": b"not from here\n"})
+
+    def _admits(self, kind: str, headers: Iterable[tuple[bytes, bytes]]) -> bool:
+        given = [(name.lower(), value.decode("latin-1").lower()) for name, value in headers]
+        hosts = [value for name, value in given if name == b"host"]
+        origins = [value for name, value in given if name == b"origin"]
+        if len(hosts) != 1 or not self._is_ours(hosts[0]) or len(origins) > 1:
+            return False
+        if not origins:
+            return kind == "http"  # browsers send it with every WebSocket
+        return origins[0] == f"http://{hosts[0]}"
+
+    def _is_ours(self, host: str) -> bool:
+        if host in self._hosts:
+            return True
+        name, _, port = host.rpartition(":")
+        return self._any_address and port == str(self._port) and _is_address(name.strip("[]"))
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_unspecified(host: str) -> bool:
+    return _is_address(host) and ipaddress.ip_address(host).is_unspecified
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether only this machine reaches a server that listens at a host."""
+    return host == "localhost" or (_is_address(host) and ipaddress.ip_address(host).is_loopback)
+
 
 # The web application: the page's own files, and the WebSocket.
 
@@ -69,7 +179,7 @@ def page_files() -> dict[str, tuple[str, bytes]]:
     return files | ({"/": files["/index.html"]} if "/index.html" in files else {})
 
 
-def make_app(finder: Viewfinder, tokens: Tokens, host: str, port: int) -> Any:
+def make_app(finder: Viewfinder, tokens: AccessTokens, host: str, port: int) -> Any:
     """Return the ASGI application of a viewfinder.
 
     Parameters
@@ -97,7 +207,7 @@ async def _page(request: Request) -> Response:
 class _WebSocketHandler:
     """Lets clients in and carries their messages."""
 
-    def __init__(self, finder: Viewfinder, tokens: Tokens) -> None:
+    def __init__(self, finder: Viewfinder, tokens: AccessTokens) -> None:
         self._finder, self._tokens = finder, tokens
         self._unauthenticated = 0
 
@@ -225,20 +335,17 @@ class ViewServer:
 
     Raises
     ------
-    InputError
-        What the server is made of is not installed.
     StateError
         It cannot listen there.
     """
 
     def __init__(self, finder: Viewfinder, host: str = "127.0.0.1", port: int = 0) -> None:
-        check_server()
         import uvicorn
 
         self._finder = finder
         self._socket = bound_socket(host, port)
         self.host, self.port = host, int(self._socket.getsockname()[1])
-        self.tokens = Tokens()
+        self.tokens = AccessTokens()
         config = uvicorn.Config(
             make_app(finder, self.tokens, host, self.port),
             http=_patient_protocol(),

@@ -1,114 +1,36 @@
-"""The scene before the viewfinder: its slots A and B, opened and closed with the device, and what is said to all."""
+"""The scene before the viewfinder: where it comes from, its slots A and B, its device, and the states that were."""
 
 from __future__ import annotations
 
+import base64
 import contextlib
-import itertools
 import json
 import math
 import re
 import shlex
 import threading
-import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from rptcam_cl.api.session import Change, Frame, RenderSession
-from rptcam_cl.core.colour import luminance
+from rptcam_cl.api.session import Change, RenderSession
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import FileState, file_state, named_files, plain
-from rptcam_cl.imaging.formats import RawImage
-from rptcam_cl.imaging.image import Image, with_picture_settings
-from rptcam_cl.scene.film import PictureSettings
 from rptcam_cl.scene.load import change_scene, load_scene, scene_text, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder import timeline
 from rptcam_cl.viewfinder.background import Background
-from rptcam_cl.viewfinder.dials import follow_light
-from rptcam_cl.viewfinder.instruments import as_model, film_reading
+from rptcam_cl.viewfinder.instruments import as_model
 from rptcam_cl.viewfinder.lens_panel import LensPanel
-from rptcam_cl.viewfinder.messages import Client, Codes, codes_of
-from rptcam_cl.viewfinder.panel import Clock, Dials, Panel, read_dials
+from rptcam_cl.viewfinder.messages import Client, encode, shrink
+from rptcam_cl.viewfinder.panel import Clock, Dials, read_dials
+from rptcam_cl.viewfinder.slot import Slot, with_changes
 from rptcam_cl.viewfinder.things import is_there
 from rptcam_cl.viewfinder.timeline import Recorder
-
-# How much to render at once: the scale of a glance and the samples of a take, from the speed measured.
-
-SCALES = (1.0, 0.5, 0.25, 0.125)
-GLANCE_S = 0.07  # a glance may take: with the way to the page, more than ten of them a second
-TAKE_S = 0.15  # samples of a resting picture may take at first; what the user does next ends them at once
-LONGEST_S = 3.0  # of a take
-SHOWN_SHARE = 0.08  # of the time of a take, that showing it may take
-GROWTH = 4  # a take has this part of the samples that are there, as fewer are hardly seen
-_HEADROOM = 0.6  # of the time that a larger scale may be foreseen to take before it is tried
-_NEWS = 0.5  # weight of the last measurement
-_MOST_SAMPLES = 4096  # of one take
-
-
-class Pace:
-    """Chooses the scale of glances and the samples of takes so that each keeps its time.
-
-    A glance takes a fixed time and one in proportion to its pixels; both are unknown, so that the smaller scales are
-    foreseen by the share of their pixels alone, which is never too little for a larger and never too much for a smaller
-    scale.
-    """
-
-    def __init__(self, glance_s: float = GLANCE_S, take_s: float = TAKE_S) -> None:
-        self._glance_s, self._take_s = glance_s, take_s
-        self._index = 1
-        self._measured = False
-        self._sample_s: float | None = None
-        self._show_s = 0.0
-
-    @property
-    def scale(self) -> float:
-        """Scale of the next glance."""
-        return SCALES[self._index]
-
-    def samples(self, done: int, of_wave: int = 1) -> int:
-        """Return the samples per pixel of the next take of a film that has some.
-
-        Where they come near to those of a wave, the take ends with one, as parts of waves cost more a sample.
-        """
-        if self._sample_s is None:
-            return 1
-        each = max(self._sample_s, 1e-6)
-        worth = max(self._take_s, self._show_s / SHOWN_SHARE) / each
-        most = int(max(LONGEST_S, self._take_s) / each)
-        count = max(1, min(_MOST_SAMPLES, int(max(worth, done / GROWTH)), most))
-        if 2 * count < of_wave:
-            return count
-        end = done + count
-        ends = (-(-end // of_wave) * of_wave, end // of_wave * of_wave)
-        return next((whole - done for whole in ends if 0 < whole - done <= most), count)
-
-    def note_show(self, seconds: float) -> None:
-        """Note what it took to show a picture at full scale."""
-        self._show_s = _NEWS * seconds + (1 - _NEWS) * self._show_s if self._show_s else seconds
-
-    def note_glance(self, scale: float, seconds: float) -> None:
-        """Note what a glance took; the scale goes down at once where it was too slow, and up where there is room."""
-        if scale != self.scale:
-            return
-        if seconds > self._glance_s and self._index < len(SCALES) - 1:
-            steps = 1 if seconds <= 4 * self._glance_s else 2
-            self._index = min(self._index + steps, len(SCALES) - 1)
-        elif self._index > 0 and seconds * 4 < _HEADROOM * self._glance_s:
-            self._index -= 1
-
-    def note_take(self, samples: int, seconds: float) -> None:
-        """Note what a take took."""
-        if samples > 0:
-            each = seconds / samples
-            self._sample_s = each if self._sample_s is None else _NEWS * each + (1 - _NEWS) * self._sample_s
-
 
 # The first picture of a scene, by hand where its camera finds no focus or no light by itself.
 
@@ -162,16 +84,6 @@ def _ways_by_hand(scene: Scene) -> list[dict[str, Any]]:
 # Where a scene comes from, and what the page has changed of it: as a scene, as YAML, as a command line.
 
 _PLACE = re.compile(r"^(?P<where>\S[^:\n]*:\d+:\d+): |^(?P<key>[A-Za-z_][\w.\[\]]*): ")
-
-
-def with_changes(changes: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, Any]:
-    """Add changed keys, in the order of their last change; those below a changed key are forgotten with it."""
-    merged = dict(changes)
-    for key, value in keys.items():
-        for old in [old for old in merged if old == key or old.startswith((f"{key}.", f"{key}["))]:
-            del merged[old]
-        merged[key] = value
-    return merged
 
 
 class Origin:
@@ -346,386 +258,6 @@ class Watch:
                 self._on_change()
 
 
-# One picture of the viewfinder: a render session, the dials of its camera, and how far it is.
-
-REST_S = 0.25  # after the last movement of what is held, before the picture is refined
-PAUSE = 2.0  # times what a take took, that the old picture leaves to the compilation of what comes after it
-POLL_S = 0.05  # between two looks whether the kernels of the film are there
-_SAME_FILM = ("none", "picture")  # kinds of change after which the film is as it was
-_FILMS = itertools.count(1)
-_GROWN = 1.25  # by how much the samples of a film grow before it is finished once more
-_BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that the dials read
-# Relative standard error of a pixel that is not seen any more: contrast of fine detail that a person just sees, about
-# 0.02 at 20 cycles per degree (Campbell and Robson, J. Physiol. 197, 1968).
-CLEAN = 0.02
-DARKEST = 0.01  # of white, below which a screen shows hardly any differences
-DENOISED_S = 5.0  # of a film whose picture has what comes last: that is added to the noisy one
-
-
-@dataclass(frozen=True)
-class Shown:
-    """A frame that was rendered, developed."""
-
-    number: int
-    frame: Frame
-    codes: Codes
-    moving: bool
-    stale: bool
-    answers: Mapping[int, int | None]  # by client: its last change that the frame shows
-    raw: RawImage | None = None  # what the sensor puts out for it, where there is one
-    lacks: tuple[str, ...] = ()  # what a saved picture has beyond it
-    clean: NDArray[np.float32] | None = None  # what was made of the frame's pixels to take their noise away
-
-    @property
-    def pixels(self) -> NDArray[np.float32]:
-        """Linear film as it is seen, (height, width, 3)."""
-        return self.frame.pixels if self.clean is None else self.clean
-
-
-@dataclass(frozen=True)
-class Finished:
-    """A film with what takes long: ghosts, diffraction, sensor. It is developed as a saved picture is."""
-
-    film: int  # as `Slot.film`
-    frame: Frame
-    image: Image
-    codes: Codes
-    raw: RawImage | None
-    picture: PictureSettings  # that it is developed by
-
-
-def visible_noise(pixels: NDArray[np.float32], clean: NDArray[np.float32]) -> float:
-    """Return the relative noise of most pixels of a film (height, width, 3) on a screen, where white has none.
-
-    Parameters
-    ----------
-    clean
-        The film without its noise.
-    """
-    seen, true = (np.minimum(luminance(each[::2, ::2], np.float32), 1.0) for each in (pixels, clean))
-    return float(1.4826 * np.median(np.abs(seen - true) / (true + DARKEST)))  # of a normal distribution
-
-
-class Slot:
-    """A picture, ``A`` or ``B``. Only the engine's thread uses it.
-
-    Parameters
-    ----------
-    name
-        ``A`` or ``B``.
-    session
-        What renders; the slot closes it.
-    changes
-        Those that lead from the scene file to the scene of the session.
-    dials
-        The state of the camera's body; read from the scene by default.
-    """
-
-    def __init__(
-        self, name: str, session: RenderSession, changes: Mapping[str, Any], dials: Dials | None = None
-    ) -> None:
-        self.name = name
-        self.session = session
-        self.changes = changes
-        self.dials = read_dials(session.scene) if dials is None else dials
-        self.pace = Pace()
-        self.shown: Shown | None = None
-        self.reading_cd_m2: float | None = None
-        self.messages: tuple[str, ...] = ()
-        self.follows_light = True  # dials that go by the light may change once for each change of the user's
-        self.wants_glance, self.wants_showing = True, False
-        self.compiling = False  # the last change waits for its kernels, and the picture is the one before
-        self.awaits_kernels = False  # of the film, while glances have theirs
-        self._moving_until = self._paused_until = 0.0
-        self.shown_changes = (changes, self.dials)  # those of the last picture
-        self._number = self._metered = 0
-        self._answers: Mapping[int, int | None] = {}
-        self._next_samples = 1
-        self._last: Frame | None = None  # of what is there now
-        self._stays_for = 0  # samples of a film that is begun anew, until which the picture before is shown
-        self.film = next(_FILMS)  # a number of the film's own
-        self.finished: Finished | None = None  # the last picture of this film that lacks nothing
-        self._reaches_noise = False  # the requested noise
-        self._unread = False  # whether the film has samples that no picture was made of
-        self.denoises = True
-        self._clean: tuple[Frame | None, NDArray[np.float32] | None] = None, None  # a frame, and what was made of it
-        self._film_begun = time.monotonic()
-        self._visible = 0.0, 0  # noise of the film that is seen, and its samples then
-
-    @property
-    def scene(self) -> Scene:
-        """As requested."""
-        return self.session.scene
-
-    @property
-    def resolved(self) -> Scene:
-        """In focus and exposed."""
-        return self.session.resolved
-
-    @property
-    def panel(self) -> Panel:
-        """The camera in use."""
-        return Panel(self.dials, self.scene, self.resolved, self.reading_cd_m2)
-
-    @property
-    def target_spp(self) -> int:
-        """Samples per pixel at which the picture is done."""
-        return self.scene.render.most_spp
-
-    def change(self, keys: Mapping[str, Any], *, transient: bool = False, dials: Dials | None = None) -> Change:
-        """Change the scene, at once or not at all.
-
-        Parameters
-        ----------
-        keys
-            Values by key path; None removes.
-        transient
-            Whether more will come at once, as from a control that is held.
-        dials
-            The camera's body afterwards; without it the scene says.
-
-        Raises
-        ------
-        InputError
-            A value is wrong; nothing is changed.
-        """
-        change = self.session.change(dict(keys), wait=False)
-        self.changes = with_changes(self.changes, keys)
-        if dials is not None:
-            self.dials = dials
-        elif any(part in _BODY for part in change.keys):
-            self.dials = read_dials(self.scene, self.dials)
-        self.note_change(transient, change)
-        return change
-
-    def note_change(self, transient: bool, change: Change) -> None:
-        """Note what a change came to: the picture is another from here on, or the film is developed in another way."""
-        self.follows_light = True
-        self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
-        self.compiling = self.session.is_waiting
-        is_shown = change.kind in _SAME_FILM and self.show_again()
-        if not is_shown and not self.compiling:
-            self._begin_anew()
-
-    def show_again(self) -> bool:
-        """Have the picture that is there shown anew; return whether there is one."""
-        self.wants_showing = self._last is not None and not self.wants_glance
-        return self.wants_showing
-
-    def arrive(self) -> bool:
-        """Show the change that has waited for its kernels, if they are there now; return whether they are."""
-        if not self.compiling and self.rests_in() <= 0 and not self.wants_glance and self.session.relieve():
-            shown = self._last
-            self._begin_anew()
-            if shown is not None and shown.scale == 1:  # which stays until there is one as good
-                self.wants_glance, self._last, self._stays_for = False, shown, min(shown.spp, self.target_spp)
-            return True
-        if not (self.compiling and self.session.ready):
-            return False
-        self.compiling, self.follows_light = False, True
-        self._begin_anew()
-        return True
-
-    def _begin_anew(self) -> None:
-        self.wants_glance, self._last, self._stays_for = True, None, 0
-        self.film, self.finished = next(_FILMS), None
-        self._reaches_noise = self._unread = False
-        self._next_samples = 1
-        self._film_begun, self._visible = time.monotonic(), (0.0, 0)
-
-    @property
-    def next_generation(self) -> int:
-        """The generation whose frames show the last change."""
-        return self.session.generation + self.compiling
-
-    def rests_in(self) -> float:
-        """Return the time until the picture is refined [s]; 0 where nothing moves."""
-        return max(0.0, self._moving_until - time.monotonic())
-
-    def refines_in(self) -> float:
-        """Return the time until more samples are taken [s]; longer while another program compiles."""
-        pause = self._paused_until - time.monotonic() if self.compiling or self.awaits_kernels else 0.0
-        return max(pause, self.rests_in())
-
-    @property
-    def is_done(self) -> bool:
-        """Whether there is nothing left to render."""
-        return not self.wants_glance and not self._unread and self._has_all
-
-    @property
-    def _has_all(self) -> bool:
-        return self._reaches_noise or self.session.spp >= self.target_spp
-
-    def glance(self) -> Frame:
-        """Return a first picture of what is there now, at the scale that keeps pace."""
-        scale = self.pace.scale
-        self.wants_glance = self.wants_showing = False
-        begun = time.perf_counter()
-        self._last = self.session.glance(scale)
-        self._denoised(self._last)
-        self.pace.note_glance(scale, time.perf_counter() - begun)
-        return self._last
-
-    def _denoised(self, frame: Frame) -> NDArray[np.float32] | None:
-        """Return a frame without its noise; None where it is shown as it is: clean, or while kernels compile."""
-        if self.denoises and not self._is_clean(frame):
-            if self._clean[0] is not frame or self._clean[1] is None:
-                self._clean = frame, self.session.denoised(frame)
-                if frame.scale == 1 and self._clean[1] is not None and frame.spp >= 2 * self._visible[1]:
-                    self._visible = visible_noise(frame.pixels, self._clean[1]), frame.spp
-            return self._clean[1]
-        self._clean = None, None
-        return None
-
-    def _is_clean(self, frame: Frame) -> bool:
-        """Whether a frame needs no denoising: it is done, its noise is not seen, or what comes last is to be seen."""
-        if frame.scale < 1 or frame.spp == 0:
-            return False
-        late = bool(self.comes_last) and time.monotonic() > self._film_begun + DENOISED_S
-        noise = self.visible_noise(frame)
-        return late or frame.spp >= self.target_spp or (noise is not None and noise <= CLEAN)
-
-    def visible_noise(self, frame: Frame) -> float | None:
-        """Return the noise of a frame of the film that is seen, by `visible_noise` at fewer samples."""
-        noise, spp = self._visible
-        return noise * math.sqrt(spp / frame.spp) if spp and frame.spp >= spp and frame.scale == 1 else None
-
-    def clean_at(self, frame: Frame) -> dict[str, float] | None:
-        """How many samples it takes until the noise is not seen, and how long from the film's beginning [s]."""
-        noise = self.visible_noise(frame)
-        if noise is None:
-            return None
-        share = max((noise / CLEAN) ** 2, 1.0)
-        seconds = share * (time.monotonic() - self._film_begun)
-        return {"noise": noise, "spp": share * frame.spp, "seconds": seconds}
-
-    def again(self) -> Frame:
-        """Return the picture that is there, to be developed anew."""
-        assert self._last is not None, "there is one where a change leaves the film"
-        self.wants_showing = False
-        return self._last if self.finished is None else self.finished.frame
-
-    def refine(self, is_wanted: Callable[[], bool]) -> Frame | None:
-        """Return the picture with more samples; None where it has none yet, was left within one, or is finished.
-
-        Parameters
-        ----------
-        is_wanted
-            Whether it is still wanted: otherwise the samples are left where they are, and nothing is made of them.
-        """
-        if not self._has_all:
-            self.awaits_kernels = not self.session.is_film_ready()
-            if self.awaits_kernels:
-                self._paused_until = time.monotonic() + POLL_S
-                return None
-            self._add(is_wanted)
-        self._unread = not is_wanted()
-        if self.session.spp == 0 or self._unread:
-            return None
-        frame = self.session.frame()
-        if frame.spp == 0:  # kernels that were waited for have come within this call: the film is another
-            return None
-        if frame.spp < self._stays_for and not self._reaches_noise:
-            return None
-        self._last = frame
-        return None if self.finished is not None else self._last
-
-    def _add(self, is_wanted: Callable[[], bool]) -> None:
-        before, begun = self.session.spp, time.monotonic()
-        wanted = self.pace.samples(before, self.session.samples_per_wave)
-        count = max(1, min(self._next_samples, wanted, self.target_spp - before))
-        complete = self.session.add(count, lambda: not is_wanted())
-        took = time.monotonic() - begun
-        self.pace.note_take(self.session.spp - before, took)
-        self._next_samples = 2 * count
-        self._paused_until = begun + (1 + PAUSE) * took
-        self._reaches_noise = complete and self.session.spp == before
-
-    def show(self, frame: Frame, moving: bool, answers: Mapping[int, int | None]) -> None:
-        """Develop a frame; what takes long it lacks, until `show_finished`."""
-        stale = self.compiling
-        if not stale:
-            self._answers = answers
-            self.shown_changes = (self.changes, self.dials)
-        finished, lacks, clean = self.finished, self.comes_last, None
-        if finished is not None and finished.frame is frame and self.scene.sensor is None:
-            image, lacks = with_picture_settings(finished.image, self.scene.picture), ()
-        else:
-            clean = self._denoised(frame)
-            image = self._plain_image(frame.pixels if clean is None else clean)
-        self._number += 1
-        self.shown = Shown(self._number, frame, codes_of(image), moving, stale, self._answers, None, lacks, clean)
-
-    @property
-    def comes_last(self) -> tuple[str, ...]:
-        """What of the picture takes so long that it is added at rest, off the thread of frames."""
-        described = self.session.metadata
-        has = {
-            "diffraction": described.get("diffraction", {}).get("on", False),
-            "ghosts": "ghosts" in described,
-            "sensor": self.scene.sensor is not None,
-        }
-        return tuple(name for name, is_there in has.items() if is_there)
-
-    @property
-    def wants_finishing(self) -> bool:
-        """Whether the picture at rest lacks what comes last, and is to have it now."""
-        last, done = self._last, self.finished
-        if not self.comes_last or self.compiling or self.wants_glance or self.wants_showing or self.rests_in() > 0:
-            return False
-        if last is None or last.scale < 1 or not last.complete or last.spp == 0 or last.spp != self.session.spp:
-            return False
-        if not self.session.is_whole:  # what is left of a sample may take long
-            return False
-        if self.shown is not None and self.shown.clean is not None:  # which looks better for now
-            return False
-        if done is None or done.picture != self.scene.picture:
-            return True
-        return last.spp >= _GROWN * done.frame.spp or (self.is_done and last.spp > done.frame.spp)
-
-    def picture_later(self) -> Callable[[], Finished]:
-        """Read the film; return what finishes its picture, in any thread."""
-        film, frame, done, picture = self.film, self._last, self.finished, self.scene.picture
-        assert frame is not None, "as `wants_finishing` says"
-        later = self.session.image_later() if done is None or done.frame is not frame else lambda: done.image
-
-        def finish() -> Finished:
-            image = with_picture_settings(later(), picture)
-            return Finished(film, frame, image, codes_of(image), image.raw() if image.has_sensor else None, picture)
-
-        return finish
-
-    def show_finished(self, finished: Finished) -> None:
-        """Show a finished picture, unless there is another film by now."""
-        if finished.film == self.film and not self.wants_glance:
-            self.finished = finished
-            self._number += 1
-            self.shown = Shown(
-                self._number, finished.frame, finished.codes, False, self.compiling, self._answers, finished.raw
-            )
-
-    def follow(self) -> None:
-        """Meter what is shown, once it is on its way; dials that follow the light follow it."""
-        shown = self.shown
-        if shown is None or shown.stale or shown.number == self._metered:
-            return
-        self._metered = shown.number
-        self.reading_cd_m2 = film_reading(shown.frame.pixels, self.resolved, self.dials.meter)
-        if self.follows_light:
-            turned = follow_light(self.panel)
-            if turned.changes:
-                self.change(turned.changes, dials=turned.dials, transient=shown.moving)
-            self.dials, self.follows_light = turned.dials, False
-
-    def _plain_image(self, pixels: NDArray[np.float32]) -> Image:
-        metadata = {"spectrum": self.session.metadata.get("spectrum", "rgb")}
-        return with_picture_settings(Image(pixels, metadata), self.scene.picture)
-
-    def close(self) -> None:
-        """Free the device."""
-        self.session.close()
-
-
 NO_COMPARISON: dict[str, Any] = {"mode": "off", "model": None, "changes": {}, "difference": False}
 
 
@@ -741,7 +273,7 @@ class Studio:
     clients
         Returns those that are connected.
     background
-        Whose jobs end when the device is let go of.
+        Whose tasks end when the device is let go of.
     """
 
     def __init__(
@@ -1032,3 +564,196 @@ def _apply(slot: Slot, keys: Mapping[str, Any]) -> list[str]:
 def _touches(key: str, others: Iterable[str]) -> bool:
     """Whether a key path lies on the way to one of others, or below it."""
     return any(key == other or key.startswith(f"{other}.") or other.startswith(f"{key}.") for other in others)
+
+
+# The states that were, to go back to: undo, redo, snapshots.
+
+MOST_STATES = 60
+MOST_SNAPSHOTS = 12
+THUMB = (128, 72)  # pixels, at most
+
+
+@dataclass(eq=False)
+class Past:
+    """A state that was.
+
+    Attributes
+    ----------
+    number : int
+    label : str
+        What led to it.
+    scene, changes, dials, compare
+        As of the slot A and the studio then.
+    thumb : str or None
+        Its picture, a JPEG in base64.
+    thumb_scale : float
+        Share of the full resolution that was made of.
+    """
+
+    number: int
+    label: str
+    scene: Scene
+    changes: Mapping[str, Any]
+    dials: Dials
+    compare: Mapping[str, Any]
+    thumb: str | None = None
+    thumb_scale: float = 0.0
+
+    def is_now(self, studio: Studio, slot: Slot) -> bool:
+        """Whether it is what is shown."""
+        return (self.changes, self.dials, self.compare) == (slot.changes, slot.dials, studio.compare)
+
+
+class History:
+    """The states of the slot A, in order, and the snapshots among them. Only the engine's thread uses it.
+
+    Parameters
+    ----------
+    studio
+        Whose states they are.
+    """
+
+    def __init__(self, studio: Studio) -> None:
+        self._studio = studio
+        self._states: list[Past] = []
+        self._at = -1
+        self.snapshots: list[Past] = []
+        self._number = 0
+        self.version = 0  # counts what clients have to hear
+
+    def clear(self) -> None:
+        """Forget the states: the file is another. Snapshots stay."""
+        self._states, self._at = [], -1
+
+    def note(self, *, acted: bool) -> bool:
+        """Note the state that is shown, where it is another; return whether a hand has led to it.
+
+        Parameters
+        ----------
+        acted
+            Whether somebody did something since the last time; otherwise the camera has followed the light by itself.
+        """
+        slot, studio = self._studio.a, self._studio
+        if slot is None or slot.rests_in() > 0:
+            return False
+        here = self._states[self._at] if self._states else None
+        if here is not None and here.is_now(studio, slot):
+            self._picture(here, slot)
+            return False
+        label = "as in the file" if here is None else _label(here, slot, studio)
+        self.version += 1
+        if here is not None and not acted:
+            here.changes, here.dials, here.scene, here.compare = slot.changes, slot.dials, slot.scene, studio.compare
+            return False
+        self._number += 1
+        past = Past(self._number, label, slot.scene, slot.changes, slot.dials, studio.compare)
+        self._states = [*self._states[: self._at + 1], past][-MOST_STATES:]
+        self._at = len(self._states) - 1
+        return True
+
+    def _picture(self, here: Past, slot: Slot) -> None:
+        shown = slot.shown
+        if shown is None or shown.stale or shown.frame.scale <= here.thumb_scale:
+            return
+        if shown.frame.generation == slot.session.generation:
+            here.thumb = base64.b64encode(encode(shrink(shown.codes[..., :3], *THUMB), "jpeg", 70)).decode()
+            here.thumb_scale = shown.frame.scale
+            self.version += 1
+
+    def step(self, by: int) -> None:
+        """Go back or forward so many states.
+
+        Raises
+        ------
+        InputError
+            There are none.
+        """
+        if not 0 <= self._at + by < len(self._states):
+            raise InputError(f"history: there is nothing to {'undo' if by < 0 else 'do again'}")
+        self._go(self._states[self._at + by])
+        self._at += by
+
+    def go(self, number: int) -> None:
+        """Go to a state or a snapshot; a snapshot becomes the newest state.
+
+        Raises
+        ------
+        InputError
+            There is none of the number, or it cannot be shown any more.
+        """
+        past = self._find(number)
+        self._go(past)
+        if past in self._states:
+            self._at = self._states.index(past)
+        self.version += 1
+
+    def snap(self) -> None:
+        """Keep the state that is shown."""
+        here = self._states[self._at] if self._states else None
+        if here is not None and here not in self.snapshots:
+            self.snapshots = [*self.snapshots, here][-MOST_SNAPSHOTS:]
+            self.version += 1
+
+    def drop(self, number: int) -> None:
+        """Keep a snapshot no longer."""
+        self.snapshots = [each for each in self.snapshots if each.number != number]
+        self.version += 1
+
+    def compare(self, number: int) -> None:
+        """Show a state as B, under a wipe.
+
+        Raises
+        ------
+        InputError
+            There is none of the number, or it cannot be shown any more.
+        """
+        slot = self._studio.slot("A")
+        keys = changes_between(slot.scene, self._find(number).scene)
+        self._studio.set_compare({"mode": "wipe", "model": None, "changes": keys, "difference": False})
+
+    def _find(self, number: int) -> Past:
+        for each in (*self._states, *self.snapshots):
+            if each.number == number:
+                return each
+        raise InputError(f"history: there is no state {number}")
+
+    def _go(self, past: Past) -> None:
+        studio = self._studio
+        slot = studio.slot("A")
+        keys = changes_between(slot.scene, past.scene)
+        if keys:
+            studio.change("A", keys, dials=past.dials)
+        slot.changes, slot.dials = past.changes, past.dials
+        if studio.compare != past.compare:
+            studio.set_compare(past.compare)
+        slot.follows_light = False
+        self.version += 1
+
+    def message(self) -> dict[str, Any]:
+        """What clients hear of it."""
+        return {
+            "type": "history",
+            "states": [{"number": each.number, "label": each.label} for each in self._states],
+            "at": self._states[self._at].number if self._states else None,
+            "snapshots": [{"number": each.number, "label": each.label} for each in self.snapshots],
+        }
+
+    def thumbs(self) -> dict[int, str]:
+        """The pictures of states and snapshots, by number."""
+        return {each.number: each.thumb for each in (*self._states, *self.snapshots) if each.thumb is not None}
+
+
+def _label(before: Past, slot: Slot, studio: Studio) -> str:
+    """What leads from a state to the one that is shown, in words."""
+    keys = [key for key in {**before.changes, **slot.changes} if before.changes.get(key) != slot.changes.get(key)]
+    names = list(dict.fromkeys(key.split(".")[-1].replace("_", " ") for key in keys))
+    if {"eye", "target", "up"} & set(names):
+        names = ["camera", *(name for name in names if name not in ("eye", "target", "up"))]
+    if len(names) > 1:  # keys beside what they are of, and the frame
+        names = [name for name in names if name not in ("sequence", "open s", "motion")] or ["keys"]
+    names = ["keys" if name in ("sequence", "motion") else "frame" if name == "open s" else name for name in names]
+    if studio.compare != before.compare:
+        names.append("comparison")
+    if not names:
+        names = ["exposure mode"]
+    return ", ".join(names[:3])

@@ -18,7 +18,7 @@ from rptcam_cl.scene.load import key_path
 from rptcam_cl.scene.materials import Emissive, Principled
 from rptcam_cl.scene.scene import STRENGTHS, Scene
 from rptcam_cl.viewfinder.moves import Viewpoint
-from rptcam_cl.viewfinder.panel import Panel, Turned, number, word
+from rptcam_cl.viewfinder.panel import Panel, Turn, number, word
 
 # A thing is named by its key path in the scene: objects.3, lights.0, materials.candle, environment.
 
@@ -89,7 +89,7 @@ def fields_of(panel: Panel, thing: str) -> list[Field]:
     return [*_emission(panel, thing), *_numbers(thing, lamp), *_position_key(scene, thing, lamp)]
 
 
-def turn_thing(panel: Panel, thing: str | None, name: str, value: Any) -> Turned:
+def turn_thing(panel: Panel, thing: str | None, name: str, value: Any) -> Turn:
     """Turn a dial of the thing that is selected.
 
     Raises
@@ -107,11 +107,11 @@ def turn_thing(panel: Panel, thing: str | None, name: str, value: Any) -> Turned
         return panel.same(f"{dial.label}: {dial.why_not}")
     if dial.kind == "choice":
         wanted = word(name, value, tuple(each["value"] for each in dial.limits["choices"]))
-        return Turned(panel.dials, dial.changes(wanted))
+        return Turn(panel.dials, dial.changes(wanted))
     low, high = dial.limits["min"], dial.limits["max"]
     reached = min(max(number(name, value), low), high)
     messages = () if reached == value else (f"{dial.label} goes from {low:.3g} to {high:.3g}",)
-    return Turned(panel.dials, dial.changes(reached), messages)
+    return Turn(panel.dials, dial.changes(reached), messages)
 
 
 # What a hand brings to the scene. Lengths are in distances from the camera to what it is focused on.
@@ -352,7 +352,7 @@ def _lamps(scene: Scene, dark: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "environment", "surroundings"
 
 
-def switch_lamp(panel: Panel, thing: str, mute: bool | None, solo: bool | None) -> Turned:
+def switch_lamp(panel: Panel, thing: str, mute: bool | None, solo: bool | None) -> Turn:
     """Mute a lamp or have it shine alone, or end that; what is dark has its strength back when it is lit again.
 
     Raises
@@ -378,7 +378,7 @@ def switch_lamp(panel: Panel, thing: str, mute: bool | None, solo: bool | None) 
                 changes[f"{name}.{key}"] = 0.0 if isinstance(value, float) else [0.0, 0.0, 0.0]
         elif own and not wanted_dark:
             changes |= {path: dark.pop(path) for path in own}
-    return Turned(replace(dials, dark=dark, mute=muted, solo=alone), changes)
+    return Turn(replace(dials, dark=dark, mute=muted, solo=alone), changes)
 
 
 def _switched(names: frozenset[str], name: str, on: bool | None) -> frozenset[str]:

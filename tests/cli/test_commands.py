@@ -102,7 +102,7 @@ def test_machine_without_opencl_platforms_gets_the_remedy(tmp_path: Path) -> Non
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(("words", "name"), [([], "scene"), (["--lens"], "lens")])
+@pytest.mark.parametrize(("words", "name"), [pytest.param([], "scene", marks=pytest.mark.slow), (["--lens"], "lens")])
 def test_schema_is_the_published_one(rptcam: Command, checkout: Path, words: list[str], name: str) -> None:
     run = rptcam("schema", *words)
     assert run.code == 0

@@ -52,7 +52,7 @@ def test_command_runs_as_a_module() -> None:
 
 
 def test_interrupt_at_any_moment_of_the_start_shows_no_traceback() -> None:
-    for delay in (0.02, 0.05, 0.1, 0.2, 0.3, 0.5):
+    for delay in (0.03, 0.1, 0.3):
         process = subprocess.Popen(
             [sys.executable, "-m", "rptcam_cl", "lens", "list"], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
             text=True,
@@ -117,7 +117,7 @@ def in_shell(line: str, folder: Path) -> subprocess.CompletedProcess[bytes]:
 
 @pytest.mark.parametrize(
     "streams",
-    ["<&- >&- 2>&-", "2>/dev/full", *(pytest.param(one, marks=pytest.mark.slow) for one in ("2>&-", "2> >(true)"))],
+    ["<&- >&- 2>&-", *(pytest.param(one, marks=pytest.mark.slow) for one in ("2>/dev/full", "2>&-", "2> >(true)"))],
 )
 def test_closed_streams_hold_no_picture_up_and_nothing_is_written_into_it(streams: str, tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(SCENE, "utf-8")

@@ -248,6 +248,7 @@ def test_words_of_lens_commands_lie_in_their_ranges(read, values, refused):
             read(word)
 
 
+@pytest.mark.slow
 def test_ghosts_are_printed_from_the_brightest_with_their_sums(rptcam: Command) -> None:
     words = ("lens", "ghosts", "dgauss-50mm", "--source", "5", "--coating", "bare")
     (part,) = json.loads(rptcam(*words, "--json").out)["ghosts"]

@@ -7,6 +7,7 @@ from PIL import Image, ImageDraw
 from rptcam_cl.rendering.cameras.ideal import stop_shape
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays
+from tests.support.cases import fast
 from tests.support.statistics import chi_squared
 
 RADIUS = 0.25
@@ -67,7 +68,7 @@ def test_points_are_even_over_the_shape(name, lanes, session, folder):
     assert chi_squared(counts(0.98 * x, 0.98 * y)[inside], expected[inside]) < 1e-9
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", fast(["blades", "picture"], SHAPES))
 def test_points_are_as_evenly_spread_as_the_numbers(name, session, folder):
     unevenness = {}
     for sampler in ("independent", "lattice"):

@@ -108,8 +108,16 @@ def test_weight_of_a_sample_is_value_over_density(session, name):
 
 
 # Least albedo of each material: what single scattering and the fits of covers lose at most at these angles.
-LEAST = {"matte": 1 - 1e-6, "plastic": 0.999, "rough plastic": 0.96, "principled": 0.95, "cloth": 0.87, "fine cloth": 0,
-         "white hair": 0.999, "black hair": 0.03}
+LEAST = {
+    "matte": 1 - 1e-6,
+    "plastic": 0.999,
+    "rough plastic": 0.96,
+    "principled": 0.95,
+    "cloth": 0.87,
+    "fine cloth": 0,
+    "white hair": 0.999,
+    "black hair": 0.03,
+}
 
 
 FIT = 1.0032  # of the share that facets scatter once, by which more may come back

@@ -107,6 +107,7 @@ def test_brushed_metal_gives_back_all_light_from_every_side(session):
         assert furnace.min() >= 0.995 and furnace.max() <= 1.001, (alphas, furnace.min(), furnace.max())
 
 
+@pytest.mark.slow
 def test_glass_brushed_or_of_textured_roughness_passes_on_all_light(session):
     rng = np.random.default_rng(5)
     frosted = {"kind": "dielectric", "alpha": [0.1, 0.6]}

@@ -101,6 +101,7 @@ def test_driver_that_ends_it_is_told(tmp_path: Path) -> None:
     assert "LLVM is angry" in found["problem"]
 
 
+@pytest.mark.slow
 def test_driver_that_hangs_is_tried_again_in_a_process_that_is_started(tmp_path: Path) -> None:
     found, started, *_ = tried(tmp_path / "twice", HANG)
     assert found["problem"] is None and started == 1
@@ -108,6 +109,7 @@ def test_driver_that_hangs_is_tried_again_in_a_process_that_is_started(tmp_path:
     assert "did not build a trivial kernel" in found["problem"] and started == 0
 
 
+@pytest.mark.slow
 def test_one_that_has_waited_too_long_is_not_missed(tmp_path: Path) -> None:
     found, started, *_ = tried(tmp_path, GONE)
     assert found["problem"] is None and started == 1
@@ -134,13 +136,14 @@ os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
 """
 
 
-@pytest.mark.parametrize("end", [KILLED, "devices.end_trials()"])
+@pytest.mark.parametrize("end", [KILLED, pytest.param("devices.end_trials()", marks=pytest.mark.slow)])
 def test_programs_are_built_here_where_it_has_ended(tmp_path: Path, end: str) -> None:
     more = BUILD.format(before=end, apart="devices.builds_apart(handle)")
     before, apart, here = ran(tmp_path, TRIAL.format(change="", more=more))[0]
     assert (apart, here) == (before, before + 1)
 
 
+@pytest.mark.slow
 def test_it_builds_nothing_for_a_device_that_it_has_not_tried(tmp_path: Path) -> None:
     more = BUILD.format(before="devices._tried_there.clear()", apart=False)
     before, apart, here = ran(tmp_path, TRIAL.format(change="", more=more))[0]

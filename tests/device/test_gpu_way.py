@@ -22,6 +22,9 @@ MATTE = {"kind": "matte", "reflectance": [0.7, 0.5, 0.3]}
 SHEET = {"shape": "mesh", "mesh": "sheet", "material": MATTE}
 
 
+DISPERSING = {"camera": LENS | {"transmission": {"coating": "mgf2"}}, "spectrum": "dispersive"}
+
+
 def few(**keys):
     """A floor, a ball of glass and a lamp."""
     scene = still_life()
@@ -47,22 +50,23 @@ def moving():
     return scene | {"camera": scene["camera"] | {"motion": seen}, "shutter": {"time_s": 1}}
 
 
-def meshes_shapes_and_motion():
-    """All of these at once: a tree over shapes, instances of meshes, and what moves: a mesh, a shape and the camera."""
+def everything():
+    """All at once: a tree over shapes, instances of meshes, what moves (a mesh, a shape, the camera), and the lens."""
     scene, other = moving(), meshes()
     one, two = other["objects"][3:]
     two |= {"motion": [{"time_s": 0}, {"time_s": 1, "rotate": {"axis": [0, 1, 0], "degrees": 20}}]}
-    return scene | {"objects": [*scene["objects"], *crowd()["objects"][3:], one, two], "meshes": other["meshes"]}
+    scene |= {"objects": [*scene["objects"], *crowd()["objects"][3:], one, two], "meshes": other["meshes"]}
+    return scene | DISPERSING | {"camera": DISPERSING["camera"] | {"motion": scene["camera"]["motion"]}}
 
 
 KINDS = {
-    "a lens that disperses": lambda: few(camera=LENS | {"transmission": {"coating": "mgf2"}}, spectrum="dispersive"),
+    "a lens that disperses": lambda: few(**DISPERSING),
     "a lens in float64": lambda: few(camera=LENS | {"precision": "double"}),
     "instances of a mesh": meshes,
     "a tree over shapes": crowd,
     "motion": moving,
     "spectra": lambda: few(spectrum="spectral"),
-    "meshes, shapes and motion": meshes_shapes_and_motion,
+    "everything": everything,
 }
 
 
@@ -71,13 +75,11 @@ def taken(kind, session):
     return np.asarray(image).astype(np.float64)
 
 
-# The first has tests of its own way through the lens; wavelengths are carried as behind a lens that disperses. What the
-# others have is in the last.
-SLOW = ("a lens in float64", "spectra", "instances of a mesh", "a tree over shapes", "motion")
-# all shapes, lamps and textures are in test_widths.py
+# A lens in float64 has tests of its own way through it; all shapes, lamps and textures are in test_widths.py.
+FAST = "everything"
 
 
-@pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind in SLOW)) for kind in KINDS])
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind != FAST)) for kind in KINDS])
 def test_passes_of_single_lanes_make_the_picture_of_the_stream(kind, monkeypatch):
     stream = taken(kind, open_session())
     monkeypatch.setattr(Session, "kind", "gpu")
@@ -167,8 +169,7 @@ def test_numerics_hold_with_the_division_of_gpus(as_gpus_compute):
 @pytest.mark.parametrize("entries", [0, 1])
 def test_rays_whose_short_stack_is_shorter_meet_the_same(entries, monkeypatch):
     monkeypatch.setenv("RPTCAM_ORGANISATION", "passes")
-    kind = "meshes, shapes and motion"
-    five = taken(kind, Session(choose_device(None)))
+    five = taken(FAST, Session(choose_device(None)))
     exact = session.assemble
     seen = []
 
@@ -178,5 +179,5 @@ def test_rays_whose_short_stack_is_shorter_meet_the_same(entries, monkeypatch):
         return exact(files, facts | fewer, *given, library_arch=library_arch)
 
     monkeypatch.setattr(session, "assemble", shorter)
-    np.testing.assert_array_equal(taken(kind, Session(choose_device(None))), five)
+    np.testing.assert_array_equal(taken(FAST, Session(choose_device(None))), five)
     assert 1 in seen

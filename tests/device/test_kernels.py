@@ -81,6 +81,7 @@ GLASS = {"LENS_SPLITS": 1}
 PHOTONS = {"CAUSTICS": 1}
 GHOSTS = {"GHOST_PATCHES": 1, "GHOST_PENCILS": 1}
 MEDIA = {"HAS_MEDIA": 1, "HAS_BOUNDARY": 1}
+GROUPS = {"LIGHT_GROUPS": 3}
 READ = {"RAYS_FILE": "integrator/read_rays.h"}  # by the stream, or made there
 KEPT = {"RAYS_FILE": "integrator/kept_rays.h", "CAMERA_HAS_LENS": 1, "SAMPLER_LATTICE": 1}
 MADE = {"RAYS_FILE": "integrator/made_rays.h", "CAMERA_FILE": "camera/thin_lens.h", "APERTURE_PARTS": 9, "FILTER": 1024}
@@ -152,9 +153,11 @@ def test_scene_with_everything_turns_every_fact_on():
     # one emitter is not many, few primitives are not either, the world is of one kind, photons do not move, and media
     # have no solids with holes
     off = {name for name, value in all_facts().items() if not value}
-    assert off == {"ONE_EMITTER", "LENS_SPLITS", "FEW_PRIMITIVES", *PHOTONS, *MEDIA}
+    assert off == {"ONE_EMITTER", "LENS_SPLITS", "FEW_PRIMITIVES", *PHOTONS, *MEDIA, *GROUPS}
 
 
+# What widths differ in is the same few macros in every pass: the fast tests have each pass at one of them.
+ONE_LANE_TOO = [pytest.param(1, marks=pytest.mark.slow), 8]
 LENS_PASSES = ("pass/generate.cl", "pass/trace_rays.cl", "pass/aim_rays.cl", "pass/trace_lens.cl")
 SCENE_PASSES = [name for name in PASSES if name not in (*LENS_PASSES, "pass/denoise.cl", "pass/travel.cl")]
 MEDIA_PASSES = [
@@ -167,27 +170,28 @@ MEDIA_PASSES = [
 ]
 
 
-@pytest.mark.parametrize("short", [0, 1])
+@pytest.mark.parametrize("short", [pytest.param(0, marks=pytest.mark.slow), 1])
 @pytest.mark.parametrize("file", ["pass/intersect.cl", "pass/shade.cl"])
 def test_meshes_compile_for_trees_of_four(session, file, short):
     of_four = {"BVH_WIDTH": 4, "LEAF_WIDTH": 4, "BVH_STACK": 32, "SHORT_STACK": short}
     without_warnings(session, [file], all_facts() | of_four | {"VW": 1})
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", ONE_LANE_TOO)
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_everything_compiles_alone_without_a_warning(session, file, lanes):
     facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | GLASS | MADE | PHOTONS | GHOSTS | {"VW": lanes}
     without_warnings(session, [file], facts)
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", ONE_LANE_TOO)
 @pytest.mark.parametrize("file", MEDIA_PASSES)
 def test_pass_with_media_and_everything_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], all_facts() | TREES | layer_facts(LAYER_NAMES) | MADE | MEDIA | {"VW": lanes})
+    facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | MADE | MEDIA | GROUPS | {"VW": lanes}
+    without_warnings(session, [file], facts)
 
 
-@pytest.mark.parametrize("bounded", [0, 1])
+@pytest.mark.parametrize("bounded", [0, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("file", ["pass/travel.cl", "pass/shadow.cl", "pass/stream.cl"])
 def test_pass_with_media_alone_compiles_without_a_warning(session, file, bounded):
     without_warnings(session, [file], least_facts() | READ | MEDIA | {"HAS_BOUNDARY": bounded, "VW": 8})
@@ -212,13 +216,13 @@ def test_pass_compiles_for_red_green_and_blue_of_one_wavelength(session, file):
     without_warnings(session, [file], facts)
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", [1, pytest.param(8, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("file", [name for name in SCENE_PASSES if name != "pass/photons.cl"])
 def test_pass_with_the_least_compiles_alone_without_a_warning(session, file, lanes):
     without_warnings(session, [file], least_facts() | layer_facts(["coverage"]) | READ | {"VW": lanes})
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", ONE_LANE_TOO)
 @pytest.mark.parametrize("file", ["pass/photons.cl", "pass/shade.cl", "pass/stream.cl"])
 def test_least_that_has_photons_compiles_alone_without_a_warning(session, file, lanes):
     shine = {"shape": "sphere", "center": [0, 0, 1], "radius": 0.5}
@@ -234,7 +238,7 @@ def test_stream_makes_the_rays_of_a_camera_without_surfaces(session, camera):
     without_warnings(session, ["pass/stream.cl"], least_facts() | MADE | {"CAMERA_FILE": f"camera/{camera}.h", "VW": 8})
 
 
-@pytest.mark.parametrize("scene", [least_facts, all_facts])
+@pytest.mark.parametrize("scene", [pytest.param(least_facts, marks=pytest.mark.slow), all_facts])
 @pytest.mark.parametrize(("camera", "lanes", "packets"), [("realistic", 16, 2), ("realistic", 1, 1), ("fitted", 8, 1)])
 def test_stream_takes_the_rays_of_its_pixels_through_a_lens_first(session, scene, camera, lanes, packets):
     facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_PACKETS": packets, "VW": lanes}
@@ -246,7 +250,7 @@ def test_stream_takes_the_rays_of_its_pixels_through_a_lens_first(session, scene
     without_warnings(session, ["pass/stream.cl"], scene() | KEPT | facts)
 
 
-@pytest.mark.parametrize("lanes", [1, 8, 16])
+@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, pytest.param(16, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("stream", [0, 1])
 def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream):
@@ -267,13 +271,13 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
         without_warnings(session, ["pass/generate.cl"], facts)
 
 
-@pytest.mark.parametrize("lanes", [1, 8, 16])
+@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, pytest.param(16, marks=pytest.mark.slow)])
 def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes})
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes, **dict.fromkeys(LOSSES, 1)})
 
 
-@pytest.mark.parametrize("lanes", [1, 8, 16])
+@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, pytest.param(16, marks=pytest.mark.slow)])
 def test_passes_about_a_lens_in_float64_compile_alone_without_a_warning(session, lanes):
     for rest in (0, 1):
         facts = {"CAMERA_FILE": "camera/realistic.h", "CAMERA_HAS_LENS": 1, "CAMERA_PACKETS": 1, "LENS_FLOAT64": 1}
@@ -290,7 +294,7 @@ def test_passes_about_a_lens_in_float64_compile_alone_without_a_warning(session,
         without_warnings(session, ["pass/trace_lens.cl"], facts | {"VW": min(lanes, 8), "DOUBLE": 1})
 
 
-@pytest.mark.parametrize("lanes", [1, 8, 16])
+@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, pytest.param(16, marks=pytest.mark.slow)])
 def test_steps_of_denoising_compile_alone_without_a_warning(session, lanes):
     for step in ("FIRST", "TINTED", "LAST"):
         facts = dict.fromkeys(("FIRST", "TINTED", "LAST"), 0) | {step: 1, "VW": lanes}

@@ -37,6 +37,7 @@ def test_llvmpipe_gets_work_like_a_gpu(limited):
     assert limited.info.type == "cpu"
 
 
+@pytest.mark.slow
 def test_waves_are_short_enough_for_the_loops_and_the_picture_has_the_same_bits(limited, monkeypatch):
     scene = load_scene(cavity(1.0, depth=3) | {"film": {"resolution": [16, 8]}, "render": {"spp": 40, "max_depth": 3}})
     plan = make_plan(scene)

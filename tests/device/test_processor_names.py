@@ -25,6 +25,8 @@ _point(place, "generic")
 trial = try_here(info.handle)
 assert trial.problem is None, trial
 assert trial.renamed == ("generic", processor_name(place)), trial
+"""
+RENDER = """
 import rptcam_cl
 from rptcam_cl.device import devices, session
 for module in (devices, session):
@@ -39,11 +41,12 @@ def on_pocl():
     return is_pocl(open_session().info.handle)
 
 
-def test_unknown_processor_is_renamed_and_kernels_build(tmp_path):
+@pytest.mark.parametrize("more", ["", pytest.param(RENDER, marks=pytest.mark.slow)], ids=["trial", "picture"])
+def test_unknown_processor_is_renamed_and_kernels_build(tmp_path, more):
     if not on_pocl():
         pytest.skip("the device is not PoCL's")
     environment = os.environ | {"POCL_CACHE_DIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run([sys.executable, "-c", UNKNOWN], env=environment, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", UNKNOWN + more], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stderr in ("", "1 error generated.\n")  # of PoCL's compiler, in this very process
 

@@ -11,8 +11,10 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.usd import Polygons, convert_stage
+from rptcam_cl.exchange.mesh_data import PolygonMesh
+from rptcam_cl.exchange.usd import convert_stage
 from rptcam_cl.scene.load import load_scene
+from tests.support.cases import slow
 
 pytest.importorskip("pxr")
 
@@ -115,10 +117,10 @@ def test_meshes_have_the_materials_of_their_faces(tmp_path: Path, hand: str) -> 
         np.testing.assert_allclose(part.mesh.uvs[part.mesh.faces][..., 0], points[..., 0] - low, atol=1e-6)
 
 
-def cube() -> Polygons:
+def cube() -> PolygonMesh:
     points = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1.0)])
     faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    return Polygons(points, np.full(6, 4), np.array(faces).ravel())
+    return PolygonMesh(points, np.full(6, 4), np.array(faces).ravel())
 
 
 def test_a_subdivided_cube_has_the_points_of_catmull_and_clark() -> None:
@@ -187,7 +189,7 @@ def test_a_subdivided_sheet_stays_a_sheet() -> None:
     corner = (np.arange(3)[:, None] * 5 + np.arange(4)).ravel()
     corners = np.stack([corner, corner + 1, corner + 6, corner + 5], axis=1).ravel()
     points = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
-    sheet = Polygons(points, np.full(12, 4), corners, uvs=points[corners][:, :2])
+    sheet = PolygonMesh(points, np.full(12, 4), corners, uvs=points[corners][:, :2])
     twice = sheet.subdivided().subdivided()
     mesh = twice.triangles()
     np.testing.assert_allclose(mesh.areas().sum(), 12, rtol=0.02)  # corners stay, borders are straight
@@ -269,7 +271,7 @@ def test_what_is_no_stage_is_refused(tmp_path: Path) -> None:
         convert_stage(tmp_path / "in.usda", tmp_path / "out.yaml")
 
 
-@pytest.mark.parametrize("name", ["a.usda", "a.pbrt", "a.obj"])
+@pytest.mark.parametrize("name", ["a.usda", *map(slow, ("a.pbrt", "a.obj"))])
 def test_foreign_scenes_are_rendered_directly(tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     texts = {
         "a.usda": HEAD + STATEMENT.sub("\n", BALL),

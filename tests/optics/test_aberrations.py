@@ -5,7 +5,7 @@ import pytest
 
 from rptcam_cl import load_lens
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import aberrations, field_measures, image_quality
+from rptcam_cl.optics import aberrations, field_measures, image_quality, ray_trace
 from tests.optics.truth import truth
 
 NM, F, C = 587.5618, 486.1327, 656.2725
@@ -63,7 +63,7 @@ def test_seidel_sums_are_the_limit_of_real_rays(name):
     assert curves["tangential_mm"] == pytest.approx(-tangential, abs=2e-3 * scale / slope**2)
     height = 0.02 * lens.first_order().entrance_pupil.diameter_mm / 2
     ray = lens.trace([[0, height, 0]], [[0, 0, 1]], NM, "scene")
-    falls_um = 1e3 * image_quality.at_plane(ray.origins, ray.directions, use.film_z)[0, 1]
+    falls_um = 1e3 * ray_trace.at_plane(ray.origins, ray.directions, use.film_z)[0, 1]
     transverse = lens.seidel(1.0, unit="transverse").rows[-1]
     assert falls_um / 0.02**3 == pytest.approx(transverse["spherical"], rel=5e-3)
     off_mm = field_measures.distortion_table(use, [1.0], [NM], "tan")[0]["distortion_mm"]
@@ -162,7 +162,7 @@ def fit_of_fan(setting, degrees):
     steps = np.linspace(-1, 1, 9)
     points = np.column_stack([np.zeros(9), middle + height * steps])
     rays = setting.lens.trace(*aberrations.Beam(degrees).rays(points), NM, "scene")
-    y = image_quality.at_plane(rays.origins, rays.directions, setting.film_z)[:, 1]
+    y = ray_trace.at_plane(rays.origins, rays.directions, setting.film_z)[:, 1]
     factors = np.polynomial.polynomial.polyfit(0.05 * steps, 1e3 * y, 5)
     return factors[3], factors[2]
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.optics import chief_rays
-from rptcam_cl.optics.chief_rays import film_chief_rays, round_chief_rays
+from rptcam_cl.optics import beams
+from rptcam_cl.optics.beams import film_chief_rays, round_chief_rays
 from rptcam_cl.optics.lens import Lens, film_distance, zoom_to
 from rptcam_cl.optics.library import load_lens
 
@@ -42,14 +42,14 @@ def states(name: str) -> tuple[Lens, float]:
 def test_rays_of_a_fan_are_those_that_are_traced(name: str, radius_mm: float, monkeypatch: pytest.MonkeyPatch) -> None:
     lens, film_distance_mm = states(name)
     check(lens, film_distance_mm, radius_mm)
-    monkeypatch.setattr(chief_rays, "film_chief_rays", None)  # whatever traces each ray fails
+    monkeypatch.setattr(beams, "film_chief_rays", None)  # whatever traces each ray fails
     round_chief_rays(lens, points(lens, film_distance_mm, radius_mm), NM)
 
 
 def test_a_fan_serves_all_states_of_film_and_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     lens, film_distance_mm = states("retrofocus-35mm")
     check(lens, film_distance_mm, 18.0)
-    monkeypatch.setattr(chief_rays, "_trace_fan", None)  # whatever traces another fan fails
+    monkeypatch.setattr(beams, "_trace_fan", None)  # whatever traces another fan fails
     check(lens.with_stop_diameter(1.0), film_distance_mm, 18.0)
     check(lens, 1.01 * film_distance_mm, 18.1)
     with pytest.raises(TypeError):
@@ -61,7 +61,7 @@ def test_where_no_fan_goes_rays_are_traced(name: str, monkeypatch: pytest.Monkey
     lens, film_distance_mm = states(name)
     film = points(lens, film_distance_mm, 2 * abs(lens.first_order().focal_length_mm))
     calls: list[Any] = []
-    monkeypatch.setattr(chief_rays, "film_chief_rays", lambda *args: calls.append(args) or film_chief_rays(*args))
+    monkeypatch.setattr(beams, "film_chief_rays", lambda *args: calls.append(args) or film_chief_rays(*args))
     found = round_chief_rays(lens, film, NM)
     assert len(calls) == 1
     np.testing.assert_array_equal(found.clear, film_chief_rays(lens, film, NM).clear)

@@ -14,12 +14,12 @@ from rptcam_cl.optics.glass import GLASSES, abbe_number
 from rptcam_cl.optics.image_quality import Setting, spot, wavefront
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.optimise import neighbours, optimise
-from rptcam_cl.optics.optimise_merit import Merit
+from rptcam_cl.optics.optimise import MeritFunction, neighbours, optimise
 from rptcam_cl.optics.optimise_problem import read_problem
-from rptcam_cl.optics.ray_derivatives import Seeds, trace_beam
+from rptcam_cl.optics.ray_derivatives import Seeds, trace_with_derivatives
 from rptcam_cl.optics.ray_trace import Status, trace
 from rptcam_cl.rendering.tolerance_run import spot_of_copies
+from tests.support.cases import slow
 
 EVERY_TERM = {
     "spot": 1, "wavefront": 1, "mtf": {"weight": 1, "per_mm": 30}, "distortion": 1, "axial_colour": 1,
@@ -42,7 +42,7 @@ def beam_through(lens, seeds, *, film_mm=30.0, count=40):
     indices = np.repeat(lens.indices(np.array([587.6])), count, axis=1)
     variables = seeds.curvatures.shape[1]
     zero = np.zeros((variables, count))
-    beam = trace_beam(lens, points, directions, np.zeros(count), indices, film_mm, seeds, zero[:, 0], zero)
+    beam = trace_with_derivatives(lens, points, directions, np.zeros(count), indices, film_mm, seeds, zero[:, 0], zero)
     return points, directions, beam
 
 
@@ -92,7 +92,7 @@ def test_derivatives_of_every_term_bound_and_solve_are_those_of_central_differen
         "solves": [{"curvature": 5, "focal_length_mm": 50}, {"thickness": 2, "edge_mm": 1.4}],
         "bounds": {"glass_centre_mm": [4, 5], "air_edge_mm": 9, "length_mm": [10, 20], "back_focal_mm": 70},
     })  # fmt: skip
-    merit = Merit(given, {})
+    merit = MeritFunction(given, {})
     merit.set_hold(10.0)
     x = merit.x0 + 1e-3 * np.random.default_rng(1).normal(size=len(merit.x0))
     _, exact = merit.evaluate(x, True)
@@ -111,7 +111,7 @@ def test_spot_and_wavefront_of_the_merit_are_those_that_are_measured(degrees, aw
     lens = load_lens("achromat-100mm")
     lens = lens.with_stop_diameter(lens.stop_diameter_for(8))
     film = film_distance(lens, away, "front") - 0.15
-    merit = Merit(read_problem({
+    merit = MeritFunction(read_problem({
         "lens": "achromat-100mm", "f_number": 8, "fields_degrees": [degrees], "wavelengths_nm": [587.5618],
         "variables": {"curvatures": [0]}, "film": {"distance_mm": film}, "merit": {"wavefront": 1, "spot": 1},
         "vignetting": False, "rings": 8, "arms": 10, **({"object_distance_mm": away} if away < math.inf else {}),
@@ -200,16 +200,16 @@ def triplet_with(surface, curvature):
 
 @pytest.mark.parametrize("surface, curvature, reason", [(0, 0.14, "miss"), (0, 0.09, "reflected"), (4, 0.08, "reflec")])
 def test_lost_rays_are_a_finite_penalty_with_a_reason(surface, curvature, reason):
-    merit = Merit(triplet_with(surface, curvature), {})
+    merit = MeritFunction(triplet_with(surface, curvature), {})
     assert any(reason in words and " rays " in words for words in merit.lost_rays(merit.x0))
     values, by = merit.evaluate(merit.x0, True)
     assert np.all(np.isfinite(values)) and np.all(np.isfinite(by))
-    whole = Merit(triplet_with(surface, load_lens("cooke-triplet-50mm").surfaces[surface].curvature), {})
+    whole = MeritFunction(triplet_with(surface, load_lens("cooke-triplet-50mm").surfaces[surface].curvature), {})
     good, _ = whole.evaluate(whole.x0, False)
     assert values @ values > 100 * (good @ good)
 
 
-@pytest.mark.parametrize("surface, curvature", [(0, 0.09), (4, 0.08)])
+@pytest.mark.parametrize("surface, curvature", [(0, 0.09), slow(4, 0.08)])
 def test_search_finds_back_from_lost_rays(surface, curvature):
     assert not optimise(triplet_with(surface, curvature)).lost
 

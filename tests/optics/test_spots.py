@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.beams import Beam, chief_ray, distortion, spot
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spot import Beam, chief_ray, distortion, spot
 from tests.optics.truth import NAMES, truth, truth_lens
 
 FIELDS = [name for name in NAMES if "fields" in truth(name)]

@@ -5,8 +5,8 @@ import pytest
 
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam, passing_steep_beam, steep_chief_ray
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam, passing_steep_beam, steep_chief_ray
 
 # A strong meniscus far before its stop: it sees more than a half space.
 MENISCUS = {
@@ -57,6 +57,7 @@ def test_light_from_behind_goes_the_way_of_rays_traced_from_the_film_side():
         np.testing.assert_allclose(forward.directions[0], -direction, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_small_pupil_behind_a_wide_front_is_found():
     lens = load_lens(MENISCUS)
     closed = lens.with_stop_diameter(0.5)

@@ -30,7 +30,6 @@ from tests.support.statistics import assert_equivalent
 
 OWN = [figure for figure in figures() if figure.folder == "figures"]
 COMPARISONS = [compare for section in SECTIONS for group in section.groups for compare in group.numbers]
-DOCUMENTS = ("gallery.md", "theory.md")
 MOST_BYTES = 5_500_000
 
 
@@ -70,13 +69,6 @@ def test_commands_of_the_page_are_those_of_its_figures(page: str) -> None:
         assert unknown == [] and ("scene" not in parsed or (ROOT / parsed.scene).is_file())
 
 
-@pytest.mark.parametrize("document", DOCUMENTS)
-def test_links_lead_to_files(document: str) -> None:
-    folder = ROOT / "docs"
-    links = re.findall(r"\]\(([^)#]+)[^)]*\)", (folder / document).read_text("utf-8"))
-    assert [link for link in links if not (folder / link).exists()] == []
-
-
 def test_names_of_the_code_in_the_theory_are_there() -> None:
     text = (ROOT / "docs" / "theory.md").read_text("utf-8")
     for path in re.findall(r"`((?:kernels|rptcam_cl)/[^`]+)`", text):
@@ -86,6 +78,7 @@ def test_names_of_the_code_in_the_theory_are_there() -> None:
         assert f"`{name}`" in text and re.search(rf"\b{name}\b", kernels)
 
 
+@pytest.mark.slow
 def test_script_renders_a_wanted_picture_and_the_page(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("examples.figures.render.page", lambda: "# page\n")
     assert main(["--quality", "draft", "--only", "paper_5_15", "--output", str(tmp_path)]) == 0
@@ -201,6 +194,7 @@ def test_text_of_the_cones_is_what_its_script_draws() -> None:
     assert np.abs(kept - np.asarray(text().convert("L"), float)).mean() < 2  # fonts are drawn a little differently
 
 
+@pytest.mark.slow
 def test_text_is_readable_through_the_telephoto_alone() -> None:
     """Contrast of the letters: share of the black and white of the text that is left in the picture of it."""
     assert contrast_of_text("cones_telephoto", (0.66, 0.86, 0.36, 0.5)) > 0.75

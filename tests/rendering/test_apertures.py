@@ -10,6 +10,7 @@ import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.surface import StopMask
 from rptcam_cl.rendering.cameras.ideal import stop_shape
+from tests.support.cases import fast
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0]}
 SHAPES = {
@@ -53,14 +54,10 @@ REAL = {"kind": "realistic", "lens": "dgauss-50mm", "f_number": 2.1, "focus": {"
 
 # A polygon, an outline and a mask; the other shapes are of the same kinds.
 BLURRED = [("thin", "hexagon")]
-BLURRED += [("real", name) for name in ("bulging pentagon", "letter L", "picture")]
 ALL_BLURRED = [(kind, name) for kind in ("thin", "real") for name in SHAPES]
 
 
-@pytest.mark.parametrize(
-    ("kind", "name"),
-    [case if case in BLURRED else pytest.param(*case, marks=pytest.mark.slow) for case in ALL_BLURRED],
-)
+@pytest.mark.parametrize(("kind", "name"), fast(BLURRED, ALL_BLURRED))
 def test_blur_of_a_point_has_the_shape_of_the_aperture(kind, name, folder):
     lens = {"thin": THIN, "real": REAL}[kind]
     picture = blur_of_a_point({**lens, "aperture": SHAPES[name]}, folder)
@@ -97,6 +94,7 @@ def test_shaped_stop_passes_the_share_of_light_of_its_area(name, folder):
     assert share == pytest.approx(shape.area / np.pi, rel=0.006)  # noise 0.2 %, pupil aberration below 0.3 %
 
 
+@pytest.mark.slow
 def test_relative_exposure_of_a_shaped_stop_is_one_on_the_axis(folder):
     wall = {"environment": {"kind": "constant", "radiance": 1.0}, "render": {"spp": 400}}
     for name in ("star", "picture"):

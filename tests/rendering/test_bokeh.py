@@ -8,7 +8,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.device.session import open_session
-from rptcam_cl.rendering import highlights
+from rptcam_cl.rendering import lamps
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import lamp, seed_of
@@ -134,11 +134,12 @@ def test_layers_of_the_first_ray_have_rays_that_aim_at_nothing(layer):
     assert "lamps_aimed_at" not in rptcam_cl.render(scene, spp=1).metadata
 
 
+@pytest.mark.slow
 def test_a_scene_that_was_rendered_before_needs_no_lines_of_sight(monkeypatch, tmp_path):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     scene = CASES["partly hidden"]
     before = rptcam_cl.render(scene, spp=1)
-    with patch("rptcam_cl.rendering.highlights._open", side_effect=AssertionError):
+    with patch("rptcam_cl.rendering.lamps._open", side_effect=AssertionError):
         again = rptcam_cl.render(scene, spp=1)
         assert np.array_equal(np.asarray(before), np.asarray(again))
         moved = scene | {"objects": [*FAR, WALL | {"corner": [-0.5, -0.5, -1.001]}]}
@@ -149,7 +150,7 @@ def test_a_scene_that_was_rendered_before_needs_no_lines_of_sight(monkeypatch, t
 def test_nothing_is_kept_of_sights_through_holes_of_textures():
     session = open_session("cpu")
     names = [
-        highlights._name_of_sights(make_plan(load_scene(scene_with(LENS, FAR + more))), session)
+        lamps._name_of_sights(make_plan(load_scene(scene_with(LENS, FAR + more))), session)
         for more in ([], [WALL], [WALL | {"material": {"kind": "principled", "base_color": 0.5, "opacity": 0.5}}])
     ]
     assert names[0] != names[1]

@@ -7,6 +7,7 @@ import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from tests.rendering.pictures import lamp, looking, scene_of
 from tests.rendering.test_world import still_life
+from tests.support.cases import slow
 
 SIZE = {"size": (48, 32)}
 
@@ -29,7 +30,7 @@ def test_bright_samples_keep_their_colour_and_what_went_is_told():
     assert image.metadata["clamp"] == "biased: samples above 2 scaled down, 75.00% of the light removed"
 
 
-@pytest.mark.parametrize("limit", [8.0, 1e6])
+@pytest.mark.parametrize("limit", [slow(8.0), 1e6])
 def test_limit_that_nothing_exceeds_changes_no_bit(limit):
     plain, limited = (rendered(wall([8.0, 4.0, 0.0]), each, spp=5) for each in (None, limit))
     np.testing.assert_array_equal(np.asarray(plain), np.asarray(limited))

@@ -12,6 +12,7 @@ import rptcam_cl
 from tests.rendering.pictures import pixels
 from tests.rendering.test_emitters import ground_under, rectangle_above
 from tests.rendering.test_world import still_life
+from tests.support.cases import slow
 from tests.support.statistics import assert_same_tiles, sampled
 
 LENS = {
@@ -40,7 +41,7 @@ def named(request):
     return request.param, bits(scene(request.param), seed=3)
 
 
-@pytest.mark.parametrize("wave_size", [1, 1024, 4097, 65536, 1 << 20])
+@pytest.mark.parametrize("wave_size", [1024, *map(slow, (1, 4097, 65536, 1 << 20))])
 def test_wave_size_does_not_change_a_bit(named, wave_size):
     name, plain = named
     assert bits(scene(name), seed=3, wave_size=wave_size) == plain
@@ -51,7 +52,7 @@ def test_second_render_in_a_process_is_the_same(named):
     assert bits(scene(name), seed=3) == plain
 
 
-@pytest.mark.parametrize("named", ["lens", pytest.param("pinhole", marks=pytest.mark.slow)], indirect=True)
+@pytest.mark.parametrize("named", [slow("lens"), "pinhole"], indirect=True)
 def test_another_process_makes_the_same_bits(named):
     name, plain = named
     program = f"from tests.rendering import test_determinism as t; print(t.bits(t.scene({name!r}), seed=3))"
@@ -110,6 +111,7 @@ def test_variance_of_smooth_light_falls_far_faster_on_the_lattice():
     assert noise(7, 1024).var() < noise(7, 1024, INDEPENDENT).var() / 150
 
 
+@pytest.mark.slow
 def test_samplers_agree_in_the_mean_and_the_lattice_is_less_noisy():
     options = {"size": (48, 32), "spp": 64}
     one, other = (

@@ -9,32 +9,40 @@ from scipy.special import j0, j1
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spot import Beam
 from rptcam_cl.optics.waves import pupil_function, transfer
+from rptcam_cl.rendering import point_spread
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
-from rptcam_cl.rendering.cameras.point_waves import opening_of, point_wave, ray_picture, wave_picture
 from rptcam_cl.rendering.diffraction import (
     SHOWS_PX,
-    WAVES_NM,
+    LampImage,
     blur,
+    brightness,
     diffract,
     diffraction_of,
-    kernel,
-    of_wavelength,
     spread_of,
-    white_shares,
+    without_lamps,
 )
-from rptcam_cl.rendering.far_light import FarLight, strew
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.lamp_images import LampImage, brightness, without_lamps
 from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.point_spread import (
+    FarLight,
+    near_kernel,
+    of_wavelength,
+    point_opening,
+    ray_picture,
+    shares_of_white,
+    strew,
+    wave_picture,
+)
 from rptcam_cl.scene.lens_settings import Dirt
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import scene_of
 
+WAVES_NM, SHARES = np.array(point_spread.WAVES_NM), shares_of_white(point_spread.WAVES_NM)
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
 THIN = {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 16, "focus_distance_m": 1000, **POSE}
 
@@ -54,11 +62,11 @@ def perfect_mtf(share):
 def test_kernel_of_a_round_opening_has_the_transfer_of_its_wavelengths(f_number):
     found, pixel = found_of(f_number=f_number), 0.2 / 64
     assert found.airy_radius_px == pytest.approx(1.22 * 550e-6 * f_number / pixel, rel=0.01)
-    middle = kernel(found.pupils(np.zeros(2)), (pixel, pixel), 200)
+    middle = near_kernel(found.pupils(np.zeros(2)), (pixel, pixel), 200)
     np.testing.assert_allclose(middle.sum(axis=(1, 2)), 1.0, rtol=1e-12)
     assert middle.min() >= 0
     places = np.arange(-200, 201) * pixel
-    for plane, shares in zip(middle, white_shares().T, strict=True):
+    for plane, shares in zip(middle, SHARES.T, strict=True):
         for frequency in (20, 40, 80):
             exact = shares @ perfect_mtf(frequency * WAVES_NM * 1e-6 * f_number)
             got = [abs(np.sum(plane.sum(axis=axis) * np.exp(2j * np.pi * frequency * places))) for axis in (0, 1)]
@@ -73,7 +81,7 @@ def test_a_pixel_much_larger_than_the_airy_disk_keeps_its_light(pixel_mm):
     _, kernels = found.spread.kernels
     plane = kernels[len(kernels) // 2][1]
     v = np.pi * pixel_mm / 2 / (WAVES_NM * 1e-6 * 2)  # to the rim of the largest circle in a pixel
-    inside = white_shares()[:, 1] @ (1 - j0(v) ** 2 - j1(v) ** 2)
+    inside = SHARES[:, 1] @ (1 - j0(v) ** 2 - j1(v) ** 2)
     assert plane[len(plane) // 2, len(plane) // 2] > inside - 0.005  # some of a copy of the image is left
     assert plane.sum() + found.spread.far[0][1] == pytest.approx(1)
 
@@ -105,7 +113,7 @@ def test_light_of_a_lamp_is_where_its_closed_form_has_it_and_comes_back_from_no_
     radii = np.array([12.5, 20.5, 30.5, 46.5])  # of circles [pixels]: 3 to 12 wavelengths times f-number
     inside = [spread[np.hypot(down, right) < radius].sum(axis=0) / 1e9 for radius in radii]
     v = np.pi * radii[:, None] * (0.3 / 96) / (WAVES_NM * 1e-6 * 22.0)
-    np.testing.assert_allclose(inside, (1 - j0(v) ** 2 - j1(v) ** 2) @ white_shares(), atol=0.003)
+    np.testing.assert_allclose(inside, (1 - j0(v) ** 2 - j1(v) ** 2) @ SHARES, atol=0.003)
     film[48, 48], film[0, 48] = 1e-3, 1e9
     border = diffract(found, film)[:8, 48, 1].astype(float)
     np.testing.assert_allclose(border[1:], spread[49:56, 48, 1], rtol=1e-3)
@@ -209,7 +217,7 @@ def test_rendered_edge_has_the_transfer_of_the_waves(edge):
     frequencies = np.array([20.0, 40.0, 60.0])
     found = edge_transfer(edge.pixels[..., 1].astype(float), 0.12 / 48, frequencies)
     waves = [transfer(pupil_function(lens, back, Beam(), nm, 96), frequencies)[1] for nm in WAVES_NM[::2]]
-    shares = white_shares()[::2, 1]
+    shares = SHARES[::2, 1]
     exact = np.abs(np.tensordot(shares / shares.sum(), waves, 1)) * np.sinc(frequencies * 0.12 / 48)
     np.testing.assert_allclose(found, exact, atol=0.03)
     bare = edge_transfer(edge["direct"][..., 1].astype(float), 0.12 / 48, frequencies)
@@ -305,7 +313,7 @@ def test_far_light_of_each_pixel_falls_where_its_kernel_says():
 def test_far_light_that_falls_beside_the_film_is_what_its_kernel_lacks():
     round_opening = light_of(512)
     shares, kernel_sum = round_opening.shares, round_opening.kernel(150, 150).sum(axis=(1, 2))
-    unit = [sum(w * round_opening.unit_px(nm) for nm, w in zip(WAVES_NM, row, strict=True)) for row in white_shares().T]
+    unit = [sum(w * round_opening.unit_px(nm) for nm, w in zip(WAVES_NM, row, strict=True)) for row in SHARES.T]
     beyond = 2 / np.pi**2 * np.array(unit) / 150 * 0.9  # of a square of 299 pixels: its mean 1 / distance is 0.9 / half
     assert shares - kernel_sum == pytest.approx(beyond, rel=0.03)
 
@@ -327,7 +335,7 @@ def test_far_spikes_stand_across_blades_and_are_one_for_each_direction(blades):
 
 def test_far_light_grows_with_the_wavelength():
     red, green, blue = light_of(6).shares  # a share falls as 1 / radius over wavelength
-    means = [sum(nm * share for nm, share in zip(WAVES_NM, row, strict=True)) for row in white_shares().T]
+    means = [sum(nm * share for nm, share in zip(WAVES_NM, row, strict=True)) for row in SHARES.T]
     assert red / green == pytest.approx(means[0] / means[1], rel=0.02)
     assert blue / green == pytest.approx(means[2] / means[1], rel=0.02)
 
@@ -440,8 +448,7 @@ def test_a_hexagon_out_of_focus_has_the_picture_of_its_waves(waves):
     scene, image, film = lamp_scene(waves)
     loaded = load_scene(scene)
     pupils, source, middle = camera_of(loaded).film_pupils(), np.array([0.0, 0.0, -200e3]), np.zeros(2)
-    opening = opening_of(pupils, pupils(middle), middle, source, 550.0, 60.0)
-    wave = point_wave(pupils, opening, middle, source, 550.0)
+    wave = point_opening(pupils, (middle, pupils(middle)), middle, source, 550.0).wave(60.0)
     places = (np.arange(160) - 79.5) * 0.0015
     expected = full_wave_picture(image, film, 550.0, places)
     found = wave_picture(wave, 550.0, places, places)
@@ -499,7 +506,7 @@ def test_a_rendered_lamp_out_of_focus_has_rings_and_spikes_as_wide_as_an_edge(wa
     scene, image, film = lamp_scene(waves)
     picture = rptcam_cl.render(scene, spp=256, layers=["direct"])
     places, expected = (np.arange(480) - 239.5) * 0.002 / 3, np.zeros((160, 160))
-    for nm, share in zip(WAVES_NM, white_shares()[:, 1], strict=True):
+    for nm, share in zip(WAVES_NM, SHARES[:, 1], strict=True):
         light = full_wave_picture(image, film, nm, places)
         expected += share * light.reshape(160, 3, 160, 3).mean(axis=(1, 3)) * 0.002**2
     found, rays = (film[..., 1].astype(float) / picture["direct"][..., 1].sum(dtype=float)

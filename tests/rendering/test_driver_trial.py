@@ -87,6 +87,7 @@ def test_a_fault_of_packets_is_gone_round_with_a_word(untried, plant):
     np.testing.assert_array_equal(wavefront, right)
 
 
+@pytest.mark.slow
 def test_a_driver_that_is_always_wrong_is_refused_here_and_in_the_next_process(untried, monkeypatch):
     monkeypatch.setattr(passes, "KNOWN", bytes(len(KNOWN)))
     with pytest.raises(DeviceError, match=r"renders wrong pictures: as stream with 4 .* of 256 pixels"):

@@ -9,12 +9,13 @@ import yaml
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
+from rptcam_cl.optics.beams import Beam, spot
 from rptcam_cl.optics.best_focus import best_film_distance_at
 from rptcam_cl.optics.lens import nearest_object_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spot import Beam, spot
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from tests.rendering.pictures import lamp, pixels, scene_of, seed_of
+from tests.support.cases import fast
 
 KINDS = ["thick_lens", "realistic"]
 LAMP = lamp(1.0)
@@ -123,7 +124,7 @@ def test_spot_is_least_where_the_picture_says(flip):
     assert state.metadata["focus_field"] == [0.8, 0.1]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", fast(["realistic"], KINDS))
 def test_focusing_group_makes_its_distance_sharpest_on_a_film_that_stays(kind):
     method = "spot" if kind == "realistic" else "thick"
     camera = camera_of(kind, with_group(), {"distance_m": 6.0, "method": method}, f_number=11)
@@ -179,6 +180,7 @@ def test_zoom_position_has_its_published_field_of_view(kind, lens, zoom, focal_l
     assert image.metadata["focal_length_mm"] == pytest.approx(focal_length, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_metadata_say_what_was_done():
     scene = scene_of([], camera_of("realistic", "zoom-70-200mm", {"front_distance_m": 4}, focal_length_mm=100))
     found = rptcam_cl.render(scene, spp=1).metadata

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.rendering.pictures import MATTE, WHITE, flat_mean, looking, pixels, scene_of, seed_of
+from tests.support.cases import fast
 from tests.support.statistics import assert_equivalent
 
 SQUASH = [{"scale": [1.0, 0.5, 0.7]}, {"rotate": {"axis": [1, 2, 3], "degrees": 40}}]
@@ -138,7 +139,7 @@ ROUGHNESSES = (0.1, 0.3, 0.55, 0.8, 1.0)
 FRONT = {"kind": "orthographic", "width_m": 1.3, "eye": [0, -3, 0], "target": [0, 0, 0], "up": [0, 0, 1]}
 
 
-@pytest.mark.parametrize("kind", GLOSSY)
+@pytest.mark.parametrize("kind", fast(["principled glass"], GLOSSY))
 def test_rough_white_balls_nearly_vanish_in_a_white_world(kind):
     """What facets scatter more than once is not lost, to the fits of their albedos."""
     for roughness in ROUGHNESSES:

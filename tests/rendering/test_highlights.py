@@ -43,6 +43,7 @@ def mirrored() -> rptcam_cl.Image:
     return shown(point(LAMP), mirror())
 
 
+@pytest.mark.slow
 def test_a_lamp_in_a_mirror_has_the_ghosts_of_one_behind_an_opening(mirrored: rptcam_cl.Image) -> None:
     unseen = mirror() | {"corner": [0, 0, 9]}  # so that the kernels are the same
     direct = shown(point(IMAGE), unseen)

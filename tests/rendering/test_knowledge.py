@@ -63,9 +63,10 @@ def test_scene_that_reflects_everything_has_no_bound():
     assert said["no_bound_because"] == "a surface reflects all light"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sampler", "least", "most"),
-    [pytest.param("independent", 0.9, 1.1, marks=pytest.mark.slow), ("lattice", 0.95, 1.25)],
+    [("independent", 0.9, 1.1), ("lattice", 0.95, 1.25)],
 )
 def test_achieved_noise_is_the_spread_of_pictures(sampler, least, most):
     # parts of a lattice are less even apart than together: the estimate is too large, by an eighth here

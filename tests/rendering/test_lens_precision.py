@@ -37,6 +37,7 @@ def both(scene, **options):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "organisation"),
     [
@@ -64,6 +65,7 @@ def test_wave_size_does_not_change_a_bit():
     np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_margin_of_the_lens_is_that_of_float64():
     single, double = both(load_scene(SCENES["moving"]), numerics=True)
     assert "float32_lens" not in double.stats["numerics"]

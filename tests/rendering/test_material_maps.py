@@ -8,6 +8,7 @@ from PIL import Image
 
 from tests.rendering.pictures import batches
 from tests.rendering.test_materials import ball, normal_picture, same
+from tests.support.cases import slow
 from tests.support.statistics import assert_same_tiles
 
 
@@ -27,7 +28,7 @@ def spun(turn, strength, roughness=0.4):
     return {"kind": "principled", "metallic": 1.0, "anisotropy_rotation_degrees": turn} | stretch
 
 
-@pytest.mark.parametrize("roughness", [0.4, {"kind": "gradient", "start": 0.4, "end": 0.4}])
+@pytest.mark.parametrize("roughness", [0.4, slow({"kind": "gradient", "start": 0.4, "end": 0.4})])
 def test_constant_anisotropy_map_is_as_numbers(tmp_path, monkeypatch, roughness):
     monkeypatch.chdir(tmp_path)
     ((angle, strength),) = brushed_picture("brushed.png", (0.5, 0.8, 0.6))
@@ -68,6 +69,7 @@ def test_flat_coat_shines_over_a_wild_base_as_over_a_smooth_one(tmp_path, monkey
         assert_same_tiles(smooth, batches(ball(VARNISH | bumps, 2), "bumpy varnish", 4, spp=64))
 
 
+@pytest.mark.slow
 def test_normals_of_the_coat_are_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     normal_picture(tmp_path / "lean.png", [0.3, 0.2, math.sqrt(1 - 0.13)])

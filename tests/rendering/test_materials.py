@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 
 from tests.rendering.pictures import MATTE, WHITE, batches, flat_mean, looking, pixels, scene_of, seed_of
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent, assert_same_tiles
 
 SPHERE = {"shape": "sphere", "center": [0, 0, 0], "radius": 1}
@@ -219,6 +220,7 @@ def test_metallic_principled_is_the_conductor_but_for_schlick():
     assert_same_tiles(a, b)
 
 
+@pytest.mark.slow
 def test_plain_conductor_does_not_change_beside_every_other_material():
     metal = {"kind": "conductor", "reflectance": [0.9, 0.6, 0.3], "alpha": 0.2}
     others = [
@@ -231,6 +233,7 @@ def test_plain_conductor_does_not_change_beside_every_other_material():
     assert_same_tiles(a, b)
 
 
+@pytest.mark.slow
 def test_glowing_surface_lights_as_a_lamp_does():
     panel = {"shape": "rectangle", "corner": [-1, -1, 2], "edge_u": [0, 2, 0], "edge_v": [2, 0, 0]}
     black = {"kind": "principled", "base_color": 0.0, "specular": 0.0}
@@ -255,7 +258,7 @@ def normal_picture(path, normal):
     return held / np.linalg.norm(held)
 
 
-@pytest.mark.parametrize("shape", ["rectangle", "mesh", "mirrored mesh"])
+@pytest.mark.parametrize("shape", ["rectangle", "mirrored mesh", slow("mesh")])
 def test_normal_map_turns_the_normal_in_the_frame_of_u_and_v(tmp_path, monkeypatch, shape):
     monkeypatch.chdir(tmp_path)
     held = normal_picture(tmp_path / "normal.png", [0.3, 0.5, math.sqrt(1 - 0.34)])
@@ -290,7 +293,7 @@ def test_highlights_of_a_brushed_floor_turn_with_its_coordinates():
         same(along_x, floor([2, -2, 0], [0, 4, 0], [-4, 0, 0], [0.1, 0.5]))
 
 
-@pytest.mark.parametrize("shape", ["sphere", "ellipsoid", "cylinder", "box"])
+@pytest.mark.parametrize("shape", ["ellipsoid", "box", *map(slow, ("sphere", "cylinder"))])
 def test_tangents_of_shapes_run_along_u(tmp_path, monkeypatch, shape):
     # a map that leans along u alone, seen head on, under a light from where u grows and from where it falls
     monkeypatch.chdir(tmp_path)
@@ -319,6 +322,7 @@ def test_flat_normal_map_changes_nothing(tmp_path, monkeypatch):
     same(ball(bumpy), ball(PLASTIC))
 
 
+@pytest.mark.slow
 def test_bumpy_white_body_neither_wins_light_nor_has_black_fringes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(3)

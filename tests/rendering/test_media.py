@@ -71,6 +71,7 @@ def test_many_lamps_of_a_light_tree_light_fog_as_quadrature_does(spectrum):
     np.testing.assert_allclose(mean, scattered_once(lamps, 1.0), rtol=NOISE if spectrum == "rgb" else 0.05)
 
 
+@pytest.mark.slow
 def test_both_organisations_render_the_same_fog(monkeypatch):
     scene = fog_of_points(LAMPS[:2])
     films = []
@@ -134,6 +135,7 @@ def test_ball_scatters_the_sky_once_as_quadrature_does():
     assert_equivalent(mean, error, total, 4e-3)
 
 
+@pytest.mark.slow
 def test_boundary_alone_is_not_there():
     empty = {"interior": {}}
     objects = [

@@ -19,6 +19,7 @@ from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.several import FilmPart
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
+from tests.support.cases import slow
 
 SIZE, SPP = (50, 37), 12
 OPTIONS = {"size": SIZE, "seed": 3, "layers": ["depth", "object_id", "samples", "position"]}
@@ -117,7 +118,7 @@ def test_ranges_of_samples_differ_by_the_rounding_of_float32_alone(whole, folder
     assert merged.stats["lens"] == whole.stats["lens"]
 
 
-@pytest.mark.parametrize("spectrum", ["rgb", "spectral"])
+@pytest.mark.parametrize("spectrum", ["rgb", slow("spectral")])
 def test_ranges_of_samples_differ_by_two_units_of_the_largest_channel_also_in_spectral_scenes(spectrum, tmp_path):
     words = {"scene": rptcam_cl.load_scene(scene(), [f"spectrum={spectrum}"]), "size": (24, 16)}
     files = [tmp_path / f"{first}.rpck" for first in (0, 1, 3, 9)]

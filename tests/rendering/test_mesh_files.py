@@ -10,6 +10,7 @@ from PIL import Image
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import looking, pixels
 from tests.scene.assets.gltf_writer import GltfWriter
+from tests.support.cases import slow
 
 # Upper left, upper right; lower left, lower right.
 COLOURS = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1]]], np.float64)
@@ -58,7 +59,7 @@ f 1/1 2/2 3/3 4/4
 MTL = "newmtl four\nKd 0 0 0\nKs 0 0 0\nKe 0.5 2 4\nmap_Ke four.png\n"
 
 
-@pytest.mark.parametrize("name", ["four.glb", "four.obj"])
+@pytest.mark.parametrize("name", ["four.glb", slow("four.obj")])
 def test_picture_is_the_right_way_up(tmp_path: Path, picture: bytes, name: str) -> None:
     (tmp_path / "four.glb").write_bytes(glb(picture))
     (tmp_path / "four.obj").write_text(OBJ)

@@ -65,7 +65,8 @@ def film(mapping, organisation, session=None):
     return render_plan(wavefront, spp=4, seconds=None, has_lens=False).pixels
 
 
-@pytest.mark.parametrize("copied", [0, pytest.param(1 << 30, marks=pytest.mark.slow)], ids=["instances", "copies"])
+@pytest.mark.slow
+@pytest.mark.parametrize("copied", [0, 1 << 30], ids=["instances", "copies"])
 def test_stream_and_passes_make_the_same_bits_of_meshes(monkeypatch, copied):
     monkeypatch.setattr(meshes, "MOST_COPIED", copied)
     films = [film(balls(), organisation) for organisation in ("stream", "passes")]
@@ -73,6 +74,7 @@ def test_stream_and_passes_make_the_same_bits_of_meshes(monkeypatch, copied):
     assert hashlib.sha256(films[0]).digest() == hashlib.sha256(films[1]).digest()
 
 
+@pytest.mark.slow
 def test_trees_and_lanes_of_a_gpu_make_the_same_picture(monkeypatch):
     """Trees of four and one lane a work item, on a CPU: the same hits but for ties, so nearly all pixels to the bit."""
     wide = film(balls(), "passes")
@@ -87,6 +89,7 @@ def compare(name, first, second, spp):
     assert_same_tiles(batches(first, f"{name} a", 4, spp=spp), batches(second, f"{name} b", 4, spp=spp))
 
 
+@pytest.mark.slow
 def test_instances_and_copies_make_the_same_picture(monkeypatch):
     films = []
     for copied in (0, 1 << 30):
@@ -103,6 +106,7 @@ def test_lamp_and_box_of_triangles_look_as_the_shapes(monkeypatch):
     compare("shapes and triangles", *scenes, spp=100)
 
 
+@pytest.mark.slow
 def test_facets_of_a_fine_globe_are_lost_in_a_sphere():
     points, faces = globe(96, 128)
     raised = (points + np.array([0, 0, 1])).tolist()

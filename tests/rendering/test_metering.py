@@ -168,6 +168,7 @@ def test_exposure_is_the_same_for_every_seed_and_every_crop():
     assert part.metadata["values_per_irradiance"] == whole.metadata["values_per_irradiance"]
 
 
+@pytest.mark.slow
 def test_noise_of_the_metering_is_small(monkeypatch):
     """A thirtieth of a stop, and no more, in a dark room with a small lamp in the picture."""
     lamp = {"shape": "sphere", "center": [0.4, 0.5, -2], "radius": 0.1}

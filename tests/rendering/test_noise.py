@@ -13,6 +13,7 @@ from rptcam_cl.rendering.progressive import MOST_RUNS, NoiseEstimate, next_end, 
 from rptcam_cl.rendering.tracer import Wavefront
 from tests.rendering.pictures import pixels, seed_of
 from tests.rendering.test_world import still_life
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent
 
 SIDE = 96  # tiles of the synthetic film
@@ -98,7 +99,7 @@ def quiet():
     return still_life() | {"objects": [*still_life()["objects"][:1], MATTE]}
 
 
-@pytest.mark.parametrize(("sampler", "low", "high"), [("independent", 0.95, 1.05), ("lattice", 0.72, 1.03)])
+@pytest.mark.parametrize(("sampler", "low", "high"), [slow("independent", 0.95, 1.05), ("lattice", 0.72, 1.03)])
 def test_estimated_variance_is_that_of_the_picture_or_more(sampler, low, high):
     scene = rptcam_cl.load_scene(quiet(), [f"render.sampler={sampler}"])
     ratio, images = errors_of(scene, size=(64, 48), spp=128)

@@ -272,6 +272,7 @@ def hilly(kind, lengths="surface", sign=1):
     return np.asarray(one_sample(scene, ["uv"], seed=seed_of("hills")))[..., 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lengths", LENGTHS)
 def test_bumps_are_as_the_normal_map_of_the_same_heights(tmp_path, monkeypatch, lengths):
     monkeypatch.chdir(tmp_path)
@@ -282,6 +283,7 @@ def test_bumps_are_as_the_normal_map_of_the_same_heights(tmp_path, monkeypatch, 
     assert np.abs(hilly("heights", lengths, -1) - normals).max() > 0.1
 
 
+@pytest.mark.slow
 def test_bumps_of_instances_have_the_lengths_of_their_places():
     """A sheet that stands twice, stretched, beside a rectangle of the same size and coordinates."""
     side = 100

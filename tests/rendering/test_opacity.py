@@ -5,6 +5,7 @@ import pytest
 
 import rptcam_cl
 from tests.rendering.pictures import flat_mean, looking, pixels, scene_of, seed_of
+from tests.support.cases import fast
 
 CHECKS = {"kind": "checker", "even": 0.0, "odd": 1.0, "scale": [8, 8]}
 SHEET = {"shape": "rectangle", "corner": [-2, -2, 1], "edge_u": [4, 0, 0], "edge_v": [0, 4, 0]}
@@ -66,7 +67,7 @@ def test_mask_cuts_where_its_texture_is_below_the_cutoff(sheet):
 @pytest.mark.parametrize(
     ("sheet", "light"),
     [
-        pytest.param(SHEET, "point", id="rectangle-point"),
+        pytest.param(SHEET, "point", id="rectangle-point", marks=pytest.mark.slow),
         pytest.param(MESH_SHEET, "lamp", id="mesh-lamp"),
         pytest.param(SHEET, "lamp", id="rectangle-lamp", marks=pytest.mark.slow),
         pytest.param(MESH_SHEET, "point", id="mesh-point", marks=pytest.mark.slow),
@@ -111,7 +112,7 @@ def test_both_sides_of_a_solid_have_their_own_holes(solid):
     assert (error < 0.005).all()
 
 
-@pytest.mark.parametrize("solid", SOLIDS)
+@pytest.mark.parametrize("solid", fast(["sphere", "box"], SOLIDS))
 def test_rays_through_a_hole_of_a_solid_meet_its_far_side(solid):
     body = SOLIDS[solid] | {"material": BLACK | {"opacity": 0.5}}
     camera = looking([0.02, -0.03, 9], [0, 0, 0], fov=2, up=(0, 1, 0))

@@ -9,6 +9,7 @@ import rptcam_cl
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import batches
+from tests.support.cases import fast
 from tests.support.mesh_scene import write_meshes
 from tests.support.statistics import ALPHA, Sampled, assert_equivalent, overall, sidak, tiles, welch
 
@@ -38,7 +39,7 @@ def reference(name: str) -> tuple[Sampled, Sampled]:
         )
 
 
-@pytest.fixture(scope="module", params=SPP)
+@pytest.fixture(scope="module", params=fast(["B"], SPP))
 def pair(request, tmp_path_factory):
     name = request.param
     scene = FOLDER / f"{name}.yaml"

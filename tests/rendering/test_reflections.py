@@ -9,17 +9,17 @@ import rptcam_cl
 from rptcam_cl.rendering import highlights as of_highlights
 from rptcam_cl.rendering.highlights import (
     Front,
+    MirrorFaces,
     MirrorSights,
     Reflections,
     highlights,
     lamps_among,
     may_reflect,
-    occluded,
+    polished_faces,
     reflections,
 )
-from rptcam_cl.rendering.lamp_points import points_of
+from rptcam_cl.rendering.lamps import occluded, points_of
 from rptcam_cl.rendering.plan.materials import lobes_of
-from rptcam_cl.rendering.plan.mirror_faces import Faces, polished_faces
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.scene import Scene
@@ -38,7 +38,7 @@ def ball(material: dict[str, Any] = MIRROR) -> dict[str, Any]:
     return {"shape": "sphere", "center": CENTRE.tolist(), "radius": RADIUS, "material": material}
 
 
-def seen(faces: Faces, eye: np.ndarray, lamp: np.ndarray) -> Reflections:
+def seen(faces: MirrorFaces, eye: np.ndarray, lamp: np.ndarray) -> Reflections:
     count = len(faces)
     sights = MirrorSights(faces, np.tile(eye, (count, 1)), np.tile(lamp, (count, 1)), np.zeros((count, 2)))
     may = may_reflect(sights, np.zeros(count))

@@ -234,6 +234,7 @@ def test_picture_of_one_glass_is_not_gone_on_with_through_another(tmp_path):
     assert part(1.5, 2).stats["resumed_from"] == 1
 
 
+@pytest.mark.slow
 def test_layers_of_so_many_samples_are_not_gone_on_with_by_others(tmp_path):
     options = {"size": (8, 8), "layers": ["depth"], "checkpoint": tmp_path / "a.rpck", "resume": True}
     rptcam_cl.render(scene("pinhole") | {"render": {"layers_spp": 2}}, spp=1, **options)

@@ -11,6 +11,7 @@ from tests.support.mutants import changed_kernels
 ADDED = "static PixelSum add_sample(PixelSum s, I lanes, F3 value, __global uint *counters)\n{"
 
 
+@pytest.mark.slow
 def test_samples_that_are_not_finite_are_dropped_and_counted():
     # dropped samples must not change the paths of the others, as they do by the look of a render with roulette
     scene = still_life() | {"render": still_life()["render"] | {"roulette_depth": 0}}

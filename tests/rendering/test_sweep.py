@@ -156,6 +156,7 @@ def test_values_on_labels_and_in_tables_are_as_people_write_them(tmp_path):
     assert row["file"] == entry.file.name and row["mean"] == str(entry.measures["mean"])
 
 
+@pytest.mark.slow
 def test_a_marked_speed_begins_a_series_and_is_told_once(tmp_path, capsys):
     path = tmp_path / "scene.yaml"
     path.write_text(json.dumps(still_life() | {"camera": LENS}))
@@ -166,6 +167,7 @@ def test_a_marked_speed_begins_a_series_and_is_told_once(tmp_path, capsys):
     assert said.count(": rendered") == 10
 
 
+@pytest.mark.slow
 def test_what_follows_the_film_is_another_picture(tmp_path):
     scene = still_life()
     over = {"camera": [LENS], "camera.f_number": [16], "camera.diffraction": ["off", "on"]}

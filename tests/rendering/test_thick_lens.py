@@ -149,6 +149,7 @@ BOARD = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_picture_of_a_small_stop_and_field_is_that_of_the_traced_lens():
     films = {}
     for kind in ("thick_lens", "realistic"):

@@ -13,6 +13,7 @@ from rptcam_cl.optics.ray_trace import COATED, UNCOATED, axial_transmittance, wi
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import WHITE, flat_mean, pixels, scene_of
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent
 
 MGF2 = {"coating": "mgf2"}
@@ -59,7 +60,7 @@ def test_ratio_to_the_ideal_picture_is_the_transmittance():
     assert np.ptp(ratio) < 0.01
 
 
-@pytest.mark.parametrize("mode", ["rgb", pytest.param("dispersive", marks=pytest.mark.slow), "spectral"])
+@pytest.mark.parametrize("mode", ["rgb", *map(slow, ("dispersive", "spectral"))])
 def test_relative_exposure_keeps_white_white(mode):
     scene = white_through("dgauss-50mm", MGF2, exposure="relative", spectrum=mode)
     mean, error = flat_mean(scene, f"white {mode}", spp=512)
@@ -67,7 +68,7 @@ def test_relative_exposure_keeps_white_white(mode):
         assert_equivalent(mean[channel], error[channel], 1.0, 0.002)
 
 
-@pytest.mark.parametrize("mode", ["dispersive", "spectral"])
+@pytest.mark.parametrize("mode", ["dispersive", slow("spectral")])
 def test_irradiance_shows_the_colour_of_coatings(mode):
     lens = load_lens("dgauss-50mm")
     scene = white_through("dgauss-50mm", MGF2, spectrum=mode)

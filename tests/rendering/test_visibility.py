@@ -12,6 +12,7 @@ import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import desqueezed
 from rptcam_cl.rendering import tracer
+from tests.support.cases import fast, slow
 
 FLOOR = {
     "shape": "plane",
@@ -57,12 +58,13 @@ def film(made, spp=8, **options):
     return np.asarray(rptcam_cl.render(made, size=(32, 24), spp=spp, **options))
 
 
-@pytest.fixture(params=["stream", "passes"])
+@pytest.fixture(params=["stream", slow("passes")])
 def organisation(request, monkeypatch):
     monkeypatch.setattr(tracer, "ORGANISATION", dict.fromkeys(tracer.ORGANISATION, request.param))
 
 
-@pytest.mark.parametrize("name", THINGS)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", fast(["mesh"], THINGS))
 def test_what_nothing_meets_changes_nothing(name):
     nowhere = {"camera": False, "shadow": False, "reflection": False}
     without, with_it = film(scene()), film(scene(*THINGS[name]))
@@ -72,7 +74,7 @@ def test_what_nothing_meets_changes_nothing(name):
 
 
 @pytest.mark.usefixtures("organisation")
-@pytest.mark.parametrize("name", ["sphere", "mesh"])
+@pytest.mark.parametrize("name", [slow("sphere"), "mesh"])
 def test_each_kind_of_ray_passes_by_itself(name):
     """Of one pixel that sees the object, one that sees its shadow, and one that sees it in the mirror."""
     black = {"kind": "matte", "reflectance": [0, 0, 0]}  # what it sends on would reach other pixels
@@ -108,6 +110,7 @@ def test_each_kind_of_ray_passes_by_itself(name):
     assert not reflection[on_floor & ~shadow].any()
 
 
+@pytest.mark.slow
 def test_lamp_that_is_not_reflected_lights_as_before():
     """The floor gets the same light; a mirror shows no lamp."""
     floor = {"camera": {"kind": "pinhole", "eye": [0, 1.5, 2], "target": [0, 0, 0.2], "fov_degrees": 30}}
@@ -127,6 +130,7 @@ def test_lamp_that_is_not_reflected_lights_as_before():
     assert film(shown).max() < 1 < bright
 
 
+@pytest.mark.slow
 def test_glow_that_only_the_camera_sees_lights_as_before():
     """A principled lamp is sampled as others are; paths that cannot meet it take nothing of its light away."""
     glow = {"kind": "principled", "base_color": 0, "emission": 5, "specular": 0}
@@ -142,7 +146,7 @@ def test_glow_that_only_the_camera_sees_lights_as_before():
         film(made | {"objects": [FLOOR, made["objects"][1] | moves], "shutter": {"open_s": 0, "time_s": 1}})
 
 
-@pytest.mark.parametrize("roughness", [0.3, 0.6])
+@pytest.mark.parametrize("roughness", [slow(0.3), 0.6])
 def test_light_sampling_alone_has_the_mean_of_both(roughness):
     """A far object without a shadow makes light sampling count alone; the floor is a rough metal."""
     metal = {"kind": "conductor", "metal": "silver", "roughness": roughness}
@@ -160,9 +164,9 @@ def test_light_sampling_alone_has_the_mean_of_both(roughness):
 @pytest.mark.parametrize(
     "environment",
     [
-        {"kind": "constant", "radiance": [1, 1, 1]},
+        slow({"kind": "constant", "radiance": [1, 1, 1]}),
         {"kind": "gradient", "bottom": [0.2, 0.2, 0.2], "top": [1, 1, 2]},
-        {"kind": "sky", "gain": 1e-4},
+        slow({"kind": "sky", "gain": 1e-4}),
     ],
     ids=lambda each: each["kind"],
 )
@@ -195,6 +199,7 @@ def test_lamp_that_would_light_nothing_is_refused():
         film(made)
 
 
+@pytest.mark.slow
 def test_session_follows_what_is_hidden():
     with rptcam_cl.RenderSession(scene(*THINGS["sphere"]), size=(32, 24)) as session:
         session.take(1)
@@ -247,6 +252,7 @@ def test_png_with_alpha_is_read_as_it_was_written(bits, tmp_path):
     np.testing.assert_allclose(codes[..., :3][full] / top, image.developed()[full], atol=0.51 / top)
 
 
+@pytest.mark.slow
 def test_film_without_a_background_goes_through_lens_and_session(tmp_path):
     made = TRANSPARENT | {"camera": {"kind": "thin_lens", "eye": [2, 1.2, 3.5], "target": [0, 0.6, 0]}}
     made["camera"] |= {"focal_length_mm": 20, "f_number": 1.4, "focus_distance_m": 1}

@@ -13,7 +13,7 @@ from rptcam_cl.api.session import RenderSession
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.messages import Client, ClientSettings
-from rptcam_cl.viewfinder.studio import Slot
+from rptcam_cl.viewfinder.slot import Slot
 from tests.viewfinder.page_client import SCENE, Page, page, serving
 
 

@@ -16,8 +16,9 @@ from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import autofocus
 from rptcam_cl.viewfinder import engine
-from rptcam_cl.viewfinder.background import Background, Job
+from rptcam_cl.viewfinder.background import Background, BackgroundTask
 from tests.support.browsing import needs_chromium, served, settled, until, visited
+from tests.support.cases import slow
 from tests.viewfinder.page_client import SCENE, Page, at_rest, page, serving
 
 WITHIN_S = 30.0
@@ -103,7 +104,8 @@ def test_picture_follows_a_search(client: Page, search: Search) -> None:
 
 
 @pytest.mark.parametrize(
-    "message", [{"type": "dial", "name": "f_number", "value": 5.6}, {"type": "move", "kind": "orbit", "dx": 0.1}]
+    "message",
+    [{"type": "dial", "name": "f_number", "value": 5.6}, slow({"type": "move", "kind": "orbit", "dx": 0.1})],
 )
 def test_change_of_the_camera_ends_a_search(client: Page, search: Search, message: dict[str, Any]) -> None:
     client.send("focus", id=920, x=0.5, y=0.5)
@@ -132,6 +134,7 @@ def test_focus_goes_back_where_a_search_fails(client: Page, search: Search) -> N
     assert focus_m(client) == before
 
 
+@pytest.mark.slow
 def test_another_click_takes_the_place_of_a_search(client: Page, search: Search) -> None:
     client.send("focus", id=940, x=0.5, y=0.5)
     assert search.aimed.wait(WITHIN_S)
@@ -158,15 +161,15 @@ def background() -> Iterator[Background]:
     assert made.close(WITHIN_S)
 
 
-def job(work: Callable[[], Any], found: list[Any], text: str = "", key: Any = None) -> Job:
-    return Job(text, lambda own: work(), found.append, found.append, key)
+def task(work: Callable[[], Any], found: list[Any], text: str = "", key: Any = None) -> BackgroundTask:
+    return BackgroundTask(text, lambda own: work(), found.append, found.append, key)
 
 
 def test_jobs_of_a_worker_are_done_in_order_and_taken_over_by_who_asks(background: Background) -> None:
     found: list[Any] = []
     for number in range(3):
-        background.worker("one").start(job(lambda number=number: number, found, f"job {number}"))
-    assert background.texts == ["job 0", "job 1", "job 2"]
+        background.worker("one").start(task(lambda number=number: number, found, f"task {number}"))
+    assert background.texts == ["task 0", "task 1", "task 2"]
     assert found == []
     until_true(lambda: background.take() is None and len(found) == 3)
     assert found == [0, 1, 2]
@@ -177,16 +180,16 @@ def test_nothing_of_an_ended_job_is_taken_over(background: Background) -> None:
     found: list[Any] = []
     begun = threading.Event()
 
-    def work(own: Job) -> None:
+    def work(own: BackgroundTask) -> None:
         own.post(lambda: found.append("posted"))
         begun.set()
         while True:
             checkpoint()
             time.sleep(0.005)
 
-    background.worker("one").start(Job("", work, found.append, found.append, "key"))
+    background.worker("one").start(BackgroundTask("", work, found.append, found.append, "key"))
     assert begun.wait(WITHIN_S)
-    background.worker("one").start(job(lambda: "second", found, key="key"))
+    background.worker("one").start(task(lambda: "second", found, key="key"))
     until_true(lambda: background.take() is None and bool(found))
     assert found == ["second"]
 
@@ -197,7 +200,7 @@ def test_failure_is_taken_over_too(background: Background) -> None:
     def fail() -> None:
         raise InputError("no")
 
-    background.worker("one").start(job(fail, found))
+    background.worker("one").start(task(fail, found))
     until_true(lambda: background.take() is None and bool(found))
     assert isinstance(found[0], InputError)
 
@@ -216,7 +219,7 @@ def test_workers_wait_at_their_checkpoints_while_they_are_held(background: Backg
         return "done"
 
     background.hold(True)
-    background.worker("one").start(job(work, found))
+    background.worker("one").start(task(work, found))
     time.sleep(0.1)
     assert steps == []
     background.hold(False)
@@ -253,6 +256,7 @@ def test_workers_wait_until_the_hand_has_come_to_rest(
 # In a browser.
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_page_says_what_runs_and_turns_dials_meanwhile(browser: Browser, scene_file: Path, search: Search) -> None:
     with served(scene_file) as (_, address), visited(browser, address) as shown:

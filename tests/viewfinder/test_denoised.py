@@ -14,7 +14,7 @@ from PIL import Image as Pillow
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.session import Frame, RenderSession
 from rptcam_cl.scene.load import load_scene
-from rptcam_cl.viewfinder.studio import CLEAN, DARKEST, Slot, visible_noise
+from rptcam_cl.viewfinder.slot import CLEAN, DARKEST, Slot, visible_noise
 from tests.viewfinder.page_client import ALIVE_WITHIN_S, SCENE, page, serving
 
 Film = NDArray[np.float32]
@@ -69,6 +69,7 @@ def test_glance_is_denoised_by_layers_of_its_own_size() -> None:
     assert error(clean, truth) < error(glance.pixels, truth) / 3
 
 
+@pytest.mark.slow
 def test_what_has_no_noise_stays_as_it_is() -> None:
     even = scene(objects=[], environment={"kind": "constant", "radiance": [0.4, 0.5, 0.6]})
     pinhole = {"kind": "pinhole", "eye": [0, 0, 1], "target": [0, 0, 0], "fov_degrees": 40}

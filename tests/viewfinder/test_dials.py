@@ -19,10 +19,10 @@ from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.scene.load import apply_overrides, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder import dials as lens_choice
+from rptcam_cl.viewfinder.delivery import KELVIN, dial_list
 from rptcam_cl.viewfinder.dials import DIALS, follow_light, lens_entries, meter_needle, turn_dial, wheel, zoom_by
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, nearest_focus_m
 from rptcam_cl.viewfinder.panel import Dials, Panel, read_dials, value_per_radiance
-from rptcam_cl.viewfinder.state import KELVIN, dial_list
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -2]}
 LENS = {"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 2}, "f_number": 4, **POSE}

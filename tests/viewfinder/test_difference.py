@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.viewfinder.delivery import LEGEND, difference, difference_rgb
+from rptcam_cl.viewfinder.instruments import LEGEND, difference, difference_rgb
 
 
 def test_relmse_is_that_of_the_tradeoff_tables() -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.viewfinder.page import OriginGuard, Tokens, is_loopback
+from rptcam_cl.viewfinder.server import AccessTokens, OriginGuard, is_loopback
 
 
 def passes(host: str, kind: str, headers: list[tuple[str, str]], port: int = 8000) -> bool:
@@ -85,7 +85,7 @@ def test_server_for_all_takes_addresses_and_no_other_names() -> None:
 
 
 def test_lasting_token_admits_always_and_the_other_once() -> None:
-    tokens = Tokens()
+    tokens = AccessTokens()
     assert len(tokens.lasting) >= 43
     assert tokens.lasting != tokens.once
     assert [tokens.admits(tokens.once) for _ in range(3)] == [True, False, False]

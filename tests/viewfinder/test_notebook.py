@@ -14,7 +14,7 @@ import yaml
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.viewfinder import notebook
-from rptcam_cl.viewfinder.page import module_text, style_text
+from rptcam_cl.viewfinder.notebook import module_text, style_text
 from tests.support.browsing import chromium, needs_chromium
 from tests.viewfinder.page_client import SCENE
 

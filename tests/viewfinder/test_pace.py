@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.viewfinder.studio import GLANCE_S, LONGEST_S, SCALES, SHOWN_SHARE, TAKE_S, Pace
+from rptcam_cl.viewfinder.slot import GLANCE_S, LONGEST_S, SCALES, SHOWN_SHARE, TAKE_S, Pace
 
 
 def run(pace: Pace, seconds_at_full: float, fixed: float, turns: int = 30) -> list[float]:

@@ -14,7 +14,7 @@ from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.dials import meter_needle, turn_dial
 from rptcam_cl.viewfinder.messages import MOST_UNACKNOWLEDGED, Client, ClientSettings, codes_of
 from rptcam_cl.viewfinder.panel import Panel
-from rptcam_cl.viewfinder.studio import Slot
+from rptcam_cl.viewfinder.slot import Slot
 from tests.viewfinder.page_client import SCENE
 
 SPP = 8

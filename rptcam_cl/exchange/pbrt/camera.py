@@ -8,11 +8,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.exchange.pbrt.files import Context
-from rptcam_cl.exchange.pbrt.world import Entity, Matrix, apply, is_invertible, mean_scale, tidy
+from rptcam_cl.exchange.mesh_data import Array, Matrix, apply, is_invertible, mean_scale, tidy
+from rptcam_cl.exchange.pbrt.world import Context, Entity
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.assets.pictures import read_picture
 
@@ -23,17 +22,15 @@ from rptcam_cl.scene.assets.pictures import read_picture
 # file begins with ``Scale -1 1 1`` as those do that come from right-handed programs. So the x axis is reversed if,
 # and only if, a picture would be mirrored otherwise; scenes of right-handed programs keep their coordinates.
 
-Array = NDArray[np.float64]
-
 # Scales that are 1 but for the digits of a matrix that was written out.
-ROUNDING = 1e-4
+_ROUNDING = 1e-4
 
-MILLIMETRE = 1e-3  # metres
+_MILLIMETRE = 1e-3  # metres
 
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 
 # What each axis of pbrt's camera is in the picture: right, up and the middle of what is seen.
-AXES = {
+_AXES = {
     "perspective": np.eye(3),
     # phi of its picture runs from +x over +z: the middle column looks to -x, what lies right of it to -z
     "environment": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
@@ -41,7 +38,7 @@ AXES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class CameraFrame:
     """The camera's place, in the world of ours.
 
     Attributes
@@ -51,7 +48,7 @@ class Frame:
     eye, forward, up : (3,) arrays
     metres_per_unit : float
         Length of a unit of the world, when one unit of the camera's space is a metre, as pbrt has it for lenses (or a
-        millimetre, see `in_millimetres`).
+        millimetre, see `_in_millimetres`).
     stretch : (2,) array
         Factors that uneven scaling puts on the width and height of what is seen; 1 for nearly every scene.
     """
@@ -72,7 +69,7 @@ class Frame:
         }
 
 
-def in_millimetres(camera: Entity) -> bool:
+def _in_millimetres(camera: Entity) -> bool:
     """Return whether a unit of the camera's space is a millimetre: for the lens camera that plugs into pbrt-v2.
 
     It is that of the course assignments (Stanford CS 348b, HW3), whose lens files and film are in millimetres.
@@ -80,7 +77,7 @@ def in_millimetres(camera: Entity) -> bool:
     return camera.kind == "realistic" and camera.parameters.has("specfile")
 
 
-def frame_of(camera: Entity) -> Frame:
+def frame_of(camera: Entity) -> CameraFrame:
     """Return the frame of a camera.
 
     Raises
@@ -92,18 +89,18 @@ def frame_of(camera: Entity) -> Frame:
         raise camera.error("the transform before it cannot be inverted")
     world_from_camera = np.asarray(np.linalg.inv(camera.world_from_object), np.float64)
     whole = camera.kind in ("environment", "spherical")
-    axes = AXES["environment" if whole else "perspective"]
+    axes = _AXES["environment" if whole else "perspective"]
     right, up, forward = (world_from_camera[:3, :3] @ axes.T).T
     world = MIRROR if right @ np.cross(forward, up) < 0 else np.eye(4)
     eye = apply(world, world_from_camera[None, :3, 3])[0]
     lengths = np.linalg.norm(world_from_camera[:3, :3], axis=0)
     stretch = lengths[:2] / lengths[2]
-    if np.allclose(stretch, 1, rtol=0, atol=ROUNDING):
+    if np.allclose(stretch, 1, rtol=0, atol=_ROUNDING):
         stretch = np.ones(2)
-    unit = mean_scale(camera.world_from_object) * (MILLIMETRE if in_millimetres(camera) else 1.0)
+    unit = mean_scale(camera.world_from_object) * (_MILLIMETRE if _in_millimetres(camera) else 1.0)
     forward, up = (world[:3, :3] @ (axis / np.linalg.norm(axis)) for axis in (forward, up))
     reach = max(1.0, float(np.abs(eye).max()) * 1e-3)  # so that eye + forward keeps its digits
-    return Frame(world, eye, forward * reach, up, 1.0 if abs(unit - 1) < ROUNDING else unit, stretch)
+    return CameraFrame(world, eye, forward * reach, up, 1.0 if abs(unit - 1) < _ROUNDING else unit, stretch)
 
 
 # Reconstruction filters of pbrt as those of our film.
@@ -111,13 +108,13 @@ def frame_of(camera: Entity) -> Frame:
 Keys = dict[str, Any]
 
 # Radius without parameters [pixels], in pbrt-v3 and in pbrt-v4; and our kind.
-KINDS = {
+_KINDS = {
     "box": (0.5, 0.5, "box"), "triangle": (2.0, 2.0, "tent"), "gaussian": (2.0, 1.5, "gaussian"),
     "mitchell": (2.0, 2.0, "mitchell"), "sinc": (4.0, 4.0, "mitchell"),
 }  # fmt: skip
 # Our Gaussian ends three standard deviations out, as that of pbrt-v4 does by default.
-SIGMAS = 3.0
-THIRD = 1 / 3
+_SIGMAS = 3.0
+_THIRD = 1 / 3
 
 
 def filter_keys(context: Context) -> Keys:
@@ -126,9 +123,9 @@ def filter_keys(context: Context) -> Keys:
     third = context.scene.version == 3
     if entity is None:
         return {} if third else {"filter": {"kind": "gaussian", "radius_px": 1.5}}
-    if entity.kind not in KINDS:
-        raise entity.unknown("filter", KINDS)
-    *defaults, kind = KINDS[entity.kind]
+    if entity.kind not in _KINDS:
+        raise entity.unknown("filter", _KINDS)
+    *defaults, kind = _KINDS[entity.kind]
     radius = _radius(context, entity, float(defaults[0 if third else 1]))
     if kind == "gaussian":
         radius = _gaussian_radius(context, entity, radius)
@@ -137,8 +134,8 @@ def filter_keys(context: Context) -> Keys:
         context.approximated(entity, "Mitchell's filter of radius 2")
         radius = 2.0
     if kind == "mitchell" and entity.kind == "mitchell":
-        b, c = (entity.parameters.number(name, THIRD) for name in ("B", "C"))
-        if max(abs(b - THIRD), abs(c - THIRD)) > 1e-3:
+        b, c = (entity.parameters.number(name, _THIRD) for name in ("B", "C"))
+        if max(abs(b - _THIRD), abs(c - _THIRD)) > 1e-3:
             context.approximated(entity, "B and C as 1/3")
     if kind == "box" and radius == 0.5:
         return {}
@@ -163,21 +160,21 @@ def _gaussian_radius(context: Context, entity: Entity, radius: float) -> float:
     if not alpha > 0:
         raise entity.error(f"alpha must be above 0 (got {alpha:g})")
     sigma = entity.parameters.number("sigma", 1 / math.sqrt(2 * alpha))
-    if abs(radius - SIGMAS * sigma) > 1e-6:
-        context.approximated(entity, f"ends {SIGMAS:g} standard deviations out, at {SIGMAS * sigma:g} pixels")
-    return SIGMAS * sigma
+    if abs(radius - _SIGMAS * sigma) > 1e-6:
+        context.approximated(entity, f"ends {_SIGMAS:g} standard deviations out, at {_SIGMAS * sigma:g} pixels")
+    return _SIGMAS * sigma
 
 
 # Film, sampler and integrator of pbrt as film and render settings of ours.
 
-DEFAULT_DIAGONAL_MM = 35.0
-DEFAULT_SAMPLES = 16
-DEFAULT_DEPTH = 5
+_DEFAULT_DIAGONAL_MM = 35.0
+_DEFAULT_SAMPLES = 16
+_DEFAULT_DEPTH = 5
 # Film parameters that name or store the picture.
-STORAGE = ("filename", "savefp16", "coordinatesystem")
+_STORAGE = ("filename", "savefp16", "coordinatesystem")
 # Sampler parameters that change the pattern of samples, not their number.
-PATTERNS = ("jitter", "seed", "randomization", "dimensions", "samplepixelcenter")
-LIGHT_CHOICE = ("lightsamplestrategy", "lightsampler", "rrthreshold")
+_PATTERNS = ("jitter", "seed", "randomization", "dimensions", "samplepixelcenter")
+_LIGHT_CHOICE = ("lightsamplestrategy", "lightsampler", "rrthreshold")
 
 
 @dataclass(frozen=True)
@@ -241,9 +238,10 @@ def raster_of(context: Context, film: Entity | None) -> Raster:
     return Raster(width, height, (x0, x1, y0, y1))
 
 
-def diagonal_mm(film: Entity | None) -> float:
+def _diagonal_mm(context: Context) -> float:
     """Return the diagonal of the film [mm], of use to lens cameras only."""
-    return DEFAULT_DIAGONAL_MM if film is None else film.parameters.number("diagonal", DEFAULT_DIAGONAL_MM)
+    film = context.scene.options.get("Film")
+    return _DEFAULT_DIAGONAL_MM if film is None else film.parameters.number("diagonal", _DEFAULT_DIAGONAL_MM)
 
 
 def exposure_ev(context: Context, film: Entity | None, camera: Entity) -> float:
@@ -256,7 +254,7 @@ def exposure_ev(context: Context, film: Entity | None, camera: Entity) -> float:
     if film is None:
         return 0.0
     parameters = film.parameters
-    parameters.skip(*STORAGE)
+    parameters.skip(*_STORAGE)
     factor = parameters.number("scale", 1.0)
     name = "scale"
     if context.scene.version == 4:
@@ -275,19 +273,19 @@ def exposure_ev(context: Context, film: Entity | None, camera: Entity) -> float:
 def render_keys(context: Context) -> dict[str, Any]:
     """Return samples per pixel and path depth; pbrt loses what its facets scatter more than once."""
     options = context.scene.options
-    keys = {"spp": DEFAULT_SAMPLES, "max_depth": DEFAULT_DEPTH + 1, "multiple_scattering": False}
+    keys = {"spp": _DEFAULT_SAMPLES, "max_depth": _DEFAULT_DEPTH + 1, "multiple_scattering": False}
     if (sampler := options.get("Sampler")) is not None:
-        sampler.parameters.skip(*PATTERNS)
+        sampler.parameters.skip(*_PATTERNS)
         parameters = sampler.parameters
         if sampler.kind == "stratified":
             keys["spp"] = parameters.integer("xsamples", 4) * parameters.integer("ysamples", 4)
         else:
-            keys["spp"] = parameters.integer("pixelsamples", DEFAULT_SAMPLES)
+            keys["spp"] = parameters.integer("pixelsamples", _DEFAULT_SAMPLES)
         if keys["spp"] < 1:
             raise sampler.error(f"needs at least 1 sample per pixel (got {keys['spp']})")
     if (integrator := options.get("Integrator")) is not None:
         _note_integrator(context, integrator)
-        depth = integrator.parameters.integer("maxdepth", DEFAULT_DEPTH)
+        depth = integrator.parameters.integer("maxdepth", _DEFAULT_DEPTH)
         if depth < 0:
             raise integrator.error(f"maxdepth must not be negative (got {depth})")
         keys["max_depth"] = depth + 1  # pbrt counts bounces, we count edges with the camera's
@@ -295,7 +293,7 @@ def render_keys(context: Context) -> dict[str, Any]:
 
 
 def _note_integrator(context: Context, integrator: Entity) -> None:
-    integrator.parameters.skip(*LIGHT_CHOICE)
+    integrator.parameters.skip(*_LIGHT_CHOICE)
     if integrator.kind in ("volpath", "simplevolpath"):
         context.approximated(integrator, "paths without media")
     elif integrator.kind in ("bdpt", "mlt", "sppm", "lightpath"):
@@ -309,7 +307,7 @@ def _note_integrator(context: Context, integrator: Entity) -> None:
 # Cameras of pbrt as cameras of ours.
 
 # Shapes of the stop by name, as near as ours come (pbrt draws them as pictures of its own).
-STOPS: dict[str, Keys] = {
+_STOPS: dict[str, Keys] = {
     "square": {"shape": "polygon", "blades": 4, "rotation_degrees": 45.0},
     "pentagon": {"shape": "polygon", "blades": 5, "rotation_degrees": 90.0},
     "star": {"shape": "star"},
@@ -319,7 +317,7 @@ STOPS: dict[str, Keys] = {
 CameraKeys = tuple[Keys, Keys, Keys]  # of `camera`, of `film` and of the scene itself
 
 
-def convert_camera(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
+def convert_camera(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     """Return a camera as keys of a scene of ours."""
     kinds: dict[str, Callable[..., CameraKeys]] = {
         "perspective": _perspective, "orthographic": _orthographic, "environment": _spherical,
@@ -329,7 +327,7 @@ def convert_camera(context: Context, camera: Entity, frame: Frame, raster: Raste
         raise camera.unknown("camera", kinds)
     if np.any(frame.stretch != 1) and camera.kind != "perspective":
         context.report.ignored(camera.place, "uneven scaling of the camera's space")
-    return kinds[camera.kind](context, camera, frame, raster, film)
+    return kinds[camera.kind](context, camera, frame, raster)
 
 
 def _screen(camera: Entity, raster: Raster) -> Array:
@@ -371,7 +369,7 @@ def _film_keys(raster: Raster, half_x: float, half_y: float) -> Keys:
     return keys
 
 
-def _perspective(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
+def _perspective(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     raster, half_x, half_y = _centre_screen(context, camera, raster)
     half_x, half_y = half_x * frame.stretch[0], half_y * frame.stretch[1]
     fov = camera.parameters.number("fov", 90.0)
@@ -392,7 +390,7 @@ def _perspective(context: Context, camera: Entity, frame: Frame, raster: Raster,
     return keys, _film_keys(raster, half_x, half_y), {}
 
 
-def _orthographic(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
+def _orthographic(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     raster, half_x, half_y = _centre_screen(context, camera, raster)
     if camera.parameters.number("lensradius", 0.0) > 0:
         context.ignored(camera, "the lens radius of a parallel view")
@@ -401,7 +399,7 @@ def _orthographic(context: Context, camera: Entity, frame: Frame, raster: Raster
     return keys, _film_keys(raster, half_x, half_y), {}
 
 
-def _spherical(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
+def _spherical(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     camera.parameters.skip("lensradius", "focaldistance", "frameaspectratio", "screenwindow")
     mapping = camera.parameters.text("mapping", "equalarea" if camera.kind == "spherical" else "equirectangular")
     if mapping not in ("equalarea", "equirectangular"):
@@ -416,9 +414,9 @@ def _spherical(context: Context, camera: Entity, frame: Frame, raster: Raster, f
     return {"kind": "environment", **frame.pose()}, raster.keys(), {}
 
 
-def _realistic(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
+def _realistic(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     parameters = camera.parameters
-    if in_millimetres(camera):
+    if _in_millimetres(camera):
         return _realistic_of_v2(context, camera, frame, raster)
     keys, _ = _lens_keys(context, camera, "lensfile", "aperturediameter")
     keys = {**keys, **frame.pose(), "focus": {"distance_m": parameters.number("focusdistance", 10.0)}}
@@ -427,10 +425,10 @@ def _realistic(context: Context, camera: Entity, frame: Frame, raster: Raster, f
     if weighting:
         context.approximated(camera, "simple weighting as exposure relative to the axis")
     scene = {"exposure": "relative" if weighting else "irradiance"}
-    return keys, {**raster.keys(), "diagonal_mm": diagonal_mm(film)}, scene
+    return keys, {**raster.keys(), "diagonal_mm": _diagonal_mm(context)}, scene
 
 
-def _realistic_of_v2(context: Context, camera: Entity, frame: Frame, raster: Raster) -> CameraKeys:
+def _realistic_of_v2(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
     """Return the lens camera of pbrt-v2's assignments: its place is that of the front vertex, its film is given.
 
     Distances are millimetres, and the light is irradiance on the film (the weight A cos^4 / Z^2 of the assignment).
@@ -438,11 +436,11 @@ def _realistic_of_v2(context: Context, camera: Entity, frame: Frame, raster: Ras
     parameters = camera.parameters
     keys, length_mm = _lens_keys(context, camera, "specfile", "aperture_diameter")
     distance = parameters.number("filmdistance", 70.0)
-    diagonal = parameters.number("filmdiag", DEFAULT_DIAGONAL_MM)
+    diagonal = parameters.number("filmdiag", _DEFAULT_DIAGONAL_MM)
     for name, length in (("filmdistance", distance), ("filmdiag", diagonal)):
         if not length > 0:
             raise camera.error(f'"{name}" must be above 0 mm (got {length:g})')
-    back = (length_mm + distance) * MILLIMETRE / frame.metres_per_unit
+    back = (length_mm + distance) * _MILLIMETRE / frame.metres_per_unit
     eye = frame.eye - back * frame.forward / np.linalg.norm(frame.forward)
     pose = {**frame.pose(), "eye": tidy(eye)}
     film = {**raster.keys(), "diagonal_mm": diagonal}
@@ -479,9 +477,9 @@ def _stop_shape(context: Context, camera: Entity) -> Keys:
     if shape == "circular":
         return {}
     place = camera.parameters.items["aperture"].place
-    if shape in STOPS:
+    if shape in _STOPS:
         context.report.approximated(place, f'the stop "{shape}" in our shape of the name')
-        return {"aperture": STOPS[shape]}
+        return {"aperture": _STOPS[shape]}
     if shape == "gaussian":
         context.report.ignored(place, 'the stop "gaussian": a stop is open or shut')
         return {}

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.colour import LUMINANCE, luminance
 from rptcam_cl.core.constants import LUMENS_PER_WATT
-from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import Folders, plain, replacing
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import Folders, plain
+from rptcam_cl.exchange.conversion import Conversion, FileStore, Place, Report
+from rptcam_cl.exchange.mesh_data import Array, Matrix, apply, is_bearable, is_similarity, reflects, tidy
 from rptcam_cl.exchange.pbrt.camera import (
-    Frame,
+    CameraFrame,
     convert_camera,
     exposure_ev,
     filter_keys,
@@ -28,50 +27,36 @@ from rptcam_cl.exchange.pbrt.camera import (
     raster_of,
     render_keys,
 )
-from rptcam_cl.exchange.pbrt.files import (
-    NOT_READ,
-    READABLE,
-    Context,
-    FileStore,
-    heights,
-    in_longitude_and_latitude,
-    is_readable,
-    lamp_pixels,
-    picture_name,
-    square_of_angles,
-)
 from rptcam_cl.exchange.pbrt.materials import medium_keys
 from rptcam_cl.exchange.pbrt.shapes import Objects
-from rptcam_cl.exchange.pbrt.source import Place, Report
-from rptcam_cl.exchange.pbrt.textures import GREY, SAMPLING, light, scale_factor
-from rptcam_cl.exchange.pbrt.world import (
-    ODD,
-    Entity,
-    Matrix,
-    apply,
-    is_bearable,
-    is_similarity,
-    read_world,
-    reflects,
-    tidy,
+from rptcam_cl.exchange.pbrt.textures import (
+    GREY,
+    NOT_READ,
+    READABLE,
+    SAMPLING,
+    Pixels,
+    is_readable,
+    lamp_pixels,
+    light,
+    picture_name,
+    scale_factor,
 )
+from rptcam_cl.exchange.pbrt.world import ODD, Context, Entity, read_world
 from rptcam_cl.rendering.plan.environment import axes
 from rptcam_cl.scene.assets.pictures import write_exr
-from rptcam_cl.scene.load import Missing, load_scene, scene_text
+from rptcam_cl.scene.load import Missing
 
-Array = NDArray[np.float64]
-Pixels = NDArray[np.float32]
 Keys = dict[str, Any]
 
 # Lights without a surface: point, spot, distant, and constant light from everywhere.
 
 
-def convert_lights(context: Context, frame: Frame) -> tuple[list[Keys], Array, list[Entity]]:
+def _convert_lights(context: Context, frame: CameraFrame) -> tuple[list[Keys], Array, list[Entity]]:
     """Return the lights of a scene of ours, the constant light of its sky, and the maps of the sky as they are."""
     lights: list[Keys] = []
     sky = np.zeros(3)
     maps: list[Entity] = []
-    kinds: dict[str, Callable[[Context, Entity, Frame], Keys]] = {
+    kinds: dict[str, Callable[[Context, Entity, CameraFrame], Keys]] = {
         "point": _point, "goniometric": _pictured, "projection": _pictured, "spot": _spot, "distant": _distant,
     }  # fmt: skip
     for entity in context.scene.lights:
@@ -99,11 +84,11 @@ def _is_map(entity: Entity) -> bool:
     return entity.parameters.has("mapname") or entity.parameters.has("filename")
 
 
-def _world(entity: Entity, frame: Frame) -> Matrix:
+def _world(entity: Entity, frame: CameraFrame) -> Matrix:
     return np.asarray(frame.world @ entity.world_from_object)
 
 
-def _intensity(context: Context, entity: Entity, frame: Frame, solid_angle: float) -> list[float]:
+def _intensity(context: Context, entity: Entity, frame: CameraFrame, solid_angle: float) -> list[float]:
     """Return the radiant intensity; pbrt divides it by distances in its units, we by metres.
 
     ``power`` of pbrt-v4 is divided by the solid angle that gets it.
@@ -121,11 +106,11 @@ def _radiance(context: Context, entity: Entity, per_illuminance: float) -> Array
     return colour * illuminance / per_illuminance if illuminance > 0 else colour
 
 
-EDGE_STEPS = 64  # of the edge of a cone: between them its fourth power is straight, 1e-3 of the middle off
-STEP_DEGREES = 0.5  # of the directions of a lamp that shines with a picture, those that ours tells apart
+_EDGE_STEPS = 64  # of the edge of a cone: between them its fourth power is straight, 1e-3 of the middle off
+_STEP_DEGREES = 0.5  # of the directions of a lamp that shines with a picture, those that ours tells apart
 
 
-def _pictured(context: Context, entity: Entity, frame: Frame) -> Keys:
+def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     """Return a lamp that shines with a picture, goniometric or a projector, as one measured in many directions."""
     parameters = entity.parameters
     key = "filename" if parameters.has("filename") else "mapname"
@@ -136,7 +121,7 @@ def _pictured(context: Context, entity: Entity, frame: Frame) -> Keys:
         context.approximated(entity, "a point light without its picture")
         return _point(context, entity, frame)
     world = _world(entity, frame)
-    vertical, horizontal = np.arange(0, 180.1, STEP_DEGREES), np.arange(0, 360.1, STEP_DEGREES)
+    vertical, horizontal = np.arange(0, 180.1, _STEP_DEGREES), np.arange(0, 360.1, _STEP_DEGREES)
     down, around = np.radians(vertical), np.radians(horizontal)[:, None]
     aside = np.sin(down)
     out = np.stack(np.broadcast_arrays(aside * np.cos(around), aside * np.sin(around), -np.cos(down)), axis=-1)
@@ -154,7 +139,7 @@ def _pictured(context: Context, entity: Entity, frame: Frame) -> Keys:
         context.approximated(entity, "its picture in one colour, the mean")
     pattern = shown @ np.asarray(LUMINANCE)
     if fov:
-        context.approximated(entity, f"its picture in steps of {STEP_DEGREES:g} degrees")
+        context.approximated(entity, f"its picture in steps of {_STEP_DEGREES:g} degrees")
     color = tint * _intensity(context, entity, frame, 4 * math.pi * float(luminance(mean)))
     largest = float(pattern.max())
     file = context.files.add("files", f"{path.stem}.ies", partial(_write_ies, vertical, horizontal, pattern / largest))
@@ -197,13 +182,13 @@ def _write_ies(vertical: Array, horizontal: Array, pattern: Array, path: Path) -
     path.write_text(head + "\n".join(rows) + "\n", encoding="ascii")
 
 
-def _point(context: Context, entity: Entity, frame: Frame) -> Keys:
+def _point(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     position = apply(_world(entity, frame), entity.parameters.vector("from", (0, 0, 0))[None])[0]
     intensity = _intensity(context, entity, frame, 4 * math.pi)
     return {"kind": "point", "position": tidy(position), "intensity": intensity}
 
 
-def _spot(context: Context, entity: Entity, frame: Frame) -> Keys:
+def _spot(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     """Return a spot light, whose edge is the smooth step of pbrt-v4; of pbrt-v3 and v2 a lamp measured by angle."""
     parameters = entity.parameters
     outer, delta = parameters.number("coneangle", 30.0), parameters.number("conedeltaangle", 5.0)
@@ -213,7 +198,7 @@ def _spot(context: Context, entity: Entity, frame: Frame) -> Keys:
     start, stop = math.cos(math.radians(inner)), math.cos(math.radians(outer))
     origin, direction = _ray(entity, frame)
     if context.scene.version == 3 and not parameters.has("power"):  # which pbrt-v4 alone has
-        edge = np.linspace(inner, outer, EDGE_STEPS + 1)
+        edge = np.linspace(inner, outer, _EDGE_STEPS + 1)
         pattern = ((np.cos(np.radians(edge)) - stop) / (start - stop)) ** 4
         vertical = np.concatenate([[0.0][: inner > 0], edge, [180.0][: outer < 180]])
         pattern = np.concatenate([[1.0][: inner > 0], pattern, [0.0][: outer < 180]])
@@ -233,7 +218,7 @@ def _spot(context: Context, entity: Entity, frame: Frame) -> Keys:
     }
 
 
-def _ray(entity: Entity, frame: Frame) -> tuple[Array, Array]:
+def _ray(entity: Entity, frame: CameraFrame) -> tuple[Array, Array]:
     """Return where in the world of ours a light stands, and the direction to what it looks at."""
     world, origin = _world(entity, frame), entity.parameters.vector("from", (0, 0, 0))
     direction = world[:3, :3] @ (entity.parameters.vector("to", (0, 0, 1)) - origin)
@@ -242,7 +227,7 @@ def _ray(entity: Entity, frame: Frame) -> tuple[Array, Array]:
     return apply(world, origin[None])[0], direction
 
 
-def _distant(context: Context, entity: Entity, frame: Frame) -> Keys:
+def _distant(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     _, direction = _ray(entity, frame)
     irradiance = _radiance(context, entity, 1.0)
     return {"kind": "directional", "direction": tidy(direction), "irradiance": irradiance.tolist()}
@@ -251,7 +236,7 @@ def _distant(context: Context, entity: Entity, frame: Frame) -> Keys:
 # The sky: constant light, and pictures of the surroundings.
 
 
-def convert_sky(context: Context, frame: Frame, sky: Array, maps: list[Entity]) -> Keys | None:
+def _convert_sky(context: Context, frame: CameraFrame, sky: Array, maps: list[Entity]) -> Keys | None:
     """Return the environment of a scene of ours from constant light and maps of the sky, None for a black one."""
     constant: Keys | None = {"kind": "constant", "radiance": sky.tolist()} if sky.any() else None
     used = None
@@ -264,7 +249,7 @@ def convert_sky(context: Context, frame: Frame, sky: Array, maps: list[Entity]) 
     return used or constant
 
 
-def _of_map(context: Context, entity: Entity, frame: Frame, sky: Array) -> Keys | None:
+def _of_map(context: Context, entity: Entity, frame: CameraFrame, sky: Array) -> Keys | None:
     """Return the environment that a picture makes; None, with a report, when it cannot be read."""
     parameters = entity.parameters
     key = "filename" if parameters.has("filename") else "mapname"
@@ -304,7 +289,7 @@ def _of_map(context: Context, entity: Entity, frame: Frame, sky: Array) -> Keys 
     return keys
 
 
-def _placement(context: Context, entity: Entity, frame: Frame) -> tuple[Array, float, bool]:
+def _placement(context: Context, entity: Entity, frame: CameraFrame) -> tuple[Array, float, bool]:
     """Return the direction of the top row of a picture of the sky, its turn [degrees], and whether it is mirrored.
 
     pbrt's column at a quarter looks along +y of the light, the middle one along -x. A mirrored one has columns that run
@@ -332,76 +317,79 @@ def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:
         )
     if illuminance <= 0:
         return 1.0
-    own_illuminance = float((pixels @ LUMINANCE * np.clip(heights(size), 0, None)).sum()) * 2 * math.pi / size**2
+    own_illuminance = float((pixels @ LUMINANCE * np.clip(square_heights(size), 0, None)).sum()) * 2 * math.pi / size**2
     if not own_illuminance > 0:
         raise place.error("the picture is black above the horizon, so that it cannot give an illuminance")
     return illuminance / own_illuminance
 
 
-# Parameters of every camera that concern motion, which is not converted.
-SHUTTER = ("shutteropen", "shutterclose")
-DEEP = 200  # times that light is scattered below a surface, at most
+# The equal-area map between the sphere and a square, in which pbrt-v4 stores pictures of the sky.
+#
+# P. Clarberg, "Fast equal-area mapping of the (hemi)sphere using SIMD", Journal of Graphics Tools 13 (3), 2008: the
+# upper half sphere fills the diamond in the middle of the square, the lower one its corners.
+
+# Samples across and down each pixel of a picture in longitude and latitude.
+_SAMPLES = 4
+_TALLEST = 4096  # rows; twice as many columns are half of the pixels that a picture may have
 
 
-@dataclass(frozen=True, eq=False)
-class Conversion:
-    """A converted scene, not yet written.
+def square_of_angles(z: ArrayLike, longitude: ArrayLike) -> tuple[Array, Array]:
+    """Return the coordinates, 0 to 1 from the left and from the top, of directions.
 
-    Attributes
+    Parameters
     ----------
-    scene : dict
-        The mapping of a scene of ours.
-    report : Report
-        What was ignored or approximated.
-    files : FileStore
-        The files that the scene needs beside it.
+    z
+        Cosine of the angle from the pole +z, which is the middle of the square.
+    longitude
+        Angle from +x over +y [rad].
     """
+    height = np.asarray(z, np.float64)
+    x, y = np.cos(longitude), np.sin(longitude)
+    radius = np.sqrt(np.clip(1 - np.abs(height), 0, 1))
+    v = radius * (np.arctan2(np.abs(y), np.abs(x)) * (2 / np.pi))
+    u = radius - v
+    below = height < 0
+    u, v = np.where(below, 1 - v, u), np.where(below, 1 - u, v)
+    return (np.copysign(u, x) + 1) / 2, (np.copysign(v, y) + 1) / 2
 
-    source: Path
-    scene: dict[str, Any]
-    report: Report
-    files: FileStore = field(repr=False)
 
-    def write(self, target: Path) -> tuple[str, ...]:
-        """Write the scene file and the files beside it, once the whole is known to be a scene that can be used.
+def square_heights(size: int) -> Array:
+    """Return z of the directions of the pixels' centres of a square picture, (size, size)."""
+    a = np.abs(2 * (np.arange(size) + 0.5) / size - 1)
+    above = 1 - (a[:, None] + a[None, :])
+    return np.asarray(np.copysign(1 - (1 - np.abs(above)) ** 2, above))
 
-        All is written to a hidden folder first and read from there; then the files are moved to their places, the
-        scene file last.
 
-        Returns
-        -------
-        tuple of str
-            Warnings about the scene.
+def in_longitude_and_latitude(square: NDArray[np.float32], *, clockwise: bool) -> NDArray[np.float32]:
+    """Return a square picture of the sphere as one in longitude and latitude, twice as wide as high.
 
-        Raises
-        ------
-        InputError
-            When what the pbrt scene became cannot be used; nothing is left of it.
-        StateError
-            When the files cannot be written.
-        """
-        try:
-            with tempfile.TemporaryDirectory(prefix=".rptcam-convert-", dir=target.parent) as name:
-                staged = Path(name)
-                self.files.stage(staged)
-                warnings = self._load_staged(staged, target)
-                self.files.place(staged)
-        except OSError as problem:
-            raise StateError(f"{target}: cannot be written ({problem.strerror})") from None
-        text = scene_text(self.scene, (f"Converted from {self.source.name}.",))
-        with replacing(target) as temporary:
-            temporary.write_text(text, "utf-8")
-        return warnings
+    Each pixel is the mean of `_SAMPLES` x `_SAMPLES` pixels that lie under it, spread evenly in longitude and latitude.
 
-    def _load_staged(self, staged: Path, target: Path) -> tuple[str, ...]:
-        """Return the warnings of the scene with its staged files, which have their later names there."""
-        prefix = f"{staged.name}/"
-        try:
-            scene = load_scene(self.files.named_in(staged, self.scene), base_dir=target.parent)
-            return tuple(text.replace(prefix, "") for text in scene.warnings)
-        except InputError as problem:
-            reason = str(problem).replace(prefix, "")
-            raise InputError(f"{self.source}: became a scene that cannot be used: {reason}") from None
+    Parameters
+    ----------
+    square : (n, n, 3) array
+    clockwise
+        Whether longitude falls from the left edge to the right one; it is 180 degrees in the middle either way.
+    """
+    size = len(square)
+    rows = min(size, _TALLEST)
+    longitude = (np.arange(2 * rows * _SAMPLES) + 0.5) / (2 * rows * _SAMPLES) * (2 * np.pi)
+    if clockwise:
+        longitude = longitude[::-1]
+    converted = np.empty((rows, 2 * rows, 3), np.float32)
+    for row in range(rows):
+        latitude = np.pi * (row + (np.arange(_SAMPLES) + 0.5) / _SAMPLES) / rows
+        u, v = square_of_angles(np.cos(latitude)[:, None], longitude[None, :])
+        column = np.minimum((u * size).astype(np.intp), size - 1)
+        line = np.minimum((v * size).astype(np.intp), size - 1)
+        samples = square[line, column].reshape(_SAMPLES, 2 * rows, _SAMPLES, 3)
+        converted[row] = samples.mean(axis=(0, 2), dtype=np.float64)
+    return converted
+
+
+# Parameters of every camera that concern motion, which is not converted.
+_SHUTTER = ("shutteropen", "shutterclose")
+_DEEP = 200  # times that light is scattered below a surface, at most
 
 
 def convert_scene(source: Path, target: Path, *, missing: Missing = "error", root: Path | None = None) -> Conversion:
@@ -443,7 +431,7 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
     context.world, context.metres_per_unit = frame.world, frame.metres_per_unit
     film = options.get("Film")
     raster = raster_of(context, film)
-    camera_keys, film_keys, own_keys = convert_camera(context, camera, frame, raster, film)
+    camera_keys, film_keys, own_keys = convert_camera(context, camera, frame, raster)
     if film is not None:
         film.parameters.skip("diagonal")
     scene: dict[str, Any] = {"film": {**film_keys, **filter_keys(context)}, "camera": camera_keys, **own_keys}
@@ -452,7 +440,7 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
         scene["metres_per_unit"] = frame.metres_per_unit
     if ev := exposure_ev(context, film, camera):
         scene["picture"] = {"ev": ev}
-    camera.parameters.skip(*SHUTTER)
+    camera.parameters.skip(*_SHUTTER)
     objects = Objects(context, frame)
     objects.add_all()
     sections = objects.keys()
@@ -463,12 +451,12 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
     around = context.scene.media.get(context.scene.around_camera)
     if around is not None and (fog := medium_keys(context, around)) is not None:
         scene["medium"] = fog
-    if context.deep and scene["render"].get("max_depth", 8) < DEEP:
-        scene["render"]["max_depth"] = DEEP
-    lights, sky, maps = convert_lights(context, frame)
+    if context.deep and scene["render"].get("max_depth", 8) < _DEEP:
+        scene["render"]["max_depth"] = _DEEP
+    lights, sky, maps = _convert_lights(context, frame)
     if lights:
         scene["lights"] = lights
-    if (environment := convert_sky(context, frame, sky, maps)) is not None:
+    if (environment := _convert_sky(context, frame, sky, maps)) is not None:
         scene["environment"] = environment
     return dict(plain(scene))
 

@@ -11,21 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance
-from rptcam_cl.exchange.pbrt.files import Context, is_readable, picture_name
+from rptcam_cl.exchange.mesh_data import Array
 from rptcam_cl.exchange.pbrt.textures import (
     COLOURS,
-    Array,
     Shade,
     heights,
+    is_readable,
     light,
     number_shade,
+    picture_name,
     reflectance_srgb,
     samples_of,
     shade,
     single,
     value,
 )
-from rptcam_cl.exchange.pbrt.world import Entity, MaterialName
+from rptcam_cl.exchange.pbrt.world import Context, Entity, MaterialName
 from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, MOST_ASYMMETRY, SMALLEST_INDEX, SUBSTANCES
 
 # Materials of ours as plain keys, and pbrt's roughness as GGX's alpha.
@@ -33,7 +34,7 @@ from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, MOST_ASYMMETRY,
 Keys = dict[str, Any]
 
 # A share of light that is too small to matter.
-NOTHING = 1e-6
+_NOTHING = 1e-6
 
 
 def matte(reflectance: Shade | NDArray[np.float64]) -> Keys:
@@ -44,23 +45,23 @@ def matte(reflectance: Shade | NDArray[np.float64]) -> Keys:
 
 def conductor(metal: Keys, alphas: tuple[float, float] | None) -> Keys:
     """Return a metal; ours are rough, a smooth one has the least alpha there is."""
-    return {"kind": "conductor", **metal, **alpha_keys(alphas or (0.0, 0.0))}
+    return {"kind": "conductor", **metal, **_alpha_keys(alphas or (0.0, 0.0))}
 
 
 def dielectric(index: float, alphas: tuple[float, float] | None) -> Keys:
     """Return a transparent solid; one with an index near 1 is smooth, as ours must be."""
-    rough = alpha_keys(alphas) if abs(index - 1) >= LEAST_BEND else {}
+    rough = _alpha_keys(alphas) if abs(index - 1) >= LEAST_BEND else {}
     return {"kind": "dielectric", "index": index, **rough}
 
 
-def has_effect(shade: Shade) -> bool:
+def _has_effect(shade: Shade) -> bool:
     """Return whether a share is more than nothing."""
-    return shade.texture is not None or bool(shade.colour.max() > NOTHING)
+    return shade.texture is not None or bool(shade.colour.max() > _NOTHING)
 
 
 # Ours is smooth below; pbrt-v4 calls a surface smooth below it, too (TrowbridgeReitzDistribution::EffectivelySmooth).
-SMOOTH = 1e-3
-ONLY_V3 = (
+_SMOOTH = 1e-3
+_ONLY_V3 = (
     "matte", "plastic", "glass", "metal", "mirror", "uber", "substrate", "translucent", "disney", "kdsubsurface",
     "fourier",
 )  # fmt: skip
@@ -79,7 +80,7 @@ def alpha_of(roughness: float, *, version: int) -> float:
 
 def alphas(context: Context, entity: Entity, default: float, prefix: str = "") -> tuple[float, float] | None:
     """Return alpha along u and v of a material, None where it is smooth."""
-    version = 3 if entity.kind in ONLY_V3 else 4
+    version = 3 if entity.kind in _ONLY_V3 else 4
     both = value(context, entity, f"{prefix}roughness", default)
     pair = (
         value(context, entity, f"{prefix}uroughness", both),
@@ -91,41 +92,41 @@ def alphas(context: Context, entity: Entity, default: float, prefix: str = "") -
         return None
     if entity.parameters.boolean("remaproughness", True):
         pair = (alpha_of(pair[0], version=version), alpha_of(pair[1], version=version))
-    return None if max(pair) < SMOOTH else pair
+    return None if max(pair) < _SMOOTH else pair
 
 
-def alpha_keys(pair: tuple[float, float] | None) -> dict[str, object]:
+def _alpha_keys(pair: tuple[float, float] | None) -> dict[str, object]:
     """Return the key of a rough material, nothing for a smooth one."""
     if pair is None:
         return {}
-    u, v = (min(max(alpha, SMOOTH), 1.0) for alpha in pair)
+    u, v = (min(max(alpha, _SMOOTH), 1.0) for alpha in pair)
     return {"alpha": u if u == v else [u, v]}
 
 
 # Refractive indices of metals and glasses: by pbrt's names, as numbers or as spectra.
 
 # Metals of pbrt that ours have by name.
-METALS = {"Au": "gold", "Ag": "silver", "Al": "aluminium", "Cu": "copper"}
+_METALS = {"Au": "gold", "Ag": "silver", "Al": "aluminium", "Cu": "copper"}
 # Others. Brass: linear sRGB at normal incidence, as physicallybased.info has it. The oxides are transparent: n at the
 # sodium D line from the CRC Handbook of Chemistry and Physics, no k.
-OTHER_METALS: dict[str, dict[str, Any]] = {
+_OTHER_METALS: dict[str, dict[str, Any]] = {
     "CuZn": {"reflectance": [0.910, 0.778, 0.423]},
     "MgO": {"metal": {"n": [1.736] * 3, "k": [1e-3] * 3}},
     "TiO2": {"metal": {"n": [2.609] * 3, "k": [1e-3] * 3}},
 }
 
 # Index at the helium d line (587.6 nm), from the makers' catalogues.
-GLASSES = {
+_GLASSES = {
     "glass-BK7": 1.5168, "glass-BAF10": 1.6700, "glass-F11": 1.6206, "glass-FK51A": 1.4866, "glass-LASF9": 1.8503,
     "glass-SF5": 1.6727, "glass-F5": 1.6034, "glass-SF10": 1.7283, "glass-SF11": 1.7847,
 }  # fmt: skip
 
 # Wavelengths near the middle of red, green and blue [nm], at which spectra of n and k are read.
-CHANNELS_NM = np.array([610.0, 550.0, 465.0])
-LOWEST, HIGHEST = 1e-3, 100.0
+_CHANNELS_NM = np.array([610.0, 550.0, 465.0])
+_LOWEST, _HIGHEST = 1e-3, 100.0
 
 
-def index_of(context: Context, entity: Entity, name: str = "eta", default: float = 1.5) -> float:
+def _index_of(context: Context, entity: Entity, name: str = "eta", default: float = 1.5) -> float:
     """Return the refractive index of a transparent material: one number, as ours have no dispersion."""
     parameters = entity.parameters
     for key in (name, "index") if name == "eta" else (name,):
@@ -136,7 +137,7 @@ def index_of(context: Context, entity: Entity, name: str = "eta", default: float
             index = parameters.number(key, default)
         elif item.kind == "spectrum":
             name = str(item.values[0]) if len(item.values) == 1 else ""
-            index = GLASSES.get(name) or float(np.interp(589.0, *_sort_samples(samples_of(context, item))))
+            index = _GLASSES.get(name) or float(np.interp(589.0, *_sort_samples(samples_of(context, item))))
             context.approximated(entity, f'"{key}" without dispersion, {index:g} at all wavelengths', item.place)
         else:  # a colour, or a texture of numbers or of colours that are cut at 1
             values = item.values
@@ -149,7 +150,7 @@ def index_of(context: Context, entity: Entity, name: str = "eta", default: float
     return default
 
 
-def metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str, Any]:
+def _metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str, Any]:
     """The keys of a conductor that say how a metal reflects: by name, by n and k, or by a colour."""
     parameters = entity.parameters
     if parameters.has(f"{prefix}reflectance"):
@@ -159,13 +160,13 @@ def metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str, 
               if name}  # fmt: skip
     if len(metals) == 1 and all(name.startswith("metal-") or not name for name in names):
         (metal,) = metals
-        if metal in METALS:
+        if metal in _METALS:
             parameters.skip(f"{prefix}eta", f"{prefix}k")
-            return {"metal": METALS[metal]}
-        if metal in OTHER_METALS:
+            return {"metal": _METALS[metal]}
+        if metal in _OTHER_METALS:
             parameters.skip(f"{prefix}eta", f"{prefix}k")
             context.approximated(entity, f"{metal} by constants in three channels")
-            return dict(OTHER_METALS[metal])
+            return dict(_OTHER_METALS[metal])
     if not parameters.has(f"{prefix}eta") and not parameters.has(f"{prefix}k"):
         return {"metal": "copper"}
     n, k = (_channels(context, entity, f"{prefix}{key}", default) for key, default in (("eta", 0.2), ("k", 3.9)))
@@ -185,10 +186,10 @@ def _channels(context: Context, entity: Entity, key: str, default: float) -> lis
     if item is None:
         values = np.full(3, default)
     elif item.kind == "spectrum":
-        values = np.interp(CHANNELS_NM, *_sort_samples(samples_of(context, item)))
+        values = np.interp(_CHANNELS_NM, *_sort_samples(samples_of(context, item)))
     else:
         values = np.broadcast_to(np.asarray(item.values, np.float64), (3,))
-    return np.clip(values, LOWEST, HIGHEST).tolist()  # type: ignore[no-any-return]
+    return np.clip(values, _LOWEST, _HIGHEST).tolist()  # type: ignore[no-any-return]
 
 
 def _sort_samples(samples: tuple[Any, Any]) -> tuple[Any, Any]:
@@ -218,7 +219,7 @@ def _covered_keys(
     context: Context, material: Entity, diffuse: Shade, gloss: Shade, index: float, pair: tuple[float, float] | None
 ) -> Keys:
     """Return a base under a clear cover of the index that gives the gloss its reflectance head-on."""
-    if not has_effect(gloss) or index <= 1:
+    if not _has_effect(gloss) or index <= 1:
         return matte(diffuse)
     if gloss.texture is not None or np.abs(gloss.colour - 1).max() > 0.01:
         context.approximated(material, "its gloss as that of a clear cover with the same reflectance")
@@ -227,7 +228,7 @@ def _covered_keys(
 
 
 def _plastic_keys(base: Shade, index: float, pair: tuple[float, float] | None) -> Keys:
-    return {"kind": "plastic", "reflectance": base.keys(), "index": index, **alpha_keys(pair)}
+    return {"kind": "plastic", "reflectance": base.keys(), "index": index, **_alpha_keys(pair)}
 
 
 def _index_reflecting(share: float) -> float:
@@ -247,7 +248,7 @@ def _glass(context: Context, material: Entity) -> Keys:
     pair = (value(context, material, "uroughness", 0.0), value(context, material, "vroughness", 0.0))
     rough = alphas(context, material, 0.0) if max(pair) > 0 else None
     material.parameters.boolean("remaproughness", True)
-    index = index_of(context, material)
+    index = _index_of(context, material)
     return dielectric(index, rough) | _tints(context, material, 1.0)
 
 
@@ -277,20 +278,20 @@ def _uber(context: Context, material: Entity) -> Keys:
     """
     diffuse, rough = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
     smooth, through = shade(context, material, "Kr", 0.0), shade(context, material, "Kt", 0.0)
-    index = index_of(context, material)
-    if has_effect(rough) and has_effect(smooth):
+    index = _index_of(context, material)
+    if _has_effect(rough) and _has_effect(smooth):
         context.approximated(material, "the stronger gloss of Ks and Kr")
-    holes = opacity_keys(context, material, "opacity", number_or_colour(context, material, "opacity"))
+    holes = opacity_keys(context, material, "opacity", _number_or_colour(context, material, "opacity"))
     passing = min(float(luminance(through.colour)), 1.0)
     glass: Keys = {"kind": "dielectric", "index": index}
-    if passing > NOTHING and not has_effect(diffuse):
+    if passing > _NOTHING and not _has_effect(diffuse):
         material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
         return glass | holes
     is_smooth = float(luminance(smooth.colour)) > float(luminance(rough.colour))
     if is_smooth:
         material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
     gloss, pair = (smooth, None) if is_smooth else (rough, alphas(context, material, 0.1))
-    if passing <= NOTHING:
+    if passing <= _NOTHING:
         return _covered_keys(context, material, diffuse, gloss, index, pair) | holes
     context.approximated(material, f"{passing:.3g} of it clear glass, the rest opaque")
     opaque = diffuse.scaled(np.full(3, 1 / max(1 - passing, 0.01)))
@@ -298,7 +299,7 @@ def _uber(context: Context, material: Entity) -> Keys:
     return {"kind": "mix", "materials": [base, glass], "factor": passing} | holes
 
 
-def number_or_colour(context: Context, material: Entity, name: str, default: float = 1.0) -> Shade:
+def _number_or_colour(context: Context, material: Entity, name: str, default: float = 1.0) -> Shade:
     """Return an opacity or the share of a mixture, which pbrt-v3 takes as a colour."""
     item = material.parameters.items.get(name)
     if item is not None and (item.kind == "float" or (item.kind == "texture" and _is_float(material, name))):
@@ -335,9 +336,9 @@ def _translucent(context: Context, material: Entity) -> Keys:
     reflect, transmit = shade(context, material, "reflect", 0.5), shade(context, material, "transmit", 0.5)
     rough = alphas(context, material, 0.1)
     back, on = diffuse.scaled(reflect.colour), diffuse.scaled(transmit.colour)
-    if not has_effect(on):
+    if not _has_effect(on):
         return _covered_keys(context, material, back, gloss.scaled(reflect.colour), 1.5, rough)
-    if has_effect(gloss):
+    if _has_effect(gloss):
         context.approximated(material, "without its gloss")
     return _sheet(context, material, back, on)
 
@@ -358,7 +359,7 @@ def _disney(context: Context, material: Entity) -> Keys:
         "metallic": _share(context, material, "metallic", 0.0),
         "roughness": _share(context, material, "roughness", 0.5),
         "anisotropy": _cut(value(context, material, "anisotropic", 0.0)),
-        "index": max(index_of(context, material), 1.0),
+        "index": max(_index_of(context, material), 1.0),
         "transmission": _cut(value(context, material, "spectrans", 0.0)),
         "clearcoat": _cut(value(context, material, "clearcoat", 0.0)),
     }
@@ -386,7 +387,7 @@ def _cut(number: float) -> float:
 # Materials of pbrt as materials of ours, one function a kind.
 
 # Mixed deeper than materials are on purpose.
-DEEPEST_MIX = 8
+_DEEPEST_MIX = 8
 
 
 def convert_material(context: Context, material: Entity | None, depth: int = 0) -> Keys | None:
@@ -397,9 +398,9 @@ def convert_material(context: Context, material: Entity | None, depth: int = 0) 
         return None
     if material.kind == "mix":
         return _mix_material(context, material, depth)
-    if material.kind not in KINDS:
+    if material.kind not in _KINDS:
         context.approximated(material, "matte, as in pbrt-v3, since there is no such material")
-    keys = KINDS.get(material.kind, _matte)(context, material)
+    keys = _KINDS.get(material.kind, _matte)(context, material)
     _take_normal_map(context, material, keys)
     return keys
 
@@ -432,7 +433,7 @@ def _take_bumps(context: Context, material: Entity, keys: Keys, name: str) -> No
         return
     if keys["kind"] == "mirror":
         context.approximated(material, "with bumps as a conductor of alpha 0.001")
-        keys |= {"kind": "conductor", **alpha_keys((SMOOTH, SMOOTH))}
+        keys |= {"kind": "conductor", **_alpha_keys((_SMOOTH, _SMOOTH))}
     for part in keys.get("materials", [keys]):
         if part["kind"] not in ("mirror", "thin_glass"):
             part["bump"] = {"texture": texture, "height": factor}
@@ -458,7 +459,7 @@ def _coated_diffuse(context: Context, material: Entity) -> Keys:
     """Return a matte base under a clear cover; pbrt walks at random between the two, we sum the series."""
     _note_layer(context, material)
     rough = alphas(context, material, 0.0)
-    index = index_of(context, material)
+    index = _index_of(context, material)
     reflectance = shade(context, material, "reflectance", 0.5)
     return _plastic_keys(reflectance, index, rough) if index > 1 else matte(reflectance)
 
@@ -473,37 +474,37 @@ def _note_layer(context: Context, material: Entity) -> None:
 
 
 def _conductor(context: Context, material: Entity, roughness: float = 0.0) -> Keys:
-    return conductor(metal_keys(context, material), alphas(context, material, roughness))
+    return conductor(_metal_keys(context, material), alphas(context, material, roughness))
 
 
 def _coated_conductor(context: Context, material: Entity) -> Keys:
     """Return the metal alone with the roughness that both faces have together."""
     _note_layer(context, material)
-    metal = metal_keys(context, material, "conductor.")
+    metal = _metal_keys(context, material, "conductor.")
     pairs = [alphas(context, material, 0.0, prefix) for prefix in ("interface.", "conductor.")]
-    index_of(context, material, "interface.eta")
+    _index_of(context, material, "interface.eta")
     context.approximated(material, "the metal without its clear cover")
     known = [pair for pair in pairs if pair is not None]
     return conductor(metal, (max(pair[0] for pair in known), max(pair[1] for pair in known)) if known else None)
 
 
 def _dielectric(context: Context, material: Entity) -> Keys:
-    return dielectric(index_of(context, material), alphas(context, material, 0.0))
+    return dielectric(_index_of(context, material), alphas(context, material, 0.0))
 
 
 def _thin_dielectric(context: Context, material: Entity) -> Keys:
-    return {"kind": "thin_glass", "index": index_of(context, material)}
+    return {"kind": "thin_glass", "index": _index_of(context, material)}
 
 
 def _diffuse_transmission(context: Context, material: Entity) -> Keys:
     """Return a sheet that scatters light to both sides."""
     scale = np.full(3, value(context, material, "scale", 1.0))
     back, on = (shade(context, material, name, 0.25).scaled(scale) for name in ("reflectance", "transmittance"))
-    return _sheet(context, material, back, on) if has_effect(on) else matte(back)
+    return _sheet(context, material, back, on) if _has_effect(on) else matte(back)
 
 
 # Media of pbrt by its names; where a medium gives no coefficients, they are whole milk's.
-SUBSTANCES_OF = {
+_SUBSTANCES_OF = {
     "Apple": "apple", "Chicken1": "chicken", "Cream": "cream", "Ketchup": "ketchup", "Marble": "marble",
     "Potato": "potato", "Skimmilk": "skim_milk", "Skin1": "skin", "Skin2": "skin_pale", "Spectralon": "spectralon",
     "Wholemilk": "whole_milk",
@@ -527,9 +528,9 @@ def medium_keys(context: Context, medium: Entity, preset: str = "preset") -> Key
         return None
     parameters = medium.parameters
     name = parameters.text(preset, "")
-    if name and name not in SUBSTANCES_OF:
+    if name and name not in _SUBSTANCES_OF:
         context.approximated(medium, f'whole milk in place of "{name}"')
-    scattering, absorption = SUBSTANCES[SUBSTANCES_OF.get(name, "whole_milk")]
+    scattering, absorption = SUBSTANCES[_SUBSTANCES_OF.get(name, "whole_milk")]
     scale = value(context, medium, "scale", 1.0) / context.metres_per_unit
     sigma_a = scale * _coefficient(context, medium, "sigma_a", absorption)
     keys: Keys = {
@@ -547,7 +548,7 @@ def medium_keys(context: Context, medium: Entity, preset: str = "preset") -> Key
 def _subsurface(context: Context, material: Entity) -> Keys:
     """Return rough glass round a medium in which light walks at random, where pbrt has it come out by a table."""
     parameters = material.parameters
-    keys = dielectric(index_of(context, material, default=1.33), alphas(context, material, 0.0))
+    keys = dielectric(_index_of(context, material, default=1.33), alphas(context, material, 0.0))
     colour = next((name for name in ("reflectance", "Kd") if parameters.has(name)), None)
     context.deep = True
     context.approximated(material, "light walks at random below the surface")
@@ -586,7 +587,7 @@ def _grey(context: Context, material: Entity) -> Keys:
     return matte(np.full(3, 0.5))
 
 
-KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
+_KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
     "diffuse": partial(_matte, name="reflectance"), "coateddiffuse": _coated_diffuse, "conductor": _conductor,
     "coatedconductor": _coated_conductor, "dielectric": _dielectric, "thindielectric": _thin_dielectric,
     "diffusetransmission": _diffuse_transmission, "subsurface": _subsurface, "measured": _grey, "hair": _hair,
@@ -600,8 +601,8 @@ KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
 def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None:
     """Return a mixture: pbrt-v3 gives the share of the first material, pbrt-v4 that of the second."""
     parameters = material.parameters
-    if depth > DEEPEST_MIX:
-        raise material.error(f"materials mix each other more than {DEEPEST_MIX} deep")
+    if depth > _DEEPEST_MIX:
+        raise material.error(f"materials mix each other more than {_DEEPEST_MIX} deep")
     if parameters.has("materials"):
         item = parameters.get("materials", "string")
         assert item is not None
@@ -612,7 +613,7 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
         raise material.place.error(
             f"{material.what} needs the names of two materials (got {len([*filter(None, names)])})"
         )
-    amount = number_or_colour(context, material, "amount", 0.5)
+    amount = _number_or_colour(context, material, "amount", 0.5)
     if not parameters.has("materials"):
         names.reverse()  # the share of the first material becomes that of the second
         if amount.texture is not None:

@@ -13,180 +13,38 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.pbrt.camera import Frame
-from rptcam_cl.exchange.pbrt.files import Context
-from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, medium_keys, opacity_keys
-from rptcam_cl.exchange.pbrt.source import Parameters, Place, read_limited
-from rptcam_cl.exchange.pbrt.textures import lamp_radiance, number_shade
-from rptcam_cl.exchange.pbrt.world import (
-    ODD,
-    Entity,
-    Instance,
+from rptcam_cl.exchange.conversion import TABLED, Place, read_limited
+from rptcam_cl.exchange.mesh_data import (
+    Array,
+    Faces,
     Matrix,
-    ShapeUse,
-    apply,
-    apply_to_normals,
+    MeshData,
     is_bearable,
     is_similarity,
     is_transform_of_ours,
+    limit_of_loop,
     mean_scale,
-    reflects,
+    rectangle_of,
     tidy,
 )
+from rptcam_cl.exchange.pbrt.camera import CameraFrame
+from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, medium_keys, opacity_keys
+from rptcam_cl.exchange.pbrt.source import Parameters
+from rptcam_cl.exchange.pbrt.textures import lamp_radiance, number_shade
+from rptcam_cl.exchange.pbrt.world import ODD, Context, Entity, Instance, ShapeUse
 from rptcam_cl.scene.meshes import read_mesh_file
 from rptcam_cl.scene.shapes import bezier_pieces
 
-# Triangle meshes on their way from pbrt to a scene of ours.
-
-Array = NDArray[np.float64]
-Faces = NDArray[np.int64]
-
-# Corners of two triangles of a parallelogram agree to this, relative to its size: files carry six digits or so.
-PARALLELOGRAM_TOLERANCE = 1e-5
-CORNERS_UV = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64)
-
-
-@dataclass(frozen=True, eq=False)
-class MeshData:
-    """A mesh; the front side is that from which a face runs counter-clockwise.
-
-    Attributes
-    ----------
-    vertices : (n, 3) array
-    faces : (m, 3) array of int
-    normals : (n, 3) array or None
-    uvs : (n, 2) array or None
-    """
-
-    vertices: Array
-    faces: Faces
-    normals: Array | None = None
-    uvs: Array | None = None
-
-    def transformed(self, matrix: Matrix) -> MeshData:
-        """Return the mesh in another place; its front side is carried along, also by a reflection."""
-        normals = None if self.normals is None else apply_to_normals(matrix, self.normals)
-        faces = self.faces[:, ::-1] if reflects(matrix) else self.faces
-        return replace(self, vertices=apply(matrix, self.vertices), faces=faces, normals=normals)
-
-    def reversed(self) -> MeshData:
-        """Return the mesh with front and back exchanged."""
-        return replace(self, faces=self.faces[:, ::-1], normals=None if self.normals is None else -self.normals)
-
-    def facing_its_normals(self) -> MeshData:
-        """Return the mesh with the front of each face on the side of its vertex normals, as pbrt takes it."""
-        if self.normals is None:
-            return self
-        behind = (self.crosses() * self.normals[self.faces].sum(axis=1)).sum(axis=1) < 0
-        return replace(self, faces=np.where(behind[:, None], self.faces[:, ::-1], self.faces))
-
-    def crosses(self) -> Array:
-        """Return the cross product of two edges of each face (m, 3): its normal, twice its area long."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        return np.cross(b - a, c - a)
-
-    def areas(self) -> Array:
-        """Return the area of each face (m,)."""
-        return np.asarray(np.linalg.norm(self.crosses(), axis=1) / 2)
-
-    def keys(self) -> dict[str, Any]:
-        """Return the keys of a mesh that is written out."""
-        keys: dict[str, Any] = {"vertices": tidy(self.vertices), "faces": self.faces.tolist()}
-        if self.normals is not None:
-            keys["normals"] = tidy(self.normals)
-        if self.uvs is not None:
-            keys["uvs"] = self.uvs.tolist()
-        return keys
-
-    def write_ply(self, path: Path) -> None:
-        """Write the mesh as a binary PLY file."""
-        parts = [(self.vertices, "x y z"), (self.normals, "nx ny nz"), (self.uvs, "u v")]
-        columns = [rows for rows, _ in parts if rows is not None]
-        names = " ".join(names for rows, names in parts if rows is not None).split()
-        rows = np.zeros(len(self.faces), np.dtype([("count", "u1"), ("vertices", "<i4", 3)]))
-        rows["count"], rows["vertices"] = 3, self.faces
-        header = [
-            "ply", "format binary_little_endian 1.0", f"element vertex {len(self.vertices)}",
-            *(f"property float {name}" for name in names),
-            f"element face {len(self.faces)}", "property list uchar int vertex_indices", "end_header\n",
-        ]  # fmt: skip
-        vertices = np.concatenate(columns, axis=1).astype("<f4")
-        path.write_bytes("\n".join(header).encode() + vertices.tobytes() + rows.tobytes())
-
-
-def rectangle_of(mesh: MeshData, *, textured: bool, oriented: bool) -> dict[str, Any] | None:
-    """Return the keys of a rectangle for a mesh of two triangles that are one; None when they are not.
-
-    Parameters
-    ----------
-    textured
-        Whether the texture coordinates must be those of a rectangle, from (0, 0) to (1, 1).
-    oriented
-        Whether the front must stay the front.
-    """
-    ring = _ring(mesh)
-    if ring is None:
-        return None
-    a, b, c, d = corners = mesh.vertices[ring]
-    size = np.ptp(corners, axis=0).max()
-    if np.abs(a + c - b - d).max() > PARALLELOGRAM_TOLERANCE * size or not _is_flat(mesh, ring):
-        return None
-    if textured:
-        if mesh.uvs is None:
-            return None
-        turns = [ring] if oriented else [ring, ring[::-1]]
-        fits = [turn for way in turns for turn in _rotations(way) if np.allclose(mesh.uvs[turn], CORNERS_UV, atol=1e-6)]
-        if not fits:
-            return None
-        ring = fits[0]
-    a, b, _, d = mesh.vertices[ring]
-    if np.linalg.norm(np.cross(b - a, d - a)) < 1e-9 * size * size:
-        return None
-    return {"shape": "rectangle", "corner": tidy(a), "edge_u": tidy(b - a), "edge_v": tidy(d - a)}
-
-
-def _ring(mesh: MeshData) -> list[int] | None:
-    """Return the four corners of two triangles that share an edge, from the first corner on, in its order."""
-    if len(mesh.faces) != 2 or len(set(mesh.faces.reshape(-1).tolist())) != 4:
-        return None
-    first, second = mesh.faces.tolist()
-    for k in range(3):
-        apex, p, q = first[k], first[(k + 1) % 3], first[(k + 2) % 3]
-        for j in range(3):
-            if (second[j], second[(j + 1) % 3]) == (q, p):
-                ring = [apex, p, second[(j + 2) % 3], q]
-                start = ring.index(first[0])
-                return ring[start:] + ring[:start]
-    return None
-
-
-def _rotations(ring: list[int]) -> list[list[int]]:
-    return [ring[k:] + ring[:k] for k in range(4)]
-
-
-def _is_flat(mesh: MeshData, ring: list[int]) -> bool:
-    """Return whether the vertex normals, if any, are the normal of the plane."""
-    if mesh.normals is None:
-        return True
-    normal = mesh.crosses()[0]
-    length = np.linalg.norm(normal)
-    lengths = np.linalg.norm(mesh.normals[ring], axis=1)
-    return bool(np.all(mesh.normals[ring] @ normal > (1 - 1e-6) * length * lengths))
-
-
 # Meshes of a pbrt scene: triangles, bilinear patches, control meshes, and PLY files of their own.
 
-Indices = NDArray[np.int64]
-
 # Cells along each side of a bilinear patch that is not flat.
-PATCH_CELLS = 8
+_PATCH_CELLS = 8
 
 
-def triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
+def _triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     """Return a triangle mesh, and its number of triangles; those without area are left out."""
     parameters = shape.parameters
     vertices = _points(shape)
@@ -201,17 +59,17 @@ def triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     return _clean(context, shape, MeshData(vertices, corners, normals, uvs)), len(corners)
 
 
-MOST_SUBDIVIDED = 4_000_000  # triangles
+_MOST_SUBDIVIDED = 4_000_000  # triangles
 
 
-def subdivided_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
+def _subdivided_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     """Return a subdivision surface, of vertices on the surface that the steps lead to."""
     levels = shape.parameters.integer("levels" if shape.parameters.has("levels") else "nlevels", 3)
     shape.parameters.skip("scheme")
     vertices = _points(shape)
     mesh = _clean(context, shape, MeshData(vertices, _indices(shape, len(vertices), 3)))
     steps = max(levels, 0)
-    while steps and len(mesh.faces) * 4**steps > MOST_SUBDIVIDED:
+    while steps and len(mesh.faces) * 4**steps > _MOST_SUBDIVIDED:
         steps -= 1
     if steps != levels:
         context.approximated(shape, f"subdivided {steps} times, not {levels}")
@@ -225,67 +83,7 @@ def subdivided_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     return replace(mesh, normals=normals / np.where(lengths > 0, lengths, 1)), len(mesh.faces)
 
 
-def limit_of_loop(mesh: MeshData, steps: int) -> MeshData:
-    """Return a mesh subdivided after Loop (1987), with its vertices moved to the surface that further steps lead to."""
-    vertices, faces = mesh.vertices, mesh.faces
-    for _ in range(steps):
-        vertices, faces = _loop_step(vertices, faces)
-    edges, _, borders = _edges_of(faces)
-    valence, sums = _neighbours(len(vertices), edges, vertices)
-    gamma = 1 / (valence + 3 / (8 * _loop_weight(valence)))
-    limit = (1 - valence * gamma)[:, None] * vertices + gamma[:, None] * sums
-    return MeshData(_on_borders(vertices, edges[borders], limit, 1 / 6), faces)
-
-
-def _loop_step(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
-    """Divide each triangle into four: new vertices on the edges, the others moved (Loop; Hoppe 1994 at borders)."""
-    edges, of_faces, borders = _edges_of(faces)
-    valence, sums = _neighbours(len(vertices), edges, vertices)
-    beta = _loop_weight(valence)
-    moved = (1 - valence * beta)[:, None] * vertices + beta[:, None] * sums
-    moved = _on_borders(vertices, edges[borders], moved, 1 / 8)
-    ends = vertices[edges].sum(axis=1)
-    apexes = np.zeros_like(ends)
-    for corner in range(3):
-        np.add.at(apexes, of_faces[:, corner], vertices[faces[:, (corner + 2) % 3]])
-    middles = np.where(borders[:, None], ends / 2, 3 / 8 * ends + apexes / 8)
-    ab, bc, ca = (of_faces[:, k] + len(vertices) for k in range(3))
-    a, b, c = faces.T
-    parts = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-    return np.concatenate([moved, middles]), np.concatenate([np.stack(part, axis=1) for part in parts])
-
-
-def _edges_of(faces: Faces) -> tuple[Faces, Faces, NDArray[np.bool_]]:
-    """Return the edges (e, 2), those of each face (m, 3) from corner to corner, and which have not two faces."""
-    pairs = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    edges, numbers, counts = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
-    return edges, numbers.reshape(-1, 3), counts != 2
-
-
-def _neighbours(count: int, edges: Faces, vertices: Array) -> tuple[Array, Array]:
-    """Return how many neighbours each vertex has, at least one counted, and the sum of their positions."""
-    valence, sums = np.zeros(count), np.zeros((count, 3))
-    for end in range(2):
-        np.add.at(valence, edges[:, end], 1)
-        np.add.at(sums, edges[:, end], vertices[edges[:, 1 - end]])
-    return np.maximum(valence, 1), sums
-
-
-def _loop_weight(valence: Array) -> Array:
-    """Return the weight of each neighbour (Warren 1995, as pbrt has it)."""
-    return np.where(valence == 3, 3 / 16, 3 / (8 * valence))
-
-
-def _on_borders(vertices: Array, borders: Faces, inside: Array, weight: float) -> Array:
-    """Return vertices, those on a border from their neighbours along it alone."""
-    count, sums = _neighbours(len(vertices), borders, vertices)
-    on = np.zeros(len(vertices), bool)
-    on[borders] = True
-    along = (1 - 2 * weight) * vertices + 2 * weight * sums / count[:, None]
-    return np.where(on[:, None], along, inside)
-
-
-def bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
+def _bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
     """Return bilinear patches as triangles, and the number of patches; flat parallelograms are exact."""
     vertices = _points(shape)
     quads = _indices(shape, len(vertices), 4)
@@ -299,13 +97,13 @@ def bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
         p00, p10, p01, p11 = quads.T
         faces = np.concatenate([np.stack([p00, p10, p11], axis=1), np.stack([p00, p11, p01], axis=1)])
         return _clean(context, shape, MeshData(vertices, faces, normals, uvs)), len(quads)
-    context.approximated(shape, f"each patch as {PATCH_CELLS} x {PATCH_CELLS} cells of two triangles")
+    context.approximated(shape, f"each patch as {_PATCH_CELLS} x {_PATCH_CELLS} cells of two triangles")
     return _clean(context, shape, _tessellate(vertices, quads, normals, uvs)), len(quads)
 
 
-def _tessellate(vertices: Array, quads: Indices, normals: Array | None, uvs: Array | None) -> MeshData:
+def _tessellate(vertices: Array, quads: Faces, normals: Array | None, uvs: Array | None) -> MeshData:
     """Return patches cut into cells, each patch with vertices of its own."""
-    cells = PATCH_CELLS
+    cells = _PATCH_CELLS
     t = np.linspace(0, 1, cells + 1)
     v, u = (axis.reshape(-1) for axis in np.meshgrid(t, t, indexing="ij"))
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v])  # of p00, p10, p01, p11
@@ -322,7 +120,7 @@ def _tessellate(vertices: Array, quads: Indices, normals: Array | None, uvs: Arr
     return MeshData(spread(vertices), faces, None if normals is None else spread(normals), new_uvs)
 
 
-def _are_parallelograms(vertices: Array, quads: Indices) -> bool:
+def _are_parallelograms(vertices: Array, quads: Faces) -> bool:
     p00, p10, p01, p11 = (vertices[quads[:, k]] for k in range(4))
     size = np.abs(p11 - p00).max() + np.abs(p10 - p01).max()
     return bool(np.abs(p00 + p11 - p10 - p01).max() <= 1e-6 * size)
@@ -342,7 +140,7 @@ def _uvs(parameters: Parameters) -> Array | None:
     return None
 
 
-def _indices(shape: Entity, count: int, corners: int) -> Indices:
+def _indices(shape: Entity, count: int, corners: int) -> Faces:
     """Return the corners of the faces, (n, corners); those of a single face may be left out."""
     parameters = shape.parameters
     values = parameters.numbers("indices", "integer")
@@ -393,11 +191,11 @@ def _read_mesh(path: Path, place: Place) -> MeshData:
 
 # Surfaces of revolution as meshes: parts of spheres, disks and cylinders, and the shapes that only pbrt-v3 has.
 
-AROUND, ALONG = 128, 64  # quadrilaterals of a full turn and of a curved profile
+_AROUND, _ALONG = 128, 64  # quadrilaterals of a full turn and of a curved profile
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class RevolvedCurve:
     """The curve that turns about the z axis.
 
     Attributes
@@ -419,64 +217,64 @@ class Profile:
     v: Array | None = None
 
 
-def sphere(parameters: Parameters) -> Profile:
+def sphere(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a sphere between zmin and zmax."""
-    radius = positive(parameters, "radius", 1.0)
+    radius = _positive(parameters, "radius", 1.0)
     low = np.clip(parameters.number("zmin", -radius) / radius, -1, 1)
     high = np.clip(parameters.number("zmax", radius) / radius, -1, 1)
     low, high = min(low, high), max(low, high)
-    angle = np.linspace(math.acos(low), math.acos(high), ALONG + 1)
+    angle = np.linspace(math.acos(low), math.acos(high), _ALONG + 1)
     zero = np.zeros_like(angle)
     points = radius * np.stack([np.sin(angle), zero, np.cos(angle)], axis=1)
     tangents = np.stack([-np.cos(angle), zero, np.sin(angle)], axis=1)
-    return Profile(points, tangents, low == -1 and high == 1, 2 * math.pi * radius**2 * (high - low))
+    return RevolvedCurve(points, tangents, low == -1 and high == 1, 2 * math.pi * radius**2 * (high - low))
 
 
-def disk(parameters: Parameters) -> Profile:
+def _disk(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a disk, from the rim to the hole."""
-    height, radius = parameters.number("height", 0.0), positive(parameters, "radius", 1.0)
+    height, radius = parameters.number("height", 0.0), _positive(parameters, "radius", 1.0)
     inner = min(parameters.number("innerradius", 0.0), radius)
     area = math.pi * (radius**2 - inner**2)
     return _segment((radius, 0, height), (inner, 0, height), inner == 0, area)
 
 
-def cylinder(parameters: Parameters) -> Profile:
+def cylinder(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a cylinder without caps."""
-    radius = positive(parameters, "radius", 1.0)
+    radius = _positive(parameters, "radius", 1.0)
     low, high = parameters.number("zmin", -1.0), parameters.number("zmax", 1.0)
     low, high = min(low, high), max(low, high)
     return _segment((radius, 0, low), (radius, 0, high), True, 2 * math.pi * radius * (high - low))
 
 
-def cone(parameters: Parameters) -> Profile:
+def _cone(parameters: Parameters) -> RevolvedCurve:
     """Return the profile of a cone without a cap."""
-    radius, height = positive(parameters, "radius", 1.0), positive(parameters, "height", 1.0)
+    radius, height = _positive(parameters, "radius", 1.0), _positive(parameters, "height", 1.0)
     return _segment((radius, 0, 0), (0, 0, height), True, math.pi * radius * math.hypot(radius, height))
 
 
-def paraboloid(parameters: Parameters) -> Profile:
+def _paraboloid(parameters: Parameters) -> RevolvedCurve:
     """Return the profile z = zmax (r / radius)^2 between zmin and zmax."""
-    radius, top = positive(parameters, "radius", 1.0), positive(parameters, "zmax", 1.0)
+    radius, top = _positive(parameters, "radius", 1.0), _positive(parameters, "zmax", 1.0)
     bottom = max(parameters.number("zmin", 0.0), 0.0)
-    heights = top * np.linspace(math.sqrt(bottom / top), 1, ALONG + 1) ** 2  # denser where it curves most
+    heights = top * np.linspace(math.sqrt(bottom / top), 1, _ALONG + 1) ** 2  # denser where it curves most
     radii = radius * np.sqrt(heights / top)
     points = np.stack([radii, np.zeros_like(radii), heights], axis=1)
     tangents = np.stack([np.ones_like(radii), np.zeros_like(radii), 2 * top * radii / radius**2], axis=1)
-    return Profile(points, tangents, False, 0.0, v=(heights - bottom) / (top - bottom or 1.0))
+    return RevolvedCurve(points, tangents, False, 0.0, v=(heights - bottom) / (top - bottom or 1.0))
 
 
-def hyperboloid(parameters: Parameters) -> Profile:
+def hyperboloid(parameters: Parameters) -> RevolvedCurve:
     """Return the segment from p1 to p2."""
-    return _segment(parameters.vector("p1", (0, 0, 0)), parameters.vector("p2", (1, 1, 1)), False, 0.0, steps=ALONG)
+    return _segment(parameters.vector("p1", (0, 0, 0)), parameters.vector("p2", (1, 1, 1)), False, 0.0, steps=_ALONG)
 
 
-PROFILES = {
-    "sphere": sphere, "disk": disk, "cylinder": cylinder, "cone": cone, "paraboloid": paraboloid,
+_PROFILES = {
+    "sphere": sphere, "disk": _disk, "cylinder": cylinder, "cone": _cone, "paraboloid": _paraboloid,
     "hyperboloid": hyperboloid,
 }  # fmt: skip
 
 
-def positive(parameters: Parameters, name: str, default: float) -> float:
+def _positive(parameters: Parameters, name: str, default: float) -> float:
     """Return a number above 0."""
     value = parameters.number(name, default)
     if not value > 0:
@@ -484,13 +282,13 @@ def positive(parameters: Parameters, name: str, default: float) -> float:
     return value
 
 
-def sweep(profile: Profile, degrees: float) -> MeshData:
+def sweep(profile: RevolvedCurve, degrees: float) -> MeshData:
     """Return the mesh that a profile sweeps from +x over +y; its front is that of pbrt: along du x dv.
 
     u and v of the mesh run from 0 to 1 along the turn and along the profile. Of a profile without extent there are no
     faces.
     """
-    around, along = max(3, round(AROUND * degrees / 360)), len(profile.points)
+    around, along = max(3, round(_AROUND * degrees / 360)), len(profile.points)
     angles = np.radians(np.linspace(0, degrees, around + 1))
     cos, sin, zero, one = np.cos(angles), np.sin(angles), np.zeros_like(angles), np.ones_like(angles)
     turns = np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, one]])
@@ -507,7 +305,7 @@ def sweep(profile: Profile, degrees: float) -> MeshData:
     return MeshData(vertices, faces[areas > 1e-12 * areas.max()], normals, mesh.uvs)
 
 
-def _profile_normals(profile: Profile) -> Array:
+def _profile_normals(profile: RevolvedCurve) -> Array:
     x, y, _ = profile.points.T
     radii = np.hypot(x, y)
     safe = np.where(radii > 0, radii, 1)
@@ -517,16 +315,16 @@ def _profile_normals(profile: Profile) -> Array:
     return np.asarray(normals / np.where(lengths > 0, lengths, 1))
 
 
-def _segment(start: object, end: object, full: bool, area: float, steps: int = 1) -> Profile:
+def _segment(start: object, end: object, full: bool, area: float, steps: int = 1) -> RevolvedCurve:
     first, last = np.asarray(start, np.float64), np.asarray(end, np.float64)
     points = first + np.linspace(0, 1, steps + 1)[:, None] * (last - first)
-    return Profile(points, np.broadcast_to(last - first, points.shape), full, area)
+    return RevolvedCurve(points, np.broadcast_to(last - first, points.shape), full, area)
 
 
 Keys = dict[str, Any]
 
 # Faces up to which a mesh stands in the scene file itself.
-MOST_INLINE = 200
+_MOST_INLINE = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -562,7 +360,7 @@ Piece = tuple[Keys, float, MeshData | None]
 the parts that pbrt takes for lamps of their own [square units of pbrt's scene], 0 if unknown; the mesh, if any."""
 
 
-def convert_shape(context: Context, placed: Placed) -> Piece | None:
+def _convert_shape(context: Context, placed: Placed) -> Piece | None:
     """Return a shape as an object of ours; None, with a report, when it has no counterpart."""
     shape = placed.shape
     kinds: dict[str, Callable[[Context, Placed], Piece | None]] = {
@@ -577,7 +375,7 @@ def convert_shape(context: Context, placed: Placed) -> Piece | None:
     return kinds[shape.kind](context, placed)
 
 
-def transform_keys(matrix: Matrix) -> Keys:
+def _transform_keys(matrix: Matrix) -> Keys:
     """Return the key of a transform, nothing for the identity."""
     if np.array_equal(matrix, np.eye(4)):
         return {}
@@ -599,13 +397,13 @@ def _sphere(context: Context, placed: Placed) -> Piece | None:
         scaled = radius * mean_scale(placed.world)
         return {"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area, None
     keys = {"shape": "sphere", "center": [0, 0, 0], "radius": radius}
-    return keys | transform_keys(placed.world), profile.area, None
+    return keys | _transform_keys(placed.world), profile.area, None
 
 
 def _round(context: Context, placed: Placed) -> Piece | None:
     """Return a disk, cylinder or cone, or the mesh of what is only a part of one."""
     parameters = placed.shape.parameters
-    profile = PROFILES[placed.shape.kind](parameters)
+    profile = _PROFILES[placed.shape.kind](parameters)
     degrees = parameters.number("phimax", 360.0)
     flips = placed.use.reverse and placed.oriented
     skewed = placed.shape.kind == "disk" and placed.textured  # our disk has u and v across, pbrt's run round it
@@ -621,10 +419,10 @@ def _round(context: Context, placed: Placed) -> Piece | None:
         end = "apex" if placed.shape.kind == "cone" else "top"
         keys = {"shape": placed.shape.kind, "base": [0, 0, float(first[2])], end: [0, 0, float(last[2])],
                 "radius": radius, "capped": False}  # fmt: skip
-    return keys | transform_keys(placed.world), profile.area, None
+    return keys | _transform_keys(placed.world), profile.area, None
 
 
-def _revolved_mesh(context: Context, placed: Placed, profile: Profile, degrees: float) -> Piece | None:
+def _revolved_mesh(context: Context, placed: Placed, profile: RevolvedCurve, degrees: float) -> Piece | None:
     if not 0 < degrees <= 360:
         raise placed.shape.error(f"phimax must lie between 0 and 360 (got {degrees:g})")
     mesh = sweep(profile, degrees)
@@ -636,7 +434,7 @@ def _revolved_mesh(context: Context, placed: Placed, profile: Profile, degrees: 
 
 
 def _mesh(context: Context, placed: Placed) -> Piece | None:
-    makers = {"trianglemesh": triangle_mesh, "bilinearmesh": bilinear_patches, "loopsubdiv": subdivided_mesh}
+    makers = {"trianglemesh": _triangle_mesh, "bilinearmesh": _bilinear_patches, "loopsubdiv": _subdivided_mesh}
     mesh, parts = makers[placed.shape.kind](context, placed.shape)
     if not len(mesh.faces):
         _note_no_area(context, placed.shape)
@@ -675,7 +473,7 @@ def _curve(context: Context, placed: Placed) -> Piece | None:
         context.approximated(shape, "a ribbon that turns to whoever sees it")
     keys: Keys = {"shape": "curves", "basis": "bezier", "form": "tube" if form == "cylinder" else "flat"}
     if placed.shared:
-        keys |= transform_keys(placed.world)
+        keys |= _transform_keys(placed.world)
     else:
         rows = rows @ placed.world[:3, :3].T + placed.world[:3, 3]
         widths = widths * mean_scale(placed.world)
@@ -691,7 +489,7 @@ def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
     if placed.use.reverse:
         mesh = mesh.reversed()
     if placed.shared:
-        return transform_keys(placed.world), area, mesh
+        return _transform_keys(placed.world), area, mesh
     mesh = mesh.transformed(placed.world)
     rectangle = rectangle_of(mesh, textured=placed.textured, oriented=placed.oriented)
     return ({}, area, mesh) if rectangle is None else (rectangle, area, None)
@@ -702,7 +500,7 @@ def _ply(context: Context, placed: Placed) -> Piece | None:
     name, place = placed.shape.file_name()
     if (path := context.find_or_note(name, place, "the object is left out")) is None:
         return None
-    keys = transform_keys(placed.world)
+    keys = _transform_keys(placed.world)
     area = 0.0
     if placed.oriented or placed.use.lamp is not None:
         mesh = _read_mesh(path, place)
@@ -719,19 +517,18 @@ def _ply(context: Context, placed: Placed) -> Piece | None:
 # The objects of a scene of ours: shapes with their materials, each material and shared mesh once.
 
 MOST_VALUES = 45_000  # from which single objects are put together, so that the scene file stays one to be read
-TABLED = 32  # places from which a table holds them
 
 
-def count_values(value: Any) -> int:
+def _count_values(value: Any) -> int:
     """Return the number of values that a part of a scene takes in a file: lists, mappings, keys and scalars."""
     if isinstance(value, Mapping):
-        return 1 + sum(1 + count_values(item) for item in value.values())
+        return 1 + sum(1 + _count_values(item) for item in value.values())
     if isinstance(value, list | tuple):
-        return 1 + sum(map(count_values, value))
-    return count_values(value.tolist()) if isinstance(value, np.ndarray) else 1
+        return 1 + sum(map(_count_values, value))
+    return _count_values(value.tolist()) if isinstance(value, np.ndarray) else 1
 
 
-def join_meshes(parts: list[MeshData]) -> MeshData:
+def _join_meshes(parts: list[MeshData]) -> MeshData:
     """Return meshes as one; normals and texture coordinates have all of them or none."""
     starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     normals = [part.normals for part in parts if part.normals is not None]
@@ -744,7 +541,7 @@ def join_meshes(parts: list[MeshData]) -> MeshData:
     )
 
 
-ONE_SIDED = ("emissive", "dielectric", "principled")
+_ONE_SIDED = ("emissive", "dielectric", "principled")
 
 
 @dataclass
@@ -752,7 +549,7 @@ class Objects:
     """Takes the shapes of a pbrt scene one by one."""
 
     context: Context
-    frame: Frame
+    frame: CameraFrame
     items: list[Keys] = field(default_factory=list)
     materials: dict[str, Keys] = field(default_factory=dict)
     meshes: dict[str, Keys] = field(default_factory=dict)
@@ -764,9 +561,9 @@ class Objects:
 
     def keys(self) -> Keys:
         """Return the sections of the scene."""
-        sizes = {index: count_values(mesh.keys()) if len(mesh.faces) <= MOST_INLINE else 2
+        sizes = {index: _count_values(mesh.keys()) if len(mesh.faces) <= _MOST_INLINE else 2
                  for index, (_, mesh) in self._loose.items()}  # fmt: skip
-        if count_values(self.items) + sum(sizes.values()) > MOST_VALUES:
+        if _count_values(self.items) + sum(sizes.values()) > MOST_VALUES:
             self._merge()
             self._merge_spheres()
         for index, (use, mesh) in self._loose.items():
@@ -821,28 +618,16 @@ class Objects:
         lamp = use.lamp if instance is None else None
         if use.lamp is not None and instance is not None:
             self.context.ignored(use.lamp, "lamps in objects do not shine, as in pbrt")
-        material = self._material(use)
-        opacity = self._opacity(use)
-        inside = self._medium(use)
-        if inside is not None and lamp is None:
-            material = self._with_interior(use, material, inside)
-        if material is None and lamp is None:
-            self.context.ignored(use.shape, "the boundary of a medium, without a surface")
-            use.shape.parameters.skip_all()
-            return
-        if opacity.get("opacity") == 0 and lamp is None:
-            self.context.ignored(use.shape, "wholly transparent")
-            use.shape.parameters.skip_all()
-            return
+        material, opacity, inside = self._material(use), self._opacity(use), self._medium(use)
         if lamp is not None:
             textured, oriented = False, not lamp.parameters.boolean("twosided", False)
         else:
-            material = {**(material or {}), **opacity}
-            material = self._fitting(use, material)
-            if "bump" in json.dumps(material) and self._has_vertex_normals(use.shape):
-                material = bumps_of_mesh(material, self.context.scene.version)
+            material = self._surface(use, material, opacity, inside)
+            if material is None:
+                use.shape.parameters.skip_all()
+                return
             textured, oriented = _is_textured(material), _has_front(material)
-        piece = convert_shape(self.context, Placed(use, world, textured, oriented, shared))
+        piece = _convert_shape(self.context, Placed(use, world, textured, oriented, shared))
         if piece is None:
             return
         keys, area, mesh = piece
@@ -863,6 +648,21 @@ class Objects:
     def _medium(self, use: ShapeUse) -> Keys | None:
         medium = self.context.scene.media.get(use.inside)
         return None if medium is None else medium_keys(self.context, medium)
+
+    def _surface(self, use: ShapeUse, material: Keys | None, opacity: Keys, inside: Keys | None) -> Keys | None:
+        """Return the material that a shape is shown in; None, with a report, where nothing of it is seen."""
+        if inside is not None:
+            material = self._with_interior(use, material, inside)
+        if material is None:
+            self.context.ignored(use.shape, "the boundary of a medium, without a surface")
+            return None
+        if opacity.get("opacity") == 0:
+            self.context.ignored(use.shape, "wholly transparent")
+            return None
+        material = self._fitting(use, {**material, **opacity})
+        if "bump" in json.dumps(material) and self._has_vertex_normals(use.shape):
+            material = bumps_of_mesh(material, self.context.scene.version)
+        return material
 
     def _with_interior(self, use: ShapeUse, material: Keys | None, inside: Keys) -> Keys:
         """Return a material that is filled with a medium: of glass, or nothing but its boundary."""
@@ -961,7 +761,7 @@ class Objects:
             for index in members[1:]:
                 self.items[index] = {}
             first = self.items[members[0]]
-            if len(points) > MOST_INLINE:
+            if len(points) > _MOST_INLINE:
                 name = f"{first['material']}.npz"
                 arrays: dict[str, Any] = {"points": np.array(points), "counts": np.array(counts)}
                 del first["points"]
@@ -980,7 +780,7 @@ class Objects:
             if not others:
                 continue
             use, _ = self._loose[first]
-            self._loose[first] = use, join_meshes([self._loose[index][1] for index in (first, *others)])
+            self._loose[first] = use, _join_meshes([self._loose[index][1] for index in (first, *others)])
             for index in others:
                 del self._loose[index]
                 self.items[index] = {}
@@ -991,7 +791,7 @@ class Objects:
 
     def _mesh_keys(self, use: ShapeUse, mesh: MeshData) -> Keys:
         """Return a small mesh written out, a large one as a file beside the scene."""
-        if len(mesh.faces) <= MOST_INLINE:
+        if len(mesh.faces) <= _MOST_INLINE:
             return mesh.keys()
         name = f"{use.shape.kind}-{use.shape.place.line_number}.ply"
         return {"file": self.context.files.add("meshes", name, mesh.write_ply)}
@@ -1028,7 +828,7 @@ def _has_front(material: Keys) -> bool:
     """Return whether the front of a material is not as its back: of bumps the back has dents."""
     parts = material.get("materials", ())
     uneven = "normal_map" in material or "bump" in material
-    return material["kind"] in ONE_SIDED or uneven or any(map(_has_front, parts))
+    return material["kind"] in _ONE_SIDED or uneven or any(map(_has_front, parts))
 
 
 def _is_textured(value: Any) -> bool:

@@ -1,96 +1,26 @@
-"""Text of pbrt files: tokens, statements, parameter lists, and what a conversion reports with its lines."""
+"""Text of pbrt files: tokens, statements and parameter lists."""
 
 from __future__ import annotations
 
 import difflib
-import gzip
 import re
-import zlib
-from bisect import bisect_right
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import field
-from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, RptcamError, StateError
+from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import Folders
-
-# Text of a pbrt file, and places in it.
+from rptcam_cl.exchange.conversion import Place, Source, read_limited
 
 # What one file may hold, unpacked: far more than the largest published scenes have in one text file.
-MAX_BYTES = 1 << 30
-
-LONGEST_MESSAGE = 1000
+_MAX_BYTES = 1 << 30
 
 
-@dataclass(frozen=True, eq=False)
-class Source:
-    """The text of one file.
-
-    Attributes
-    ----------
-    name : str
-        File name for messages.
-    text : str
-    path : Path
-        Where it was read from.
-    """
-
-    name: str
-    text: str = field(repr=False)
-    path: Path
-
-    @cached_property
-    def _line_starts(self) -> list[int]:
-        if self.text.isascii():
-            characters: NDArray[Any] = np.frombuffer(self.text.encode("ascii"), np.uint8)
-        else:
-            characters = np.frombuffer(self.text.encode("utf-32-le"), np.uint32)
-        ends = np.flatnonzero(characters == ord("\n"))
-        return [0, *(ends + 1).tolist()]
-
-    def line_and_column(self, offset: int) -> tuple[int, int]:
-        """Return line and column, from 1, of a character."""
-        line = bisect_right(self._line_starts, offset)
-        return line, offset - self._line_starts[line - 1] + 1
-
-
-@dataclass(frozen=True)
-class Place:
-    """A character of a file."""
-
-    source: Source
-    offset: int
-
-    @property
-    def line_number(self) -> int:
-        """Line, from 1."""
-        return self.source.line_and_column(self.offset)[0]
-
-    @property
-    def line(self) -> str:
-        """``FILE:LINE``."""
-        return f"{self.source.name}:{self.line_number}"
-
-    def error(self, problem: str) -> InputError:
-        """Return the error of this place: ``FILE:LINE:COL: problem``."""
-        line, column = self.source.line_and_column(self.offset)
-        return InputError(f"{self.source.name}:{line}:{column}: {one_line(problem)}")
-
-
-def one_line(message: str) -> str:
-    """Return a message fit for one line of a terminal: names of a file may hold anything."""
-    shown = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "…"
-    return "".join(mark if mark.isprintable() else f"\\x{ord(mark):02x}" for mark in shown)
-
-
-def read_source(path: Path, name: str) -> Source:
+def _read_source(path: Path, name: str) -> Source:
     """Return the text of a pbrt file; one that ends in .gz is unpacked.
 
     Raises
@@ -100,7 +30,7 @@ def read_source(path: Path, name: str) -> Source:
     StateError
         When it cannot be read.
     """
-    raw = read_limited(path, name, MAX_BYTES)
+    raw = read_limited(path, name, _MAX_BYTES)
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError(f"{name}:1:1: is UTF-16 text; save it as UTF-8")
     try:
@@ -112,25 +42,7 @@ def read_source(path: Path, name: str) -> Source:
     return Source(name, text.replace("\r\n", "\n").replace("\r", "\n"), path)
 
 
-def read_limited(path: Path, name: str, limit: int) -> bytes:
-    """Return the content of a regular file of at most ``limit`` bytes; a .gz file is unpacked, to no more than that."""
-    try:
-        if not path.is_file():
-            raise InputError(f"{name}: {'is not a regular file' if path.exists() else 'no such file'} (got {path})")
-        with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as file:
-            raw = file.read(limit + 1)
-    except (zlib.error, EOFError, gzip.BadGzipFile) as problem:
-        raise InputError(f"{name}: is not a whole gzip file ({problem})") from None
-    except OSError as problem:
-        raise StateError(one_line(f"{name}: cannot be read ({problem.strerror})")) from None
-    except ValueError as problem:  # a NUL byte in the name
-        raise InputError(f"{name!r}: is not a usable path ({problem})") from None
-    if len(raw) > limit:
-        raise InputError(f"{name}: holds more than {limit} bytes")
-    return raw
-
-
-# Tokens of a pbrt file: words, quoted strings, brackets; comments begin with #.
+# TokenStream of a pbrt file: words, quoted strings, brackets; comments begin with #.
 
 _TOKEN = re.compile(
     r"""(?P<blank>\s+|\#[^\n]*) | (?P<string>"(?:[^"\\\n]|\\.)*") | (?P<bracket>[\[\]]) | (?P<word>[^\s"\[\]#]+)""",
@@ -138,7 +50,7 @@ _TOKEN = re.compile(
 )
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _ESCAPES = {"b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "\\": "\\", "'": "'", '"': '"'}
-LONGEST_SHOWN = 60
+_LONGEST_SHOWN = 60
 
 
 @dataclass(frozen=True)
@@ -152,10 +64,10 @@ class Token:
     def shown(self) -> str:
         """Return the token as an error quotes it."""
         text = f'"{self.text}"' if self.kind == "string" else self.text
-        return text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "…"
+        return text if len(text) <= _LONGEST_SHOWN else text[:_LONGEST_SHOWN] + "…"
 
 
-class Tokens:
+class TokenStream:
     """The tokens of one file, one after another."""
 
     def __init__(self, source: Source) -> None:
@@ -213,7 +125,7 @@ class Tokens:
         return None
 
 
-def number_of(token: Token) -> float:
+def _number_of(token: Token) -> float:
     """Return the number that a word says."""
     if token.kind != "word" or not _NUMBER.fullmatch(token.text):
         raise token.place.error(f"expected a number (got {token.shown()})")
@@ -236,74 +148,17 @@ def _unescape(text: str, place: Place) -> str:
     return re.sub(r"\\(.)", replaced, text)
 
 
-# What a conversion ignored or approximated, with the lines of the source.
-
-# Lines named per message; a scene of ten thousand shapes may break one rule ten thousand times.
-LINES_NAMED = 8
-
-
-@dataclass
-class Report:
-    """Messages in the order of files and lines, each with all the lines that it concerns.
-
-    Attributes
-    ----------
-    objects : Counter
-        How many objects each line of the source says something of, by file and line.
-    """
-
-    objects: Counter[tuple[str, int]] = field(default_factory=Counter)
-    _lines: dict[str, set[tuple[str, int]]] = field(default_factory=dict)
-
-    def ignored(self, place: Place, what: str) -> None:
-        """Note something that the scene of ours does not have."""
-        self._note(place, f"ignored: {what}")
-
-    def approximated(self, place: Place, what: str) -> None:
-        """Note something that the scene of ours has in another way."""
-        self._note(place, f"approximated: {what}")
-
-    def noted(self, place: Place, what: str) -> None:
-        """Note something that a user may want to know, such as a file that was copied."""
-        self._note(place, f"note: {what}")
-
-    def _note(self, place: Place, message: str) -> None:
-        self._lines.setdefault(one_line(message), set()).add((place.source.name, place.line_number))
-
-    def described(self) -> list[dict[str, Any]]:
-        """List the messages as plain data: what becomes of what, in which lines, and of how many objects."""
-        return [
-            {"effect": effect, "message": text, "lines": [f"{file}:{line}" for file, line in places],
-             "objects": sum(self.objects[place] for place in places)}
-            for places, message in self._sorted()
-            for effect, _, text in [message.partition(": ")]
-        ]  # fmt: skip
-
-    def _sorted(self) -> list[tuple[list[tuple[str, int]], str]]:
-        return sorted((sorted(places), message) for message, places in self._lines.items())
-
-    def __iter__(self) -> Iterator[str]:
-        for ((file, line), *others), message in self._sorted():
-            named = ", ".join(str(other) if name == file else f"{name}:{other}" for name, other in others[:LINES_NAMED])
-            rest = len(others) - LINES_NAMED
-            more = f" (also on {named}{f' and {rest} more' if rest > 0 else ''})" if others else ""
-            yield f"{file}:{line}: {message}{more}"
-
-    def __len__(self) -> int:
-        return len(self._lines)
-
-
 # Parameter lists of pbrt directives: read, looked up by name; those that were never looked up are reported.
 
 Values = NDArray[np.float64] | tuple[str, ...] | tuple[bool, ...]
 
 # Numbers in one value of each type; "" for types whose values are words.
-SIZES = {
+_SIZES = {
     "float": 1, "integer": 1, "point": 3, "point2": 2, "point3": 3, "vector": 3, "vector2": 2, "vector3": 3,
     "normal": 3, "normal3": 3, "rgb": 3, "color": 3, "xyz": 3, "blackbody": 1, "spectrum": 1,
 }  # fmt: skip
-WORDS = ("string", "texture", "spectrum")
-TYPES = (*SIZES, "bool", "string", "texture")
+_WORDS = ("string", "texture", "spectrum")
+_TYPES = (*_SIZES, "bool", "string", "texture")
 _BOOLS = {"true": True, "false": False}
 
 
@@ -314,7 +169,7 @@ class Parameter:
     Attributes
     ----------
     kind : str
-        Its type, a key of `SIZES` or one of `WORDS` or ``bool``.
+        Its type, a key of `_SIZES` or one of `_WORDS` or ``bool``.
     values : array of float64, or tuple of str or of bool
     place : Place
     """
@@ -439,7 +294,7 @@ class Parameters:
         return values[0]
 
 
-def read_parameters(tokens: Tokens, what: str, place: Place) -> Parameters:
+def _read_parameters(tokens: TokenStream, what: str, place: Place) -> Parameters:
     """Take the parameters that follow in a file, up to the next directive."""
     parameters = Parameters(what, place)
     while (token := tokens.peek()) is not None and token.kind == "string":
@@ -456,12 +311,12 @@ def _declaration(token: Token, what: str) -> tuple[str, str]:
     if len(words) != 2:
         raise token.place.error(f'{what}: expected a parameter such as "float fov" (got {token.shown()})')
     kind, name = words
-    if kind not in TYPES:
-        raise token.place.error(f"{what}: unknown type {kind} of parameter {name} (allowed: {', '.join(TYPES)})")
+    if kind not in _TYPES:
+        raise token.place.error(f"{what}: unknown type {kind} of parameter {name} (allowed: {', '.join(_TYPES)})")
     return kind, name
 
 
-def _values(tokens: Tokens, declared: Token, kind: str) -> Values:
+def _values(tokens: TokenStream, declared: Token, kind: str) -> Values:
     values: Values | None = tokens.numbers_in_brackets()
     if values is None:
         values = _of_words(_take_values(tokens, declared), declared)
@@ -471,16 +326,16 @@ def _values(tokens: Tokens, declared: Token, kind: str) -> Values:
         raise declared.place.error(f"{name} must hold numbers or text, not true or false")
     if kind == "bool" and isinstance(values, np.ndarray) and len(values):
         raise declared.place.error(f"{name} must hold true or false")
-    if is_text and values and kind not in (*WORDS, "bool"):
+    if is_text and values and kind not in (*_WORDS, "bool"):
         raise declared.place.error(f"{name} must hold numbers, not text")
     if kind in ("string", "texture") and isinstance(values, np.ndarray):
         raise declared.place.error(f"{name} must hold text in quotes")
-    if isinstance(values, np.ndarray) and len(values) % SIZES.get(kind, 1):
-        raise declared.place.error(f"{name} holds {len(values)} numbers, not a multiple of {SIZES[kind]}")
+    if isinstance(values, np.ndarray) and len(values) % _SIZES.get(kind, 1):
+        raise declared.place.error(f"{name} holds {len(values)} numbers, not a multiple of {_SIZES[kind]}")
     return values
 
 
-def _take_values(tokens: Tokens, declared: Token) -> list[Token]:
+def _take_values(tokens: TokenStream, declared: Token) -> list[Token]:
     """Take the value, or the values in brackets, of a parameter."""
     token = tokens.take()
     if token is None:
@@ -513,7 +368,7 @@ def _of_words(tokens: list[Token], declared: Token) -> Values:
         return tuple(_BOOLS[token.text] for token in tokens)
     if tokens and re.match(r"[A-Z]", tokens[0].text):
         raise declared.place.error(f"{declared.shown()} has no value; {tokens[0].shown()} follows")
-    return np.array([number_of(token) for token in tokens], np.float64)
+    return np.array([_number_of(token) for token in tokens], np.float64)
 
 
 # Statements of pbrt files: a directive with its arguments, in the order in which included files bring them.
@@ -521,20 +376,20 @@ def _of_words(tokens: list[Token], declared: Token) -> Values:
 # Numbers after a directive.
 NUMBERS = {"LookAt": 9, "Translate": 3, "Scale": 3, "Rotate": 4, "Transform": 16, "ConcatTransform": 16,
            "TransformTimes": 2}  # fmt: skip
-BARE = ("WorldBegin", "WorldEnd", "AttributeBegin", "AttributeEnd", "TransformBegin", "TransformEnd", "ObjectEnd",
+_BARE = ("WorldBegin", "WorldEnd", "AttributeBegin", "AttributeEnd", "TransformBegin", "TransformEnd", "ObjectEnd",
         "ReverseOrientation", "Identity")  # fmt: skip
 # Texts after a directive, and whether parameters follow.
-TEXTS = {
+_TEXTS = {
     "Include": 1, "Import": 1, "CoordinateSystem": 1, "CoordSysTransform": 1, "NamedMaterial": 1, "ObjectBegin": 1,
     "ObjectInstance": 1, "ColorSpace": 1, "MediumInterface": 2,
 }  # fmt: skip
-WITH_PARAMETERS = {
+_WITH_PARAMETERS = {
     "Camera": 1, "Film": 1, "Sampler": 1, "Integrator": 1, "PixelFilter": 1, "Accelerator": 1, "Material": 1,
     "MakeNamedMaterial": 1, "MakeNamedMedium": 1, "LightSource": 1, "AreaLightSource": 1, "Shape": 1, "Attribute": 1,
     "Texture": 3, "Option": 0, "SurfaceIntegrator": 1, "VolumeIntegrator": 1, "Renderer": 1, "Volume": 1,
 }  # fmt: skip
-OLDER = ("SearchPath", "Exterior", "Interior")
-DIRECTIVES = (*NUMBERS, *BARE, *TEXTS, *WITH_PARAMETERS, "ActiveTransform")
+_OLDER = ("SearchPath", "Exterior", "Interior")
+_DIRECTIVES = (*NUMBERS, *_BARE, *_TEXTS, *_WITH_PARAMETERS, "ActiveTransform")
 
 # Files that one scene may include, counted each time; the largest published scene has some thousand.
 MOST_FILES = 20_000
@@ -580,7 +435,9 @@ def read_statements(path: Path, folders: Folders | None = None) -> Iterator[Stat
     """
     folders = folders or Folders(path.parent, owner="pbrt scene")
     # files that are being read: their real paths, and where they are imported
-    stack: list[tuple[Path, Tokens, Place | None]] = [(path.resolve(), Tokens(read_source(path, str(path))), None)]
+    stack: list[tuple[Path, TokenStream, Place | None]] = [
+        (path.resolve(), TokenStream(_read_source(path, str(path))), None)
+    ]
     files = 1
     while stack:
         _, tokens, imported = stack[-1]
@@ -604,45 +461,45 @@ def read_statements(path: Path, folders: Folders | None = None) -> Iterator[Stat
         stack.append((real, tokens, imported))
 
 
-def _open_included(statement: Statement, folders: Folders, including: list[Path]) -> tuple[Path, Tokens]:
+def _open_included(statement: Statement, folders: Folders, including: list[Path]) -> tuple[Path, TokenStream]:
     """Return the real path of a file that a statement of others includes, and its tokens."""
     (name,) = statement.texts
     try:
         real = folders.find(name)
         if real in including:
             raise InputError(f"{name} includes itself, by way of {len(including)} files")
-        return real, Tokens(read_source(real, str(folders.base / name)))
+        return real, TokenStream(_read_source(real, str(folders.base / name)))
     except RptcamError as problem:
         raise statement.place.error(f"{statement.directive}: {problem}") from None
 
 
-def _statement(token: Token, tokens: Tokens) -> Statement:
+def _statement(token: Token, tokens: TokenStream) -> Statement:
     name = token.text
-    if token.kind != "word" or name not in DIRECTIVES:
+    if token.kind != "word" or name not in _DIRECTIVES:
         raise token.place.error(_no_directive(token))
     if name in NUMBERS:
         return Statement(name, token.place, numbers=_numbers(tokens, token, NUMBERS[name]))
-    if name in BARE:
+    if name in _BARE:
         return Statement(name, token.place)
     if name == "ActiveTransform":
         return Statement(name, token.place, (_active(tokens, token),))
-    if name in TEXTS:
-        texts = _texts(tokens, token, TEXTS[name])
+    if name in _TEXTS:
+        texts = _texts(tokens, token, _TEXTS[name])
         return Statement(name, token.place, texts)
-    texts = _texts(tokens, token, WITH_PARAMETERS[name])
+    texts = _texts(tokens, token, _WITH_PARAMETERS[name])
     what = " ".join([name, *(f'"{text}"' for text in texts)])
-    return Statement(name, token.place, texts, parameters=read_parameters(tokens, what, token.place))
+    return Statement(name, token.place, texts, parameters=_read_parameters(tokens, what, token.place))
 
 
 def _no_directive(token: Token) -> str:
-    if token.text in OLDER:
+    if token.text in _OLDER:
         return f"{token.text} is a directive of pbrt-v1 or of LuxRender (allowed: scenes of pbrt-v2, v3 and v4)"
-    matches = difflib.get_close_matches(token.text, DIRECTIVES, n=1)
+    matches = difflib.get_close_matches(token.text, _DIRECTIVES, n=1)
     hint = f"; did you mean {matches[0]}?" if matches else " such as Shape or Camera"
     return f"expected a directive (got {token.shown()}){hint}"
 
 
-def _numbers(tokens: Tokens, directive: Token, count: int) -> NDArray[np.float64]:
+def _numbers(tokens: TokenStream, directive: Token, count: int) -> NDArray[np.float64]:
     """Take the numbers of a directive, with brackets or without."""
     listed = tokens.numbers_in_brackets()
     if listed is None:
@@ -652,7 +509,7 @@ def _numbers(tokens: Tokens, directive: Token, count: int) -> NDArray[np.float64
             if token is None:
                 raise directive.place.error(f"{directive.text} needs {count} numbers (got {len(values)})")
             if token.kind != "bracket":
-                values.append(number_of(token))
+                values.append(_number_of(token))
             elif token.text == "]" or values:
                 raise token.place.error(f"{directive.text} needs {count} numbers (got {len(values)})")
         listed = np.array(values)
@@ -663,7 +520,7 @@ def _numbers(tokens: Tokens, directive: Token, count: int) -> NDArray[np.float64
     return listed
 
 
-def _texts(tokens: Tokens, directive: Token, count: int) -> tuple[str, ...]:
+def _texts(tokens: TokenStream, directive: Token, count: int) -> tuple[str, ...]:
     """Take the quoted texts of a directive; a MediumInterface may have one instead of two."""
     texts: list[str] = []
     while len(texts) < count:
@@ -678,7 +535,7 @@ def _texts(tokens: Tokens, directive: Token, count: int) -> tuple[str, ...]:
     return tuple(texts)
 
 
-def _active(tokens: Tokens, directive: Token) -> str:
+def _active(tokens: TokenStream, directive: Token) -> str:
     token = tokens.take()
     allowed = ("StartTime", "EndTime", "All")
     if token is None or token.text not in allowed:

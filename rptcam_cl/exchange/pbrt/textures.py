@@ -3,30 +3,145 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.colour import RGB_FROM_XYZ, SRGB_WHITE, WAVELENGTHS_NM, blackbody, cie_1931, planck_radiance, xyz_of
+from rptcam_cl.core.colour import (
+    RGB_FROM_XYZ,
+    SRGB_WHITE,
+    WAVELENGTHS_NM,
+    blackbody,
+    cie_1931,
+    linear_from_srgb,
+    planck_radiance,
+    xyz_of,
+)
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.exchange.pbrt.files import NOT_READ, READABLE, Context, is_readable, mean_colour, picture_name
-from rptcam_cl.exchange.pbrt.source import Parameter, read_limited
-from rptcam_cl.exchange.pbrt.world import Entity, is_invertible, tidy
-from rptcam_cl.scene.assets.pictures import write_exr
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.exchange.conversion import Place, read_limited
+from rptcam_cl.exchange.mesh_data import Array, is_invertible, tidy
+from rptcam_cl.exchange.pbrt.source import Parameter
+from rptcam_cl.exchange.pbrt.world import Context, Entity
+from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS, SUFFIXES, read_picture, write_exr
+
+# Pictures of pbrt scenes: those that ours reads by their name, TGA and PFM files in another format.
+
+Pixels = NDArray[np.float32]
+
+# Kinds of pictures that pbrt reads and ours does not, and all that are converted.
+_OTHERS = (".tga", ".pfm")
+READABLE = (*SUFFIXES, *_OTHERS)
+NOT_READ = "a kind of picture that is not read"
+_PFM = re.compile(rb"(P[Ff])\s+(\d{1,9})\s+(\d{1,9})\s+([-+.\deE]{1,30})\s")
+_LARGEST_FILE = 16 * LARGEST_PIXELS
+
+
+def is_readable(path: Path) -> bool:
+    """Return whether a picture can be shown, by its suffix."""
+    return path.suffix.lower() in READABLE
+
+
+def picture_name(context: Context, path: Path, place: Place) -> str:
+    """Return the name under which the scene of ours reads a picture; one of another kind is written anew."""
+    suffix = path.suffix.lower()
+    if suffix not in _OTHERS:
+        return context.files.reference(path, place, read_picture)
+    if str(path) not in context.pictures:
+        if suffix == ".tga":
+            name = context.files.add("files", f"{path.stem}.png", partial(_write_png, _tga(path, place)))
+        else:
+            name = context.files.add("files", f"{path.stem}.exr", partial(write_exr, {"RGB": _pfm(path, place)}))
+        context.report.noted(place, f"{path.name}: written anew, to {name}")
+        context.pictures[str(path)] = name
+    return context.pictures[str(path)]
+
+
+def lamp_pixels(context: Context, path: Path, place: Place) -> Pixels:
+    """Return the linear colours of a lamp's or the sky's picture, (height, width, 3), the top row first.
+
+    pbrt-v2 and v3 take the bytes of such a picture for linear ones (their ``ReadImage``), pbrt-v4 for sRGB.
+    """
+    texels = _texels(path, place)
+    if texels.dtype != np.uint8:
+        return np.asarray(texels, np.float32)
+    return _decode_srgb(texels) if context.scene.version == 4 else np.asarray(texels / np.float32(255))
+
+
+def _mean_colour(path: Path, place: Place, *, linear: bool) -> NDArray[np.float64]:
+    """Return the mean of a picture's linear colours; bytes are sRGB unless they are linear."""
+    texels = _texels(path, place)
+    if texels.dtype != np.uint8:
+        return np.asarray(texels.mean(axis=(0, 1), dtype=np.float64))
+    return np.asarray((texels / 255 if linear else _decode_srgb(texels)).mean(axis=(0, 1), dtype=np.float64))
+
+
+def _texels(path: Path, place: Place) -> NDArray[Any]:
+    """Return the colours of a picture as it stores them, (height, width, 3)."""
+    if path.suffix.lower() == ".pfm":
+        return _pfm(path, place)
+    if path.suffix.lower() == ".tga":
+        return _tga(path, place)[..., :3]
+    try:
+        return read_picture(path).texels[..., :3]
+    except InputError as problem:
+        raise place.error(f"{path.name}: {problem}") from None
+
+
+def _decode_srgb(texels: NDArray[Any]) -> Pixels:
+    """Return the linear values of sRGB bytes (IEC 61966-2-1)."""
+    return np.asarray(linear_from_srgb(np.arange(256) / 255).astype(np.float32)[texels])
+
+
+def _tga(path: Path, place: Place) -> NDArray[np.uint8]:
+    import PIL.Image
+
+    try:
+        with PIL.Image.open(path, formats=("TGA",)) as image:
+            if image.width * image.height > LARGEST_PIXELS:
+                raise place.error(f"{path.name}: is too large (allowed: at most {LARGEST_PIXELS} pixels)")
+            return np.asarray(image.convert("RGBA" if "A" in image.getbands() else "RGB"))
+    except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as problem:
+        raise place.error(f"{path.name}: is not a TGA picture ({str(problem).splitlines()[0]})") from None
+
+
+def _pfm(path: Path, place: Place) -> Pixels:
+    """Return the colours of a portable float map, whose rows run upwards; a negative scale means little-endian."""
+    raw = read_limited(path, path.name, _LARGEST_FILE)
+    header = _PFM.match(raw)
+    if header is None:
+        raise place.error(f"{path.name}: is not a PFM picture")
+    channels = 3 if header[1] == b"PF" else 1
+    width, height = int(header[2]), int(header[3])
+    order = "<" if header[4].startswith(b"-") else ">"
+    count = width * height * channels
+    if not count or len(raw) - header.end() < 4 * count:
+        raise place.error(f"{path.name}: holds fewer than its {width} x {height} pixels")
+    values = np.frombuffer(raw, f"{order}f4", count, header.end()).astype(np.float32)
+    if not np.isfinite(values).all():
+        raise place.error(f"{path.name}: holds numbers that are not finite")
+    return np.maximum(np.broadcast_to(values.reshape(height, width, channels)[::-1], (height, width, 3)), 0)
+
+
+def _write_png(pixels: NDArray[np.uint8], path: Path) -> None:
+    import PIL.Image
+
+    PIL.Image.fromarray(pixels).save(path, format="PNG")
+
 
 # Spectra and colours of other spaces as linear sRGB (ITU-R BT.709 primaries, white D65).
 
-Array = NDArray[np.float64]
-
-ACES_WHITE = (0.32168, 0.33767)
+_ACES_WHITE = (0.32168, 0.33767)
 # Primaries and white as CIE x, y: BT.2020, SMPTE RP 431-2 with D65 as pbrt has it, SMPTE ST 2065-1.
 _PRIMARIES = {
     "rec2020": ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), SRGB_WHITE),
     "dci-p3": ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), SRGB_WHITE),
-    "aces2065-1": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), ACES_WHITE),
+    "aces2065-1": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), _ACES_WHITE),
 }
 
 
@@ -36,7 +151,7 @@ def _xyz_from_rgb(space: str) -> Array:
     return np.asarray(columns * np.linalg.solve(columns, xyz_of(white)))
 
 
-def srgb_from(space: str, rgb: ArrayLike) -> Array:
+def _srgb_from(space: str, rgb: ArrayLike) -> Array:
     """Return linear sRGB of the colour (…, 3) of a space; white stays white, as in the space's own light."""
     values = np.asarray(rgb, np.float64)
     if space == "srgb":
@@ -46,39 +161,39 @@ def srgb_from(space: str, rgb: ArrayLike) -> Array:
     return np.asarray(values @ (matrix / (matrix @ np.ones(3))[:, None]).T)
 
 
-WIEN = 2.897771955e6  # temperature times the wavelength where a black body is brightest [nm K], CODATA 2018
-LUMINOUS = float(cie_1931()[:, 1].sum())
+_WIEN = 2.897771955e6  # temperature times the wavelength where a black body is brightest [nm K], CODATA 2018
+_LUMINOUS = float(cie_1931()[:, 1].sum())
 
 # Chromaticities x, y of standard illuminants, 2 degrees (CIE 15:2004, table T.3 and T.5); ACES: SMPTE ST 2065-1.
-ILLUMINANTS = {
+_ILLUMINANTS = {
     "stdillum-A": (0.44758, 0.40745), "stdillum-D50": (0.34567, 0.35851), "stdillum-D65": SRGB_WHITE,
     "stdillum-F1": (0.3131, 0.3371), "stdillum-F2": (0.3721, 0.3751), "stdillum-F3": (0.4091, 0.3941),
     "stdillum-F4": (0.4402, 0.4031), "stdillum-F5": (0.3138, 0.3452), "stdillum-F6": (0.3779, 0.3882),
     "stdillum-F7": (0.3129, 0.3292), "stdillum-F8": (0.3458, 0.3586), "stdillum-F9": (0.3741, 0.3727),
     "stdillum-F10": (0.3458, 0.3588), "stdillum-F11": (0.3805, 0.3769), "stdillum-F12": (0.4370, 0.4042),
-    "illum-acesD60": ACES_WHITE,
+    "illum-acesD60": _ACES_WHITE,
 }  # fmt: skip
 
 
-def xyz_of_samples(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
+def _xyz_of_samples(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
     """Return X, Y, Z of a spectrum, linear between its samples; one that is 1 everywhere has Y = 1.
 
     Beyond its first and last sample a spectrum keeps their values.
     """
     order = np.argsort(np.asarray(wavelengths_nm, np.float64), kind="stable")
     samples = np.interp(WAVELENGTHS_NM, np.asarray(wavelengths_nm)[order], np.asarray(values)[order])
-    return np.asarray(samples @ cie_1931() / LUMINOUS)
+    return np.asarray(samples @ cie_1931() / _LUMINOUS)
 
 
 def reflectance_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
     """Return linear sRGB of a reflectance spectrum; one that reflects everything is (1, 1, 1)."""
-    white = RGB_FROM_XYZ @ xyz_of_samples([500.0], [1.0])
-    return np.asarray(RGB_FROM_XYZ @ xyz_of_samples(wavelengths_nm, values) / white)
+    white = RGB_FROM_XYZ @ _xyz_of_samples([500.0], [1.0])
+    return np.asarray(RGB_FROM_XYZ @ _xyz_of_samples(wavelengths_nm, values) / white)
 
 
-def light_srgb(wavelengths_nm: ArrayLike, values: ArrayLike, *, luminance: float | None = None) -> Array:
+def _light_srgb(wavelengths_nm: ArrayLike, values: ArrayLike, *, luminance: float | None = None) -> Array:
     """Return linear sRGB of a light's spectrum, scaled to a luminance if one is given."""
-    xyz = xyz_of_samples(wavelengths_nm, values)
+    xyz = _xyz_of_samples(wavelengths_nm, values)
     if luminance is not None:
         xyz = xyz * (luminance / xyz[1]) if xyz[1] > 0 else np.zeros(3)
     return np.asarray(RGB_FROM_XYZ @ xyz)
@@ -89,14 +204,14 @@ def black_body_srgb(kelvin: float, *, luminance: float | None) -> Array:
 
     That peak is where Wien's law has it, wherever that lies.
     """
-    spectrum = np.asarray(blackbody(kelvin) / planck_radiance(WIEN / kelvin, kelvin))
-    return light_srgb(WAVELENGTHS_NM, spectrum, luminance=luminance)
+    spectrum = np.asarray(blackbody(kelvin) / planck_radiance(_WIEN / kelvin, kelvin))
+    return _light_srgb(WAVELENGTHS_NM, spectrum, luminance=luminance)
 
 
 # Colours of parameters: reflectances, lights and indices, whichever way pbrt lets them be written.
 
 COLOURS = ("rgb", "color", "xyz", "spectrum", "blackbody", "float")
-LARGEST_SPECTRUM = 10_000_000
+_LARGEST_SPECTRUM = 10_000_000
 
 
 def reflectance(context: Context, entity: Entity, name: str, default: float) -> Array:
@@ -127,10 +242,10 @@ def light(context: Context, entity: Entity, name: str) -> Array:
             raise entity.parameters.error(name, f"needs a temperature above 0 [K] (got {got})")
         scale = float(values[1]) if len(values) == 2 else 1.0
         colour = scale * black_body_srgb(float(values[0]), luminance=luminance)
-    elif item.kind == "spectrum" and len(values) == 1 and str(values[0]) in ILLUMINANTS:
-        colour = np.asarray(RGB_FROM_XYZ @ xyz_of(ILLUMINANTS[str(values[0])]))
+    elif item.kind == "spectrum" and len(values) == 1 and str(values[0]) in _ILLUMINANTS:
+        colour = np.asarray(RGB_FROM_XYZ @ xyz_of(_ILLUMINANTS[str(values[0])]))
     elif item.kind == "spectrum":
-        colour = light_srgb(*samples_of(context, item), luminance=luminance)
+        colour = _light_srgb(*samples_of(context, item), luminance=luminance)
     else:
         colour = _plain(item, entity)
     if colour.min() < 0:
@@ -138,9 +253,9 @@ def light(context: Context, entity: Entity, name: str) -> Array:
     return np.maximum(colour, 0)
 
 
-def scale_factor(context: Context, entity: Entity, name: str = "scale") -> Array:
+def scale_factor(context: Context, entity: Entity) -> Array:
     """Return the factor on a light: a number in pbrt-v4, a colour in pbrt-v3."""
-    item = entity.parameters.get(name, *COLOURS)
+    item = entity.parameters.get("scale", *COLOURS)
     if item is None:
         return np.ones(3)
     is_spectrum = item.kind == "spectrum"
@@ -183,7 +298,7 @@ def samples_of(context: Context, item: Parameter) -> tuple[Array, Array]:
     (name, *others) = (str(value) for value in item.values)
     if others:
         raise item.place.error(f'"{item.name}" needs one spectrum (got {1 + len(others)})')
-    text = read_limited(context.find(name, item.place), name, LARGEST_SPECTRUM).decode("latin-1")
+    text = read_limited(context.find(name, item.place), name, _LARGEST_SPECTRUM).decode("latin-1")
     words = [word for line in text.splitlines() for word in line.split("#", 1)[0].replace(",", " ").split()]
     try:
         numbers = np.array(words, np.float64)
@@ -213,21 +328,21 @@ def _plain(item: Parameter, entity: Entity) -> Array:
         raise entity.parameters.error(item.name, f"needs 3 numbers (got {len(values)})")
     if item.kind == "xyz":
         return np.asarray(RGB_FROM_XYZ @ values)
-    return srgb_from(entity.color_space, values)
+    return _srgb_from(entity.color_space, values)
 
 
 Keys = dict[str, Any]
 
 # Parameters of filtering, which is ours to choose.
-FILTERING = ("maxanisotropy", "trilinear", "filter")
+_FILTERING = ("maxanisotropy", "trilinear", "filter")
 GREY = 0.5
 # Along each side of the picture of u and v.
-UV_TEXELS = 256
+_UV_TEXELS = 256
 # The colours of textures of ours that lie between two.
-ENDS = {"checker": ("even", "odd"), "perlin": ("low", "high"), "dots": ("outside", "inside")}
+_ENDS = {"checker": ("even", "odd"), "perlin": ("low", "high"), "dots": ("outside", "inside")}
 # Nested deeper than textures are on purpose; a name that refers to itself never gets here.
 DEEPEST = 32
-MOST_OCTAVES = 12
+_MOST_OCTAVES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,7 +374,7 @@ class Shade:
         texture = self.texture
         if texture is not None:
             texture = dict(texture)
-            for name in (*ENDS.get(texture["kind"], ()), "tint"):
+            for name in (*_ENDS.get(texture["kind"], ()), "tint"):
                 if name in texture:
                     texture[name] = np.clip(np.array(texture[name]) * factor, 0, 1).tolist()
             if texture["kind"] == "image":
@@ -309,7 +424,7 @@ def _convert_named(
     """Return the texture that a parameter names; the value that it has without one where none has the name."""
     name = " ".join(str(text) for text in item.values)
     texture = entity.textures.get((kind, name))
-    if texture is None or texture.kind not in KINDS:
+    if texture is None or texture.kind not in _KINDS:
         other = entity.textures.get(("float" if kind == "spectrum" else "spectrum", name))
         hint = f"; one of the other type has, on {other.place.line}" if other is not None else ""
         why = f"no {kind} texture has the name{hint}" if texture is None else f'there is no texture "{texture.kind}"'
@@ -319,7 +434,7 @@ def _convert_named(
         raise item.place.error(f"textures refer to each other more than {DEEPEST} deep")
     known = context.known.get(id(texture))
     if not isinstance(known, Shade):
-        known = context.known[id(texture)] = KINDS[texture.kind](context, texture, depth + 1)
+        known = context.known[id(texture)] = _KINDS[texture.kind](context, texture, depth + 1)
     return known
 
 
@@ -416,7 +531,7 @@ def _mapping(context: Context, texture: Entity) -> Keys:
 
 def _image(context: Context, texture: Entity, depth: int) -> Shade:
     parameters = texture.parameters
-    parameters.skip(*FILTERING)
+    parameters.skip(*_FILTERING)
     name, place = texture.file_name()
     path = context.find_or_note(name, place, f"grey {GREY:g}")
     if path is None:
@@ -439,7 +554,7 @@ def _image(context: Context, texture: Entity, depth: int) -> Shade:
         keys["gain"] = gain
     linear = keys.get("color_space") == "linear"
     keys |= _mapping(context, texture)
-    return Shade(lambda: np.clip(gain * mean_colour(path, place, linear=linear), 0, 1), keys)
+    return Shade(lambda: np.clip(gain * _mean_colour(path, place, linear=linear), 0, 1), keys)
 
 
 def _encoding(context: Context, texture: Entity) -> Keys:
@@ -497,7 +612,7 @@ def _mix(context: Context, texture: Entity, depth: int) -> Shade:
             return part
     parts = (first, second, amount)
     patterns = [part.texture for part in parts if part.texture is not None]
-    if len(patterns) == 1 and (ends := ENDS.get(patterns[0]["kind"])):
+    if len(patterns) == 1 and (ends := _ENDS.get(patterns[0]["kind"])):
         return Shade(_mixed(*(part.colour for part in parts)), patterns[0] | _mixed_ends(parts, ends))
     if any(part.texture is not None for part in (first, second, amount)):
         context.approximated(texture, "its textures as one colour each")
@@ -546,9 +661,9 @@ def _noise_keys(context: Context, texture: Entity, scale: float = 1.0) -> tuple[
     parameters = texture.parameters
     octaves = parameters.integer("octaves", 8)
     gain = parameters.number("roughness", 0.5)
-    if not 1 <= octaves <= MOST_OCTAVES or not 0 <= gain <= 1:
-        context.approximated(texture, f"octaves cut to 1 … {MOST_OCTAVES}, roughness to 0 … 1")
-    return _in_space(context, texture, scale), min(max(octaves, 1), MOST_OCTAVES), min(max(gain, 0.0), 1.0)
+    if not 1 <= octaves <= _MOST_OCTAVES or not 0 <= gain <= 1:
+        context.approximated(texture, f"octaves cut to 1 … {_MOST_OCTAVES}, roughness to 0 … 1")
+    return _in_space(context, texture, scale), min(max(octaves, 1), _MOST_OCTAVES), min(max(gain, 0.0), 1.0)
 
 
 def _marble(context: Context, texture: Entity, depth: int) -> Shade:
@@ -564,7 +679,7 @@ def _marble(context: Context, texture: Entity, depth: int) -> Shade:
 def _coordinates(context: Context, texture: Entity, depth: int) -> Shade:
     """Return u as red and v as green: a picture, whose texels hold what their centres have."""
     if "uv" not in context.pictures:
-        steps = (np.arange(UV_TEXELS) + 0.5) / UV_TEXELS
+        steps = (np.arange(_UV_TEXELS) + 0.5) / _UV_TEXELS
         red, green = np.meshgrid(steps, steps[::-1])  # the top row is that of the largest v
         pixels = np.stack([red, green, np.zeros_like(red)], axis=-1).astype(np.float32)
         context.pictures["uv"] = context.files.add("files", "uv.exr", partial(write_exr, {"RGB": pixels}))
@@ -573,7 +688,7 @@ def _coordinates(context: Context, texture: Entity, depth: int) -> Shade:
     return Shade(np.array([0.5, 0.5, 0.0]), keys | _mapping(context, texture))
 
 
-KINDS: dict[str, Callable[[Context, Entity, int], Shade]] = {
+_KINDS: dict[str, Callable[[Context, Entity, int], Shade]] = {
     "constant": _constant, "imagemap": _image, "checkerboard": _checkerboard, "scale": _scale, "mix": _mix,
     "bilerp": _bilinear, "dots": _dots, "uv": _coordinates,
     "fbm": partial(_noise, form="sum"), "wrinkled": partial(_noise, form="turbulence"),

@@ -1,4 +1,4 @@
-"""From statements to a pbrt scene: the directives one by one, under a stack of graphics states."""
+"""From statements to a pbrt scene, directive by directive; and the context that its conversion works with."""
 
 from __future__ import annotations
 
@@ -6,41 +6,34 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, MissingFileError, OutsideFolderError
 from rptcam_cl.core.files import Folders
-from rptcam_cl.exchange.pbrt.source import NUMBERS, Parameter, Parameters, Place, Report, Statement, read_statements
-from rptcam_cl.scene.placement import SMALLEST_STRETCH_RATIO, turn_about
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE
+from rptcam_cl.exchange.conversion import FileStore, Place, Report
+from rptcam_cl.exchange.mesh_data import SMALLEST, Matrix, is_invertible
+from rptcam_cl.exchange.pbrt.source import NUMBERS, Parameter, Parameters, Statement, read_statements
+from rptcam_cl.scene.load import Missing
+from rptcam_cl.scene.placement import turn_about
 
-#
 # Transforms of pbrt: 4x4 matrices that act on columns, in float64.
 #
 # pbrt says left-handed, but a matrix is a matrix: the numbers are what its directives make of them. Handedness
-# matters once, when a picture is compared with another (see ``cameras.frame_of``).
-
-Matrix = NDArray[np.float64]
-SMALLEST = 1e-12
+# matters once, when a picture is compared with another (see ``camera.frame_of``).
 
 # Where nothing is: the transform of what stands under one that cannot be used.
-NOWHERE = np.full((4, 4), np.nan)
+_NOWHERE = np.full((4, 4), np.nan)
 
 ODD = "its transform flattens space, or leads beyond what a scene can hold"
 
-# Decimal digits that coordinates keep: far more than float32 has, fewer than float64 leaves after an inverse.
-DIGITS = 13
 
-
-class OddTransformError(ValueError):
+class _OddTransformError(ValueError):
     """A transform that places nothing, with what is odd about it."""
 
 
-def step_matrix(statement: Statement) -> Matrix:
+def _step_matrix(statement: Statement) -> Matrix:
     """Return the matrix that a transforming directive multiplies the current one with, from the right.
 
     Raises
@@ -55,18 +48,18 @@ def step_matrix(statement: Statement) -> Matrix:
             result[:3, 3] = numbers
         case "Scale":
             if not numbers.all():
-                raise OddTransformError("Scale by 0 flattens space")
+                raise _OddTransformError("Scale by 0 flattens space")
             result[:3, :3] = np.diag(numbers)
         case "Rotate":
             result[:3, :3] = _rotation(statement)
         case "LookAt":
             result = _camera_from_world(statement)
         case _:
-            result = read_matrix(statement)
+            result = _read_matrix(statement)
     return result
 
 
-def read_matrix(statement: Statement) -> Matrix:
+def _read_matrix(statement: Statement) -> Matrix:
     """Return the matrix of ``Transform`` or ``ConcatTransform``, which pbrt writes column by column.
 
     Raises
@@ -76,35 +69,13 @@ def read_matrix(statement: Statement) -> Matrix:
     """
     matrix = statement.numbers.reshape(4, 4).T.copy()
     if not np.allclose(matrix[3], (0, 0, 0, matrix[3, 3]), rtol=0, atol=1e-9) or abs(matrix[3, 3]) < SMALLEST:
-        raise OddTransformError(
+        raise _OddTransformError(
             f"{statement.directive} is not affine: every fourth number must be 0, the last one 1 (written by columns)"
         )
     matrix /= matrix[3, 3]
     if not is_invertible(matrix):
-        raise OddTransformError(f"{statement.directive} cannot be inverted: it flattens space")
+        raise _OddTransformError(f"{statement.directive} cannot be inverted: it flattens space")
     return matrix
-
-
-def is_invertible(matrix: Matrix) -> bool:
-    """Return whether a transform is finite, and its linear part keeps three dimensions apart."""
-    if not np.isfinite(matrix).all():
-        return False
-    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
-    return bool(stretches[-1] > SMALLEST * stretches[0])
-
-
-def is_bearable(matrix: Matrix) -> bool:
-    """Return whether a transform places things where a scene of ours can hold them."""
-    if not is_invertible(matrix):
-        return False
-    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
-    return bool(stretches[-1] > SMALLEST and max(stretches[0], np.abs(matrix[:3, 3]).max()) < LARGEST_COORDINATE)
-
-
-def is_transform_of_ours(matrix: Matrix) -> bool:
-    """Whether a scene of ours takes a matrix as the transform of an object; vertices may be flattened further."""
-    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
-    return bool(stretches[-1] > SMALLEST_STRETCH_RATIO * (1 + SMALLEST_STRETCH_RATIO) * stretches[0])
 
 
 def _rotation(statement: Statement) -> Matrix:
@@ -112,7 +83,7 @@ def _rotation(statement: Statement) -> Matrix:
     degrees, *axis = statement.numbers
     length = math.hypot(*axis)
     if length < SMALLEST:
-        raise OddTransformError("Rotate needs an axis (got 0 0 0)")
+        raise _OddTransformError("Rotate needs an axis (got 0 0 0)")
     return turn_about(np.array(axis) / length, float(degrees))
 
 
@@ -122,50 +93,12 @@ def _camera_from_world(statement: Statement) -> Matrix:
     forward = target - eye
     right = np.cross(up, forward)
     if np.linalg.norm(right) <= SMALLEST * float(np.linalg.norm(up)) * float(np.linalg.norm(forward)):
-        raise OddTransformError("LookAt: eye, target and up fix no view (allowed: eye off the target, up not along)")
+        raise _OddTransformError("LookAt: eye, target and up fix no view (allowed: eye off the target, up not along)")
     forward = forward / np.linalg.norm(forward)
     right = right / np.linalg.norm(right)
     world_from_camera = np.eye(4)
     world_from_camera[:3] = np.stack([right, np.cross(forward, right), forward, eye], axis=1)
     return np.asarray(np.linalg.inv(world_from_camera))
-
-
-def apply(matrix: Matrix, points: Matrix) -> Matrix:
-    """Return points (n, 3) transformed."""
-    return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
-
-
-def apply_to_normals(matrix: Matrix, normals: Matrix) -> Matrix:
-    """Return unit normals (n, 3) transformed: by the inverse transpose."""
-    turned = normals @ np.linalg.inv(matrix[:3, :3])
-    lengths = np.linalg.norm(turned, axis=1, keepdims=True)
-    return np.asarray(turned / np.where(lengths > 0, lengths, 1))
-
-
-def reflects(matrix: Matrix) -> bool:
-    """Return whether a transform makes a left hand of a right one."""
-    return bool(np.linalg.det(matrix[:3, :3]) < 0)
-
-
-def is_similarity(matrix: Matrix) -> bool:
-    """Return whether the linear part turns, reflects and scales evenly, and nothing else."""
-    gram = matrix[:3, :3].T @ matrix[:3, :3]
-    return bool(np.allclose(gram, gram[0, 0] * np.eye(3), rtol=0, atol=1e-5 * gram[0, 0]))
-
-
-def tidy(values: ArrayLike) -> list[Any]:
-    """Return an array as nested lists, rounded to `DIGITS` of its largest number: what inverses leave vanishes."""
-    array = np.asarray(values, np.float64)
-    largest = float(np.abs(array).max(initial=0))
-    if not 0 < largest < math.inf:
-        return list(array.tolist())
-    decimals = DIGITS - 1 - math.floor(math.log10(largest))
-    return list((np.round(array, decimals) + 0.0).tolist())  # + 0.0 makes no zero negative
-
-
-def mean_scale(matrix: Matrix) -> float:
-    """Return the factor of lengths of a similarity; of another transform the mean over its axes."""
-    return float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
 
 
 # What the statements of a pbrt scene set up: a graphics state, and the things made under it.
@@ -318,9 +251,9 @@ class GraphicsState:
     defaults: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict)
 
 
-COLOR_SPACES = ("srgb", "rec2020", "dci-p3", "aces2065-1")
-OPTIONS = ("Camera", "Film", "Sampler", "Integrator", "SurfaceIntegrator", "PixelFilter")
-IGNORED = {
+_COLOR_SPACES = ("srgb", "rec2020", "dci-p3", "aces2065-1")
+_OPTIONS = ("Camera", "Film", "Sampler", "Integrator", "SurfaceIntegrator", "PixelFilter")
+_IGNORED = {
     "Accelerator": "how rays find surfaces is decided by the renderer",
     "TransformTimes": "nothing moves while the shutter is open",
     "Option": "it steers pbrt itself",
@@ -360,13 +293,13 @@ class World:
             for item in statement.parameters.repeated:
                 what = f'{statement.described()}: "{item.name}" is given twice; the last one counts'
                 self.report.noted(item.place, what)
-        if name in IGNORED:
-            self.report.ignored(statement.place, f"{statement.described()}: {IGNORED[name]}")
+        if name in _IGNORED:
+            self.report.ignored(statement.place, f"{statement.described()}: {_IGNORED[name]}")
             return
         if name in NUMBERS:
             self._transform(statement)
             return
-        if name in OPTIONS:
+        if name in _OPTIONS:
             self._option(statement)
             return
         _ACTIONS[name](self, statement)
@@ -375,7 +308,7 @@ class World:
         """Say why pbrt skips a directive with a warning where it stands, nothing where it does not."""
         if self.ended:
             return "stands after WorldEnd, behind the picture that is rendered"
-        if self.in_world and (name in OPTIONS or name == "WorldBegin"):
+        if self.in_world and (name in _OPTIONS or name == "WorldBegin"):
             return "stands inside the world"
         if not self.in_world and name in ("Shape", "LightSource", "ObjectInstance", "WorldEnd"):
             return "stands before WorldBegin"
@@ -408,13 +341,13 @@ class World:
         try:
             is_whole = statement.directive == "Transform"
             with np.errstate(over="ignore", invalid="ignore"):
-                matrix = read_matrix(statement) if is_whole else self.state.ctm @ step_matrix(statement)
+                matrix = _read_matrix(statement) if is_whole else self.state.ctm @ _step_matrix(statement)
             if not np.isfinite(matrix).all() and np.isfinite(self.state.ctm).all():
-                raise OddTransformError(f"{statement.directive} leads beyond the range of numbers")
+                raise _OddTransformError(f"{statement.directive} leads beyond the range of numbers")
             self.set_transform(matrix)
-        except OddTransformError as problem:
+        except _OddTransformError as problem:
             self.report.noted(statement.place, f"{problem}; what stands under it is left out")
-            self.set_transform(NOWHERE)
+            self.set_transform(_NOWHERE)
 
     def set_transform(self, matrix: Matrix) -> None:
         """Make a matrix the current transform."""
@@ -427,7 +360,7 @@ class World:
         self.scene.options[name] = self.entity(statement, statement.texts[0])
         if name == "Camera":
             self.scene.around_camera = self.state.outside
-            world_from_camera = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else NOWHERE
+            world_from_camera = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else _NOWHERE
             self.spaces["camera"] = np.asarray(world_from_camera, np.float64)
         if statement.directive == "SurfaceIntegrator" or (name == "Film" and statement.texts[0] == "image"):
             self.scene.version = 3
@@ -523,8 +456,8 @@ def _reverse(world: World, statement: Statement) -> None:
 
 def _color_space(world: World, statement: Statement) -> None:
     (name,) = statement.texts
-    if name not in COLOR_SPACES:
-        raise statement.place.error(f'unknown ColorSpace "{name}" (allowed: {", ".join(COLOR_SPACES)})')
+    if name not in _COLOR_SPACES:
+        raise statement.place.error(f'unknown ColorSpace "{name}" (allowed: {", ".join(_COLOR_SPACES)})')
     world.state = replace(world.state, color_space=name)
 
 
@@ -614,3 +547,82 @@ def read_world(path: Path, report: Report, folders: Folders | None = None) -> Pb
     for statement in read_statements(path, folders):
         world.take(statement)
     return world.finish()
+
+
+# What every part of a conversion works with.
+
+
+@dataclass
+class Context:
+    """The scene that is converted, and where things go.
+
+    Attributes
+    ----------
+    folders : Folders
+        Where files of the pbrt scene may lie; their names start at the folder of its file.
+    files : FileStore
+        Files of the scene of ours.
+    missing : "error" or "grey"
+        What becomes of pictures and meshes that are not there, or lie where the scene may not read.
+    absent : list of str
+        What there is to say of them.
+    known : dict
+        Textures by ``id`` that were converted before: one may be a part of many, and they of many more.
+    pictures : dict
+        Names of pictures that are written anew, by their path.
+    world : (4, 4) array
+        From the world of pbrt to that of the scene.
+    metres_per_unit : float
+        Of the scene.
+    deep : bool
+        Whether light is to be scattered many times, below surfaces.
+    """
+
+    scene: PbrtScene
+    report: Report
+    folders: Folders
+    files: FileStore = field(repr=False)
+    missing: Missing = "error"
+    absent: list[str] = field(default_factory=list)
+    known: dict[int, object] = field(default_factory=dict, repr=False)
+    pictures: dict[str, str] = field(default_factory=dict, repr=False)
+    world: Matrix = field(default_factory=lambda: np.eye(4), repr=False)
+    metres_per_unit: float = 1.0
+    deep: bool = False
+
+    def approximated(self, entity: Entity, what: str, place: Place | None = None) -> None:
+        """Report what of an entity the scene of ours has in another way; at a place of its own where one is given."""
+        self.report.approximated(place or entity.place, f"{entity.what}: {what}")
+
+    def ignored(self, entity: Entity, what: str, place: Place | None = None) -> None:
+        """Report what of an entity the scene of ours does not have; at a place of its own where one is given."""
+        self.report.ignored(place or entity.place, f"{entity.what}: {what}")
+
+    def find(self, name: str, place: Place) -> Path:
+        """Return the path of a file that the pbrt scene names.
+
+        Raises
+        ------
+        InputError
+            When there is no such file, it is no regular one, or lies outside the folder of the pbrt scene.
+        """
+        try:
+            return self.folders.find(name)
+        except InputError as problem:
+            raise type(problem)(str(place.error(f"{name[:80]}: {problem}"))) from None
+
+    def find_or_note(self, name: str, place: Place, otherwise: str) -> Path | None:
+        """Return the path of a picture or mesh; None for one that cannot be had, after noting what stands in."""
+        try:
+            return self.find(name, place)
+        except (MissingFileError, OutsideFolderError) as problem:
+            if str(problem) not in self.absent:
+                self.absent.append(str(problem))
+            why = "no such file" if isinstance(problem, MissingFileError) else "lies outside the folder of the scene"
+            self.report.approximated(place, f"{name[:80]}: {why}; {otherwise}")
+            return None
+
+    def refuse_missing(self) -> None:
+        """Raise an error that names all files that are not there or lie elsewhere, if any are."""
+        if self.absent and self.missing == "error":
+            raise MissingFileError("\n".join(self.absent))

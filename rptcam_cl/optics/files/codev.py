@@ -10,7 +10,7 @@ from typing import Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.table import AxisFrame, LensTable, model_glass, numbers, opening_beside_the_axis
+from rptcam_cl.optics.files.lens_table import AxisFrame, LensTable, model_glass, numbers, opening_beside_the_axis
 from rptcam_cl.optics.glass import AbbeCauchy
 from rptcam_cl.optics.lens import Lens
 
@@ -19,7 +19,7 @@ from rptcam_cl.optics.lens import Lens
 OF_THE_MODEL = 1e-9  # by which indices follow the n_d and V_d of their name
 
 
-def private_glasses(statements: list[tuple[int, list[str]]], path: str) -> dict[str, Any]:
+def _private_glasses(statements: list[tuple[int, list[str]]], path: str) -> dict[str, Any]:
     """Return the `glass` entries of the private glasses of a sequence by their names, in capitals."""
     glasses: dict[str, Any] = {}
     wavelengths: list[float] = []
@@ -93,7 +93,7 @@ NOT_READ = {"DIF": "a diffractive surface", "HOE": "a holographic surface", "GRT
 
 
 @dataclass
-class _Surface:
+class _SeqSurface:
     line: int
     value: float
     thickness: float
@@ -119,7 +119,7 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a CODE V sequence; glasses of `makers` come first."""
     table = LensTable(path, makers=makers, working=True)
     statements = _statements(text)
-    private = private_glasses(statements, path)
+    private = _private_glasses(statements, path)
     surfaces = _parse(statements, table, private)
     _choose_radii(surfaces, table)
     frame = AxisFrame(SENSES)
@@ -166,8 +166,8 @@ def _statements(text: str) -> list[tuple[int, list[str]]]:
 
 def _parse(
     statements: list[tuple[int, list[str]]], table: LensTable, private_ones: Mapping[str, Any]
-) -> list[_Surface]:
-    surfaces: list[_Surface] = []
+) -> list[_SeqSurface]:
+    surfaces: list[_SeqSurface] = []
     radius_mode: bool | None = None
     inside, private = True, False
     for line, words in statements:
@@ -191,7 +191,7 @@ def _parse(
             inside = True
             value, thickness = _numbers([*rest, "0", "0"][:2], table, line)
             glass = rest[2] if len(rest) > 2 else ""
-            surfaces.append(_Surface(line, value, thickness, glass, radius_mode))
+            surfaces.append(_SeqSurface(line, value, thickness, glass, radius_mode))
         elif rest and not key.startswith("TIT") and (qualifier := _QUALIFIER.fullmatch(rest[0])):
             for target in _targets(qualifier, surfaces):
                 _take(target, key, rest[1:], line, table)
@@ -208,7 +208,7 @@ def _parse(
     return surfaces
 
 
-def _targets(qualifier: re.Match[str], surfaces: list[_Surface]) -> list[_Surface]:
+def _targets(qualifier: re.Match[str], surfaces: list[_SeqSurface]) -> list[_SeqSurface]:
     """Return the surfaces of a qualifier such as S3, S2..5, SA, SS or SI-1; object and image are none of them."""
 
     def number(word: str, back: str | None) -> int:
@@ -228,7 +228,7 @@ def _numbers(words: list[str], table: LensTable, line: int) -> list[float]:
     return numbers(["0" if word.lower() in INFINITE else word for word in words], table.path, line)
 
 
-def _choose_radii(surfaces: list[_Surface], table: LensTable) -> None:
+def _choose_radii(surfaces: list[_SeqSurface], table: LensTable) -> None:
     """Where no RDM says so, take the numbers as curvatures, as CODE V does, unless no beam could cross them."""
     open_ones = [surface for surface in surfaces if surface.radius_mode is None]
     heights = [surface.diameter / 2 for surface in open_ones if surface.diameter]
@@ -269,7 +269,7 @@ def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
         table.note(line, f"{key} is ignored")
 
 
-def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTable) -> None:
+def _take(surface: _SeqSurface, key: str, rest: list[str], line: int, table: LensTable) -> None:
     if rest and _POSITION.fullmatch(rest[0]):  # of a zoom
         if rest[0].upper() != "Z1":
             return
@@ -277,24 +277,13 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
     if key in ("THI", "RDY", "CUY") and rest and rest[0].isalpha():
         return  # a solve, whose value stands in the line of the surface
     if key in ("REX", "REY"):
-        words = [word.upper() for word in rest]
-        value = table.number([w for w in words if w[:1] in "+-.0123456789"][-1:], line)
+        words, value = _last_number(rest, line, table)
         if {"OBS", "HOL"} & set(words):
             table.note(line, f"{key} {' '.join(rest)} is ignored")
         elif "EDG" not in words or key not in surface.clear:
             surface.clear[key] = value
     elif key in _NUMBERED:
-        value = table.number([word for word in rest if word.upper() != "CLR"], line)
-        if key == "K":
-            surface.conic = value
-        elif key in POWERS:
-            surface.aspheric[POWERS[key]] = value
-        elif key in (*TILTS, *OFFSETS):
-            surface.bend[key] = value
-        elif key in ("THI", "RDY", "CUY"):
-            _set(surface, key, value)
-        else:
-            surface.curvature_x = value if key == "CUX" else (1.0 / value if value else 0.0)
+        _set(surface, key, table.number([word for word in rest if word.upper() != "CLR"], line))
     elif key == "STO":
         surface.stop = True
     elif key == "RMD":
@@ -302,8 +291,7 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
     elif key == "CIR" and {"OBS", "HOL"} & {word.upper() for word in rest}:
         surface.inner_diameter = 2 * numbers(rest[-1:], table.path, line)[0]
     elif key == "CIR":
-        words = [word.upper() for word in rest]
-        value = table.number([w for w in words if w[:1] in "+-.0123456789"][-1:], line)
+        words, value = _last_number(rest, line, table)
         if "EDG" not in words or surface.diameter is None:
             surface.diameter = 2 * abs(value)
     elif key in ("CYL", "YTO"):
@@ -318,15 +306,29 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
         table.note(line, f"{key} is ignored")
 
 
-def _set(surface: _Surface, key: str, value: float) -> None:
-    """Set a thickness, radius or curvature that stands in a line of its own."""
-    if key == "THI":
+def _last_number(rest: list[str], line: int, table: LensTable) -> tuple[list[str], float]:
+    """Return words in capitals, and the last number among them."""
+    words = [word.upper() for word in rest]
+    return words, table.number([word for word in words if word[:1] in "+-.0123456789"][-1:], line)
+
+
+def _set(surface: _SeqSurface, key: str, value: float) -> None:
+    """Set one number of a surface."""
+    if key == "K":
+        surface.conic = value
+    elif key in POWERS:
+        surface.aspheric[POWERS[key]] = value
+    elif key in (*TILTS, *OFFSETS):
+        surface.bend[key] = value
+    elif key == "THI":
         surface.thickness = value
-    else:
+    elif key in ("RDY", "CUY"):
         surface.value, surface.radius_mode = value, key == "RDY"
+    else:
+        surface.curvature_x = value if key == "CUX" else (1.0 / value if value else 0.0)
 
 
-def _row(surface: _Surface, table: LensTable, private: Mapping[str, Any]) -> dict[str, Any]:
+def _row(surface: _SeqSurface, table: LensTable, private: Mapping[str, Any]) -> dict[str, Any]:
     row: dict[str, Any] = {}
     if surface.curvature:
         row["radius"] = 1.0 / surface.curvature

@@ -40,7 +40,7 @@ WAVELENGTHS_NM = (LINE_F_NM, LINE_D_NM, LINE_C_NM)
 IN_AIR = 1e-9
 
 
-def beam_of(lens: Lens) -> tuple[float, tuple[float, ...], float]:
+def _beam_of(lens: Lens) -> tuple[float, tuple[float, ...], float]:
     """Return entrance pupil [mm], fields [degrees] and last vertex to film [mm] of a lens for a distant object.
 
     The field is only the axis where the lens has no other.
@@ -98,7 +98,7 @@ def left_out(lens: Lens) -> list[str]:
     return notes
 
 
-def maker_and_name(medium: Medium) -> tuple[str, str] | None:
+def _maker_and_name(medium: Medium) -> tuple[str, str] | None:
     """Return the maker and the maker's name of a catalogue glass, None for any other medium."""
     named = named_glass(medium.name) if medium.name else None
     if named is None or not named.maker or find_glass(named.written) != medium:
@@ -109,7 +109,7 @@ def maker_and_name(medium: Medium) -> tuple[str, str] | None:
     return (named.maker, glass.name) if glass else (named.maker, named.written)
 
 
-def model_of(medium: Medium) -> tuple[float, float]:
+def _model_of(medium: Medium) -> tuple[float, float]:
     """Return n_d and V_d of a medium; of one without dispersion `NO_DISPERSION`, as programs divide by V_d."""
     if isinstance(medium, AbbeCauchy):
         return medium.nd, medium.vd
@@ -138,7 +138,7 @@ def one_line(text: str) -> str:
     return " ".join(text.replace("'", " ").replace('"', " ").split())
 
 
-def sequence_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
+def _sequence_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
     """Yield why neither Zemax nor CODE V can say a surface, with its number."""
     for k, surface in enumerate(lens.surfaces):
         if surface.stop_shape is not None:
@@ -170,8 +170,8 @@ def codev_text(lens: Lens) -> str:
     InputError
         With every reason why such a sequence cannot say this lens.
     """
-    refuse(lens, ".seq file", chain(sequence_reasons(lens), _codev_reasons(lens)))
-    pupil, fields, film = beam_of(lens)
+    refuse(lens, ".seq file", chain(_sequence_reasons(lens), _codev_reasons(lens)))
+    pupil, fields, film = _beam_of(lens)
     private: dict[Medium, str] = {}
     words = ["REFL" if surface.is_mirror else _codev_glass(surface.glass, private) for surface in lens.surfaces]
     title = one_line(lens.name)
@@ -228,10 +228,10 @@ def _codev_glass(medium: Medium, private: dict[Medium, str]) -> str:
     """
     if medium == AIR:
         return ""
-    if known := maker_and_name(medium):
+    if known := _maker_and_name(medium):
         return f"{plain_glass_name(known[1])}_{known[0].upper()}"  # CODE V has no hyphens
     if medium not in private:
-        nd, vd = model_of(medium)
+        nd, vd = _model_of(medium)
         name = f"{nd!r}:{vd!r}"
         while name in private.values():
             name = name.replace(":", "0:")  # the same numbers
@@ -266,8 +266,8 @@ def zemax_text(lens: Lens) -> str:
     InputError
         With every reason why such a file cannot say this lens.
     """
-    refuse(lens, ".zmx file", chain(sequence_reasons(lens), _zemax_reasons(lens)))
-    pupil, fields, film = beam_of(lens)
+    refuse(lens, ".zmx file", chain(_sequence_reasons(lens), _zemax_reasons(lens)))
+    pupil, fields, film = _beam_of(lens)
     makers = _makers(lens)
     catalogues = " ".join([*map(str.upper, makers), "MISC"])
     lines = ["VERS 140730 0 0", "MODE SEQ", f"NAME {one_line(lens.name)}", "UNIT MM X W X CM MR CPMM"]
@@ -289,7 +289,7 @@ def zemax_text(lens: Lens) -> str:
 
 def _makers(lens: Lens) -> tuple[str, ...]:
     """Return the makers of the glasses of a lens, in an order in which every name means the glass of its maker."""
-    known = {surface.glass.name: maker_and_name(surface.glass) for surface in lens.surfaces}
+    known = {surface.glass.name: _maker_and_name(surface.glass) for surface in lens.surfaces}
     makers = tuple(dict.fromkeys(entry[0] for entry in known.values() if entry))
     for order in permutations(makers):
         if all(_means(entry[1], order, written) for written, entry in known.items() if entry):
@@ -363,11 +363,11 @@ def _kind(surface: Surface) -> tuple[str, dict[int, float]]:
 
 
 def _zemax_glass(medium: Medium, makers: Sequence[str]) -> str:
-    if (known := maker_and_name(medium)) and _means(known[1], makers, medium.name):
+    if (known := _maker_and_name(medium)) and _means(known[1], makers, medium.name):
         return f"{known[1].replace(' ', '_')} 0 0 1.5 40.0 0 0 0 0 0 0"
     if medium.name == "fused silica" and find_glass(medium.name) == medium:
         return "F_SILICA 0 0 1.5 40.0 0 0 0 0 0 0"
-    nd, vd = model_of(medium)
+    nd, vd = _model_of(medium)
     return f"___BLANK 1 0 {number(nd)} {number(vd)} 0 0 0 0 0 0"
 
 

@@ -463,7 +463,7 @@ def near_names(name: str, count: int = 3) -> list[str]:
     return [known[plain] for plain in difflib.get_close_matches(plain_glass_name(name), known, n=count, cutoff=0.5)]
 
 
-def near_glasses(nd: float, vd: float, makers: Sequence[str] = (), count: int = 3) -> list[MakersGlass]:
+def _near_glasses(nd: float, vd: float, makers: Sequence[str] = (), count: int = 3) -> list[MakersGlass]:
     """Return the glasses nearest to an index and an Abbe number, 0.001 in the one counting as 0.5 in the other."""
 
     def distance(glass: MakersGlass) -> float:
@@ -476,7 +476,7 @@ def near_glasses(nd: float, vd: float, makers: Sequence[str] = (), count: int = 
 
 def near_glass_words(nd: float, vd: float, makers: Sequence[str] = ()) -> str:
     """Return the nearest glass in words: ``N-BK7 (SCHOTT) 1.5168 / 64.17``."""
-    glass = near_glasses(nd, vd, makers, count=1)[0]
+    glass = _near_glasses(nd, vd, makers, count=1)[0]
     return f"{glass.name} ({glass.maker.upper()}) {glass.nd:g} / {glass.vd:.4g}"
 
 

@@ -44,13 +44,13 @@ def apply_coatings(
     document: Document, surfaces: tuple[Surface, ...], object_medium: glass.Medium
 ) -> tuple[Surface, ...]:
     """Return the surfaces with their coatings: their own, or between glass and air that of the lens."""
-    common = read_coating(document, ("coating",)) if "coating" in document.data else None
+    common = _read_coating(document, ("coating",)) if "coating" in document.data else None
     result, before = [], object_medium
     for k, surface in enumerate(surfaces):
         coating = common if meets_air(before, surface.glass) else None
         if "coating" in document.data["surfaces"][k]:
             path: KeyPath = ("surfaces", k, "coating")
-            coating = read_coating(document, path)
+            coating = _read_coating(document, path)
             fault = _misfit(coating, before, surface)
             if fault:
                 raise problem(document, path, fault)
@@ -79,7 +79,7 @@ def _misfit(coating: Coating | None, before: glass.Medium, surface: Surface) -> 
     return ""
 
 
-def read_coating(document: Document, path: KeyPath) -> Coating:
+def _read_coating(document: Document, path: KeyPath) -> Coating:
     """Return the coating at a key path of a lens file."""
     value = value_at(document, path)
     if isinstance(value, str):
@@ -136,23 +136,23 @@ def _read_measured(fields: Fields) -> Coating:
         return _read_reflectance(fields, value)
     if isinstance(value, dict):
         inner = fields.inner("reflectance", keys.REFLECTANCE)
-        return MeasuredReflectance(*read_spectrum(inner, "reflectance"))
+        return MeasuredReflectance(*_read_spectrum(inner, "reflectance"))
     share = fields.number("reflectance")
     if not 0 <= share < 1:
         raise fields.fail("reflectance", "lies between 0 and 1, not in percent")
     return constant_reflectance(share)
 
 
-def read_spectrum(fields: Fields, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _read_spectrum(fields: Fields, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return `wavelengths_nm`, which rise, and `values` from 0 to 1, as many."""
     wavelengths, values = fields.numbers("wavelengths_nm"), fields.numbers("values")
-    fault = spectrum_fault(wavelengths, values, what)
+    fault = _spectrum_fault(wavelengths, values, what)
     if fault:
         raise fields.fail(*fault)
     return wavelengths, values
 
 
-def spectrum_fault(wavelengths: tuple[float, ...], values: tuple[float, ...], what: str) -> tuple[str, str] | None:
+def _spectrum_fault(wavelengths: tuple[float, ...], values: tuple[float, ...], what: str) -> tuple[str, str] | None:
     """Return the key at fault and what is wrong, None when a spectrum is as it should be."""
     if len(wavelengths) < 2:
         return "wavelengths_nm", "needs at least two wavelengths"
@@ -187,7 +187,7 @@ def _read_reflectance(fields: Fields, name: str) -> MeasuredReflectance:
             raise InputError(f"{path}:{number}: expected a wavelength and a reflectance (got {line!r})")
         rows += [(pair[0], pair[1])] if pair else []
     wavelengths, values = tuple(row[0] for row in rows), tuple(row[1] for row in rows)
-    fault = spectrum_fault(wavelengths, values, "reflectance")
+    fault = _spectrum_fault(wavelengths, values, "reflectance")
     if fault:
         raise InputError(f"{path}: {fault[0]}: {fault[1]}")
     return MeasuredReflectance(wavelengths, values)
@@ -213,7 +213,7 @@ def read_glass(document: Document, path: KeyPath) -> glass.Medium:
     if "transmittance" not in fields:
         return medium
     inner = fields.inner("transmittance", keys.TRANSMITTANCE)
-    spectrum, thickness_mm = read_spectrum(inner, "transmittance"), inner.positive("thickness_mm")
+    spectrum, thickness_mm = _read_spectrum(inner, "transmittance"), inner.positive("thickness_mm")
     return replace(medium, absorption=glass.Absorption.from_transmittance(*spectrum, thickness_mm))
 
 

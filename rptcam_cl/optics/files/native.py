@@ -163,7 +163,7 @@ def _check_half_lenses(lens: Lens, report: Report) -> None:
             raise report(index, "glass", "must be the medium before the half lens, which ends with this surface")
 
 
-def backward_gaps(lens: Lens) -> tuple[str, ...]:
+def _backward_gaps(lens: Lens) -> tuple[str, ...]:
     """Return a doubt for each negative thickness but those beside the stop, which are common."""
     return tuple(
         f"the thickness behind surface {index} is negative ({surface.thickness:g} mm): surface {index + 1} stands in "
@@ -219,7 +219,7 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
     for index, surface in enumerate(lens.surfaces):
         if surface.aspheric and not _monotone(surface):
             doubts.append(f"surface {index}: its sag turns back inside the rim; check the aspheric coefficients")
-    doubts += [*backward_gaps(lens), *crossed_surfaces(lens), *_in_the_way(lens), *_turned_too_far(lens)]
+    doubts += [*_backward_gaps(lens), *crossed_surfaces(lens), *_in_the_way(lens), *_turned_too_far(lens)]
     doubts += filter(None, dict.fromkeys(continued_words(medium) for medium in lens.media))
     for place, value in enumerate(lens.indices(LINE_D_NM)):
         if value < THINNEST:
@@ -276,7 +276,7 @@ def _monotone(surface: Surface) -> bool:
 # The keys of a lens file that make a surface more than a centred sphere: asphere, cylinder, tilt, clear part.
 
 
-def read_shape(fields: Fields, scale: float) -> dict[str, Any]:
+def _read_shape(fields: Fields, scale: float) -> dict[str, Any]:
     """Return the arguments of `Surface` that describe its shape, place and clear part."""
     cylinder = fields.get("cylinder")
     if cylinder not in (None, "x", "y"):
@@ -286,7 +286,7 @@ def read_shape(fields: Fields, scale: float) -> dict[str, Any]:
         "aspheric": _with_qcon(fields, scale, _aspheric(fields, scale)),
         "cylinder": cylinder,
         "form": _form(fields, scale),
-        "pose": read_pose(fields, scale),
+        "pose": _read_pose(fields, scale),
         "region": _region(fields, scale),
         "stop_shape": _stop_shape(fields),
     }
@@ -300,7 +300,7 @@ def _form(fields: Fields, scale: float) -> Form | None:
     return forms[0] if forms else None
 
 
-def read_pose(fields: Fields, scale: float) -> SurfacePose | None:
+def _read_pose(fields: Fields, scale: float) -> SurfacePose | None:
     """Return the pose of `decentre` [lengths] and `tilt_degrees`, None when neither is given."""
     if "decentre" not in fields and "tilt_degrees" not in fields:
         return None
@@ -408,7 +408,7 @@ def _region(fields: Fields, scale: float) -> Region | None:
 # The keys `configurations`, `focusing` and `floating` of a lens file: zoom positions and groups that move to focus.
 
 
-def read_configurations(top: Fields, count: int, scale: float) -> tuple[Configuration, ...]:
+def _read_configurations(top: Fields, count: int, scale: float) -> tuple[Configuration, ...]:
     """Return the zoom positions: a list of {name, gaps: {surface: thickness}}."""
     result = []
     for index, fields in enumerate(top.rows("configurations", keys.CONFIGURATION, "[{name: wide, gaps: {4: 1.9}}]")):
@@ -425,7 +425,7 @@ def read_configurations(top: Fields, count: int, scale: float) -> tuple[Configur
     return tuple(result)
 
 
-def read_floating(top: Fields, count: int, scale: float) -> tuple[FocusState, ...]:
+def _read_floating(top: Fields, count: int, scale: float) -> tuple[FocusState, ...]:
     """Return the states of floating groups: a list of {distance, gaps: {surface: thickness}}."""
     if "floating" in top and ("focusing" in top or "configurations" in top):
         raise top.fail(
@@ -472,7 +472,7 @@ def _gaps(fields: Fields, count: int, scale: float) -> tuple[tuple[int, float], 
     return tuple(sorted(values))
 
 
-def read_focusing(top: Fields, count: int, scale: float) -> FocusingGroup | None:
+def _read_focusing(top: Fields, count: int, scale: float) -> FocusingGroup | None:
     """Return the focusing group: {surfaces: [first, last], travel: [least, greatest]}."""
     if "focusing" not in top:
         return None
@@ -531,9 +531,9 @@ def read_native(document: Document) -> Lens:
         source=top.text("source"),
         published=dict(published),
         object_medium=object_medium,
-        configurations=read_configurations(top, len(surfaces), scale),
-        focusing=read_focusing(top, len(surfaces), scale),
-        floating=read_floating(top, len(surfaces), scale),
+        configurations=_read_configurations(top, len(surfaces), scale),
+        focusing=_read_focusing(top, len(surfaces), scale),
+        floating=_read_floating(top, len(surfaces), scale),
         fold=_fold(top, scale),
         motor=_motor(top, scale),
     )
@@ -558,7 +558,7 @@ def _fold(top: Fields, scale: float) -> SurfacePose | None:
     for key in ("configurations", "focusing", "floating"):
         if key in top:
             raise top.fail(key, "a lens whose axis is folded focuses by its film alone")
-    return read_pose(top.inner("fold", keys.POSE), scale)
+    return _read_pose(top.inner("fold", keys.POSE), scale)
 
 
 def _unit(top: Fields) -> float:
@@ -594,7 +594,7 @@ def _surface(document: Document, index: int, last: bool, scale: float) -> Surfac
         inner_semi_diameter=inner * scale / 2,
         is_stop=fields.flag("stop"),
         is_mirror=fields.flag("mirror"),
-        **read_shape(fields, scale),
+        **_read_shape(fields, scale),
     )
 
 
@@ -621,7 +621,7 @@ def _pose_groups(top: Fields, surfaces: tuple[Surface, ...], scale: float) -> tu
     result = list(surfaces)
     for fields in top.rows("groups", keys.GROUP, "[{surfaces: [0, 3], tilt_degrees: [1, 0]}]"):
         first, last = fields.span("surfaces", len(surfaces))
-        pose = read_pose(fields, scale)
+        pose = _read_pose(fields, scale)
         if pose is None:
             raise fields.fail(None, "a group needs decentre or tilt_degrees")
         behind = 0.0

@@ -11,8 +11,8 @@ import numpy as np
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_catalogues import makers_of
+from rptcam_cl.optics.files.lens_table import AxisFrame, LensTable, model, numbers, opening_beside_the_axis
 from rptcam_cl.optics.files.native import bfs_powers
-from rptcam_cl.optics.files.table import AxisFrame, LensTable, model, numbers, opening_beside_the_axis
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
@@ -30,7 +30,7 @@ MEANT = frozenset(MEANT_WORDS.split())
 
 
 @dataclass
-class _Surface:
+class _ZmxSurface:
     line: int
     kind: str = "STANDARD"
     values: dict[str, float] = field(default_factory=dict)
@@ -104,15 +104,15 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     return table.lens()
 
 
-def _parse(text: str, table: LensTable) -> list[_Surface]:
-    surfaces: list[_Surface] = []
+def _parse(text: str, table: LensTable) -> list[_ZmxSurface]:
+    surfaces: list[_ZmxSurface] = []
     for line, raw in enumerate(text.lstrip("\ufeff").splitlines(), start=1):
         words = raw.split()
         if not words:
             continue
         key, rest = words[0].upper(), words[1:]
         if key == "SURF":
-            surfaces.append(_Surface(line))
+            surfaces.append(_ZmxSurface(line))
         elif surfaces and key not in _HEADER:
             _take(surfaces[-1], key, rest, line, table)
         else:
@@ -154,7 +154,7 @@ def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
         table.note(line, f"glass is taken at 20 degrees and 1 atmosphere, not at {' and '.join(rest[:2])}")
 
 
-def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTable) -> None:
+def _take(surface: _ZmxSurface, key: str, rest: list[str], line: int, table: LensTable) -> None:
     if key == "TYPE":
         surface.kind = rest[0].upper() if rest else "STANDARD"
         if surface.kind not in TYPES:
@@ -194,7 +194,7 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
         table.note(line, f"{key} is ignored")
 
 
-def _drop_collimator(surfaces: list[_Surface], table: LensTable) -> None:
+def _drop_collimator(surfaces: list[_ZmxSurface], table: LensTable) -> None:
     """Drop an ideal lens with the object in its focus, which makes the object a distant one; refuse all others."""
     if surfaces[1].kind == "PARAXIAL":
         length, away = surfaces[1].parameters.get(1, 0.0), table.object_distance
@@ -208,14 +208,14 @@ def _drop_collimator(surfaces: list[_Surface], table: LensTable) -> None:
             raise _ideal(surface, table)
 
 
-def _ideal(surface: _Surface, table: LensTable) -> InputError:
+def _ideal(surface: _ZmxSurface, table: LensTable) -> InputError:
     return InputError(
         f"{table.path}:{surface.line}: an ideal lens (PARAXIAL) cannot be traced, but for one in front of the lens with"
         " the object in its focus"
     )
 
 
-def _row(surface: _Surface, table: LensTable) -> dict[str, Any]:
+def _row(surface: _ZmxSurface, table: LensTable) -> dict[str, Any]:
     row: dict[str, Any] = {}
     if curvature := surface.values.get("CURV"):
         row["radius"] = 1.0 / curvature
@@ -259,7 +259,7 @@ def _row(surface: _Surface, table: LensTable) -> dict[str, Any]:
     return {key: value for key, value in row.items() if value != {}}
 
 
-def _glass(surface: _Surface, table: LensTable) -> Any:
+def _glass(surface: _ZmxSurface, table: LensTable) -> Any:
     words = surface.glass or []
     name = words[0] if words else ""
     nd, vd = numbers(words[3:5], table.path, surface.line) if len(words) >= 5 else (0.0, 0.0)
@@ -272,7 +272,7 @@ def _glass(surface: _Surface, table: LensTable) -> Any:
     return table.glass(name, surface.line, nd, vd)
 
 
-def _extended_terms(surface: _Surface, table: LensTable) -> dict[int, float]:
+def _extended_terms(surface: _ZmxSurface, table: LensTable) -> dict[int, float]:
     """Return the powers of r of an extended asphere: extra data are their number, the norm radius, r^2, r^4, ..."""
     count, norm = surface.extra.get(1, 0.0), surface.extra.get(2, 1.0)
     if not norm > 0 or not 0 <= count <= MOST_TERMS:
@@ -284,7 +284,7 @@ def _extended_terms(surface: _Surface, table: LensTable) -> dict[int, float]:
     return {power: value for power, value in terms.items() if value}
 
 
-def _forbes(surface: _Surface, table: LensTable) -> dict[str, Any]:
+def _forbes(surface: _ZmxSurface, table: LensTable) -> dict[str, Any]:
     """Return the keys of a Q-type asphere: extra data are its type (0 Qbfs, 1 Qcon), the number of its terms, the norm
     radius and the coefficients from a_0."""
     kind, count, norm = (surface.extra.get(k, 0.0) for k in (1, 2, 3))
@@ -308,13 +308,13 @@ def _forbes(surface: _Surface, table: LensTable) -> dict[str, Any]:
     return {"aspheric": powers}
 
 
-def _break(frame: AxisFrame, surface: _Surface) -> None:
+def _break(frame: AxisFrame, surface: _ZmxSurface) -> None:
     p = surface.parameters
     tilt_first = bool(p.get(6))
     frame.bend((p.get(1, 0.0), p.get(2, 0.0), 0.0), (p.get(3, 0.0), p.get(4, 0.0), p.get(5, 0.0)), tilt_first)
 
 
-def _bend_image(frame: AxisFrame, surfaces: list[_Surface], table: LensTable) -> None:
+def _bend_image(frame: AxisFrame, surfaces: list[_ZmxSurface], table: LensTable) -> None:
     """Decentre and tilt the image as its own line says (SCBD 1: before the surface); of others say that it is not read.
 
     Light may come to either side of an image, but to a film along its axis, or against it behind an odd mirror.

@@ -13,16 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.optics.beams import ChiefRays, aimed_rays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.charts import add_key, new_chart, series, styled
-from rptcam_cl.optics.chief_rays import ChiefRays, aimed_rays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.irradiance import on_axis_irradiance
-from rptcam_cl.optics.lens import (
-    Lens,
-    film_distance,
-    focus_reach_mm,
-    nearest_object_distance,
-    shift_of,
-)
+from rptcam_cl.optics.lens import Lens, film_distance, focus_reach_mm, nearest_object_distance, shift_of
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission
 from rptcam_cl.rendering.cameras.pupil import FilmGrid
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, half_film_mm
@@ -386,7 +380,7 @@ APART = 0.02  # of the throw, between two marks
 FEET = 0.3048
 
 
-def nearest_focus_mm(lens: Lens, wavelength_nm: float) -> float:
+def _nearest_focus_mm(lens: Lens, wavelength_nm: float) -> float:
     """Return the nearest distance from the object to the film that a scale has [mm].
 
     It is that of the lens file: of its floating groups, or what its focusing group reaches. A lens that focuses as a
@@ -401,7 +395,7 @@ def nearest_focus_mm(lens: Lens, wavelength_nm: float) -> float:
     return max(NEAREST * length, nearest_object_distance(lens, wavelength_nm=wavelength_nm))
 
 
-def engraved_distances(nearest_m: float) -> list[float]:
+def _engraved_distances(nearest_m: float) -> list[float]:
     """Return distances from the object to the film that a scale may have, from infinity to the nearest [m]."""
     low = math.floor(math.log10(nearest_m))
     steps = [round(step * 10.0**power, 12) for power in range(low + 3, low - 1, -1) for step in reversed(ENGRAVED)]
@@ -431,8 +425,8 @@ def focus_scale(
     from rptcam_cl.rendering.cameras.setting import focused
 
     rows: list[Row] = []
-    near = nearest_m or max(nearest_focus_mm(lens, wavelength_nm) for _, lens in lenses) / 1000
-    marks = list(distances_m or engraved_distances(near))
+    near = nearest_m or max(_nearest_focus_mm(lens, wavelength_nm) for _, lens in lenses) / 1000
+    marks = list(distances_m or _engraved_distances(near))
     for name, lens in lenses:
         states = [focused(lens, 1000 * distance, "film", "thick", wavelength_nm) for distance in (*marks, math.inf)]
         moved = [_moved(lens, state, film, states[-1][1]) for state, film in states]

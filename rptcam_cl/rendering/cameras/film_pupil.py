@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.chief_rays import without_rims
+from rptcam_cl.optics.beams import without_rims
 from rptcam_cl.optics.ghosts import with_wider_stop
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import cells, grid, narrowing_probes, pupil_boxes
@@ -184,12 +184,8 @@ CORNERS = 1024  # of an outline
 HALVINGS = 24  # that find each
 SAME_AREA = 0.02  # within which an outline and the cells inside it are one opening
 
-
-class OpenTo(Protocol):
-    """Which directions (n, 2), as cosines, are open to a point of the film, or each to a point (n, 2) of its own."""
-
-    def __call__(self, cosines: Array, places: Array | None = None) -> Mask:
-        """Return them."""
+OpenTo = Callable[..., Mask]
+"""Finds which directions (n, 2), as cosines, are open to a point of the film, or each to a point (n, 2) of its own."""
 
 
 @dataclass(frozen=True)
@@ -269,15 +265,15 @@ class FilmPupils:
     arrive: Arrive
     pupil_mm: float
 
-    def __call__(self, point: Array) -> FilmPupil:
-        """Return the opening as a grid.
+    def __call__(self, point: Array, across: int = PUPIL_ACROSS) -> FilmPupil:
+        """Return the opening as a grid of so many cells each way.
 
         Raises
         ------
         InputError
             Where no light reaches the film.
         """
-        return _pupil(*self.directions(point), self.index)
+        return _pupil(*self.directions(point), self.index, across)
 
     def outline(self, point: Array) -> Array | None:
         """Return corners (n, 2) of the outline in direction cosines, anticlockwise about its middle, within 1e-6.
@@ -392,9 +388,13 @@ def _rear_box(lens: Lens, origin: Array, rear: float) -> Array:
     edge = rear * np.stack([np.cos(turns), np.sin(turns)], axis=1)
     depths = lens.length + np.linspace(0.0, lens.surfaces[-1].rim_sag(rear * (1 - 1e-9)), 3)
     to_film = np.concatenate([np.column_stack([origin[:2] - edge, np.full(len(edge), origin[2] - z)]) for z in depths])
-    cosines = to_film[:, :2] / np.linalg.norm(to_film, axis=1)[:, None]
-    low, high = cosines.min(axis=0), cosines.max(axis=0)
-    return np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * 1.02)])
+    return _square_about(to_film[:, :2] / np.linalg.norm(to_film, axis=1)[:, None], 1.02)
+
+
+def _square_about(cosines: Array, room: float = 1.0, step: float = 0.0) -> Array:
+    """Return the middle and half width of a square about directions, with room of a factor and a step."""
+    low, high = cosines.min(axis=0) - step, cosines.max(axis=0) + step
+    return np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * room)])
 
 
 def flat_pupils(
@@ -432,9 +432,7 @@ def flat_pupils(
 
         turns = np.linspace(0.0, 2 * np.pi, 65)
         edge = middle + abs(slopes[1]) * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-        cosines = -sense * edge / np.sqrt(1 + np.sum(edge * edge, axis=1))[:, None]
-        low, high = cosines.min(axis=0), cosines.max(axis=0)
-        return opens, np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * 1.02)])
+        return opens, _square_about(-sense * edge / np.sqrt(1 + np.sum(edge * edge, axis=1))[:, None], 1.02)
 
     def arrive(point: Array, source: Array, nm: float, cosines: Array) -> Arrivals:
         """A perfect lens: all rays of the source meet in one point, C + t (slope) of the film point that sees it."""
@@ -454,7 +452,7 @@ def flat_pupils(
     return FilmPupils(seen, index, radius_mm, arrive, -sense / slopes[0] if slopes[0] else np.inf)
 
 
-def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:
+def _pupil(opens: OpenTo, box: Array, index: float, across: int = PUPIL_ACROSS) -> FilmPupil:
     """Return the opening that lies within a box (middle, half width) of cosines."""
     for _ in range(4):  # a small opening behind a large rear surface is found step by step
         inside, before = _open_directions(opens, box), box
@@ -463,12 +461,12 @@ def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:
         box = _about(inside, before)
         if not box[1, 0] < 0.7 * before[1, 0]:
             break
-    x, y = _axes(box, PUPIL_ACROSS)
+    x, y = _axes(box, across)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     within = ((np.arange(FINER) + 0.5) / FINER - 0.5) * (x[1] - x[0])
     moves = np.stack(np.meshgrid(within, within), axis=-1).reshape(-1, 2)
-    centre = opens(grid.reshape(-1, 2)).reshape(PUPIL_ACROSS, PUPIL_ACROSS)
-    edge = _by_an_edge(centre)
+    centre = opens(grid.reshape(-1, 2)).reshape(across, across)
+    edge = by_an_edge(centre)
     coverage = centre.astype(np.float64)
     coverage[edge] = np.mean([opens(grid[edge] + move) for move in moves], axis=0)
     return FilmPupil(coverage, x, y, index)
@@ -483,9 +481,7 @@ def _open_directions(opens: OpenTo, box: Array) -> Array:
 def _about(inside: Array, box: Array) -> Array:
     """Return the box about directions that `_open_directions` returns, with room of a step."""
     x, _ = _axes(box, FIRST_ACROSS)
-    step = x[1] - x[0]
-    low, high = inside.min(axis=0) - step, inside.max(axis=0) + step
-    return np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2)])
+    return _square_about(inside, step=float(x[1] - x[0]))
 
 
 def _axes(box: Array, count: int) -> tuple[Array, Array]:
@@ -493,7 +489,7 @@ def _axes(box: Array, count: int) -> tuple[Array, Array]:
     return box[0, 0] + offsets, box[0, 1] + offsets
 
 
-def _by_an_edge(inside: Mask) -> Mask:
+def by_an_edge(inside: Mask) -> Mask:
     """Return which cells touch one that differs; outside of the grid nothing is open."""
     wide = np.pad(inside, 1)
     count = len(inside)

@@ -428,7 +428,7 @@ def _that_show(entries: _Entries, lamp: SeenLamp, entry_z_m: float, shows: Shows
 
 
 @dataclass(frozen=True)
-class LampTables:
+class _LampTables:
     """What a camera needs to aim at lamps.
 
     Attributes
@@ -473,7 +473,7 @@ def aimed_at_lamps(
     if camera.reach is None or camera.facts.get("FILM_MOVED") or camera.facts.get("LENS_FOLD"):
         return camera
 
-    def make() -> LampTables:
+    def make() -> _LampTables:
         return _tables(camera, lamps, _remembered(camera, lamps, shows, sights))
 
     aim = make() if sights is None or not on_disk else _DISK.find_or_make(_key(camera, lamps, sights), make)
@@ -489,7 +489,7 @@ def aimed_at_lamps(
     )
 
 
-NO_LAMPS = LampTables(np.zeros(0, np.float32), 0, (0, 0), 0)
+NO_LAMPS = _LampTables(np.zeros(0, np.float32), 0, (0, 0), 0)
 
 
 _Seen = tuple[_Blocks, list[tuple[int, _Entries]]]  # where the film sees which lamps, by number, whatever they emit
@@ -541,7 +541,7 @@ def _remembered(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, si
     return _seen_lamps.find_or_make(key, lambda: _seen(camera, lamps, shows))
 
 
-def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> LampTables:
+def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> _LampTables:
     """Return the tables for lamps that emit so much."""
     blocks, shown = seen
     if not shown:
@@ -551,14 +551,14 @@ def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> Lamp
     values = np.concatenate([entries.part * lamps[number].radiance * per_radiance for number, entries in shown])
     numbers, floats = (np.concatenate([getattr(e, name) for _, e in shown]) for name in ("blocks", "floats"))
     table = np.concatenate([np.array([camera.reach.area], np.float32), _packed(numbers, floats, values, blocks)])
-    return LampTables(table, blocks.shift, blocks.counts, len(shown))
+    return _LampTables(table, blocks.shift, blocks.counts, len(shown))
 
 
 _DISK = Disk(
     "lamps",
     ("core", "optics", "rendering/cameras"),
     pack=lambda aim: ({"table": aim.table}, {"of": [aim.shift, aim.counts, aim.lamps]}),
-    unpack=lambda arrays, facts: LampTables(arrays["table"], facts["of"][0], tuple(facts["of"][1]), facts["of"][2]),
+    unpack=lambda arrays, facts: _LampTables(arrays["table"], facts["of"][0], tuple(facts["of"][1]), facts["of"][2]),
 )
 
 

@@ -91,7 +91,7 @@ def fewest_terms(ratios: Array, wavelengths_nm: Array, enough: float = ENOUGH) -
     return [coefficients for coefficients, _ in fits]
 
 
-def fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> int:
+def _fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> int:
     """Fill the polynomials of every surface, in order of travel; return how many coefficients they take."""
     wavelengths = fit_nodes(*usable_nm(lens))
     indices = lens.indices(wavelengths)
@@ -286,7 +286,7 @@ def lens_records(
             joins = previous is not None and _same_half_lens(lens.surfaces[previous], surface)
             _fill_region(record, surface.region, joins)
         previous = k
-    terms = fill_dispersion(records, lens, backwards) if dispersive else 0
+    terms = _fill_dispersion(records, lens, backwards) if dispersive else 0
     filler = LossFiller(transmission, wavelength_nm, usable_nm(lens, transmission) if dispersive else None, len(stop))
     facts = filler.fill(records, lens, backwards) | {"LENS_DISPERSION": terms}
     stop = np.concatenate([stop, *filler.tables]).astype(real)

@@ -370,7 +370,7 @@ class FilterTable:
     table: NDArray[np.float32]
 
 
-def filter_value(kind: str, x: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+def _filter_value(kind: str, x: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
     """Return a filter at a distance ``x`` from the centre [pixels], 0 beyond its radius; its scale is arbitrary."""
     t = np.abs(x) / radius
     value: NDArray[np.float64]
@@ -402,7 +402,7 @@ def filter_table(film_filter: FilmFilter) -> FilterTable:
         return FilterTable(0, np.zeros(1, np.float32))
     edges = np.linspace(0, radius, STEPS + 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    value = filter_value(kind, middles, radius)
+    value = _filter_value(kind, middles, radius)
     half = np.concatenate([[0.0], np.cumsum(np.abs(value))]) / np.abs(value).sum()
     places = np.interp(np.linspace(0, 1, CELLS // 2 + 1), half, edges)
     changes = middles[value < 0]
@@ -762,7 +762,7 @@ def values_per_irradiance(time_s: float, iso: float) -> float:
     return LUMENS_PER_WATT * time_s * iso / SATURATION_LX_S
 
 
-def ideal_irradiance(f_number: float) -> float:
+def _ideal_irradiance(f_number: float) -> float:
     """Return the irradiance of the film's centre for radiance 1 behind an aplanatic lens focused at infinity."""
     return math.pi / (4.0 * f_number**2)
 
@@ -776,7 +776,7 @@ def camera_irradiance(model: CameraModel, exposure: Exposure) -> float | None:
     """Return the irradiance of the film's centre for radiance 1; None where there is no film to speak of."""
     if model.on_axis_irradiance is not None:
         return model.on_axis_irradiance
-    return None if exposure.f_number is None else ideal_irradiance(exposure.f_number)
+    return None if exposure.f_number is None else _ideal_irradiance(exposure.f_number)
 
 
 def exposed(model: CameraModel, scene: Scene) -> CameraModel:

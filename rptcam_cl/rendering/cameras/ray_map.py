@@ -21,13 +21,13 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 from rptcam_cl.core.remember import remember
-from rptcam_cl.optics.chief_rays import Crossings, crossings
+from rptcam_cl.optics.beams import Crossings, crossings
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.rendering.cameras.model import SURFACE_BY_SURFACE
-from rptcam_cl.rendering.cameras.pupil import by_content, has_shape, without_shape
+from rptcam_cl.rendering.cameras.pupil import by_content, without_shape
 from rptcam_cl.rendering.cameras.setting import CameraMetadata, LensSetting
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.lens_settings import Accuracy
@@ -412,23 +412,12 @@ class LensRays:
 def traced_rays(lens: Lens, setting: LensSetting, precision: str, dispersive: bool) -> LensRays:
     """Return the surfaces of a lens, which is that of a setting with its stop in shape."""
     double, losses, wavelength_nm = precision == "double", setting.transmission, setting.camera.wavelength_nm
-    if has_shape(lens):
-        records = _records(lens, wavelength_nm, setting.film_distance_mm, double, dispersive, losses)
-    else:
-        records = _records_of(lens, wavelength_nm, double, dispersive, losses)
-        surfaces = records.surfaces.copy()
-        surfaces[0]["gap"] = setting.film_distance_mm
-        records = replace(records, surfaces=surfaces)
+    records = _records_of(lens, wavelength_nm, double, dispersive, losses)
+    surfaces = records.surfaces.copy()
+    surfaces[0]["gap"] = setting.film_distance_mm
+    records = replace(records, surfaces=surfaces)
     facts = records.facts | ({"LENS_FLOAT64": 1} if double else {})
     return LensRays(SURFACE_BY_SURFACE, records.surfaces, records.stop, facts, metadata={"lens_precision": precision})
-
-
-def _records(
-    lens: Lens, wavelength_nm: float, film_distance_mm: float, double: bool, dispersive: bool, losses: LensTransmission
-) -> LensRecords:
-    return lens_records(
-        lens, wavelength_nm, "film", film_distance_mm, double=double, dispersive=dispersive, transmission=losses
-    )
 
 
 @remember(most=REMEMBERED, by=by_content)
@@ -436,7 +425,7 @@ def _records_of(
     lens: Lens, wavelength_nm: float, double: bool, dispersive: bool, losses: LensTransmission
 ) -> LensRecords:
     """Return the records of a lens whose film is yet to be placed."""
-    records = _records(lens, wavelength_nm, 0.0, double, dispersive, losses)
+    records = lens_records(lens, wavelength_nm, "film", 0.0, double=double, dispersive=dispersive, transmission=losses)
     records.surfaces.flags.writeable = records.stop.flags.writeable = False
     return records
 

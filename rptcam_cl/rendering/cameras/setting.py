@@ -18,8 +18,8 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import LOSS_TABLE_LENGTH, LOSS_TABLE_NM
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.as_built import Heat
+from rptcam_cl.optics.beams import ChiefRays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
-from rptcam_cl.optics.chief_rays import ChiefRays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.coating import BARE, Coating, Interface, Layer, LayerStack, QuarterWave, constant_reflectance
 from rptcam_cl.optics.files.glasses import WORDS, read_layers
 from rptcam_cl.optics.glass import Medium, attenuation
@@ -35,7 +35,7 @@ from rptcam_cl.optics.lens import (
     travel_mm,
 )
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
-from rptcam_cl.optics.ray_trace import LensTransmission, has_coatings, known_nm, with_coating
+from rptcam_cl.optics.ray_trace import LensTransmission, axis_points, has_coatings, known_nm, with_coating
 from rptcam_cl.rendering.cameras.pupil import SamplingMetadata, by_content, on_disk, without_shape
 from rptcam_cl.scene.camera import NO_MOVEMENTS, NOT_FOUND_YET, CameraKind, LensCamera, pose_matrix
 from rptcam_cl.scene.lens_settings import CoatingLayers, Focus
@@ -269,7 +269,7 @@ def lens_camera(scene: Scene) -> LensCamera:
     return camera
 
 
-def real_state(scene: Scene) -> RealState:
+def _real_state(scene: Scene) -> RealState:
     """Return how the lens of a scene's camera differs from its design.
 
     Raises
@@ -301,7 +301,7 @@ def real_state(scene: Scene) -> RealState:
 # Light that surfaces and glass take: from the settings of the scene to the numbers of the device.
 
 
-def transmission_of(camera: LensCamera) -> LensTransmission:
+def _transmission_of(camera: LensCamera) -> LensTransmission:
     """Return the losses that count."""
     requested = camera.transmission
     return LensTransmission(
@@ -311,7 +311,7 @@ def transmission_of(camera: LensCamera) -> LensTransmission:
     )
 
 
-def as_coated(lens: Lens, camera: LensCamera) -> Lens:
+def _as_coated(lens: Lens, camera: LensCamera) -> Lens:
     """Return the lens with the coating that the camera puts on it, if any.
 
     Raises
@@ -321,7 +321,7 @@ def as_coated(lens: Lens, camera: LensCamera) -> Lens:
         the camera's wavelength.
     """
     lens = _coated(lens, camera)
-    low, high = known_nm(lens, transmission_of(camera))
+    low, high = known_nm(lens, _transmission_of(camera))
     if not low <= camera.wavelength_nm <= high:
         raise InputError(
             f"camera.transmission: what {lens.name} absorbs or reflects is known from {low:g} to {high:g} nm"
@@ -587,7 +587,7 @@ class LensSetting:
     @property
     def transmission(self) -> LensTransmission:
         """Losses in the lens that count."""
-        return transmission_of(self.camera)
+        return _transmission_of(self.camera)
 
     @property
     def metadata(self) -> CameraMetadata:
@@ -626,7 +626,7 @@ def lens_setting(scene: Scene) -> LensSetting:
     if scene.camera.followed is not None or scene.camera.stands_by_pupil:
         scene = at_opening(on_film(scene))
     camera = lens_camera(scene)
-    lens, focus, real = design_to_focus(scene, camera), camera.focus, real_state(scene)
+    lens, focus, real = design_to_focus(scene, camera), camera.focus, _real_state(scene)
     if focus.film_distance_mm is not None:
         lens, film_distance_mm = real.lens(lens), focus.film_distance_mm
         return LensSetting(lens, film_distance_mm, _sharp_at(lens, film_distance_mm, camera), camera, real)
@@ -750,18 +750,18 @@ def film_point(scene: Scene, camera: CameraKind, right: float, down: float) -> t
 
 def lens_to_focus(scene: Scene, camera: LensCamera) -> Lens:
     """Return the lens as it really is, at its focal length and working aperture."""
-    return real_state(scene).lens(design_to_focus(scene, camera))
+    return _real_state(scene).lens(design_to_focus(scene, camera))
 
 
 def film_for_infinity(scene: Scene, camera: LensCamera) -> float:
     """Return the distance from the last vertex to a film that stays where the scale says infinity [mm]."""
     design = design_to_focus(scene, camera)
-    return real_state(scene).film(film_distance(design, np.inf, wavelength_nm=camera.wavelength_nm))
+    return _real_state(scene).film(film_distance(design, np.inf, wavelength_nm=camera.wavelength_nm))
 
 
 def design_to_focus(scene: Scene, camera: LensCamera) -> Lens:
     """Return the design of the lens at its focal length and working aperture."""
-    lens = as_coated(scene.load_lens(), camera)
+    lens = _as_coated(scene.load_lens(), camera)
     lens = at_position(lens, camera.zoom, camera.focal_length_mm, camera.wavelength_nm)
     if camera.f_number is not None:
         return lens.with_stop_diameter(lens.stop_diameter_for(camera.f_number, camera.wavelength_nm))
@@ -890,7 +890,7 @@ def _drift_by(
         rays = chief_rays(lens, np.array(film), wavelength_nm)
     except InputError:  # no surface of the lens limits the light
         return []
-    places = np.where(rays.clear, pupil_z - rays.axis_points(), np.nan).reshape(len(FIELDS), -1)
+    places = np.where(rays.clear, pupil_z - axis_points(rays.origins, rays.directions), np.nan).reshape(len(FIELDS), -1)
     return [
         (field, float(np.mean(row[np.isfinite(row)])))
         for field, row in zip(FIELDS, places, strict=True)

@@ -5,7 +5,9 @@ Emissive planes, insides of solids, what moves and what has holes shine as well,
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -74,7 +76,7 @@ def light_emitter(
             power = np.pi * reach**2 * luminance(colour)
         case SunLight():
             colour = light.irradiance
-            power = fill_sun(record, colour, light.diameter_degrees / 2) * np.pi * reach**2
+            power = _fill_sun(record, colour, light.diameter_degrees / 2) * np.pi * reach**2
             record["hidden"] = _hidden_from_camera(light, scene)
     # The spectrum is scaled as the record has its colour.
     largest = int(np.argmax(colour))
@@ -96,19 +98,19 @@ def _without_surface() -> np.void:
     return record
 
 
-def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_degrees: float) -> float:
+def _fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_degrees: float) -> float:
     """Fill in a disk at infinity that gives an irradiance where it is faced; return that as luminance [W/m²]."""
     sin2 = np.sin(np.deg2rad(radius_degrees)) ** 2
     fill(record, kind=EmitterKind.SUN, a=(0.0, 0.0, 0.0, sin2), radiance=np.asarray(irradiance) / (np.pi * sin2))
     return float(luminance(irradiance))
 
 
-def sun_emitter(towards: Array, irradiance: Array, reach: float) -> tuple[np.void, float]:
+def _sun_emitter(towards: Array, irradiance: Array, reach: float) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of the sun of a sky; ``reach`` is the radius of the scene [m]."""
     record = _without_surface()
     fill(record, normal=towards)
     red, green, blue = irradiance.tolist()
-    return record, fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2
+    return record, _fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2
 
 
 def _unit(direction: tuple[float, float, float]) -> NDArray[np.float64]:
@@ -171,7 +173,7 @@ SOLIDS = {
 QUADRATURE_STEPS = 64
 
 
-def fill_solid(record: np.void, kind: Kind, placement: Array) -> None:
+def _fill_solid(record: np.void, kind: Kind, placement: Array) -> None:
     """Fill in what ``kernels/light/solids.h`` reads of the shape.
 
     Parameters
@@ -351,7 +353,7 @@ PLACES = {
 }
 
 
-def lit_points(
+def _lit_points(
     primitives: Sequence[Primitive], lamps_of_primitive: Mapping[int, int], lamps: Lamps, eye: Array
 ) -> Array:
     """Return points (n, 3) [m about the eye] of what is no lamp itself; of a plane the foot of each lamp.
@@ -422,13 +424,78 @@ def triangle_emitters(
     return records, double_area / 2
 
 
+# Groups of lamps, whose light the layer `lights` keeps apart.
+
+MOST_GROUPS = 16  # a film each, and sums of each in every path
+
+
+@dataclass(frozen=True, eq=False)
+class LightGroups:
+    """Names of the groups of lamps whose light is kept apart, none by default, and which group shines where.
+
+    Attributes
+    ----------
+    names : tuple
+        By number.
+    of_primitive, of_light : array
+        Numbers of the groups of primitives, and of lights without a surface.
+    sky : int
+        Number of the group of the surroundings.
+    """
+
+    names: tuple[str, ...] = ()
+    of_primitive: NDArray[np.int32] = field(default_factory=lambda: np.zeros(1, np.int32))
+    of_light: tuple[int, ...] = ()
+    sky: int = 0
+
+
+def light_groups(scene: Scene, primitives: Sequence[Primitive], *, has_glow: bool) -> LightGroups:
+    """Return the groups of the lamps of a scene, where `lights` is one of its layers.
+
+    A lamp without `group` is one of its own, named as its object is. Media that shine come last, as the kernels expect
+    them.
+
+    Raises
+    ------
+    InputError
+        There are more than `MOST_GROUPS`.
+    """
+    if "lights" not in scene.render.layers:
+        return LightGroups()
+    lights = [light.group or f"light_{place}" for place, light in enumerate(scene.lights)]
+    sky = [] if scene.environment is None else [scene.environment.group or "environment"]
+    objects: dict[int, str] = {}
+    for index in sorted({primitive.object for primitive in primitives if _is_shining(primitive.material)}):
+        item = scene.objects[index]
+        objects[index] = item.group or re.sub(r"[^A-Za-z0-9_-]", "_", item.name or f"object_{index}")
+    names = tuple(dict.fromkeys((*objects.values(), *lights, *sky, *(("media",) if has_glow else ()))))
+    if has_glow:
+        names = (*(name for name in names if name != "media"), "media")
+    if len(names) > MOST_GROUPS:
+        raise InputError(
+            f"render.layers: lights keeps the light of each lamp apart, of which there are {len(names)} (allowed:"
+            f" at most {MOST_GROUPS} groups; give lamps that belong together the same `group`)"
+        )
+    number = {name: place for place, name in enumerate(names or ("none",))}
+    of_primitive = [number[objects[each.object]] if each.object in objects else 0 for each in primitives]
+    return LightGroups(
+        tuple(number), np.array(of_primitive or [0], np.int32), tuple(number[name] for name in lights),
+        number[sky[0]] if sky else 0,
+    )  # fmt: skip
+
+
+def _is_shining(material: Material) -> bool:
+    return isinstance(material, Emissive) or (isinstance(material, Principled) and material.emission != BLACK)
+
+
 Found = tuple[NDArray[np.void], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
 class Emitters:
     """Records, the sampled emitter of each primitive, the kinds there are, the curve that picks by power, the tree
-    that picks instead where there are many lamps, and whether lamps may be so far away that rays end before them."""
+    that picks instead where there are many lamps, whether lamps may be so far away that rays end before them, and the
+    group of each lamp."""
 
     records: NDArray[np.void]
     of_primitive: dict[int, int]
@@ -437,6 +504,7 @@ class Emitters:
     curve: NDArray[np.float32]
     tree: LightTree | None = None
     tiny: bool = False
+    groups: NDArray[np.int32] = field(default_factory=lambda: np.zeros(1, np.int32))
 
     @property
     def facts(self) -> dict[str, int]:
@@ -476,7 +544,7 @@ def _sphere(primitive: Primitive, record: np.void) -> float:
 
 def _solid(primitive: Primitive, record: np.void) -> float:
     """Fill in a solid; return its area."""
-    fill_solid(record, primitive.kind, primitive.placement)
+    _fill_solid(record, primitive.kind, primitive.placement)
     return area_of_solid(primitive.kind, primitive.placement[:3, :3])
 
 
@@ -570,6 +638,7 @@ def pack_emitters(
     textures: TextureTable,
     spectra: KnownSpectra,
     surroundings: Surroundings,
+    groups: LightGroups,
     held: Mapping[str, int] | None = None,
 ) -> Emitters:
     """Return the emitters that light sampling chooses from: by a tree where there are many lamps, else by their power.
@@ -590,6 +659,8 @@ def pack_emitters(
         Takes the spectra of lamps.
     surroundings
         The environment.
+    groups
+        Of lamps.
     held
         Facts of kernels that are to do for them: these say whether there is a tree, and a lamp without light stands
         where there is none.
@@ -598,25 +669,32 @@ def pack_emitters(
     chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye, textures, spectra)
     far = surroundings.kind is EnvironmentKind.IMAGE or surroundings.sun is not None or len(scene.lights) > 0
     reach = _scene_reach(primitives, eye) if far else 1.0
-    lights = [light_emitter(light, scene, textures, spectra, reach) for light in scene.lights]
+    lights = [
+        (*light_emitter(light, scene, textures, spectra, reach), group)
+        for light, group in zip(scene.lights, groups.of_light or (0,) * len(scene.lights), strict=True)
+    ]
     if surroundings.kind is EnvironmentKind.IMAGE:
         record = _without_surface()
         assert scene.environment is not None
         fill(record, kind=EmitterKind.ENVIRONMENT, hidden=_hidden_from_camera(scene.environment, scene))
-        lights.append((record, surroundings.flux * np.pi * reach**2))
+        lights.append((record, surroundings.flux * np.pi * reach**2, groups.sky))
     if surroundings.sun is not None:
         assert scene.environment is not None
-        lights.append(sun_emitter(*surroundings.sun, reach))
+        lights.append((*_sun_emitter(*surroundings.sun, reach), groups.sky))
         lights[-1][0]["hidden"] = _hidden_from_camera(scene.environment, scene)
     lights = sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
-    chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
+    chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power, _ in lights]
     is_dark = held is not None and held["HAS_EMITTERS"] > 0 and not chosen
     if is_dark:
         chosen = [(np.array([_without_surface()], EMITTER.dtype), np.ones(1))]
     count = sum(len(records) for records, _ in chosen)
+    group = np.zeros(max(count, 1), np.int32)
     records, curve, tree = EMITTER.zeros(count), np.zeros((1, 2), np.float32), None
     if chosen:
         records[:] = np.concatenate([part for part, _ in chosen])
+        if groups.names:
+            group[:] = groups.of_primitive[np.maximum(records["primitive"], 0)]
+            group[count - len(lights) :] = [each for _, _, each in lights]
         powers = np.concatenate([power for _, power in chosen])
         curve, chance = curves(powers[None])
         records["pick"] = chance[0]
@@ -625,15 +703,15 @@ def pack_emitters(
         if lamps and (
             held["LIGHT_TREE"] > 0
             if held is not None
-            else variance_by_power(lamps, lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN
+            else variance_by_power(lamps, _lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN
         ):
             order = np.argsort(~near, kind="stable")  # of_primitive stays: surfaces stand first
-            records, powers = records[order], powers[order]
+            records, powers, group = records[order], powers[order], group[order]
             tree = _with_tree(records, powers, lamps, reach, surroundings)
         _note_infinity(records["kind"], surroundings)
     kinds = frozenset(EmitterKind(kind) for kind in set(records["kind"][:count].tolist()) if not is_dark)
     tiny = _has_tiny(records, primitives, eye)
-    return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny)
+    return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny, group)
 
 
 def _with_tree(

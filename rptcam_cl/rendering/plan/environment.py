@@ -73,7 +73,7 @@ def bake_sky(sky: SkyEnvironment) -> tuple[NDArray[np.float32], Array]:
     longitude = ((np.arange(COLUMNS) + 0.5) / COLUMNS - 0.5) * 2 * np.pi
     cosine = np.cos(polar)[:, None]
     towards = cosine * np.cos(zenith_angle) + np.sin(polar)[:, None] * np.sin(zenith_angle) * np.cos(longitude)
-    above = sky_radiance(cosine, np.clip(towards, -1, 1), zenith_angle, sky.turbidity)
+    above = _sky_radiance(cosine, np.clip(towards, -1, 1), zenith_angle, sky.turbidity)
     sun = sun_irradiance(zenith_angle, sky.turbidity)
     weights = np.cos(polar) * np.sin(polar) * (np.pi / ROWS) * (2 * np.pi / COLUMNS)
     arriving = np.einsum("ijk,i->k", above, weights) + (sun * np.cos(zenith_angle) if sky.sun else 0.0)
@@ -82,7 +82,7 @@ def bake_sky(sky: SkyEnvironment) -> tuple[NDArray[np.float32], Array]:
     return radiance.astype(np.float32), sky.gain * sun
 
 
-def sky_radiance(cosine: Array, towards: Array, zenith_angle: float, turbidity: float) -> Array:
+def _sky_radiance(cosine: Array, towards: Array, zenith_angle: float, turbidity: float) -> Array:
     """Return the radiance of the sky [W/(m² sr)], linear sRGB.
 
     Parameters
@@ -115,10 +115,10 @@ def sky_radiance(cosine: Array, towards: Array, zenith_angle: float, turbidity: 
 
 def sun_irradiance(zenith_angle: float, turbidity: float) -> Array:
     """Return the irradiance of the sun's direct light on a surface that faces it [W/m²], linear sRGB."""
-    return np.maximum(srgb_from_spectrum(sun_spectrum(zenith_angle, turbidity)), 0.0)
+    return np.maximum(srgb_from_spectrum(_sun_spectrum(zenith_angle, turbidity)), 0.0)
 
 
-def sun_spectrum(zenith_angle: float, turbidity: float) -> Spectrum:
+def _sun_spectrum(zenith_angle: float, turbidity: float) -> Spectrum:
     """Return the same per wavelength [W/(m² nm)], (401,)."""
     spectrum = np.pi * np.sin(np.deg2rad(SUN_RADIUS_DEGREES)) ** 2 * blackbody(SUN_KELVIN)
     microns, degrees = WAVELENGTHS_NM * 1e-3, np.rad2deg(zenith_angle)
@@ -141,7 +141,7 @@ class Surroundings:
     kind : EnvironmentKind
     record : array of one Environment
     distribution : array of float32
-        Tables of `sampling_tables`, also of a picture without light; one zero where there is none.
+        Tables of `_sampling_tables`, also of a picture without light; one zero where there is none.
     flux : float
         Integral over all directions of the radiance that light sampling takes on [W/m², luminance]; else 0.
     sun : two (3,) arrays, or None
@@ -168,9 +168,9 @@ class _Brightness:
 
     @classmethod
     def of(cls, colours: Colours) -> _Brightness:
-        shares = cell_shares(brightness_of(colours))
+        shares = cell_shares(_brightness_of(colours))
         above = compensate(shares)
-        tables = sampling_tables(above)
+        tables = _sampling_tables(above)
         tables.flags.writeable = False
         return cls((shares.shape[0], shares.shape[1]), tables, float(shares.sum()), float(above.sum()))
 
@@ -296,7 +296,7 @@ def _gather(values: Array, count: int, axis: int) -> Array:
     return np.diff(low + part * (high - low), axis=axis)
 
 
-def sampling_tables(shares: Array) -> NDArray[np.float32]:
+def _sampling_tables(shares: Array) -> NDArray[np.float32]:
     """The tables that ``kernels/light/environment.h`` reads.
 
     One after the other: the curve of the rows, those of the cells of each row, and the density of each cell per solid
@@ -309,7 +309,7 @@ def sampling_tables(shares: Array) -> NDArray[np.float32]:
     return np.concatenate([over_rows.ravel(), over_columns.ravel(), density.ravel()]).astype(np.float32)
 
 
-def brightness_of(colours: Colours) -> Array:
+def _brightness_of(colours: Colours) -> Array:
     """Return the luminance of every texel of a picture, shape (height, width)."""
     weights = LUMINANCE.astype(np.float32)
     texels = unpack_texels(colours.words, colours.size, colours.form)

@@ -218,7 +218,7 @@ def cover_mean(cover: tuple[float, ...]) -> float:
 ONCE_GRID, ONCE_COSINES, ONCE_AZIMUTHS = 96, 24, 4  # of the quadrature, and where the polynomial is fitted
 
 
-def once_scattered(cosine: float, alpha: tuple[float, float], eta: float, azimuth: float, *, schlick: bool) -> float:
+def _once_scattered(cosine: float, alpha: tuple[float, float], eta: float, azimuth: float, *, schlick: bool) -> float:
     """Return the share of light from a direction that GGX facets of glass reflect or refract once.
 
     Parameters
@@ -252,7 +252,7 @@ def _cap(w: Array, u: Array, v: Array) -> Array:
 def _scattered_once(w: Any, cap: Any, stretch: Any, eta: float | None, *, schlick: bool) -> Any:
     """Return the share (n, m) that facets of normals ``cap`` (3, m) scatter of light along ``w``, given for alpha 1.
 
-    ``stretch`` (n, 3, 1) is what takes directions there; ``eta`` is as of `once_table`.
+    ``stretch`` (n, 3, 1) is what takes directions there; ``eta`` is as of `_once_table`.
     """
     h, wi = cap * stretch, w[:, None] / stretch
     h /= np.sqrt((h * h).sum(axis=1, keepdims=True))
@@ -278,11 +278,11 @@ def _smith_lambda(w: Any, stretch: Any) -> Any:
 
 
 @lru_cache(maxsize=256)
-def once_polynomial(alpha: tuple[float, float], eta: float, *, schlick: bool) -> tuple[float, ...]:
-    """Return the coefficients in the root of the cosine of `once_scattered`, a mean over azimuths."""
+def _once_polynomial(alpha: tuple[float, float], eta: float, *, schlick: bool) -> tuple[float, ...]:
+    """Return the coefficients in the root of the cosine of `_once_scattered`, a mean over azimuths."""
     cosines = ((np.arange(ONCE_COSINES) + 0.5) / ONCE_COSINES) ** 2
     turns = np.arange(1 if alpha[0] == alpha[1] else ONCE_AZIMUTHS) * (np.pi / 2 / (ONCE_AZIMUTHS - 1))
-    shares = np.array([np.mean([once_scattered(c, alpha, eta, t, schlick=schlick) for t in turns]) for c in cosines])
+    shares = np.array([np.mean([_once_scattered(c, alpha, eta, t, schlick=schlick) for t in turns]) for c in cosines])
     powers = np.sqrt(cosines)[:, None] ** np.arange(ONCE_TERMS)
     return tuple(map(float, np.linalg.lstsq(powers / shares[:, None], np.ones(ONCE_COSINES), rcond=None)[0]))
 
@@ -294,7 +294,7 @@ MIDDLE = 1.002  # of the errors of a table, so that white metal gives back 0.997
 LEAST_STRETCH = 1e-3
 
 
-def once_table(alphas: Array, turns: int, eta: float | None = None, *, schlick: bool = False) -> NDArray[np.float32]:
+def _once_table(alphas: Array, turns: int, eta: float | None = None, *, schlick: bool = False) -> NDArray[np.float32]:
     """Return shares of light that facets scatter once, for pairs of alphas (n, 2): shape (n, cosines, ``turns``).
 
     Directions are those of the light where slopes are stretched to alpha 1: their cosines z stand evenly in the angle
@@ -305,7 +305,7 @@ def once_table(alphas: Array, turns: int, eta: float | None = None, *, schlick: 
     eta
         Index beyond the surface over that before it; of metal, which reflects everything, None.
     schlick
-        As of `once_scattered`.
+        As of `_once_scattered`.
     """
     cosines = (1 - np.cos(np.pi * np.arange(SHARE_SIDES["COSINES"]) / (SHARE_SIDES["COSINES"] - 1))) / 2
     azimuths = np.arange(turns) * (np.pi / 2 / max(turns - 1, 1))
@@ -325,13 +325,13 @@ def once_table(alphas: Array, turns: int, eta: float | None = None, *, schlick: 
 
 
 @lru_cache(maxsize=1)
-def brushed_table() -> NDArray[np.float32]:
+def _brushed_table() -> NDArray[np.float32]:
     """Return shares of light that brushed metal reflects once, by alphas and direction, and their means."""
     count, turns = SHARE_SIDES["ALPHAS"], SHARE_SIDES["TURNS"]
     alphas = np.stack(np.meshgrid(*[np.arange(count) / (count - 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     half = alphas[:, 0] <= alphas[:, 1]
     shares: Any = np.empty((count, count, SHARE_SIDES["COSINES"], turns), np.float32)
-    shares[half.reshape(count, count)] = MIDDLE * once_table(alphas[half], turns)
+    shares[half.reshape(count, count)] = MIDDLE * _once_table(alphas[half], turns)
     lower = np.tril_indices(count, -1)
     shares[lower] = shares[lower[::-1]][..., ::-1]  # turned by a quarter
     shares = shares.reshape(len(alphas), -1, turns)
@@ -357,11 +357,11 @@ def _between(plane: Any, rows: Array, columns: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def glass_table(alpha: tuple[float, float], levels: int, eta: float, *, schlick: bool) -> NDArray[np.float32]:
+def _glass_table(alpha: tuple[float, float], levels: int, eta: float, *, schlick: bool) -> NDArray[np.float32]:
     """Return shares of light that rough glass scatters once, for ``levels`` of alphas up to these, from either side."""
     steps = np.linspace(1.0 if levels == 1 else 0.0, 1.0, levels)
     turns = _share_turns(alpha)
-    sides = [once_table(steps[:, None] * alpha, turns, index, schlick=schlick) for index in (eta, 1 / eta)]
+    sides = [_once_table(steps[:, None] * alpha, turns, index, schlick=schlick) for index in (eta, 1 / eta)]
     return np.concatenate(sides).ravel()
 
 
@@ -376,11 +376,11 @@ def _is_brushed(records: NDArray[np.void]) -> bool:
 
 def facet_shares(records: NDArray[np.void]) -> NDArray[np.float32]:
     """Return the tables of materials, where ``share_table`` of their records says; a single 0 where none is wanted."""
-    parts = [brushed_table()] if _is_brushed(records) else [np.zeros(1, np.float32)]
+    parts = [_brushed_table()] if _is_brushed(records) else [np.zeros(1, np.float32)]
     for record in records[records["share_levels"] > 0]:
         alpha, eta = (float(record["alpha"]), float(record["alpha_across"])), float(record["parameter"])
         clear = record["kind"] == MaterialKind.PRINCIPLED
-        parts.append(glass_table(alpha, int(record["share_levels"]), eta, schlick=bool(clear)))
+        parts.append(_glass_table(alpha, int(record["share_levels"]), eta, schlick=bool(clear)))
     return np.concatenate(parts)
 
 
@@ -406,7 +406,7 @@ def _fill_once(record: np.void) -> None:
         return
     alpha, index = (float(record["alpha"]), float(record["alpha_across"])), float(record["parameter"])
     for name, eta in (("once_outside", index), ("once_inside", 1.0 / index)):
-        record[name] = once_polynomial(alpha, eta, schlick=clear)
+        record[name] = _once_polynomial(alpha, eta, schlick=clear)
 
 
 def _scatters_again(records: NDArray[np.void]) -> bool:

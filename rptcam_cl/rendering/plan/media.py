@@ -44,12 +44,17 @@ class Media:
     active: bool = False
 
     @property
+    def has_glow(self) -> bool:
+        """Whether any of them shines."""
+        return bool(self.records["emission"][:, :3].any())
+
+    @property
     def facts(self) -> dict[str, int]:
         """Whether the kernels must know of media."""
         return {"HAS_MEDIA": int(self.active)}
 
 
-def interior_of(material: Material) -> ScatteringMedium | None:
+def _interior_of(material: Material) -> ScatteringMedium | None:
     """Find the medium inside of a solid of a material, empty space perhaps; None where it is no solid's."""
     solid = isinstance(material, Dielectric | Boundary) or (
         isinstance(material, Principled) and material.transmission != 0
@@ -94,7 +99,7 @@ def pack_media(
 
     around = number_of(scene.medium or EMPTY)
     inside = {
-        key: NOT_SOLID if (medium := interior_of(material)) is None else number_of(medium)
+        key: NOT_SOLID if (medium := _interior_of(material)) is None else number_of(medium)
         for key, material in materials.items()
     }
     inside |= {key: _of_mix(each, inside) for key, each in materials.items() if isinstance(each, Mix)}
@@ -142,7 +147,7 @@ def _check(scene: Scene, primitives: Sequence[Primitive], materials: Collection[
         if thinnest <= 0:
             raise InputError("medium.emission_per_m: shines without end where nothing absorbs or scatters"
                              " (allowed: coefficients above 0 in every channel)")  # fmt: skip
-    if any(interior_of(material) is not None and has_holes(material) for material in materials):
+    if any(_interior_of(material) is not None and has_holes(material) for material in materials):
         raise InputError("opacity: solids with holes do not go with media such as fog (allowed: 1)")
     partly = Hidden.FROM_CAMERA | Hidden.FROM_REFLECTION
     bounded = any(isinstance(material, Boundary) for material in materials)

@@ -39,8 +39,10 @@ from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.plan.emitters import (
     SOLIDS,
     Emitters,
+    LightGroups,
     area_of_solid,
     by_samples_alone,
+    light_groups,
     pack_emitters,
     triangle_emitters,
     visible_lamps,
@@ -215,11 +217,11 @@ def _spectral(
     table = wavelength_table(matching, _density(matching, spectra.lights), *range_nm)
     edges = table[:, 0].astype(np.float64)
     colours = np.concatenate([rgb_basis().T, daylight_65()[None]])
-    colours = cell_means(colours, edges)
+    colours = _cell_means(colours, edges)
     seen = table[:-1, 1:].T.astype(np.float64) @ (colours[:3] * colours[3]).T / WAVELENGTH_CELLS
     table[:, 1:] = table[:, 1:] @ np.linalg.inv(seen).T
     table[:, 1:] /= _left_of_white(table, colours[3], axial)
-    known = cell_means(np.array(spectra.samples), edges) if spectra.samples else np.zeros((0, WAVELENGTH_CELLS))
+    known = _cell_means(np.array(spectra.samples), edges) if spectra.samples else np.zeros((0, WAVELENGTH_CELLS))
     parts = np.concatenate([part.ravel() for part in (table, colours.T, known)]).astype(np.float32)
     return Spectrum.of(
         SpectrumKind.SPECTRAL, parts, SPECTRAL_COLOURS=1, HAS_SPECTRA=int(len(known) > 0), LENS_SPLITS=int(lens)
@@ -237,7 +239,7 @@ def _density(matching: Array, lights: list[Array]) -> Array:
     return np.asarray(density)
 
 
-def cell_means(spectra: Array, edges_nm: Array) -> Array:
+def _cell_means(spectra: Array, edges_nm: Array) -> Array:
     """Return means (n, cells) of spectra (n, 401), linear between `WAVELENGTHS_NM`, over cells of wavelength."""
     grid = np.union1d(WAVELENGTHS_NM, edges_nm)
     values = np.array([np.interp(grid, WAVELENGTHS_NM, row) for row in spectra])
@@ -314,7 +316,7 @@ class Caustics:
         return {"CAUSTICS": int(self.active)}
 
 
-def pack_caustics(
+def _pack_caustics(
     scene: Scene,
     primitives: Sequence[Primitive],
     first_triangles: NDArray[np.int32],
@@ -357,6 +359,12 @@ def pack_caustics(
         return _without("objects move")
     if has_media:
         return _without("media such as fog")
+    if "lights" in scene.render.layers:
+        if wanted == "on":
+            raise InputError(
+                "render.layers: lights: photons do not know their lamp (allowed: render.caustics off or auto)"
+            )
+        return _without("the layer lights, as photons do not know their lamp")
     eye = np.array(scene.camera.eye) * scene.metres_per_unit
     surfaces, areas, places = _surfaces(primitives, first_triangles, roles, eye)
     if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, surfaces, places)):
@@ -562,7 +570,12 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     far, named = (scene.lights, scene.environment), (tuple(scene.materials), tuple(scene.materials.values()))
     solids, references = parts.part("solids", (scene.objects, named, far), lambda: _solids(scene, far))
     files = tuple(map(scene.digest_of, references))
-    light = scene.medium, getattr(scene.camera, "ghosts", "off"), scene.render.multiple_scattering
+    light = (
+        scene.medium,
+        getattr(scene.camera, "ghosts", "off"),
+        scene.render.multiple_scattering,
+        "lights" in scene.render.layers,
+    )
     caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
     about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent, light
     held = () if parts.held is None else tuple(parts.held.items())
@@ -589,13 +602,14 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     table, spectra, surroundings = seen.table, seen.spectra, seen.surroundings
     media, shown = pack_media(scene, primitives, seen.shown, spectra)
     first_triangles = meshes.first_triangles if meshes else np.zeros(0, np.int32)
-    emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings, parts.held)
+    groups = light_groups(scene, primitives, has_glow=media.has_glow)
+    emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings, groups, parts.held)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     textures = parts.textures(seen).seen_from(scene.camera.eye)
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
     if parts.held is None or parts.held["CAUSTICS"]:
-        caustics = pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
+        caustics = _pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
     else:
         caustics = _without("photons take other kernels")
     hidden = np.array([primitive.hidden for primitive in primitives] or [0], np.int32) | boundaries(primitives)
@@ -609,6 +623,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
         "HIDDEN_SKY": int(_hides_sky(scene)),
         "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
+        "LIGHT_GROUPS": len(groups.names),
         "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in LOBED)),
     }
     return {
@@ -622,6 +637,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "colours": (spectra, shown),
         "textures": textures,
         "emitters": emitters,
+        "light_groups": groups,
         "surroundings": surroundings,
         "caustics": caustics,
         "media": media,
@@ -673,6 +689,7 @@ class Plan:
     materials: NDArray[np.void]
     textures: Textures
     emitters: Emitters
+    light_groups: LightGroups
     surroundings: Surroundings
     caustics: Caustics
     media: Media

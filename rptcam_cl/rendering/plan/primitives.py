@@ -68,7 +68,7 @@ class PlanParts:
         self.rough = False
         self.held: dict[str, int] | None = None
         self._known: dict[str, tuple[tuple[Any, ...], Any]] = {}
-        self.placed: tuple[Any, dict[int, PlacedMesh]] = None, {}  # unit and shutter; by the index of the object
+        self.placed: tuple[Any, dict[int, _PlacedMesh]] = None, {}  # unit and shutter; by the index of the object
 
     def part(self, name: str, of: tuple[Any, ...], make: Callable[[], Part]) -> Part:
         """Return the part of a name that is made of the same as before, else what ``make`` returns; not to be changed.
@@ -608,7 +608,7 @@ def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> list[Primi
     world, parts = world_from_scene(scene), parts or PlanParts()
     by = scene.metres_per_unit, scene.shutter.open_s, scene.shutter.span_s
     before = parts.placed[1] if parts.placed[0] == by else {}
-    of_meshes: dict[int, PlacedMesh] = {}
+    of_meshes: dict[int, _PlacedMesh] = {}
     parts.placed = by, of_meshes
     primitives: list[Primitive] = []
     for index, (item, solid) in enumerate(zip(scene.objects, scene.solids(), strict=True)):
@@ -667,7 +667,7 @@ def object_frame(item: Object, time_s: float) -> Matrix:
     return placed if isinstance(item, MeshObject | Board | Curves) else np.asarray(placed @ next(_canonical(item))[1])
 
 
-class PlacedMesh(NamedTuple):
+class _PlacedMesh(NamedTuple):
     """A mesh object and its primitives."""
 
     item: MeshObject | Board
@@ -675,8 +675,8 @@ class PlacedMesh(NamedTuple):
 
 
 def _place_mesh(
-    scene: Scene, item: MeshObject | Board, index: int, loaded: LoadedMesh, before: PlacedMesh | None
-) -> PlacedMesh:
+    scene: Scene, item: MeshObject | Board, index: int, loaded: LoadedMesh, before: _PlacedMesh | None
+) -> _PlacedMesh:
     """Place a mesh object; where it only shows another material than before, its primitives keep their places."""
     meshes = [id(part.mesh) for part in loaded.contents.parts]
     if (
@@ -686,7 +686,7 @@ def _place_mesh(
         and item.instances is before.item.instances is None
         and meshes == [id(each.mesh) for each in before.primitives]
     ):
-        return PlacedMesh(
+        return _PlacedMesh(
             item,
             [
                 Primitive(Kind.MESH, one.placement, material, index, one.mesh, one.trajectory, item.visible.hidden)
@@ -700,7 +700,7 @@ def _place_mesh(
         places = item.places(scene.folders, scene.shutter.open_s)
         stacks = [scale @ (places @ part.placement) for part in loaded.contents.parts]
         meshed = [part.mesh for part in loaded.contents.parts]
-        return PlacedMesh(item, [
+        return _PlacedMesh(item, [
             Primitive(Kind.MESH, placement, material, index, mesh, trajectory, hidden)
             for each in zip(*stacks, strict=True)
             for placement, material, mesh in zip(each, loaded.materials, meshed, strict=True)
@@ -709,7 +709,7 @@ def _place_mesh(
         Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, trajectory, hidden)
         for part in mesh_parts(scene, item)
     ]
-    return PlacedMesh(item, primitives)
+    return _PlacedMesh(item, primitives)
 
 
 def _trajectory(scene: Scene, item: PlacedObject) -> Trajectory | None:

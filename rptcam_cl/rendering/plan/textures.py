@@ -167,7 +167,7 @@ Texels = NDArray[np.uint8] | NDArray[np.float32]
 _LARGEST_EXPONENT = 15  # halves reach 2^16
 
 
-def colour_texels(picture: Picture, channel: str, *, encoded: bool) -> tuple[Texels, TexelFormat]:
+def _colour_texels(picture: Picture, channel: str, *, encoded: bool) -> tuple[Texels, TexelFormat]:
     """Return red, green and blue of a picture, shape (height, width, 3), and how to store them.
 
     A single channel becomes grey. Floats come out linear, bytes as they are.
@@ -179,7 +179,7 @@ def colour_texels(picture: Picture, channel: str, *, encoded: bool) -> tuple[Tex
     return linear_from_srgb(floats) if encoded else floats, TexelFormat.HALF
 
 
-def pack_texels(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], float]:
+def _pack_texels(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], float]:
     """Return the words of texels (height, width, 3) whose first row is on top, and what a stored 1 stands for.
 
     Rows start at the bottom; each ends with its first texel once more.
@@ -197,13 +197,13 @@ def pack_texels(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], 
 def unpack_texels(
     words: NDArray[np.uint32], size: tuple[int, int], form: TexelFormat
 ) -> NDArray[np.uint8] | NDArray[np.float16]:
-    """The texels (height, width, 3), the top row first, of words of `pack_texels`: bytes, or scaled halves."""
+    """The texels (height, width, 3), the top row first, of words of `_pack_texels`: bytes, or scaled halves."""
     height, width = size
     numbers = words.view(np.float16 if form is TexelFormat.HALF else np.uint8)  # little-endian, as devices are
     return np.asarray(numbers.reshape(height, width + 1, 4)[::-1, :-1, :3])
 
 
-def linear_mean(texels: Texels, form: TexelFormat) -> NDArray[np.float64]:
+def _linear_mean(texels: Texels, form: TexelFormat) -> NDArray[np.float64]:
     """Return the mean linear colour of texels."""
     if form is TexelFormat.HALF:
         return np.asarray(texels.reshape(-1, 3).mean(axis=0, dtype=np.float64))
@@ -237,7 +237,7 @@ class Colours:
     Attributes
     ----------
     words : array of uint32
-        Texels as `pack_texels` returns them.
+        Texels as `_pack_texels` returns them.
     scale : float
         What a stored 1 stands for.
     size : (height, width)
@@ -258,9 +258,9 @@ class Colours:
     @classmethod
     def of(cls, texels: Texels, form: TexelFormat, name: str) -> Colours:
         """Return the colours of texels (height, width, 3), the top row first: bytes, or linear floats to be halves."""
-        words, scale = pack_texels(texels, form)
+        words, scale = _pack_texels(texels, form)
         words.flags.writeable = False
-        return cls(words, scale, (texels.shape[0], texels.shape[1]), linear_mean(texels, form), form, name)
+        return cls(words, scale, (texels.shape[0], texels.shape[1]), _linear_mean(texels, form), form, name)
 
     @property
     def nbytes(self) -> int:
@@ -404,7 +404,7 @@ class TextureTable:
         name = f"{content} {channel} {encoded}"
 
         def store() -> Colours:
-            texels, form = colour_texels(self._picture(reference, content), channel, encoded=encoded)
+            texels, form = _colour_texels(self._picture(reference, content), channel, encoded=encoded)
             return Colours.of(texels, form, name)
 
         colours: Colours = PICTURES.find_or_make(f"colours {name}", store)

@@ -25,29 +25,19 @@ from rptcam_cl.scene.assets.gltf_data import (
     Vertices,
     read_container,
 )
-from rptcam_cl.scene.assets.mesh import (
-    LAMPS_LEFT_OUT,
-    Colour,
-    Draft,
-    FileMaterial,
-    FileTexture,
-    Find,
-    MeshSurface,
-    Node,
-    Polygons,
-    Wrap,
-    check_corners,
-)
+from rptcam_cl.scene.assets.mesh import LAMPS_LEFT_OUT, Draft, Find, MeshSurface, Node, Polygons, check_corners
+from rptcam_cl.scene.file_materials import FileMaterial, FileTexture, Wrap
 from rptcam_cl.scene.placement import SMALLEST_STRETCH_RATIO
+from rptcam_cl.scene.quantities import Colour
 
 # Materials of glTF files.
 
-WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
-NEAREST = 9728
-PICTURES = ("image/png", "image/jpeg", "image/webp", "")
+_WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+_NEAREST = 9728
+_PICTURES = ("image/png", "image/jpeg", "image/webp", "")
 WEBP = "EXT_texture_webp"
 
-FOLLOWED = (
+_FOLLOWED = (
     "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_diffuse_transmission",
     "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen", "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit",
@@ -55,7 +45,7 @@ FOLLOWED = (
 )  # fmt: skip
 
 
-class GltfMaterials:
+class _GltfMaterials:
     """The materials of a glTF file.
 
     Attributes
@@ -154,7 +144,7 @@ class GltfMaterials:
         for _ in part.extensions("KHR_materials_unlit"):
             material = replace(material, matte=True)
         for other in part.part("extensions").names():
-            if other.startswith("KHR_materials_") and other not in FOLLOWED:
+            if other.startswith("KHR_materials_") and other not in _FOLLOWED:
                 self.notes.append(f"{part.place}: {other} is left out")
         return self._add_layers(part, material)
 
@@ -249,7 +239,7 @@ class GltfMaterials:
             self.notes.append(f"{texture.place} has no PNG, JPEG or WebP picture and is left out")
             return None
         image = self._images[texture.whole("source", below=len(self._images))]
-        if image.text("mimeType") not in PICTURES:
+        if image.text("mimeType") not in _PICTURES:
             self.notes.append(f"{image.place} is {image.text('mimeType')} and is left out")
             return None
         wrap, nearest = self._sampling(plain)
@@ -274,12 +264,12 @@ class GltfMaterials:
         if not texture.has("sampler"):
             return "repeat", False
         sampler = self._samplers[texture.whole("sampler", below=len(self._samplers))]
-        across, along = (WRAPS.get(sampler.whole(key, 10497)) for key in ("wrapS", "wrapT"))
+        across, along = (_WRAPS.get(sampler.whole(key, 10497)) for key in ("wrapS", "wrapT"))
         if across is None or along is None:
-            raise sampler.wrong("wrapS" if across is None else "wrapT", "is not known", ", ".join(map(str, WRAPS)))
+            raise sampler.wrong("wrapS" if across is None else "wrapT", "is not known", ", ".join(map(str, _WRAPS)))
         if across != along:
             self.notes.append(f"{sampler.place}.wrapT is not as wrapS, which counts for both")
-        return across, sampler.whole("magFilter", 0) == NEAREST
+        return across, sampler.whole("magFilter", 0) == _NEAREST
 
 
 def _colour(values: Sequence[float]) -> Colour:
@@ -313,11 +303,11 @@ def _transform_keys(transform: JsonNode) -> dict[str, Any]:
 #
 # Source: glTF 2.0, sections 3.7.2.2 (morph targets), 3.7.3 (skins), 3.11 and appendix C (animations).
 
-PATHS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3", "weights": "SCALAR"}
-INTERPOLATIONS = {"LINEAR": 1, "STEP": 1, "CUBICSPLINE": 3}  # rows of each key: a spline has tangents on both sides
+_PATHS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3", "weights": "SCALAR"}
+_INTERPOLATIONS = {"LINEAR": 1, "STEP": 1, "CUBICSPLINE": 3}  # rows of each key: a spline has tangents on both sides
 
 
-def pose_at(document: JsonNode, data: Data, time_s: float | None) -> tuple[JsonNode, list[str]]:
+def _pose_at(document: JsonNode, data: Data, time_s: float | None) -> tuple[JsonNode, list[str]]:
     """Put the nodes of a document where its animations have them at a time; say what of these is left out.
 
     All animations play together, but one that moves what an earlier one moves: that is another clip of the same thing.
@@ -355,8 +345,8 @@ def _moved_by(
         if path == "pointer":  # KHR_animation_pointer
             notes.append(f"{target.place}: what it animates is no node, and is left out")
             continue
-        if path not in PATHS:
-            raise target.wrong("path", "is not known", ", ".join(PATHS))
+        if path not in _PATHS:
+            raise target.wrong("path", "is not known", ", ".join(_PATHS))
         if not target.has("node"):
             continue
         index = target.whole("node", below=len(nodes))
@@ -370,16 +360,16 @@ def _moved_by(
 def _sample(sampler: JsonNode, data: Data, path: str, time_s: float) -> list[float]:
     """Interpolate between the keys of a sampler."""
     way = sampler.text("interpolation", "LINEAR")
-    if way not in INTERPOLATIONS:
-        raise sampler.wrong("interpolation", "is not known", ", ".join(INTERPOLATIONS))
+    if way not in _INTERPOLATIONS:
+        raise sampler.wrong("interpolation", "is not known", ", ".join(_INTERPOLATIONS))
     times = data.array(sampler.whole("input", below=data.count), ("SCALAR",))[:, 0].astype(np.float64)
     if not len(times) or not np.isfinite(times).all() or (np.diff(times) < 0).any():
         raise sampler.wrong("input", "has no times that rise", "an accessor of rising seconds")
-    values = data.array(sampler.whole("output", below=data.count), (PATHS[path],)).astype(np.float64)
-    width, rest = divmod(values.size, len(times) * INTERPOLATIONS[way])
+    values = data.array(sampler.whole("output", below=data.count), (_PATHS[path],)).astype(np.float64)
+    width, rest = divmod(values.size, len(times) * _INTERPOLATIONS[way])
     if rest or not width or (path != "weights" and width != values.shape[1]):
         raise sampler.wrong("output", f"has {len(values)} entries", f"as many as its {len(times)} times need")
-    rows = values.reshape(len(times), INTERPOLATIONS[way], width)
+    rows = values.reshape(len(times), _INTERPOLATIONS[way], width)
     at = min(max(time_s, times[0]), times[-1])
     first = min(int(np.searchsorted(times, at, "right")) - 1, max(0, len(times) - 2))
     second = min(first + 1, len(times) - 1)
@@ -439,7 +429,7 @@ def _morph(rows: NDArray[Any], key: str, primitive: JsonNode, weights: tuple[flo
 def _joints(skin: JsonNode, document: JsonNode, data: Data) -> NDArray[np.float64]:
     """Return the matrices (j, 4, 4) by which the joints of a skin place what is bound to them."""
     nodes = document.parts("nodes")
-    places = {node.place: placement for node, placement in placed_nodes(document)}
+    places = {node.place: placement for node, placement in _placed_nodes(document)}
     numbers = skin.wholes("joints", below=len(nodes))
     if not numbers or any(nodes[number].place not in places for number in numbers):
         raise skin.wrong("joints", "are not in the scene that is shown", "nodes of that scene")
@@ -495,10 +485,10 @@ def _skin(surface: MeshSurface, matrices: NDArray[np.float64]) -> MeshSurface:
 # glTF 2.0 files, .gltf and .glb: meshes, their places in the tree of nodes, and materials.
 
 # Extensions that a file may require. What others do not require and are not listed here is left out.
-LIGHTS, VARIANTS, INSTANCES = "KHR_lights_punctual", "KHR_materials_variants", "EXT_mesh_gpu_instancing"
+_LIGHTS, _VARIANTS, _INSTANCES = "KHR_lights_punctual", "KHR_materials_variants", "EXT_mesh_gpu_instancing"
 Pose = tuple[str, tuple[float, ...], str | None]  # of a mesh: the weights of its morph targets, and its skin
-KNOWN_EXTENSIONS = (
-    *FOLLOWED, DRACO, MESHOPT, INSTANCES, VARIANTS, WEBP, LIGHTS, "KHR_mesh_quantization", "KHR_texture_transform",
+_KNOWN_EXTENSIONS = (
+    *_FOLLOWED, DRACO, MESHOPT, _INSTANCES, _VARIANTS, WEBP, _LIGHTS, "KHR_mesh_quantization", "KHR_texture_transform",
 )  # fmt: skip
 
 
@@ -518,13 +508,13 @@ def read_gltf(path: Path, find: Find, time_s: float | None = None) -> Draft:
     document, binary = read_container(path)
     _check_version(document, path)
     data = Data(document, binary, path.parent, find)
-    document, notes = pose_at(document, data, time_s)
-    materials = GltfMaterials(document, data)
+    document, notes = _pose_at(document, data, time_s)
+    materials = _GltfMaterials(document, data)
     meshes, skins = document.parts("meshes"), document.parts("skins")
     surfaces: list[MeshSurface] = []
     places: dict[Pose, list[int]] = {}
     nodes: list[Node] = []
-    for node, placement in placed_meshes(document, data):
+    for node, placement in _placed_meshes(document, data):
         mesh = meshes[node.whole("mesh", below=len(meshes))]
         skin = skins[node.whole("skin", below=len(skins))] if node.has("skin") else None
         pose = mesh.place, _weights(node, mesh), None if skin is None else skin.place
@@ -544,8 +534,8 @@ def _check_version(document: JsonNode, path: Path) -> None:
     version = document.part("asset").text("version") or ("1.0, by its form" if document.is_mapping("meshes") else "")
     if version.split(".")[0] != "2":
         raise InputError(f"{path}: is not glTF 2.0 (got version {version or 'none'!s}; allowed: 2.0)")
-    if missing := [name for name in document.texts("extensionsRequired") if name not in KNOWN_EXTENSIONS]:
-        got, allowed = ", ".join(missing), ", ".join(KNOWN_EXTENSIONS)
+    if missing := [name for name in document.texts("extensionsRequired") if name not in _KNOWN_EXTENSIONS]:
+        got, allowed = ", ".join(missing), ", ".join(_KNOWN_EXTENSIONS)
         raise InputError(f"{path}: needs extensions that are not read (got {got}; allowed: {allowed})")
 
 
@@ -553,14 +543,14 @@ def _left_out(document: JsonNode) -> list[str]:
     """Notes on parts of a file that are left out, and would change its picture."""
     primitives = [primitive for mesh in document.parts("meshes") for primitive in mesh.parts("primitives")]
     omissions = {
-        LAMPS_LEFT_OUT: any(part.parts("lights") for part in document.extensions(LIGHTS)),
+        LAMPS_LEFT_OUT: any(part.parts("lights") for part in document.extensions(_LIGHTS)),
         "morph targets of colours and texture coordinates are left out": any(
             name.startswith(("COLOR", "TEXCOORD"))
             for primitive in primitives
             for target in primitive.parts("targets")
             for name in target.names()
         ),
-        "variants of materials are left out; the default materials show": VARIANTS in document.texts("extensionsUsed"),
+        "variants of materials are left out; the default materials show": _VARIANTS in document.texts("extensionsUsed"),
     }
     return [f"{document.place}: {text}" for text, there in omissions.items() if there]
 
@@ -568,7 +558,7 @@ def _left_out(document: JsonNode) -> list[str]:
 def _surface(
     primitive: JsonNode,
     data: Data,
-    materials: GltfMaterials,
+    materials: _GltfMaterials,
     name: str | None,
     weights: tuple[float, ...],
     joints: NDArray[np.float64] | None,
@@ -601,12 +591,12 @@ def _surface(
     return surface if joints is None else _skin(surface, _blend(vertices, joints, primitive.place))
 
 
-def placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[JsonNode, NDArray[np.float64]]]:
+def _placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[JsonNode, NDArray[np.float64]]]:
     """Yield the nodes of the default scene that show a mesh and where, parents before children.
 
     A mesh with a skin is where its joints put it, and not where its node is (glTF 2.0, 3.7.3.3).
     """
-    for node, parent in placed_nodes(document):
+    for node, parent in _placed_nodes(document):
         if not node.has("mesh"):
             continue
         for placement in [np.eye(4)] if node.has("skin") else [parent @ each for each in _instances(node, data)]:
@@ -616,7 +606,7 @@ def placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[JsonNode, ND
 
 def _instances(node: JsonNode, data: Data) -> list[NDArray[np.float64]]:
     """Return the placements of a node's mesh below the node: those of EXT_mesh_gpu_instancing, or one."""
-    for extension in node.extensions(INSTANCES):
+    for extension in node.extensions(_INSTANCES):
         attributes = extension.part("attributes")
         given = {
             key: data.array(attributes.whole(key, below=data.count), (kind,)).astype(np.float64)
@@ -634,7 +624,7 @@ def _instances(node: JsonNode, data: Data) -> list[NDArray[np.float64]]:
     return [np.eye(4)]
 
 
-def placed_nodes(document: JsonNode) -> Iterator[tuple[JsonNode, NDArray[np.float64]]]:
+def _placed_nodes(document: JsonNode) -> Iterator[tuple[JsonNode, NDArray[np.float64]]]:
     """Yield the nodes of the default scene and where each is in the file, parents before children."""
     nodes = document.parts("nodes")
     waiting = [(index, np.eye(4)) for index in reversed(_roots(document, nodes))]
@@ -701,7 +691,7 @@ def _can_be_shown(placement: NDArray[np.float64], node: JsonNode) -> bool:
 #
 # Sources: glTF 2.0, section 3.10; Khronos, KHR_lights_punctual. Both look along -z of their node.
 
-KINDS = ("point", "spot", "directional")
+_KINDS = ("point", "spot", "directional")
 Vector = tuple[float, float, float]
 
 
@@ -742,13 +732,13 @@ def read_gltf_world(
     """
     document, binary = read_container(path)
     if find is not None:
-        document, _ = pose_at(document, Data(document, binary, path.parent, find), time_s)
+        document, _ = _pose_at(document, Data(document, binary, path.parent, find), time_s)
     all_cameras = document.parts("cameras")
-    all_lights = [light for part in document.extensions(LIGHTS) for light in part.parts("lights")]
+    all_lights = [light for part in document.extensions(_LIGHTS) for light in part.parts("lights")]
     cameras: list[GltfCamera] = []
     lights: list[dict[str, Any]] = []
     notes: list[str] = []
-    for node, placement in placed_nodes(document):
+    for node, placement in _placed_nodes(document):
         if node.has("camera"):
             part = all_cameras[node.whole("camera", below=len(all_cameras))]
             name = node.text("name") or part.text("name") or f"camera {len(cameras) + 1}"
@@ -756,7 +746,7 @@ def read_gltf_world(
                 cameras.append(_read_camera(part, name, node, placement))
             else:
                 notes.append(f"{node.place}: {name} is not a perspective camera and is left out")
-        for shown in node.extensions(LIGHTS):
+        for shown in node.extensions(_LIGHTS):
             light = all_lights[shown.whole("light", below=len(all_lights))]
             lights += _read_light(light, node, placement)
     return cameras, lights, notes
@@ -776,8 +766,8 @@ def _read_camera(camera: JsonNode, name: str, node: JsonNode, placement: NDArray
 def _read_light(light: JsonNode, node: JsonNode, placement: NDArray[np.float64]) -> list[dict[str, Any]]:
     """Read a lamp that is not dark, as keys of a scene's light."""
     kind = light.text("type")
-    if kind not in KINDS:
-        raise light.wrong("type", "is not known", ", ".join(KINDS))
+    if kind not in _KINDS:
+        raise light.wrong("type", "is not known", ", ".join(_KINDS))
     strength = light.number("intensity", 1.0, 0)
     amount = [max(0.0, strength * value) / LUMENS_PER_WATT for value in light.numbers("color", (1.0, 1.0, 1.0))]
     if not max(amount) > 0:

@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import name_errors, read_whole
-from rptcam_cl.scene.assets.mesh import (
-    Find,
-)
+from rptcam_cl.scene.assets.mesh import Find
 
 # The JSON of a glTF file, read key by key; what is not as it must be is refused with its place.
 
@@ -149,8 +147,8 @@ def _quote(value: Any) -> str:
 # Sources: Khronos, KHR_draco_mesh_compression and EXT_meshopt_compression.
 
 DRACO, MESHOPT = "KHR_draco_mesh_compression", "EXT_meshopt_compression"
-MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
-FILTERS = {"OCTAHEDRAL": "decode_filter_oct", "QUATERNION": "decode_filter_quat", "EXPONENTIAL": "decode_filter_exp"}
+_MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
+_FILTERS = {"OCTAHEDRAL": "decode_filter_oct", "QUATERNION": "decode_filter_quat", "EXPONENTIAL": "decode_filter_exp"}
 MOST_BYTES = 2 << 30  # of one array, unpacked
 
 
@@ -163,7 +161,7 @@ def _library(name: str, place: str, packed_by: str, extra: str) -> Any:
         ) from None
 
 
-def draco_arrays(packed: JsonNode, content: bytes) -> tuple[NDArray[np.int64], Mapping[str, NDArray[Any]]]:
+def _draco_arrays(packed: JsonNode, content: bytes) -> tuple[NDArray[np.int64], Mapping[str, NDArray[Any]]]:
     """Return the triangles (m, 3) of a primitive that Draco compressed, and its attributes (n, width) by their names.
 
     Raises
@@ -199,10 +197,10 @@ def meshopt_bytes(packed: JsonNode, content: bytes) -> NDArray[np.uint8]:
     library = _library("meshoptimizer", packed.place, "meshoptimizer", "meshopt")
     count, stride = packed.whole("count", below=2**31), packed.whole("byteStride", below=257)
     mode, way = packed.text("mode"), packed.text("filter", "NONE")
-    if mode not in MODES:
-        raise packed.wrong("mode", "is not known", ", ".join(MODES))
-    if way != "NONE" and way not in FILTERS:
-        raise packed.wrong("filter", "is not known", ", ".join(("NONE", *FILTERS)))
+    if mode not in _MODES:
+        raise packed.wrong("mode", "is not known", ", ".join(_MODES))
+    if way != "NONE" and way not in _FILTERS:
+        raise packed.wrong("filter", "is not known", ", ".join(("NONE", *_FILTERS)))
     if not 0 < count * stride <= MOST_BYTES or (mode != "ATTRIBUTES" and stride not in (2, 4)):
         raise packed.wrong("count", f"does not fit a stride of {stride}", f"at most {MOST_BYTES} bytes together")
     try:
@@ -210,7 +208,7 @@ def meshopt_bytes(packed: JsonNode, content: bytes) -> NDArray[np.uint8]:
             rows = library.decode_vertex_buffer(count, stride, content)
             octets = np.frombuffer(np.ascontiguousarray(rows).tobytes(), np.uint8).copy()
             if way != "NONE":
-                octets = _apply_filter(getattr(library, FILTERS[way]), octets, count, stride)
+                octets = _apply_filter(getattr(library, _FILTERS[way]), octets, count, stride)
             return octets
         decode = library.decode_index_buffer if mode == "TRIANGLES" else library.decode_index_sequence
         indices = np.asarray(decode(count, 4, content))
@@ -227,15 +225,15 @@ def _apply_filter(decode: Any, octets: NDArray[np.uint8], count: int, stride: in
 
 # The binary data of a glTF file: buffers, views of them, and arrays of numbers (accessors).
 
-MAGIC = b"glTF"
-JSON_CHUNK = 0x4E4F534A
-BINARY_CHUNK = 0x004E4942
+_MAGIC = b"glTF"
+_JSON_CHUNK = 0x4E4F534A
+_BINARY_CHUNK = 0x004E4942
 LARGEST_FILE = 2**32 - 1  # bytes, which is also the most that a .glb file can say of itself
 MOST_JSON_BYTES = 256_000_000
-MOST_ZEROS = 10_000_000  # entries of an array that has no data, which no file size bounds
+_MOST_ZEROS = 10_000_000  # entries of an array that has no data, which no file size bounds
 
-COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 Octets = NDArray[np.uint8]
 
@@ -245,7 +243,7 @@ def read_container(path: Path) -> tuple[JsonNode, bytes | None]:
     with name_errors(path):
         content = read_whole(path, LARGEST_FILE)
     binary: bytes | None = None
-    if content[:4] == MAGIC:
+    if content[:4] == _MAGIC:
         content, binary = _chunks(content, path)
     if len(content) > MOST_JSON_BYTES:
         raise InputError(f"{path}: has more than {MOST_JSON_BYTES} bytes of JSON")
@@ -271,9 +269,9 @@ def _chunks(content: bytes, path: Path) -> tuple[bytes, bytes | None]:
             raise InputError(f"{path}: is cut short: a chunk of {size} bytes begins at byte {place} of {length}")
         chunks.setdefault(kind, content[place + 8 : place + 8 + size])
         place += 8 + size
-    if JSON_CHUNK not in chunks:
+    if _JSON_CHUNK not in chunks:
         raise InputError(f"{path}: has no JSON chunk")
-    return chunks[JSON_CHUNK], chunks.get(BINARY_CHUNK)
+    return chunks[_JSON_CHUNK], chunks.get(_BINARY_CHUNK)
 
 
 class Data:
@@ -375,14 +373,14 @@ class Data:
 
     def _read(self, part: JsonNode) -> NDArray[Any]:
         component = part.whole("componentType")
-        if component not in COMPONENTS:
-            raise part.wrong("componentType", "is not known", ", ".join(map(str, COMPONENTS)))
-        dtype = np.dtype(COMPONENTS[component])
-        width, count = WIDTHS[part.text("type")], part.whole("count", below=2**31)
+        if component not in _COMPONENTS:
+            raise part.wrong("componentType", "is not known", ", ".join(map(str, _COMPONENTS)))
+        dtype = np.dtype(_COMPONENTS[component])
+        width, count = _WIDTHS[part.text("type")], part.whole("count", below=2**31)
         if part.has("bufferView"):
             rows = self._rows(part, dtype, width, count)
-        elif count > MOST_ZEROS:
-            raise part.wrong("count", "is too large for an array without data", f"at most {MOST_ZEROS}")
+        elif count > _MOST_ZEROS:
+            raise part.wrong("count", "is too large for an array without data", f"at most {_MOST_ZEROS}")
         else:
             rows = np.zeros((count, width), dtype)
         if part.has("sparse"):
@@ -418,7 +416,7 @@ class Data:
         component = indices.whole("componentType")
         if component not in (5121, 5123, 5125):
             raise indices.wrong("componentType", "is no index", "5121, 5123 or 5125")
-        places = self._rows(indices, np.dtype(COMPONENTS[component]), 1, count)[:, 0]
+        places = self._rows(indices, np.dtype(_COMPONENTS[component]), 1, count)[:, 0]
         if count and int(places.max()) >= len(rows):
             raise InputError(f"{indices.place}: names an entry that is not there (got {places.max()})")
         rows = rows.copy()
@@ -455,7 +453,7 @@ class Vertices:
         self._count: int | None = None
         for packed in primitive.extensions(DRACO):
             octets, _ = data.view(packed.whole("bufferView", below=data.views))
-            self._faces, self._unpacked = draco_arrays(packed, octets.tobytes())
+            self._faces, self._unpacked = _draco_arrays(packed, octets.tobytes())
 
     def rows(self, key: str, types: tuple[str, ...]) -> NDArray[Any] | None:
         """Return the numbers of an attribute in float32, None when it is not there; the first one says how many."""

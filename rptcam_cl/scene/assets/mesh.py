@@ -1,4 +1,4 @@
-"""A triangle mesh in memory, made from what a file says: polygons, normals, materials."""
+"""A triangle mesh in memory, made from what a file says: polygons, normals, colours of vertices."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import io
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import field, fields, replace
+from dataclasses import field, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -20,165 +20,13 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import name_errors, open_regular
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS
+from rptcam_cl.scene.file_materials import FileMaterial, FileTexture
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
-
-# Materials and textures as mesh files describe them.
-
-Colour = tuple[float, float, float]
-Wrap = Literal["repeat", "clamp", "mirror"]
-
-
-@dataclass(frozen=True)
-class FileTexture:
-    """A picture and how it lies on the surface: at scale * (u, v), turned, then shifted.
-
-    Attributes
-    ----------
-    source : Path or bytes
-        Path of the picture as the file has it, not checked, or its content.
-    name : str
-        For the reader.
-    scale, offset : (u, v)
-        v counts upwards from the lower edge.
-    rotation_degrees : float
-        From u towards v.
-    wrap : str
-        What continues the picture.
-    nearest : bool
-        Whether texels are shown as squares.
-    """
-
-    source: Path | bytes
-    name: str
-    scale: tuple[float, float] = (1.0, 1.0)
-    offset: tuple[float, float] = (0.0, 0.0)
-    rotation_degrees: float = 0.0
-    wrap: Wrap = "repeat"
-    nearest: bool = False
-
-
-@dataclass(frozen=True)
-class FileMaterial:
-    """A material of a mesh file. Where a number or colour has a painting, it is a factor on that.
-
-    Attributes
-    ----------
-    base_color : (red, green, blue)
-        Linear, 0 to 1.
-    matte : bool
-        Whether it reflects evenly, without a gloss; metallic and roughness do not count then.
-    metallic, roughness : float
-        0 to 1; the paintings are read in the channels b and g.
-    specular : float
-        Factor on the reflectance of the dielectric; the painting is read in its alpha channel.
-    specular_color : (red, green, blue)
-        Of that reflectance at normal incidence, linear, 0 or more.
-    opacity : float
-        0 to 1; the painting is read in its alpha channel, or in r when it has none.
-    opacity_cutoff : float or None
-        Opacity from which on the surface is there; None where it is there by that share.
-    normals : FileTexture or None
-        Normals in the tangent frame.
-    bumps : FileTexture or None
-        Heights in place of normals, or a picture of normals that a file calls heights.
-    bumps_height : float
-        Of a white texel over a black one [texels].
-    emission : (red, green, blue)
-        Radiance, linear.
-    both_sides : bool
-        Whether the back emits too.
-    index : float
-        Refractive index, 1 to infinity.
-    transmission : float
-        Share of the base that is transparent; the painting is read in the channel r.
-    solid : bool
-        Whether what is transparent is a solid that refracts, and not a pane without thickness.
-    attenuation : (colour, distance) or None
-        What a transparent solid leaves of white light after a distance [m].
-    clearcoat, clearcoat_roughness : float
-        0 to 1; the paintings are read in the channels r and g.
-    clearcoat_normals : FileTexture or None
-        Normals of the coat in the tangent frame.
-    clearcoat_flat : bool
-        Whether a coat without them does not follow `normals`.
-    sheen : (red, green, blue)
-        Of fibres at grazing angles, linear, 0 to 1.
-    anisotropy : float
-        Strength s of the stretch of highlights along u, 0 to 1: alpha along is alpha + (1 - alpha) s²; the painting has
-        directions in r and g, along u and v, and strengths in b.
-    anisotropy_rotation_degrees : float
-        Of those directions, from u towards v.
-    gloss_texture : FileTexture or None
-        Its alpha channel is a factor on 1 - roughness, in place of the painting of roughness.
-    translucency : float
-        Share of the surface that is a thin sheet which passes light evenly to its other side; the painting is read in
-        its alpha channel.
-    translucency_color : (red, green, blue)
-        Of the light that passes, linear, 0 to 1.
-    """
-
-    name: str = ""
-    base_color: Colour = (0.8, 0.8, 0.8)
-    base_texture: FileTexture | None = None
-    matte: bool = False
-    metallic: float = 0.0
-    metallic_texture: FileTexture | None = None
-    roughness: float = 0.5
-    roughness_texture: FileTexture | None = None
-    specular: float = 1.0
-    specular_texture: FileTexture | None = None
-    specular_color: Colour = (1.0, 1.0, 1.0)
-    specular_color_texture: FileTexture | None = None
-    opacity: float = 1.0
-    opacity_texture: FileTexture | None = None
-    opacity_cutoff: float | None = None
-    normals: FileTexture | None = None
-    bumps: FileTexture | None = None
-    bumps_height: float = 1.0
-    normals_strength: float = 1.0
-    emission: Colour = (0.0, 0.0, 0.0)
-    emission_texture: FileTexture | None = None
-    both_sides: bool = False
-    index: float = 1.5
-    transmission: float = 0.0
-    transmission_texture: FileTexture | None = None
-    solid: bool = False
-    attenuation: tuple[Colour, float] | None = None
-    clearcoat: float = 0.0
-    clearcoat_texture: FileTexture | None = None
-    clearcoat_roughness: float = 0.0
-    clearcoat_roughness_texture: FileTexture | None = None
-    clearcoat_normals: FileTexture | None = None
-    clearcoat_normals_strength: float = 1.0
-    clearcoat_flat: bool = False
-    sheen: Colour = (0.0, 0.0, 0.0)
-    sheen_texture: FileTexture | None = None
-    sheen_roughness: float = 0.0
-    anisotropy: float = 0.0
-    anisotropy_texture: FileTexture | None = None
-    anisotropy_rotation_degrees: float = 0.0
-    gloss_texture: FileTexture | None = None
-    translucency: float = 0.0
-    translucency_texture: FileTexture | None = None
-    translucency_color: Colour = (1.0, 1.0, 1.0)
-    translucency_color_texture: FileTexture | None = None
-
-    @property
-    def has_textures(self) -> bool:
-        """Whether any picture lies on the surface."""
-        return self is not self.without_textures()
-
-    def without_textures(self) -> FileMaterial:
-        """Return the material of a surface that has no texture coordinates."""
-        names = [each.name for each in fields(self) if isinstance(getattr(self, each.name), FileTexture)]
-        nothing: dict[str, Any] = dict.fromkeys(names)
-        return replace(self, **nothing) if names else self
-
 
 # Triangles that no renderer can use: they are dropped and counted.
 
 # Triangles looked at together, so that the float64 working arrays stay small.
-CHUNK = 1 << 17
+_CHUNK = 1 << 17
 
 
 NOT_FINITE, NO_AREA, TWICE = "with a vertex that is not finite", "without area", "given twice"
@@ -214,11 +62,11 @@ def sound_faces(positions: NDArray[np.float32], faces: NDArray[Any]) -> tuple[ND
 def _without_area(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
     flat = np.zeros(len(faces), bool)
     x, y, z = np.ascontiguousarray(positions.T, np.float64)
-    for start in range(0, len(faces), CHUNK):
-        a, b, c = np.ascontiguousarray(faces[start : start + CHUNK].T)
+    for start in range(0, len(faces), _CHUNK):
+        a, b, c = np.ascontiguousarray(faces[start : start + _CHUNK].T)
         ux, uy, uz = x[b] - x[a], y[b] - y[a], z[b] - z[a]
         vx, vy, vz = x[c] - x[a], y[c] - y[a], z[c] - z[a]
-        flat[start : start + CHUNK] = (uy * vz == uz * vy) & (uz * vx == ux * vz) & (ux * vy == uy * vx)
+        flat[start : start + _CHUNK] = (uy * vz == uz * vy) & (uz * vx == ux * vz) & (ux * vy == uy * vx)
     return flat
 
 
@@ -269,9 +117,9 @@ def distinct_rows(rows: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[
 def _face_keys(vertex_keys: NDArray[np.uint64], faces: NDArray[np.int32]) -> NDArray[np.uint64]:
     """Return 64 bits for each face that do not depend on which corner comes first, but on the order round."""
     result = np.empty(len(faces), np.uint64)
-    for start in range(0, len(faces), CHUNK):
-        a, b, c = vertex_keys[faces[start : start + CHUNK]].T
-        result[start : start + CHUNK] = (
+    for start in range(0, len(faces), _CHUNK):
+        a, b, c = vertex_keys[faces[start : start + _CHUNK]].T
+        result[start : start + _CHUNK] = (
             _mix_bits(a ^ (b << np.uint64(1))) + _mix_bits(b ^ (c << np.uint64(1))) + _mix_bits(c ^ (a << np.uint64(1)))
         )
     return result
@@ -285,7 +133,7 @@ def _mix_bits(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return np.asarray(keys ^ (keys >> np.uint64(31)))
 
 
-def used_vertices(count: int, faces: NDArray[np.int32]) -> tuple[NDArray[np.intp] | None, NDArray[np.int32]]:
+def _used_vertices(count: int, faces: NDArray[np.int32]) -> tuple[NDArray[np.intp] | None, NDArray[np.int32]]:
     """Return the vertices that faces use, None when they use all, and the faces with indices into those."""
     used = np.zeros(count, bool)
     used[faces.ravel()] = True
@@ -302,7 +150,7 @@ def used_vertices(count: int, faces: NDArray[np.int32]) -> tuple[NDArray[np.intp
 Vectors = NDArray[np.float64]
 
 
-def smooth_normals(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
+def _smooth_normals(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
     """Return the unit normals (n, 3) of vertices: the mean of the triangles round each, weighted by their angles there.
 
     Vertices of equal position count as one, so seams of texture coordinates do not show (Thürmer and Wüthrich 1998).
@@ -311,8 +159,8 @@ def smooth_normals(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> 
     sums = np.zeros((3, int(corner.max()) + 1))
     anyone = np.zeros_like(sums)
     columns = np.ascontiguousarray(positions.T)
-    for start in range(0, len(faces), CHUNK):
-        vertices = np.ascontiguousarray(faces[start : start + CHUNK].T)
+    for start in range(0, len(faces), _CHUNK):
+        vertices = np.ascontiguousarray(faces[start : start + _CHUNK].T)
         angles, normal = _angles_and_normal(*(columns[:, place].astype(np.float64) for place in vertices))
         for place, angle in zip(corner[vertices], angles, strict=True):
             anyone[:, place] = normal
@@ -325,7 +173,7 @@ def smooth_normals(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> 
     return unit[corner]
 
 
-def unit_normals(
+def _unit_normals(
     normals: NDArray[Any], positions: NDArray[np.float32], faces: NDArray[np.int32]
 ) -> NDArray[np.float32]:
     """Return given normals (n, 3) at unit length; where a file has a zero vector, the smooth normal stands in."""
@@ -336,7 +184,7 @@ def unit_normals(
     scaled /= np.sqrt(np.maximum(np.einsum("ij,ij->i", scaled, scaled), 0.5))[:, None]
     result: NDArray[np.float32] = scaled.astype(np.float32)
     if missing.any():
-        result[missing] = smooth_normals(positions, faces)[missing]
+        result[missing] = _smooth_normals(positions, faces)[missing]
     return result
 
 
@@ -355,7 +203,7 @@ def _angles_and_normal(a: Vectors, b: Vectors, c: Vectors) -> tuple[Vectors, Vec
 # Convex polygons become fans, quads are cut along the diagonal inside, others by their ears.
 
 # Corners of a polygon that is not convex; cutting ears takes time that grows with the square.
-MOST_CORNERS = 1000
+_MOST_CORNERS = 1000
 
 Corners = NDArray[Any]
 
@@ -419,13 +267,13 @@ def as_triangles(positions: NDArray[Any], polygons: list[Polygons], face: str) -
         if corners.shape[1] == 3:
             parts.append(corners.astype(np.int32, copy=False))
         else:
-            triangles = triangulate(positions, polygon, face)
+            triangles = _triangulate(positions, polygon, face)
             rows = np.arange(len(corners))[:, None, None]
             parts.append(corners[rows, triangles].reshape(-1, 3).astype(np.int32))
     return np.concatenate(parts) if len(parts) != 1 else parts[0]
 
 
-def triangulate(positions: NDArray[Any], polygons: Polygons, face: str) -> Corners:
+def _triangulate(positions: NDArray[Any], polygons: Polygons, face: str) -> Corners:
     """Return the triangles of polygons that have equally many corners, as places 0 to k - 1 in their polygon.
 
     Parameters
@@ -451,10 +299,10 @@ def triangulate(positions: NDArray[Any], polygons: Polygons, face: str) -> Corne
     if size == 4:
         triangles[bent] = [[1, 2, 3], [1, 3, 0]]
         return triangles
-    if size > MOST_CORNERS:
+    if size > _MOST_CORNERS:
         raise InputError(
             f"{face} {numbers[bent[0]]} has {size} corners and is not convex (allowed: a convex one, or up to "
-            f"{MOST_CORNERS} corners)"
+            f"{_MOST_CORNERS} corners)"
         )
     for index in bent:
         triangles[index] = _ears(np.asarray(positions[corners[index]], np.float64))
@@ -587,7 +435,7 @@ def _one_column(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
 NormalsMode = Literal["auto", "smooth", "flat"]
 
 # A mesh that lies farther than this many times its size from the zero of its coordinates is moved to its own origin.
-FARTHEST_FROM_ZERO = 4
+_FARTHEST_FROM_ZERO = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -629,7 +477,7 @@ class Mesh:
         """Return the mesh with the normals of a mode, sharing all other arrays; `auto` leaves them."""
         if mode == "auto" or (mode == "flat" and self.normals is None):
             return self
-        normals = _freeze(smooth_normals(self.positions, self.faces) if mode == "smooth" else None)
+        normals = _freeze(_smooth_normals(self.positions, self.faces) if mode == "smooth" else None)
         content_hash = _hash(self.origin, self.positions, self.faces, normals, self.uvs)
         return replace(self, normals=normals, content_hash=content_hash)
 
@@ -663,7 +511,7 @@ class MeshSurface:
     colours: NDArray[Any] | None = None
 
 
-def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, int]]:
+def _make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, int]]:
     """The mesh of a surface, None when no triangle of it is sound; how many triangles were dropped, by reason.
 
     Parameters
@@ -676,7 +524,7 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, 
     faces, dropped = sound_faces(positions, surface.faces)
     if not len(faces):
         return None, dropped
-    kept, faces = used_vertices(len(positions), faces)
+    kept, faces = _used_vertices(len(positions), faces)
     normals, uvs = surface.normals, surface.uvs
     if kept is not None:
         positions = positions[kept]
@@ -687,7 +535,7 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, 
         raise InputError(f"{place}: is too small for float32 (got {extent:g}; allowed: {allowed})")
     if normals is not None:
         _check_finite(normals, kept, f"{place}: normal")
-        normals = unit_normals(normals, positions, faces)
+        normals = _unit_normals(normals, positions, faces)
     if uvs is not None:
         uvs = uvs.astype(np.float32)
         _check_finite(uvs, kept, f"{place}: texture coordinate")
@@ -710,7 +558,7 @@ def _centre(positions: NDArray[Any], place: str) -> tuple[NDArray[np.float64], N
     if (reach := float(max(np.abs(lower).max(), np.abs(upper).max()))) > LARGEST_COORDINATE:
         raise InputError(f"{place}: reaches too far (got {reach:g}; allowed: coordinates up to {LARGEST_COORDINATE:g})")
     extent = float((upper - lower).max())
-    if extent == 0 or np.abs(lower + upper).max() / 2 <= FARTHEST_FROM_ZERO * extent:
+    if extent == 0 or np.abs(lower + upper).max() / 2 <= _FARTHEST_FROM_ZERO * extent:
         return origin, np.ascontiguousarray(positions, np.float32)
     step = 2.0 ** np.floor(np.log2(extent))
     origin = np.round((lower + upper) / 2 / step) * step
@@ -757,8 +605,8 @@ def winding_number(positions: NDArray[np.float32], faces: NDArray[np.int32], poi
     total = 0.0
     seen = positions.T - point[:, None]
     distances = np.sqrt((seen * seen).sum(axis=0))
-    for start in range(0, len(faces), CHUNK):
-        corners = np.ascontiguousarray(faces[start : start + CHUNK].T)
+    for start in range(0, len(faces), _CHUNK):
+        corners = np.ascontiguousarray(faces[start : start + _CHUNK].T)
         a, b, c = (seen[:, place] for place in corners)
         la, lb, lc = (distances[place] for place in corners)
         volume = a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2])
@@ -777,18 +625,18 @@ def winding_number(positions: NDArray[np.float32], faces: NDArray[np.int32], poi
 # the fourths of the parts, such as the mean of two corners, lie inside.
 
 MOST_TRIANGLES = LARGEST_PIXELS // 4
-OUTSIDE = 1 / 1024  # of a fourth texel that counts as inside 0 to 1; codes are 1/255 apart
-WHITE = FileMaterial(base_color=(1.0, 1.0, 1.0), matte=True)  # of a file that has colours of vertices and no materials
+_OUTSIDE = 1 / 1024  # of a fourth texel that counts as inside 0 to 1; codes are 1/255 apart
+_WHITE = FileMaterial(base_color=(1.0, 1.0, 1.0), matte=True)  # of a file that has colours of vertices and no materials
 
 
-def paint_draft(draft: Draft, place: str) -> Draft:
+def _paint_draft(draft: Draft, place: str) -> Draft:
     """Give a draft the colours of its vertices as pictures, each in a material of its own.
 
     What has a texture keeps that; so does a surface of too many triangles its one colour. Notes say so.
     """
     surfaces, materials, notes = [], list(draft.materials), list(draft.notes)
     for surface in draft.surfaces:
-        material = WHITE if surface.material is None else draft.materials[surface.material]
+        material = _WHITE if surface.material is None else draft.materials[surface.material]
         what = f"{place}: " if surface.name is None else f"{place}: {surface.name}: "
         if surface.colours is None:
             pass
@@ -797,14 +645,14 @@ def paint_draft(draft: Draft, place: str) -> Draft:
         elif 4 * len(surface.faces) > MOST_TRIANGLES:
             notes.append(f"{what}colours of more than {MOST_TRIANGLES // 4} triangles are left out")
         else:
-            surface, texture = paint_triangles(surface)
+            surface, texture = _paint_triangles(surface)
             surface = replace(surface, material=len(materials))
             materials.append(replace(material.without_textures(), base_texture=texture))
         surfaces.append(surface)
     return replace(draft, surfaces=surfaces, materials=materials, notes=notes)
 
 
-def paint_triangles(surface: MeshSurface) -> tuple[MeshSurface, FileTexture]:
+def _paint_triangles(surface: MeshSurface) -> tuple[MeshSurface, FileTexture]:
     """Return a surface whose triangles share no vertices, and the picture that lies on it."""
     alone, texels = lay_out_colours(surface)
     return alone, FileTexture(_png(texels), "colours of vertices", wrap="clamp")
@@ -852,7 +700,7 @@ def _fourths(surface: MeshSurface) -> tuple[NDArray[np.intp], NDArray[np.float32
 
 def _split(surface: MeshSurface) -> MeshSurface:
     """Return a surface whose triangles all have a fourth texel."""
-    wide = _fourths(surface)[1] > OUTSIDE
+    wide = _fourths(surface)[1] > _OUTSIDE
     if not wide.any():
         return surface
     a, b, c = np.asarray(surface.faces)[wide].T
@@ -981,12 +829,12 @@ def make_contents(draft: Draft, place: str, *, painted: bool = True) -> MeshCont
         When no triangle is left.
     """
     if painted and any(surface.colours is not None for surface in draft.surfaces):
-        draft = paint_draft(draft, place)
+        draft = _paint_draft(draft, place)
     nodes = draft.nodes or [(index, np.eye(4), surface.name) for index, surface in enumerate(draft.surfaces)]
     dropped: Counter[str] = Counter()
     meshes: dict[int, Mesh | None] = {}
     for index in dict.fromkeys(index for index, _, _ in nodes):
-        meshes[index], lost = make_mesh(draft.surfaces[index], place)
+        meshes[index], lost = _make_mesh(draft.surfaces[index], place)
         dropped.update(lost)
     parts = []
     for index, placement, name in nodes:
@@ -1004,7 +852,7 @@ def make_contents(draft: Draft, place: str, *, painted: bool = True) -> MeshCont
     return MeshContents(tuple(parts), tuple(notes))
 
 
-LARGEST_MESH = 16 << 30  # bytes
+_LARGEST_MESH = 16 << 30  # bytes
 
 # Returns the checked path of a file given relative to the mesh file.
 Find = Callable[[Path], Path]
@@ -1021,4 +869,4 @@ def open_mesh(path: Path) -> BinaryIO:
         When it cannot be opened.
     """
     with name_errors(path):
-        return open_regular(path, LARGEST_MESH)
+        return open_regular(path, _LARGEST_MESH)

@@ -16,24 +16,26 @@ from numpy.typing import NDArray
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import name_errors, read_whole
 from rptcam_cl.scene.assets import mesh
+from rptcam_cl.scene.file_materials import FileMaterial, FileTexture
+from rptcam_cl.scene.quantities import Colour
 
 # MTL files: the materials that OBJ files name.
 
 MOST_BYTES = 16_000_000
 
 # Values that follow an option of a texture line.
-OPTIONS = {
+_OPTIONS = {
     "-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1, "-texres": 1, "-bm": 1, "-boost": 1, "-type": 1,
     "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-colorspace": 1,
 }  # fmt: skip
-UP_TO = {"-o", "-s", "-t"}  # these take one to three numbers
-PHYSICAL = {"pr", "pm", "map_pr", "map_pm"}
+_UP_TO = {"-o", "-s", "-t"}  # these take one to three numbers
+_PHYSICAL = {"pr", "pm", "map_pr", "map_pm"}
 GLASS = (4, 6, 7, 9)  # illumination models with transparency by refraction
 
 Lines = dict[str, tuple[int, list[str]]]
 
 
-def read_mtl(path: Path) -> dict[str, mesh.FileMaterial]:
+def _read_mtl(path: Path) -> dict[str, FileMaterial]:
     """Return the materials of an MTL file by their names.
 
     Raises
@@ -65,16 +67,16 @@ class _Material:
         self._path = path
         self._lines = lines
 
-    def material(self, name: str) -> mesh.FileMaterial:
+    def material(self, name: str) -> FileMaterial:
         """Read the material."""
         model = int(self._number("illum", 2))
         gloss = self._colour("ks", (0.0, 0.0, 0.0))
         exponent = max(0.0, self._number("ns", 0.0))
-        plain = mesh.FileMaterial(
+        plain = FileMaterial(
             name=name,
             base_color=self._colour("kd", (0.8, 0.8, 0.8)),
             base_texture=self._texture("map_kd"),
-            matte=(model < 2 or max(gloss) == 0) and not PHYSICAL & self._lines.keys(),
+            matte=(model < 2 or max(gloss) == 0) and not _PHYSICAL & self._lines.keys(),
             metallic=self._share("pm", float("map_pm" in self._lines)),
             metallic_texture=self._texture("map_pm"),
             roughness=self._share("pr", 1.0 if "map_pr" in self._lines else (2 / (exponent + 2)) ** 0.25),
@@ -91,7 +93,7 @@ class _Material:
         )
         return self._with_model(plain, model, gloss)
 
-    def _with_model(self, plain: mesh.FileMaterial, model: int, gloss: mesh.Colour) -> mesh.FileMaterial:
+    def _with_model(self, plain: FileMaterial, model: int, gloss: Colour) -> FileMaterial:
         """Return the material with what the illumination model says: glass, or a mirror where nothing is diffuse."""
         if model in GLASS:
             clear = self._colour("tf", (1.0, 1.0, 1.0))
@@ -118,7 +120,7 @@ class _Material:
     def _share(self, key: str, default: float) -> float:
         return min(1.0, max(0.0, self._number(key, default)))
 
-    def _colour(self, key: str, default: mesh.Colour, most: float = 1.0) -> mesh.Colour:
+    def _colour(self, key: str, default: Colour, most: float = 1.0) -> Colour:
         values = self._numbers(key, default)
         red, green, blue = (min(most, max(0.0, value)) for value in ([*values] * 3 if len(values) < 3 else values)[:3])
         return (red, green, blue)
@@ -126,13 +128,13 @@ class _Material:
     def _factor(self, key: str, option: str) -> float:
         return _options(self._lines[key][1])[0].get(option, (1.0, 0.0))[0] if key in self._lines else 1.0
 
-    def _texture(self, key: str) -> mesh.FileTexture | None:
+    def _texture(self, key: str) -> FileTexture | None:
         if key not in self._lines:
             return None
         options, name = _options(self._lines[key][1])
         if not name:
             return None
-        return mesh.FileTexture(
+        return FileTexture(
             self._path.parent / name.replace("\\", "/"),
             name,
             scale=options.get("-s", (1.0, 1.0)),
@@ -145,10 +147,10 @@ def _options(words: list[str]) -> tuple[dict[str, tuple[float, float]], str]:
     """Return the options of a texture line that are followed, and the name of the picture, which may have spaces."""
     options: dict[str, tuple[float, float]] = {}
     place = 0
-    while place < len(words) and words[place] in OPTIONS:
+    while place < len(words) and words[place] in _OPTIONS:
         option = words[place]
-        values = words[place + 1 : place + 1 + OPTIONS[option]]
-        if option in UP_TO:
+        values = words[place + 1 : place + 1 + _OPTIONS[option]]
+        if option in _UP_TO:
             values = values[: next((n for n, word in enumerate(values) if not _is_number(word)), len(values))]
         if option in ("-s", "-o", "-bm") and values and _is_number(values[0]):
             default = 1.0 if option == "-s" else 0.0
@@ -212,14 +214,14 @@ def numbers_of_lines(lines: Sequence[Line], each: int, what: str, path: Path) ->
 
 
 BLOCK_BYTES = 1 << 23
-KEYWORDS = (b"v", b"vt", b"vn", b"f")
-BLANK = 32  # this and all below separate words
+_KEYWORDS = (b"v", b"vt", b"vn", b"f")
+_BLANK = 32  # this and all below separate words
 
 _INDENT = re.compile(rb"(?m)^[ \t]+")
 _CONTINUED = re.compile(rb"\\\r?\n([^\n]*)(?:\n|$)")
 
 
-class KeywordLines(NamedTuple):
+class _KeywordLines(NamedTuple):
     """Lines of one block that begin with the same keyword.
 
     Attributes
@@ -236,14 +238,14 @@ class KeywordLines(NamedTuple):
     words: NDArray[np.int64]
     text: bytes
 
-    def part(self, start: int, end: int) -> KeywordLines:
+    def part(self, start: int, end: int) -> _KeywordLines:
         """Return some of the lines."""
         if (start, end) == (0, len(self.numbers)):
             return self
         places = np.flatnonzero(np.frombuffer(self.text, np.uint8) == ord("\n")) + 1
         bounds = np.concatenate([[0], places])
         text = self.text[int(bounds[start]) : int(bounds[end])]
-        return KeywordLines(self.numbers[start:end], self.words[start:end], text)
+        return _KeywordLines(self.numbers[start:end], self.words[start:end], text)
 
     def singly(self) -> list[Line]:
         """Return each line with its place, without a comment at its end."""
@@ -251,7 +253,7 @@ class KeywordLines(NamedTuple):
         return [(int(number), line.partition(b"#")[0]) for number, line in zip(self.numbers, lines, strict=False)]
 
 
-class Block:
+class _Block:
     """Whole lines of a file.
 
     Parameters
@@ -277,37 +279,37 @@ class Block:
         self.lines = len(ends)
 
     def _keyword_of_each(self) -> NDArray[np.int8]:
-        """Return the place of each line's keyword in `KEYWORDS`, -1 for others."""
-        padded = np.concatenate([self._octets, np.full(3, BLANK, np.uint8)])
+        """Return the place of each line's keyword in `_KEYWORDS`, -1 for others."""
+        padded = np.concatenate([self._octets, np.full(3, _BLANK, np.uint8)])
         one, two, three = (padded[self._starts + place] for place in range(3))
         keywords = np.full(len(self._starts), -1, np.int8)
-        keywords[(one == ord("v")) & (two <= BLANK)] = 0
-        keywords[(one == ord("v")) & (two == ord("t")) & (three <= BLANK)] = 1
-        keywords[(one == ord("v")) & (two == ord("n")) & (three <= BLANK)] = 2
-        keywords[(one == ord("f")) & (two <= BLANK)] = 3
+        keywords[(one == ord("v")) & (two <= _BLANK)] = 0
+        keywords[(one == ord("v")) & (two == ord("t")) & (three <= _BLANK)] = 1
+        keywords[(one == ord("v")) & (two == ord("n")) & (three <= _BLANK)] = 2
+        keywords[(one == ord("f")) & (two <= _BLANK)] = 3
         return keywords
 
-    def of(self, keyword: bytes) -> KeywordLines:
-        """Return the lines of one of the `KEYWORDS`."""
-        chosen = np.flatnonzero(self._keywords == KEYWORDS.index(keyword))
+    def of(self, keyword: bytes) -> _KeywordLines:
+        """Return the lines of one of the `_KEYWORDS`."""
+        chosen = np.flatnonzero(self._keywords == _KEYWORDS.index(keyword))
         if not len(chosen):
-            return KeywordLines(chosen, chosen, b"")
+            return _KeywordLines(chosen, chosen, b"")
         if len(chosen) == len(self._starts):
             octets = self._octets.copy()
             starts = self._starts
         else:
-            inside = np.repeat(self._keywords == KEYWORDS.index(keyword), self._lengths)
+            inside = np.repeat(self._keywords == _KEYWORDS.index(keyword), self._lengths)
             octets = self._octets[inside]
             starts = np.cumsum(self._lengths[chosen]) - self._lengths[chosen]
         for place in range(len(keyword)):
-            octets[starts + place] = BLANK
-        begins = np.flatnonzero(begins_word(octets))
+            octets[starts + place] = _BLANK
+        begins = np.flatnonzero(_begins_word(octets))
         words = np.diff(np.searchsorted(begins, starts), append=len(begins))
-        return KeywordLines(self._first + chosen, words, octets.tobytes())
+        return _KeywordLines(self._first + chosen, words, octets.tobytes())
 
     def before(self, keyword: bytes, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return how many lines of a keyword the block has before those of given places in the file."""
-        total = np.cumsum(self._keywords == KEYWORDS.index(keyword))
+        total = np.cumsum(self._keywords == _KEYWORDS.index(keyword))
         return np.asarray(total[numbers - self._first])
 
     def others(self) -> Iterator[tuple[int, bytes]]:
@@ -317,15 +319,15 @@ class Block:
             yield self._first + index, self._octets[start : start + int(self._lengths[index])].tobytes()
 
 
-def begins_word(octets: NDArray[np.uint8]) -> NDArray[np.bool_]:
+def _begins_word(octets: NDArray[np.uint8]) -> NDArray[np.bool_]:
     """Return for each byte whether a word begins there."""
-    inside = octets > BLANK
+    inside = octets > _BLANK
     result = inside.copy()
     result[1:] &= ~inside[:-1]
     return result
 
 
-def blocks(file: BinaryIO) -> Iterator[Block]:
+def _blocks(file: BinaryIO) -> Iterator[_Block]:
     """Yield the whole of a file."""
     rest, first = b"", 1
     while True:
@@ -337,7 +339,7 @@ def blocks(file: BinaryIO) -> Iterator[Block]:
         elif content and not content.endswith(b"\n"):
             content += b"\n"
         if content:
-            block = Block(content, first)
+            block = _Block(content, first)
             first += block.lines
             yield block
         if not piece:
@@ -356,14 +358,14 @@ Counts = tuple[int, int, int]
 
 # Which indices a corner has, by its number of slashes and whether two of them follow each other.
 FORMS = {(0, False): [0], (1, False): [0, 1], (2, True): [0, 2], (2, False): [0, 1, 2]}
-KINDS = ("vertex", "texture coordinate", "normal")
-MISSING = -1
+_KINDS = ("vertex", "texture coordinate", "normal")
+_MISSING = -1
 
 
-class FaceLines:
+class _FaceLines:
     """The faces of one material.
 
-    Corners are rows (n, 3) of indices that count from 0, `MISSING` where a corner has no texture coordinate or normal;
+    Corners are rows (n, 3) of indices that count from 0, `_MISSING` where a corner has no texture coordinate or normal;
     sizes are the numbers of corners of the faces, and lines where it stands.
     """
 
@@ -373,7 +375,7 @@ class FaceLines:
         self.sizes: list[NDArray[np.int32]] = []
         self.lines: list[NDArray[np.int32]] = []
 
-    def add(self, lines: KeywordLines, before: NDArray[np.int64]) -> None:
+    def add(self, lines: _KeywordLines, before: NDArray[np.int64]) -> None:
         """Add lines.
 
         Parameters
@@ -435,7 +437,7 @@ class FaceLines:
     def _not_there(self, number: int, kind: int, index: int, count: int) -> InputError:
         allowed = f"1 to {count}, or -1 to -{count}" if count else "none, there are no such lines"
         return InputError(
-            f"{self.path}:{number}: names a {KINDS[kind]} that is not there (got {index}; allowed: {allowed})"
+            f"{self.path}:{number}: names a {_KINDS[kind]} that is not there (got {index}; allowed: {allowed})"
         )
 
     def checked(self, counts: Counts) -> NDArray[np.int32]:
@@ -451,10 +453,10 @@ class FaceLines:
         return corners
 
 
-def _alike(lines: KeywordLines) -> NDArray[np.int64] | None:
+def _alike(lines: _KeywordLines) -> NDArray[np.int64] | None:
     """Return the indices as written when all corners of some lines have the same form, None otherwise."""
     octets = np.frombuffer(lines.text, np.uint8)
-    begins = np.flatnonzero(begins_word(octets))
+    begins = np.flatnonzero(_begins_word(octets))
     count = len(begins)
     slashes = np.bincount(np.searchsorted(begins, np.flatnonzero(octets == ord("/")), "right"), minlength=count + 1)[1:]
     doubles = lines.text.count(b"//")
@@ -473,8 +475,8 @@ def _alike(lines: KeywordLines) -> NDArray[np.int64] | None:
     return corners
 
 
-def surface_of(
-    faces: FaceLines,
+def _surface_of(
+    faces: _FaceLines,
     positions: NDArray[np.float64],
     uvs: NDArray[np.float64],
     normals: NDArray[np.float64],
@@ -483,7 +485,7 @@ def surface_of(
 ) -> mesh.MeshSurface:
     """Return the surface of some faces, with a vertex for each different corner."""
     corners = faces.checked((len(positions), len(uvs), len(normals)))
-    has_uvs, has_normals = (bool((corners[:, kind] != MISSING).any()) for kind in (1, 2))
+    has_uvs, has_normals = (bool((corners[:, kind] != _MISSING).any()) for kind in (1, 2))
     own, vertices = _different(corners, (len(positions), len(uvs), len(normals)))
     polygons = _polygons(vertices, np.concatenate(faces.sizes), np.concatenate(faces.lines))
     places = positions[own[:, 0]]
@@ -501,12 +503,12 @@ def _different(corners: NDArray[np.int32], counts: Counts) -> tuple[NDArray[np.i
     """Return the corners (n, 3) that differ, and for each corner its place among them."""
     first = corners[:, 0]
     aligned = [bool((column == first).all()) for column in corners[:, 1:].T]
-    missing = [bool((column == MISSING).all()) for column in corners[:, 1:].T]
+    missing = [bool((column == _MISSING).all()) for column in corners[:, 1:].T]
     if len(corners) < counts[0] or not all(same or none for same, none in zip(aligned, missing, strict=True)):
         kept, vertices = mesh.different_rows([corners[:, kind] for kind in range(3)])
         return corners[kept], vertices
     # Nothing to tell apart: the usual file of a single piece, which names everything by the same number.
-    own = np.full((counts[0], 3), MISSING, np.int32)
+    own = np.full((counts[0], 3), _MISSING, np.int32)
     own[:, 0] = np.arange(counts[0])
     for kind in (1, 2):
         if aligned[kind - 1]:
@@ -518,7 +520,7 @@ def _different(corners: NDArray[np.int32], counts: Counts) -> tuple[NDArray[np.i
 def _rows(table: NDArray[np.float64], indices: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return rows of a table, zeros where a corner has none."""
     rows = table[np.maximum(indices, 0)]
-    rows[indices == MISSING] = 0
+    rows[indices == _MISSING] = 0
     return rows
 
 
@@ -532,7 +534,7 @@ def _polygons(vertices: NDArray[Any], sizes: NDArray[np.int32], lines: NDArray[n
 COLUMNS = {b"v": (3, "a vertex"), b"vt": (1, "a texture coordinate"), b"vn": (3, "a normal")}
 
 
-class ObjReader:
+class _ObjReader:
     """Collects what the lines of an OBJ file say."""
 
     def __init__(self, path: Path) -> None:
@@ -540,17 +542,17 @@ class ObjReader:
         self.rows: dict[bytes, list[NDArray[np.float64]]] = {key: [] for key in COLUMNS}
         self.counts = dict.fromkeys(COLUMNS, 0)
         self.libraries: list[tuple[int, str]] = []
-        self.faces: dict[str | None, FaceLines] = {}
+        self.faces: dict[str | None, _FaceLines] = {}
         self.material: str | None = None
 
     def read(self, file: BinaryIO) -> None:
         """Read all lines."""
-        for block in blocks(file):
+        for block in _blocks(file):
             self._faces(block)
             for word in COLUMNS:
                 self._numbers(word, block.of(word))
 
-    def _faces(self, block: Block) -> None:
+    def _faces(self, block: _Block) -> None:
         """Add the faces of a block, those between two changes of material together."""
         faces = block.of(b"f")
         before = [self.counts[word] + block.before(word, faces.numbers) for word in COLUMNS]
@@ -561,11 +563,11 @@ class ObjReader:
             self.material, done = name, end
         self._add(faces.part(done, len(faces.numbers)), np.stack(before, axis=1)[done:])
 
-    def _add(self, lines: KeywordLines, before: NDArray[np.int64]) -> None:
+    def _add(self, lines: _KeywordLines, before: NDArray[np.int64]) -> None:
         if len(lines.numbers):
-            self.faces.setdefault(self.material, FaceLines(self.path)).add(lines, before)
+            self.faces.setdefault(self.material, _FaceLines(self.path)).add(lines, before)
 
-    def _changes(self, block: Block) -> Iterator[tuple[int, str | None]]:
+    def _changes(self, block: _Block) -> Iterator[tuple[int, str | None]]:
         """Yield the places where the material changes, and its names; note libraries on the way."""
         for number, line in block.others():
             word, rest = (*line.split(None, 1), b"", b"")[:2]
@@ -574,7 +576,7 @@ class ObjReader:
             elif word == b"mtllib":
                 self.libraries.append((number, _text(rest)))
 
-    def _numbers(self, word: bytes, lines: KeywordLines) -> None:
+    def _numbers(self, word: bytes, lines: _KeywordLines) -> None:
         if not len(lines.numbers):
             return
         each, what = COLUMNS[word]
@@ -605,12 +607,12 @@ def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
     InputError
         When a line cannot be read, a face names what is not there, or there are no faces.
     """
-    reader = ObjReader(path)
+    reader = _ObjReader(path)
     with mesh.open_mesh(path) as file:
         reader.read(file)
     if not reader.faces:
         raise InputError(f"{path}: has no faces (allowed: lines such as 'f 1 2 3')")
-    materials: dict[str, mesh.FileMaterial] = {}
+    materials: dict[str, FileMaterial] = {}
     notes: list[str] = []
     grey = False  # stands for materials of a library that is missing
     for number, name in reader.libraries:
@@ -620,25 +622,23 @@ def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
             grey = True
             notes.append(f"{path}:{number}: mtllib {name} is left out: {problem}; grey stands for its materials")
         else:
-            materials |= read_mtl(library)
+            materials |= _read_mtl(library)
     positions, uvs, normals = (reader.table(word) for word in (b"v", b"vt", b"vn"))
     surfaces: list[mesh.MeshSurface] = []
-    used: list[mesh.FileMaterial] = []
+    used: list[FileMaterial] = []
     for name_, faces in reader.faces.items():
         place = None
         if materials or grey:
             place = len(used)
             used.append(_material_named(materials, name_, path, grey=grey))
-        surfaces.append(surface_of(faces, positions, uvs, normals, place, name_))
+        surfaces.append(_surface_of(faces, positions, uvs, normals, place, name_))
     return mesh.Draft(surfaces, used, notes=notes)
 
 
-def _material_named(
-    materials: dict[str, mesh.FileMaterial], name: str | None, path: Path, *, grey: bool
-) -> mesh.FileMaterial:
+def _material_named(materials: dict[str, FileMaterial], name: str | None, path: Path, *, grey: bool) -> FileMaterial:
     """Return a material by its name; faces without one are grey, and where a library is missing those of others."""
     if name is None or (grey and name not in materials):
-        return mesh.FileMaterial(matte=True)
+        return FileMaterial(matte=True)
     if name not in materials:
         raise InputError(f"{path}: usemtl {name}: names no material (allowed: {', '.join(list(materials)[:24])})")
     return materials[name]

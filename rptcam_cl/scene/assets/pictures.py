@@ -22,7 +22,7 @@ from rptcam_cl.core.files import open_regular, read_whole, utf8_name
 # A picture that was read: texels in rows from the top, as stored or as linear floats.
 
 LARGEST_PIXELS = 1 << 26  # 64 million: an equirectangular picture of 8192 x 8192, or 256 MB in 8 bits
-SLIGHTLY_NEGATIVE = -1e-3  # what resampling leaves beside bright edges; taken as zero
+_SLIGHTLY_NEGATIVE = -1e-3  # what resampling leaves beside bright edges; taken as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Picture:
         return int(self.texels.shape[1])
 
 
-def check_size(width: int, height: int) -> None:
+def _check_size(width: int, height: int) -> None:
     """Refuse a size before anything of that size is allocated.
 
     Raises
@@ -71,7 +71,7 @@ def check_size(width: int, height: int) -> None:
         raise InputError(f"is too large (got {width} x {height} pixels; allowed: at most {LARGEST_PIXELS})")
 
 
-def checked_floats(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], tuple[int, float]]:
+def _checked_floats(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], tuple[int, float]]:
     """Texels (height, width, channels), negative ones made zero; how many were clearly negative, and the least value.
 
     Raises
@@ -87,18 +87,18 @@ def checked_floats(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], tu
             f" (got {', '.join(f'{value:g}' for value in texels[row, column])}; allowed: finite numbers)"
         )
     least = float(texels.min(initial=0.0))
-    below = int((texels < SLIGHTLY_NEGATIVE).any(axis=2).sum()) if least < SLIGHTLY_NEGATIVE else 0
+    below = int((texels < _SLIGHTLY_NEGATIVE).any(axis=2).sum()) if least < _SLIGHTLY_NEGATIVE else 0
     return np.maximum(texels, np.float32(0)), (below, least) if below else (0, 0.0)
 
 
 # PNG, JPEG, TIFF, BMP, WebP and TGA, read by Pillow with its other formats shut off.
 
-FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP", "TGA")
-ALLOWED = "PNG, JPEG, TIFF, BMP, WebP, TGA, OpenEXR or Radiance HDR"
+_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP", "TGA")
+_ALLOWED = "PNG, JPEG, TIFF, BMP, WebP, TGA, OpenEXR or Radiance HDR"
 _WIDE = {"I;16": 65535.0, "I;16B": 65535.0, "I;16L": 65535.0, "I": 65535.0, "F": 1.0}  # greys of more than 8 bits
 
 
-def read_bitmap(content: bytes) -> Picture:
+def _read_bitmap(content: bytes) -> Picture:
     """Return the picture of a file's content; the size is checked before pixels are decoded.
 
     Palettes, grey, CMYK and 1-bit pictures become red, green and blue of 8 bits; grey of 16 bits becomes floats.
@@ -111,26 +111,26 @@ def read_bitmap(content: bytes) -> Picture:
     import PIL.Image
 
     if not content:
-        raise InputError(f"is empty (allowed: {ALLOWED})")
+        raise InputError(f"is empty (allowed: {_ALLOWED})")
     troubles = (OSError, SyntaxError, ValueError, TypeError, KeyError, IndexError, EOFError, struct.error, zlib.error)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # our own limit is below the one that Pillow warns of
-            with PIL.Image.open(io.BytesIO(content), formats=FORMATS) as image:
-                check_size(*image.size)
+            with PIL.Image.open(io.BytesIO(content), formats=_FORMATS) as image:
+                _check_size(*image.size)
                 image.load()
                 return _convert(image)
     except PIL.UnidentifiedImageError:
-        raise InputError(f"is not a picture that can be read (allowed: {ALLOWED})") from None
+        raise InputError(f"is not a picture that can be read (allowed: {_ALLOWED})") from None
     except (*troubles, PIL.Image.DecompressionBombError, OverflowError, MemoryError) as problem:
-        raise InputError(f"is damaged ({str(problem) or type(problem).__name__}; allowed: {ALLOWED})") from None
+        raise InputError(f"is damaged ({str(problem) or type(problem).__name__}; allowed: {_ALLOWED})") from None
 
 
 def _convert(image: Any) -> Picture:
     if image.mode in _WIDE:
         grey = np.asarray(image, dtype=np.float32) / np.float32(_WIDE[image.mode])
         texels = np.ones((*grey.shape, 4), np.float32)
-        texels[..., :3], negative = checked_floats(grey[..., None])
+        texels[..., :3], negative = _checked_floats(grey[..., None])
         return Picture(texels, has_alpha=False, encoded=image.mode != "F", negative=negative)
     has_alpha = image.mode in ("RGBA", "LA", "PA", "RGBa", "La") or "transparency" in image.info
     if image.mode == "CMYK":
@@ -140,7 +140,7 @@ def _convert(image: Any) -> Picture:
 
 
 _LARGEST = {"uint8": 255, "uint16": 65535}  # code of an array of codes; all else is linear
-ARRAYS = "an array (height, width) or with 1, 3 or 4 channels, of uint8, uint16 or floats"
+_ARRAYS = "an array (height, width) or with 1, 3 or 4 channels, of uint8, uint16 or floats"
 
 
 def read_array(content: bytes) -> Picture:
@@ -157,33 +157,28 @@ def read_array(content: bytes) -> Picture:
         shape, _, dtype = read[np.lib.format.read_magic(stream)](stream)
         is_known = dtype.name in _LARGEST or (dtype.kind == "f" and dtype.itemsize <= 8)
         if len(shape) not in (2, 3) or (*shape, 1)[2] not in (1, 3, 4) or not is_known:
-            raise InputError(f"is no picture (got {shape} of {dtype}; allowed: {ARRAYS})")
-        check_size(shape[1], shape[0])
+            raise InputError(f"is no picture (got {shape} of {dtype}; allowed: {_ARRAYS})")
+        _check_size(shape[1], shape[0])
         stored = np.load(io.BytesIO(content), allow_pickle=False).reshape(*shape[:2], -1)
     except (ValueError, KeyError, EOFError, SyntaxError) as problem:
-        raise InputError(f"is damaged ({problem}; allowed: {ARRAYS})") from None
+        raise InputError(f"is damaged ({problem}; allowed: {_ARRAYS})") from None
     channels, largest = stored.shape[2], _LARGEST.get(dtype.name)
     texels = np.full((*shape[:2], 4), 255 if dtype == np.uint8 else 1, np.uint8 if dtype == np.uint8 else np.float32)
     texels[..., : max(channels, 3)] = stored if dtype == np.uint8 or largest is None else stored / np.float32(largest)
     negative = (0, 0.0)
     if texels.dtype != np.uint8:
-        texels, negative = checked_floats(texels)
+        texels, negative = _checked_floats(texels)
     return Picture(texels, has_alpha=channels == 4, encoded=largest is not None, negative=negative)
 
 
 # OpenEXR pictures: the first part, its R, G, B and A or Y channels, over the display window.
 
 _EXR_MAGIC = b"\x76\x2f\x31\x01"
-SAME_PRIMARIES = 1e-3  # in chromaticity: programs round those of sRGB differently
+_SAME_PRIMARIES = 1e-3  # in chromaticity: programs round those of sRGB differently
 Window = tuple[int, int, int, int]
 
 
-def is_exr(head: bytes) -> bool:
-    """Return whether a file that begins like this is OpenEXR."""
-    return head.startswith(_EXR_MAGIC)
-
-
-def read_exr(path: Path) -> Picture:
+def _read_exr(path: Path) -> Picture:
     """Return the picture of a file; what lies outside the data window is black and transparent.
 
     Colours of other `chromaticities` than those of sRGB become linear sRGB, adapted to its white.
@@ -200,7 +195,7 @@ def read_exr(path: Path) -> Picture:
             header = dict(file.header())  # emptied when the file closes
         data, display = _window(header, "dataWindow"), _window(header, "displayWindow")
         for window in (data, display):
-            check_size(window[2] - window[0], window[3] - window[1])
+            _check_size(window[2] - window[0], window[3] - window[1])
         if header["type"] not in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
             raise InputError("is a deep OpenEXR file (allowed: scan lines or tiles)")
         with utf8_name(path) as name, OpenEXR.File(name, separate_channels=True) as file:
@@ -211,11 +206,11 @@ def read_exr(path: Path) -> Picture:
     if "chromaticities" in header and "R" in channels:
         red, green, blue, white = ((float(x), float(y)) for x, y in np.reshape(header["chromaticities"], (4, 2)))
         known = np.ravel([*SRGB_PRIMARIES, SRGB_WHITE])
-        if not np.allclose(header["chromaticities"], known, atol=SAME_PRIMARIES):
+        if not np.allclose(header["chromaticities"], known, atol=_SAME_PRIMARIES):
             with np.errstate(all="ignore"):  # what is not finite is refused in the next line
                 matrix = srgb_from_primaries((red, green, blue), white)
                 texels[..., :3] = texels[..., :3] @ matrix.T.astype(np.float32)
-    colours, negative = checked_floats(texels)
+    colours, negative = _checked_floats(texels)
     return Picture(_place(colours, data, display), has_alpha=has_alpha, encoded=False, negative=negative)
 
 
@@ -273,12 +268,7 @@ _RESOLUTION = re.compile(rb"([-+])Y +(\d{1,9}) +([-+])X +(\d{1,9})")
 _CODED_WIDTHS = range(8, 32768)  # of scanlines whose components are coded one after the other
 
 
-def is_radiance(head: bytes) -> bool:
-    """Return whether a file that begins like this is a Radiance picture."""
-    return head.startswith(_RADIANCE_MAGIC)
-
-
-def read_radiance(content: bytes) -> Picture:
+def _read_radiance(content: bytes) -> Picture:
     """Return the picture of a file's content, in the unit in which its exposures were recorded.
 
     Raises
@@ -292,13 +282,13 @@ def read_radiance(content: bytes) -> Picture:
     if match is None:
         raise InputError("has no resolution line such as -Y 512 +X 1024")
     height, width = int(match[2]), int(match[4])
-    check_size(width, height)
+    _check_size(width, height)
     rgbe = _scanlines(content, end + 1, width, height)
     scale = np.ldexp(np.float64(1 / exposure), rgbe[..., 3].astype(np.int32) - 136)
     texels = np.ones((height, width, 4), np.float32)
     with np.errstate(over="ignore"):  # refused in the next line
         texels[..., :3] = np.where(rgbe[..., 3:] > 0, rgbe[..., :3] * scale[..., None], 0.0)
-    checked_floats(texels)
+    _checked_floats(texels)
     upright = texels[:: 1 if match[1] == b"-" else -1, :: 1 if match[3] == b"+" else -1]
     return Picture(np.ascontiguousarray(upright), has_alpha=False, encoded=False)
 
@@ -395,14 +385,14 @@ def read_picture(source: Path | bytes) -> Picture:
         When it cannot be read.
     """
     head = source[:_HEAD] if isinstance(source, bytes) else _first_bytes(source)
-    if is_exr(head):
+    if head.startswith(_EXR_MAGIC):
         if isinstance(source, bytes):
             raise InputError("is OpenEXR inside another file (allowed: PNG or JPEG there)")
-        return read_exr(source)
+        return _read_exr(source)
     content = read_whole(source, LARGEST_FILE)
     if head.startswith(np.lib.format.MAGIC_PREFIX):
         return read_array(content)
-    return read_radiance(content) if is_radiance(head) else read_bitmap(content)
+    return _read_radiance(content) if head.startswith(_RADIANCE_MAGIC) else _read_bitmap(content)
 
 
 def _first_bytes(path: Path) -> bytes:
@@ -411,9 +401,9 @@ def _first_bytes(path: Path) -> bytes:
 
 
 PNG = b"\x89PNG\r\n\x1a\n"
-WITH_ALPHA = (4, 6)  # colour types: grey and alpha; red, green, blue and alpha
-WEBP_ALPHA = 0x10
-HEAD_BYTES = 1 << 16
+_WITH_ALPHA = (4, 6)  # colour types: grey and alpha; red, green, blue and alpha
+_WEBP_ALPHA = 0x10
+_HEAD_BYTES = 1 << 16
 
 
 def has_alpha(source: Path | bytes) -> bool:
@@ -424,11 +414,11 @@ def has_alpha(source: Path | bytes) -> bool:
     """
     if isinstance(source, Path):
         with open_regular(source, LARGEST_FILE) as file:
-            head = file.read(HEAD_BYTES)
+            head = file.read(_HEAD_BYTES)
     else:
-        head = source[:HEAD_BYTES]
+        head = source[:_HEAD_BYTES]
     if head[:4] == b"RIFF" and head[8:12] == b"WEBP" and len(head) > 24:
-        return bool({b"VP8X": head[20], b"VP8L": head[24]}.get(head[12:16], 0) & WEBP_ALPHA)
+        return bool({b"VP8X": head[20], b"VP8L": head[24]}.get(head[12:16], 0) & _WEBP_ALPHA)
     if not head.startswith(PNG) or len(head) < 26:
         return False
-    return head[25] in WITH_ALPHA or b"tRNS" in head.partition(b"IDAT")[0]
+    return head[25] in _WITH_ALPHA or b"tRNS" in head.partition(b"IDAT")[0]

@@ -27,16 +27,16 @@ from rptcam_cl.scene.assets.obj import numbers_of_lines, parse_numbers
 
 # The header of a PLY file (Turk 1994): which elements follow, how many, and how their rows are laid out.
 
-MOST_HEADER_BYTES = 1 << 16
-MOST_ROWS = 2**31 - 1
+_MOST_HEADER_BYTES = 1 << 16
+_MOST_ROWS = 2**31 - 1
 
-TYPES = {
+_TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
     "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
     "float32": "f4", "float64": "f8",
 }  # fmt: skip
 ByteOrder = Literal["", "<", ">"]  # as numpy writes it, empty for text
-FORMATS: dict[str, ByteOrder] = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_FORMATS: dict[str, ByteOrder] = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Element:
         return sum((item.length or item.type).itemsize for item in self.properties)
 
 
-def read_header(file: BinaryIO, path: Path) -> tuple[ByteOrder, list[Element], int]:
+def _read_header(file: BinaryIO, path: Path) -> tuple[ByteOrder, list[Element], int]:
     """Return byte order, elements and number of lines of the header of a file that is open at its start.
 
     The file is left at the first row.
@@ -91,8 +91,8 @@ def read_header(file: BinaryIO, path: Path) -> tuple[ByteOrder, list[Element], i
         match words:
             case [] | ["comment" | "obj_info", *_]:
                 continue
-            case ["format", name, "1.0"] if name in FORMATS:
-                order = FORMATS[name]
+            case ["format", name, "1.0"] if name in _FORMATS:
+                order = _FORMATS[name]
             case ["element", name, count] if count.isascii() and count.isdigit() and len(count) < 20:
                 elements.append(Element(name, int(count), ()))
             case ["property", *form] if elements:
@@ -101,14 +101,14 @@ def read_header(file: BinaryIO, path: Path) -> tuple[ByteOrder, list[Element], i
             case _:
                 raise InputError(f"{place}: is not a line of a PLY header (got {line.strip()[:60]!r})")
     if order is None:
-        raise InputError(f"{path}: has no line 'format' in its header (allowed: {', '.join(FORMATS)})")
+        raise InputError(f"{path}: has no line 'format' in its header (allowed: {', '.join(_FORMATS)})")
     for element in elements:
         names = [item.name for item in element.properties]
         if len(set(names)) < len(names) or [other.name for other in elements].count(element.name) > 1:
             raise InputError(f"{path}: names element {element.name}, or one of its properties, twice")
-        if element.count > MOST_ROWS:
+        if element.count > _MOST_ROWS:
             raise InputError(
-                f"{path}: claims {element.count} rows of {element.name} (allowed: at most {MOST_ROWS}, and no "
+                f"{path}: claims {element.count} rows of {element.name} (allowed: at most {_MOST_ROWS}, and no "
                 "more than the file has bytes for)"
             )
     return order, elements, len(lines)
@@ -117,8 +117,8 @@ def read_header(file: BinaryIO, path: Path) -> tuple[ByteOrder, list[Element], i
 def _lines(file: BinaryIO, path: Path) -> list[str]:
     lines: list[str] = []
     size = 0
-    while size < MOST_HEADER_BYTES:
-        line = file.readline(MOST_HEADER_BYTES - size)
+    while size < _MOST_HEADER_BYTES:
+        line = file.readline(_MOST_HEADER_BYTES - size)
         size += len(line)
         lines.append(line.decode("latin-1"))
         if not line or (len(lines) == 1 and line.strip() != b"ply"):
@@ -130,11 +130,11 @@ def _lines(file: BinaryIO, path: Path) -> list[str]:
 
 def _property(form: list[str], order: str, place: str) -> Property:
     match form:
-        case [type_name, name] if type_name in TYPES:
-            return Property(name, np.dtype(order + TYPES[type_name]))
-        case ["list", length, type_name, name] if TYPES.get(length, "f")[0] in "iu" and type_name in TYPES:
-            return Property(name, np.dtype(order + TYPES[type_name]), np.dtype(order + TYPES[length]))
-    got, types = " ".join(form)[:60], ", ".join(TYPES)
+        case [type_name, name] if type_name in _TYPES:
+            return Property(name, np.dtype(order + _TYPES[type_name]))
+        case ["list", length, type_name, name] if _TYPES.get(length, "f")[0] in "iu" and type_name in _TYPES:
+            return Property(name, np.dtype(order + _TYPES[type_name]), np.dtype(order + _TYPES[length]))
+    got, types = " ".join(form)[:60], ", ".join(_TYPES)
     raise InputError(f"{place}: is not a property (got {got!r}; allowed: [list LENGTH] TYPE NAME, of {types})")
 
 
@@ -143,7 +143,7 @@ def _property(form: list[str], order: str, place: str) -> Property:
 Lists = list[Polygons]
 
 
-class Rows(NamedTuple):
+class ElementRows(NamedTuple):
     """Rows of one element.
 
     Attributes
@@ -158,7 +158,7 @@ class Rows(NamedTuple):
     lists: dict[str, Lists]
 
 
-def join_rows(parts: list[Rows]) -> Rows:
+def _join_rows(parts: list[ElementRows]) -> ElementRows:
     """Return the rows of several parts as one."""
     if len(parts) == 1:
         return parts[0]
@@ -171,10 +171,10 @@ def join_rows(parts: list[Rows]) -> Rows:
                 by_length.setdefault(group[1].shape[1], []).append(group)
         groups = [zip(*each, strict=True) for _, each in sorted(by_length.items())]
         lists[name] = [Polygons(*(np.concatenate(parts) for parts in each)) for each in groups]
-    return Rows(values, lists)
+    return ElementRows(values, lists)
 
 
-def read_binary(file: BinaryIO, element: Element, path: Path) -> Rows:
+def _read_binary(file: BinaryIO, element: Element, path: Path) -> ElementRows:
     """Return the rows of an element that a file is open at, and leave it after them."""
     start = file.tell()
     size = path.stat().st_size
@@ -186,7 +186,7 @@ def read_binary(file: BinaryIO, element: Element, path: Path) -> Rows:
             values = {item.name: rows[item.name] for item in element.properties if item.length is None}
             numbers = np.arange(len(rows))
             lists = {item.name: [Polygons(numbers, np.ascontiguousarray(rows[item.name]))] for item in element.lists}
-            return Rows(values, lists)
+            return ElementRows(values, lists)
         file.seek(start)
     elif not element.lists:
         raise _cut_short(path, element.name, (size - start) // max(1, element.smallest_row(False)))
@@ -216,7 +216,7 @@ def _row_like_the_first(file: BinaryIO, element: Element, size: int) -> np.dtype
     return np.dtype(fields)
 
 
-def _read_varied_rows(file: BinaryIO, element: Element, path: Path) -> Rows:
+def _read_varied_rows(file: BinaryIO, element: Element, path: Path) -> ElementRows:
     """Return rows whose lists differ in length: one walk finds where each row's parts begin."""
     data = file.read()
     begun = {item.name: np.empty(element.count, np.int64) for item in element.properties}
@@ -252,19 +252,19 @@ def _read_varied_rows(file: BinaryIO, element: Element, path: Path) -> Rows:
                 has_entries = entries.shape[1] > 0
                 typed = np.ascontiguousarray(entries).view(item.type) if has_entries else entries.astype(item.type)
                 groups.append(Polygons(numbers, typed))
-    return Rows(values, lists)
+    return ElementRows(values, lists)
 
 
 # Lines read together.
-CHUNK_LINES = 1 << 15
+_CHUNK_LINES = 1 << 15
 
 
-def read_text(file: BinaryIO, element: Element, path: Path, line: int) -> Rows:
+def read_text(file: BinaryIO, element: Element, path: Path, line: int) -> ElementRows:
     """Return the rows of an element, one a line, that a text file is open at; so many lines are before them."""
-    parts: list[Rows] = []
+    parts: list[ElementRows] = []
     done = 0
     while done < element.count or not parts:
-        lines = list(islice(file, min(element.count - done, CHUNK_LINES)))
+        lines = list(islice(file, min(element.count - done, _CHUNK_LINES)))
         if element.count and not lines:
             raise InputError(f"{path}: is cut short: ends after {done} rows of {element.name}")
         numbers = parse_numbers(b" ".join(lines))
@@ -275,7 +275,7 @@ def read_text(file: BinaryIO, element: Element, path: Path, line: int) -> Rows:
         except ValueError:
             raise _wrong_row(lines, element, path, line + done + 1) from None
         done += len(lines)
-    return join_rows(parts)
+    return _join_rows(parts)
 
 
 def _wrong_row(lines: list[bytes], element: Element, path: Path, first: int) -> InputError:
@@ -292,11 +292,11 @@ def _wrong_row(lines: list[bytes], element: Element, path: Path, first: int) -> 
     return InputError(f"{path}:{first}: holds rows of {element.name} that cannot be read")
 
 
-def _split(element: Element, numbers: NDArray[np.float64], count: int, first: int) -> Rows:
+def _split(element: Element, numbers: NDArray[np.float64], count: int, first: int) -> ElementRows:
     """Return rows, the first of which has a number; a ValueError when the numbers are not so many whole rows."""
     if not element.lists:
         table = numbers.reshape(count, len(element.properties))
-        return Rows({item.name: table[:, place] for place, item in enumerate(element.properties)}, {})
+        return ElementRows({item.name: table[:, place] for place, item in enumerate(element.properties)}, {})
     begun = _walk(element, numbers, count)
     values: dict[str, NDArray[Any]] = {}
     lists: dict[str, Lists] = {}
@@ -312,7 +312,7 @@ def _split(element: Element, numbers: NDArray[np.float64], count: int, first: in
                         raise ValueError("not whole")
                     entries = entries.astype(np.int64)
                 groups.append(Polygons(rows + first, entries))
-    return Rows(values, lists)
+    return ElementRows(values, lists)
 
 
 def _walk(element: Element, numbers: NDArray[np.float64], count: int) -> dict[str, list[int]]:
@@ -337,10 +337,10 @@ def _walk(element: Element, numbers: NDArray[np.float64], count: int) -> dict[st
 
 # PLY files, text or binary: positions, normals, texture coordinates and faces.
 
-FACE_NAMES = ("face", "tristrips")
-INDEX_NAMES = ("vertex_indices", "vertex_index")
-UV_NAMES = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
-CORNER_UVS = "texcoord"
+_FACE_NAMES = ("face", "tristrips")
+_INDEX_NAMES = ("vertex_indices", "vertex_index")
+_UV_NAMES = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+_CORNER_UVS = "texcoord"
 
 Columns = NDArray[Any]
 
@@ -354,17 +354,17 @@ def read_ply(path: Path) -> Draft:
         When it is not PLY, holds less than it claims or nothing that can be shown.
     """
     with open_mesh(path) as file:
-        order, elements, line = read_header(file, path)
+        order, elements, line = _read_header(file, path)
         _check_size(elements, path.stat().st_size - file.tell(), path, is_text=not order)
         names = [element.name for element in elements]
-        faces = next((name for name in FACE_NAMES if name in names), None)
+        faces = next((name for name in _FACE_NAMES if name in names), None)
         if "vertex" not in names or faces is None:
             missing = "faces" if "vertex" in names else "vertices"
             raise InputError(f"{path}: has no {missing} (allowed: elements vertex and face, or vertex and tristrips)")
-        rows: dict[str, Rows] = {}
+        rows: dict[str, ElementRows] = {}
         for element in elements:
             is_text = not order
-            rows[element.name] = read_text(file, element, path, line) if is_text else read_binary(file, element, path)
+            rows[element.name] = read_text(file, element, path, line) if is_text else _read_binary(file, element, path)
             line += element.count
     notes = [f"{path}: colours of each face are left out"] if "red" in rows[faces].values else []
     if faces == "tristrips":
@@ -373,7 +373,7 @@ def read_ply(path: Path) -> Draft:
     return Draft([_surface(rows["vertex"], rows[faces], path, types)], notes=notes)
 
 
-def _without_strips(strips: Rows) -> Rows:
+def _without_strips(strips: ElementRows) -> ElementRows:
     """Return triangles in place of strips of them, which -1 parts; every second one turns the other way round."""
     lists: dict[str, Lists] = {}
     for name, groups in strips.lists.items():
@@ -386,7 +386,7 @@ def _without_strips(strips: Rows) -> Rows:
         a, b, c = run[last - 2], run[last - 1], run[last]
         triangles = np.where(odd, np.stack([b, a, c], axis=1), np.stack([a, b, c], axis=1))
         lists[name] = [Polygons(np.arange(len(triangles)), triangles)]
-    return Rows({}, lists)
+    return ElementRows({}, lists)
 
 
 def _check_size(elements: list[Element], size: int, path: Path, *, is_text: bool) -> None:
@@ -399,29 +399,29 @@ def _check_size(elements: list[Element], size: int, path: Path, *, is_text: bool
         )
 
 
-def _surface(vertex: Rows, face: Rows, path: Path, types: Mapping[str, np.dtype[Any]]) -> MeshSurface:
+def _surface(vertex: ElementRows, face: ElementRows, path: Path, types: Mapping[str, np.dtype[Any]]) -> MeshSurface:
     positions = _columns(vertex, ("x", "y", "z"))
     if positions is None:
         raise InputError(f"{path}: its vertices have no position (allowed: properties x, y, z)")
-    index = next((name for name in INDEX_NAMES if name in face.lists), None)
+    index = next((name for name in _INDEX_NAMES if name in face.lists), None)
     if index is None:
         raise InputError(f"{path}: its faces have no list of vertices (allowed: a property list vertex_indices)")
     normals = _columns(vertex, ("nx", "ny", "nz"))
-    uvs = next((columns for names in UV_NAMES if (columns := _columns(vertex, names)) is not None), None)
+    uvs = next((columns for names in _UV_NAMES if (columns := _columns(vertex, names)) is not None), None)
     colours = _colours(vertex, types)
     polygons = face.lists[index]
     if not sum(len(corners) for _, corners in polygons):
         raise InputError(f"{path}: has no faces")
     for group in polygons:
         check_corners(group, len(positions), f"{path}: face")
-    if uvs is None and CORNER_UVS in face.lists and (corner_uvs := _corner_uvs(polygons, face)) is not None:
+    if uvs is None and _CORNER_UVS in face.lists and (corner_uvs := _corner_uvs(polygons, face)) is not None:
         vertices, uvs, polygons = weld(polygons, corner_uvs)
         positions = positions[vertices]
         normals, colours = (None if rows is None else rows[vertices] for rows in (normals, colours))
     return MeshSurface(positions, as_triangles(positions, polygons, f"{path}: face"), normals, uvs, colours=colours)
 
 
-def _colours(vertex: Rows, types: Mapping[str, np.dtype[Any]]) -> NDArray[np.float32] | None:
+def _colours(vertex: ElementRows, types: Mapping[str, np.dtype[Any]]) -> NDArray[np.float32] | None:
     """Return the colours of the vertices, linear: whole numbers are codes as sRGB has them, others are linear."""
     stored = _columns(vertex, ("red", "green", "blue"))
     if stored is None or types["red"].kind == "f":
@@ -430,7 +430,7 @@ def _colours(vertex: Rows, types: Mapping[str, np.dtype[Any]]) -> NDArray[np.flo
     return np.asarray(linear_from_srgb(codes), np.float32)
 
 
-def _columns(rows: Rows, names: tuple[str, ...]) -> Columns | None:
+def _columns(rows: ElementRows, names: tuple[str, ...]) -> Columns | None:
     """Return values (n, len(names)) in float32, or float64 when the file has that."""
     if not all(name in rows.values for name in names):
         return None
@@ -441,9 +441,9 @@ def _columns(rows: Rows, names: tuple[str, ...]) -> Columns | None:
     return result
 
 
-def _corner_uvs(polygons: list[Polygons], face: Rows) -> list[Columns] | None:
+def _corner_uvs(polygons: list[Polygons], face: ElementRows) -> list[Columns] | None:
     """Return texture coordinates of the corners (m, k, 2) of each group of polygons, None when they do not fit."""
-    groups = {len(uvs[0]) // 2: (numbers, uvs) for numbers, uvs in face.lists[CORNER_UVS]}
+    groups = {len(uvs[0]) // 2: (numbers, uvs) for numbers, uvs in face.lists[_CORNER_UVS]}
     fitting = []
     for numbers, corners in polygons:
         same, uvs = groups.get(corners.shape[1], (None, None))
@@ -455,13 +455,13 @@ def _corner_uvs(polygons: list[Polygons], face: Rows) -> list[Columns] | None:
 
 # STL files, binary or text: triangles without anything else.
 
-HEAD_BYTES = 84
-ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-CHUNK_ROWS = 1 << 17
-STL_CHUNK_LINES = 7 << 13
+_HEAD_BYTES = 84
+_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_CHUNK_ROWS = 1 << 17
+_STL_CHUNK_LINES = 7 << 13
 
 # What each line of a text file begins with, and what may come before it.
-AFTER = {
+_AFTER = {
     b"facet": (b"solid", b"endfacet"), b"outer": (b"facet",), b"vertex": (b"outer", b"vertex"),
     b"endloop": (b"vertex",), b"endfacet": (b"endloop",), b"endsolid": (b"endfacet", b"solid"),
     b"solid": (b"", b"endsolid"),
@@ -478,18 +478,18 @@ def read_stl(path: Path) -> MeshSurface:
     """
     size = path.stat().st_size
     with open_mesh(path) as file:
-        head = file.read(HEAD_BYTES)
+        head = file.read(_HEAD_BYTES)
         count = int.from_bytes(head[80:84], "little")
-        binary_size = HEAD_BYTES + count * ROW.itemsize
-        if len(head) == HEAD_BYTES and size == binary_size:
+        binary_size = _HEAD_BYTES + count * _ROW.itemsize
+        if len(head) == _HEAD_BYTES and size == binary_size:
             corners = _binary(file, count)
         elif head.lstrip().startswith(b"solid") and b"\0" not in head:
             file.seek(0)
             corners = _text(file, path)
-        elif len(head) == HEAD_BYTES:
+        elif len(head) == _HEAD_BYTES:
             raise InputError(f"{path}: says that it has {count} triangles, in {binary_size} bytes (got {size} bytes)")
         else:
-            allowed = f"text that begins with 'solid', or a head of {HEAD_BYTES} bytes"
+            allowed = f"text that begins with 'solid', or a head of {_HEAD_BYTES} bytes"
             raise InputError(f"{path}: is not an STL file (allowed: {allowed})")
     if not len(corners):
         raise InputError(f"{path}: has no faces")
@@ -498,8 +498,8 @@ def read_stl(path: Path) -> MeshSurface:
 
 def _binary(file: BinaryIO, count: int) -> NDArray[np.float32]:
     corners = np.empty((count, 3, 3), np.float32)
-    for start in range(0, count, CHUNK_ROWS):
-        rows = np.fromfile(file, ROW, min(CHUNK_ROWS, count - start))
+    for start in range(0, count, _CHUNK_ROWS):
+        rows = np.fromfile(file, _ROW, min(_CHUNK_ROWS, count - start))
         corners[start : start + len(rows)] = rows["corners"]
     return corners.reshape(-1, 3)
 
@@ -507,7 +507,7 @@ def _binary(file: BinaryIO, count: int) -> NDArray[np.float32]:
 def _text(file: BinaryIO, path: Path) -> NDArray[np.float32]:
     parts: list[NDArray[np.float32]] = []
     before, run, done = b"", 0, 0
-    while lines := list(islice(file, STL_CHUNK_LINES)):
+    while lines := list(islice(file, _STL_CHUNK_LINES)):
         vertices: list[tuple[int, bytes]] = []
         for number, line in enumerate(lines, start=done + 1):
             word, rest = (*line.split(None, 1), b"", b"")[:2]
@@ -515,7 +515,7 @@ def _text(file: BinaryIO, path: Path) -> NDArray[np.float32]:
             if not word:
                 continue
             run = run + 1 if word == b"vertex" else run
-            if before not in AFTER.get(word, ()) or run > 3 or (word == b"endloop" and run != 3):
+            if before not in _AFTER.get(word, ()) or run > 3 or (word == b"endloop" and run != 3):
                 raise _wrong_line(path, number, line, before)
             if word == b"vertex":
                 vertices.append((number, rest))
@@ -530,7 +530,7 @@ def _text(file: BinaryIO, path: Path) -> NDArray[np.float32]:
 
 
 def _wrong_line(path: Path, number: int, line: bytes, before: bytes) -> InputError:
-    fitting = sorted(word.decode() for word, earlier in AFTER.items() if before in earlier)
+    fitting = sorted(word.decode() for word, earlier in _AFTER.items() if before in earlier)
     got = line.decode("latin-1").strip()[:60]
     return InputError(
         f"{path}:{number}: does not belong here (got {got!r}; allowed: {', '.join(fitting)}, three vertices a triangle)"

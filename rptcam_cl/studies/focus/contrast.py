@@ -90,7 +90,7 @@ def check_reach(task: Task, state: float) -> None:
 
 
 @dataclass(frozen=True)
-class Subject:
+class ZoneSubject:
     """What a zone is focused on.
 
     Attributes
@@ -114,7 +114,7 @@ APART = 1.0  # depths of focus between two things that one state does not show s
 MOST_LAMPS = 0.5  # share of what a zone shows, from which its lamps are what is focused on
 
 
-def subject_of(task: Task, state: float, zone: Zone) -> Subject | None:
+def _subject_of(task: Task, state: float, zone: Zone) -> ZoneSubject | None:
     """Find what a zone is focused on: of several distances the nearest that fills a quarter of it, else the most.
 
     None where less than a quarter shows anything.
@@ -132,12 +132,12 @@ def subject_of(task: Task, state: float, zone: Zone) -> Subject | None:
     chosen = large[0] if large else max(groups, key=len)
     mask = np.zeros(len(met), np.bool_)
     mask[chosen] = True
-    return Subject(sight.depths[chosen], mask.reshape(SIGHT_ACROSS, -1))
+    return ZoneSubject(sight.depths[chosen], mask.reshape(SIGHT_ACROSS, -1))
 
 
-def _subjects(task: Task, state: float, zones: Mapping[int, Zone]) -> dict[int, Subject]:
+def _subjects(task: Task, state: float, zones: Mapping[int, Zone]) -> dict[int, ZoneSubject]:
     """Find what some zones are focused on, of those that show enough."""
-    found = {k: subject_of(task, state, zone) for k, zone in zones.items()}
+    found = {k: _subject_of(task, state, zone) for k, zone in zones.items()}
     return {k: subject for k, subject in found.items() if subject is not None}
 
 
@@ -178,7 +178,7 @@ def focus_by_depth(task: Task) -> FocusReport:
     return task.report("depth", state, task.zones[zone], 0.0, share, records, distance)
 
 
-def _state_by_rays(task: Task, state: float, zones: Mapping[int, Zone]) -> tuple[int, Subject, float]:
+def _state_by_rays(task: Task, state: float, zones: Mapping[int, Zone]) -> tuple[int, ZoneSubject, float]:
     """Return which of some zones decides by what its rays lead to, what that is, and the state for it.
 
     Raises
@@ -210,7 +210,7 @@ def aim(task: Task) -> tuple[float, tuple[Zone, ...]] | None:
         return None
     task.note_state(aimed)
     subjects = _subjects(task, aimed, zones)
-    return aimed, tuple(narrowed(zone, subjects[k]) if k in subjects else zone for k, zone in zones.items())
+    return aimed, tuple(_narrow_zone(zone, subjects[k]) if k in subjects else zone for k, zone in zones.items())
 
 
 def _spread(depth: NDArray[np.float64]) -> float:
@@ -234,7 +234,7 @@ def _within_depth_of_field(task: Task, state: float, zone: Zone, middle: float) 
 NARROWED = 0.9  # share of a zone from which on what it is focused on is the zone
 
 
-def narrowed(zone: Zone, subject: Subject) -> Zone:
+def _narrow_zone(zone: Zone, subject: ZoneSubject) -> Zone:
     """Return the part of a zone that shows what it is focused on: the largest rectangle, clear of what is beside it."""
     mask = subject.mask
     if mask.mean() >= NARROWED:

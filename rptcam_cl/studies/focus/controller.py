@@ -87,7 +87,7 @@ def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
         return None
     where = "beyond infinity" if distance is None else f"at {distance:.4g} m"
     lies = f"{1 / nearest:.4g} m away" if nearest > 0 else "infinitely far away"
-    cause = why_unseen(task, report.state, zone)
+    cause = _why_unseen(task, report.state, zone)
     return (
         f"nothing that the zone shows is sharp: the nearest to it lies {lies}, the focus {where},"
         f" {away.min():.2g} depths of focus off{f' ({cause})' if cause else ''}"
@@ -108,7 +108,7 @@ def _passage(task: Task, state: float, zone: Zone) -> str | None:
     return None
 
 
-def why_unseen(task: Task, state: float, zone: Zone) -> str | None:
+def _why_unseen(task: Task, state: float, zone: Zone) -> str | None:
     """Say what about a zone misleads or defeats methods that need contrast, by what its rays lead to."""
     across, down = (zone.right - zone.left) / 2, (zone.bottom - zone.top) / 2
     about = Zone(
@@ -385,7 +385,7 @@ def focus_of(task: Task, method: str) -> FocusReport:
     except NoContrast as problem:
         state = task.renderer.state if task.near is None else task.near
         check_reach(task, state)
-        causes = [why_unseen(task, state, zone) for zone in task.zones]
+        causes = [_why_unseen(task, state, zone) for zone in task.zones]
         if (cause := next(filter(None, causes), None)) is None:
             raise
         raise NoContrast(f"{problem}; {cause}") from None

@@ -21,8 +21,8 @@ from rptcam_cl.studies.focus.probe import (
     BEST,
     MEASURES,
     TERMS,
+    Estimate,
     FocusReport,
-    Measured,
     NoContrast,
     OutOfReach,
     Policy,
@@ -58,19 +58,16 @@ class HalfView:
     ----------
     rays : PupilRays
         Of the places of `places_round`.
-    line : PupilLine
-        Between the halves.
     split : "x" or "y"
     """
 
     rays: PupilRays
-    line: PupilLine
     split: Split
 
-    @classmethod
-    def of(cls, rays: PupilRays, split: Split) -> HalfView:
-        """Return the view of the halves of equal light."""
-        return cls(rays, pupil_line(rays, split), split)
+    @cached_property
+    def line(self) -> PupilLine:
+        """The line across the pupil that parts it into halves of equal light."""
+        return pupil_line(self.rays, self.split)
 
     @property
     def axis(self) -> int:
@@ -482,6 +479,8 @@ class HalfProbe:
     samples : int
         Camera rays of all pixels; half of them begin a path.
     seconds : float
+    match : Match or None
+        What a search made of it; None where that has nothing to go by.
     """
 
     state: float
@@ -490,6 +489,7 @@ class HalfProbe:
     halves: Halves
     samples: int
     seconds: float
+    match: Match | None = None
 
 
 def half_view(renderer: ProbeRenderer, state: float, zone: Zone, split: Split, stop: float = 1.0) -> HalfView:
@@ -497,7 +497,7 @@ def half_view(renderer: ProbeRenderer, state: float, zone: Zone, split: Split, s
     across, down = zone.centre
     width, height = renderer.choose_zones([zone]).resolution
     middle = min(max(across * width, STEP), width - STEP), min(max(down * height, STEP), height - STEP)
-    return HalfView.of(renderer.rays(state, places_round(middle), stop), split)
+    return HalfView(renderer.rays(state, places_round(middle), stop), split)
 
 
 DETAILS = (0.125, 0.25)  # cycles per pixel of a probe, of what contrast sees
@@ -613,8 +613,8 @@ class PhaseSearch:
     seed: int = 0
     on_probe: Callable[[Probe], None] | None = None
     on_state: Callable[[float], None] | None = None
-    probes: list[tuple[HalfProbe, Match | None]] = field(default_factory=list)
-    others: list[tuple[HalfProbe, Match | None]] = field(default_factory=list)
+    probes: list[HalfProbe] = field(default_factory=list)
+    others: list[HalfProbe] = field(default_factory=list)
     _state: tuple[Match, float] | None = None  # of the last match
     _samples: int = SAMPLES  # per pixel, of the last probe
 
@@ -626,19 +626,19 @@ class PhaseSearch:
     @property
     def probe(self) -> HalfProbe:
         """The last probe."""
-        return self.probes[-1][0]
+        return self.probes[-1]
 
     @property
     def match(self) -> Match:
         """What was made of it."""
-        match = self.probes[-1][1]
+        match = self.probe.match
         assert match is not None
         return match
 
     @property
     def spent(self) -> int:
         """Samples of all probes so far."""
-        return sum(probe.samples for probe, _ in (*self.others, *self.probes))
+        return sum(probe.samples for probe in (*self.others, *self.probes))
 
     @property
     def most(self) -> int:
@@ -750,12 +750,13 @@ class PhaseSearch:
         blur = math.ceil(BLUR * min(largest * stop, room)) + 2
         probe = half_probe(self.renderer, view, state, self.zone, samples, self.seed, stop, (blur, blur))
         match = PhaseMatch(probe.halves, view).best(low, high) if probe.halves.pictures.any() else None
-        self.probes.append((probe, match))
+        probe = replace(probe, match=match)
+        self.probes.append(probe)
         self._samples = samples
         if self.on_probe is not None:
-            value, error = self._displacement_of(probe, match)
+            value, error = self._displacement_of(probe)
             place = self.drive.nearer * self.drive.coordinate(state)
-            measures = [Measured(value, error, np.zeros(0))]
+            measures = [Estimate(value, error, np.zeros(0))]
             self.on_probe(Probe(place, stop, None, 1.0, measures, probe.samples, probe.seconds))
         return match
 
@@ -793,11 +794,11 @@ class PhaseSearch:
         per_pixel = pixel_mm / (2 * SEPARATION * circle_of_confusion(self.renderer.scene))
         return self.match.displacement_error * per_pixel / self.probe.stop
 
-    def _displacement_of(self, probe: HalfProbe, match: Match | None) -> tuple[float, float]:
+    def _displacement_of(self, probe: HalfProbe) -> tuple[float, float]:
         """Return the displacement that a probe shows, and its standard error; the zone's side where it shows none."""
-        if match is None:
+        if probe.match is None:
             return 0.0, self._side(probe.view.axis)
-        return match.displacement, match.displacement_error
+        return probe.match.displacement, probe.match.displacement_error
 
     def records(self) -> list[ProbeRecord]:
         """Return every probe: its value is the displacement of the halves [pixels]."""
@@ -805,13 +806,13 @@ class PhaseSearch:
             ProbeRecord(
                 probe.state,
                 self.drive.film_distance(probe.state),
-                *self._displacement_of(probe, match),
+                *self._displacement_of(probe),
                 probe.stop,
                 probe.samples,
                 probe.seconds,
                 "displacement",
             )
-            for probe, match in (*self.others, *self.probes)
+            for probe in (*self.others, *self.probes)
         ]
 
     def notes(self) -> dict[str, Any]:
@@ -833,7 +834,7 @@ def focus_by_phase(task: Task) -> FocusReport:
     NoContrast
         When no zone gives a distance.
     """
-    search = phase_search(task)
+    search = _phase_search(task)
     state = search.finish()
     sure = probability_within(0.25, search.error)
     report = task.report("phase", state, search.zone, search.error * task.drive.depth_of_focus, sure, search.records())
@@ -841,7 +842,7 @@ def focus_by_phase(task: Task) -> FocusReport:
     return report
 
 
-def phase_search(task: Task) -> PhaseSearch:
+def _phase_search(task: Task) -> PhaseSearch:
     """Return the search of the chosen zone, after its first probe.
 
     Raises
@@ -877,7 +878,7 @@ def phase_search(task: Task) -> PhaseSearch:
 # Hybrid focus: phase detection points to the focus, and contrast finds it there.
 
 
-def uncertainty_of(search: PhaseSearch) -> float:
+def _uncertainty_of(search: PhaseSearch) -> float:
     """Return how uncertain the state of a search is [depths of focus], its distance from the last probe included.
 
     Far from the focus the blur of the target's surroundings shifts the match by a few percent of the way.
@@ -905,7 +906,7 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     """
     search = None
     try:
-        search = phase_search(task)
+        search = _phase_search(task)
         _approach(search)
     except NoContrast as problem:
         if problem.is_flat and search is None:  # one that shows detail first may lose it for want of samples
@@ -916,7 +917,7 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     probes = replace(task, zones=(search.zone,)).probes(MEASURES[BEST])
     probes.budget = max(MOST_OF_SEARCH - search.spent, MOST_OF_SEARCH // 2)
     sharp = task.drive.depth_of_focus
-    reach = max(REACH, AGREEMENT * uncertainty_of(search)) * sharp
+    reach = max(REACH, AGREEMENT * _uncertainty_of(search)) * sharp
     pointed = probes.place_of(search.state)
     try:
         peak, _ = greatest_contrast(probes, Policy.CENTRE, (pointed, reach))
@@ -948,6 +949,6 @@ def _by_phase(task: Task, search: PhaseSearch, probes: Probes, why: str) -> Focu
 def _approach(search: PhaseSearch) -> None:
     """Probe through half pupils until contrast finds the way."""
     for _ in range(HYBRID_STEPS):
-        if uncertainty_of(search) <= NEAR_ENOUGH:
+        if _uncertainty_of(search) <= NEAR_ENOUGH:
             return
         search.step(search.state, SAMPLES)

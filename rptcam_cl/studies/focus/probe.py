@@ -157,7 +157,7 @@ Filters = Callable[[Array], list[Array]]
 
 
 @dataclass(frozen=True)
-class Measured:
+class Estimate:
     """A measure of a zone.
 
     Attributes
@@ -173,7 +173,7 @@ class Measured:
     leave_one_out: Array
 
 
-def without_exposure(image: ZoneImage) -> Array | None:
+def _without_exposure(image: ZoneImage) -> Array | None:
     """Divide the luminance of the parts (count, height, width) by its mean, and take a quadratic off; None if dark."""
     luminance = image.luminance
     mean = float(luminance.mean())
@@ -198,18 +198,18 @@ def _quadratics(height: int, width: int) -> Array:
     return np.asarray(surface)
 
 
-def energy(filters: Filters) -> Callable[[ZoneImage], Measured]:
+def energy(filters: Filters) -> Callable[[ZoneImage], Estimate]:
     """Return the measure that is the mean square of the outputs of filters, free of the square of the noise.
 
     With r_k what a filter makes of part k, of n: the mean of r_j r_k over all pairs j != k, which is
     (|sum r|^2 - sum |r|^2) / (n (n - 1)).
     """
 
-    def measure(image: ZoneImage) -> Measured:
-        parts = without_exposure(image)
+    def measure(image: ZoneImage) -> Estimate:
+        parts = _without_exposure(image)
         count = len(image.parts)
         if parts is None:
-            return Measured(0.0, 0.0, np.zeros(count))
+            return Estimate(0.0, 0.0, np.zeros(count))
         products = np.zeros((count, count))
         for output in filters(parts):
             flat = output.reshape(count, -1)
@@ -224,7 +224,7 @@ def _mean_of_pairs(products: Array) -> float:
     return float((products.sum() - np.trace(products)) / (count * (count - 1)))
 
 
-def jackknife(count: int, of: Callable[[NDArray[np.int64]], float]) -> Measured:
+def jackknife(count: int, of: Callable[[NDArray[np.int64]], float]) -> Estimate:
     """Return a statistic of some parts with its standard error (Tukey 1958).
 
     Parameters
@@ -236,7 +236,7 @@ def jackknife(count: int, of: Callable[[NDArray[np.int64]], float]) -> Measured:
     """
     every = np.arange(count)
     without = np.array([of(np.delete(every, k)) for k in range(count)])
-    return Measured(of(every), _spread(without), without)
+    return Estimate(of(every), _spread(without), without)
 
 
 def _variance(parts: Array) -> list[Array]:
@@ -287,7 +287,7 @@ SPACINGS = (1, 2, 4)  # pixels between the points of a second difference: Nayar 
 BLOCKS = 6  # of the zone each way, whose noise is nearly independent
 
 
-def sum_modified_laplacian(image: ZoneImage) -> Measured:
+def sum_modified_laplacian(image: ZoneImage) -> Estimate:
     """Return the mean over the zone of the sum-modified Laplacian (Nayar and Nakagawa 1994), without noise.
 
     ML = |2 I - I_left - I_right| + |2 I - I_up - I_down|, of neighbours a step apart. The step is 1, 2 and 4 pixels, as
@@ -296,10 +296,10 @@ def sum_modified_laplacian(image: ZoneImage) -> Measured:
     what noise makes; here the sign of a difference is that of the *other* parts, so that noise adds nothing on the
     average and no threshold is needed. The error is never below that of a zone with nothing but this noise in it.
     """
-    parts = without_exposure(image)
+    parts = _without_exposure(image)
     count = len(image.parts)
     if parts is None or min(parts.shape[1:]) < 3:
-        return Measured(0.0, 0.0, np.zeros(count))
+        return Estimate(0.0, 0.0, np.zeros(count))
     differences = _second_differences(parts)
     measure = jackknife(count, lambda kept: sum(float(_sizes(each[kept]).mean()) for each in differences))
     return replace(measure, error=max(measure.error, _error_of_noise(differences)))
@@ -351,7 +351,7 @@ def block_sums(picture: Array) -> Array:
     return np.array([block.sum() for row in rows for block in np.array_split(row, BLOCKS, axis=1)])
 
 
-def plain_variance(image: ZoneImage) -> Measured:
+def _plain_variance(image: ZoneImage) -> Estimate:
     """Return the variance of the luminance as it is, noise and exposure included: what the rptcam paper maximises."""
     luminance = image.luminance
     return jackknife(len(luminance), lambda kept: float(luminance[kept].mean(axis=0).var()))
@@ -369,14 +369,14 @@ class Measure:
         Value at which there is too little to focus on.
     """
 
-    of: Callable[[ZoneImage], Measured]
+    of: Callable[[ZoneImage], Estimate]
     least: float
 
 
 ROUNDED = 1e-5  # size of details that the rounding of float32 pictures makes, many times over
 LEAST_DETAIL = 5e-5  # mean square of the details relative to the mean: 0.7 %
 MEASURES: dict[str, Measure] = {
-    "variance": Measure(plain_variance, 0.0),
+    "variance": Measure(_plain_variance, 0.0),
     "normalised_variance": Measure(energy(_variance), LEAST_DETAIL),
     "tenengrad": Measure(energy(_tenengrad), 8 * LEAST_DETAIL),
     "brenner": Measure(energy(_brenner), LEAST_DETAIL),
@@ -397,7 +397,7 @@ class Probe:
         Coordinate [mm], see `Drive`; rising towards nearer objects.
     stop : float
         Share of the opening's diameter.
-    measures : list of Measured
+    measures : list of Estimate
         Of each zone.
     reference : float or None
         Coordinate for which the zones are given; None where the film was not scaled with the image.
@@ -412,7 +412,7 @@ class Probe:
     stop: float
     reference: float | None
     scale: float
-    measures: list[Measured]
+    measures: list[Estimate]
     samples: int
     seconds: float
 

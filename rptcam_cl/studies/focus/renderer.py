@@ -47,11 +47,7 @@ from rptcam_cl.studies.focus.probe import (
 SMALL_WAVE = 1 << 14  # slots, of work that may be given up: so few hold up nothing else on the device
 
 
-def _wave_size() -> int | None:
-    return SMALL_WAVE if is_cancellable() else None
-
-
-def take_samples(wavefront: Wavefront, samples: int) -> None:
+def _take_samples(wavefront: Wavefront, samples: int) -> None:
     """Take samples of every pixel; where they may be given up, the queue of the device is kept short."""
     for wave in wavefront.waves(0, samples):
         wavefront.enqueue(*wave)
@@ -365,7 +361,7 @@ class ProbeRenderer:
             for wavefront in both:
                 wavefront.clear()
                 wavefront.seed = seed * PARTS + part
-                take_samples(wavefront, count)
+                _take_samples(wavefront, count)
             self.samples += both[0].camera_rays
             pictures.append(_mean_light(*(wavefront.picture(count) for wavefront in both)))
         self.seconds += time.perf_counter() - begun
@@ -445,8 +441,9 @@ class ProbeRenderer:
             view = self.view
             plan, buffers = self._white_plan(camera) if empty else (self._scene_plan(), self._scene_buffers())
             plan = replace(plan, camera=camera)
+            wave_size = SMALL_WAVE if is_cancellable() else None
             self._wavefronts[facts] = Wavefront(
-                self.session, plan, view.layout, view.scene.render, _wave_size(), buffers=buffers, scouts=False
+                self.session, plan, view.layout, view.scene.render, wave_size, buffers=buffers, scouts=False
             )
             self._wavefronts[facts].choose_tiles(view.tiles())
         return self._wavefronts[facts]

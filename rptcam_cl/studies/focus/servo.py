@@ -144,7 +144,7 @@ SETTLES_S = 4e-3  # time constant with which it comes to rest
 
 
 @dataclass(frozen=True)
-class Limits:
+class DriveLimits:
     """What a drive can do, along the coordinate of focus [mm].
 
     Attributes
@@ -160,7 +160,7 @@ class Limits:
     acceleration: float
 
 
-def drive_limits(drive: Drive, settings: ContinuousFocus) -> Limits:
+def _drive_limits(drive: Drive, settings: ContinuousFocus) -> DriveLimits:
     """Return the limits of a camera's drive: as its lens file says, or else as usual."""
     low, high = sorted(drive.coordinate(state) for state in drive.limits)
     known = drive.motor
@@ -171,11 +171,11 @@ def drive_limits(drive: Drive, settings: ContinuousFocus) -> Limits:
         speed, acceleration = known.speed_mm_s, known.acceleration_mm_s2
     if settings.speed is not None:
         speed = min(speed, settings.speed * drive.depth_of_focus)
-    return Limits((low, high), speed, acceleration)
+    return DriveLimits((low, high), speed, acceleration)
 
 
 def push(
-    place: float, speed: float, wanted: float, wanted_speed: float, step_s: float, limits: Limits
+    place: float, speed: float, wanted: float, wanted_speed: float, step_s: float, limits: DriveLimits
 ) -> tuple[float, float]:
     """Return where a drive is, and how fast, one step later, on its way to a place that moves.
 
@@ -240,7 +240,7 @@ class Servo:
     """
 
     def __init__(
-        self, place: float, limits: Limits, vergence: Callable[[float], float], settings: ContinuousFocus
+        self, place: float, limits: DriveLimits, vergence: Callable[[float], float], settings: ContinuousFocus
     ) -> None:
         self._place, self._speed, self._held, self._expected = place, 0.0, place, place
         self._limits, self._exact, self._settings = limits, vergence, settings
@@ -344,7 +344,7 @@ class Servo:
 
 def servo_of(drive: Drive, place: float, settings: ContinuousFocus) -> Servo:
     """Return a servo of a camera's drive that begins in focus."""
-    limits = drive_limits(drive, settings)
+    limits = _drive_limits(drive, settings)
     return Servo(place, limits, lambda at: drive.first_order_vergence(drive.state_at(at)), settings)
 
 

@@ -88,7 +88,9 @@ def work(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"rptcam_cl.{module}.{attribute}", count)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind in ("rise", "zoom"))) for kind in KINDS]
+)
 def test_frames_make_anew_what_is_drawn_alone(
     kind: str, work: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

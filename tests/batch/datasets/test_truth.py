@@ -158,7 +158,7 @@ DRAWN = {
 }
 
 
-@pytest.mark.parametrize("drawn", DRAWN)
+@pytest.mark.parametrize("drawn", [pytest.param("a label", marks=pytest.mark.slow), *list(DRAWN)[1:]])
 def test_a_class_has_one_number_in_all_frames_masks_and_annotations(place: Path, drawn: str) -> None:
     text = LABELLED.replace("objects.0.radius: {uniform: [0.3, 0.5]}", DRAWN[drawn])
     text = text.replace("[depth]", "[sharp_class_id]").replace("frames: 4", "frames: 6")
@@ -200,6 +200,7 @@ vary: {camera.lens: {grid: [dgauss-50mm, retrofocus-35mm]}}
 """
 
 
+@pytest.mark.slow
 def test_depths_of_frames_unproject_by_their_matrix_and_pose_to_where_the_board_is(place: Path) -> None:
     """By OpenCV, whose pixels have their centres half a pixel earlier."""
     (place / "board.yaml").write_text(BOARD, "utf-8")

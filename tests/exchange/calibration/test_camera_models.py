@@ -18,9 +18,8 @@ from rptcam_cl.exchange.camera_models import (
     slopes,
 )
 from rptcam_cl.exchange.camera_view import subject, view
-from rptcam_cl.optics.chief_rays import film_chief_rays, round_chief_rays
+from rptcam_cl.optics.beams import chief_ray, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spot import chief_ray
 from rptcam_cl.scene.load import load_scene
 
 ALLOWED_PX = 0.05

@@ -13,7 +13,7 @@ from PIL import Image
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.pbrt.files import heights, in_longitude_and_latitude, square_of_angles
+from rptcam_cl.exchange.pbrt.convert import in_longitude_and_latitude, square_heights, square_of_angles
 from rptcam_cl.exchange.pbrt.textures import black_body_srgb
 from rptcam_cl.scene.lights import read_luminaire
 from tests.exchange.pbrt import reference as pbrt
@@ -199,7 +199,7 @@ def test_square_covers_equal_solid_angles() -> None:
 
 
 def test_heights_are_those_of_the_pixels() -> None:
-    z = heights(64)
+    z = square_heights(64)
     u, v = square_of_angles(z, 0.3)  # a ring; every pixel of it has a height near that
     assert z.mean() == pytest.approx(0, abs=1e-12)
     row, column = (v * 64).astype(int).clip(0, 63), (u * 64).astype(int).clip(0, 63)

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.exchange.conversion import Place, Report, Source
 from rptcam_cl.exchange.pbrt.convert import convert_scene
-from rptcam_cl.exchange.pbrt.source import Place, Report, Source
 from rptcam_cl.scene.load import load_scene
 from tests.exchange.pbrt.conftest import HEAD
 from tests.exchange.pbrt.test_materials import png

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.pbrt.source import Report, Statement, one_line, read_limited, read_statements
+from rptcam_cl.exchange.conversion import Report, one_line, read_limited
+from rptcam_cl.exchange.pbrt.source import Statement, read_statements
 from rptcam_cl.exchange.pbrt.world import Instance, ShapeUse, read_world
 from tests.exchange.pbrt.conftest import HEAD
 from tests.support.counting import calls

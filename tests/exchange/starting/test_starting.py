@@ -11,7 +11,7 @@ from rptcam_cl.api.interface import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
 from rptcam_cl.exchange.camera_view import view
-from rptcam_cl.exchange.starting import Copies, Projection, frame_subject, starting_scene
+from rptcam_cl.exchange.starting import CopiedFiles, Projection, frame_subject, starting_scene
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.assets.pictures import write_exr
 from rptcam_cl.scene.load import load_scene
@@ -92,7 +92,7 @@ def test_files_of_one_name_from_two_folders_are_refused(tmp_path: Path, home: Pa
         (tmp_path / folder / "deep" / "er").mkdir(parents=True)
         (tmp_path / folder / "x.obj").write_text(content)
         (tmp_path / folder / "deep" / "er" / "y.png").write_text(content)
-    copies = Copies(home)
+    copies = CopiedFiles(home)
     copies.add_companions(
         tmp_path / "a" / "x.obj", [tmp_path / "a" / "deep" / "er" / "y.png", tmp_path / "b" / "x.obj"]
     )
@@ -102,7 +102,7 @@ def test_files_of_one_name_from_two_folders_are_refused(tmp_path: Path, home: Pa
     assert [path.relative_to(home).as_posix() for path in copies.write()] == ["deep/er/y.png", "x.obj"]
     assert (home / "deep" / "er" / "y.png").read_text() == "one"
     assert copies.write() == []
-    assert Copies(home).name_of(home / "deep" / "er" / "y.png") == "deep/er/y.png"
+    assert CopiedFiles(home).name_of(home / "deep" / "er" / "y.png") == "deep/er/y.png"
     for wrong, problem in (("none.obj", "no such file"), ("a", "is not a regular file")):
         with pytest.raises(InputError, match=f"{wrong}: {problem}"):
             copies.name_of(tmp_path / wrong)

@@ -7,8 +7,8 @@ import pytest
 
 from rptcam_cl import load_lens
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.beams import Beam, spot
 from rptcam_cl.optics.best_focus import axial_blur, best_film_distance
-from rptcam_cl.optics.spot import Beam, spot
 
 THIN = {
     "name": "thin",

@@ -24,38 +24,13 @@ def printed(capsys, *words):
     return json.loads(capsys.readouterr().out)
 
 
-def same(result, rows):
-    names = [name for name in result if name in rows[0]]
-    assert len(names) >= 4
-    for name in names:
-        expected = [np.nan if row[name] is None else row[name] for row in rows]
-        assert result[name].tolist() == pytest.approx(expected, nan_ok=True, rel=1e-12)
-
-
 FIELDS = [0.0, 10.0]
 
 
-def test_methods_return_what_the_commands_print(lens, capsys):
-    name, fields = "cooke-triplet-50mm", ["--fields", "0,10"]
-    same(lens.mtf([10.0, 40.0], FIELDS), printed(capsys, "mtf", name, *fields, "--frequencies", "10,40")["mtf"])
-    spots = lens.spot(FIELDS, f_number=8)
-    said = printed(capsys, "spot", name, *fields, "--f-number", "8")["spots"]
-    assert spots["rms_um"].tolist() == pytest.approx([row["rms_um"] for row in said])
-    assert spots.about["points"][0.0, 587.5618].shape[1] == 2
-    same(lens.distortion(FIELDS, focus_distance_m=2.0),
-         printed(capsys, "distortion", name, *fields, "--focus-distance-m", "2")["distortion"])  # fmt: skip
-    same(
-        lens.vignetting(10.0, 2),
-        printed(capsys, "vignette", name, "--film-radius-mm", "10", "--steps", "2")["vignetting"],
-    )
-    image = lens.psf(10.0, pixels=32)
-    assert image["rms_um"][0] == pytest.approx(
-        printed(capsys, "psf", name, "--field", "10", "--pixels", "32")["psf"]["rms_um"]
-    )
-    assert image.about["shares"].shape == (32, 32)
-
-
-@pytest.mark.parametrize("measurement", MEASUREMENTS, ids=lambda measurement: measurement.command)
+@pytest.mark.parametrize(
+    "measurement",
+    [pytest.param(each, id=each.command, marks=[pytest.mark.slow] * (each.command == "dof")) for each in MEASUREMENTS],
+)
 def test_every_measurement_is_a_command_and_a_method_with_the_same_numbers(lens, capsys, measurement):
     words, given = [], {}
     for option in measurement.options:

@@ -66,7 +66,7 @@ def test_defocused_spot_is_a_disk() -> None:
 
 
 def test_spots_agree_with_the_published_reference_of_optics() -> None:
-    from rptcam_cl.optics.spot import Beam, spot
+    from rptcam_cl.optics.beams import Beam, spot
 
     state = setting(load_lens("dgauss-50mm"), f_number=4)
     (row,) = spot_table(film_spots(state, [10.0], [587.5618], 128))
@@ -161,7 +161,7 @@ def test_thin_lens_with_its_stop_has_no_distortion(distance_m: float | None) -> 
 
 
 def test_distortion_agrees_with_that_of_optics() -> None:
-    from rptcam_cl.optics.spot import distortion
+    from rptcam_cl.optics.beams import distortion
 
     state = setting(load_lens("wide-22mm"))
     (row,) = distortion_table(state, [30.0], [587.5618], "tan")
@@ -182,6 +182,7 @@ def test_lens_without_a_real_image_cannot_be_measured() -> None:
         film_spots(state, [0.0], [587.56])
 
 
+@pytest.mark.slow
 def test_a_field_that_nothing_reaches_is_an_empty_row_among_others() -> None:
     state = setting(load_lens("wide-22mm"))
     spots = film_spots(state, [0.0, 100.0], [587.56], 24)
@@ -300,6 +301,7 @@ def test_figures_by_default_are_those_of_many_rays_and_say_how_exact_they_are(
         )
 
 
+@pytest.mark.slow
 def test_spots_through_focus_have_as_many_rays_as_they_need() -> None:
     lens = rptcam_cl.load_lens("tessar-102mm")
     least, most = (

@@ -202,6 +202,7 @@ def test_tolerances_that_do_not_suit_the_lens_are_refused_with_their_place(folde
         camera_model(scene(folder, built("90%", "commercial", "mirror-500mm"), {"distance_m": 8.0}))
 
 
+@pytest.mark.slow
 def test_picture_says_which_copy_took_it(folder: Path) -> None:
     image = render(scene(folder, built("90%"), pupil="bounds"), spp=16)
     assert image.metadata["as_built"]["percentile"] == 90

@@ -19,9 +19,9 @@ from rptcam_cl.scene.camera import CameraKind
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import focus_drive
+from rptcam_cl.viewfinder.delivery import dial_list
 from rptcam_cl.viewfinder.lens_panel import camera_numbers
 from rptcam_cl.viewfinder.panel import Panel, focal_length_mm, read_dials
-from rptcam_cl.viewfinder.state import dial_list
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
 MOVED = {"movements": {"tilt_degrees": 8, "rise_mm": 3}}

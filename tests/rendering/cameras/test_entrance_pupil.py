@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rptcam_cl.optics.beams import chief_ray
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spot import chief_ray
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import entrance_pupil, lens_setting, pupil_in_world
 from rptcam_cl.scene.load import load_scene

@@ -5,10 +5,9 @@ import pytest
 
 from rptcam_cl.optics.glass import AIR, ConstantIndex
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.ray_trace import Status
+from rptcam_cl.optics.ray_trace import Status, axis_points
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.studies.selfcheck_suite import (
-    crossings,
     ellipsoidal,
     parallel,
     plano_hyperbolic,
@@ -62,7 +61,7 @@ def ball_error(session, index, precision):
     rays = on_device(session, ball(index), *parallel(heights), precision, "scene")
     assert rays.passed.all()
     expected = heights / np.sin(2 * (np.arcsin(heights / r) - np.arcsin(heights / (n * r)))) - r
-    return np.abs(crossings(rays) - 2 * r - expected).max()
+    return np.abs(axis_points(rays.origins, rays.directions) - 2 * r - expected).max()
 
 
 def test_ball_lens_has_its_spherical_aberration(session):
@@ -75,7 +74,7 @@ def test_ball_lens_focuses_behind_itself_in_the_limit_of_small_heights(session):
     # D (2 - n) / (4 (n - 1)): 2.5 mm of a ball of 10 mm; an index of 2 focuses on its own surface
     for index, distance in ((1.5, 2.5), (2.0, 0.0)):
         rays = on_device(session, ball(index), *parallel(np.full(20, 1e-3)), "double", "scene")
-        np.testing.assert_allclose(crossings(rays) - 10, distance, atol=1e-6)
+        np.testing.assert_allclose(axis_points(rays.origins, rays.directions) - 10, distance, atol=1e-6)
 
 
 def test_the_aplanatic_point_of_a_sphere_is_imaged_sharply_at_every_angle(session):

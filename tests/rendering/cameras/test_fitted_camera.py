@@ -62,6 +62,7 @@ def test_every_number_of_the_table_counts(session, place):
     assert apart_px.max() > 0.25
 
 
+@pytest.mark.slow
 def test_the_shape_of_the_stop_is_seen(session):
     heart = scene_of(aperture={"shape": "heart"}, f_number=4)
     traced, fitted, apart_px = both_ways(session, heart)
@@ -71,6 +72,7 @@ def test_the_shape_of_the_stop_is_seen(session):
     assert np.mean(lit != (fitted.weight > 0)) < 0.01
 
 
+@pytest.mark.slow
 def test_each_wavelength_goes_its_own_way():
     scene = scene_of("planar-1897", width_mm=24.0)
     scene = change_scene(

@@ -104,6 +104,7 @@ def test_line_shares_the_light_of_a_vignetted_pupil_evenly(session):
     assert abs(share(replace(line, share=0.0, offset=0.0)) - 0.5) > 0.1
 
 
+@pytest.mark.slow
 def test_pictures_of_the_halves_add_up_to_that_of_the_whole(session):
     ball = {"shape": "sphere", "center": [0.3, 0, -1.2], "radius": 0.2, "material": MATTE}
     film = {"size_mm": [24, 16]}

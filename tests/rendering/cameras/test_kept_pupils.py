@@ -96,6 +96,7 @@ def test_a_lens_in_colour_is_traced_once_for_all_pictures_in_the_same_state(monk
     assert np.array_equal(first.surfaces, second.surfaces)
 
 
+@pytest.mark.slow
 def test_light_on_the_axis_and_the_drift_of_the_pupil_come_back(monkeypatch):
     pose = {"eye": [0, 0, 0], "target": [0, 0, -1]}
     lens = "anamorphic-100mm"  # the drift of round lenses is found as fast as it is read

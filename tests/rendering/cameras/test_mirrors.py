@@ -147,6 +147,7 @@ def test_fault_in_a_kernel_is_found(mutant):
     assert_found(mutant, open_session())
 
 
+@pytest.mark.slow
 def test_a_folded_lens_takes_the_picture_of_the_straight_one(tmp_path):
     """A plane mirror at 45 degrees turns film and axis together, so that pictures are the same, within the noise."""
     folded = lens_text(system("folded"))

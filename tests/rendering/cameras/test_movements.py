@@ -269,6 +269,7 @@ def test_focus_by_spot_near_natural_size_is_for_the_distance_from_the_middle_of_
     assert 1 / sharpest == pytest.approx(0.22, rel=3e-4)
 
 
+@pytest.mark.slow
 def test_circle_of_confusion_on_a_tilted_film_is_that_of_its_depth():
     """A wall at the distance in focus: the cone of each point is cut where the film has gone out of focus."""
     camera = {"focal_length_mm": FOCAL * 1e3, "f_number": 4, "focus_distance_m": FOCUS}
@@ -282,6 +283,7 @@ def test_circle_of_confusion_on_a_tilted_film_is_that_of_its_depth():
     np.testing.assert_allclose(coc, np.broadcast_to(expected[:, None], coc.shape), rtol=0.05, atol=0.01)
 
 
+@pytest.mark.slow
 def test_circle_of_confusion_vanishes_in_the_tilted_plane_of_focus():
     camera = {"focal_length_mm": FOCAL * 1e3, "f_number": 4, "focus_distance_m": FOCUS}
     scene = scene_of("thin_lens", {"tilt_degrees": float(np.degrees(TILT))}, **camera)

@@ -17,6 +17,7 @@ from rptcam_cl.rendering.scene_buffers import camera_buffers
 from rptcam_cl.rendering.traceable_lens import trace_on_device
 from rptcam_cl.scene.load import change_scene, load_scene
 from tests.device.probes import wave_record
+from tests.support.cases import fast
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
 ROUNDING = 2.0**-24
@@ -33,7 +34,7 @@ CAMERAS = {
     "cylinders": {"lens": "cylinder-pair", "focus": {"film_distance_mm": 100.0}},
     "fisheye": {"lens": "fisheye-10mm", "focus": {"distance_m": 2.0}, "pupil": "rear"},
 }
-EVERY_CAMERA = [*list(CAMERAS)[:2], *(pytest.param(name, marks=pytest.mark.slow) for name in list(CAMERAS)[2:])]
+EVERY_CAMERA = fast(["coated, coloured, five blades"], CAMERAS)
 
 
 def scene_through(name, **more):
@@ -109,6 +110,7 @@ def test_rays_are_those_of_the_reference_rounded_once(session, name):
         np.testing.assert_allclose(out[7], exact.transmittance, atol=3e-6)
 
 
+@pytest.mark.slow
 def test_rays_in_single_precision_err_by_more(session):
     """The control: in float32 the same rays are not those of the reference."""
     scene = scene_through("aspheres")

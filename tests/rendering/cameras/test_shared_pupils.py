@@ -14,6 +14,7 @@ from rptcam_cl.rendering.cameras.pupil import PupilSampling, left_out
 from rptcam_cl.rendering.cameras.setting import film_frame, half_film_mm, lens_setting
 from rptcam_cl.scene.load import load_scene, set_keys
 from rptcam_cl.scene.scene import Scene
+from tests.support.cases import slow
 
 NM = 587.56
 POSE = {"kind": "realistic", "eye": [0, 0, 3], "target": [0, 0, 0], "wavelength_nm": NM, "pupil": "shared"}
@@ -48,10 +49,10 @@ def lost_and_passing(scene: Scene, sampling: PupilSampling) -> tuple[float, floa
     "lens, width_mm, nearest_m, method, traced",
     [
         ("dgauss-50mm", 36, 0.6, "thick", False),
-        ("dgauss-50mm", 36, 0.6, "spot", True),
-        pytest.param("retrofocus-35mm", 28, 0.5, "thick", False, marks=pytest.mark.slow),
-        ("zoom-70-200mm", 30, 3, "thick", False),
-        pytest.param("double-gauss-50mm-f1.1", 28, 1, "thick", False, marks=pytest.mark.slow),
+        slow("dgauss-50mm", 36, 0.6, "spot", True),
+        slow("retrofocus-35mm", 28, 0.5, "thick", False),
+        slow("zoom-70-200mm", 30, 3, "thick", False),
+        slow("double-gauss-50mm-f1.1", 28, 1, "thick", False),
         ("double-gauss-50mm-f1.1", 36, 1, "thick", True),  # no chief ray comes from the corners
     ],
 )
@@ -71,6 +72,7 @@ def test_a_cell_holds_the_pupils_of_all_its_states(
         assert passing > (0.83 if traced else 0.88)  # stops differ by 9 % of the area in a cell
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "lens, lengths_mm, method",
     [
@@ -160,6 +162,7 @@ def test_a_cell_is_the_same_from_disk_and_whatever_state_comes_first(
     forget()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("colour", ["off", "on"])
 def test_light_on_the_axis_is_that_of_a_state_with_its_own_table(colour: Any) -> None:
     scene = scene_of("retrofocus-35mm", 30, 1.5, stop_diameter_mm=8.1)

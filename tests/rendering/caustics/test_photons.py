@@ -83,6 +83,7 @@ def test_light_of_a_lamp_without_size_is_the_closed_form(eye, foot, irradiance):
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)  # five times the noise
 
 
+@pytest.mark.slow
 def test_a_principled_floor_takes_photons():
     made = scene(PANE, camera=looking([0.1, 0, 0.4], [0, 0, 0], fov=4), lights=[LAMP], size=(16, 16), depth=3)
     dull = {"kind": "principled", "base_color": GREY["reflectance"], "specular": 0}  # what is left of it is matte
@@ -92,6 +93,7 @@ def test_a_principled_floor_takes_photons():
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_mirror_of_slanted_normals_sends_the_sun_where_they_say():
     """A beam that they turn lights the floor as if the mirror stood so: the beam counts, and its slant there."""
     normal, down = np.array([-1, 0, 0.3]) / math.hypot(1, 0.3), np.array([0.6, 0, -0.8])
@@ -106,6 +108,7 @@ def test_a_mirror_of_slanted_normals_sends_the_sun_where_they_say():
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.slow
 def test_floor_in_water_gets_what_the_water_leaves():
     # index 1: light goes straight on, 0.1 m of it in the water; of the way to the eye a path counts nothing
     water = {"kind": "dielectric", "index": 1.0, "absorption_per_m": [0, 3, 10]}
@@ -128,6 +131,7 @@ SOLIDS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SOLIDS)
 def test_solid_of_index_1_takes_no_light_from_the_floor_behind_it(shape):
     """Whatever its shape: photons that start all over it, by its area, bring what would come without it."""
@@ -140,6 +144,7 @@ def test_solid_of_index_1_takes_no_light_from_the_floor_behind_it(shape):
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.04)  # four times the noise of the ball
 
 
+@pytest.mark.slow
 def test_lamp_behind_glass_is_seen_as_it_is(monkeypatch):
     """The light of a lamp seen through glass is that of the path: photons bring what goes on from a receiver alone."""
     monkeypatch.setattr(Session, "lanes", 1)  # where what is true is 1, not -1

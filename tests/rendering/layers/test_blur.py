@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
+from tests.support.cases import slow
 
 WIDTH_MM, COLUMNS, ROWS = 36.0, 720, 480
 FILM = {"resolution": [COLUMNS, ROWS], "width_mm": WIDTH_MM}
@@ -64,10 +65,10 @@ def of_panel(camera, depth, place):
 @pytest.mark.parametrize(
     ("name", "depth", "place"),
     [
-        ("thin_lens", 6.0, CENTRE),
-        ("thick_lens", 0.8, CORNER),
+        slow("thin_lens", 6.0, CENTRE),
+        slow("thick_lens", 0.8, CORNER),
         ("double_gauss", 0.8, CORNER),
-        pytest.param("double_gauss", 6.0, CENTRE, marks=pytest.mark.slow),
+        slow("double_gauss", 6.0, CENTRE),
     ],
 )
 def test_circle_of_confusion_is_the_blur_of_a_point_within_5_percent(name, depth, place):
@@ -124,9 +125,7 @@ TILTED = {
 }
 
 
-@pytest.mark.parametrize(
-    "place", [(0.15, 0.15), *(pytest.param(p, marks=pytest.mark.slow) for p in [(0.85, 0.15), (0.15, 0.85)])]
-)
+@pytest.mark.parametrize("place", [(0.15, 0.15), *map(slow, ((0.85, 0.15), (0.15, 0.85)))])
 def test_tilted_lens_blurs_each_corner_in_its_own_way(place):
     width_mm, columns, rows, depth = 18.0, 360, 240, 1.2
     film = {"resolution": [columns, rows], "width_mm": width_mm}

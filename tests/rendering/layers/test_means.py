@@ -14,6 +14,7 @@ from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.film import LAYER_NAMES
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.layers.scenes import CAMERAS, GREY, RED, world
+from tests.support.cases import slow
 
 FACING = {"shape": "rectangle", "edge_u": [2, 0, 0], "edge_v": [0, 2, 0]}
 NEAR, FAR = FACING | {"corner": [0.04, -0.9, -3]}, FACING | {"corner": [-1.2, -1, -5]}  # edges within pixels
@@ -59,7 +60,7 @@ def test_means_mix_what_the_pixel_sees_as_the_light_does(camera):
     assert (image["albedo"] == 0).all()  # lamps reflect nothing
 
 
-@pytest.mark.parametrize("camera", [pytest.param("pinhole", marks=pytest.mark.slow), "thin_lens", "double_gauss"])
+@pytest.mark.parametrize("camera", ["thin_lens", *map(slow, ("pinhole", "double_gauss"))])
 def test_identifiers_are_those_of_the_first_ray_exactly(camera):
     scene = two_panels(camera, glow([1, 0, 0]), glow([0, 1, 0]))
     one = np.asarray(rptcam_cl.render(scene, spp=1, seed=5))
@@ -132,7 +133,8 @@ def test_picture_is_the_same_with_layers_and_without():
     assert tuple(layered.layers) == LAYER_NAMES
 
 
-@pytest.mark.parametrize("camera", [pytest.param("thin_lens", marks=pytest.mark.slow), "double_gauss"])
+@pytest.mark.slow
+@pytest.mark.parametrize("camera", ["thin_lens", "double_gauss"])
 def test_layers_depend_neither_on_the_wave_nor_on_the_organisation(camera):
     scene = load_scene(
         world(camera) | {"film": {"resolution": [40, 20]}, "render": {"layers": LAYER_NAMES, "layers_spp": 11}}
@@ -147,7 +149,8 @@ def test_layers_depend_neither_on_the_wave_nor_on_the_organisation(camera):
             np.testing.assert_array_equal(found[0][name], other[name], err_msg=name)
 
 
-@pytest.mark.parametrize("camera", [pytest.param("thin_lens", marks=pytest.mark.slow), "double_gauss"])
+@pytest.mark.slow
+@pytest.mark.parametrize("camera", ["thin_lens", "double_gauss"])
 def test_one_lane_per_work_item_gives_the_same_layers(camera, monkeypatch):
     eight = rptcam_cl.render(world(camera), spp=3, layers=LAYER_NAMES)
     monkeypatch.setattr(Session, "lanes", 1)
@@ -186,6 +189,7 @@ def test_crop_shows_a_part_of_the_whole_layers():
         np.testing.assert_array_equal(part[name], whole[name][12:, 12:36], err_msg=name)
 
 
+@pytest.mark.slow
 def test_nothing_anywhere_is_background_everywhere():
     scene = {"camera": CAMERAS["pinhole"] | FORWARD, "film": {"resolution": [9, 7]}}
     image = rptcam_cl.render(scene, spp=2, layers=LAYER_NAMES)
@@ -198,6 +202,7 @@ def test_nothing_anywhere_is_background_everywhere():
     assert (image["coc"] == 0).all()
 
 
+@pytest.mark.slow
 def test_dark_corners_of_a_lens_have_no_rays_to_tell_of():
     camera = CAMERAS["fisheye"] | FORWARD
     image = rptcam_cl.render({"camera": camera, "film": {"resolution": [36, 24]}}, spp=4, layers=["coc", "pupil"])
@@ -226,6 +231,7 @@ def test_wrong_layers_are_refused(layers, message):
         rptcam_cl.render(world("pinhole"), layers=layers)
 
 
+@pytest.mark.slow
 def test_floor_far_from_the_origin_keeps_its_place():
     away = np.array([5e5, 4e6, -2e5])
     objects = [item | {"material": GREY} for item in (NEAR, FAR)]
@@ -241,6 +247,7 @@ def test_floor_far_from_the_origin_keeps_its_place():
     np.testing.assert_allclose(there["position"] - away, here["position"], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_albedo_of_a_named_metal_is_what_it_reflects_head_on():
     scene = {
         "camera": {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 5},

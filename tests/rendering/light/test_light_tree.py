@@ -15,6 +15,7 @@ from rptcam_cl.scene.load import load_scene
 from tests.device.probes import run
 from tests.rendering.light.test_environment_pictures import batches
 from tests.rendering.pictures import MATTE, flat_mean, lamp, looking, scene_of
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent, assert_same_tiles
 
 GROUND = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": MATTE}
@@ -299,6 +300,7 @@ def test_tree_is_for_lamps_that_stand_apart(pitch, height, tree) -> None:
     assert plan.facts["LIGHT_TREE"] == tree
 
 
+@pytest.mark.slow
 def test_light_of_many_spheres_has_its_closed_form() -> None:
     # E = pi L (r / d)^2 cos, exactly, of spheres wholly above the ground
     rng = np.random.default_rng(5)
@@ -357,7 +359,7 @@ def glossy_hall():
     return scene
 
 
-@pytest.mark.parametrize("made", [large_lamps, large_lamps_over_plastic, pytest.param(hall, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("made", [large_lamps_over_plastic, *map(slow, (large_lamps, hall))])
 def test_passes_and_stream_give_the_same_bits(session, made) -> None:
     scene = load_scene(made())
     assert make_plan(scene).facts["LIGHT_TREE"] == 1

@@ -69,12 +69,14 @@ def square():
     return a, b, np.full(COUNT**2, 1 / COUNT**2)
 
 
+@pytest.mark.slow
 def test_painted_rectangle(folder) -> None:
     corner, x, y = [-0.4, -0.2, 0.8], [0, 1.2, 0], [1.1, 0, 0.2]
     lamp = {"shape": "rectangle", "corner": corner, "edge_u": x, "edge_v": y, "material": GLOW}
     assert_irradiance(folder, lamp, flat(corner, x, y, square()), "rectangle")
 
 
+@pytest.mark.slow
 def test_painted_disk(folder) -> None:
     lamp = {"shape": "disk", "center": [0.2, 0.1, 1], "normal": [0, 0, -1], "radius": 0.7, "material": GLOW}
     a, b, share = square()

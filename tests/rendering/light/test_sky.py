@@ -12,6 +12,7 @@ from rptcam_cl.rendering.plan.environment import COLUMNS, ROWS, SUN_RADIUS_DEGRE
 from rptcam_cl.scene.lights import SkyEnvironment
 from tests.rendering.light.pictures import irradiance
 from tests.rendering.pictures import MATTE, flat_mean, looking, pixels, scene_of
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent
 
 
@@ -71,7 +72,7 @@ def test_ground_reflects_what_arrives() -> None:
     np.testing.assert_allclose(radiance[-1, 0], arriving * [0.5, 0.2, 0] / np.pi, rtol=2e-3)
 
 
-@pytest.mark.parametrize("sun", [True, False])
+@pytest.mark.parametrize("sun", [True, slow(False)])
 def test_irradiance_of_the_ground_is_that_of_sky_and_sun(sun) -> None:
     environment = {"kind": "sky", "sun_elevation_degrees": 35, "turbidity": 4, "sun": sun, "sun_azimuth_degrees": 77}
     ground = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": MATTE}

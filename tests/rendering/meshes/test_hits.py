@@ -15,6 +15,7 @@ from rptcam_cl.studies.selfcheck import (
     mesh_object,
     mesh_rays_of,
 )
+from tests.support.cases import slow
 
 
 def rng_of(name: str) -> np.random.Generator:
@@ -26,7 +27,7 @@ def test_no_ray_leaks_through_edges_or_vertices(session, place):
     assert leaks(session, place, rng_of(f"leaks {place}"), 200_000, 100) == 0
 
 
-@pytest.mark.parametrize("width", [4, pytest.param(8, marks=pytest.mark.slow), 16])
+@pytest.mark.parametrize("width", [16, *map(slow, (4, 8))])
 @pytest.mark.parametrize("kind", ["random", "axis", "denormal"])
 @pytest.mark.parametrize("shape", ["globe", "flat grid"])
 def test_tree_finds_what_every_triangle_finds(session, monkeypatch, shape, kind, width):
@@ -69,7 +70,7 @@ def test_offset_is_small_beside_the_distance(session):
     assert (hits.offset < 1e-5).all()
 
 
-@pytest.mark.parametrize("turn", [[], [{"scale": [-1, 1, 1]}]], ids=["as it is", "mirrored"])
+@pytest.mark.parametrize("turn", [slow([]), [{"scale": [-1, 1, 1]}]], ids=["as it is", "mirrored"])
 def test_instances_are_met_where_copies_are(session, monkeypatch, turn):
     points, faces = globe(20, 20)
     rng = rng_of("instances")

@@ -114,7 +114,8 @@ def test_passes_and_stream_and_every_width_agree(session, lanes, organisation, m
     assert np.isclose(film(moving(), open_session()), plain, rtol=1e-5, atol=1e-6).mean() > 0.95
 
 
-@pytest.mark.parametrize("organisation", [pytest.param("passes", marks=pytest.mark.slow), "stream"])
+@pytest.mark.slow
+@pytest.mark.parametrize("organisation", ["passes", "stream"])
 def test_depth_is_measured_from_where_the_camera_is(session, organisation, monkeypatch):
     """A wall 6 m ahead that the camera goes towards by 2 m: its depth is 5 m in the mean."""
     wall = {"shape": "plane", "point": [0, 0, -1], "normal": [0, 0, 1], "material": GREY}

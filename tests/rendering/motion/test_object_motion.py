@@ -10,6 +10,7 @@ from tests.device.probes import open_session
 from tests.rendering.motion.pictures import BALL, FLOOR, GREY, PAIRS, PINHOLE, exposures, film, scene_with, still_mean
 from tests.rendering.pictures import lamp
 from tests.rendering.primitives.trees import with_tree
+from tests.support.cases import slow
 from tests.support.statistics import assert_same_tiles
 
 CHECKS = {"kind": "matte", "reflectance": {"kind": "checker", "even": 0.9, "odd": 0.1, "scale": [4, 4]}}
@@ -70,6 +71,7 @@ def moved(item, steps):
 FLAT = pytest.param(("box", "disk", "rectangle", "mesh"), marks=pytest.mark.slow)  # test_moments.py has each of them
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [("sphere", "ellipsoid", "cylinder", "cone"), FLAT], ids=["round", "flat"])
 def test_exposure_is_the_mean_of_still_pictures(session, names):
     """Four shapes side by side, each on the same way."""
@@ -88,6 +90,7 @@ def test_exposure_is_the_mean_of_still_pictures(session, names):
         assert_same_tiles(blurred, exposures(still(1), session, "middle", spp=64))
 
 
+@pytest.mark.slow
 def test_many_objects_on_ways_of_their_own(session):
     """Planes, shadows, mirrors, glass and lamps that move, some things that stand, in one scene."""
     mirror = {"kind": "mirror", "reflectance": 0.9}
@@ -121,6 +124,7 @@ def test_object_that_holds_while_the_shutter_is_open_changes_no_bit(session, fra
         assert film(held, session).tobytes() == film(still, session).tobytes()
 
 
+@pytest.mark.slow
 def test_camera_that_moves_is_the_world_that_moves_back(session):
     """Each path has the same time, so that pictures agree pixel by pixel."""
     beside = moved(CUBE, [{"translate": [1.2, 0.1, 0.3]}])  # where two faces lie in one plane, rounding decides
@@ -135,6 +139,7 @@ def test_camera_that_moves_is_the_world_that_moves_back(session):
     assert not np.isclose(by_camera, begin, rtol=1e-2).mean() > 0.8
 
 
+@pytest.mark.slow
 def test_mesh_and_primitive_on_the_same_way_agree(session):
     box = {"shape": "box", "min": [-0.5, 0.2, -0.5], "max": [0.5, 1.2, 0.5], "material": GREY}
     pictures = [
@@ -143,6 +148,7 @@ def test_mesh_and_primitive_on_the_same_way_agree(session):
     assert np.isclose(*pictures, rtol=1e-3, atol=1e-4).mean() > 0.95
 
 
+@pytest.mark.slow
 def test_far_from_the_origin_of_the_scene(session):
     there = np.array([3e5, -1e5, 2e5])
 
@@ -163,7 +169,7 @@ def test_far_from_the_origin_of_the_scene(session):
     assert np.isclose(near, far, rtol=1e-3, atol=1e-4).mean() > 0.95
 
 
-@pytest.mark.parametrize("item", [BALL | {"material": GLASS}, CUBE | {"material": GLASS}, SHAPES["cone"]])
+@pytest.mark.parametrize("item", [CUBE | {"material": GLASS}, *map(slow, (BALL | {"material": GLASS}, SHAPES["cone"]))])
 def test_no_light_is_lost_in_a_white_world(session, item):
     """A surface that a path leaves is not met again by rounding, whatever its way."""
     whole = item["material"] if item["material"] is GLASS else {"kind": "mirror", "reflectance": 1.0}
@@ -193,6 +199,7 @@ def test_tree_over_primitives_changes_no_bit(session, monkeypatch):
     assert films[0].std() > 0.01
 
 
+@pytest.mark.slow
 def test_meshes_that_share_triangles_go_their_own_ways(session):
     """Two that move, one that stands: at one moment they are where they should be."""
     side = 4
@@ -236,6 +243,7 @@ def test_passes_and_stream_and_every_width_agree(session, lanes, organisation, m
     assert np.isclose(film(scene, open_session()), plain, rtol=1e-4, atol=1e-5).mean() > 0.95
 
 
+@pytest.mark.slow
 def test_interruption_changes_no_bit(session, tmp_path):
     scene = scene_with([FLOOR, CUBE | {"motion": WAY}], shutter={"time_s": 1, "kind": "rolling", "readout_s": 1})
     whole = film(scene, session, spp=9)
@@ -252,6 +260,7 @@ def test_lamp_that_moves_is_found_by_paths_and_said_to_be_noisy(session):
     assert not any("moves" in text for text in still.warnings)
 
 
+@pytest.mark.slow
 def test_layers_hold_means_over_the_exposure(session):
     """A wall that comes nearer by 1 m and turns by 90 degrees from one side to the other."""
     wall = {"shape": "rectangle", "corner": [-30, -30, 0], "edge_u": [60, 0, 0], "edge_v": [0, 60, 0], "material": GREY}

@@ -5,6 +5,7 @@ import pytest
 
 from tests.rendering.motion.pictures import film, scene_with
 from tests.rendering.pictures import lamp
+from tests.support.cases import slow
 
 BLACK = {"environment": {"kind": "constant", "radiance": 0.0}}
 WIDTH, HEIGHT, DISTANCE = 96, 64, 5.0
@@ -26,7 +27,7 @@ def lit(item, frames, shutter, session, spp=256, **camera):
     return film(scene, session, spp=spp)[..., 0].astype(float)
 
 
-@pytest.mark.parametrize(("speed", "time_s"), [(4.0, 0.25), (20.0, 0.1)])
+@pytest.mark.parametrize(("speed", "time_s"), [(4.0, 0.25), slow(20.0, 0.1)])
 def test_streak_is_as_long_as_speed_time_and_magnification_say(session, speed, time_s):
     ball = {"shape": "sphere", "center": [0, 0, 0], "radius": 0.08}
     frames = [{"time_s": -1, "translate": [-speed, 0, 0]}, {"time_s": 1, "translate": [speed, 0, 0]}]
@@ -78,6 +79,7 @@ def test_bar_that_spins_by_whole_turns_leaves_what_it_covers_of_each_circle(sess
     assert (picture[r > 1.55] == 0).all()
 
 
+@pytest.mark.slow
 def test_spin_under_a_rolling_shutter_bends_a_blade(session):
     """At half the height a bar stands at the angle of that row's time, above and below at those of theirs."""
     bar = {"shape": "rectangle", "corner": [-1.5, -0.05, 0], "edge_u": [3, 0, 0], "edge_v": [0, 0.1, 0]}

@@ -22,6 +22,12 @@ def strands(rng, count, points=5, width=0.05):
 def nearest(o, d, controls, widths):
     """Distance along a ray to curves (n, 4, 3), inf without a hit: where the distance to a curve is least and below its
     half width; and the least room, in half widths, by which that was so or not so."""
+    middle = controls.mean(axis=1)
+    reach = np.linalg.norm(controls - middle[:, None], axis=2).max(axis=1) + widths.max(axis=1)
+    near = np.linalg.norm(np.cross(middle - o, d), axis=1) < reach  # a curve lies within its control points
+    if not near.any():
+        return np.inf, 1.0
+    controls, widths = controls[near], widths[near]
     u = np.linspace(0, 1, 801)
     basis = np.stack([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3])
     points = np.einsum("ku,nkx->nux", basis, controls) - o

@@ -18,6 +18,7 @@ from rptcam_cl.studies.selfcheck import (
     random_rays,
 )
 from tests.rendering.primitives.trees import with_tree
+from tests.support.cases import slow
 
 
 def slanting_rays(rng, count):
@@ -45,9 +46,7 @@ def both(session, monkeypatch, objects, **keys):
     return pair
 
 
-@pytest.mark.parametrize(
-    ("rays", "lanes"), [*((rays, 8) for rays in RAYS), pytest.param("axis", 1, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("rays", "lanes"), [*((rays, 8) for rays in RAYS), slow("axis", 1)])
 def test_hits_are_those_of_the_loop(session, monkeypatch, rays, lanes):
     rng = rng_of(f"hits {rays}")
     tree, loop = both(session, monkeypatch, crowd(rng, 150))
@@ -89,7 +88,7 @@ def test_hits_far_from_the_eye_are_those_of_the_loop(session, monkeypatch, rays,
 
 # The test of a cone magnifies rounding for rays along its side: from 1e4 away it has hits, 2 in 1e5 here, that lie off
 # the cone and its box.
-@pytest.mark.parametrize(("distance", "without"), [(1e3, ""), (1e4, "cone")])
+@pytest.mark.parametrize(("distance", "without"), [(1e3, ""), slow(1e4, "cone")])
 def test_hits_from_a_far_start_are_those_of_the_loop(session, monkeypatch, distance, without):
     rng = rng_of("from afar")
     objects = [item for item in crowd(rng, 150) if item["shape"] != without]
@@ -116,7 +115,7 @@ def test_hits_among_meshes_are_those_of_the_loop(session, monkeypatch):
     assert len(objects) - 1 in expected.primitive  # the mesh stands last
 
 
-@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow), 5])
+@pytest.mark.parametrize("count", [5, *map(slow, (1, 2))])
 def test_few_primitives_make_a_sound_tree(session, monkeypatch, count):
     rng = rng_of(f"few {count}")
     tree, loop = both(session, monkeypatch, crowd(rng, count)[:count])
@@ -145,6 +144,7 @@ def test_scene_of_planes_alone_has_no_tree(session, monkeypatch):
     assert not TracedScene(session, crowd(rng_of("plane"), 7)[-1:]).has_tree
 
 
+@pytest.mark.slow
 def test_boxes_too_small_by_a_twentieth_lose_hits(session, monkeypatch):
     rng = rng_of("control")
     loop, tree = reversed(both(session, monkeypatch, crowd(rng, 150, holes=False)))

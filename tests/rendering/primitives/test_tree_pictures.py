@@ -8,6 +8,7 @@ from rptcam_cl.rendering import tree_build, trees
 from rptcam_cl.studies.selfcheck import LAMP, MATTE, NET
 from tests.rendering.pictures import looking, scene_of
 from tests.rendering.primitives.trees import with_tree
+from tests.support.cases import slow
 
 GLASS = {"kind": "dielectric", "index": 1.5}
 MIRROR = {"kind": "mirror", "reflectance": 0.9}
@@ -28,7 +29,7 @@ def cloud(count, **rest):
     return scene_of([floor, *items], camera, depth=6, resolution=(64, 48), environment=environment, **rest)
 
 
-@pytest.mark.parametrize("roulette", [0, 4])
+@pytest.mark.parametrize("roulette", [slow(0), 4])
 def test_picture_does_not_depend_on_the_tree(monkeypatch, roulette):
     scene = cloud(90, roulette=roulette)
     films = []
@@ -39,6 +40,7 @@ def test_picture_does_not_depend_on_the_tree(monkeypatch, roulette):
     assert films[0].std() > 0.05
 
 
+@pytest.mark.slow
 def test_scene_gets_a_tree_from_the_break_even_on(monkeypatch, tmp_path):
     monkeypatch.setenv("RPTCAM_CACHE_DIR", str(tmp_path))  # where no tree is kept yet
     built = []

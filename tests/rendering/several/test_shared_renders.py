@@ -16,6 +16,7 @@ from rptcam_cl.rendering import several
 from rptcam_cl.rendering.several import Worker, measure_speed, owners, shares_of
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_resume import SIZE, bits, scene, until
+from tests.support.cases import slow
 
 SPLIT = {"0:1": 0.7, "0:2": 0.3}
 LAYERS = ["depth", "object_id", "samples"]
@@ -55,6 +56,7 @@ def test_shared_picture_is_that_of_one_device(name, first, second, whole):
     assert shared.metadata["work"] == shared.stats["work"]
 
 
+@pytest.mark.slow
 def test_shares_are_those_asked_for(first, second):
     image = rptcam_cl.render(scene("pinhole"), size=SIZE, spp=8, device=[first, second], split=SPLIT)
     assert taken(image)["0:1"] / image.stats["samples"] == pytest.approx(0.7, abs=0.06)  # of 35 tiles
@@ -99,7 +101,7 @@ def test_auto_exposure_and_focus_are_those_of_one_device(first, second, whole):
     )
 
 
-@pytest.mark.parametrize("launches", [2, 3, 6])
+@pytest.mark.parametrize("launches", [2, *map(slow, (3, 6))])
 def test_device_that_fails_is_dropped_and_nothing_is_lost(launches, first, second, whole):
     options = {"size": SIZE, "seed": 3, "spp": 41, "layers": LAYERS}
     alone = rptcam_cl.render(scene("lens"), device=whole, **options)
@@ -115,6 +117,7 @@ def test_device_that_fails_is_dropped_and_nothing_is_lost(launches, first, secon
     assert (part["samples"], part["split"], list(part["dropped"])) == ([0, 41], "0:1=1", ["0:2"])
 
 
+@pytest.mark.slow
 def test_what_was_saved_before_a_device_failed_is_kept(first, second, whole, tmp_path, monkeypatch):
     monkeypatch.setattr(saving, "INTERVAL", 0.0)
     options = {"size": SIZE, "seed": 3, "noise": 0.1, "spp": 192, "layers": ["samples", "variance", "depth"]}

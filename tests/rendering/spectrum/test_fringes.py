@@ -22,6 +22,7 @@ from tests.rendering.spectrum.scenes import (
     paper_camera,
     singlet,
 )
+from tests.support.cases import fast, slow
 from tests.support.statistics import assert_equivalent
 
 # Blur of an object 18 from the film when 15 is in focus, in pixels of the paper's film: figure 4.
@@ -70,7 +71,7 @@ def edge_width(lens, film_distance_mm, window_mm, name, wavelength_nm):
     return 4 * np.sqrt(x**2 @ steps - (x @ steps) ** 2 - pixel**2 / 12)
 
 
-@pytest.mark.parametrize("v", FIGURE_4)
+@pytest.mark.parametrize("v", fast([3], FIGURE_4))
 def test_blur_of_figure_4(v):
     lens, film_distance_mm = load_lens(singlet(v)), SINGLET_BACK_MM[15]
     for wavelength, published in zip(PAPER_NM, FIGURE_4[v], strict=True):
@@ -130,9 +131,7 @@ def profile(lens, film_distance_mm, window_mm, mode):
     ("v", "mode"),
     [
         (3, "dispersive"),
-        (10, "spectral"),
-        pytest.param(3, "spectral", marks=pytest.mark.slow),
-        pytest.param(10, "dispersive", marks=pytest.mark.slow),
+        *(slow(*case) for case in ((3, "spectral"), (10, "dispersive"), (10, "spectral"))),
     ],
 )
 def test_edge_in_white_light_has_its_fringes(v, mode):

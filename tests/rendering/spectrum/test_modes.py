@@ -86,6 +86,7 @@ def test_colours_that_reflect_white_light_once_are_the_same_in_spectra():
         assert_same_tiles(found["rgb"], tinted)
 
 
+@pytest.mark.slow
 def test_grey_scenes_are_the_same_in_spectra_however_often_light_is_reflected():
     scene = room(**SMALL)
     grey = {"kind": "matte", "reflectance": 0.6}
@@ -108,6 +109,7 @@ GREYS = (
 )
 
 
+@pytest.mark.slow
 def test_colours_come_back_from_their_spectra_in_pictures():
     cube = [[r, g, b] for r in (0.0, 0.5, 1.0) for g in (0.0, 0.5, 1.0) for b in (0.0, 0.5, 1.0)]
     patches = [
@@ -124,7 +126,8 @@ def test_colours_come_back_from_their_spectra_in_pictures():
     assert_equivalent(mean, error, np.array(cube), 0.001)
 
 
-@pytest.mark.parametrize("mode", ["dispersive", pytest.param("spectral", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", FORCED)
 def test_lens_of_hardly_any_dispersion_gives_the_picture_of_rgb(mode):
     def picture(spectrum, v, name):
         ball = {"shape": "sphere", "center": [0.15, 0, -18], "radius": 0.8, "material": {"kind": "emissive"}}
@@ -187,7 +190,7 @@ def test_exposure_divides_out_the_colour_that_a_lens_has_on_its_axis():
 @pytest.mark.parametrize(
     ("mode", "glass"),
     [
-        pytest.param("dispersive", GLASS_BALL, id="dispersive SF11"),
+        pytest.param("dispersive", GLASS_BALL, id="dispersive SF11", marks=pytest.mark.slow),
         pytest.param("spectral", GLASS_BALL, id="spectral SF11"),
         *(pytest.param(mode, glass, id=f"{mode} {name}", marks=pytest.mark.slow)
           for mode in FORCED for name, glass in {"matte": None, "rough": {**GLASS_BALL, "roughness": 0.4}}.items()),
@@ -231,6 +234,7 @@ def test_organisations_and_widths_agree(monkeypatch):
             assert np.isclose(other, shown[8, "stream"], rtol=1e-5, atol=1e-6).mean() > 0.98
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["dispersive", pytest.param("spectral", marks=pytest.mark.slow)])
 def test_resumed_picture_has_the_bits_of_the_whole(mode, tmp_path):
     scene = {**room(GLASS_BALL, **SMALL), "spectrum": mode}

@@ -93,6 +93,7 @@ def test_prism_of_one_index_shows_one_line():
     assert np.ptp(lit) < 8
 
 
+@pytest.mark.slow
 def test_sodium_leaves_no_colour_but_its_own():
     colours = ([0.8, 0.2, 0.1], [0.2, 0.7, 0.2], [0.1, 0.2, 0.9], [0.9, 0.9, 0.9])
     patches = [

@@ -5,10 +5,10 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import Copies, Deviation, check_copies, film_points
+from rptcam_cl.optics.beams import Beam, passing_beam
 from rptcam_cl.optics.glass import Melt
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spot import Beam, passing_beam
 
 SIZES = {
     "radius": 2e-3,

@@ -15,8 +15,7 @@ from rptcam_cl.optics.image_quality import Setting, film_spots, mtf_table, setti
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering import tolerance_run
-from rptcam_cl.rendering.tolerance_judge import Scores
-from rptcam_cl.rendering.tolerance_run import ToleranceRun, loosest_set, report, tolerance, tolerance_chart
+from rptcam_cl.rendering.tolerance_run import Scores, ToleranceRun, loosest_set, report, tolerance, tolerance_chart
 from rptcam_cl.rendering.tolerances import percentile, rank, share
 
 TRIPLET = load_lens("cooke-triplet-50mm")
@@ -54,7 +53,7 @@ def run() -> ToleranceRun:
 
 
 def test_sensitivities_are_those_of_another_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rptcam_cl.rendering.tolerance_judge._corners", lambda *_: np.zeros(0))  # its arms lay even
+    monkeypatch.setattr("rptcam_cl.rendering.tolerance_run._corners", lambda *_: np.zeros(0))  # its arms lay even
     merit = FIELDS | {"rings": 6, "arms": 12}
     run = tolerance(TRIPLET, {"refocus": False, "copies": 10, "merit": merit, "tolerances": TOLERANCES})
     found = {(one.label, one.direction): one.spot_change_um for one in run.sensitivities}
@@ -109,9 +108,8 @@ def traced(lens: Lens, degrees: float, nm: float, film_mm: float, rng: np.random
     return np.asarray((p + d * ((z + film_mm - p[:, 2]) / d[:, 2])[:, None])[:, :2])
 
 
-@pytest.mark.parametrize(
-    "name", ["takumar-50mm", pytest.param("dgauss-50mm", marks=pytest.mark.slow)]
-)  # once 48.4 for 53.3 µm, and 24.4 for 25.4
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["takumar-50mm", "dgauss-50mm"])  # once 48.4 for 53.3 µm, and 24.4 for 25.4
 def test_spots_are_those_of_a_monte_carlo_of_its_own(name: str) -> None:
     run = tolerance(load_lens(name), "commercial", copies=10, with_sensitivities=False)
     rng, squares = np.random.default_rng(5), []

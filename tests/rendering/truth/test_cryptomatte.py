@@ -83,6 +83,7 @@ def test_mattes_are_the_shares_of_the_light_that_objects_cover(tmp_path: Path) -
     assert np.isfinite(layer).all()
 
 
+@pytest.mark.slow
 def test_objects_of_one_name_are_one_matte() -> None:
     scene = {
         "film": {"resolution": [8, 8]}, "camera": PINHOLE, "environment": SKY,
@@ -95,6 +96,7 @@ def test_objects_of_one_name_are_one_matte() -> None:
     assert set(np.unique(layer[..., 0]).tolist()) == {0.0, float(identifier("twin"))}
 
 
+@pytest.mark.slow
 def test_more_objects_than_a_pixel_keeps_apart_change_no_other_layer() -> None:
     width = 2 * 3.0 * np.tan(np.radians(20)) / 12
     strips = [panel(-3.0, width / 2, x=(k - 5.5) * width, name=f"strip {k}") for k in range(12)]

@@ -9,6 +9,7 @@ import rptcam_cl
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
 from tests.rendering.truth.test_sharp_layers import GLASS, GREY, PINHOLE, SKY, panel
+from tests.support.cases import slow
 
 STEP_S = 0.04
 SHUTTER = {"time_s": 0.02}
@@ -57,7 +58,7 @@ def moment_of(scene: Scene, rows: np.ndarray) -> np.ndarray:
     return shutter.open_s + shutter.time_s / 2 + late + 0 * rows
 
 
-@pytest.mark.parametrize(("camera", "shutter"), [(PINHOLE, ROLLING), (GLASS, SHUTTER)], ids=["rolling", "lens"])
+@pytest.mark.parametrize(("camera", "shutter"), [slow(PINHOLE, ROLLING), (GLASS, SHUTTER)], ids=["rolling", "lens"])
 def test_flow_leads_to_the_same_points_in_the_other_frames(camera: dict[str, Any], shutter: dict[str, Any]) -> None:
     before, here, after = (moving(camera, shutter, step * STEP_S) for step in (-1, 0, 1))
     layers = ["sharp_position", "sharp_object_id", "flow_forward", "flow_backward"]
@@ -104,6 +105,7 @@ def beside_px(here: Scene, image: rptcam_cl.Image, there: Scene, flow: np.ndarra
     return worst
 
 
+@pytest.mark.slow
 def test_motion_is_that_of_the_projection_over_the_shutter() -> None:
     speed, depth = 1.5, 3.0  # [m/s], [m]
     way = [{"time_s": 0, "translate": [0, 0, 0]}, {"time_s": 1, "translate": [speed, 0, 0]}]
@@ -138,7 +140,7 @@ def test_flow_of_a_panorama_leads_across_its_seam_the_short_way(direction: str |
         np.testing.assert_allclose(image[name], shift, atol=1e-5)
 
 
-@pytest.mark.parametrize("rolling", [{}, {"kind": "rolling", "readout_s": 0.039}])
+@pytest.mark.parametrize("rolling", [slow({}), {"kind": "rolling", "readout_s": 0.039}])
 def test_way_over_the_shutter_is_halved_at_the_middle_of_each_pixels_own_exposure(rolling: dict[str, Any]) -> None:
     # the card stands still until the middle of the exposure of row 19.5 of 40 and moves from there on
     time_s, speed, depth = 0.05, 1.5, 3.0

@@ -11,6 +11,7 @@ from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.scene.load import load_scene
+from tests.support.cases import slow
 
 GREY = {"kind": "matte", "reflectance": 0.5}
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -38,7 +39,7 @@ def test_depth_of_a_flat_wall_is_flat_to_1e_minus_5(camera: dict[str, Any]) -> N
     np.testing.assert_array_equal(image["sharp_normal"], np.broadcast_to([0, 0, 1], (32, 48, 3)))
 
 
-@pytest.mark.parametrize("kind", ["rectangle", "mesh", "sphere"])
+@pytest.mark.parametrize("kind", ["mesh", *map(slow, ("rectangle", "sphere"))])
 def test_surfaces_with_holes_are_there_from_an_opacity_of_one_half_on(kind: str) -> None:
     """Not here and there at random, as rays of the picture find them."""
     wall, names = panel(-6.0, 9.0), ["sharp_object_id", "sharp_depth"]

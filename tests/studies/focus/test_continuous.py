@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from rptcam_cl.scene.exposure import ContinuousFocus
-from rptcam_cl.studies.focus.servo import FrameFocus, Limits, Servo, Track, doubts_of, push, servo_plot, summary_of
+from rptcam_cl.studies.focus.servo import DriveLimits, FrameFocus, Servo, Track, doubts_of, push, servo_plot, summary_of
 
 FPS, FOCAL_M = 24, 0.05
 SHARP_MM = 2 * 2 * math.hypot(36, 24) / 1500  # 2 N c at f/2
-USUAL = Limits((47.0, 100.0), 30.0, 600.0)
+USUAL = DriveLimits((47.0, 100.0), 30.0, 600.0)
 
 
 def image_mm(distance_m):
@@ -90,7 +90,7 @@ def test_prediction_goes_on_for_the_lock_where_nothing_is_found_and_then_the_foc
 
 
 def test_beyond_the_speed_of_the_drive_the_frames_say_so():
-    slow = Limits((47.0, 100.0), 1.0, 20.0)
+    slow = DriveLimits((47.0, 100.0), 1.0, 20.0)
     times, errors, places, said = follow(lambda t: 12 - 5 * t, 2.2, limits=slow)
     # the image goes faster than 1 mm/s from where f^2 v / s^2 = 1 mm/s on: from 3.5 m
     late = times > (12 - 3.5) / 5 + 0.2

@@ -132,6 +132,7 @@ def test_focus_on_nothing_that_the_zone_shows_is_a_failure(off):
     )
 
 
+@pytest.mark.slow
 def test_edge_of_a_near_board_is_focused_on_the_board_alone():
     walls = [target(1.0, 0.6, noise(120), x=-0.61), target(3.0, 3.0, noise(300))]
     scene = scene_of(walls, lens_camera("dgauss-50mm", f_number=2.1))

@@ -12,6 +12,7 @@ from rptcam_cl.studies.focus.probe import NoContrast, OutOfReach, Zone
 from rptcam_cl.studies.focus.renderer import ProbeRenderer
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, scene_of, target
 from tests.studies.focus.test_probe import THIN, with_group
+from tests.support.cases import fast, slow
 
 OFF = Zone(0.24, 0.29, 0.3, 0.375)
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -112,6 +113,7 @@ def test_depth_is_found_behind_a_small_stop(lens, stop):
     assert report.confidence > 0.9
 
 
+@pytest.mark.slow
 def test_walk_of_the_paper_ends_on_the_slope_towards_the_focus():
     camera = lens_camera("dgauss-50mm", f_number=2.8, focus={"distance_m": 2.6})
     scene = scene_of([wall(2.0, 50, checker)], camera)
@@ -162,9 +164,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [name if name in ("flat", "too near") else pytest.param(name, marks=pytest.mark.slow) for name in REFUSED]
-)
+@pytest.mark.parametrize("name", fast(["flat", "too near"], REFUSED))
 def test_target_without_contrast_is_refused_and_nothing_moves(name):
     objects, rest, message = REFUSED[name]
     scene = scene_of(objects, lens_camera("dgauss-50mm"), **rest)
@@ -196,7 +196,8 @@ def test_object_that_is_not_there_is_refused(auto, message):
         rptcam_cl.autofocus(scene)
 
 
-@pytest.mark.parametrize("method", ["contrast", pytest.param("phase", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["contrast", "phase"])
 def test_what_a_mirror_shows_is_focused_at_its_distance_by_way_of_the_mirror(method):
     mirror = target(1.0, 2.0, {"kind": "mirror"})
     behind = target(-1.0, 6.0, noise(800))
@@ -208,6 +209,7 @@ def test_what_a_mirror_shows_is_focused_at_its_distance_by_way_of_the_mirror(met
     assert rptcam_cl.autofocus(scene, "depth").focus_distance_m == pytest.approx(3.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_hybrid_ends_with_contrast_and_repeats_itself_with_a_seed():
     scene = scene_of([wall(2.0, 50)], lens_camera("dgauss-50mm", f_number=2.8))
     found = [rptcam_cl.autofocus(scene, "hybrid", seed=seed) for seed in (1, 5, 5)]
@@ -219,6 +221,7 @@ def test_hybrid_ends_with_contrast_and_repeats_itself_with_a_seed():
     assert found[0].state != found[1].state == found[2].state
 
 
+@pytest.mark.slow
 def test_moving_target_is_followed_from_frame_to_frame():
     distances = [2.0, 1.9, 1.8]
     scenes = [scene_of([wall(distance, 50)], lens_camera("dgauss-50mm")) for distance in distances]
@@ -242,7 +245,7 @@ def test_frame_without_contrast_keeps_the_focus():
     [
         lens_camera("dgauss-50mm", focus={"auto": "depth"}),
         pytest.param(lens_camera(with_group(), focus={"auto": {"method": "depth"}}), marks=pytest.mark.slow),
-        {"kind": "thin_lens", "fov_degrees": 40, "aperture_radius_m": 0.01, "focus": {"auto": "depth"}, **POSE},
+        slow({"kind": "thin_lens", "fov_degrees": 40, "aperture_radius_m": 0.01, "focus": {"auto": "depth"}, **POSE}),
     ],
     ids=["lens", "group", "thin lens"],
 )

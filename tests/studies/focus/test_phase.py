@@ -23,6 +23,7 @@ from rptcam_cl.studies.focus.probe import NoContrast, Policy, Zone
 from rptcam_cl.studies.focus.renderer import Task
 from tests.rendering.pictures import seed_of
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
+from tests.support.cases import slow
 
 SIDE = Zone(0.7, 0.76, 0.46, 0.54)
 THIN = {
@@ -47,7 +48,7 @@ def miss(probe, state, distance, zone=CENTRE):
 @pytest.mark.parametrize("vergence", [0.0, 0.2, 0.6, 1.5])
 def test_displacement_through_a_thin_lens_is_that_of_similar_triangles(vergence):
     scene = scene_of([], THIN)
-    view = HalfView.of(camera_of(scene).pupil_rays(places_round((200.0, 90.0))), "x")
+    view = HalfView(camera_of(scene).pupil_rays(places_round((200.0, 90.0))), "x")
     radius, film_mm = 0.0125, 50 / (1 - 0.05 / 3)
     # The middles of the halves of a disk lie 8 / (3 pi) radii apart.
     on_film = 8 / (3 * math.pi) * radius * (1 / 3 - vergence) * film_mm
@@ -81,7 +82,7 @@ def matches(view, seen, sigma, rng, count):
 @pytest.mark.parametrize("displacement", [-6.0, *(pytest.param(d, marks=pytest.mark.slow) for d in (0.3, 9.0))])
 def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
     # Pictures by exact rays of a random target, through a thin lens; noise is added to each half.
-    view = HalfView.of(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
+    view = HalfView(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
     per_vergence = view.displacement(1.0) - view.displacement(0.0)
     vergence = 1 / 3 + displacement / per_vergence
     rng = np.random.default_rng(seed_of(f"match {displacement}"))
@@ -96,7 +97,7 @@ def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
 @pytest.mark.slow
 def test_error_of_a_single_lamp_is_the_scatter_there_is():
     # All of the light lies in one block of the zone, and its noise with it: scatter over the blocks tells a twentieth.
-    view = HalfView.of(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
+    view = HalfView(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
     spot = np.exp(-(WAVE**2) / 2 - 1j * (WAVES.sum(axis=-1) * 44))
     seen = 0.01 + np.maximum(halves_seen(view, 1 / 3, spot), 0.0) * 96
     rng = np.random.default_rng(seed_of("lamp"))
@@ -107,7 +108,7 @@ def test_error_of_a_single_lamp_is_the_scatter_there_is():
 
 
 def test_even_light_without_noise_is_flat():
-    view = HalfView.of(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
+    view = HalfView(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
     with np.errstate(divide="raise", invalid="raise"):
         match = PhaseMatch(Halves(np.ones((2, PARTS, 96, 96)), (24, 24, 24, 24)), view).best(-2.0, 2.0)
     assert match is None or match.refusal == "flat"
@@ -130,7 +131,7 @@ def test_halves_of_the_probe_show_the_target_side_by_side():
     [
         (DGAUSS, 4.0, -20.0, SIDE),
         pytest.param(DGAUSS, 0.7126, 90.0, CENTRE, marks=pytest.mark.slow),
-        (THIN, 2.0, 15.0, SIDE),
+        slow(THIN, 2.0, 15.0, SIDE),
     ],
     ids=["double Gauss, off the axis", "near", "thin lens"],
 )
@@ -145,6 +146,7 @@ def test_phase_finds_the_least_spot_in_three_probes(camera, distance, start, zon
     assert report.focus_distance_m == pytest.approx(distance, rel=0.02)
 
 
+@pytest.mark.slow
 def test_stripes_along_one_axis_are_seen_by_the_other_split():
     rows = {"kind": "checker", "even": 0.9, "odd": 0.1, "scale": [0.01, 75]}
     probe = probe_of(scene_of([target(4.0, 2.0, {"kind": "matte", "reflectance": rows})], DGAUSS))
@@ -155,7 +157,7 @@ def test_stripes_along_one_axis_are_seen_by_the_other_split():
 @pytest.mark.parametrize(
     ("material", "reason"),
     [
-        ({"kind": "matte", "reflectance": 0.5}, "details do not come to 5 standard errors of the noise"),
+        slow({"kind": "matte", "reflectance": 0.5}, "details do not come to 5 standard errors of the noise"),
         ({"kind": "matte", "reflectance": 0.0}, "dark"),
     ],
     ids=["flat", "dark"],
@@ -166,6 +168,7 @@ def test_a_target_without_detail_is_refused(material, reason):
         phase(probe, CENTRE, reason)
 
 
+@pytest.mark.slow
 def test_a_pattern_that_repeats_within_the_reach_is_refused():
     # Seen out of focus, cells of 3 pixels leave one wave across, which any number of waves displaces alike.
     probe = probe_of(scene_of([target(4.0, 4.0, checker(800))], DGAUSS))
@@ -174,6 +177,7 @@ def test_a_pattern_that_repeats_within_the_reach_is_refused():
         phase(probe, CENTRE, "repeats")
 
 
+@pytest.mark.slow
 def test_probes_of_halves_differ_in_noise():
     # With the same random numbers the halves' noise would be correlated, which shifts the match (measured: a pixel).
     # Of light that is even nothing is noise.

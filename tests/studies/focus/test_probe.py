@@ -12,6 +12,7 @@ from rptcam_cl.studies.focus.controller import zone_of_object
 from rptcam_cl.studies.focus.probe import Zone
 from tests.rendering.pictures import seed_of
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
+from tests.support.cases import fast, slow
 
 CORNER = Zone(0.08, 0.14, 0.1, 0.18)
 THIN = {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 2, "focus_distance_m": 3}
@@ -38,7 +39,7 @@ CAMERAS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize("name", fast(["realistic"], CAMERAS))
 def test_probe_sees_what_the_picture_shows(name):
     scene = scene_of([target(4.0, 4.0, noise(100))], CAMERAS[name])
     probe = probe_of(scene)
@@ -90,7 +91,7 @@ def test_states_and_distances_invert_each_other(name):
     assert probe.drive.nearer * (near - far) > 0
 
 
-@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize("name", fast(["thick"], CAMERAS))
 def test_smaller_stop_deepens_the_focus(name):
     probe = probe_of(scene_of([target(4.0, 4.0, checker(800))], CAMERAS[name]))
     drive = probe.drive
@@ -177,9 +178,9 @@ PANE = {"shape": "box", "min": [-1, -1, -1.2], "max": [1, 1, -1.0], "material": 
 @pytest.mark.parametrize(
     ("before", "behind", "depth"),
     [
-        (PANE, 3.0, 3.0 - 0.2 * (1 - 1 / 1.5)),
+        slow(PANE, 3.0, 3.0 - 0.2 * (1 - 1 / 1.5)),
         (target(1.5, 2.0, MIRROR), -2.0, 1.5 + 3.5),
-        (BALL, -2.0, 1.5 + 1 / (1 / 3.5 + 2 / 1.0)),  # 1/v = 1/u + 2/R behind the vertex
+        slow(BALL, -2.0, 1.5 + 1 / (1 / 3.5 + 2 / 1.0)),  # 1/v = 1/u + 2/R behind the vertex
     ],
     ids=["pane", "mirror", "convex mirror"],
 )

@@ -10,14 +10,14 @@ from rptcam_cl.rendering.film import TILE, FilmLayout
 from rptcam_cl.rendering.tolerances import Interval
 from rptcam_cl.studies import tradeoff
 from rptcam_cl.studies.tradeoff import advise_for_error, advise_for_time, place
-from rptcam_cl.studies.tradeoff_errors import TARGETS, Measurement
+from rptcam_cl.studies.tradeoff_errors import TARGETS, MeasuredVariant
 from rptcam_cl.studies.tradeoff_runs import spread_tiles
 
 
 def measurement(name, rate, bias=0.0, knob="camera"):
     exact, sample, fall = (Interval(value, value, value) for value in (0.0, SAMPLE_S, -1.0))
     noise = tuple(Interval(*3 * [rate / SAMPLE_S / count]) for count in (8, 128))
-    return Measurement(
+    return MeasuredVariant(
         name=name, knob=knob, same_as=(), settings=(), tier="", unbiased=False, start_s=0.0, sample_s=sample,
         wall_sample_s=sample, samples=(8, 128), noise=noise, before=fall, slope=fall, beyond=fall,
         rate=Interval(rate, rate, rate), bias=Interval(bias, bias, bias), energy=exact,

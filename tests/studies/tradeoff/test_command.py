@@ -45,6 +45,7 @@ def report():
     return measure_tradeoff(load_scene(SCENE), budget=3.0, seconds=1.0, error=0.05)
 
 
+@pytest.mark.slow
 def test_accuracy_never_makes_the_measured_bias_worse(report):
     """Camera models and depths by rising accuracy: no bias is surely larger than that of a cheaper one."""
     for steps in (("pinhole", "thin lens", "thick lens"), ("depth 2", "depth 4")):
@@ -57,6 +58,7 @@ def test_accuracy_never_makes_the_measured_bias_worse(report):
             assert found.bias.low < 1e-3 and found.bias.value < report.named("pinhole").bias.low, found.name
 
 
+@pytest.mark.slow
 def test_everything_that_differs_is_there_once(report):
     names = [found.name for found in report.measurements]
     assert names[0] == "full"
@@ -71,6 +73,7 @@ def test_everything_that_differs_is_there_once(report):
         report.named("pin hole")
 
 
+@pytest.mark.slow
 def test_report_says_how_large_the_diffraction_is(report):
     assert report.diffraction["on"] is False
     # f/5.6, 5.3 m from the film of a 250 mm lens: the Airy radius is 4 um, of pixels that are 750 um wide.
@@ -90,6 +93,7 @@ def test_ghosts_of_the_report_are_those_of_the_lens():
     assert shares == [pytest.approx(3.596e-2, rel=0.01), None]
 
 
+@pytest.mark.slow
 def test_lens_in_float64_takes_the_same_samples_and_shows_no_bias(report):
     full, double = report.named("full"), report.named("lens: float64")
     assert abs(double.bias.value) < 1e-6 < report.named("pinhole").bias.low
@@ -112,6 +116,7 @@ def test_device_without_float64_is_said_not_to_compare_it(monkeypatch):
     assert skipped["lens: float64"].startswith("camera.precision: double needs float64, which device ")
 
 
+@pytest.mark.slow
 def test_times_and_rates_are_those_of_the_runs(report):
     for found in report.measurements:
         assert 0 < found.sample_s.low <= found.sample_s.value <= found.sample_s.high
@@ -121,6 +126,7 @@ def test_times_and_rates_are_those_of_the_runs(report):
     assert math.isinf(report.named("pinhole").seconds_to[0.01].value)
 
 
+@pytest.mark.slow
 def test_depth_is_bounded_by_the_reflectance(report):
     assert report.truncation["bound"] == pytest.approx(0.8**6 / (1 - 0.8))
     assert any(
@@ -128,6 +134,7 @@ def test_depth_is_bounded_by_the_reflectance(report):
     )
 
 
+@pytest.mark.slow
 def test_report_reads_well(report):
     said = recommendation(report)
     assert [line.partition(":")[0] for line in said[:3]] == ["Set", "Costs", "Gains"]
@@ -145,12 +152,14 @@ def test_report_reads_well(report):
     assert len(tradeoff_plot(report, "a scene").axes) > 2
 
 
+@pytest.mark.slow
 def test_what_took_longer_than_the_budget_is_said(report):
     late = replace(report, budget=1.0, seconds=3.0)
     assert summary(late)[-2].startswith("Measuring took 3 s in place of 1 s: preparing ")
     assert not any("in place of" in line for line in summary(replace(report, budget=3.0, seconds=3.2)))
 
 
+@pytest.mark.slow
 def test_turns_end_where_they_take_longer_than_the_first_said(monkeypatch):
     steps = {step.name: step for step in ladder(load_scene(SCENE))[0]}
     ready, _ = prepare([steps["thin lens"], steps["thick lens"]], open_session(), lambda name, done: None)
@@ -186,6 +195,7 @@ def test_times_are_those_of_a_sample_of_every_pixel_of_the_film(monkeypatch):
     assert cpu == pytest.approx(wall / 2 / tradeoff_runs.cores() if found.by_cpu else wall)
 
 
+@pytest.mark.slow
 def test_curves_of_the_plot_have_colours_of_their_own(report):
     charts = [axes for axes in tradeoff_plot(report, "a scene").axes if axes.get_ylabel().startswith("error: root")]
     curves = charts[0].lines[:-1]  # but for the slope of noise
@@ -193,6 +203,7 @@ def test_curves_of_the_plot_have_colours_of_their_own(report):
     assert len({curve.get_color() for curve in curves}) == len(curves)
 
 
+@pytest.mark.slow
 def test_plot_draws_the_error_of_every_camera_and_the_shades_of_the_maps(report):
     axes = {axes.get_ylabel() or axes.get_xlabel(): axes for axes in tradeoff_plot(report, "a scene").axes}
     over_field = axes["light beside its place [pixels]"]
@@ -206,6 +217,7 @@ def test_plot_draws_the_error_of_every_camera_and_the_shades_of_the_maps(report)
     assert "The camera has\nno cheaper model." in [text.get_text() for axes in without for text in axes.texts]
 
 
+@pytest.mark.slow
 def test_summary_is_short_and_has_no_table(report):
     lines = summary(report)
     assert lines[:3] == recommendation(report)[:3]
@@ -214,6 +226,7 @@ def test_summary_is_short_and_has_no_table(report):
     assert not any("days" in line or "always" in line for line in lines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("share", "expected"),
     [
@@ -232,6 +245,7 @@ def test_what_may_be_better_has_its_odds(report, share, expected):
     assert lines[3].startswith("Too close to call in 1 s between ") == (share == 0.6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wish", "changes", "words"),
     [
@@ -260,6 +274,7 @@ def test_advice_says_what_to_set_what_it_costs_and_what_it_gains(report, wish, c
         assert lines[1].endswith(" of it for good.")
 
 
+@pytest.mark.slow
 def test_odds_are_those_of_the_interval(report):
     """An approximation is certainly better before its crossing's interval and certainly not after it."""
     for found in report.measurements[1:]:

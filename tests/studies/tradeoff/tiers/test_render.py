@@ -42,9 +42,8 @@ def test_chosen_camera_shows_what_the_traced_lens_does():
         assert abs((axis * chosen).sum() / chosen.sum() - (axis * full).sum() / full.sum()) < 0.2
 
 
-@pytest.mark.parametrize(
-    ("tier", "light"), [pytest.param("thin_lens", 0.03, marks=pytest.mark.slow), ("thick_lens", 0.01)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("tier", "light"), [("thin_lens", 0.03), ("thick_lens", 0.01)])
 def test_ghosts_of_the_lens_come_with_the_camera_that_was_chosen(tier, light):
     film = {"resolution": [48, 32]}
     lamp = {"shape": "disk", "center": [0, 1.2, -5], "normal": [0, 0, 1], "radius": 0.02}

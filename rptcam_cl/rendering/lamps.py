@@ -1,15 +1,22 @@
-"""Lamps and suns as points of light, as they show to a place of the scene, and the patch of a lamp around each."""
+"""Lamps and suns of a scene as points of light, what hides them, and camera rays that aim at them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.constants import GOLDEN
 from rptcam_cl.core.dataclass import Rows, dataclass
-from rptcam_cl.core.records import EmitterKind, PatchMap
-from rptcam_cl.rendering.several import GOLDEN
+from rptcam_cl.core.records import EmitterKind, PatchMap, device_declarations
+from rptcam_cl.core.remember import content_name, identity_of_code
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.cameras.lamp_aim import Sights
+from rptcam_cl.rendering.plan.plan import Plan, aim, may_aim
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
 
 Array = NDArray[np.float64]
 Points = tuple[Array, Array, Array]
@@ -203,3 +210,105 @@ def _on_flat(record: np.void, kind: EmitterKind, front: Array) -> tuple[Array, A
     facing = cosine if not record["two_sided"] else np.abs(cosine)
     patches = replace(patches, normal=normal / np.where(cosine == 0, np.inf, cosine)[:, None])
     return places, np.maximum(facing, 0.0) * float(record["a"][3]) / len(places), patches
+
+
+# Ways through the scene that the device finds blocked or open.
+
+NOTHING = -1  # a target, or a triangle of one, that no primitive is
+GROUP = 4  # work items
+
+
+def occluded(
+    session: Session,
+    plan: Plan,
+    buffers: SceneBuffers,
+    origins: NDArray[Any],
+    directions: NDArray[Any],
+    reach: NDArray[Any],
+    targets: NDArray[Any] | None = None,
+) -> NDArray[np.bool_]:
+    """Return whether something of the scene stands on each of n ways; glass does, too.
+
+    Parameters
+    ----------
+    buffers
+        The scene on the device.
+    origins, directions : (n, 3) arrays
+        In the plan's frame of the scene [m]; directions are unit vectors.
+    reach : (n,) array
+        Lengths of the ways [m].
+    targets : (n, 2) array, optional
+        Primitive, and triangle of it, that do not count.
+    """
+    if not len(origins):
+        return np.zeros(0, np.bool_)
+    rays, group = len(origins), GROUP * session.lanes
+    count = -(-rays // group) * group
+    packed = np.zeros((9, count), np.float32)
+    packed[5], packed[7:] = 1.0, NOTHING
+    packed[:3, :rays], packed[3:6, :rays], packed[6, :rays] = origins.T, directions.T, reach
+    if targets is not None:
+        packed[7:, :rays] = targets.T
+    facts = plan.facts | buffers.tree_facts | {"VW": session.lanes}
+    program = session.program(["pass/occluded.cl"], facts, device_declarations())
+    blocked = session.allocate(4 * count)
+    launch = session.bind(
+        program, "occluded", **buffers.scene, rays=session.upload(packed), blocked=blocked, count=np.uint32(count)
+    )
+    launch.enqueue(count // session.lanes, GROUP)
+    return session.read(blocked, np.int32, count)[:rays] > 0
+
+
+# The plan whose camera rays aim at lamps out of focus; the device tries through which pixels a lamp shows.
+
+
+def aimed_plan(
+    plan: Plan, session: Session, layers: Iterable[str] = (), buffers: SceneBuffers | None = None
+) -> tuple[Plan, SceneBuffers | None]:
+    """Return the plan with camera rays that aim at lamps out of focus, and the scene on the device where it was needed.
+
+    Without such a lamp it is the plan that was given. Tables of a scene that is not on the device yet are kept on disk:
+    it is rendered once, and perhaps again by another process. A scene that is there has other tables the next moment,
+    or the same lamps in other colours.
+
+    Parameters
+    ----------
+    layers
+        That the picture is to have.
+    buffers
+        The scene on the device, where it is there already.
+    """
+    if not may_aim(plan, layers):
+        return plan, None
+    held = [buffers]
+
+    def shows(sights: Sights) -> NDArray[np.bool_]:
+        scene = held[0] = held[0] or SceneBuffers(session, plan)
+        return _open(sights, session, plan, scene)
+
+    new = aim(plan, shows, _name_of_sights(plan, session), on_disk=buffers is None)
+    scene = held[0]
+    return new, scene if new is plan or scene is None else SceneBuffers(session, new, scene)
+
+
+def _name_of_sights(plan: Plan, session: Session) -> str | None:
+    """Return a name for all that lines of sight through a scene depend on; None where textures cut holes."""
+    if plan.facts["HAS_OPACITY"]:
+        return None
+    info = session.info
+    driver = info.name, info.driver, session.kind, session.lanes
+    code = identity_of_code(("rendering",), ("common", "geometry", "pass"))
+    places: list[object] = [plan.primitives, plan.kind_end, plan.hidden]
+    shapes = [*places, plan.movements.segments, plan.movements.of_primitive]
+    meshes: list[object] = []
+    if plan.meshes is not None:
+        shapes += [plan.meshes.instances, plan.meshes.group_of_instance]
+        meshes = [(group.key, group.shift) for group in plan.meshes.groups]
+    return content_name(code, driver, sorted(plan.facts.items()), shapes, meshes)
+
+
+def _open(sights: Sights, session: Session, plan: Plan, buffers: SceneBuffers) -> NDArray[np.bool_]:
+    away = sights.targets - sights.origins
+    distance = np.linalg.norm(away, axis=1)
+    reach = np.maximum(distance - sights.short, 0.0)
+    return ~occluded(session, plan, buffers, sights.origins, away / distance[:, None], reach)

@@ -1,0 +1,723 @@
+"""What an opening makes of a point of light on the film: kernels near it, far light, and its image out of focus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.colour import WAVELENGTHS_NM, cie_1931, daylight_65, rgb_basis
+from rptcam_cl.core.constants import GOLDEN
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import checkpoint
+from rptcam_cl.rendering.cameras.film_pupil import Arrivals, FilmPupil, FilmPupils, OpenTo, by_an_edge
+
+Array = NDArray[np.float64]
+
+WAVES_NM = tuple(np.arange(410.0, 700.0, 20.0).tolist())
+TAPER = 0.75  # share of the reach from which the kernel fades, so that no square shows about a bright lamp
+
+
+@cache
+def shares_of_white(waves_nm: tuple[float, ...]) -> Array:
+    """Return the share of each of some wavelengths, evenly spaced [nm], in red, green and blue of daylight, (n, 3)."""
+    light = rgb_basis() * (cie_1931().sum(axis=1) * daylight_65())[:, None]
+    bands = np.rint((WAVELENGTHS_NM - waves_nm[0]) / (waves_nm[1] - waves_nm[0])).astype(int)
+    shares = np.zeros((len(waves_nm), 3))
+    np.add.at(shares, np.clip(bands, 0, len(waves_nm) - 1), light)
+    return np.asarray(shares / shares.sum(axis=0))
+
+
+def fade(radius_px: Array, reach: int) -> Array:
+    """Return the share of the light at radii that a kernel keeps; the rest of it is far light."""
+    radius = radius_px / (reach + 1)
+    return np.asarray(np.cos(np.pi / 2 * np.clip((radius - TAPER) / (1 - TAPER), 0.0, 1.0)) ** 2)
+
+
+def quick(length: int) -> int:
+    """Return the next length whose only prime factors are 2, 3 and 5, which transforms are fast for."""
+    while True:
+        rest = length
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return length
+        length += 1
+
+
+#
+# What an opening makes of a point of light, pixel by pixel: the kernel of its diffraction.
+#
+# The light of a wavelength at a film point x is |integral of exp(2 pi i (l x + m y) / wavelength) dl dm|^2 over the
+# open directions (Fraunhofer). Red, green and blue have each the mean over the wavelengths that make them in white
+# light. A kernel has no negative values and the sum 1, so that it neither rings nor adds light.
+
+NEAR, REACH = 20.0, 64.0  # half width of a kernel with far light and without, in wavelength over twice the aperture
+LEAST_REACH, MOST_REACH = 2, 256  # the same in pixels
+KNOWN = 1.02 * REACH  # from where the light is left out; an opening of 144 cells shows its image again 141 away
+FINE = 2.5  # points per wavelength over twice the numerical aperture; 2 resolve the light exactly
+SHARP, SMOOTH = 1.4, 2.0  # the same in pixels: below the first a pixel averages the light, above the second it samples
+MIDDLE_NM = 550.0
+
+
+def unit_px(pupil: FilmPupil, pixel_mm: tuple[float, float], nm: float = MIDDLE_NM) -> float:
+    """Return wavelength over twice the numerical aperture, which is wavelength times f-number [pixels]."""
+    length = nm * 1e-6 / pupil.index
+    return float(length / (2 * pupil.aperture) / np.sqrt(pixel_mm[0] * pixel_mm[1]))
+
+
+def reach_px(unit: float, largest: int, units: float = REACH) -> int:
+    """Return half the width of a kernel [pixels], at most that of the film."""
+    return int(min(max(np.ceil(units * unit), LEAST_REACH), MOST_REACH, largest))
+
+
+def near_kernel(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int) -> Array:
+    """Return the kernels of red, green and blue, shape (3, 2 reach + 1, 2 reach + 1), rows by y and columns by x.
+
+    Parameters
+    ----------
+    pupil : FilmPupil
+    pixel_mm : tuple of float
+        Width and height of a pixel.
+    reach : int
+        Pixels on each side of the middle one.
+    """
+    total = np.zeros((3, 2 * reach + 1, 2 * reach + 1))
+    for nm, shares in zip(WAVES_NM, shares_of_white(WAVES_NM), strict=True):
+        total += shares[:, None, None] * of_wavelength(pupil, pixel_mm, reach, nm)
+    away = np.arange(-reach, reach + 1)
+    total *= fade(np.hypot(away[:, None], away[None, :]), reach)
+    return np.asarray(total / total.sum(axis=(1, 2), keepdims=True))
+
+
+def of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, nm: float) -> Array:
+    """Return the share of the light of a wavelength in each pixel; what lies beyond is not among them."""
+    checkpoint()
+    unit, size = unit_px(pupil, pixel_mm, nm), 2 * reach + 1
+    if KNOWN * unit < 0.5:  # all of it in the middle one
+        return np.pad(np.ones((1, 1)), reach)
+    width = float(np.sqrt(np.clip((SMOOTH - unit) / (SMOOTH - SHARP), 0.0, 1.0)))  # of the square that is averaged
+    finer = max(int(np.ceil(FINE / unit * width)), 1)
+    within = ((np.arange(finer) + 0.5) / finer - 0.5) * width
+    places = (np.arange(-reach, reach + 1)[:, None] + within).ravel()
+    known = np.abs(places) <= KNOWN * unit
+    turn = 2j * np.pi * pupil.index / (nm * 1e-6)
+    columns = np.exp(turn * pixel_mm[0] * np.outer(pupil.cosines_x - pupil.cosines_x.mean(), places[known]))
+    rows = np.exp(turn * pixel_mm[1] * np.outer(places[known], pupil.cosines_y - pupil.cosines_y.mean()))
+    light = np.zeros((len(places), len(places)))
+    kept = _kept_by_cells(places[known] * pupil.step * pupil.index / (nm * 1e-6) * np.array(pixel_mm)[:, None])
+    light[np.ix_(known, known)] = np.abs(rows @ pupil.coverage @ columns) ** 2 / np.outer(kept[1], kept[0])
+    per_point = (pupil.step * pupil.index / (nm * 1e-6)) ** 2 * pixel_mm[0] * pixel_mm[1] / finer**2
+    binned = light.reshape(size, finer, size, finer).sum(axis=(1, 3))
+    return np.asarray(binned * per_point / pupil.coverage.sum())
+
+
+#
+# The far light of a film: what an opening, with dust and scratches, diffracts beyond the kernel about each pixel.
+#
+# An opening is a set of edges, seen along a line in each direction: how wide it is open there is a sum of ramps, and
+# the Fourier transform of that line is the field in this direction (the projection-slice theorem). Light of a
+# wavelength is that of another, scaled; so one table over directions and radii, summed up over both, gives all of
+# them in every pixel.
+
+ANGLES, FEW_ANGLES = 2048, 128  # directions over half a turn, with lamps and without; the other half is alike
+CELLS, LINE = 4096, 2.5  # of the line that an opening is seen along, and its length in widths of the opening
+RESOLVED = 512.0  # wavelengths times f-number up to which the light is computed; beyond it falls as its cube
+BANDS, SPANS = 448, 384  # radii, evenly in their logarithm, of that light and of the film's
+STARBURST_NM = tuple(np.arange(405.0, 700.0, 5.0).tolist())
+AT_ONCE = 128  # directions
+STRAIGHT = 120  # directions of edges round a turn, of which two neighbours count as one
+NARROW = 1e-7  # least width of an edge along the line
+
+
+@dataclass(frozen=True)
+class FarLight:
+    """What an opening makes of a lamp far from it on the film.
+
+    Attributes
+    ----------
+    edges : (n, 4) array
+        Of the opening in direction cosines, from x, y to x, y: its outline anticlockwise, holes clockwise.
+    index : float
+        Of the medium in front of the film.
+    pixel_mm : tuple of float
+        Width and height of a pixel.
+    reach : int
+        Of the kernel about each pixel, which fades as this begins [pixels].
+    directions : int
+        Over half a turn, that tell spikes of lamps apart.
+    """
+
+    edges: Array
+    index: float
+    pixel_mm: tuple[float, float]
+    reach: int
+    directions: int = ANGLES
+
+    @property
+    def _pixel(self) -> float:
+        return float(np.sqrt(self.pixel_mm[0] * self.pixel_mm[1]))
+
+    @cached_property
+    def _area(self) -> float:
+        x, y, to_x, to_y = self.edges.T
+        return float((x * to_y - y * to_x).sum() / 2)
+
+    @cached_property
+    def _width(self) -> float:
+        """Diameter of the round opening of the same area, in direction cosines."""
+        return 2 * float(np.sqrt(self._area / np.pi))
+
+    def unit_px(self, nm: float) -> float:
+        """Return wavelength times f-number [pixels]."""
+        return nm * 1e-6 / self.index / self._width / self._pixel
+
+    @cached_property
+    def within(self) -> tuple[Array, Array]:
+        """Radii, in wavelengths times f-number, and the share of light within each for each direction, from the first.
+
+        The second has the shape (directions, radii), over half a turn that stands for both.
+        """
+        low = 0.5 * self.reach / self.unit_px(STARBURST_NM[-1])
+        radii = np.geomspace(min(low, RESOLVED / 4), RESOLVED, BANDS)
+        edges = (self.edges - np.tile(self._middle, 2)) / self._width
+        shares = np.zeros((self.directions, BANDS))
+        rho = np.arange(CELLS // 2 + 1) / LINE
+        to_share = 2 * (np.pi / self.directions) / LINE / (self._area / self._width**2)
+        for start in range(0, self.directions, AT_ONCE):
+            numbers = np.arange(start, min(start + AT_ONCE, self.directions)) + 0.5
+            light = _along(edges, np.pi * numbers / self.directions, np.mod(numbers * GOLDEN, 1.0)) * to_share * rho
+            total = np.cumsum(light, axis=1)
+            shares[start : start + AT_ONCE] = [np.interp(radii, rho + 0.5 / LINE, line) for line in total]
+        return radii, shares - shares[:, :1]
+
+    @property
+    def _middle(self) -> Array:
+        corners = self.edges[:, :2]
+        return np.asarray((corners.max(axis=0) + corners.min(axis=0)) / 2)
+
+    @cached_property
+    def _beyond(self) -> Array:
+        """Light of each direction beyond what is resolved, by that of the outer half of it (directions,)."""
+        radii, within = self.within
+        half = int(np.searchsorted(radii, RESOLVED / 2))
+        return np.asarray((within[:, -1] - within[:, half]) / (RESOLVED / radii[half] - 1))
+
+    def _weights(self, pixels: Array) -> tuple[Array, Array]:
+        """Weights of light within `within`, and of that beyond, within radii [pixels], (BANDS, 3, n) and (3, n)."""
+        radii, columns = self.within[0], np.arange(len(pixels))
+        inner, outer = np.zeros((BANDS, 3, len(pixels))), np.zeros((3, len(pixels)))
+        for nm, shares in zip(STARBURST_NM, shares_of_white(STARBURST_NM), strict=True):
+            rho = pixels / self.unit_px(nm)
+            place = np.interp(np.log(rho), np.log(radii), np.arange(BANDS))
+            below = np.minimum(place.astype(np.int64), BANDS - 2)
+            part = place - below
+            inner[below, :, columns] += (1 - part)[:, None] * shares
+            inner[below + 1, :, columns] += part[:, None] * shares
+            outer += shares[:, None] * np.maximum(1 - RESOLVED / rho, 0)
+        return inner, outer
+
+    @cached_property
+    def shares(self) -> Array:
+        """Share of red, green and blue that is far light, on the film and beside it (3,)."""
+        edges = np.geomspace(0.6 * self.reach, 1e7, 2048)
+        inner, outer = self._weights(edges)
+        light = np.tensordot(self.within[1].sum(axis=0), inner, 1) + self._beyond.sum() * outer
+        middle = np.sqrt(edges[1:] * edges[:-1])
+        return np.asarray(np.diff(light, axis=1) @ (1 - fade(middle, self.reach)))
+
+    def kernel(self, width: int, height: int) -> Array:
+        """Return the far light (3, 2 height - 1, 2 width - 1) of a lamp in the middle; turned as `kernel` of a pupil.
+
+        Each pixel has the light of a box of its area along radius and circle.
+        """
+        x = np.arange(1.0 - width, width) * (self.pixel_mm[0] / self._pixel)
+        y = np.arange(float(height)) * (self.pixel_mm[1] / self._pixel)
+        table = self.table(float(np.hypot(x[-1], y[-1])))
+        upper = self.at(table, x, y)
+        for row in range(height):
+            upper[:, row] *= 1 - fade(np.hypot(x, y[row]), self.reach)
+        return np.concatenate([upper[:, :0:-1, ::-1], upper], axis=1)
+
+    def table(self, farthest: float, across: float = 1.0, out: float = 0.0) -> tuple[Array, Array]:
+        """Return the light of pixels by directions and radii, and these radii up to the farthest [pixels].
+
+        Parameters
+        ----------
+        across
+            Width along the circle that it is the mean over [pixels]: that of an edge, of a lamp out of focus.
+        out
+            How far such an edge is from the middle, this way and that [pixels].
+        """
+        edges = np.geomspace(max(0.6 * self.reach - 0.5, 0.5), farthest + 2.0, SPANS)
+        inner, outer = self._weights(edges)
+        light = np.tensordot(self.within[1], inner, 1) + self._beyond[:, None, None] * outer
+        return _boxes(np.moveaxis(light, 1, 0), edges, across, out), edges
+
+    def at(self, table: tuple[Array, Array], x: Array, y: Array) -> Array:
+        """Return the light of pixels (3, y, x) at places from a lamp [pixels], by a table; none where that has none."""
+        boxes, edges = table
+        light, step = np.zeros((3, len(y), len(x))), np.log(edges[1] / edges[0])
+        for row, up in enumerate(y):
+            radius, angle = np.hypot(x, up), np.arctan2(up, x)
+            lit = radius > TAPER * self.reach
+            if lit.any():
+                at = np.clip(np.log(radius[lit] / edges[0]) / step, 0, SPANS - 1.001)
+                light[:, row, lit] = _between(boxes, angle[lit] * self.directions / np.pi - 0.5, at)
+        return light
+
+    @cached_property
+    def straightest(self) -> float:
+        """The length of the longest straight edge, over the opening's width; near 0 of a round one."""
+        along = self.edges[:, 2:] - self.edges[:, :2]
+        bins = np.floor(np.arctan2(along[:, 1], along[:, 0]) * STRAIGHT / (2 * np.pi)).astype(int) % STRAIGHT
+        lengths = np.bincount(bins, np.hypot(*along.T), STRAIGHT)
+        return float((lengths + np.roll(lengths, 1)).max() / self._width)
+
+
+def _along(edges: Array, angles: Array, shift: Array) -> Array:
+    """Return |F|^2 of an opening in its widths at multiples of 1 / LINE, (directions, CELLS / 2 + 1).
+
+    Parameters
+    ----------
+    shift
+        Of each line, in parts of a cell, so that what is folded back adds up without a phase.
+    """
+    checkpoint()
+    n = np.stack([np.cos(angles), np.sin(angles)])
+    start, end = edges[:, :2] @ n, edges[:, 2:] @ n  # (edges, directions)
+    mass = n[0] * (edges[:, 3:4] - edges[:, 1:2]) - n[1] * (edges[:, 2:3] - edges[:, 0:1])
+    low, wide = np.minimum(start, end), np.maximum(np.abs(end - start), NARROW)
+    step = LINE / CELLS
+    rows = np.broadcast_to(np.arange(len(angles)) * CELLS, low.shape)
+    second = np.zeros(len(angles) * CELLS)
+    for place, sign in ((low, 1.0), (low + wide, -1.0)):  # a ramp in the sum is two kinks
+        cell = (place + LINE / 2) / step + shift
+        whole = np.floor(cell).astype(np.int64)
+        part, weight = cell - whole, sign * mass / wide * step
+        second += np.bincount((rows + whole).ravel(), (weight * (1 - part)).ravel(), len(second))
+        second += np.bincount((rows + whole + 1).ravel(), (weight * part).ravel(), len(second))
+    ramp = np.cumsum(np.cumsum(second.reshape(len(angles), CELLS), axis=1), axis=1)
+    field = np.fft.rfft(ramp, axis=1) * step
+    rho = np.arange(CELLS // 2 + 1) / LINE
+    folded = (rho / (CELLS / LINE - rho)) ** 3  # from beyond what cells resolve, of light that falls as the cube
+    light = (field.real**2 + field.imag**2) / (1 + folded)
+    light[:, rho > RESOLVED + 1] = 0.0
+    return np.asarray(light)
+
+
+def _boxes(light: Array, edges: Array, across: float, out: float) -> Array:
+    """Return the light of pixels, as boxes along the radius and over some pixels of the circle.
+
+    Parameters
+    ----------
+    light : (3, directions, radii) array
+        Within radii.
+    """
+    places, step = np.arange(len(edges)), np.log(edges[1] / edges[0])
+
+    def within(radii: Array) -> Array:
+        at = np.clip(np.log(np.maximum(radii, edges[0]) / edges[0]) / step, 0, len(edges) - 1.001)
+        first = at.astype(int)
+        return np.asarray(light[..., first] * (1 - at % 1) + light[..., first + 1] * (at % 1))
+
+    middles = (edges,) if out == 0 else (edges - out, edges + out)
+    ring = sum((within(at + 0.5) - within(at - 0.5) for at in middles), np.zeros_like(light)) / len(middles)
+    total = np.concatenate([np.zeros_like(ring[:, :1]), np.cumsum(np.tile(ring, (1, 3, 1)), axis=1)], axis=1)
+    half = np.minimum(0.5 * across / edges, np.pi / 4)
+    pixels = 2 * half * edges  # of each box
+    count = light.shape[1]
+    half = half * count / np.pi
+    directions = count + np.arange(count) + 0.5
+    boxes = np.empty(ring.shape)  # by rows, whatever the order of the light
+    for k in places:
+        below, above = (_interpolated(total[:, :, k], directions + side * half[k]) for side in (-1, 1))
+        boxes[:, :, k] = (above - below) / max(pixels[k], 1.0)
+    return np.maximum(boxes, 0.0) / 2  # a half turn of the table stands for both
+
+
+def _interpolated(rows: Array, at: Array) -> Array:
+    first = at.astype(np.int64)
+    return np.asarray(rows[:, first] * (1 - at % 1) + rows[:, first + 1] * (at % 1))
+
+
+def _between(table: Array, turn: Array, at: Array) -> Array:
+    """Return a table (3, directions, radii) between its entries (3, n); directions go round."""
+    first, j = np.floor(turn).astype(np.int64), at.astype(np.int64)
+    u, v = turn - first, at - j
+    i, following = first % table.shape[1], (first + 1) % table.shape[1]
+    flat = table.reshape(3, -1)
+    value = np.zeros((3, len(turn)))
+    for row, weight in ((i, 1 - u), (following, u)):
+        place = row * table.shape[2] + j
+        value += flat[:, place] * (weight * (1 - v)) + flat[:, place + 1] * (weight * v)
+    return value
+
+
+def strew(planes: Array, kernel: Array) -> Array:
+    """Return the light of planes (3, height, width) on them, by a kernel of twice the whole film or more.
+
+    What falls beside them is lost.
+    """
+    height, width = planes.shape[1:]
+    top, left = kernel.shape[1] // 2 - height + 1, kernel.shape[2] // 2 - width + 1
+    light = np.empty_like(planes)
+    shape = tuple(quick(2 * side - 1) for side in (height, width))
+    for plane, part, target in zip(planes, kernel, light, strict=True):
+        own = part[top : top + 2 * height - 1, left : left + 2 * width - 1]
+        product = np.fft.rfft2(plane, shape) * np.fft.rfft2(own, shape)
+        target[:] = np.fft.irfft2(product, shape)[height - 1 : 2 * height - 1, width - 1 : 2 * width - 1]
+    return np.maximum(light, 0.0) if planes.min() >= 0 else light
+
+
+def received(kernel: Array, shape: tuple[int, ...]) -> Array:
+    """Return the light (3, height, width) that `strew` brings to each pixel of a film of ones, by a kernel."""
+    height, width = shape
+    top, left = kernel.shape[1] // 2 - height + 1, kernel.shape[2] // 2 - width + 1
+    own = kernel[:, top : top + 2 * height - 1, left : left + 2 * width - 1]
+    total = np.pad(np.cumsum(np.cumsum(own, axis=1), axis=2), ((0, 0), (1, 0), (1, 0)))
+    low = total[:, height:] - total[:, :height]
+    return np.asarray(low[:, :, width:] - low[:, :, :width])
+
+
+#
+# The image of a point of the scene as waves, and as rays, bring it to the film.
+#
+# The field of a point is the Fourier integral of its pupil function over direction cosines, as in `optics/waves.py`;
+# paths and places of the same rays are traced for a few directions, and are polynomials of the others.
+
+Waves = NDArray[np.complex128]
+Mask = NDArray[np.bool_]
+
+NODES = 31  # directions each way that are traced
+POWERS = 13  # of polynomials through them
+WIDER = 1.2  # of their square than the opening
+FOUND = 0.2  # of them that must be found
+DISK = 1.15  # radius of a disk of them that counts, in half widths of the square
+FAITHFUL_WAVES = 0.03  # rms by which polynomials may miss traced paths
+
+
+@dataclass(frozen=True)
+class PointWave:
+    """Light of a point of the scene about a point of the film.
+
+    Attributes
+    ----------
+    pupil : FilmPupil
+        The opening, on a square grid of direction cosines.
+    path_mm : (n, n) array
+        Optical path to the foot of the perpendicular from the point of the film, but for a constant.
+    density : (n, n) array
+        Flux per unit of direction cosines, to a common factor.
+    places : (n, n, 2) array
+        Where the rays meet the film, from that point [mm].
+    """
+
+    pupil: FilmPupil
+    path_mm: Array
+    density: Array
+    places: Array
+
+    @cached_property
+    def flux(self) -> Array:
+        """Flux of each cell (n, n), 1 together."""
+        flux = self.density * self.pupil.coverage
+        return np.asarray(flux / flux.sum())
+
+    def amplitude(self, nm: float) -> Waves:
+        """Return the complex amplitude of each cell (n, n); its square sums to about 1."""
+        turns = (self.path_mm - self.path_mm[self.flux > 0].mean()) / (nm * 1e-6)
+        scale = np.sqrt(self.density / (self.density * self.pupil.coverage).sum())
+        return np.asarray(scale * self.pupil.coverage * np.exp(2j * np.pi * turns))
+
+
+Rays = Callable[[Array, Array], tuple[Array, Array, Array, Array]]
+"""Gives paths [mm], density, places from the film point [mm] and cosines of rays, for x of columns and y of rows."""
+
+
+def point_wave(pupils: FilmPupils, pupil: FilmPupil, point: Array, source: Array, nm: float) -> PointWave:
+    """Return the light of a source [mm], in the frame of the lens, about a point of the film (x, y) [mm].
+
+    Parameters
+    ----------
+    pupil
+        The opening as it is seen there; that of `PointOpening` for light out of focus.
+
+    Raises
+    ------
+    InputError
+        When its rays are not known well enough.
+    """
+    axes = [pupil.cosines_x, pupil.cosines_y]
+    return PointWave(pupil, *rays_of(pupils, axes, point, source, nm)(*axes)[:3])
+
+
+def rays_of(
+    pupils: FilmPupils,
+    axes: list[Array],
+    point: Array,
+    source: Array,
+    nm: float,
+    fit: tuple[int, int] = (NODES, POWERS),
+) -> Rays:
+    """Return rays of a source, as polynomials of the directions in which the point sees them cross the pupil.
+
+    On a sphere about the point, through the middle of the exit pupil, where the opening ends the light.
+
+    Parameters
+    ----------
+    axes
+        Columns and rows of a square of directions, which they are known about.
+    fit
+        Directions each way that are traced, and powers of the polynomials through them.
+
+    Raises
+    ------
+    InputError
+        As `point_wave`.
+    """
+    nodes, powers = fit
+    few = [_chebyshev(axis, nodes) for axis in axes]
+    cosines = np.stack(np.meshgrid(*few), axis=-1)
+    rays = pupils.arrive(point, source, nm, cosines)
+    seen, path = _on_sphere(rays, point, cosines.reshape(-1, 2), pupils)
+    values = np.column_stack([path, rays.density, rays.places - point, cosines.reshape(-1, 2)])
+    middles, halves = np.array([axis.mean() for axis in axes]), np.array([np.ptp(axis) / 2 for axis in axes])
+    with np.errstate(invalid="ignore"):
+        known = np.isfinite(values).all(axis=1) & (np.hypot(*((seen - middles) / halves).T) < DISK)
+    if known.sum() < FOUND * nodes**2:
+        raise InputError(f"camera.diffraction: too few rays of a point reach {_named(point)}")
+    middle = values[known].mean(axis=0)
+    i, j = np.nonzero(np.add.outer(np.arange(powers + 1), np.arange(powers + 1)) <= powers)
+
+    def terms(places: Array, axis: int) -> Array:
+        return np.polynomial.chebyshev.chebvander((places - middles[axis]) / (DISK * halves[axis]), powers)
+
+    matrix = terms(seen[known, 0], 0)[:, j] * terms(seen[known, 1], 1)[:, i]
+    factors, *_ = np.linalg.lstsq(matrix, values[known] - middle, rcond=1e-13)
+    missed = np.sqrt(np.mean((matrix @ factors[:, 0] - (values[known, 0] - middle[0])) ** 2)) / (nm * 1e-6)
+    if missed > FAITHFUL_WAVES:
+        raise InputError(f"camera.diffraction: the wavefront of a point is too uneven at {_named(point)}")
+    table = np.zeros((6, powers + 1, powers + 1))
+    table[:, i, j] = factors.T
+
+    def at(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        path, density, *rest = (terms(y, 1) @ part @ terms(x, 0).T for part in table)
+        right, up, along_x, along_y = (part + off for part, off in zip(rest, middle[2:], strict=True))
+        (xy, xx), (yy, yx) = (np.gradient(part, y, x) for part in (along_x, along_y))
+        density = np.maximum(density + middle[1], 0.0) * np.abs(xx * yy - xy * yx)
+        return path, density, np.stack([right, up], axis=-1), np.stack([along_x, along_y], axis=-1)
+
+    return at
+
+
+def _named(point: Array) -> str:
+    return f"({point[0]:g}, {point[1]:g}) mm on the film"
+
+
+def _on_sphere(rays: Arrivals, point: Array, cosines: Array, pupils: FilmPupils) -> tuple[Array, Array]:
+    """Return the directions (n, 2) in which a point sees rays cross the sphere about it, and paths up to there [mm]."""
+    radius = pupils.pupil_mm
+    if not np.isfinite(radius):
+        return cosines, rays.path_mm
+    off = point - rays.places
+    foot = np.sum(off * cosines, axis=1)
+    root = np.sign(radius) * np.sqrt(np.maximum(radius**2 - np.sum(off * off, axis=1) + foot**2, 0.0))
+    return (off - (foot - root)[:, None] * cosines) / radius, rays.path_mm + pupils.index * (radius - root)
+
+
+def _chebyshev(axis: Array, nodes: int) -> Array:
+    half = WIDER * np.ptp(axis) / 2
+    return np.asarray(axis.mean() + half * np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes))
+
+
+#
+# The opening for light out of focus, and pictures of a point in pixels.
+
+COARSE = 96  # cells across the opening, of which those by its edge are divided
+FINER = 4  # points across a cell that the edge runs through
+STEEP = 0.3  # waves that the path may change between two cells
+CLEAR = 3.0  # cells across the opening for each wavelength over its aperture that a picture reaches
+MOST_ACROSS = 6 * COARSE
+FEW_ACROSS, FEW_NODES, FEW_POWERS = 48, 19, 7  # the same, and of rays, in the search for it
+ROOM = 1.4  # of a square about the opening that a point near by sees, that holds it
+
+
+@dataclass(frozen=True)
+class PointOpening:
+    """The opening by the directions in which light of a point of the scene reaches the film about a point, coarsely.
+
+    Attributes
+    ----------
+    inside : (n, n) array
+        Which directions are open.
+    axes : list of two (n,) arrays
+        Direction cosines of the columns and the rows.
+    rays : callable
+        Gives the rays of these directions and others.
+    radius_mm : float
+        Distance of the farthest ray that the film receives.
+    passes : callable
+        Finds which directions are open to places (n, 2) about the point [mm].
+    index, nm : float
+        Of the medium before the film; wavelength of the rays.
+    """
+
+    inside: Mask
+    axes: list[Array]
+    rays: Rays
+    radius_mm: float
+    passes: Callable[[Array, Array], Mask]
+    index: float
+    nm: float
+
+    @property
+    def aperture(self) -> float:
+        """Numerical aperture of the round opening of the same area, in the medium before the film."""
+        return float(np.sqrt(self.inside.sum() / np.pi) * (self.axes[0][1] - self.axes[0][0]))
+
+    @property
+    def box(self) -> tuple[Array, float]:
+        """Middle and half width of the square about what is open, with room of a cell."""
+        grid, step = np.stack(np.meshgrid(*self.axes), axis=-1)[self.inside], self.axes[0][1] - self.axes[0][0]
+        low, high = grid.min(axis=0) - step, grid.max(axis=0) + step
+        return (low + high) / 2, float((high - low).max()) / 2
+
+    def wave(self, units: float) -> PointWave:
+        """Return the light of the point, for a picture that reaches so many wavelengths over twice the aperture.
+
+        Raises
+        ------
+        InputError
+            When its path changes too fast over the opening.
+        """
+        path = np.where(self.inside, self.rays(*self.axes)[0], np.nan)
+        steps = [np.abs(np.diff(path, axis=axis)).ravel() for axis in (0, 1)]
+        steepest = float(np.nanmax(np.concatenate(steps))) / (self.nm * 1e-6)
+        parts = int(np.ceil(max(steepest / STEEP, CLEAR * units / COARSE, 1.0)))
+        if parts * COARSE > MOST_ACROSS:
+            raise InputError("camera.diffraction: the wavefront of a lamp is too steep")
+
+        def rays_at(x: Array, y: Array) -> Array:
+            _, _, places, ways = self.rays(x, y)
+            return np.concatenate([ways, places], axis=-1)
+
+        cells = _divided(self.inside, parts, self.axes, rays_at, lambda rays: self.passes(rays[:, :2], rays[:, 2:]))
+        pupil = FilmPupil(*cells, self.index)
+        return PointWave(pupil, *self.rays(pupil.cosines_x, pupil.cosines_y)[:3])
+
+
+def point_opening(
+    pupils: FilmPupils, seen: tuple[Array, FilmPupil], point: Array, source: Array, nm: float
+) -> PointOpening:
+    """Find the opening for light of a source [mm], in the frame of the lens, about a point of the film (x, y) [mm].
+
+    Parameters
+    ----------
+    seen
+        A point of the film near by, and the opening that it sees, which tell where to look.
+
+    Raises
+    ------
+    InputError
+        When no light arrives, or its rays are not known.
+    """
+    opens, few = pupils.directions(point)[0], (FEW_ACROSS, FEW_NODES, FEW_POWERS)
+    try:
+        first = _search(pupils, opens, _moved(pupils, *seen, point), point, source, nm, few)
+    except InputError:  # it is not where it is looked for
+        own = _moved(pupils, point, pupils(point, FEW_ACROSS), point)
+        first = _search(pupils, opens, own, point, source, nm, few)
+    return _search(pupils, opens, first.box, point, source, nm, (COARSE, NODES, POWERS))
+
+
+def _moved(pupils: FilmPupils, known: Array, seen: FilmPupil, point: Array) -> tuple[Array, float]:
+    """Return middle and half width of a square of directions that holds the opening, by that of another point."""
+    middle, half = np.array([seen.cosines_x.mean(), seen.cosines_y.mean()]), float(np.ptp(seen.cosines_x)) / 2
+
+    def from_pupil(place: Array) -> Array:
+        return np.asarray(place / np.sqrt(place @ place + pupils.pupil_mm**2) * np.sign(pupils.pupil_mm))
+
+    far = not np.isfinite(pupils.pupil_mm)
+    return middle if far else middle + from_pupil(point) - from_pupil(known), ROOM * half
+
+
+def _search(
+    pupils: FilmPupils,
+    opens: OpenTo,
+    box: tuple[Array, float],
+    point: Array,
+    source: Array,
+    nm: float,
+    size: tuple[int, int, int],
+) -> PointOpening:
+    """Search for an opening in a square of directions; cells across, nodes and powers of the rays."""
+    (middle, half), (across, nodes, powers) = box, size
+    axes = [middle[k] + half * ((np.arange(across) + 0.5) / across * 2 - 1) for k in (0, 1)]
+    rays = rays_of(pupils, axes, point, source, nm, (nodes, powers))
+    _, _, places, ways = rays(*axes)
+    inside = opens(ways.reshape(-1, 2), (places + point).reshape(-1, 2)).reshape(across, across)
+    if not inside.any():
+        raise InputError("camera.diffraction: no light of a lamp reaches the film")
+    cut = inside[[0, -1]].any() or inside[:, [0, -1]].any()
+    if cut and across == FEW_ACROSS:
+        raise InputError("camera.diffraction: the opening for a lamp is larger than it is known")
+
+    radius = float(np.hypot(*places[inside].T).max())
+    return PointOpening(inside, axes, rays, radius, lambda w, at: opens(w, at + point), pupils.index, nm)
+
+
+def _divided(
+    inside: Mask, parts: int, axes: list[Array], rays: Callable[[Array, Array], Array], passes: Callable[[Array], Mask]
+) -> tuple[Array, Array, Array]:
+    """Return coverage and axes of cells, so many of each coarse one; only those near the edge are looked at."""
+    count = np.arange(COARSE)
+    within = (np.arange((COARSE - 1) * parts) + 0.5) / parts  # of the middles of coarse cells
+    x, y = (np.interp(within, count, axis) for axis in axes)
+    own, at = rays(x, y), np.rint(within).astype(int)
+    known, unsure = inside[np.ix_(at, at)], by_an_edge(inside)[np.ix_(at, at)]
+    known[unsure] = passes(own[unsure])
+    coverage, edge, fine = known.astype(np.float64), by_an_edge(known), float(x[1] - x[0])
+    moves = ((np.arange(FINER) + 0.5) / FINER - 0.5) * fine
+    by_y, by_x = (np.asarray(part)[edge] for part in np.gradient(own, fine, axis=(0, 1)))
+    coverage[edge] = np.mean([passes(own[edge] + by_x * u + by_y * v) for u in moves for v in moves], axis=0)
+    return coverage, x, y
+
+
+def wave_picture(wave: PointWave, nm: float, x_mm: Array, y_mm: Array) -> Array:
+    """Return the light per mm2 at points of a grid, x of the columns and y of the rows [mm], of 1 altogether."""
+    turn, pupil = 2j * np.pi * wave.pupil.index / (nm * 1e-6), wave.pupil
+    step = pupil.step * pupil.index / (nm * 1e-6)
+    rows, columns = np.exp(turn * np.outer(y_mm, pupil.cosines_y)), np.exp(turn * np.outer(pupil.cosines_x, x_mm))
+    kept = [_kept_by_cells(places * step) for places in (x_mm, y_mm)]
+    means = wave.amplitude(nm) * np.sinc(wave.places * step).prod(axis=-1)  # of cells, whose rays lead to one place
+    rows, means, columns = (part.astype(np.complex64) for part in (rows, means, columns))  # twice as fast, within 1e-5
+    return np.asarray(np.abs(rows @ means @ columns) ** 2 * step**2 / np.outer(kept[1], kept[0]))
+
+
+def _kept_by_cells(places: Array) -> Array:
+    """Return the share of light, by its distance along an axis in widths of what cells resolve, that cells show there.
+
+    A cell averages the opening over its width, and shows light of one width away, which falls as the cube, as its own.
+    """
+    near = np.minimum(np.abs(places), 0.5)
+    return np.asarray(np.sinc(near) ** 2 + np.sinc(1 - near) ** 2 * (near / (1 - near)) ** 3)
+
+
+def ray_picture(wave: PointWave, x_mm: Array, y_mm: Array) -> Array:
+    """Return the share of light about each point of an even grid, by its rays, (rows, columns)."""
+    lit = wave.flux > 0
+    shares, index = np.zeros((len(y_mm) + 2) * (len(x_mm) + 2)), []
+    for axis, points in enumerate((x_mm, y_mm)):
+        place = np.clip((wave.places[lit][:, axis] - points[0]) / (points[1] - points[0]), -1.0, len(points) - 0.001)
+        first = np.floor(place).astype(np.int64)
+        index.append((first + 1, place - first))
+    (i, u), (j, v) = index
+    for row, by_row in ((j, 1 - v), (j + 1, v)):
+        for column, by_column in ((i, 1 - u), (i + 1, u)):
+            shares += np.bincount(row * (len(x_mm) + 2) + column, wave.flux[lit] * by_row * by_column, len(shares))
+    return shares.reshape(len(y_mm) + 2, len(x_mm) + 2)[1:-1, 1:-1]
