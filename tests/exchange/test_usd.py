@@ -14,6 +14,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.mesh_data import PolygonMesh
 from rptcam_cl.exchange.usd import convert_stage
 from rptcam_cl.scene.load import load_scene
+from tests.support.cases import slow
 
 pytest.importorskip("pxr")
 
@@ -270,7 +271,7 @@ def test_what_is_no_stage_is_refused(tmp_path: Path) -> None:
         convert_stage(tmp_path / "in.usda", tmp_path / "out.yaml")
 
 
-@pytest.mark.parametrize("name", ["a.usda", "a.pbrt", "a.obj"])
+@pytest.mark.parametrize("name", ["a.usda", *map(slow, ("a.pbrt", "a.obj"))])
 def test_foreign_scenes_are_rendered_directly(tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     texts = {
         "a.usda": HEAD + STATEMENT.sub("\n", BALL),

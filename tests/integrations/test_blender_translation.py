@@ -405,6 +405,7 @@ SMALL = {
 }
 
 
+@pytest.mark.slow
 def test_process_of_its_own_gives_the_same_bits_and_may_be_killed():
     """Killed while it renders and at rest, and given up: an error, the next render works, nothing is left behind."""
     here, apart = LiveScene(), LiveScene()

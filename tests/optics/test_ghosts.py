@@ -25,6 +25,7 @@ from rptcam_cl.optics.lens import Lens, system_matrix
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, axial_transmittance, with_coating
 from tests.optics.truth import truth
+from tests.support.cases import slow
 
 TRUTH = json.loads((Path(__file__).parents[1] / "data" / "wave_truth" / "ghosts.json").read_text())
 DGAUSS = TRUTH["dgauss50"]
@@ -121,7 +122,8 @@ CLEAR, DARK = QuarterWave(1.38, 550.0), LayerStack((Layer(1.46, 70.0), Layer(0.9
 
 
 @pytest.mark.parametrize(
-    ("name", "order", "coating"), [("planar-1897", 2, CLEAR), ("achromat-100mm", 4, CLEAR), ("planar-1897", 2, DARK)]
+    ("name", "order", "coating"),
+    [("achromat-100mm", 4, CLEAR), ("planar-1897", 2, DARK), slow("planar-1897", 2, CLEAR)],
 )
 def test_no_light_is_lost_or_made(name: str, order: int, coating: QuarterWave | LayerStack) -> None:
     lens = with_coating(load_lens(name), coating)  # whose glass absorbs
@@ -202,6 +204,7 @@ def test_ghosts_say_what_they_do_not_know() -> None:
         find_ghosts(Lit(endless, 36.0))
 
 
+@pytest.mark.slow
 def test_pairs_whose_light_enters_by_a_small_part_of_a_wide_front_are_found() -> None:
     lens = load_lens("fisheye-10mm")
     lit = Lit(lens, lens.first_order().back_focal_distance_mm, Beam(20.0), 550.0, (36.0, 24.0))

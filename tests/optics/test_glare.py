@@ -35,6 +35,7 @@ def test_light_that_a_film_scatters_comes_back_from_a_window() -> None:
     assert found.barrel >= 0
 
 
+@pytest.mark.slow
 def test_layers_take_most_of_the_glare_away() -> None:
     lens = load_lens("dgauss-50mm")
     bare = veiling_glare(lens, 36.1)

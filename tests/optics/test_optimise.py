@@ -19,6 +19,7 @@ from rptcam_cl.optics.optimise_problem import read_problem
 from rptcam_cl.optics.ray_derivatives import Seeds, trace_with_derivatives
 from rptcam_cl.optics.ray_trace import Status, trace
 from rptcam_cl.rendering.tolerance_run import spot_of_copies
+from tests.support.cases import slow
 
 EVERY_TERM = {
     "spot": 1, "wavefront": 1, "mtf": {"weight": 1, "per_mm": 30}, "distortion": 1, "axial_colour": 1,
@@ -208,7 +209,7 @@ def test_lost_rays_are_a_finite_penalty_with_a_reason(surface, curvature, reason
     assert values @ values > 100 * (good @ good)
 
 
-@pytest.mark.parametrize("surface, curvature", [(0, 0.09), (4, 0.08)])
+@pytest.mark.parametrize("surface, curvature", [(0, 0.09), slow(4, 0.08)])
 def test_search_finds_back_from_lost_rays(surface, curvature):
     assert not optimise(triplet_with(surface, curvature)).lost
 

@@ -112,6 +112,7 @@ def test_light_off_the_axis_is_found_behind_a_cover_glass(f_number):
     np.testing.assert_allclose(after, before, rtol=0.03)
 
 
+@pytest.mark.slow
 def test_the_facts_of_the_phone_lens_at_f_16():
     facts = lens_info(load_lens("phone-5.6mm"), f_number=16.0)
     assert facts["t_number"] == pytest.approx(16.0, rel=0.02)

@@ -67,6 +67,7 @@ def test_caustics_have_an_error_by_both_ways(checkout: Path, tmp_path: Path) -> 
     assert (tmp_path / "caustics_mirror.png").exists()
 
 
+@pytest.mark.slow
 def test_caustics_of_a_file_are_saved_at_the_shape_of_its_film(checkout: Path, tmp_path: Path) -> None:
     scene = tmp_path / "wide.yaml"
     lamp = {"shape": "sphere", "center": [0, 2, 0], "radius": 0.1, "material": {"kind": "emissive", "radiance": 9}}

@@ -18,6 +18,7 @@ from rptcam_cl.studies.focus.controller import autofocus
 from rptcam_cl.viewfinder import engine
 from rptcam_cl.viewfinder.background import Background, BackgroundTask
 from tests.support.browsing import needs_chromium, served, settled, until, visited
+from tests.support.cases import slow
 from tests.viewfinder.page_client import SCENE, Page, at_rest, page, serving
 
 WITHIN_S = 30.0
@@ -103,7 +104,8 @@ def test_picture_follows_a_search(client: Page, search: Search) -> None:
 
 
 @pytest.mark.parametrize(
-    "message", [{"type": "dial", "name": "f_number", "value": 5.6}, {"type": "move", "kind": "orbit", "dx": 0.1}]
+    "message",
+    [{"type": "dial", "name": "f_number", "value": 5.6}, slow({"type": "move", "kind": "orbit", "dx": 0.1})],
 )
 def test_change_of_the_camera_ends_a_search(client: Page, search: Search, message: dict[str, Any]) -> None:
     client.send("focus", id=920, x=0.5, y=0.5)
@@ -132,6 +134,7 @@ def test_focus_goes_back_where_a_search_fails(client: Page, search: Search) -> N
     assert focus_m(client) == before
 
 
+@pytest.mark.slow
 def test_another_click_takes_the_place_of_a_search(client: Page, search: Search) -> None:
     client.send("focus", id=940, x=0.5, y=0.5)
     assert search.aimed.wait(WITHIN_S)
@@ -253,6 +256,7 @@ def test_workers_wait_until_the_hand_has_come_to_rest(
 # In a browser.
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_page_says_what_runs_and_turns_dials_meanwhile(browser: Browser, scene_file: Path, search: Search) -> None:
     with served(scene_file) as (_, address), visited(browser, address) as shown:

@@ -69,6 +69,7 @@ def test_glance_is_denoised_by_layers_of_its_own_size() -> None:
     assert error(clean, truth) < error(glance.pixels, truth) / 3
 
 
+@pytest.mark.slow
 def test_what_has_no_noise_stays_as_it_is() -> None:
     even = scene(objects=[], environment={"kind": "constant", "radiance": [0.4, 0.5, 0.6]})
     pinhole = {"kind": "pinhole", "eye": [0, 0, 1], "target": [0, 0, 0], "fov_degrees": 40}

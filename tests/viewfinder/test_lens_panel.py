@@ -18,6 +18,7 @@ from rptcam_cl.scene.camera import LensCamera
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.lens_panel import LINES_NM, LensPanel, depth_of_field, lens_state
+from tests.support.cases import slow
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -2]}
 POINT_MM = 1e-4  # float32 through up to 34 surfaces, as for mirrors in tests/cameras; 2e-5 is met
@@ -72,7 +73,7 @@ def test_device_meets_every_surface_where_float64_does(lens: str, distance_m: fl
 
 
 @pytest.mark.parametrize(("lens", "distance_m"), LENSES)
-@pytest.mark.parametrize("place", [(0.5, 0.3), (0.6, 0.55)])
+@pytest.mark.parametrize("place", [(0.5, 0.3), slow((0.6, 0.55))])
 def test_rays_are_drawn_where_float64_traces_them(
     panel: LensPanel, lens: str, distance_m: float, place: tuple[float, float]
 ) -> None:

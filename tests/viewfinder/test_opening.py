@@ -11,6 +11,7 @@ from rptcam_cl.scene.load import load_scene, set_keys
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.server import ViewServer
 from rptcam_cl.viewfinder.studio import open_session
+from tests.support.cases import slow
 from tests.viewfinder.page_client import SCENE, at_rest, page, serving
 
 EVEN = SCENE.replace("[0.7, 0.6, 0.5]", "0").replace("environment: {kind: constant, radiance: [0.4, 0.5, 0.6]}", "")
@@ -70,7 +71,7 @@ LAMP = "lights: [{kind: point, position: [1, 1, 1], intensity: 5}]"
 NIGHT = SCENE.replace("environment: {kind: constant, radiance: [0.4, 0.5, 0.6]}", LAMP)
 
 
-@pytest.mark.parametrize("automatic", [False, True])
+@pytest.mark.parametrize("automatic", [True, slow(False)])
 def test_camera_may_be_turned_into_the_dark_and_back(tmp_path: Path, automatic: bool) -> None:
     path = tmp_path / "night.yaml"
     path.write_text(NIGHT)

@@ -223,6 +223,7 @@ def test_a_lamp_is_added_selected_and_undone(client: Page) -> None:
     assert "what" in client.ask(42, "add", what="chair").header["message"]
 
 
+@pytest.mark.slow
 def test_a_lamp_is_put_out_without_waiting_for_other_kernels(client: Page, tmp_path: Path) -> None:
     client.seen.clear()
     client.send("lamp", id=30, name="materials.warm", mute=True)

@@ -89,6 +89,7 @@ def check(shown, light):
     assert np.abs(channels - expected).max() > 3 * bound
 
 
+@pytest.mark.slow
 def test_paint_under_a_lamp_of_lines():
     green = color_checker()["bluish green"]
     check(ground({"kind": "matte", "reflectance": table(green)}), known(green) * illuminant("F11"))

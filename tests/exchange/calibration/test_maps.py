@@ -16,6 +16,7 @@ from rptcam_cl.exchange.camera_view import subject, view
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.rendering.cameras.ideal import stop_shape
 from rptcam_cl.scene.load import load_scene
+from tests.support.cases import slow
 
 ROUND_TRIP_PX = 0.02
 
@@ -97,6 +98,7 @@ def test_vignetting_map_is_the_irradiance_of_each_pixel():
     assert found == pytest.approx(found[::-1, ::-1], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_vignetting_map_follows_the_edge_of_the_image_circle():
     seen = view(subject("cooke-triplet-50mm", ["camera.f_number=11"], size=(61, 1), film_mm=(60.0, 60.0 / 61)))
     found, lens, back = vignetting_map(seen)[0], seen.setting.lens, seen.setting.film_distance_mm
@@ -210,7 +212,7 @@ def test_circle_of_confusion_is_the_width_of_the_kernel():
 
 
 @pytest.mark.parametrize(
-    ("movements", "flip"), [({"shift_mm": -6, "rise_mm": 3}, False), ({"swing_degrees": 4, "rise_mm": 3}, True)]
+    ("movements", "flip"), [({"shift_mm": -6, "rise_mm": 3}, False), slow({"swing_degrees": 4, "rise_mm": 3}, True)]
 )
 def test_circle_of_confusion_of_a_film_that_is_moved_is_that_of_its_own_side(movements, flip):
     camera = CAMERA | {"flip": flip, "movements": movements, "f_number": 2.8}
@@ -332,6 +334,7 @@ def wide_fisheye(f_number=8, conic=0):
 STEEP_CELLS, AWAY_M = (5, 1), (0.3, np.inf)
 
 
+@pytest.mark.slow
 def test_point_images_past_85_degrees_lie_on_their_chief_rays():
     seen = wide_fisheye()
     directions, lit = seen.directions(point_images(seen, STEEP_CELLS, across=8).places[0])

@@ -42,6 +42,7 @@ def test_stretched_sphere_keeps_its_transform(convert: Convert) -> None:
     np.testing.assert_array_equal(np.diag(item.world_from_object), [1, 2, 3, 1])
 
 
+@pytest.mark.slow
 def test_texture_of_a_sphere_runs_as_in_pbrt(convert: Convert) -> None:
     """v of pbrt is 1 at the north pole, which the top row of a picture shows; u runs from +x over +y."""
     texels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)
@@ -203,18 +204,25 @@ TETRAHEDRON = MeshData(
 )
 
 
-def test_subdivision_surfaces_are_subdivided(convert: Convert) -> None:
+def subdivided(levels: int) -> str:
     points = " ".join(f"{x:g}" for x in TETRAHEDRON.vertices.ravel())
     indices = " ".join(map(str, TETRAHEDRON.faces.ravel()))
-    text = f'Shape "loopsubdiv" "integer levels" {{}} "integer indices" [{indices}] "point3 P" [{points}]'
-    done = convert(text.format(4), HEAD)
+    return f'Shape "loopsubdiv" "integer levels" {levels} "integer indices" [{indices}] "point3 P" [{points}]'
+
+
+def test_subdivision_surfaces_are_subdivided(convert: Convert) -> None:
+    done = convert(subdivided(4), HEAD)
     (part,) = done.scene.load_mesh(done.scene.objects[0]).contents.parts
     assert len(part.mesh.faces) == 4 * 4**4
     # the limit of a vertex of valence 3 is (1 - 3 g) p + g (sum of the others), g = 1 / (3 + 2): the others sum to -p
     np.testing.assert_allclose(limit_of_loop(TETRAHEDRON, 4).vertices[:4], 0.2 * TETRAHEDRON.vertices, rtol=1e-12)
     assert (np.einsum("ni,ni->n", part.mesh.normals, part.mesh.positions) > 0).all()
     assert not done.report
-    assert convert(text.format(30), HEAD).says("subdivided 9 times, not 30")
+
+
+@pytest.mark.slow  # a million faces
+def test_subdivision_ends_at_nine_levels(convert: Convert) -> None:
+    assert convert(subdivided(30), HEAD).says("subdivided 9 times, not 30")
 
 
 def lattice(size: int) -> MeshData:

@@ -40,6 +40,7 @@ sensor: {full_well_e: 900}
 """
 
 
+@pytest.mark.slow
 def test_photon_transfer_of_a_rendered_flat_field_gives_back_what_was_put_in(session: Session) -> None:
     films: dict[float, rptcam_cl.Image] = {}
 

@@ -7,6 +7,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.colour import on_grid, response_curves, srgb_from_spectrum
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent
 
 # A lamp of two broad lines, which no mixture of RGB colours is.
@@ -28,7 +29,7 @@ def film(response: str | None) -> tuple[np.ndarray, np.ndarray, rptcam_cl.Image]
     return pixels.mean(axis=0), pixels.std(axis=0) / np.sqrt(len(pixels)), image
 
 
-@pytest.mark.parametrize("response", ["nikon_d5100", "canon_eos_5d_mark_ii"])
+@pytest.mark.parametrize("response", [slow("nikon_d5100"), "canon_eos_5d_mark_ii"])
 def test_film_holds_what_the_camera_takes_a_spectrum_for(response: str) -> None:
     lamp = on_grid(WAVELENGTHS, VALUES)
     expected = lamp @ response_curves(response)
