@@ -1,4 +1,4 @@
-"""Many pictures: sweeps over values of keys, contact sheets, and focus and exposure that follow from frame to frame."""
+"""Many pictures: sweeps and contact sheets, focus stacks, and focus and exposure that follow from frame to frame."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -23,7 +24,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 from rptcam_cl.core.files import check_writable, kernels_dir, make_folder, replacing, resolve_links
 from rptcam_cl.core.remember import Disk, OneMaker, made_by
-from rptcam_cl.device.session import Session, Wanted, open_sessions
+from rptcam_cl.device.session import Session, Wanted, open_session, open_sessions
 from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image, develop, read_film
 from rptcam_cl.imaging.sensor import check_sensor
@@ -32,6 +33,7 @@ from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.scene.load import at_rest, change_scene, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import focus_drive
+from rptcam_cl.studies.focus.probe import Zone, circle_of_confusion
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
@@ -100,6 +102,7 @@ def _small(image: Image) -> Picture:
 # already.
 
 KIND = "frames"
+# All code of these rooms and all kernels decide a measurement.
 ROOMS = ("core", "device", "optics", "scene", "rendering", "studies", "api")
 
 
@@ -208,12 +211,8 @@ class FrameTracker:
             self.measured += 1
             return measure(session)
 
-        return _disk().find_or_make((__version__, session.info.driver, what, scene.content_hash()), measure_here)
-
-
-def _disk() -> Disk:
-    """Where measurements are kept; all code of these rooms and all kernels decide them."""
-    return Disk(KIND, ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
+        disk = Disk(KIND, ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
+        return disk.find_or_make((__version__, session.info.driver, what, scene.content_hash()), measure_here)
 
 
 def _is_metered(scene: Scene) -> bool:
@@ -449,11 +448,7 @@ def format_value(value: Any) -> str:
 
 
 def _entries(
-    planned: Sequence[_Combination],
-    folder: Path | None,
-    device: Wanted,
-    pictures: Pictures | None,
-    same: OneMaker,
+    planned: Sequence[_Combination], folder: Path | None, device: Wanted, pictures: Pictures | None, same: OneMaker
 ) -> Iterator[SweepEntry]:
     """Render what is not there yet; write table and sheet at the end."""
     sessions: list[Any] = []
@@ -611,3 +606,165 @@ def _distance(region: Plane) -> Plane | None:
         return None
     y, x = np.mgrid[: region.shape[0], : region.shape[1]].astype(np.float64)
     return np.asarray((x - start - slope * y) / math.hypot(1.0, slope))
+
+
+#
+# Focus stacking: pictures of one scene focused at many distances become one that is sharp throughout, and a depth map.
+#
+# The method is shape from focus: the sum-modified Laplacian of each picture, and a Gaussian through its greatest value
+# and the neighbours (S. Nayar, Y. Nakagawa, Shape from focus, IEEE PAMI 16, 824 (1994)). It needs texture: where there
+# is none, the depth is that of what lies around.
+
+MOST_PICTURES = 200
+CENTRE = Zone(0.49, 0.51, 0.49, 0.51)
+WINDOW = 4  # pixels to either side over which contrast is summed
+CLEAR = 1.5  # times the mean over all pictures, by which the greatest contrast says where a pixel is sharp
+SPREADS = (2, 4, 8, 16, 32, 64, 128, 256, 512)  # pixels to either side from which depth is taken where there is none
+LEAST_SHARE = 0.02  # of those pixels that must have one
+
+
+def focus_stack(
+    source: SceneSource,
+    near_m: float,
+    far_m: float,
+    *,
+    steps: int | None = None,
+    spp: int | None = None,
+    size: tuple[int, int] | None = None,
+    seed: int | None = None,
+    device: str | Session | None = None,
+    on_picture: Callable[[int, int, float], object] | None = None,
+) -> Image:
+    """Return one picture that is sharp from a near to a far distance, with its depth map as the layer `depth`.
+
+    All pictures are drawn as large as the one with the nearest focus, whose picture is the largest.
+
+    Parameters
+    ----------
+    near_m, far_m
+        Distances of focus, as of autofocus: to the film, of a thin lens to the lens [m].
+    steps
+        Pictures to take; by default so many that the blur goes by a circle of confusion or a pixel, what is more.
+    spp, size, seed, device
+        As for `render`.
+    on_picture
+        Called before each picture with its number, their count and its distance [m].
+
+    Raises
+    ------
+    InputError
+        When the camera cannot focus there, or a film that is tilted, has no single distance of focus.
+    """
+    if not 0 < near_m < far_m:
+        raise InputError(f"near_m, far_m: need 0 < near < far (got {near_m:g} and {far_m:g})")
+    scene = at_rest(RenderOptions(spp=spp, size=size, seed=seed).apply_to(read_scene(source)))
+    if scene.camera.film_movements.turns:
+        raise InputError("camera.movements: a tilted film has no single distance of focus (allowed: without a turn)")
+    drive = focus_drive(scene)
+    ends = [drive.coordinate(drive.state_for(distance, CENTRE)) for distance in (far_m, near_m)]
+    coarse = max(scene.film.size_m()[0] * 1e3 / scene.film.resolution[0] / circle_of_confusion(scene), 1.0)
+    needed = int(np.ceil(abs(ends[1] - ends[0]) / (drive.depth_of_focus * coarse))) + 1
+    count = max(needed, 3) if steps is None else steps
+    if not 3 <= count <= MOST_PICTURES:
+        allowed = f"3 to {MOST_PICTURES}; {needed} leave nothing unsharp between"
+        raise InputError(f"steps: is out of range (got {count}; allowed: {allowed})")
+    states = [drive.state_at(float(place)) for place in np.linspace(ends[0], ends[1], count)]
+    series = SeriesRenderer(device if isinstance(device, Session) else open_session(device))
+    distances = [drive.object_distance(state) for state in states]
+    pictures: list[NDArray[np.float32]] = []
+    contrasts: list[NDArray[np.float32]] = []
+    for number, state in enumerate(states):
+        if on_picture is not None:
+            on_picture(number + 1, count, distances[number] or np.inf)
+        image = series.render(change_scene(scene, camera=drive.camera_keys(state)))
+        if number == 0 and (metered := image.metadata.get("metered_cd_m2")) is not None:
+            scene = set_keys(scene, {"exposure.lock_cd_m2": metered})
+        pixels = resized(image.pixels.astype(np.float64), drive.image_scale(states[-1], state))
+        pictures.append(pixels.astype(np.float32))
+        contrasts.append(_contrast(pixels).astype(np.float32))
+    pixels, place, known = _blend(np.stack(pictures), np.stack(contrasts).astype(np.float64))
+    depth = 1 / np.interp(place, np.arange(count), [1 / (distance or np.inf) for distance in distances])
+    about = {"pictures": count, "near_m": near_m, "far_m": far_m, "needed": needed, "known_share": float(known.mean())}
+    metadata = {**image.metadata, "focus_stack": about, "layers": ["depth"]}
+    return replace(
+        image, pixels=pixels.astype(np.float32), metadata=metadata, layers={"depth": depth.astype(np.float32)}
+    )
+
+
+def resized(pixels: Plane, scale: float) -> Plane:
+    """Return a picture (height, width, 3) drawn larger or smaller about its middle, by Catmull-Rom's cubic.
+
+    Pixels that come from beyond the edge are those of the edge.
+    """
+    for axis in (0, 1):
+        length = pixels.shape[axis]
+        at = (np.arange(length) - (length - 1) / 2) / scale + (length - 1) / 2
+        first = np.floor(at).astype(int)
+        t = at - first
+        weights = (
+            -t / 2 + t**2 - t**3 / 2, 1 - 5 * t**2 / 2 + 3 * t**3 / 2, t / 2 + 2 * t**2 - 3 * t**3 / 2,
+            -(t**2) / 2 + t**3 / 2,
+        )  # fmt: skip
+        shape = [-1 if side == axis else 1 for side in range(3)]
+        taken = (np.take(pixels, np.clip(first + k - 1, 0, length - 1), axis) for k in range(4))
+        pixels = sum(weight.reshape(shape) * part for weight, part in zip(weights, taken, strict=True))
+    return pixels
+
+
+def _box_mean(values: Plane, reach: int) -> Plane:
+    """Return the mean over a square about each pixel, as far as it lies within the picture."""
+    for axis in (0, 1):
+        length = values.shape[axis]
+        sums = np.concatenate([np.zeros_like(values.take([0], axis)), values.cumsum(axis)], axis)
+        high, low = np.minimum(np.arange(length) + reach + 1, length), np.maximum(np.arange(length) - reach, 0)
+        shape = [-1 if side == axis else 1 for side in range(values.ndim)]
+        values = (sums.take(high, axis) - sums.take(low, axis)) / (high - low).reshape(shape)
+    return values
+
+
+def _contrast(pixels: Plane) -> Plane:
+    """Return the sum-modified Laplacian of a picture over its local brightness, summed over a window."""
+    light = pixels @ np.array([0.2126, 0.7152, 0.0722])
+    padded = np.pad(light, 1, mode="edge")
+    middle = padded[1:-1, 1:-1]
+    across = np.abs(2 * middle - padded[1:-1, :-2] - padded[1:-1, 2:])
+    down = np.abs(2 * middle - padded[:-2, 1:-1] - padded[2:, 1:-1])
+    return _box_mean(across + down, WINDOW) / np.maximum(_box_mean(light, 4 * WINDOW), 1e-12)
+
+
+def _blend(pictures: NDArray[np.float32], contrasts: Plane) -> tuple[Plane, Plane, NDArray[np.bool_]]:
+    """Make one sharp picture of those of a stack by the contrasts of each.
+
+    Returns
+    -------
+    pixels, place, known : array
+        The picture, the place of each pixel in the stack, and which pixels tell theirs themselves.
+    """
+    count = len(pictures)
+    best = np.argmax(contrasts, axis=0)
+    middle = np.clip(best, 1, count - 2)
+    before, at, after = (
+        np.log(np.maximum(np.take_along_axis(contrasts, (middle + side)[None], 0)[0], 1e-12)) for side in (-1, 0, 1)
+    )
+    bend = before - 2 * at + after
+    top = middle + np.where(bend < 0, (before - after) / (2 * np.where(bend < 0, bend, -1.0)), best - middle)
+    place = np.clip(np.where(np.abs(top - best) <= 1, top, best), 0, count - 1)
+    known = contrasts.max(axis=0) > CLEAR * contrasts.mean(axis=0)
+    place = _filled(place, known)
+    low = np.minimum(place.astype(int), count - 2)
+    share = (place - low)[..., None]
+    chosen = [np.take_along_axis(pictures, (low + side)[None, ..., None], 0)[0] for side in (0, 1)]
+    return (1 - share) * chosen[0] + share * chosen[1], place, known
+
+
+def _filled(place: Plane, known: NDArray[np.bool_]) -> Plane:
+    """Return places with those that are not known taken from the mean of those around that are."""
+    filled, there = np.where(known, place, 0.0), known.copy()
+    for reach in SPREADS:
+        if there.all():
+            break
+        weight = _box_mean(known.astype(np.float64), reach)
+        mean = _box_mean(np.where(known, place, 0.0), reach) / np.maximum(weight, 1e-12)
+        new = ~there & (weight > LEAST_SHARE)
+        filled, there = np.where(new, mean, filled), there | new
+    return np.where(there, filled, np.median(place[known]) if known.any() else 0.0)

@@ -506,11 +506,7 @@ def add_tradeoff(parser: argparse.ArgumentParser) -> None:
         help="how long to measure, as 60s or 5min (default 60s)",
     )
     parser.add_argument(
-        "--time",
-        type=duration,
-        metavar="TIME",
-        default=60.0,
-        help="rendering time to advise for (default 60s)",
+        "--time", type=duration, metavar="TIME", default=60.0, help="rendering time to advise for (default 60s)"
     )
     parser.add_argument(
         "--error", type=share, metavar="X", default=0.02,

@@ -480,12 +480,7 @@ def add_stack(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     for name, text in (("--near-m", "nearest"), ("--far-m", "farthest")):
         parser.add_argument(name, type=positive, required=True, metavar="D", help=f"{text} distance of focus [m]")
-    parser.add_argument(
-        "--steps",
-        type=_count,
-        metavar="N",
-        help="pictures to take (default: as many as it needs)",
-    )
+    parser.add_argument("--steps", type=_count, metavar="N", help="pictures to take (default: as many as it needs)")
     parser.add_argument(
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
         help=f"picture to write, as of render; {listed(LAYER_SUFFIXES)} have the depth map as layer; may be repeated",
@@ -497,7 +492,7 @@ def add_stack(parser: argparse.ArgumentParser) -> None:
 
 def run_stack(arguments: argparse.Namespace) -> int:
     """Render a scene focused at many distances, and make one sharp picture and a depth map of them."""
-    from rptcam_cl.api.stacking import focus_stack
+    from rptcam_cl.api.sweeping import focus_stack
     from rptcam_cl.imaging.writers import check_output
     from rptcam_cl.scene.load import load_scene
 

@@ -437,9 +437,7 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     spec = arguments.tolerances or problem.tolerances
     scene = None if arguments.scene is None else _scene(arguments.scene, problem)
     judge = spot_of_copies(problem) if any(term.name == "as_built" for term in problem.terms) else None
-    found = optimise(
-        problem, state=arguments.state, on_progress=lambda line: print(line, file=sys.stderr), judge=judge
-    )
+    found = optimise(problem, state=arguments.state, on_progress=lambda line: print(line, file=sys.stderr), judge=judge)
     print_warnings(f"{words} at the end" for words in found.lost)
     if arguments.output is not None:
         lens_options.write(lens_text(found.lens).encode(), arguments.output)

@@ -205,25 +205,9 @@ def osl_text(view: View) -> str:
     normal /= np.linalg.norm(normal)
     plane, radius = _disk(view, setting)
     middle = corner + (across + up) / 2
-    indices = lens.indices(wavelength)
-    rows = range(len(lens.surfaces) - 1, -1, -1)
-    surfaces = [lens.surfaces[k] for k in rows]
-    axes = [surface.axes() for surface in surfaces]
-    terms = max((max(power, 2) + 1 for surface in surfaces for power, _ in surface.aspheric), default=0)
     return PROGRAM.format(
         about=f"{view.name}, film {setting.film_distance_mm:.6g} mm behind it, {wavelength:g} nm",
-        count=len(surfaces),
-        vertex=_listed(film_z - float(lens.vertices[k]) for k in rows),
-        curvature=_listed(-surface.curvature for surface in surfaces),
-        shape=_listed(1.0 + surface.conic for surface in surfaces),
-        clear=_listed(min(surface.semi_diameter, 1e6) ** 2 for surface in surfaces),
-        ratio=_listed(float(indices[k + 1] / indices[k]) for k in rows),
-        across_x=_listed(x for x, _ in axes),
-        across_y=_listed(y for _, y in axes),
-        terms=terms,
-        size=terms * len(surfaces),
-        aspheric=", ".join(str(int(bool(surface.aspheric))) for surface in surfaces),
-        coefficients=_listed(-dict(surface.aspheric).get(i, 0.0) for surface in surfaces for i in range(terms)),
+        **_columns_of_surfaces(lens, film_z, wavelength),
         rounds=_ROUNDS,
         small=_SMALL,
         corner=_turned(corner, film_z),
@@ -235,6 +219,29 @@ def osl_text(view: View) -> str:
         disk=repr(float(film_z - plane)),
         scale=repr(1.0 / _on_axis(lens, middle, normal, plane, radius, wavelength)),
     )
+
+
+def _columns_of_surfaces(lens: Lens, film_z: float, wavelength_nm: float) -> dict[str, Any]:
+    """List the surfaces from film to scene, column by column, by the names in the text of the shader."""
+    indices = lens.indices(wavelength_nm)
+    rows = range(len(lens.surfaces) - 1, -1, -1)
+    surfaces = [lens.surfaces[k] for k in rows]
+    axes = [surface.axes() for surface in surfaces]
+    terms = max((max(power, 2) + 1 for surface in surfaces for power, _ in surface.aspheric), default=0)
+    return {
+        "count": len(surfaces),
+        "vertex": _listed(film_z - float(lens.vertices[k]) for k in rows),
+        "curvature": _listed(-surface.curvature for surface in surfaces),
+        "shape": _listed(1.0 + surface.conic for surface in surfaces),
+        "clear": _listed(min(surface.semi_diameter, 1e6) ** 2 for surface in surfaces),
+        "ratio": _listed(float(indices[k + 1] / indices[k]) for k in rows),
+        "across_x": _listed(x for x, _ in axes),
+        "across_y": _listed(y for _, y in axes),
+        "terms": terms,
+        "size": terms * len(surfaces),
+        "aspheric": ", ".join(str(int(bool(surface.aspheric))) for surface in surfaces),
+        "coefficients": _listed(-dict(surface.aspheric).get(i, 0.0) for surface in surfaces for i in range(terms)),
+    }
 
 
 def _check(lens: Lens) -> None:

@@ -41,11 +41,6 @@ BY_ANGLE = "kannala_brandt"
 _LEAST_AHEAD = 0.02  # z of a unit direction below which a plane in front of the camera has no place for it
 
 
-def _in_reach(model: str, directions: Array) -> NDArray[np.bool_]:
-    """Return which directions (n, 3) a model has a place for."""
-    return np.asarray(np.ones(len(directions), bool) if model == BY_ANGLE else directions[:, 2] > _LEAST_AHEAD)
-
-
 def normal_points(model: str, directions: Array) -> Array:
     """The coordinates (n, 2) that a model distorts: tangents, or of the model by angles the angle along its azimuth."""
     across = directions[:, :2]
@@ -229,7 +224,7 @@ class Calibration:
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Samples:
     """Places of a picture and their directions in the scene, where it has light.
 
     Attributes
@@ -244,32 +239,7 @@ class _Seen:
     places: Array
     directions: Array
     weights: Array
-    middle: Array | None
-
-
-@dataclass(frozen=True)
-class _Checked:
-    """Where a residual is measured.
-
-    Attributes
-    ----------
-    lit : (rows, columns) array
-        Which of the places have light that are spread evenly over a picture from edge to edge, or over its upper left
-        quarter to the middle.
-    places, directions : (n, 2), (n, 3) arrays
-        With light: those spread evenly; then along edges and diagonals, and where some of four neighbours have light
-        and others none.
-    weights : (n,) array
-        In the mean over the picture.
-    lit_share : float
-        Of the picture.
-    """
-
-    lit: Mask
-    places: Array
-    directions: Array
-    weights: Array
-    lit_share: float
+    middle: Array | None = None
 
 
 def calibrate(view: View, model: str) -> Calibration:
@@ -282,14 +252,15 @@ def calibrate(view: View, model: str) -> Calibration:
     """
     if model not in COEFFICIENTS:
         raise InputError(f"model: unknown camera model (got {model}; allowed {', '.join(COEFFICIENTS)})")
-    seen, checked = _samples(view)
+    seen, checked, evenly_lit, lit_share = _samples(view)
     count = int(seen.weights.sum())
     if count < _LEAST_PLACES:
         raise InputError(
             f"{view.name}: the picture shows nothing to fit a camera model to: light reaches {count} of"
             f" {FITTED[0] * FITTED[1]} places (allowed: a film inside the image circle)"
         )
-    if not _in_reach(model, np.concatenate([seen.directions, checked.directions])).all():
+    ahead = np.concatenate([seen.directions, checked.directions])[:, 2]
+    if model != BY_ANGLE and not (ahead > _LEAST_AHEAD).all():
         widest = np.degrees(np.arccos(seen.directions[:, 2].min()))
         raise InputError(
             f"{view.name}: {model} has no place for a direction {widest:.1f} degrees from the axis"
@@ -297,14 +268,14 @@ def calibrate(view: View, model: str) -> Calibration:
         )
     parameters = _fitted(model, seen)
     off = placed(model, parameters, normal_points(model, checked.directions)) - checked.places
-    errors = np.full((*checked.lit.shape, 2), np.nan)
-    errors[checked.lit] = off[: np.count_nonzero(checked.lit)]
+    errors = np.full((*evenly_lit.shape, 2), np.nan)
+    errors[evenly_lit] = off[: np.count_nonzero(evenly_lit)]
     if seen.middle is not None:
         for axis, number in enumerate(CHECKED):
             errors = _unfolded(errors, number, axis)
     squares = off[:, 0] ** 2 + off[:, 1] ** 2
     max_px, rms_px = math.sqrt(squares.max()), math.sqrt(float(checked.weights @ squares / checked.weights.sum()))
-    return Calibration(model, parameters, max_px, rms_px, errors, checked.lit_share)
+    return Calibration(model, parameters, max_px, rms_px, errors, lit_share)
 
 
 def _unfolded(errors: Array, count: int, axis: int) -> Array:
@@ -333,13 +304,25 @@ def calibrate_best(view: View, models: Sequence[str], allowed_px: float) -> Cali
 
 
 @lru_cache(maxsize=8)
-def _samples(view: View) -> tuple[_Seen, _Checked]:
-    """The places that a fit goes by, and those that its residual is measured at."""
+def _samples(view: View) -> tuple[_Samples, _Samples, Mask, float]:
+    """Find the places that a fit goes by, and those that its residual is measured at.
+
+    Returns
+    -------
+    seen, checked : _Samples
+        Those of the residual are some spread evenly; then some along edges and diagonals, and where some of four
+        neighbours have light and others none.
+    evenly_lit : (rows, columns) array
+        Which of the places have light that are spread evenly over a picture from edge to edge, or over its upper left
+        quarter to the middle.
+    lit_share : float
+        Of the picture.
+    """
     places, weights, even, lines = _places(view.size, mirrored=view.is_mirrored)
     directions, lit = view.directions(np.concatenate([places, even.reshape(-1, 2), lines]))
     n, m, shape = len(places), len(places) + even.shape[0] * even.shape[1], even.shape[:2]
     middle = np.array(view.size) / 2 if view.is_mirrored else None
-    seen = _Seen(places[lit[:n]], directions[:n][lit[:n]], weights[lit[:n]], middle)
+    seen = _Samples(places[lit[:n]], directions[:n][lit[:n]], weights[lit[:n]], middle)
     lit_evenly = lit[n:m].reshape(shape)
     bright = lit[n:]
     checked = np.concatenate([even.reshape(-1, 2), lines])[bright]
@@ -347,7 +330,7 @@ def _samples(view: View) -> tuple[_Seen, _Checked]:
     of_lines = np.zeros(np.count_nonzero(lit[m:]))
     if lit_evenly.all():
         weights = np.outer(_simpson(shape[0]), _simpson(shape[1])).ravel()
-        return seen, _Checked(lit_evenly, checked, away, np.append(weights, of_lines), 1.0)
+        return seen, _Samples(checked, away, np.append(weights, of_lines)), lit_evenly, 1.0
     corners = np.stack([lit_evenly[:-1, :-1], lit_evenly[:-1, 1:], lit_evenly[1:, :-1], lit_evenly[1:, 1:]])
     whole = corners.all(axis=0)
     each = np.pad(whole.astype(np.float64), 1) / 4
@@ -358,7 +341,7 @@ def _samples(view: View) -> tuple[_Seen, _Checked]:
     there, shines = view.directions(edge)
     checked, away = np.concatenate([checked, edge[shines]]), np.concatenate([away, there[shines]])
     weights = np.concatenate([weights, of_lines, np.full(np.count_nonzero(shines), 1.0 / _FINER**2)])
-    return seen, _Checked(lit_evenly, checked, away, weights, float(weights.sum()) / whole.size)
+    return seen, _Samples(checked, away, weights), lit_evenly, float(weights.sum()) / whole.size
 
 
 def _simpson(count: int) -> Array:
@@ -387,7 +370,7 @@ def _places(size: tuple[int, int], *, mirrored: bool) -> tuple[Array, Array, Arr
     return places.reshape(-1, 2), weights.ravel(), even, lines * (at_x[-1], at_y[-1])
 
 
-def _fitted(model: str, seen: _Seen) -> Array:
+def _fitted(model: str, seen: _Samples) -> Array:
     """Return the parameters whose sum of squared errors is least."""
     points = normal_points(model, seen.directions)
     start = _pinhole(points, seen)
@@ -424,7 +407,7 @@ def _fitted(model: str, seen: _Seen) -> Array:
     return min(good or [starts[0]], key=lambda one: float(np.sum(errors(one[free]) ** 2)))
 
 
-def _pinhole(points: Array, seen: _Seen) -> Array:
+def _pinhole(points: Array, seen: _Samples) -> Array:
     """Return fx, fy, cx, cy by a linear fit."""
     weights, places, middle = seen.weights[:, None], seen.places, seen.middle
     none = np.zeros(2)
@@ -434,7 +417,7 @@ def _pinhole(points: Array, seen: _Seen) -> Array:
     return np.concatenate([focal, mean - focal * centre])
 
 
-def _radial_start(model: str, points: Array, seen: _Seen) -> Array:
+def _radial_start(model: str, points: Array, seen: _Samples) -> Array:
     """Return parameters by a linear fit: of places x that are cx and x times a polynomial of the squared distance."""
     square = np.sum(points * points, axis=1)
     reach, count = square.max(), len(COEFFICIENTS[model]) - 2 * (model != BY_ANGLE)

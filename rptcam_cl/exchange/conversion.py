@@ -188,7 +188,7 @@ class FileStore:
     folder: Path
     stem: str
     report: Report
-    _pending: dict[str, Callable[[Path], None]] = field(default_factory=dict)
+    _pending: dict[str, Callable[[Path], object]] = field(default_factory=dict)
     _copied: dict[Path, str] = field(default_factory=dict)
     _referenced: set[str] = field(default_factory=set)
 
@@ -237,7 +237,7 @@ class FileStore:
             wanted = f"{self.stem}_{kind}/{stem}-{count}{dot}{suffix}"
         return wanted
 
-    def add(self, kind: str, name: str, write: Callable[[Path], None]) -> str:
+    def add(self, kind: str, name: str, write: Callable[[Path], object]) -> str:
         """Return the name of a new file below ``STEM_KIND/``, to be written by a function of its path."""
         chosen = self.new_name(kind, name)
         self._pending[chosen] = write

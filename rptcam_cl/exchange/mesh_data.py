@@ -343,31 +343,11 @@ class PolygonMesh:
         keys, edge_of, uses = np.unique(_edge_keys(corners, corners[following], count), return_inverse=True,
                                         return_counts=True)  # fmt: skip
         edges = np.stack(np.divmod(keys, count), axis=1)
-        sharp = np.where(uses == 2, 0.0, np.inf)
-        if self.creases is not None and self.sharpness is not None:
-            named = _edge_keys(self.creases[:, 0], self.creases[:, 1], count)
-            at = np.minimum(np.searchsorted(keys, named), len(keys) - 1)
-            there = keys[at] == named
-            np.maximum.at(sharp, at[there], self.sharpness[there])
+        sharp = self._sharpness_of(keys, uses)
         ends = points[edges].sum(axis=1)
         smooth_edges = (ends + _sum_by(edge_of, middles[face_of], len(edges))) / 4
         on_edges = _blend(smooth_edges, ends / 2, np.where(uses == 2, sharp, np.inf))
-        valence = np.bincount(edges.ravel(), minlength=count).astype(np.float64)
-        faces = np.bincount(corners, minlength=count).astype(np.float64)
-        q = _sum_by(corners, middles[face_of], count) / np.maximum(faces, 1)[:, None]
-        r = _sum_by(edges.ravel(), np.repeat(ends / 2, 2, axis=0), count) / np.maximum(valence, 1)[:, None]
-        n = np.maximum(valence, 1)[:, None]
-        # A point of two sharp edges lies on their spline, one of more is a corner; by less than 1, in between.
-        kept = sharp > 0
-        crease, its_sharpness = edges[kept], np.repeat(sharp[kept], 2)
-        meeting = np.bincount(crease.ravel(), minlength=count)
-        along = _sum_by(crease.ravel(), points[crease[:, ::-1].ravel()], count)
-        mean = np.bincount(crease.ravel(), its_sharpness, count) / np.maximum(meeting, 1)
-        on_spline = (meeting == 2) & (faces > 1)
-        ruled = np.where(on_spline[:, None], 0.75 * points + along / 8, points)
-        moved = _blend((q + 2 * r + (n - 3) * points) / n, ruled, np.where(meeting >= 2, mean, 0.0))
-        moved = moved if self.spikes is None else _blend(moved, points, self.spikes)
-        moved = np.where((faces > 0)[:, None], moved, points)
+        moved = self._moved(edges, ends, middles[face_of], sharp)
         before = np.empty_like(following)
         before[following] = np.arange(len(following))
         quads = np.stack(
@@ -383,6 +363,36 @@ class PolygonMesh:
                 [np.maximum(self.spikes - 1, 0), np.zeros(len(edges) + len(middles))]
             ),
         )  # fmt: skip
+
+    def _sharpness_of(self, keys: Faces, uses: Faces) -> Array:
+        """Return for how many divisions each edge stays sharp, those by creases and for ever the borders."""
+        sharp = np.where(uses == 2, 0.0, np.inf)
+        if self.creases is not None and self.sharpness is not None:
+            named = _edge_keys(self.creases[:, 0], self.creases[:, 1], len(self.points))
+            at = np.minimum(np.searchsorted(keys, named), len(keys) - 1)
+            there = keys[at] == named
+            np.maximum.at(sharp, at[there], self.sharpness[there])
+        return sharp
+
+    def _moved(self, edges: Faces, ends: Array, middles: Array, sharp: Array) -> Array:
+        """Return where the points go, by the sums of the ends of edges and the middles of the faces of corners."""
+        points, corners, count = self.points, self.corners, len(self.points)
+        valence = np.bincount(edges.ravel(), minlength=count).astype(np.float64)
+        faces = np.bincount(corners, minlength=count).astype(np.float64)
+        q = _sum_by(corners, middles, count) / np.maximum(faces, 1)[:, None]
+        r = _sum_by(edges.ravel(), np.repeat(ends / 2, 2, axis=0), count) / np.maximum(valence, 1)[:, None]
+        n = np.maximum(valence, 1)[:, None]
+        # A point of two sharp edges lies on their spline, one of more is a corner; by less than 1, in between.
+        kept = sharp > 0
+        crease, its_sharpness = edges[kept], np.repeat(sharp[kept], 2)
+        meeting = np.bincount(crease.ravel(), minlength=count)
+        along = _sum_by(crease.ravel(), points[crease[:, ::-1].ravel()], count)
+        mean = np.bincount(crease.ravel(), its_sharpness, count) / np.maximum(meeting, 1)
+        on_spline = (meeting == 2) & (faces > 1)
+        ruled = np.where(on_spline[:, None], 0.75 * points + along / 8, points)
+        moved = _blend((q + 2 * r + (n - 3) * points) / n, ruled, np.where(meeting >= 2, mean, 0.0))
+        moved = moved if self.spikes is None else _blend(moved, points, self.spikes)
+        return np.where((faces > 0)[:, None], moved, points)
 
     def _even(self, values: Array, face_of: Faces, following: Faces, before: Faces) -> Array:
         """Return the values of corners at those of the quadrilaterals that each face is divided into."""

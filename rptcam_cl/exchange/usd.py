@@ -8,7 +8,6 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -525,7 +524,7 @@ class Stage:
             if content is None or Path(name).suffix.lower() not in SUFFIXES:
                 return None
             raw = bytes(content.GetBuffer())
-            self._pictures[path] = self.files.add("files", name, partial(_write, raw))
+            self._pictures[path] = self.files.add("files", name, lambda target: target.write_bytes(raw))
         return self._pictures[path]
 
     def _add_light(self, prim: Any) -> None:
@@ -731,10 +730,6 @@ class _Inputs:
             keys["rotation_degrees"] = float(self.plain("rotation", 0.0, placed))
             keys["offset"] = np.array(self.plain("translation", (0, 0), placed), np.float64).tolist()
         return keys
-
-
-def _write(content: bytes, target: Path) -> None:
-    target.write_bytes(content)
 
 
 def _numbers(values: Any, width: int, kind: Any = np.float64) -> Any:

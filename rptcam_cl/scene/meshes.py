@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import math
-import warnings
 from collections.abc import Hashable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import replace
-from io import BytesIO
 from numbers import Integral
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
@@ -19,17 +15,14 @@ from pydantic import (
     Field,
     PlainSerializer,
     PlainValidator,
-    ValidationError,
     WithJsonSchema,
     model_validator,
 )
 
-from rptcam_cl.core.errors import InputError, MissingFileError
-from rptcam_cl.core.files import Folders, known_suffix, name_errors
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import Folders, known_suffix
 from rptcam_cl.scene.assets.mesh import (
     Draft,
-    FileMaterial,
-    FileTexture,
     Find,
     Mesh,
     MeshContents,
@@ -41,28 +34,11 @@ from rptcam_cl.scene.assets.mesh import (
     make_contents,
     winding_number,
 )
-from rptcam_cl.scene.assets.pictures import has_alpha, read_picture
-from rptcam_cl.scene.base import GREY, Alternatives, SceneModel, describe, number_at, one_pixel, refuse, unknown_name
-from rptcam_cl.scene.materials import (
-    LARGEST_INDEX,
-    LEAST_BEND,
-    MOST_BEND,
-    MOST_INDEX,
-    SMALLEST_ALPHA,
-    SMALLEST_INDEX,
-    Attenuation,
-    Dielectric,
-    Emissive,
-    Material,
-    Matte,
-    Mix,
-    Principled,
-    ThinGlass,
-    Translucent,
-)
+from rptcam_cl.scene.base import Alternatives, SceneModel, describe, number_at, refuse, unknown_name
+from rptcam_cl.scene.file_materials import FileMaterial, material_of
+from rptcam_cl.scene.materials import Material
 from rptcam_cl.scene.placement import MATERIAL_NAME, Bounds, PlacedObject
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, LARGEST_GAIN, LARGEST_RADIANCE, Colour, Moment
-from rptcam_cl.scene.textures import AnisotropyMap, Bump, ImageTexture, NormalMap
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, Moment
 
 # Mesh files by their suffix.
 
@@ -264,315 +240,6 @@ Normals = Annotated[
     _PLAIN,
     WithJsonSchema({"anyOf": [{"enum": list(_NORMALS_MODES)}, _POINTS_SCHEMA]}),
 ]
-
-
-# Materials of mesh files as materials of the scene.
-
-# Below this a number is 0; what float32 cannot hold the scene refuses.
-_SMALLEST = 1e-30
-_ALONG_U = FileTexture(one_pixel(255, 128, 255), "brushed along u")
-
-
-def material_of(given: FileMaterial, folders: Folders, absent: list[str] | None = None) -> Material:
-    """Return the material that shows what a file says about a surface.
-
-    Parameters
-    ----------
-    absent
-        Takes what there is to say of missing pictures, which grey stands for then.
-
-    Raises
-    ------
-    InputError
-        When a picture is missing, or lies where the scene may not read.
-    """
-    try:
-        return _Translation(given, folders, absent).material()
-    except ValidationError as problem:
-        reason = problem.errors(include_url=False)[0]
-        raise InputError(
-            f"material {given.name!r} cannot be shown: {'.'.join(map(str, reason['loc']))} {reason['msg']}"
-        ) from None
-
-
-class _Translation:
-    """What a file says about a surface, on the way to a material of the scene."""
-
-    def __init__(self, given: FileMaterial, folders: Folders, absent: list[str] | None) -> None:
-        self._absent = absent
-        self._given = given
-        self._folders = folders
-        self._cover = self._covering()
-        self._normals: dict[str, Any] = {"normal_map": self._normal_map(given.normals, given.normals_strength)}
-        if given.normals is None and given.bumps is not None and given.bumps_height != 0:
-            self._normals = self._unevenness(given.bumps, given.bumps_height)
-
-    def material(self) -> Material:
-        """Return the material."""
-        given = self._given
-        emits = max(given.emission) > 0
-        black = max(given.base_color) == 0 and given.metallic == 0
-        if emits and black and given.matte and given.emission_texture is None:
-            radiance = _clip_colour(given.emission, LARGEST_RADIANCE)
-            return Emissive(kind="emissive", radiance=radiance, two_sided=given.both_sides)
-        if given.matte and not emits:
-            return Matte(kind="matte", reflectance=self._base(), **self._normals, **self._cover)
-        if given.translucency > 0 and not given.matte:
-            return self._sheet()
-        if given.transmission == 0 or given.solid:
-            return self._solid()
-        return self._pane()
-
-    def _solid(self) -> Dielectric | Principled:
-        given = self._given
-        pictures = given.base_texture or given.transmission_texture
-        clear = given.transmission == 1 and min(given.base_color) == 1 and pictures is None
-        plain = given.roughness == given.metallic == given.clearcoat == max(*given.emission, *given.sheen) == 0
-        if clear and plain:
-            return Dielectric(
-                kind="dielectric",
-                index=_clip(given.index, SMALLEST_INDEX, LARGEST_INDEX),
-                **self._absorption(),
-                **self._normals,
-                **self._cover,
-            )
-        return self._principled(given.transmission, self._cover)
-
-    def _pane(self) -> Material:
-        """Return a pane without thickness, beside what is not transparent."""
-        given = self._given
-        glass = {
-            "index": _clip(given.index, SMALLEST_INDEX, LARGEST_INDEX),
-            "transmittance": _clip_colour(given.base_color, 1.0),
-        }
-        share = self._share(given.transmission * (1 - given.metallic), given.transmission_texture, "r")
-        if share == 1:
-            return ThinGlass(kind="thin_glass", **glass, **self._cover)
-        parts = (self._principled(0.0, {}), ThinGlass(kind="thin_glass", **glass))
-        return Mix(kind="mix", materials=parts, factor=share, **self._cover)
-
-    def _sheet(self) -> Material:
-        """Return a thin sheet that passes light evenly, beside what does not pass."""
-        given = self._given
-        share = self._share(given.translucency, self._with_alpha(given.translucency_texture), "a")
-        color = self._colour(given.translucency_color, given.translucency_color_texture)
-        keys: dict[str, Any] = {"kind": "translucent", "reflectance": (0.0, 0.0, 0.0), "transmittance": color}
-        if share == 1:
-            return Translucent(**keys, **self._normals, **self._cover)
-        parts = (self._principled(0.0, {}), Translucent(**keys, **self._normals))
-        return Mix(kind="mix", materials=parts, factor=share, **self._cover)
-
-    def _principled(self, transmission: float, cover: dict[str, Any]) -> Principled:
-        given = self._given
-        gloss: dict[str, Any] = {"specular": 0.0, "roughness": 1.0} if given.matte else {
-            "specular": self._specular(),
-            "metallic": self._share(given.metallic, given.metallic_texture, "b"),
-            "roughness": self._roughness(),
-            "anisotropy_rotation_degrees": given.anisotropy_rotation_degrees,
-            "clearcoat": self._share(given.clearcoat, given.clearcoat_texture, "r"),
-            "clearcoat_roughness": self._share(given.clearcoat_roughness, given.clearcoat_roughness_texture, "g"),
-            "sheen": self._colour(given.sheen, given.sheen_texture),
-            "sheen_roughness": given.sheen_roughness,
-            **self._stretch(),
-            **self._coat_normals(),
-        }  # fmt: skip
-        return Principled(
-            kind="principled",
-            base_color=self._base(),
-            **self._reflectance(transmission),
-            transmission=self._share(transmission, given.transmission_texture, "r"),
-            emission=self._emission(),
-            **gloss,
-            **(self._absorption() if transmission else {}),
-            **self._normals,
-            **cover,
-        )
-
-    def _coat_normals(self) -> dict[str, Any]:
-        given = self._given
-        if given.clearcoat == 0:
-            return {}
-        if given.clearcoat_normals is None:
-            return {"clearcoat_flat": given.clearcoat_flat and given.normals is not None}
-        return {"clearcoat_normal_map": self._normal_map(given.clearcoat_normals, given.clearcoat_normals_strength)}
-
-    def _roughness(self) -> float | ImageTexture:
-        """The roughness; where glossiness is painted, a picture of what that leaves of 1."""
-        given, gloss = self._given, self._with_alpha(self._given.gloss_texture)
-        if gloss is None:
-            return self._share(given.roughness, given.roughness_texture, "g")
-        with name_errors(f"material {given.name!r}: {gloss.name}"):
-            alpha = read_picture(self._source(gloss)).texels[..., 3]
-        share = alpha / np.float32(255) if alpha.dtype == np.uint8 else alpha
-        stream = BytesIO()
-        np.save(stream, np.rint(255 * (1 - (1 - given.roughness) * share)).astype(np.uint8))
-        return self._texture(replace(gloss, source=stream.getvalue(), name=f"roughness of {gloss.name}"), channel="r")
-
-    def _specular(self) -> float | ImageTexture:
-        return self._share(self._given.specular, self._with_alpha(self._given.specular_texture), "a")
-
-    def _with_alpha(self, file_texture: FileTexture | None) -> FileTexture | None:
-        """Return a picture that has an alpha channel, None for one without, where it is 1."""
-        return file_texture if file_texture is not None and has_alpha(self._source(file_texture)) else None
-
-    def _reflectance(self, transmission: float) -> dict[str, Any]:
-        """Return index and colour of the reflectance head on; the index takes what of the colour exceeds 1."""
-        given = self._given
-        low, high = (1 + LEAST_BEND, MOST_BEND) if transmission else (1.0, MOST_INDEX)
-        index = _clip(given.index, low, high)
-        color, normal = given.specular_color, _at_normal(index)
-        if not transmission and max(color) > 1 and normal > 0:
-            color = _clip_colour(color, _at_normal(MOST_INDEX) / normal)
-            root = math.sqrt(max(color) * normal)
-            index = (1 + root) / (1 - root)
-            color = _scale(color, 1 / max(color))
-        return {"index": index, "specular_color": self._colour(color, given.specular_color_texture)}
-
-    def _stretch(self) -> dict[str, Any]:
-        """The anisotropy of KHR_materials_anisotropy: as numbers, or as a picture where one varies."""
-        given = self._given
-        strength = _clip(given.anisotropy, 0.0, 1.0)
-        if strength == 0:
-            return {}
-        if given.anisotropy_texture is None and given.roughness_texture is None:
-            return _stretch_keys(given.roughness, strength)
-        directions = given.anisotropy_texture or _ALONG_U
-        anisotropy_map = AnisotropyMap(**self._texture_keys(directions), strength=strength)
-        self._fill(anisotropy_map, directions)
-        return {"anisotropy_map": anisotropy_map}
-
-    def _base(self) -> Colour | ImageTexture:
-        return self._colour(self._given.base_color, self._given.base_texture)
-
-    def _colour(self, factor: Colour, file_texture: FileTexture | None) -> Colour | ImageTexture:
-        factor = _clip_colour(factor, 1.0)
-        return factor if file_texture is None or max(factor) == 0 else self._texture(file_texture, gain=factor)
-
-    def _emission(self) -> Colour | ImageTexture:
-        given = self._given
-        if given.emission_texture is None or max(given.emission) == 0:
-            return _clip_colour(given.emission, LARGEST_RADIANCE)
-        return self._texture(given.emission_texture, gain=_clip_colour(given.emission, LARGEST_GAIN))
-
-    def _share(self, factor: float, file_texture: FileTexture | None, channel: str) -> float | ImageTexture:
-        factor = _clip(factor, 0.0, 1.0)
-        if file_texture is None or factor == 0:
-            return factor
-        return self._texture(file_texture, gain=factor, channel=channel)
-
-    def _absorption(self) -> dict[str, Any]:
-        if self._given.attenuation is None:
-            return {}
-        colour, distance = self._given.attenuation
-        left = Attenuation(color=_clip_colour(colour, 1.0), distance_m=_clip(distance, 1e-9, 1e9))
-        return {"attenuation": left}
-
-    def _covering(self) -> dict[str, Any]:
-        given = self._given
-        mask: dict[str, Any] = {}
-        if given.opacity_cutoff is not None:
-            mask = {"opacity_mode": "mask", "opacity_cutoff": _clip(given.opacity_cutoff, 0.0, 1.0)}
-        file_texture = given.opacity_texture
-        if file_texture is None:
-            return {"opacity": _clip(given.opacity, 0.0, 1.0), **mask}
-        transparent = has_alpha(self._source(file_texture))
-        if not transparent and file_texture == given.base_texture:
-            return {"opacity": _clip(given.opacity, 0.0, 1.0), **mask}
-        return {"opacity": self._share(given.opacity, file_texture, "a" if transparent else "r"), **mask}
-
-    def _normal_map(self, normals: FileTexture | None, strength: float) -> NormalMap | None:
-        if normals is None:
-            return None
-        normal_map = NormalMap(**self._texture_keys(normals), strength=_clip(strength, 0.0, 10.0))
-        self._fill(normal_map, normals)
-        return normal_map
-
-    def _unevenness(self, bumps: FileTexture, height: float) -> dict[str, Any]:
-        """Return the key for heights of MTL, or for normals, as many files have under that name.
-
-        MTL has no unit of heights. That of programs that make normals of heights is taken: one texel.
-        """
-        try:
-            source = self._source(bumps)
-        except MissingFileError as problem:
-            warnings.warn(f"{problem}; the surface stays smooth", UserWarning, stacklevel=2)
-            return {}
-        with name_errors(f"material {self._given.name!r}: {bumps.name}"):
-            texels = read_picture(source or GREY).texels
-        red, green, blue = texels[..., :3].mean(axis=(0, 1)) / (255 if texels.dtype == np.uint8 else 1)
-        if blue > 0.7 and max(red, green) < 0.65:
-            return {"normal_map": self._normal_map(bumps, abs(height))}
-        rows, columns = texels.shape[:2]
-        per_unit = (columns * abs(bumps.scale[0]) + rows * abs(bumps.scale[1])) / 2
-        texture = self._texture(bumps, color_space="linear")
-        return {"bump": Bump(texture=texture, height=height / max(per_unit, 1.0), lengths="unit")}
-
-    def _source(self, file_texture: FileTexture) -> Path | bytes:
-        if isinstance(file_texture.source, bytes):
-            return file_texture.source
-        try:
-            return self._folders.find(str(file_texture.source))
-        except InputError as problem:
-            message = f"material {self._given.name!r}: {file_texture.name}: {problem}"
-            if self._absent is None or not isinstance(problem, MissingFileError):
-                raise type(problem)(message) from None
-        if message not in self._absent:
-            self._absent.append(message)
-        return b""
-
-    def _texture(self, file_texture: FileTexture, **keys: Any) -> ImageTexture:
-        texture = ImageTexture(kind="image", **self._texture_keys(file_texture), **keys)
-        self._fill(texture, file_texture)
-        return texture
-
-    def _texture_keys(self, file_texture: FileTexture) -> dict[str, Any]:
-        """Return the keys of a texture that say which picture it is and how it lies."""
-        source = self._source(file_texture)
-        return {
-            "file": file_texture.name if isinstance(source, bytes) else str(source),
-            "scale": file_texture.scale,
-            "offset": file_texture.offset,
-            "rotation_degrees": file_texture.rotation_degrees,
-            "wrap": file_texture.wrap,
-            "filter": "nearest" if file_texture.nearest else "bilinear",
-        }
-
-    def _fill(self, texture: ImageTexture, file_texture: FileTexture) -> None:
-        """Give a texture its content, and errors about it their place."""
-        texture.locate(f"material {self._given.name!r}: {file_texture.name}: ")
-        if isinstance(source := self._source(file_texture), bytes) and (content := source or texture.stand_in):
-            texture.hold(content)
-
-
-def _stretch_keys(roughness: float, strength: float) -> dict[str, float]:
-    """Return roughness and anisotropy of ours that have both alphas of KHR_materials_anisotropy.
-
-    Those are alpha across, and alpha + (1 - alpha) strength² along; ours are the mean alpha divided and multiplied by
-    the root of their ratio, which is 1 - 0.9 anisotropy and so 0.1 or more.
-    """
-    across = max(roughness**2, SMALLEST_ALPHA)
-    along = across + (1 - across) * strength**2
-    return {"roughness": (across * along) ** 0.25, "anisotropy": min(1.0, (1 - across / along) / 0.9)}
-
-
-def _clip(value: float, low: float, high: float) -> float:
-    clipped = min(high, max(low, value))
-    return clipped if abs(clipped) > _SMALLEST else 0.0
-
-
-def _at_normal(index: float) -> float:
-    """The reflectance of a dielectric at normal incidence."""
-    return ((index - 1) / (index + 1)) ** 2
-
-
-def _scale(colour: Colour, factor: float) -> Colour:
-    red, green, blue = (value * factor for value in colour)
-    return (red, green, blue)
-
-
-def _clip_colour(colour: Colour, high: float) -> Colour:
-    red, green, blue = (_clip(value, 0.0, high) for value in colour)
-    return (red, green, blue)
 
 
 class MeshLibrary:

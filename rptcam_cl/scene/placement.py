@@ -12,6 +12,7 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -356,14 +357,20 @@ _MOST_PLACES = 1 << 26  # of one table
 _TABLE_KEYS = "allowed: matrices (n, 3, 4), or positions (n, 3) and perhaps scales (n,)"
 
 
+_TABLES: WeakValueDictionary[Any, Matrix] = WeakValueDictionary()  # those in use, by the content that they are of
+
+
 class Instances(FileReference):
     """Many places at which an object stands: a table of NumPy beside the scene."""
 
-    _known: tuple[Any, Matrix] | None = PrivateAttr(None)
-    """The matrices, and the state of the file that they are of."""
+    _sound: Any = PrivateAttr(None)
+    """The content whose places are known to be sound: bytes, or a path with the size and time of its file."""
 
     def matrices(self, folders: Folders) -> Matrix:
         """Find the matrices that take the object, after its transform, to its places (n, 3, 4).
+
+        A table is not kept for longer than somebody uses it, and read again then: it would be a fifth of all that a
+        scene of many places takes.
 
         Raises
         ------
@@ -371,15 +378,19 @@ class Instances(FileReference):
             When the file has no such table, or places something where float32 cannot.
         """
         source = self.source(folders)
-        state = source if isinstance(source, bytes) else (source, source.stat().st_size, source.stat().st_mtime_ns)
-        if self._known is None or self._known[0] != state:
+        content = source if isinstance(source, bytes) else (source, source.stat().st_size, source.stat().st_mtime_ns)
+        matrices = _TABLES.get(content)
+        if matrices is None:
             try:
                 matrices = _read_places(source)
+                if self._sound != content:
+                    _check_places(matrices)
             except InputError as problem:
                 raise InputError(f"{self.place}{problem}") from None
             matrices.setflags(write=False)
-            self._known = state, matrices
-        return self._known[1]
+            self._sound = content
+            _TABLES[content] = matrices
+        return matrices
 
 
 def _read_places(source: Path | bytes) -> Matrix:
@@ -398,7 +409,6 @@ def _read_places(source: Path | bytes) -> Matrix:
         matrices[:, range(3), range(3)], matrices[:, :, 3] = scales[:, None], positions
     if not 0 < len(matrices) <= _MOST_PLACES:
         raise InputError(f"has {len(matrices)} places (allowed: 1 to {_MOST_PLACES})")
-    _check_places(matrices)
     return matrices
 
 

@@ -161,11 +161,6 @@ def _read_lines(value: Any) -> Lines:
     return tuple(sorted(lines))
 
 
-def _is_table_file(name: object) -> bool:
-    """Return whether a name is that of a file that may hold a table."""
-    return isinstance(name, str) and name.lower().endswith(_SUFFIXES)
-
-
 def read_rows(
     name: str, folders: Folders, meanings: Sequence[str] = ("a value",)
 ) -> tuple[Spectrum, NDArray[np.float64]]:
@@ -187,7 +182,7 @@ def read_rows(
     InputError
         When it is no such table; the message does not name the file.
     """
-    if not _is_table_file(name):
+    if not name.lower().endswith(_SUFFIXES):
         raise InputError(f"is not a table of a spectrum (allowed: files {', '.join(_SUFFIXES)}; a picture is a texture "
                          "of `kind: image`)")  # fmt: skip
     lines = _text(folders.find(name)).splitlines()

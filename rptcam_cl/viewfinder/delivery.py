@@ -215,10 +215,7 @@ def _counts(slot: Slot, shown: Shown) -> dict[str, Any]:
 Entry = dict[str, Any]
 
 MODE_LABELS = {"M": "manual", "A": "aperture", "S": "shutter", "P": "program", "relative": "scene values"}
-LINKED = {
-    "f_number": ("S", "P"),
-    "shutter_s": ("A", "P"),
-}
+LINKED = {"f_number": ("S", "P"), "shutter_s": ("A", "P")}
 FOCUS_STEPS = 96
 SRGB_KELVIN = 6500.0  # which leaves a picture in sRGB nearly as it is
 # Correlated colour temperatures of the lights [K]; CIE 15:2018, tables of illuminants.

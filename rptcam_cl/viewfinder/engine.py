@@ -438,12 +438,7 @@ class Requests:
 
 
 _CHANGE_THE_CAMERA = ("set", "dial", "move", "time", "lamp", "add")
-_LEAVES_FOCUS = {
-    "exposure",
-    "picture",
-    "sensor",
-    "sequence",
-}  # parts of a scene whose change leaves a search for focus as it is
+_LEAVES_FOCUS = {"exposure", "picture", "sensor", "sequence"}  # parts whose change leaves a search for focus as it is
 _LEAD_TO_STATES = ("set", "dial", "move", "reset", "focus", "autofocus", "compare", "lamp", "add")
 _WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify", "select")
 

@@ -194,10 +194,7 @@ def _widget_class() -> Any:
 
 
 def widget(
-    scene: Scene | str | Path | Mapping[str, Any],
-    *,
-    device: str | None = None,
-    size: tuple[int, int] | None = None,
+    scene: Scene | str | Path | Mapping[str, Any], *, device: str | None = None, size: tuple[int, int] | None = None
 ) -> Any:
     """Return a widget that shows the viewfinder of a scene in a notebook.
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api.session import QueueLimit, RenderSession, focuses_anew
+from rptcam_cl.api.compiling import focuses_anew
+from rptcam_cl.api.session import QueueLimit, RenderSession
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.device.session import Session, open_session
 

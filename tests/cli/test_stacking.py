@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api.stacking import focus_stack, resized
+from rptcam_cl.api.sweeping import focus_stack, resized
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import read_film
 from rptcam_cl.scene.load import load_scene, set_keys

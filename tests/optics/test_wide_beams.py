@@ -57,6 +57,7 @@ def test_light_from_behind_goes_the_way_of_rays_traced_from_the_film_side():
         np.testing.assert_allclose(forward.directions[0], -direction, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_small_pupil_behind_a_wide_front_is_found():
     lens = load_lens(MENISCUS)
     closed = lens.with_stop_diameter(0.5)

@@ -23,8 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SCENES = sorted(path for path in (ROOT / "examples").rglob("*.yaml") if "\nvary:" not in path.read_text("utf-8"))
 STUDIO = ROOT / "examples" / "studio"
 LARGEST_PICTURE = 800_000  # bytes; the page shows three dozen
-# A lens, and a scene of pbrt. Programs of their own take the others seconds each.
-SHOWN = {"first_light", "still_life"}
+SHOWN = {"first_light"}  # programs of their own take the others seconds each
 FOCUSED_FIRST = {"bunnies"}  # no plan before autofocus
 
 

@@ -174,6 +174,7 @@ def test_headings_are_named_as_on_github_and_lists_begin_after_an_empty_line() -
     assert spaced("text\n- one\n- two\n\n```text\na\n- b\n```\n") == "text\n\n- one\n- two\n\n```text\na\n- b\n```\n"
 
 
+@pytest.mark.slow
 def test_every_key_of_a_scene_stands_on_the_page_of_keys() -> None:
     page = key_page()
     for name, part in scene_json_schema()["$defs"].items():

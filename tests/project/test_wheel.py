@@ -56,6 +56,7 @@ def test_wheel_holds_the_tracked_files_and_no_other(wheel: Path, tracked: list[s
     assert any(name.startswith("rptcam_cl/_data/lenses/") for name in data)
 
 
+@pytest.mark.slow
 def test_wheel_made_from_the_source_distribution_is_the_same(clone: Path, wheel: Path, tmp_path: Path) -> None:
     archive = next(SdistBuilder(str(clone)).build(directory=str(tmp_path)))
     with tarfile.open(archive) as file:

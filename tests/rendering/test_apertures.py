@@ -53,7 +53,7 @@ REAL = {"kind": "realistic", "lens": "dgauss-50mm", "f_number": 2.1, "focus": {"
 
 
 # A polygon, an outline and a mask; the other shapes are of the same kinds.
-BLURRED = [("thin", "hexagon"), ("real", "picture")]
+BLURRED = [("thin", "hexagon")]
 ALL_BLURRED = [(kind, name) for kind in ("thin", "real") for name in SHAPES]
 
 

@@ -180,6 +180,7 @@ def test_zoom_position_has_its_published_field_of_view(kind, lens, zoom, focal_l
     assert image.metadata["focal_length_mm"] == pytest.approx(focal_length, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_metadata_say_what_was_done():
     scene = scene_of([], camera_of("realistic", "zoom-70-200mm", {"front_distance_m": 4}, focal_length_mm=100))
     found = rptcam_cl.render(scene, spp=1).metadata

@@ -89,6 +89,7 @@ def compare(name, first, second, spp):
     assert_same_tiles(batches(first, f"{name} a", 4, spp=spp), batches(second, f"{name} b", 4, spp=spp))
 
 
+@pytest.mark.slow
 def test_instances_and_copies_make_the_same_picture(monkeypatch):
     films = []
     for copied in (0, 1 << 30):

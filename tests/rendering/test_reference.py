@@ -39,7 +39,7 @@ def reference(name: str) -> tuple[Sampled, Sampled]:
         )
 
 
-@pytest.fixture(scope="module", params=fast(["A_lens", "B"], SPP))
+@pytest.fixture(scope="module", params=fast(["B"], SPP))
 def pair(request, tmp_path_factory):
     name = request.param
     scene = FOLDER / f"{name}.yaml"

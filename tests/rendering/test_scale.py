@@ -82,6 +82,7 @@ def test_meshes_of_any_size_within_the_limit_give_the_same_bits(exponent, instan
     np.testing.assert_array_equal(pixels(sheets(2.0**exponent, 2.0**instance), spp=16), film)
 
 
+@pytest.mark.slow
 def test_floor_of_a_mesh_under_a_lamp_of_ten_billion_metres_is_as_bright_as_the_integral():
     scale = 1e10
     x, y = np.meshgrid(*[(np.arange(400) + 0.5) / 400 - 0.5] * 2)

@@ -63,6 +63,7 @@ def organisation(request, monkeypatch):
     monkeypatch.setattr(tracer, "ORGANISATION", dict.fromkeys(tracer.ORGANISATION, request.param))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", fast(["mesh"], THINGS))
 def test_what_nothing_meets_changes_nothing(name):
     nowhere = {"camera": False, "shadow": False, "reflection": False}

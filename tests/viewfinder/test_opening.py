@@ -22,7 +22,7 @@ DARK = EVEN + "exposure: auto\n"
 @pytest.mark.parametrize(
     ("text", "by_hand"),
     [
-        (BLIND, {"camera.focus.distance_m": 1.0}),
+        slow(BLIND, {"camera.focus.distance_m": 1.0}),
         (DARK, {"exposure": "relative"}),
         (BLIND + "exposure: auto\n", {"camera.focus.distance_m": 1.0, "exposure": "relative"}),
         (SCENE, {}),

@@ -618,26 +618,14 @@ class Objects:
         lamp = use.lamp if instance is None else None
         if use.lamp is not None and instance is not None:
             self.context.ignored(use.lamp, "lamps in objects do not shine, as in pbrt")
-        material = self._material(use)
-        opacity = self._opacity(use)
-        inside = self._medium(use)
-        if inside is not None and lamp is None:
-            material = self._with_interior(use, material, inside)
-        if material is None and lamp is None:
-            self.context.ignored(use.shape, "the boundary of a medium, without a surface")
-            use.shape.parameters.skip_all()
-            return
-        if opacity.get("opacity") == 0 and lamp is None:
-            self.context.ignored(use.shape, "wholly transparent")
-            use.shape.parameters.skip_all()
-            return
+        material, opacity, inside = self._material(use), self._opacity(use), self._medium(use)
         if lamp is not None:
             textured, oriented = False, not lamp.parameters.boolean("twosided", False)
         else:
-            material = {**(material or {}), **opacity}
-            material = self._fitting(use, material)
-            if "bump" in json.dumps(material) and self._has_vertex_normals(use.shape):
-                material = bumps_of_mesh(material, self.context.scene.version)
+            material = self._surface(use, material, opacity, inside)
+            if material is None:
+                use.shape.parameters.skip_all()
+                return
             textured, oriented = _is_textured(material), _has_front(material)
         piece = _convert_shape(self.context, Placed(use, world, textured, oriented, shared))
         if piece is None:
@@ -660,6 +648,21 @@ class Objects:
     def _medium(self, use: ShapeUse) -> Keys | None:
         medium = self.context.scene.media.get(use.inside)
         return None if medium is None else medium_keys(self.context, medium)
+
+    def _surface(self, use: ShapeUse, material: Keys | None, opacity: Keys, inside: Keys | None) -> Keys | None:
+        """Return the material that a shape is shown in; None, with a report, where nothing of it is seen."""
+        if inside is not None:
+            material = self._with_interior(use, material, inside)
+        if material is None:
+            self.context.ignored(use.shape, "the boundary of a medium, without a surface")
+            return None
+        if opacity.get("opacity") == 0:
+            self.context.ignored(use.shape, "wholly transparent")
+            return None
+        material = self._fitting(use, {**material, **opacity})
+        if "bump" in json.dumps(material) and self._has_vertex_normals(use.shape):
+            material = bumps_of_mesh(material, self.context.scene.version)
+        return material
 
     def _with_interior(self, use: ShapeUse, material: Keys | None, inside: Keys) -> Keys:
         """Return a material that is filled with a medium: of glass, or nothing but its boundary."""

@@ -253,9 +253,9 @@ def light(context: Context, entity: Entity, name: str) -> Array:
     return np.maximum(colour, 0)
 
 
-def scale_factor(context: Context, entity: Entity, name: str = "scale") -> Array:
+def scale_factor(context: Context, entity: Entity) -> Array:
     """Return the factor on a light: a number in pbrt-v4, a colour in pbrt-v3."""
-    item = entity.parameters.get(name, *COLOURS)
+    item = entity.parameters.get("scale", *COLOURS)
     if item is None:
         return np.ones(3)
     is_spectrum = item.kind == "spectrum"

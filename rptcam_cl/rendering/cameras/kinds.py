@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.ray_trace import axial_transmittance
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays, PerspectiveRays, SphereRays, TracedRays
 from rptcam_cl.rendering.cameras.film_pupil import (
@@ -47,7 +46,7 @@ from rptcam_cl.rendering.cameras.model import (
     thick_lens_reach,
     thin_lens_reach,
 )
-from rptcam_cl.rendering.cameras.realistic import Window, realistic_model
+from rptcam_cl.rendering.cameras.realistic import Window, axis_irradiance, realistic_model
 from rptcam_cl.rendering.cameras.setting import (
     CameraMetadata,
     EntrancePupil,
@@ -553,8 +552,7 @@ class _TracedLens(_LensOfSurfaces):
 
     def irradiance(self) -> float:
         lens, setting = shaped(self.scene, self.setting).lens, self.setting
-        irradiance = on_axis_irradiance(lens, setting.film_distance_mm, self.camera.wavelength_nm, setting.transmission)
-        return float(irradiance)
+        return axis_irradiance(lens, setting.film_distance_mm, self.camera.wavelength_nm, setting.transmission)
 
 
 _KINDS: dict[str, type[CameraOptics]] = {

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
-from rptcam_cl.core.remember import Disk, remember
+from rptcam_cl.core.remember import Disk, content_name, remember
 from rptcam_cl.optics import pupils
 from rptcam_cl.optics.lens import Lens
 
@@ -392,7 +392,8 @@ def content_of(lens: Lens) -> tuple[object, ...]:
 
 def by_content(lens: Lens, *state: Hashable) -> Hashable:
     """Return the key of what follows from a lens in some state."""
-    return content_of(lens), state
+    key = content_of(lens), state
+    return content_name(key) if has_shape(lens) else key  # outlines and masks of stops are arrays, which have no hash
 
 
 def on_disk(**ways: Any) -> Disk:

@@ -27,7 +27,7 @@ from rptcam_cl.optics.pupils import narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.rendering.cameras.model import SURFACE_BY_SURFACE
-from rptcam_cl.rendering.cameras.pupil import by_content, has_shape, without_shape
+from rptcam_cl.rendering.cameras.pupil import by_content, without_shape
 from rptcam_cl.rendering.cameras.setting import CameraMetadata, LensSetting
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.lens_settings import Accuracy
@@ -412,16 +412,10 @@ class LensRays:
 def traced_rays(lens: Lens, setting: LensSetting, precision: str, dispersive: bool) -> LensRays:
     """Return the surfaces of a lens, which is that of a setting with its stop in shape."""
     double, losses, wavelength_nm = precision == "double", setting.transmission, setting.camera.wavelength_nm
-    if has_shape(lens):
-        records = lens_records(
-            lens, wavelength_nm, "film", setting.film_distance_mm, double=double, dispersive=dispersive,
-            transmission=losses,
-        )  # fmt: skip
-    else:
-        records = _records_of(lens, wavelength_nm, double, dispersive, losses)
-        surfaces = records.surfaces.copy()
-        surfaces[0]["gap"] = setting.film_distance_mm
-        records = replace(records, surfaces=surfaces)
+    records = _records_of(lens, wavelength_nm, double, dispersive, losses)
+    surfaces = records.surfaces.copy()
+    surfaces[0]["gap"] = setting.film_distance_mm
+    records = replace(records, surfaces=surfaces)
     facts = records.facts | ({"LENS_FLOAT64": 1} if double else {})
     return LensRays(SURFACE_BY_SURFACE, records.surfaces, records.stop, facts, metadata={"lens_precision": precision})
 

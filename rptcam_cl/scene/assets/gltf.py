@@ -25,20 +25,10 @@ from rptcam_cl.scene.assets.gltf_data import (
     Vertices,
     read_container,
 )
-from rptcam_cl.scene.assets.mesh import (
-    LAMPS_LEFT_OUT,
-    Colour,
-    Draft,
-    FileMaterial,
-    FileTexture,
-    Find,
-    MeshSurface,
-    Node,
-    Polygons,
-    Wrap,
-    check_corners,
-)
+from rptcam_cl.scene.assets.mesh import LAMPS_LEFT_OUT, Draft, Find, MeshSurface, Node, Polygons, check_corners
+from rptcam_cl.scene.file_materials import FileMaterial, FileTexture, Wrap
 from rptcam_cl.scene.placement import SMALLEST_STRETCH_RATIO
+from rptcam_cl.scene.quantities import Colour
 
 # Materials of glTF files.
 

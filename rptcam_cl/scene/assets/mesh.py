@@ -1,4 +1,4 @@
-"""A triangle mesh in memory, made from what a file says: polygons, normals, materials."""
+"""A triangle mesh in memory, made from what a file says: polygons, normals, colours of vertices."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import io
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import field, fields, replace
+from dataclasses import field, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -20,160 +20,8 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import name_errors, open_regular
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS
+from rptcam_cl.scene.file_materials import FileMaterial, FileTexture
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
-
-# Materials and textures as mesh files describe them.
-
-Colour = tuple[float, float, float]
-Wrap = Literal["repeat", "clamp", "mirror"]
-
-
-@dataclass(frozen=True)
-class FileTexture:
-    """A picture and how it lies on the surface: at scale * (u, v), turned, then shifted.
-
-    Attributes
-    ----------
-    source : Path or bytes
-        Path of the picture as the file has it, not checked, or its content.
-    name : str
-        For the reader.
-    scale, offset : (u, v)
-        v counts upwards from the lower edge.
-    rotation_degrees : float
-        From u towards v.
-    wrap : str
-        What continues the picture.
-    nearest : bool
-        Whether texels are shown as squares.
-    """
-
-    source: Path | bytes
-    name: str
-    scale: tuple[float, float] = (1.0, 1.0)
-    offset: tuple[float, float] = (0.0, 0.0)
-    rotation_degrees: float = 0.0
-    wrap: Wrap = "repeat"
-    nearest: bool = False
-
-
-@dataclass(frozen=True)
-class FileMaterial:
-    """A material of a mesh file. Where a number or colour has a painting, it is a factor on that.
-
-    Attributes
-    ----------
-    base_color : (red, green, blue)
-        Linear, 0 to 1.
-    matte : bool
-        Whether it reflects evenly, without a gloss; metallic and roughness do not count then.
-    metallic, roughness : float
-        0 to 1; the paintings are read in the channels b and g.
-    specular : float
-        Factor on the reflectance of the dielectric; the painting is read in its alpha channel.
-    specular_color : (red, green, blue)
-        Of that reflectance at normal incidence, linear, 0 or more.
-    opacity : float
-        0 to 1; the painting is read in its alpha channel, or in r when it has none.
-    opacity_cutoff : float or None
-        Opacity from which on the surface is there; None where it is there by that share.
-    normals : FileTexture or None
-        Normals in the tangent frame.
-    bumps : FileTexture or None
-        Heights in place of normals, or a picture of normals that a file calls heights.
-    bumps_height : float
-        Of a white texel over a black one [texels].
-    emission : (red, green, blue)
-        Radiance, linear.
-    both_sides : bool
-        Whether the back emits too.
-    index : float
-        Refractive index, 1 to infinity.
-    transmission : float
-        Share of the base that is transparent; the painting is read in the channel r.
-    solid : bool
-        Whether what is transparent is a solid that refracts, and not a pane without thickness.
-    attenuation : (colour, distance) or None
-        What a transparent solid leaves of white light after a distance [m].
-    clearcoat, clearcoat_roughness : float
-        0 to 1; the paintings are read in the channels r and g.
-    clearcoat_normals : FileTexture or None
-        Normals of the coat in the tangent frame.
-    clearcoat_flat : bool
-        Whether a coat without them does not follow `normals`.
-    sheen : (red, green, blue)
-        Of fibres at grazing angles, linear, 0 to 1.
-    anisotropy : float
-        Strength s of the stretch of highlights along u, 0 to 1: alpha along is alpha + (1 - alpha) s²; the painting has
-        directions in r and g, along u and v, and strengths in b.
-    anisotropy_rotation_degrees : float
-        Of those directions, from u towards v.
-    gloss_texture : FileTexture or None
-        Its alpha channel is a factor on 1 - roughness, in place of the painting of roughness.
-    translucency : float
-        Share of the surface that is a thin sheet which passes light evenly to its other side; the painting is read in
-        its alpha channel.
-    translucency_color : (red, green, blue)
-        Of the light that passes, linear, 0 to 1.
-    """
-
-    name: str = ""
-    base_color: Colour = (0.8, 0.8, 0.8)
-    base_texture: FileTexture | None = None
-    matte: bool = False
-    metallic: float = 0.0
-    metallic_texture: FileTexture | None = None
-    roughness: float = 0.5
-    roughness_texture: FileTexture | None = None
-    specular: float = 1.0
-    specular_texture: FileTexture | None = None
-    specular_color: Colour = (1.0, 1.0, 1.0)
-    specular_color_texture: FileTexture | None = None
-    opacity: float = 1.0
-    opacity_texture: FileTexture | None = None
-    opacity_cutoff: float | None = None
-    normals: FileTexture | None = None
-    bumps: FileTexture | None = None
-    bumps_height: float = 1.0
-    normals_strength: float = 1.0
-    emission: Colour = (0.0, 0.0, 0.0)
-    emission_texture: FileTexture | None = None
-    both_sides: bool = False
-    index: float = 1.5
-    transmission: float = 0.0
-    transmission_texture: FileTexture | None = None
-    solid: bool = False
-    attenuation: tuple[Colour, float] | None = None
-    clearcoat: float = 0.0
-    clearcoat_texture: FileTexture | None = None
-    clearcoat_roughness: float = 0.0
-    clearcoat_roughness_texture: FileTexture | None = None
-    clearcoat_normals: FileTexture | None = None
-    clearcoat_normals_strength: float = 1.0
-    clearcoat_flat: bool = False
-    sheen: Colour = (0.0, 0.0, 0.0)
-    sheen_texture: FileTexture | None = None
-    sheen_roughness: float = 0.0
-    anisotropy: float = 0.0
-    anisotropy_texture: FileTexture | None = None
-    anisotropy_rotation_degrees: float = 0.0
-    gloss_texture: FileTexture | None = None
-    translucency: float = 0.0
-    translucency_texture: FileTexture | None = None
-    translucency_color: Colour = (1.0, 1.0, 1.0)
-    translucency_color_texture: FileTexture | None = None
-
-    @property
-    def has_textures(self) -> bool:
-        """Whether any picture lies on the surface."""
-        return self is not self.without_textures()
-
-    def without_textures(self) -> FileMaterial:
-        """Return the material of a surface that has no texture coordinates."""
-        names = [each.name for each in fields(self) if isinstance(getattr(self, each.name), FileTexture)]
-        nothing: dict[str, Any] = dict.fromkeys(names)
-        return replace(self, **nothing) if names else self
-
 
 # Triangles that no renderer can use: they are dropped and counted.
 

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import name_errors, read_whole
 from rptcam_cl.scene.assets import mesh
+from rptcam_cl.scene.file_materials import FileMaterial, FileTexture
+from rptcam_cl.scene.quantities import Colour
 
 # MTL files: the materials that OBJ files name.
 
@@ -33,7 +35,7 @@ GLASS = (4, 6, 7, 9)  # illumination models with transparency by refraction
 Lines = dict[str, tuple[int, list[str]]]
 
 
-def _read_mtl(path: Path) -> dict[str, mesh.FileMaterial]:
+def _read_mtl(path: Path) -> dict[str, FileMaterial]:
     """Return the materials of an MTL file by their names.
 
     Raises
@@ -65,12 +67,12 @@ class _Material:
         self._path = path
         self._lines = lines
 
-    def material(self, name: str) -> mesh.FileMaterial:
+    def material(self, name: str) -> FileMaterial:
         """Read the material."""
         model = int(self._number("illum", 2))
         gloss = self._colour("ks", (0.0, 0.0, 0.0))
         exponent = max(0.0, self._number("ns", 0.0))
-        plain = mesh.FileMaterial(
+        plain = FileMaterial(
             name=name,
             base_color=self._colour("kd", (0.8, 0.8, 0.8)),
             base_texture=self._texture("map_kd"),
@@ -91,7 +93,7 @@ class _Material:
         )
         return self._with_model(plain, model, gloss)
 
-    def _with_model(self, plain: mesh.FileMaterial, model: int, gloss: mesh.Colour) -> mesh.FileMaterial:
+    def _with_model(self, plain: FileMaterial, model: int, gloss: Colour) -> FileMaterial:
         """Return the material with what the illumination model says: glass, or a mirror where nothing is diffuse."""
         if model in GLASS:
             clear = self._colour("tf", (1.0, 1.0, 1.0))
@@ -118,7 +120,7 @@ class _Material:
     def _share(self, key: str, default: float) -> float:
         return min(1.0, max(0.0, self._number(key, default)))
 
-    def _colour(self, key: str, default: mesh.Colour, most: float = 1.0) -> mesh.Colour:
+    def _colour(self, key: str, default: Colour, most: float = 1.0) -> Colour:
         values = self._numbers(key, default)
         red, green, blue = (min(most, max(0.0, value)) for value in ([*values] * 3 if len(values) < 3 else values)[:3])
         return (red, green, blue)
@@ -126,13 +128,13 @@ class _Material:
     def _factor(self, key: str, option: str) -> float:
         return _options(self._lines[key][1])[0].get(option, (1.0, 0.0))[0] if key in self._lines else 1.0
 
-    def _texture(self, key: str) -> mesh.FileTexture | None:
+    def _texture(self, key: str) -> FileTexture | None:
         if key not in self._lines:
             return None
         options, name = _options(self._lines[key][1])
         if not name:
             return None
-        return mesh.FileTexture(
+        return FileTexture(
             self._path.parent / name.replace("\\", "/"),
             name,
             scale=options.get("-s", (1.0, 1.0)),
@@ -610,7 +612,7 @@ def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
         reader.read(file)
     if not reader.faces:
         raise InputError(f"{path}: has no faces (allowed: lines such as 'f 1 2 3')")
-    materials: dict[str, mesh.FileMaterial] = {}
+    materials: dict[str, FileMaterial] = {}
     notes: list[str] = []
     grey = False  # stands for materials of a library that is missing
     for number, name in reader.libraries:
@@ -623,7 +625,7 @@ def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
             materials |= _read_mtl(library)
     positions, uvs, normals = (reader.table(word) for word in (b"v", b"vt", b"vn"))
     surfaces: list[mesh.MeshSurface] = []
-    used: list[mesh.FileMaterial] = []
+    used: list[FileMaterial] = []
     for name_, faces in reader.faces.items():
         place = None
         if materials or grey:
@@ -633,12 +635,10 @@ def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
     return mesh.Draft(surfaces, used, notes=notes)
 
 
-def _material_named(
-    materials: dict[str, mesh.FileMaterial], name: str | None, path: Path, *, grey: bool
-) -> mesh.FileMaterial:
+def _material_named(materials: dict[str, FileMaterial], name: str | None, path: Path, *, grey: bool) -> FileMaterial:
     """Return a material by its name; faces without one are grey, and where a library is missing those of others."""
     if name is None or (grey and name not in materials):
-        return mesh.FileMaterial(matte=True)
+        return FileMaterial(matte=True)
     if name not in materials:
         raise InputError(f"{path}: usemtl {name}: names no material (allowed: {', '.join(list(materials)[:24])})")
     return materials[name]

@@ -178,11 +178,6 @@ _SAME_PRIMARIES = 1e-3  # in chromaticity: programs round those of sRGB differen
 Window = tuple[int, int, int, int]
 
 
-def _is_exr(head: bytes) -> bool:
-    """Return whether a file that begins like this is OpenEXR."""
-    return head.startswith(_EXR_MAGIC)
-
-
 def _read_exr(path: Path) -> Picture:
     """Return the picture of a file; what lies outside the data window is black and transparent.
 
@@ -271,11 +266,6 @@ _RADIANCE_MAGIC = (b"#?RADIANCE", b"#?RGBE")
 _LONGEST_HEADER = 65536
 _RESOLUTION = re.compile(rb"([-+])Y +(\d{1,9}) +([-+])X +(\d{1,9})")
 _CODED_WIDTHS = range(8, 32768)  # of scanlines whose components are coded one after the other
-
-
-def _is_radiance(head: bytes) -> bool:
-    """Return whether a file that begins like this is a Radiance picture."""
-    return head.startswith(_RADIANCE_MAGIC)
 
 
 def _read_radiance(content: bytes) -> Picture:
@@ -395,14 +385,14 @@ def read_picture(source: Path | bytes) -> Picture:
         When it cannot be read.
     """
     head = source[:_HEAD] if isinstance(source, bytes) else _first_bytes(source)
-    if _is_exr(head):
+    if head.startswith(_EXR_MAGIC):
         if isinstance(source, bytes):
             raise InputError("is OpenEXR inside another file (allowed: PNG or JPEG there)")
         return _read_exr(source)
     content = read_whole(source, LARGEST_FILE)
     if head.startswith(np.lib.format.MAGIC_PREFIX):
         return read_array(content)
-    return _read_radiance(content) if _is_radiance(head) else _read_bitmap(content)
+    return _read_radiance(content) if head.startswith(_RADIANCE_MAGIC) else _read_bitmap(content)
 
 
 def _first_bytes(path: Path) -> bytes:

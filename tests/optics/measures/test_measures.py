@@ -182,6 +182,7 @@ def test_lens_without_a_real_image_cannot_be_measured() -> None:
         film_spots(state, [0.0], [587.56])
 
 
+@pytest.mark.slow
 def test_a_field_that_nothing_reaches_is_an_empty_row_among_others() -> None:
     state = setting(load_lens("wide-22mm"))
     spots = film_spots(state, [0.0, 100.0], [587.56], 24)

@@ -283,6 +283,7 @@ def test_circle_of_confusion_on_a_tilted_film_is_that_of_its_depth():
     np.testing.assert_allclose(coc, np.broadcast_to(expected[:, None], coc.shape), rtol=0.05, atol=0.01)
 
 
+@pytest.mark.slow
 def test_circle_of_confusion_vanishes_in_the_tilted_plane_of_focus():
     camera = {"focal_length_mm": FOCAL * 1e3, "f_number": 4, "focus_distance_m": FOCUS}
     scene = scene_of("thin_lens", {"tilt_degrees": float(np.degrees(TILT))}, **camera)

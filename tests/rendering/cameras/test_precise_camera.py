@@ -110,6 +110,7 @@ def test_rays_are_those_of_the_reference_rounded_once(session, name):
         np.testing.assert_allclose(out[7], exact.transmittance, atol=3e-6)
 
 
+@pytest.mark.slow
 def test_rays_in_single_precision_err_by_more(session):
     """The control: in float32 the same rays are not those of the reference."""
     scene = scene_through("aspheres")

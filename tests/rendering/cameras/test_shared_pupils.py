@@ -72,6 +72,7 @@ def test_a_cell_holds_the_pupils_of_all_its_states(
         assert passing > (0.83 if traced else 0.88)  # stops differ by 9 % of the area in a cell
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "lens, lengths_mm, method",
     [
@@ -161,6 +162,7 @@ def test_a_cell_is_the_same_from_disk_and_whatever_state_comes_first(
     forget()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("colour", ["off", "on"])
 def test_light_on_the_axis_is_that_of_a_state_with_its_own_table(colour: Any) -> None:
     scene = scene_of("retrofocus-35mm", 30, 1.5, stop_diameter_mm=8.1)

@@ -95,6 +95,7 @@ def test_film_goes_along_an_arc_while_the_camera_turns():
     assert len(placed.camera.motion) > 100
 
 
+@pytest.mark.slow
 def test_session_stays_at_the_pupil_while_the_focus_is_pulled():
     given = scene(LENSES["whole lens"])
     with rptcam_cl.RenderSession(given) as session:

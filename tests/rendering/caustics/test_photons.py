@@ -13,7 +13,6 @@ from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import batches, looking, pixels, scene_of
-from tests.support.cases import fast
 from tests.support.statistics import overall
 
 GREY = {"kind": "matte", "reflectance": [0.7, 0.5, 0.3]}
@@ -132,7 +131,8 @@ SOLIDS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("shape", fast(["box"], SOLIDS))
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", SOLIDS)
 def test_solid_of_index_1_takes_no_light_from_the_floor_behind_it(shape):
     """Whatever its shape: photons that start all over it, by its area, bring what would come without it."""
     place = 0.3 * list(SOLIDS).index(shape)
@@ -144,6 +144,7 @@ def test_solid_of_index_1_takes_no_light_from_the_floor_behind_it(shape):
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.04)  # four times the noise of the ball
 
 
+@pytest.mark.slow
 def test_lamp_behind_glass_is_seen_as_it_is(monkeypatch):
     """The light of a lamp seen through glass is that of the path: photons bring what goes on from a receiver alone."""
     monkeypatch.setattr(Session, "lanes", 1)  # where what is true is 1, not -1

@@ -65,7 +65,7 @@ def of_panel(camera, depth, place):
 @pytest.mark.parametrize(
     ("name", "depth", "place"),
     [
-        ("thin_lens", 6.0, CENTRE),
+        slow("thin_lens", 6.0, CENTRE),
         slow("thick_lens", 0.8, CORNER),
         ("double_gauss", 0.8, CORNER),
         slow("double_gauss", 6.0, CENTRE),

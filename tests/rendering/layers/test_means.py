@@ -133,7 +133,8 @@ def test_picture_is_the_same_with_layers_and_without():
     assert tuple(layered.layers) == LAYER_NAMES
 
 
-@pytest.mark.parametrize("camera", ["thin_lens", slow("double_gauss")])
+@pytest.mark.slow
+@pytest.mark.parametrize("camera", ["thin_lens", "double_gauss"])
 def test_layers_depend_neither_on_the_wave_nor_on_the_organisation(camera):
     scene = load_scene(
         world(camera) | {"film": {"resolution": [40, 20]}, "render": {"layers": LAYER_NAMES, "layers_spp": 11}}

@@ -76,6 +76,7 @@ def test_painted_rectangle(folder) -> None:
     assert_irradiance(folder, lamp, flat(corner, x, y, square()), "rectangle")
 
 
+@pytest.mark.slow
 def test_painted_disk(folder) -> None:
     lamp = {"shape": "disk", "center": [0.2, 0.1, 1], "normal": [0, 0, -1], "radius": 0.7, "material": GLOW}
     a, b, share = square()

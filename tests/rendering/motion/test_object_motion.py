@@ -71,6 +71,7 @@ def moved(item, steps):
 FLAT = pytest.param(("box", "disk", "rectangle", "mesh"), marks=pytest.mark.slow)  # test_moments.py has each of them
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [("sphere", "ellipsoid", "cylinder", "cone"), FLAT], ids=["round", "flat"])
 def test_exposure_is_the_mean_of_still_pictures(session, names):
     """Four shapes side by side, each on the same way."""
@@ -242,6 +243,7 @@ def test_passes_and_stream_and_every_width_agree(session, lanes, organisation, m
     assert np.isclose(film(scene, open_session()), plain, rtol=1e-4, atol=1e-5).mean() > 0.95
 
 
+@pytest.mark.slow
 def test_interruption_changes_no_bit(session, tmp_path):
     scene = scene_with([FLOOR, CUBE | {"motion": WAY}], shutter={"time_s": 1, "kind": "rolling", "readout_s": 1})
     whole = film(scene, session, spp=9)

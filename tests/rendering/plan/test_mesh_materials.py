@@ -11,10 +11,10 @@ from PIL import Image
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import Folders
 from rptcam_cl.rendering.plan.primitives import mesh_parts
-from rptcam_cl.scene.assets.mesh import FileMaterial, FileTexture
+from rptcam_cl.scene.file_materials import FileMaterial, FileTexture, material_of
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.materials import Material, Principled, alpha_pair
-from rptcam_cl.scene.meshes import MeshObject, material_of
+from rptcam_cl.scene.meshes import MeshObject
 from rptcam_cl.scene.textures import ImageTexture
 
 from .conftest import GREY, MeshScene

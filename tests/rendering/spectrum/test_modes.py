@@ -234,6 +234,7 @@ def test_organisations_and_widths_agree(monkeypatch):
             assert np.isclose(other, shown[8, "stream"], rtol=1e-5, atol=1e-6).mean() > 0.98
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["dispersive", pytest.param("spectral", marks=pytest.mark.slow)])
 def test_resumed_picture_has_the_bits_of_the_whole(mode, tmp_path):
     scene = {**room(GLASS_BALL, **SMALL), "spectrum": mode}

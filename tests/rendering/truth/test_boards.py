@@ -56,6 +56,7 @@ def quarter(codes: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(codes[row : row + HALF[1], column : column + HALF[0]]), np.array([column, row])
 
 
+@pytest.mark.slow
 def test_checker_corners_are_found_where_metadata_say(picture: Any) -> None:
     part, start = quarter(picture[1], 0)
     found, corners = cv2.findChessboardCorners(part, (6, 4))

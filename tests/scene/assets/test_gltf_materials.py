@@ -10,10 +10,11 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import Folders
-from rptcam_cl.scene.assets.mesh import FileMaterial, MeshContents
+from rptcam_cl.scene.assets.mesh import MeshContents
 from rptcam_cl.scene.assets.pictures import has_alpha, read_picture
+from rptcam_cl.scene.file_materials import FileMaterial
+from rptcam_cl.scene.file_materials import material_of as scene_material
 from rptcam_cl.scene.materials import Mix, Principled, Translucent
-from rptcam_cl.scene.meshes import material_of as scene_material
 from rptcam_cl.scene.textures import ImageTexture
 
 from .conftest import Read

@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.assets import obj as obj_blocks
-from rptcam_cl.scene.assets.mesh import FileMaterial, FileTexture
+from rptcam_cl.scene.file_materials import FileMaterial, FileTexture
 
 from .conftest import Read
 

@@ -12,7 +12,7 @@ from rptcam_cl.studies.focus.probe import NoContrast, OutOfReach, Zone
 from rptcam_cl.studies.focus.renderer import ProbeRenderer
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, scene_of, target
 from tests.studies.focus.test_probe import THIN, with_group
-from tests.support.cases import fast
+from tests.support.cases import fast, slow
 
 OFF = Zone(0.24, 0.29, 0.3, 0.375)
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -209,6 +209,7 @@ def test_what_a_mirror_shows_is_focused_at_its_distance_by_way_of_the_mirror(met
     assert rptcam_cl.autofocus(scene, "depth").focus_distance_m == pytest.approx(3.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_hybrid_ends_with_contrast_and_repeats_itself_with_a_seed():
     scene = scene_of([wall(2.0, 50)], lens_camera("dgauss-50mm", f_number=2.8))
     found = [rptcam_cl.autofocus(scene, "hybrid", seed=seed) for seed in (1, 5, 5)]
@@ -244,7 +245,7 @@ def test_frame_without_contrast_keeps_the_focus():
     [
         lens_camera("dgauss-50mm", focus={"auto": "depth"}),
         pytest.param(lens_camera(with_group(), focus={"auto": {"method": "depth"}}), marks=pytest.mark.slow),
-        {"kind": "thin_lens", "fov_degrees": 40, "aperture_radius_m": 0.01, "focus": {"auto": "depth"}, **POSE},
+        slow({"kind": "thin_lens", "fov_degrees": 40, "aperture_radius_m": 0.01, "focus": {"auto": "depth"}, **POSE}),
     ],
     ids=["lens", "group", "thin lens"],
 )

@@ -159,6 +159,7 @@ def test_what_took_longer_than_the_budget_is_said(report):
     assert not any("in place of" in line for line in summary(replace(report, budget=3.0, seconds=3.2)))
 
 
+@pytest.mark.slow
 def test_turns_end_where_they_take_longer_than_the_first_said(monkeypatch):
     steps = {step.name: step for step in ladder(load_scene(SCENE))[0]}
     ready, _ = prepare([steps["thin lens"], steps["thick lens"]], open_session(), lambda name, done: None)

@@ -62,6 +62,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(scale):
     assert min(found.values()) >= FEWEST, found
 
 
+@pytest.mark.slow
 def test_intervals_know_that_some_tiles_stand_for_all():
     found = coverage(TRIALS, 0.2, rendered=16, every=64)
     assert min(found["bias"], found["energy"]) >= FEWEST - 0.03, found  # of 16 tiles the spread is known badly
