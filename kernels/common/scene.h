@@ -83,6 +83,15 @@
 #define FACET_PARTS(EACH)
 #endif
 
+#if LIGHT_GROUPS
+#define GROUP_PARTS(EACH) \
+    EACH(const __global int *, primitive_groups)        /* kernels/light/groups.h */ \
+    EACH(const __global int *, emitter_groups) \
+    EACH(int, sky_group)
+#else
+#define GROUP_PARTS(EACH)
+#endif
+
 #define SCENE_PARTS(EACH) \
     EACH(const __global Primitive *, primitives)        /* sorted by kind */ \
     EACH(const __global int *, kind_end)                /* end of each kind in `primitives` */ \
@@ -94,7 +103,7 @@
     EACH(const __global float *, distribution)          /* curves of how light sampling picks, common/curve.h */ \
     EACH(int, emitter_count) \
     LIGHT_TREE_PARTS(EACH) CAUSTIC_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) HIDDEN_PARTS(EACH) TREE_PARTS(EACH) \
-    MESH_PARTS(EACH) MEDIA_PARTS(EACH) FACET_PARTS(EACH)
+    MESH_PARTS(EACH) MEDIA_PARTS(EACH) FACET_PARTS(EACH) GROUP_PARTS(EACH)
 
 #define AS_MEMBER(type, name) type name;
 #define AS_PARAMETER(type, name) type name,

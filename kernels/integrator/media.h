@@ -8,6 +8,11 @@
 #include "geometry/nearest.h"
 #include "integrator/path.h"
 
+#if LIGHT_GROUPS
+#define GLOW_GROUP    (LIGHT_GROUPS - 1)  // of media, which no lamp lights
+#else
+#define GLOW_GROUP    0
+#endif
 #define FARTHEST        1e18f   // where a way ends that meets nothing [m]
 #define MOST_BOUNDARIES 64u     // that a ray may pass on its way to a vertex or a lamp
 #define LEAST_ALBEDO    0.1f    // by which wavelengths count that a medium hardly scatters
@@ -160,7 +165,7 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         lit = lit & NOT(any_hit(ray, reach, light.primitive, light.triangle, scene));
         if (ANY(lit)) {
             added = mul(added, shadow_transmittance(ray, path->medium, light.reach, lit, scene));
-            path->radiance = add(path->radiance, keep3(lit, added));
+            gather_light(path, lit, added, group_of_emitter(scene, e));
         }
     }
 }
@@ -181,7 +186,7 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
     if (ANY(on & (max3(glow) > 0.0f))) {
         F3 all = scale(f3(mean_transmittance(extinction.x * s.length), mean_transmittance(extinction.y * s.length),
                           mean_transmittance(extinction.z * s.length)), s.length);
-        path->radiance = add(path->radiance, keep3(on, mul(path->beta, mul(glow, all))));
+        gather_light(path, on, mul(path->beta, mul(glow, all)), (I)(GLOW_GROUP));
     }
     on = on & has_extinction(s.medium);
     I murky = on & (max3(s.medium.scattering) > 0.0f);

@@ -6,6 +6,7 @@
 #if HAS_ABSORPTION
 #include "material/absorption.h"
 #endif
+#include "light/groups.h"
 #include "light/infinity.h"
 #if HAS_EMITTERS
 #include "light/emitters.h"
@@ -39,6 +40,9 @@ typedef struct {
     F   survival_scale;   // of roulette, where the path's pixel lies
     F3  beta;       // throughput behind the camera
     F3  radiance;   // gathered so far
+#if LIGHT_GROUPS
+    GroupLight groups;      // the same by groups of lamps
+#endif
     F   pdf;        // density of the last direction; 0 where light sampling cannot compete
 #if LIGHT_TREE
     Receiver receiver;  // the surface where the ray starts, as light sampling takes it
@@ -61,10 +65,23 @@ typedef struct {
     F   reach;      // distance to the emitter; 0: no light sample
     I   target;     // the emitter's primitive
     I   target_triangle;    // and its triangle
+#if LIGHT_GROUPS
+    I   group;
+#endif
 #if HAS_MEDIA
     I   medium;     // where it starts, as that of a path
 #endif
 } ShadowRay;
+
+// Adds to what a path has gathered light of a group of lamps, in the lanes `on`.
+static inline void gather_light(Path *path, I on, F3 light, I group)
+{
+    F3 added = keep3(on, light);
+    path->radiance = add(path->radiance, added);
+#if LIGHT_GROUPS
+    add_to_group(&path->groups, group, on, light);
+#endif
+}
 
 // Where a ray along `d` leaves a vertex: just off a mesh, on the side where it goes.
 static inline F3 departure(Vertex vertex, F3 d)
@@ -222,6 +239,9 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
 #endif
     shadow.target = light.primitive;
     shadow.target_triangle = light.triangle;
+#if LIGHT_GROUPS
+    shadow.group = light.group;
+#endif
     shadow.reach = (on & (max3(shadow.light) > 0.0f)) ? light.reach : ZERO;
     return shadow;
 }
@@ -262,8 +282,15 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         I sunless = FALSE;
 #endif
         I kind = path->ray.origin == NO_PRIMITIVE ? (I)(HIDDEN_FROM_CAMERA) : (I)(HIDDEN_FROM_REFLECTION);
-        F3 light = light_from_infinity(path->ray.o, receiver_behind(*path), path->ray.d, path->pdf, sunless, kind, scene);
+        F3 light = light_from_infinity(path->ray.o, receiver_behind(*path), path->ray.d, path->pdf, sunless, kind,
+                                       EVERY_GROUP, scene);
         path->radiance = add(path->radiance, keep3(escaped, mul(path->beta, light)));
+#if LIGHT_GROUPS
+        for (int g = 0; g < LIGHT_GROUPS; ++g) {
+            light = light_from_infinity(path->ray.o, receiver_behind(*path), path->ray.d, path->pdf, sunless, kind, g, scene);
+            add_to_group(&path->groups, (I)(g), escaped, mul(path->beta, light));
+        }
+#endif
     }
 #endif
     // Go on with those that hit something and may be continued or meet a lamp.
@@ -305,7 +332,8 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     if (ANY(lamp)) {
         F cos_i = -dot3(vertex.ng, path->ray.d);
         I shines = lamp & ((cos_i > 0.0f) | (vertex.parameter != 0.0f));
-        path->radiance = add(path->radiance, emission(*path, vertex, vertex.color, shines, hit.t, cos_i, scene));
+        gather_light(path, TRUE, emission(*path, vertex, vertex.color, shines, hit.t, cos_i, scene),
+                     group_of_primitive(scene, hit.primitive));
         on = on & NOT(lamp);
     }
 #endif
@@ -313,7 +341,8 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     F front = -dot3(vertex.ng, path->ray.d);
     I glows = on & (front > 0.0f) & (max3(vertex.closure.glow) > 0.0f);
     if (ANY(glows))
-        path->radiance = add(path->radiance, emission(*path, vertex, vertex.closure.glow, glows, hit.t, front, scene));
+        gather_light(path, TRUE, emission(*path, vertex, vertex.closure.glow, glows, hit.t, front, scene),
+                     group_of_primitive(scene, hit.primitive));
 #endif
     // End paths of full length.
 #if HAS_LAMPS

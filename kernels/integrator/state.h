@@ -41,6 +41,25 @@ static Ray read_ray(const __global float *state, uint capacity, uint slot)
     return ray;
 }
 
+#if LIGHT_GROUPS
+// The light of one group of lamps, and of all: three fields each behind those of every path.
+#define GROUP_FIELD(group)  (state + (size_t)(PATH_GROUPS + 3 * (group)) * capacity)
+
+static F3 read_group(const __global float *state, uint capacity, uint slot, int group)
+{
+    const __global float *field = GROUP_FIELD(group);
+    return f3(LOAD_F(field, slot), LOAD_F(field + capacity, slot), LOAD_F(field + 2 * (size_t)capacity, slot));
+}
+
+static void write_group(__global float *state, uint capacity, uint slot, int group, F3 light)
+{
+    __global float *field = GROUP_FIELD(group);
+    STORE_F(field, slot, light.x);
+    STORE_F(field + capacity, slot, light.y);
+    STORE_F(field + 2 * (size_t)capacity, slot, light.z);
+}
+#endif
+
 // What it meets.
 static void write_hit(__global float *state, uint capacity, uint slot, Hit hit)
 {

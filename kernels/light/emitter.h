@@ -12,6 +12,9 @@ typedef struct {
     F  pdf;         // solid-angle density incl. the pick; 0 for point and directional lights, which no BSDF sample can meet
     I  primitive;   // the emitter's primitive or NO_PRIMITIVE; with CAUSTICS FROM_SKY of a picture of the environment
     I  triangle;        // and its triangle
+#if LIGHT_GROUPS
+    I  group;       // light/groups.h
+#endif
 } LightSample;
 
 #define FROM_SKY (-3)

@@ -7,6 +7,7 @@
 #include "common/curve.h"
 #include "light/emitter.h"
 #include "light/environment.h"
+#include "light/groups.h"
 #include "light/emitter_texture.h"
 #include "light/point.h"
 #if EMITTER_SOLIDS
@@ -208,6 +209,9 @@ static LightSample sample_picked(Scene scene, I e, F pick, F3 p, F u, F v)
     s.triangle = OF_EMITTER(I, triangle);
 #else
     s.triangle = (I)(NO_TRIANGLE);
+#endif
+#if LIGHT_GROUPS
+    s.group = group_of_emitter(scene, e);
 #endif
     s.radiance = THREE_OF_EMITTER(radiance);
     s.pdf = ZERO;

@@ -2,10 +2,13 @@
 #ifndef INFINITY_H
 #define INFINITY_H
 #include "light/environment.h"
+#include "light/groups.h"
 #include "light/receiver.h"
 #if LIGHT_TREE
 #include "light/light_tree.h"
 #endif
+
+#define EVERY_GROUP (-1)
 
 // MIS weight (power heuristic, Veach 1997, ch. 9) of a direction of density `own` that light sampling would have chosen with
 // density `other`; own is 0 where light sampling cannot compete. Where rays of one kind meet what those of the other pass, light
@@ -31,13 +34,17 @@ static inline F pick_from_afar(int e, F3 p, Receiver receiver, Scene scene)
 }
 
 #if EMITTER_SUNS
-// Of suns whose disk a direction meets, weighted; `kind` says what a ray is, one of HIDDEN_….
-static F3 suns_radiance(F3 p, Receiver receiver, F3 d, F own, I kind, Scene scene)
+// Of suns whose disk a direction meets, weighted; `kind` says what a ray is, one of HIDDEN_…; of one group or of EVERY_GROUP.
+static F3 suns_radiance(F3 p, Receiver receiver, F3 d, F own, I kind, int group, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
     int first = scene.environment->first_sun;
     for (int i = first; i < first + scene.environment->suns; ++i) {
         const __global Emitter *sun = scene.emitters + i;
+#if LIGHT_GROUPS
+        if (group != EVERY_GROUP && group != scene.emitter_groups[i])
+            continue;
+#endif
         F3 off = sub(d, f3_of(sun->normal));
         float versine = sun->a.w / (1.0f + sqrt(1.0f - sun->a.w));      // 1 - cos of its radius; a.w is its squared sine
         I inside = dot3(off, off) <= 2.0f * versine;
@@ -58,8 +65,8 @@ static F3 suns_radiance(F3 p, Receiver receiver, F3 d, F own, I kind, Scene scen
 #endif
 
 // Radiance that a path meets which leaves the scene along d, weighted against light sampling at p, with normal n, where it
-// comes from; without suns in the lanes `sunless`. `kind` says what a ray is, one of HIDDEN_….
-static inline F3 light_from_infinity(F3 p, Receiver receiver, F3 d, F own, I sunless, I kind, Scene scene)
+// comes from; without suns in the lanes `sunless`. `kind` says what a ray is, one of HIDDEN_…. Of one group or of EVERY_GROUP.
+static inline F3 light_from_infinity(F3 p, Receiver receiver, F3 d, F own, I sunless, I kind, int group, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
 #if ENVIRONMENT
@@ -69,14 +76,17 @@ static inline F3 light_from_infinity(F3 p, Receiver receiver, F3 d, F own, I sun
     F pick = pick_from_afar(scene.environment->emitter, p, receiver, scene);
     sum = scale(sum, against_lights(own, environment_pdf(d, scene) * pick));
 #endif
+#if ENVIRONMENT && LIGHT_GROUPS
+    sum = keep3((I)(group == EVERY_GROUP || group == scene.sky_group ? -1 : 0), sum);
+#endif
 #if HIDDEN_SKY
     sum = keep3(kind != HIDDEN_FROM_CAMERA, sum);
 #endif
 #if EMITTER_SUNS
 #if CAUSTICS
-    sum = add(sum, keep3(NOT(sunless), suns_radiance(p, receiver, d, own, kind, scene)));
+    sum = add(sum, keep3(NOT(sunless), suns_radiance(p, receiver, d, own, kind, group, scene)));
 #else
-    sum = add(sum, suns_radiance(p, receiver, d, own, kind, scene));
+    sum = add(sum, suns_radiance(p, receiver, d, own, kind, group, scene));
 #endif
 #endif
     return sum;

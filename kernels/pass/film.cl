@@ -1,15 +1,15 @@
 // Adds a wave's radiances L to the film: one work item owns VW pixels and adds their samples in order.
-// Fact: SPECTRUM.
+// Facts: SPECTRUM, LIGHT_GROUPS.
 #include "common/wavelength.h"
 #include "integrator/film.h"
 #include "integrator/state.h"
 
 #if SPECTRUM
 #define COLOURS , const __global float *colours     // common/wavelength.h
-#define LIGHT(slot) film_value(READ_F3(L, slot), READ_F(WAVELENGTH_SAMPLE, slot), colours)
+#define ON_FILM(light, slot) film_value(light, READ_F(WAVELENGTH_SAMPLE, slot), colours)
 #else
 #define COLOURS
-#define LIGHT(slot) READ_F3(L, slot)
+#define ON_FILM(light, slot) (light)
 #endif
 
 __kernel void film(__global const float *state,      // path state: L
@@ -26,7 +26,13 @@ __kernel void film(__global const float *state,      // path state: L
     PixelSum sum = read_pixels(sums, pixel, pixels);
     for (uint k = 0; k < wave.samples; ++k) {
         uint slot = first + k * wave.pixels;
-        sum = add_sample(sum, TRUE, scale(LIGHT(slot), READ_F(WEIGHT, slot)), counters);
+        F3 value = scale(ON_FILM(READ_F3(L, slot), slot), READ_F(WEIGHT, slot));
+#if LIGHT_GROUPS
+        for (int g = 0; g < LIGHT_GROUPS; ++g)
+            add_of_group(sums, pixel, pixels, g, TRUE, value,
+                         scale(ON_FILM(read_group(state, capacity, slot, g), slot), READ_F(WEIGHT, slot)));
+#endif
+        sum = add_sample(sum, TRUE, value, counters);
     }
     write_pixels(sums, pixel, pixels, sum);
 }

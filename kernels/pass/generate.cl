@@ -41,6 +41,10 @@ static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __g
     WRITE_F(TIME, slot, world.time);
 #endif
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
+#if LIGHT_GROUPS
+    for (int g = 0; g < LIGHT_GROUPS; ++g)
+        write_group(state, capacity, slot, g, f3(ZERO, ZERO, ZERO));
+#endif
 #if SPECTRUM
     WRITE_F(WAVELENGTH_SAMPLE, slot, draw.wavelength_sample);
 #endif

@@ -53,6 +53,10 @@ __kernel void shade(SCENE_PARAMETERS
     path.wavelength_sample = READ_F(WAVELENGTH_SAMPLE, slot);
 #endif
     path.radiance = READ_F3(L, slot);
+#if LIGHT_GROUPS
+    for (int g = 0; g < LIGHT_GROUPS; ++g)
+        path.groups.of[g] = read_group(state, capacity, slot, g);
+#endif
 #if CAUSTICS
     path.since_receiver = depth == 1u ? FALSE : READ_I(SINCE_RECEIVER, slot);
 #endif
@@ -87,6 +91,10 @@ __kernel void shade(SCENE_PARAMETERS
     WRITE_F(WAVELENGTH_SAMPLE, slot, path.wavelength_sample);
 #endif
     WRITE_F3(L, slot, path.radiance);
+#if LIGHT_GROUPS
+    for (int g = 0; g < LIGHT_GROUPS; ++g)
+        write_group(state, capacity, slot, g, path.groups.of[g]);
+#endif
     WRITE_I(ORIGIN, slot, path.ray.origin);
     WRITE_TRIANGLE(TRIANGLE, slot, path.ray.triangle);
     WRITE_F3(O, slot, path.ray.o);
@@ -112,6 +120,9 @@ __kernel void shade(SCENE_PARAMETERS
         WRITE_F3(S, slot, shadow.ray.o);
         WRITE_F3(W, slot, shadow.ray.d);
         WRITE_F3(C, slot, shadow.light);
+#if LIGHT_GROUPS
+        WRITE_I(LIT_BY, slot, shadow.group);
+#endif
 #if HAS_MEDIA
         WRITE_I(FROM_MEDIUM, slot, shadow.medium);
 #endif

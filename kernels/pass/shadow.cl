@@ -39,4 +39,9 @@ __kernel void shadow(SCENE_PARAMETERS
     light = mul(light, shadow_transmittance(ray, READ_I(FROM_MEDIUM, slot), reach, lit, scene));
 #endif
     WRITE_F3(L, slot, add(radiance, keep3(lit, light)));
+#if LIGHT_GROUPS
+    I group = READ_I(LIT_BY, slot);
+    for (int g = 0; g < LIGHT_GROUPS; ++g)
+        write_group(state, capacity, slot, g, add(read_group(state, capacity, slot, g), keep3(lit & (group == g), light)));
+#endif
 }

@@ -50,6 +50,9 @@ __kernel void stream(SCENE_PARAMETERS
 #endif
     path.beta = f3(ZERO, ZERO, ZERO);
     path.radiance = f3(ZERO, ZERO, ZERO);
+#if LIGHT_GROUPS
+    path.groups = no_group_light();
+#endif
     path.pdf = ZERO;
 #if LIGHT_TREE
     path.receiver = all_round();
@@ -88,6 +91,10 @@ __kernel void stream(SCENE_PARAMETERS
 #endif
             path.beta = select3(started, FIRST_BETA, path.beta);
             path.radiance = keep3(NOT(started), path.radiance);
+#if LIGHT_GROUPS
+            for (int g = 0; g < LIGHT_GROUPS; ++g)
+                path.groups.of[g] = keep3(NOT(started), path.groups.of[g]);
+#endif
             path.ray.origin = started ? (I)(NO_PRIMITIVE) : path.ray.origin;
             path.ray.triangle = started ? (I)(NO_TRIANGLE) : path.ray.triangle;
             path.pdf = started ? ZERO : path.pdf;
@@ -121,16 +128,26 @@ __kernel void stream(SCENE_PARAMETERS
             shadow.light = mul(shadow.light, shadow_transmittance(shadow.ray, shadow.medium, shadow.reach,
                                                                   wanted & NOT(dark), scene));
 #endif
-            path.radiance = add(path.radiance, keep3(wanted & NOT(dark), shadow.light));
+#if LIGHT_GROUPS
+            gather_light(&path, wanted & NOT(dark), shadow.light, shadow.group);
+#else
+            gather_light(&path, wanted & NOT(dark), shadow.light, FALSE);
+#endif
         }
 #endif
         // Add paths that ended to the film.
         I ended = running & (path.ray.origin == PATH_ENDED);
         if (ANY(ended)) {
 #if SPECTRUM
-            F3 value = film_value(path.radiance, path.wavelength_sample, scene.colours);
+#define ON_FILM(light) film_value(light, path.wavelength_sample, scene.colours)
 #else
-            F3 value = path.radiance;
+#define ON_FILM(light) (light)
+#endif
+            F3 value = ON_FILM(path.radiance);
+#if LIGHT_GROUPS
+            for (int g = 0; g < LIGHT_GROUPS; ++g)
+                add_of_group(sums, place, pixels, g, ended, scale(value, path.weight),
+                             scale(ON_FILM(path.groups.of[g]), path.weight));
 #endif
             film = add_sample(film, ended, scale(value, path.weight), counters);
             running = running & NOT(ended);

@@ -25,6 +25,10 @@ __kernel void travel(SCENE_PARAMETERS
     path.depth = (U)(depth);
     path.beta = READ_F3(B, slot);
     path.radiance = READ_F3(L, slot);
+#if LIGHT_GROUPS
+    for (int g = 0; g < LIGHT_GROUPS; ++g)
+        path.groups.of[g] = read_group(state, capacity, slot, g);
+#endif
     Scene scene = SCENE;
     path.medium = depth == 1u ? (I)(scene.media_at_camera) : READ_I(MEDIUM, slot);
 #if SPECTRAL_COLOURS
@@ -36,6 +40,10 @@ __kernel void travel(SCENE_PARAMETERS
     WRITE_I(ORIGIN, slot, path.ray.origin);
     WRITE_F3(B, slot, path.beta);
     WRITE_F3(L, slot, path.radiance);
+#if LIGHT_GROUPS
+    for (int g = 0; g < LIGHT_GROUPS; ++g)
+        write_group(state, capacity, slot, g, path.groups.of[g]);
+#endif
     WRITE_I(MEDIUM, slot, path.medium);
     write_hit(state, capacity, slot, hit);
 }

@@ -61,7 +61,7 @@ from rptcam_cl.rendering.several import (
     split_text,
 )
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
-from rptcam_cl.scene.film import ADAPTIVE_SPP, LayerName
+from rptcam_cl.scene.film import ADAPTIVE_SPP, LIGHT_LAYER, LayerName
 from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene
 from rptcam_cl.scene.scene import Scene
 
@@ -292,7 +292,8 @@ def name_layers(
     if sharp is not None:
         named |= sharp[0]
         metadata |= sharp[1]
-    return {name: named[name] for name in names}
+    lights = {name: values for name, values in named.items() if name.startswith(LIGHT_LAYER)}
+    return {name: named[name] for name in names if name != "lights"} | lights
 
 
 def with_ghosts(image: Image, light: NDArray[Any], said: dict[str, Any]) -> Image:
@@ -576,6 +577,7 @@ class RenderJob:
             "eye_m": self.plan.eye_m.tolist(),
             "has_lens": self.plan.camera.has_lens,
             "clamp": scene.render.clamp,
+            "light_groups": list(self.plan.light_groups.names),
             "spp": self.options.most_spp(scene),
         }
 
@@ -616,9 +618,17 @@ def _resolve_for(
 ) -> Resolved:
     """Resolve a scene; what was found for an earlier part of the render is kept."""
     if saver is None:
-        return resolve(scene, session)
-    resolved = resolve(scene, session, **(measured or {"focus": saver.focus, "metered_cd_m2": saver.metered_cd_m2}))
-    saver.metered_cd_m2, saver.focus = resolved.metered_cd_m2, resolved.focus
+        resolved = resolve(scene, session)
+    else:
+        known = measured or {"focus": saver.focus, "metered_cd_m2": saver.metered_cd_m2}
+        resolved = resolve(scene, session, **known)
+        saver.metered_cd_m2, saver.focus = resolved.metered_cd_m2, resolved.focus
+    if "lights" in scene.render.layers:
+        for what in ("diffraction", "ghosts"):
+            if resolved.metadata.get(what, {}).get("on"):
+                raise InputError(
+                    f"render.layers: lights: {what} is light of all lamps together (allowed: camera.{what}: off)"
+                )
     return resolved
 
 

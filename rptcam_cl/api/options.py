@@ -140,7 +140,7 @@ def layers(text: str) -> tuple[str, ...]:
 
     names = tuple(name.strip() for name in text.split(","))
     if names == ("all",):
-        return LAYER_NAMES
+        return tuple(name for name in LAYER_NAMES if name != "lights")  # it costs a film for each lamp
     for index, name in enumerate(names):
         if name not in LAYER_NAMES:
             hint = nearest(name, LAYER_NAMES)

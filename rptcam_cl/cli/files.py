@@ -83,8 +83,9 @@ def add_develop(parser: argparse.ArgumentParser) -> None:
         help=f"raw file of the sensor that the film was rendered for: {listed(RAW_SUFFIXES)}; may be repeated",
     )  # fmt: skip
     parser.add_argument(
-        "--set", action="append", default=[], metavar="picture.key=value", dest="overrides",
-        help="replace a setting that the film was rendered with, as picture.tone=agx; may be repeated",
+        "--set", action="append", default=[], metavar="key=value", dest="overrides",
+        help="replace a setting that the film was rendered with, as picture.tone=agx, or make a group of lamps brighter"
+        " or darker, as lights.key=0.5 (of a film with the layer lights); may be repeated",
     )  # fmt: skip
     parser.add_argument(
         "--desqueeze", type=positive, metavar="FACTOR",

@@ -870,6 +870,7 @@ LIGHT_TREE_FIELDS = ("NX", "NY", "NZ")
 LIGHT_LOBE_FIELDS = ("MIRROREDX", "MIRROREDY", "MIRROREDZ", "LOBE_WIDTH", "LOBE_SHARE")
 CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
 MEDIA_FIELDS = ("MEDIUM", "FROM_MEDIUM")
+GROUP_FIELDS = ("LIT_BY",)  # behind it the light of each group, three numbers
 STATE_FIELDS = (
     PATH_FIELDS
     + LIGHT_FIELDS
@@ -880,6 +881,7 @@ STATE_FIELDS = (
     + LIGHT_LOBE_FIELDS
     + CAUSTIC_FIELDS
     + MEDIA_FIELDS
+    + GROUP_FIELDS
 )
 
 
@@ -894,17 +896,20 @@ def floats_per_slot(
     light_lobes: bool = False,
     caustics: bool = False,
     media: bool = False,
+    light_groups: int = 0,
 ) -> int:
     """Return how many 4-byte numbers a slot holds.
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
     triangles where it has meshes, with the time where something moves, with the wavelength sample where paths have a
     wavelength, with a normal where the scene has a light tree and a lobe where facets reflect its lamps, with their
-    past where photons bring caustics and with the media around them where it has any.
+    past where photons bring caustics, with the media around them where it has any, and with the light of each group of
+    lamps where it is kept apart.
     """
     if stream:
         return CAMERA_RAY_FLOATS
     last = {
+        GROUP_FIELDS: light_groups > 0,
         MEDIA_FIELDS: media,
         CAUSTIC_FIELDS: caustics,
         LIGHT_LOBE_FIELDS: light_lobes,
@@ -914,7 +919,7 @@ def floats_per_slot(
         MESH_FIELDS: meshes,
         LIGHT_FIELDS: emitters,
     }
-    floats = len(STATE_FIELDS)
+    floats = len(STATE_FIELDS) + 3 * light_groups
     for fields, needed in last.items():
         if needed:
             return floats
@@ -951,7 +956,7 @@ def device_declarations() -> str:
     lines += [f"#define SHARE_{name} {count}" for name, count in SHARE_SIDES.items()]
     lines += [f"#define LOSS_TABLE_NM {LOSS_TABLE_NM}", f"#define LOSS_TABLE_LENGTH {LOSS_TABLE_LENGTH}"]
     lines += [f"#define {name} {value!r}f" for name, value in _CONSTANTS.items()]
-    lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]
+    lines += [f"#define PATH_{name} {index}" for index, name in enumerate((*STATE_FIELDS, "GROUPS"))]
     return "\n".join(lines) + "\n"
 
 

@@ -8,7 +8,7 @@ import math
 import os
 import re
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from fractions import Fraction
 from functools import cached_property
@@ -37,7 +37,8 @@ from rptcam_cl.imaging.writers import (
     save_truth,
     write,
 )
-from rptcam_cl.scene.film import PictureSettings
+from rptcam_cl.scene.base import near_name
+from rptcam_cl.scene.film import LIGHT_LAYER, PictureSettings
 from rptcam_cl.scene.load import load_picture
 
 # A rendered film with its metadata, statistics and layers, and the pictures that are developed from it.
@@ -233,7 +234,7 @@ _CLOSE = 1e-3  # in chromaticity: programs round those of sRGB differently
 
 
 def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -> Image:
-    """Return the film of a file, with the metadata it holds and without layers, but for the coverage that is its alpha.
+    """Return the film of a file with its metadata; of layers those of groups of lamps, and the coverage of an alpha.
 
     Parameters
     ----------
@@ -254,9 +255,9 @@ def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -
             has, most = pixels_there / 1e6, most_pixels / 1e6
             raise InputError(f"has {has:.4g} million pixels (allowed: {most:.4g}, or any with --large)")
         _check_memory(size)
-        pixels, metadata, alpha = _exr(path) if suffix == ".exr" else _numpy(path)
+        pixels, metadata, alpha, lights = _exr(path) if suffix == ".exr" else _numpy(path)
         known = metadata.items() if isinstance(metadata, dict) else ()
-        layers = {} if alpha is None else {"coverage": np.asarray(alpha, np.float32)}
+        layers = lights | ({} if alpha is None else {"coverage": np.asarray(alpha, np.float32)})
         named = {key: value for key, value in known if _NAME.fullmatch(key)}
         return Image(np.asarray(pixels, np.float32), named, layers=layers)
     except InputError as problem:
@@ -310,17 +311,19 @@ def _check_memory(size: int) -> None:
         )
 
 
-Film = tuple[NDArray[Any], dict[str, Any], NDArray[Any] | None]
-"""Pixels, metadata, and the coverage of a picture without a background."""
+Film = tuple[NDArray[Any], dict[str, Any], NDArray[Any] | None, dict[str, NDArray[Any]]]
+"""Pixels, metadata, the coverage of a picture without a background, and the light of groups of lamps."""
 
 
 def _numpy(path: str | os.PathLike[str]) -> Film:
     held = np.load(path, allow_pickle=False)
     if isinstance(held, np.ndarray):
-        return held, {}, None
+        return held, {}, None, {}
     with held:
         metadata = json.loads(str(held["metadata"])) if "metadata" in held else {}
-        return held["rgb"], metadata, held["coverage"] if _is_transparent(metadata) and "coverage" in held else None
+        lights = {name: held[name] for name in held.files if name.startswith(LIGHT_LAYER)}
+        alpha = held["coverage"] if _is_transparent(metadata) and "coverage" in held else None
+        return held["rgb"], metadata, alpha, lights
 
 
 def _is_transparent(metadata: object) -> bool:
@@ -335,6 +338,11 @@ def _exr(path: str | os.PathLike[str]) -> Film:
         channels = file.channels()
         planes = [channels[name].pixels for name in "RGB"]
         alpha = channels["A"].pixels if "A" in channels else None
+        layers = {each.removesuffix(".R") for each in channels if each.startswith(LIGHT_LAYER) and each.endswith(".R")}
+        lights = {
+            layer: np.stack([channels[f"{layer}.{colour}"].pixels for colour in "RGB"], axis=-1)
+            for layer in sorted(layers)
+        }
     primaries = header.get("chromaticities")
     expected = np.ravel([*SRGB_PRIMARIES, SRGB_WHITE])
     if primaries is not None and not np.allclose(np.ravel(primaries), expected, atol=_CLOSE):
@@ -342,7 +350,7 @@ def _exr(path: str | os.PathLike[str]) -> Film:
         raise InputError(f"has other primaries than sRGB (got {got}; allowed {', '.join(map(str, expected))})")
     text = header.get(ALL_METADATA)
     metadata = json.loads(text) if isinstance(text, str) else from_exr_attributes(header)
-    return np.stack(planes, axis=-1), metadata, alpha if _is_transparent(metadata) else None
+    return np.stack(planes, axis=-1), metadata, alpha if _is_transparent(metadata) else None, lights
 
 
 #
@@ -400,14 +408,14 @@ SETTINGS = "picture"  # where metadata keep what a scene says of the picture
 
 
 def develop(film: Image | str | os.PathLike[str], overrides: Iterable[str] = (), **settings: Any) -> Image:
-    """Return an image of the same film that develops with other settings.
+    """Return an image of the same film that develops with other settings, or with its lamps brighter or darker.
 
     Parameters
     ----------
     film
         A rendered image, or a file of one (``.exr``, ``.npy``, ``.npz``).
     overrides
-        Settings as text, ``picture.tone=agx``.
+        Settings as text, ``picture.tone=agx``, and factors on the light of groups of lamps, ``lights.key=0.5``.
     **settings
         Keys of ``picture`` in scene files: ``tone="agx"``, ``white_balance={"temperature_k": 3200}``, ``ev=1``. Those
         not given stay as they are in the film's metadata.
@@ -420,10 +428,70 @@ def develop(film: Image | str | os.PathLike[str], overrides: Iterable[str] = (),
         The file cannot be read.
     """
     image = film if isinstance(film, Image) else read_film(film)
+    overrides = list(overrides)
+    factors = [text for text in overrides if text.startswith(LIGHT_LAYER)]
+    if factors:
+        image = relit(image, dict(_factor_of(text) for text in factors))
+        overrides = [text for text in overrides if text not in factors]
     known = image.metadata.get(SETTINGS)
     return with_picture_settings(
         image, load_picture({**(known if isinstance(known, dict) else {}), **settings}, overrides)
     )
+
+
+RELIT = "relit"  # where metadata keep the factors on the light of groups of lamps
+_MOST_FACTOR = 1e6
+
+
+def relit(image: Image, factors: Mapping[str, float | Sequence[float]]) -> Image:
+    """Return an image with the light of groups of lamps brighter, darker or of another colour, as if rendered so.
+
+    Parameters
+    ----------
+    image
+        Rendered with the layer ``lights``.
+    factors
+        On the light as rendered, by the name of the group: a number of at least 0, or three of red, green and blue.
+        Groups that are not named stay as they are.
+
+    Raises
+    ------
+    InputError
+        There is no such group, or a factor is out of range.
+    """
+    before = image.metadata.get(RELIT, {})
+    known = [name.removeprefix(LIGHT_LAYER) for name in image.layers if name.startswith(LIGHT_LAYER)]
+    if not known:
+        raise InputError("lights: the film does not keep the light of its lamps apart (render it with --layers lights)")
+    pixels = image.pixels.astype(np.float64)
+    for name, factor in factors.items():
+        if name not in known:
+            raise InputError(f"lights.{name}: no such group{near_name(name, known)} (allowed: {', '.join(known)})")
+        wanted = np.broadcast_to(np.asarray(factor, np.float64), 3) if np.size(factor) in (1, 3) else np.full(3, np.nan)
+        if not ((wanted >= 0) & (wanted <= _MOST_FACTOR)).all():
+            raise InputError(
+                f"lights.{name}: is no factor (got {factor}; allowed: 0 to {_MOST_FACTOR:g}, or three such)"
+            )
+        pixels += (wanted - before.get(name, 1.0)) * image.layers[f"{LIGHT_LAYER}{name}"]
+    kept = {name: np.asarray(factor, np.float64).tolist() for name, factor in factors.items()}
+    return replace(image, pixels=pixels.astype(np.float32), metadata=image.metadata | {RELIT: before | kept})
+
+
+def _factor_of(text: str) -> tuple[str, Any]:
+    name, equals, value = text.removeprefix(LIGHT_LAYER).partition("=")
+    try:
+        factor = json.loads(value)
+    except ValueError:
+        factor = None
+    if not equals or not isinstance(factor, int | float | list) or isinstance(factor, bool):
+        raise InputError(
+            f"{text}: is no factor on a group of lamps (allowed: as lights.key=0.5 or lights.key=[1,0.8,0.6])"
+        )
+    if isinstance(factor, list) and not all(isinstance(each, int | float) for each in factor):
+        raise InputError(
+            f"{text}: is no factor on a group of lamps (allowed: as lights.key=0.5 or lights.key=[1,0.8,0.6])"
+        )
+    return name, factor
 
 
 def with_picture_settings(image: Image, picture: PictureSettings) -> Image:

@@ -37,7 +37,7 @@ from rptcam_cl.imaging.formats import (
     write_tiff_to,
 )
 from rptcam_cl.scene.assets.pictures import write_exr
-from rptcam_cl.scene.film import PictureSettings
+from rptcam_cl.scene.film import LIGHT_LAYER, PictureSettings
 
 # Masks of instances and classes, and COCO annotations, of a picture with sharp identifiers.
 #
@@ -344,6 +344,10 @@ CHANNELS: dict[str, tuple[str, ...]] = {
 }
 
 
+def _channels_of(name: str) -> tuple[str, ...] | None:
+    return tuple(f"{name}.{colour}" for colour in "RGB") if name.startswith(LIGHT_LAYER) else CHANNELS.get(name)
+
+
 def check_layers(layers: Mapping[str, Layer], height: int, width: int) -> None:
     """Refuse layers that are not of a picture of this size.
 
@@ -353,9 +357,9 @@ def check_layers(layers: Mapping[str, Layer], height: int, width: int) -> None:
         A layer is not one of `CHANNELS`, or its shape does not fit the picture.
     """
     for name, values in layers.items():
-        if name not in CHANNELS:
+        if (channels := _channels_of(name)) is None:
             raise InputError(f"layers: unknown layer (got {name}; allowed {', '.join(CHANNELS)})")
-        count = len(CHANNELS[name])
+        count = len(channels)
         shape = (height, width) if count == 1 else (height, width, count)
         if np.shape(values) != shape:
             raise InputError(f"layers: {name}: wrong shape (got {np.shape(values)}; allowed {shape})")
@@ -365,7 +369,7 @@ def exr_channels(layers: Mapping[str, Layer]) -> Iterator[tuple[str, NDArray[Any
     """Yield name and values (height, width) of each EXR channel; identifiers are floats there, as readers expect."""
     for name, values in layers.items():
         planes = values[..., None] if values.ndim == 2 else values
-        for index, channel in enumerate(CHANNELS[name]):
+        for index, channel in enumerate(_channels_of(name) or ()):
             yield channel, planes[..., index]
 
 

@@ -37,19 +37,19 @@ def in_section(setting: Setting, section: str) -> Setting:
     """
     if section not in SECTIONS:
         raise InputError(f'section: must be "x" or "y" (got {section!r})')
-    return replace(setting, lens=_turned(setting.lens)) if section == "x" else setting
+    return replace(setting, lens=_exchange_axes(setting.lens)) if section == "x" else setting
 
 
-def _turned(lens: Lens) -> Lens:
+def _exchange_axes(lens: Lens) -> Lens:
     """Return a lens with x and y exchanged, whose name says so; itself where that makes no difference."""
     if lens.is_rotational and lens.fold is None and not (lens.stop and lens.stop.stop_shape):
         return lens
-    surfaces = tuple(_turned_surface(surface) for surface in lens.surfaces)
-    fold = None if lens.fold is None else _turned_pose(lens.fold)
+    surfaces = tuple(_exchange_in_surface(surface) for surface in lens.surfaces)
+    fold = None if lens.fold is None else _exchange_in_pose(lens.fold)
     return replace(lens, name=f"{lens.name}, fields along x", surfaces=surfaces, fold=fold)
 
 
-def _turned_surface(surface: Surface) -> Surface:
+def _exchange_in_surface(surface: Surface) -> Surface:
     shape, form, conic, curvature = surface.stop_shape, surface.form, surface.conic, surface.curvature
     if isinstance(form, Biconic):
         form, curvature, conic = Biconic(curvature, conic), form.curvature_x, form.conic_x
@@ -62,18 +62,18 @@ def _turned_surface(surface: Surface) -> Surface:
     other = {"x": "y", "y": "x", None: None}
     return replace(
         surface, curvature=curvature, conic=conic, form=form, stop_shape=shape, cylinder=other[surface.cylinder],
-        pose=_turned_pose(surface.pose) if surface.pose else None,
-        region=_turned_region(surface.region) if surface.region else None,
+        pose=_exchange_in_pose(surface.pose) if surface.pose else None,
+        region=_exchange_in_region(surface.region) if surface.region else None,
     )  # fmt: skip
 
 
-def _turned_region(region: Region) -> Region:
+def _exchange_in_region(region: Region) -> Region:
     normal = None if region.normal_degrees is None else 90.0 - region.normal_degrees
     return replace(region, half_width=region.half_height, half_height=region.half_width,
                    centre=region.centre[::-1], normal_degrees=normal)  # fmt: skip
 
 
-def _turned_pose(pose: SurfacePose) -> SurfacePose:
+def _exchange_in_pose(pose: SurfacePose) -> SurfacePose:
     x, y, z = pose.offset
     ((a, b, c), (d, e, f), (g, h, i)) = pose.rotation
     return SurfacePose((y, x, z), ((e, d, f), (b, a, c), (h, g, i)))

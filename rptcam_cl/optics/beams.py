@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +14,9 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
-from rptcam_cl.optics.lens import limiting_surface, system_matrix
+from rptcam_cl.optics.lens import Lens, limiting_surface, system_matrix
 from rptcam_cl.optics.ray_trace import L, Rays, Status, at_plane, passing, refract, trace, trace_crossings
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.surface import Prescription
-
+from rptcam_cl.optics.surface import Prescription
 
 # Where rays from the film cross every surface of a lens whose rims let all of them pass: float64.
 

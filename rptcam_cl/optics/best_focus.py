@@ -18,6 +18,8 @@ from rptcam_cl.optics.pupils import (
     FilmFrame,
     FilmProbe,
     boxes_of,
+    boxes_round,
+    cells,
     grid,
     narrow_boxes,
     narrowing_probes,
@@ -304,10 +306,7 @@ class _SceneBeams:
         boxes = boxes_of(-self.reach, self.reach)
         steps = grid(boxes, *NARROWING)
         _, passed = self._on_film(steps, vergence)
-        margin = (boxes[:, 1::2] - boxes[:, ::2]) / NARROWING
-        low = np.where(passed[..., None], steps, np.inf).min(axis=1) - margin
-        high = np.where(passed[..., None], steps, -np.inf).max(axis=1) + margin
-        boxes = np.where(np.sum(passed, axis=1)[:, None] > 0, boxes_of(low, high), boxes)
+        boxes, _ = boxes_round(steps, passed, cells(boxes, *NARROWING), boxes)
         film, passed = self._on_film(grid(boxes, BLUR_ACROSS, BLUR_ACROSS), vergence)
         count = np.sum(passed, axis=1)[:, None]
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -1,10 +1,10 @@
-"""Lenses from a few wishes (Kumar et al. 2024, eqs. 3-12), and the numbers of `lens info` of any lens."""
+"""Lenses from a few numbers (Kumar et al. 2024, eqs. 3-12), and the numbers of `lens info` of any lens."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,16 +13,12 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import plain
 from rptcam_cl.optics.irradiance import on_axis_irradiance
-from rptcam_cl.optics.lens import brought_to_focus
+from rptcam_cl.optics.lens import Lens, brought_to_focus
 from rptcam_cl.optics.pupils import FilmProbe, box_near, grid, narrow_boxes, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance
 
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-
-
 #
-# Lenses from a few wishes: a single lens of a focal length, and an achromatic doublet (Kumar et al. 2024, eqs. 3-12).
+# Lenses from a few numbers: a single lens of a focal length, and an achromatic doublet (Kumar et al. 2024, eqs. 3-12).
 #
 # Radii are signed here, positive when the centre lies on the film side; the paper writes magnitudes for biconvex and
 # biconcave lenses. Its eq. 12 lacks a minus sign: an achromat needs P1 / V1 + P2 / V2 = 0.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,8 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
 from rptcam_cl.optics.beams import without_rims
 from rptcam_cl.optics.image_quality import Setting, default_fields, fan_points, section_rays, setting
-from rptcam_cl.optics.ray_trace import Rays, Status, at_plane
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.ray_trace import Rays, Status, at_plane, trace
 
 #
 # Rays surface by surface, by whichever tracer: the lens cut off behind each of its surfaces gives the points there.
@@ -29,14 +26,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-Tracer = Callable[["Lens", Array, Array, float], Rays]
+Tracer = Callable[[Lens, Array, Array, float], Rays]
 """Traces rays from the scene, given lens, origins, directions and wavelength [nm]."""
 
 
 def reference(lens: Lens, origins: Array, directions: Array, wavelength_nm: float) -> Rays:
     """Return rays traced in float64 on the host."""
-    from rptcam_cl.optics.ray_trace import trace
-
     return trace(lens, origins, directions, wavelength_nm, "scene")
 
 

@@ -379,7 +379,7 @@ class _Focus:
         return OF_A_DISK * axial_blur(self.lens, self.film_mm, away, self.wavelength_nm)
 
 
-def _focused(lens: Lens, focus_mm: float, wavelength_nm: float) -> _Focus:
+def _focus_lens(lens: Lens, focus_mm: float, wavelength_nm: float) -> _Focus:
     lens, film = brought_to_focus(lens, focus_mm, wavelength_nm)
     front = focus_mm - lens.length - lens.sense * film
     if front <= 0:
@@ -430,7 +430,7 @@ def _hyperfocal(lens: Lens, circle_mm: float, wavelength_nm: float) -> float | N
 
     def excess(reciprocal: float) -> float:
         focus = 1 / reciprocal if reciprocal else math.inf
-        return _focused(lens, focus, wavelength_nm).blur(0.0) / circle_mm - 1
+        return _focus_lens(lens, focus, wavelength_nm).blur(0.0) / circle_mm - 1
 
     if excess(0.0) > 0:
         return None
@@ -461,15 +461,15 @@ def depth_of_field(
         own = 1e-3 * (setting.object_distance_mm + lens.length + lens.sense * setting.film)
         distances_m = distances_m or [own]
     if distances_m is None:
-        distances_m = [*sorted({_engraved(lengths * focal_m) for lengths in CHOSEN}), math.inf]
+        distances_m = [*sorted({_nearest_engraved(lengths * focal_m) for lengths in CHOSEN}), math.inf]
     rows: list[Row] = []
-    for stopped in _stopped(lens, f_numbers, wavelength_nm):
+    for stopped in _stop_down(lens, f_numbers, wavelength_nm):
         first = stopped.first_order(wavelength_nm)
         focal_mm, f_number = abs(first.focal_length_mm), first.f_number
         beyond = _hyperfocal(stopped, circle_mm, wavelength_nm)
         thin_beyond = focal_mm**2 / (f_number * circle_mm) + 2 * focal_mm + f_number * circle_mm  # to the film
         for distance in distances_m:
-            at = _focused(stopped, 1e3 * distance, wavelength_nm)
+            at = _focus_lens(stopped, 1e3 * distance, wavelength_nm)
             blur, limits = at.blur(1 / at.front_mm), _traced_limits(at, circle_mm)
             thin = _thin_limits(focal_mm, f_number, 1e3 * distance, circle_mm)
             near, far = (None, None) if limits is None else (1e-3 * limits[0], 1e-3 * limits[1])
@@ -487,12 +487,12 @@ def depth_of_field(
     )  # fmt: skip
 
 
-def _engraved(distance_m: float) -> float:
+def _nearest_engraved(distance_m: float) -> float:
     """Return the engraved distance that is nearest to another."""
     return min(ENGRAVED_M, key=lambda engraved: abs(math.log(engraved / distance_m)))
 
 
-def _stopped(lens: Lens, f_numbers: Sequence[float] | None, wavelength_nm: float) -> list[Lens]:
+def _stop_down(lens: Lens, f_numbers: Sequence[float] | None, wavelength_nm: float) -> list[Lens]:
     """Return the lens at f-numbers; by default as it is, and at every second full stop from there on."""
     if f_numbers is not None:
         return [lens.with_stop_diameter(lens.stop_diameter_for(number, wavelength_nm)) for number in f_numbers]

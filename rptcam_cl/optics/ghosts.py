@@ -172,19 +172,19 @@ class Crossing:
         self.media = (n, m) if forward else (m, n)
 
     @cached_property
-    def _bent(self) -> tuple[Array, Mask]:
+    def _refracted(self) -> tuple[Array, Mask]:
         n, m = self.media
         return refract(self.arrival.beam.directions, self.arrival.normals, self.arrival.cosines, np.asarray(n / m))
 
     @cached_property
-    def _turned(self) -> Array:
+    def _reflected_directions(self) -> Array:
         return reflect(self.arrival.beam.directions, self.arrival.normals, self.arrival.cosines)
 
     @cached_property
     def _amplitudes(self) -> Polarised:
         (n, m), incidence = self.media, np.abs(self.arrival.cosines)
         square = 1.0 - (n / m) ** 2 * (1.0 - incidence * incidence)
-        behind = np.sqrt(square if self._bent[1].all() else square + 0j)
+        behind = np.sqrt(square if self._refracted[1].all() else square + 0j)
         coating = self.lit.transmission.coating_of(self.surface)
         return coating.polarised(Interface(n, m, incidence, behind), self.lit.wavelength_nm)
 
@@ -212,15 +212,15 @@ class Crossing:
         """Return the light that goes the way of the lens: what passes, or what a mirror reflects."""
         if self.surface.is_mirror:
             r = np.sqrt(np.asarray(self.mirror_share))
-            return self._onward(self._turned, -r, r)
+            return self._onward(self._reflected_directions, -r, r)
         if not self.parts:
             return self.arrival.beam
-        directions, through = self._bent
+        directions, through = self._refracted
         return self._onward(directions, self._amplitudes.passed_s, self._amplitudes.passed_p).kept(through)
 
     def reflected(self) -> PolarisedBeam:
         """Return the light that a surface between two media reflects, all of it where it is totally reflected."""
-        return self._onward(self._turned, self._amplitudes.reflected_s, self._amplitudes.reflected_p)
+        return self._onward(self._reflected_directions, self._amplitudes.reflected_s, self._amplitudes.reflected_p)
 
 
 def _in_plane_of_incidence(beam: PolarisedBeam, normals: Array) -> tuple[Array, Amplitude]:

@@ -679,7 +679,7 @@ class _Search:
             part = MeritFunction(self.given, {}, opening)
             x, _ = self.local(part, x, f"pupil and field opened to {opening:g}", OPENING_EVALUATIONS)
         x, _ = self.local(merit, x, "fully open")
-        return min(x, found, key=lambda v: self._compared(merit, v))
+        return min(x, found, key=lambda v: self._comparable_merit(merit, v))
 
     def _stage(self, merit: MeritFunction, x: Array) -> dict[str, Any]:
         found = self.library.least_squares(
@@ -704,15 +704,16 @@ class _Search:
 
         def minimise(_fun: Any, start: Array, args: Any = (), **_options: Any) -> Any:
             found, _ = self.local(merit, np.asarray(start), f"hop {next(number)}")
-            return self.library.OptimizeResult(x=found, fun=self._compared(merit, found), success=True, nfev=1)
+            return self.library.OptimizeResult(x=found, fun=self._comparable_merit(merit, found), success=True, nfev=1)
 
+        temperature = 0.1 * self._comparable_merit(merit, x)
         result = self.library.basinhopping(
-            lambda v: self._compared(merit, v), x, niter=hunt.count, take_step=step, T=0.1 * self._compared(merit, x),
+            lambda v: self._comparable_merit(merit, v), x, niter=hunt.count, take_step=step, T=temperature,
             minimizer_kwargs={"method": minimise}, seed=np.random.default_rng(hunt.seed + 1),
         )  # fmt: skip
         return np.asarray(result.x)
 
-    def _compared(self, merit: MeritFunction, x: Array) -> float:
+    def _comparable_merit(self, merit: MeritFunction, x: Array) -> float:
         """Return a merit that does not depend on what came before: bounds weigh as at the start."""
         merit.set_hold(merit.values_of(merit.x0)["merit"])
         return self.score(merit, x)
@@ -721,7 +722,7 @@ class _Search:
         """Return the best of differential evolution about x, `step` to each side."""
         hunt = self.given.hunt
         result = self.library.differential_evolution(
-            lambda v: self._compared(merit, v), [(v - hunt.step, v + hunt.step) for v in x], maxiter=hunt.count,
+            lambda v: self._comparable_merit(merit, v), [(v - hunt.step, v + hunt.step) for v in x], maxiter=hunt.count,
             seed=np.random.default_rng(hunt.seed), polish=False, x0=x, popsize=5, tol=0,
         )  # fmt: skip
         self.evaluations += int(result.nfev)

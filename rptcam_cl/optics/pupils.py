@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +13,9 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import ChiefRays, round_chief_rays
-from rptcam_cl.optics.lens import limiting_surface
+from rptcam_cl.optics.lens import Lens, limiting_surface
 from rptcam_cl.optics.ray_trace import Rays, passing, trace_crossings
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.surface import Surface
-
+from rptcam_cl.optics.surface import Surface
 
 #
 # How the film of a camera stands behind its lens: straight across the axis, or moved, tilted and swung.
@@ -284,12 +279,15 @@ def narrow_boxes(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, 
     """
     points = grid(boxes, *shape)
     hits = probe.passes(film[:, None], points)
-    margin = cells(boxes, *shape)
+    return boxes_round(points, hits, cells(boxes, *shape), boxes)
+
+
+def boxes_round(points: Array, hits: Mask, margin: Array, otherwise: Array) -> tuple[Array, Mask]:
+    """Return boxes round those of points (m, n, 2) that are hits (m, n), a margin (m, 2) wider, and which have any."""
     low = np.where(hits[..., None], points, np.inf).min(axis=1) - margin
     high = np.where(hits[..., None], points, -np.inf).max(axis=1) + margin
     lit: Mask = np.asarray(np.any(hits, axis=1))
-    tight = boxes_of(low, high)
-    return np.where(lit[:, None], tight, boxes), lit
+    return np.where(lit[:, None], boxes_of(low, high), otherwise), lit
 
 
 # Boxes round the pupils that film points see: found even where they are much smaller than the rear element.

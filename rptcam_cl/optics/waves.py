@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,13 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam, chief_ray, is_steep, passing_beam, without_rims
+from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays, at_plane, trace_crossings
-from rptcam_cl.optics.surface import StopMask
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.surface import Surface
-
+from rptcam_cl.optics.surface import StopMask, Surface
 
 #
 # The pupil function of a lens: amplitude and path differences of the light of one point, over its directions.
@@ -514,7 +509,7 @@ def _slopes(pupil: PupilFunction, axis: int) -> float:
 def strehl(pupil: PupilFunction) -> Strehl:
     """Return the Strehl ratios at the chief ray's point and at the brightest point of the film."""
     perfect = float((np.sqrt(pupil.density) * pupil.coverage).sum()) ** 2
-    size = _padded(pupil)
+    size = _transform_size(pupil)
     light = np.abs(np.fft.fft2(pupil.field.astype(np.complex64), (size, size)))  # single: it says where alone
     row, column = np.unravel_index(int(np.argmax(light)), light.shape)
     width = pupil.length_mm / (size * pupil.step)
@@ -551,7 +546,7 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     By the spread of a line on the film, which is its transform; each point counts on that side of the middle of the
     light where it lies nearer.
     """
-    count = _padded(pupil)
+    count = _transform_size(pupil)
     line = (np.abs(np.fft.fft(pupil.field, count, axis=axis)) ** 2).sum(axis=1 - axis)
     line /= count * pupil.flux.sum()
     places = np.fft.fftfreq(count) * count
@@ -562,7 +557,7 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     return np.where(shifts < len(pupil.coverage), values, 0.0)
 
 
-def _padded(pupil: PupilFunction) -> int:
+def _transform_size(pupil: PupilFunction) -> int:
     """Return how many cells a transform has, a number that it is quick for."""
     return -(-PADDED * len(pupil.coverage) // 64) * 64
 

@@ -24,7 +24,16 @@ from rptcam_cl.core.files import replacing
 from rptcam_cl.core.records import RayStatus
 from rptcam_cl.core.remember import Maker, OneMaker, made_by
 from rptcam_cl.rendering.account import clamp_text, of_makers
-from rptcam_cl.rendering.film import PLANES, TILE, TILE_PIXELS, FilmLayout, outcomes_of, removed_share_of
+from rptcam_cl.rendering.film import (
+    PLANES,
+    TILE,
+    TILE_PIXELS,
+    FilmLayout,
+    group_pictures,
+    outcomes_of,
+    planes_of,
+    removed_share_of,
+)
 from rptcam_cl.rendering.ground_truth import saved_truth
 from rptcam_cl.rendering.layers import OWNER_SLOTS, SLOT_PLANES, LayerPlanes, layer_arrays
 from rptcam_cl.rendering.progressive import SavedState
@@ -469,8 +478,10 @@ def picture_of(
         stats["clamp"] = {"limit": picture["clamp"], "removed_share": removed_share_of(arrays["film"])}
     named["direct"] = pixels = layout.picture(arrays["film"][:PLANES], tiles)
     named["ghosts"] = np.zeros_like(pixels)  # they are added by `merge`
+    lights = group_pictures(layout, arrays["film"], tiles, picture.get("light_groups", ()))
     named |= saved_truth(arrays, layout)[0]
-    return pixels, _metadata(picture["metadata"], stats), stats, {name: named[name] for name in facts["layers"]}
+    layers = {name: named[name] for name in facts["layers"] if name != "lights"} | lights
+    return pixels, _metadata(picture["metadata"], stats), stats, layers
 
 
 def _metadata(before: dict[str, Any], stats: dict[str, Any]) -> dict[str, Any]:
@@ -562,6 +573,7 @@ def check_whole(part: Checkpoint) -> None:
         "numerics": isinstance(metadata.get("numerics"), dict),
         "eye_m": _is_list((int, float), picture.get("eye_m"), 3),
         "has_lens": isinstance(picture.get("has_lens"), bool),
+        "light_groups": _is_list(str, picture.get("light_groups", [])),
         "clamp": clamp is None or (type(clamp) in (int, float) and clamp > 0),
         "counts": counts.shape == (len(RayStatus) + 2,) and counts.dtype == np.uint64,
     }
@@ -680,7 +692,8 @@ def merge_arrays(parts: Sequence[Checkpoint], layout: FilmLayout) -> Arrays:
         Those of a part do not fit.
     """
     facts = parts[0].facts
-    planes = {"film": PLANES + int(facts["picture"].get("clamp") is not None)}
+    has_limit, groups = facts["picture"].get("clamp") is not None, len(facts["picture"].get("light_groups", ()))
+    planes = {"film": planes_of(has_limit, groups)}
     layers = LayerPlanes(facts["layers"])
     if layers.names:
         planes["layers"] = layers.count
@@ -690,8 +703,11 @@ def merge_arrays(parts: Sequence[Checkpoint], layout: FilmLayout) -> Arrays:
         arrays = part.part.unpack(part.arrays, layout.tiles, layout.pixels)
         _check_fit(part, arrays, whole, counts)
         pixels = pixels_of(part.part.tiles(layout.tiles))
-        whole["film"][PLANES:, pixels] += arrays["film"][PLANES:, pixels]  # what a limit of the samples removed
-        _add(whole["film"], arrays["film"], pixels, PLANES // 2)
+        first = PLANES + has_limit
+        whole["film"][PLANES:first, pixels] += arrays["film"][PLANES:first, pixels]  # what the limit removed
+        for start in (0, *range(first, len(whole["film"]), PLANES)):
+            rows = slice(start, start + PLANES)
+            _add(whole["film"][rows], arrays["film"][rows], pixels, PLANES // 2)
         _put_sharp(part, arrays, whole, pixels)
         if layers.names:
             for name in layers.owners:

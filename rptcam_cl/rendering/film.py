@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property, lru_cache
 from math import fsum
 from typing import Any, TypeVar
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import LIMITS, WAVE, RayStatus
 from rptcam_cl.device.session import Session
-from rptcam_cl.scene.film import Film, RenderSettings
+from rptcam_cl.scene.film import LIGHT_LAYER, Film, RenderSettings
 
 #
 # Which photons belong to which samples: the passes of the photon map, their sizes and radii.
@@ -328,6 +328,8 @@ class FilmBuffers:
         The device, and the film.
     clamped
         Whether the samples have a limit: one plane more adds up what it removes.
+    groups
+        How many groups of lamps have their light kept apart, each in as many planes as the whole film.
 
     Attributes
     ----------
@@ -341,9 +343,9 @@ class FilmBuffers:
         Camera rays of the picture, up to the last `finish`.
     """
 
-    def __init__(self, session: Session, layout: FilmLayout, *, clamped: bool) -> None:
+    def __init__(self, session: Session, layout: FilmLayout, *, clamped: bool, groups: int = 0) -> None:
         self._session, self.pixels = session, layout.pixels
-        self._planes = planes_of(clamped)
+        self._planes = planes_of(clamped, groups)
         self.sums = session.allocate(self._bytes, zeroed=True)
         self.counts = np.zeros(len(RayStatus) + 1, np.uint64)
         self.counters = session.allocate(4 * len(self.counts), zeroed=True)
@@ -377,7 +379,7 @@ class FilmBuffers:
         self._session.fill_zero(self.counters, 4 * len(self.counts))
 
     def planes(self) -> NDArray[np.float32]:
-        """Return the sums, their compensations and, with a limit of the samples, what it has removed."""
+        """Return the sums and compensations, with a limit of the samples what it has removed, and those of groups."""
         read = self._session.read(self.sums, np.float32, self._planes * self.pixels)
         return read.reshape(self._planes, -1)
 
@@ -424,9 +426,18 @@ class RenderedFilm:
         return outcomes_of(self.counts())
 
 
-def planes_of(clamped: bool) -> int:
-    """How many planes a film has, with a limit of the samples or without."""
-    return PLANES + int(clamped)
+def planes_of(clamped: bool, groups: int = 0) -> int:
+    """How many planes a film has, with a limit of the samples or without, and with light kept apart by groups."""
+    return PLANES + int(clamped) + PLANES * groups
+
+
+def group_pictures(
+    layout: FilmLayout, planes: NDArray[np.float32], spp: NDArray[np.uint32], names: Sequence[str]
+) -> dict[str, NDArray[np.float32]]:
+    """Return the light of each group of lamps, (height, width, 3) by the name of its layer, from a film's planes."""
+    first = len(planes) - PLANES * len(names)
+    parts = (planes[first + PLANES * place : first + PLANES * (place + 1)] for place in range(len(names)))
+    return {f"{LIGHT_LAYER}{name}": layout.picture(part, spp) for name, part in zip(names, parts, strict=True)}
 
 
 def outcomes_of(counts: NDArray[np.uint64]) -> dict[str, int]:
@@ -438,7 +449,7 @@ def outcomes_of(counts: NDArray[np.uint64]) -> dict[str, int]:
 def removed_share_of(planes: NDArray[np.float32]) -> float:
     """Return the share of the light of a whole film that the limit of the samples has removed."""
     exact = planes.astype(np.float64)
-    removed, kept = exact[PLANES:].sum(), np.abs(exact[:3] - exact[3:PLANES]).sum() / 3
+    removed, kept = exact[PLANES].sum(), np.abs(exact[:3] - exact[3:PLANES]).sum() / 3
     return float(removed / (removed + kept)) if removed else 0.0
 
 

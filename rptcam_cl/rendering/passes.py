@@ -199,6 +199,7 @@ def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
         light_lobes=plan.facts["LIGHT_LOBES"] > 0,
         caustics=plan.facts["CAUSTICS"] > 0,
         media=plan.facts["HAS_MEDIA"] > 0,
+        light_groups=plan.facts["LIGHT_GROUPS"],
     )
     return 4 * floats * capacity
 
@@ -417,7 +418,7 @@ _NO_FACTS: Mapping[str, int | str] = {}
 
 def _camera_facts(plan: Plan) -> dict[str, int | str]:
     """The facts of the scene for the passes that make camera rays."""
-    names = ("HAS_EMITTERS", "SAMPLER_LATTICE", "HAS_MESH", "MOVES", "CAMERA_SEGMENTS")
+    names = ("HAS_EMITTERS", "SAMPLER_LATTICE", "HAS_MESH", "MOVES", "CAMERA_SEGMENTS", "LIGHT_GROUPS")
     return {
         **plan.camera.facts,
         **plan.spectrum.facts,

@@ -14,7 +14,7 @@ from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.remember import checkpoint, is_cancellable
-from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout, Wave
+from rptcam_cl.rendering.film import BLOCK, PLANES, TILE_PIXELS, FilmLayout, Wave, group_pictures
 from rptcam_cl.rendering.several import WHOLE, AnyWavefront, FilmPart
 from rptcam_cl.scene.film import SHARP_LAYERS
 
@@ -716,9 +716,11 @@ def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, 
     tiles = run.samples_of_tiles()
     in_rows = {"samples": np.repeat(tiles, TILE_PIXELS), "variance": watch.variance()}
     film = {name: np.ascontiguousarray(layout.in_rows(values[None])[0]) for name, values in in_rows.items()}
-    sums = wavefront.sums()
+    planes = wavefront.planes()
+    sums = planes[:PLANES]
     pixels = layout.picture(sums, tiles)
     layers = wavefront.layers() | film | {"direct": pixels, "ghosts": np.zeros_like(pixels)}
+    lights = group_pictures(layout, planes, tiles, wavefront.light_groups)
     return Rendering(
         pixels=pixels,
         done=done,
@@ -729,7 +731,8 @@ def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, 
         achieved=watch.achieved(done, sums),
         seconds=seconds,
         interrupted=interrupted,
-        layers={name: layers[name] for name in wavefront.settings.layers if name not in SHARP_LAYERS},
+        layers={name: layers[name] for name in wavefront.settings.layers if name not in (*SHARP_LAYERS, "lights")}
+        | lights,
         resumed_from=start,
         new_samples=new_samples,
         state=run.state,

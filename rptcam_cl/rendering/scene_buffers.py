@@ -347,6 +347,8 @@ class SceneBuffers:
         if plan.facts["HAS_MEDIA"]:
             self.scene["media_at_camera"] = np.int32(plan.media.at_camera)
         self.colours = self._buffer("colours", plan.spectrum.table)
+        if plan.facts["LIGHT_GROUPS"]:
+            self.scene["sky_group"] = np.int32(plan.light_groups.sky)
         if plan.facts["SPECTRUM"]:
             self.scene["colours"] = self.colours
         self.tree_facts: dict[str, int] = {}
@@ -476,6 +478,8 @@ def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
         arrays["media"] = plan.media.records
     if plan.facts["FACET_SHARES"]:
         arrays["facet_shares"] = facet_shares(plan.materials)
+    if plan.facts["LIGHT_GROUPS"]:
+        arrays |= {"primitive_groups": plan.light_groups.of_primitive, "emitter_groups": plan.emitters.groups}
     if plan.facts["HAS_HIDDEN"]:
         arrays["hidden"] = plan.hidden
     if plan.facts["HAS_MOTION"]:

@@ -380,7 +380,7 @@ class SharedWavefront(RenderedFilm):
         shares: Sequence[float] | None = None,
         lenient: bool = False,
     ) -> None:
-        self.layout, self.settings = layout, settings
+        self.layout, self.settings, self.light_groups = layout, settings, plan.light_groups.names
         self._halt = threading.Event()
         self._workers: list[Worker] = []
         given = [0.0] * len(sessions) if shares is None else shares

@@ -187,7 +187,8 @@ class Wavefront(RenderedFilm):
             bytes_of_state(each, capacity, stream=stream) if keeps_rays(each, self.settings, stream=stream) else 0
             for each in plan.steps or (plan,)
         )
-        bytes_of_planes = 4 * planes_of(clamped), LayerPlanes(self.settings.layers).bytes_per_pixel
+        groups = plan.facts["LIGHT_GROUPS"]
+        bytes_of_planes = 4 * planes_of(clamped, groups), LayerPlanes(self.settings.layers).bytes_per_pixel
         film = [each * layout.pixels for each in bytes_of_planes]
         self.needs = memory_needs(plan, session, film=film, paths=[state, bytes_of_lens_rays(plan, capacity)])
         check_memory(self.needs, session)
@@ -197,7 +198,7 @@ class Wavefront(RenderedFilm):
         session.write(survival_scale, ALIKE.survival_scale)
         return WaveBuffers(
             scene=scene or SceneBuffers(session, plan),
-            film=FilmBuffers(session, layout, clamped=clamped),
+            film=FilmBuffers(session, layout, clamped=clamped, groups=groups),
             state=session.allocate(max(state, 4)),
             tiles=tiles,
             survival_scale=survival_scale,
@@ -212,6 +213,11 @@ class Wavefront(RenderedFilm):
             self.session, plan, self.layout, held.scene, planes, lanes=self.session.lanes, state=held.state,
             tiles=held.tiles, capacity=held.capacity, stream=stream, first=first,
         )  # fmt: skip
+
+    @property
+    def light_groups(self) -> tuple[str, ...]:
+        """The names of the groups of lamps whose light is kept apart."""
+        return self._plan.light_groups.names
 
     @property
     def scene_buffers(self) -> SceneBuffers:
@@ -345,7 +351,7 @@ class Wavefront(RenderedFilm):
         scout.finish()
         picture = scout.picture(1)
         if settings.clamp is not None:  # which changes no path
-            picture += layout.in_rows(scout.planes()[PLANES:])[0, ..., None]
+            picture += layout.in_rows(scout.planes()[PLANES : PLANES + 1])[0, ..., None]
         return roulette_of(picture, layout)
 
     def _use_roulette(self, roulette: Roulette) -> None:

@@ -42,6 +42,7 @@ LayerName = Literal[
     "variance",
     "direct",
     "ghosts",
+    "lights",
     "crypto_object",
     "crypto_material",
     "sharp_depth",
@@ -59,8 +60,9 @@ LayerName = Literal[
     "ray_direction",
 ]
 LAYER_NAMES: tuple[LayerName, ...] = get_args(LayerName)
+LIGHT_LAYER = "lights."  # begins the names of what the layer lights becomes: one for each group of lamps
 # Of the picture itself, not of what its rays meet.
-FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance", "direct", "ghosts")
+FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance", "direct", "ghosts", "lights")
 # Of the chief rays alone, without the samples of the picture.
 SHARP_LAYERS: tuple[LayerName, ...] = LAYER_NAMES[LAYER_NAMES.index("sharp_depth") :]
 

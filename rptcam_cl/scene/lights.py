@@ -16,7 +16,17 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.scene.base import GREY, FileReference, SceneModel, refuse
 from rptcam_cl.scene.placement import CameraVisibility
-from rptcam_cl.scene.quantities import NUMBER, Direction, Gain, LightColour, PatternAlbedo, Position, Radiance, Turn
+from rptcam_cl.scene.quantities import (
+    NUMBER,
+    Direction,
+    Gain,
+    GroupName,
+    LightColour,
+    PatternAlbedo,
+    Position,
+    Radiance,
+    Turn,
+)
 
 #
 # Measured luminaires: IES files (ANSI/IESNA LM-63, 1986 to 2019) of photometric type C.
@@ -130,7 +140,14 @@ def _check_angles(vertical: Array, horizontal: Array) -> None:
 # Lights that have no surface, and the environment. Lamps with a surface are objects of an emissive material.
 
 
-class PointLight(SceneModel):
+class GroupedLight(SceneModel):
+    """What every light has."""
+
+    group: GroupName | None = None
+    """Name of the layer that has its light, where `render.layers` has `lights`; by default its own."""
+
+
+class PointLight(GroupedLight):
     """A lamp without size that shines evenly in all directions."""
 
     kind: Literal["point"]
@@ -143,7 +160,7 @@ class PointLight(SceneModel):
     """Radiant intensity [W/sr per channel]; a colour."""
 
 
-class SpotLight(SceneModel):
+class SpotLight(GroupedLight):
     """A lamp without size that shines into a cone: full up to `inner_degrees`, fading to nothing at `outer_degrees`."""
 
     kind: Literal["spot"]
@@ -181,7 +198,7 @@ class SpotLight(SceneModel):
         return 0.8 * self.outer_degrees if self.inner_degrees is None else self.inner_degrees
 
 
-class ProfileLight(FileReference):
+class ProfileLight(GroupedLight, FileReference):
     """A lamp without size that shines as a luminaire was measured: an IES file (IESNA LM-63) of type C."""
 
     kind: Literal["ies"]
@@ -203,7 +220,7 @@ class ProfileLight(FileReference):
     """Colour of the light; made to have luminance 1."""
 
 
-class DirectionalLight(SceneModel):
+class DirectionalLight(GroupedLight):
     """A lamp infinitely far away, such as the sun without its disk."""
 
     kind: Literal["directional"]
@@ -216,7 +233,7 @@ class DirectionalLight(SceneModel):
     """Irradiance on a surface that faces the light [W/m² per channel]; a colour."""
 
 
-class SunLight(SceneModel):
+class SunLight(GroupedLight):
     """A round lamp infinitely far away; the camera sees its disk."""
 
     kind: Literal["sun"]
@@ -240,7 +257,7 @@ Light = Annotated[PointLight | DirectionalLight | SpotLight | ProfileLight | Sun
 WITH_UP = ("gradient", "image", "sky")  # kinds whose `up` is the camera's by default
 
 
-class Surrounding(SceneModel):
+class Surrounding(GroupedLight):
     """What every environment has."""
 
     visible: CameraVisibility = CameraVisibility()

@@ -24,7 +24,7 @@ from rptcam_cl.core.files import Folders
 from rptcam_cl.core.records import Hidden
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, FileReference, SceneModel, refuse
 from rptcam_cl.scene.materials import Material
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, AffineRows, Direction, Moment, Position
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, AffineRows, Direction, GroupName, Moment, Position
 
 # Transforms: steps that place an object in the world.
 
@@ -494,6 +494,9 @@ class PlacedObject(SceneModel):
 
     label: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     """Class of the object, as chair: of semantic masks and annotations."""
+
+    group: GroupName | None = None
+    """Name of the layer that has its light, where `render.layers` has `lights` and it shines; by default its own."""
 
     transform: Transform = ()
     """One step or a list of steps, applied in their order to the shape as described by its own keys."""

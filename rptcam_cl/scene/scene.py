@@ -586,6 +586,9 @@ class Scene(SceneModel):
                 "render": {"spp", "layers", "layers_spp"}, "objects": {"__all__": left_out},
             },
         )  # fmt: skip
+        if "lights" not in self.render.layers:
+            for shining in (*content["objects"], *content["lights"], content["environment"] or {}):
+                shining.pop("group", None)
         if self.sensor is not None and self.sensor.response is not None:
             content["sensor"] = {"response": self.sensor.response}
         for item, plain in zip(self.objects, content["objects"], strict=True):

@@ -1,4 +1,4 @@
-"""Single lenses and achromats from wishes, against the closed forms of the paper, corrected."""
+"""Single lenses and achromats from a few numbers, against the closed forms of the paper, corrected."""
 
 import math
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.table import AxisFrame, LensTable, model_glass, numbers, opening_beside_the_axis
+from rptcam_cl.optics.files.lens_table import AxisFrame, LensTable, model_glass, numbers, opening_beside_the_axis
 from rptcam_cl.optics.glass import AbbeCauchy
 from rptcam_cl.optics.lens import Lens
 

@@ -10,8 +10,8 @@ from typing import Any
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import Document
+from rptcam_cl.optics.files.lens_table import LensTable, numbers
 from rptcam_cl.optics.files.native import check_lens
-from rptcam_cl.optics.files.table import LensTable, numbers
 from rptcam_cl.optics.glass import AIR, ConstantIndex, Medium
 from rptcam_cl.optics.lens import Lens, film_distance, in_configuration
 from rptcam_cl.optics.surface import FocusState, Surface

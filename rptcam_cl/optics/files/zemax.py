@@ -11,8 +11,8 @@ import numpy as np
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_catalogues import makers_of
+from rptcam_cl.optics.files.lens_table import AxisFrame, LensTable, model, numbers, opening_beside_the_axis
 from rptcam_cl.optics.files.native import bfs_powers
-from rptcam_cl.optics.files.table import AxisFrame, LensTable, model, numbers, opening_beside_the_axis
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}

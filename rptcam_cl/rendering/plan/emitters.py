@@ -5,7 +5,9 @@ Emissive planes, insides of solids, what moves and what has holes shine as well,
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -422,13 +424,78 @@ def triangle_emitters(
     return records, double_area / 2
 
 
+# Groups of lamps, whose light the layer `lights` keeps apart.
+
+MOST_GROUPS = 16  # a film each, and sums of each in every path
+
+
+@dataclass(frozen=True, eq=False)
+class LightGroups:
+    """Names of the groups of lamps whose light is kept apart, none by default, and which group shines where.
+
+    Attributes
+    ----------
+    names : tuple
+        By number.
+    of_primitive, of_light : array
+        Numbers of the groups of primitives, and of lights without a surface.
+    sky : int
+        Number of the group of the surroundings.
+    """
+
+    names: tuple[str, ...] = ()
+    of_primitive: NDArray[np.int32] = field(default_factory=lambda: np.zeros(1, np.int32))
+    of_light: tuple[int, ...] = ()
+    sky: int = 0
+
+
+def light_groups(scene: Scene, primitives: Sequence[Primitive], *, has_glow: bool) -> LightGroups:
+    """Return the groups of the lamps of a scene, where `lights` is one of its layers.
+
+    A lamp without `group` is one of its own, named as its object is. Media that shine come last, as the kernels expect
+    them.
+
+    Raises
+    ------
+    InputError
+        There are more than `MOST_GROUPS`.
+    """
+    if "lights" not in scene.render.layers:
+        return LightGroups()
+    lights = [light.group or f"light_{place}" for place, light in enumerate(scene.lights)]
+    sky = [] if scene.environment is None else [scene.environment.group or "environment"]
+    objects: dict[int, str] = {}
+    for index in sorted({primitive.object for primitive in primitives if _is_shining(primitive.material)}):
+        item = scene.objects[index]
+        objects[index] = item.group or re.sub(r"[^A-Za-z0-9_-]", "_", item.name or f"object_{index}")
+    names = tuple(dict.fromkeys((*objects.values(), *lights, *sky, *(("media",) if has_glow else ()))))
+    if has_glow:
+        names = (*(name for name in names if name != "media"), "media")
+    if len(names) > MOST_GROUPS:
+        raise InputError(
+            f"render.layers: lights keeps the light of each lamp apart, of which there are {len(names)} (allowed:"
+            f" at most {MOST_GROUPS} groups; give lamps that belong together the same `group`)"
+        )
+    number = {name: place for place, name in enumerate(names or ("none",))}
+    of_primitive = [number[objects[each.object]] if each.object in objects else 0 for each in primitives]
+    return LightGroups(
+        tuple(number), np.array(of_primitive or [0], np.int32), tuple(number[name] for name in lights),
+        number[sky[0]] if sky else 0,
+    )  # fmt: skip
+
+
+def _is_shining(material: Material) -> bool:
+    return isinstance(material, Emissive) or (isinstance(material, Principled) and material.emission != BLACK)
+
+
 Found = tuple[NDArray[np.void], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
 class Emitters:
     """Records, the sampled emitter of each primitive, the kinds there are, the curve that picks by power, the tree
-    that picks instead where there are many lamps, and whether lamps may be so far away that rays end before them."""
+    that picks instead where there are many lamps, whether lamps may be so far away that rays end before them, and the
+    group of each lamp."""
 
     records: NDArray[np.void]
     of_primitive: dict[int, int]
@@ -437,6 +504,7 @@ class Emitters:
     curve: NDArray[np.float32]
     tree: LightTree | None = None
     tiny: bool = False
+    groups: NDArray[np.int32] = field(default_factory=lambda: np.zeros(1, np.int32))
 
     @property
     def facts(self) -> dict[str, int]:
@@ -570,6 +638,7 @@ def pack_emitters(
     textures: TextureTable,
     spectra: KnownSpectra,
     surroundings: Surroundings,
+    groups: LightGroups,
     held: Mapping[str, int] | None = None,
 ) -> Emitters:
     """Return the emitters that light sampling chooses from: by a tree where there are many lamps, else by their power.
@@ -590,6 +659,8 @@ def pack_emitters(
         Takes the spectra of lamps.
     surroundings
         The environment.
+    groups
+        Of lamps.
     held
         Facts of kernels that are to do for them: these say whether there is a tree, and a lamp without light stands
         where there is none.
@@ -598,15 +669,19 @@ def pack_emitters(
     chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye, textures, spectra)
     far = surroundings.kind is EnvironmentKind.IMAGE or surroundings.sun is not None or len(scene.lights) > 0
     reach = _scene_reach(primitives, eye) if far else 1.0
-    lights = _light_emitters(scene, textures, spectra, surroundings, reach)
-    chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
+    lights = _light_emitters(scene, textures, spectra, surroundings, reach, groups)
+    chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power, _ in lights]
     is_dark = held is not None and held["HAS_EMITTERS"] > 0 and not chosen
     if is_dark:
         chosen = [(np.array([_without_surface()], EMITTER.dtype), np.ones(1))]
     count = sum(len(records) for records, _ in chosen)
+    group = np.zeros(max(count, 1), np.int32)
     records, curve, tree = EMITTER.zeros(count), np.zeros((1, 2), np.float32), None
     if chosen:
         records[:] = np.concatenate([part for part, _ in chosen])
+        if groups.names:
+            group[:] = groups.of_primitive[np.maximum(records["primitive"], 0)]
+            group[count - len(lights) :] = [each for _, _, each in lights]
         powers = np.concatenate([power for _, power in chosen])
         curve, chance = curves(powers[None])
         records["pick"] = chance[0]
@@ -618,27 +693,35 @@ def pack_emitters(
             else variance_by_power(lamps, _lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN
         ):
             order = np.argsort(~near, kind="stable")  # of_primitive stays: surfaces stand first
-            records, powers = records[order], powers[order]
+            records, powers, group = records[order], powers[order], group[order]
             tree = _with_tree(records, powers, lamps, reach, surroundings)
         _note_infinity(records["kind"], surroundings)
     kinds = frozenset(EmitterKind(kind) for kind in set(records["kind"][:count].tolist()) if not is_dark)
     tiny = _has_tiny(records, primitives, eye)
-    return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny)
+    return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny, group)
 
 
 def _light_emitters(
-    scene: Scene, textures: TextureTable, spectra: KnownSpectra, surroundings: Surroundings, reach: float
-) -> list[tuple[np.void, float]]:
-    """Return record and power [W, luminance] of lights, of a picture around the scene and of its sun; suns last."""
-    lights = [light_emitter(light, scene, textures, spectra, reach) for light in scene.lights]
+    scene: Scene,
+    textures: TextureTable,
+    spectra: KnownSpectra,
+    surroundings: Surroundings,
+    reach: float,
+    groups: LightGroups,
+) -> list[tuple[np.void, float, int]]:
+    """Return record, power [W, luminance] and group of lights, of a picture around the scene and its sun; suns last."""
+    lights = [
+        (*light_emitter(light, scene, textures, spectra, reach), group)
+        for light, group in zip(scene.lights, groups.of_light or (0,) * len(scene.lights), strict=True)
+    ]
     if surroundings.kind is EnvironmentKind.IMAGE:
         record = _without_surface()
         assert scene.environment is not None
         fill(record, kind=EmitterKind.ENVIRONMENT, hidden=_hidden_from_camera(scene.environment, scene))
-        lights.append((record, surroundings.flux * np.pi * reach**2))
+        lights.append((record, surroundings.flux * np.pi * reach**2, groups.sky))
     if surroundings.sun is not None:
         assert scene.environment is not None
-        lights.append(_sun_emitter(*surroundings.sun, reach))
+        lights.append((*_sun_emitter(*surroundings.sun, reach), groups.sky))
         lights[-1][0]["hidden"] = _hidden_from_camera(scene.environment, scene)
     return sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
 

@@ -44,6 +44,11 @@ class Media:
     active: bool = False
 
     @property
+    def has_glow(self) -> bool:
+        """Whether any of them shines."""
+        return bool(self.records["emission"][:, :3].any())
+
+    @property
     def facts(self) -> dict[str, int]:
         """Whether the kernels must know of media."""
         return {"HAS_MEDIA": int(self.active)}

@@ -39,8 +39,10 @@ from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.plan.emitters import (
     SOLIDS,
     Emitters,
+    LightGroups,
     area_of_solid,
     by_samples_alone,
+    light_groups,
     pack_emitters,
     triangle_emitters,
     visible_lamps,
@@ -357,6 +359,12 @@ def _pack_caustics(
         return _without("objects move")
     if has_media:
         return _without("media such as fog")
+    if "lights" in scene.render.layers:
+        if wanted == "on":
+            raise InputError(
+                "render.layers: lights: photons do not know their lamp (allowed: render.caustics off or auto)"
+            )
+        return _without("the layer lights, as photons do not know their lamp")
     eye = np.array(scene.camera.eye) * scene.metres_per_unit
     surfaces, areas, places = _surfaces(primitives, first_triangles, roles, eye)
     if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, surfaces, places)):
@@ -564,7 +572,12 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     far, named = (scene.lights, scene.environment), (tuple(scene.materials), tuple(scene.materials.values()))
     solids, references = parts.part("solids", (scene.objects, named, far), lambda: _solids(scene, far))
     files = tuple(map(scene.digest_of, references))
-    light = scene.medium, getattr(scene.camera, "ghosts", "off"), scene.render.multiple_scattering
+    light = (
+        scene.medium,
+        getattr(scene.camera, "ghosts", "off"),
+        scene.render.multiple_scattering,
+        "lights" in scene.render.layers,
+    )
     caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
     about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent, light
     held = () if parts.held is None else tuple(parts.held.items())
@@ -591,7 +604,8 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     table, spectra, surroundings = seen.table, seen.spectra, seen.surroundings
     media, shown = pack_media(scene, primitives, seen.shown, spectra)
     first_triangles = meshes.first_triangles if meshes else np.zeros(0, np.int32)
-    emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings, parts.held)
+    groups = light_groups(scene, primitives, has_glow=media.has_glow)
+    emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings, groups, parts.held)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     textures = parts.textures(seen).seen_from(scene.camera.eye)
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
@@ -611,6 +625,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
         "HIDDEN_SKY": int(_hides_sky(scene)),
         "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
+        "LIGHT_GROUPS": len(groups.names),
         "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in _LOBED)),
     }
     return {
@@ -624,6 +639,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "colours": (spectra, shown),
         "textures": textures,
         "emitters": emitters,
+        "light_groups": groups,
         "surroundings": surroundings,
         "caustics": caustics,
         "media": media,
@@ -675,6 +691,7 @@ class Plan:
     materials: NDArray[np.void]
     textures: Textures
     emitters: Emitters
+    light_groups: LightGroups
     surroundings: Surroundings
     caustics: Caustics
     media: Media

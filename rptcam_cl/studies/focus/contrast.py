@@ -210,7 +210,7 @@ def aim(task: Task) -> tuple[float, tuple[Zone, ...]] | None:
         return None
     task.note_state(aimed)
     subjects = _subjects(task, aimed, zones)
-    return aimed, tuple(narrowed(zone, subjects[k]) if k in subjects else zone for k, zone in zones.items())
+    return aimed, tuple(_narrow_zone(zone, subjects[k]) if k in subjects else zone for k, zone in zones.items())
 
 
 def _spread(depth: NDArray[np.float64]) -> float:
@@ -234,7 +234,7 @@ def _within_depth_of_field(task: Task, state: float, zone: Zone, middle: float) 
 NARROWED = 0.9  # share of a zone from which on what it is focused on is the zone
 
 
-def narrowed(zone: Zone, subject: ZoneSubject) -> Zone:
+def _narrow_zone(zone: Zone, subject: ZoneSubject) -> Zone:
     """Return the part of a zone that shows what it is focused on: the largest rectangle, clear of what is beside it."""
     mask = subject.mask
     if mask.mean() >= NARROWED:

@@ -170,7 +170,7 @@ NEAR_ENOUGH = 0.01  # depths of focus, within which a search for the least spot 
 INVERTED = 1e-2  # of a distance, between two rounds: what the last one corrects changes by as little then
 
 
-def stopped(lens: Lens, share: float) -> Lens:
+def _stop_down(lens: Lens, share: float) -> Lens:
     """Return a lens with its opening closed to a share of its diameter, by its stop or else by the narrowest rim.
 
     What obstructs its middle, where a small opening lies, is left out then.
@@ -227,20 +227,21 @@ class LensDrive(Drive):
 
     def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
         """Return the camera in a state for the device."""
-        lens, film_distance_mm = self.lens_at(state)
-        setting = LensSetting(stopped(lens, stop), film_distance_mm, None, self.own_camera)
-        return camera_of(scene, setting).model(windows=[self._window(scene, zone) for zone in zones])
+        windows = [self._window(scene, zone) for zone in zones]
+        return camera_of(scene, self._setting(state, stop)).model(windows=windows)
 
     def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
         """Return the rays of places of the picture."""
-        lens, film_distance_mm = self.lens_at(state)
-        setting = LensSetting(stopped(lens, stop), film_distance_mm, None, self.own_camera)
-        return camera_of(scene, setting).pupil_rays(places)
+        return camera_of(scene, self._setting(state, stop)).pupil_rays(places)
 
     def chief_rays(self, scene: Scene, state: float) -> CameraRays:
         """Return the chief rays in a state."""
+        return camera_of(scene, self._setting(state)).chief_rays()
+
+    def _setting(self, state: float, stop: float = 1.0) -> LensSetting:
+        """Return the lens as it is used in a state, its opening closed to a share."""
         lens, film_distance_mm = self.lens_at(state)
-        return camera_of(scene, LensSetting(lens, film_distance_mm, None, self.own_camera)).chief_rays()
+        return LensSetting(_stop_down(lens, stop), film_distance_mm, None, self.own_camera)
 
     def _window(self, scene: Scene, zone: Zone) -> tuple[float, float, float, float]:
         """Return the part of the film that a zone needs [mm]: itself and what the filter reaches."""

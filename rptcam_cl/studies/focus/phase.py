@@ -58,19 +58,16 @@ class HalfView:
     ----------
     rays : PupilRays
         Of the places of `places_round`.
-    line : PupilLine
-        Between the halves.
     split : "x" or "y"
     """
 
     rays: PupilRays
-    line: PupilLine
     split: Split
 
-    @classmethod
-    def of(cls, rays: PupilRays, split: Split) -> HalfView:
-        """Return the view of the halves of equal light."""
-        return cls(rays, pupil_line(rays, split), split)
+    @cached_property
+    def line(self) -> PupilLine:
+        """The line across the pupil that parts it into halves of equal light."""
+        return pupil_line(self.rays, self.split)
 
     @property
     def axis(self) -> int:
@@ -500,7 +497,7 @@ def half_view(renderer: ProbeRenderer, state: float, zone: Zone, split: Split, s
     across, down = zone.centre
     width, height = renderer.choose_zones([zone]).resolution
     middle = min(max(across * width, STEP), width - STEP), min(max(down * height, STEP), height - STEP)
-    return HalfView.of(renderer.rays(state, places_round(middle), stop), split)
+    return HalfView(renderer.rays(state, places_round(middle), stop), split)
 
 
 DETAILS = (0.125, 0.25)  # cycles per pixel of a probe, of what contrast sees

@@ -48,7 +48,7 @@ def miss(probe, state, distance, zone=CENTRE):
 @pytest.mark.parametrize("vergence", [0.0, 0.2, 0.6, 1.5])
 def test_displacement_through_a_thin_lens_is_that_of_similar_triangles(vergence):
     scene = scene_of([], THIN)
-    view = HalfView.of(camera_of(scene).pupil_rays(places_round((200.0, 90.0))), "x")
+    view = HalfView(camera_of(scene).pupil_rays(places_round((200.0, 90.0))), "x")
     radius, film_mm = 0.0125, 50 / (1 - 0.05 / 3)
     # The middles of the halves of a disk lie 8 / (3 pi) radii apart.
     on_film = 8 / (3 * math.pi) * radius * (1 / 3 - vergence) * film_mm
@@ -82,7 +82,7 @@ def matches(view, seen, sigma, rng, count):
 @pytest.mark.parametrize("displacement", [-6.0, *(pytest.param(d, marks=pytest.mark.slow) for d in (0.3, 9.0))])
 def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
     # Pictures by exact rays of a random target, through a thin lens; noise is added to each half.
-    view = HalfView.of(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
+    view = HalfView(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
     per_vergence = view.displacement(1.0) - view.displacement(0.0)
     vergence = 1 / 3 + displacement / per_vergence
     rng = np.random.default_rng(seed_of(f"match {displacement}"))
@@ -97,7 +97,7 @@ def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
 @pytest.mark.slow
 def test_error_of_a_single_lamp_is_the_scatter_there_is():
     # All of the light lies in one block of the zone, and its noise with it: scatter over the blocks tells a twentieth.
-    view = HalfView.of(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
+    view = HalfView(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
     spot = np.exp(-(WAVE**2) / 2 - 1j * (WAVES.sum(axis=-1) * 44))
     seen = 0.01 + np.maximum(halves_seen(view, 1 / 3, spot), 0.0) * 96
     rng = np.random.default_rng(seed_of("lamp"))
@@ -108,7 +108,7 @@ def test_error_of_a_single_lamp_is_the_scatter_there_is():
 
 
 def test_even_light_without_noise_is_flat():
-    view = HalfView.of(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
+    view = HalfView(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
     with np.errstate(divide="raise", invalid="raise"):
         match = PhaseMatch(Halves(np.ones((2, PARTS, 96, 96)), (24, 24, 24, 24)), view).best(-2.0, 2.0)
     assert match is None or match.refusal == "flat"
