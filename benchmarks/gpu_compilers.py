@@ -42,6 +42,9 @@ OTHERS = (
     "tree of shapes",
     "everything",
     "light of lamps",
+    "hair",
+    "many lamps",
+    "ring",
 )  # of tests.device.every_kernel
 
 
@@ -93,7 +96,7 @@ LIMITS = {
     "ghosts": Limit(40, 0, 16),
     "guides": Limit(80, 224, 8),
     "histogram": Limit(48, 1728, 16),
-    "intersect": Limit(64, 64, 8),
+    "intersect": Limit(64, 0, 8),
     "layers": Limit(168, 0, 8),
     "leaves": Limit(32, 0, 32),
     "occluded": Limit(32, 0, 32),
@@ -102,15 +105,17 @@ LIMITS = {
     "reinsert": Limit(48, 0, 32),
     "search": Limit(48, 1024, 16),
     "shade": Limit(128, 0, 8),
-    "shadow": Limit(64, 64, 8),
+    "shadow": Limit(64, 0, 8),
     "sharp": Limit(72, 0, 8),
     "subtree": Limit(168, 2976, 16),
     "trace_lens": Limit(80, 0, 0),
     "trace_rays": Limit(64, 0, 16),
     "travel": Limit(128, 0, 8),
-    "C: intersect": Limit(64, 0, 16),  # meshes alone; a tree over shapes has a stack in memory
+    "C: intersect": Limit(64, 0, 16),
     "C: shadow": Limit(64, 0, 16),
-    "media: shadow": Limit(72, 64, 8),  # with the light that media let through
+    "media: shadow": Limit(72, 0, 8),  # with the light that media let through
+    "hair: intersect": Limit(96, 0, 8),  # of a curve alone: eighteen numbers, and where on it
+    "hair: shadow": Limit(96, 0, 8),
     "everything: photons": Limit(192, 1104, 8),
     "everything: shade": Limit(255, 1064, 8),
 }
