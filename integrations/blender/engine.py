@@ -17,7 +17,7 @@ from rptcam_cl.imaging.development import GUIDES, check_denoiser
 from .live import LiveScene
 from .panels import settings_of
 from .reader import Reader
-from .scene import Export
+from .scene import Export, group_name
 from .viewport import view_of
 
 SECONDS_BETWEEN_PICTURES = 1.0
@@ -114,7 +114,16 @@ def passes_of(view_layer: Any, scene: Any) -> list[Pass]:
     camera = scene.camera
     if camera is not None and getattr(camera.data, "rptcam", None) and camera.data.rptcam.shows_ghosts:
         found.append(GHOSTS)
-    return found
+    groups = light_groups_of(view_layer)
+    return found + [
+        Pass(f"Combined_{name}", "RGB", "COLOR", "", f"lights.{group_name(groups, name)}", lambda layer, export: layer)
+        for name in groups
+    ]
+
+
+def light_groups_of(view_layer: Any) -> tuple[str, ...]:
+    """The names of the light groups of a view layer."""
+    return tuple(group.name for group in getattr(view_layer, "lightgroups", ()))
 
 
 kept = LiveScene()
@@ -154,13 +163,13 @@ class RptcamEngine(bpy.types.RenderEngine):
     def _render(self, depsgraph: Any) -> None:
         scene, view_layer = depsgraph.scene, depsgraph.view_layer
         wanted = passes_of(view_layer, scene)
-        layers = list(dict.fromkeys(each.layer for each in wanted))
+        layers = list(dict.fromkeys(each.layer.partition(".")[0] for each in wanted))
         if scene.render.film_transparent and "coverage" not in layers:
             layers.append("coverage")
         cleans = scene.rptcam.denoise and denoiser_trouble() is None
         layers += [name for name in GUIDES if cleans and name not in layers]
         self.update_stats("", "Reading the scene")
-        settings = settings_of(scene, layers)
+        settings = settings_of(scene, layers, light_groups=light_groups_of(view_layer))
         export = Reader().read(depsgraph, settings, set_time=self.frame_set)
         beside = None
         if view_layer.use_pass_vector:
@@ -225,7 +234,9 @@ class RptcamEngine(bpy.types.RenderEngine):
             if beside is not None:
                 write(result.layers[0].passes[VECTOR], vectors(export, beside, live))
             for each in wanted:
-                write(result.layers[0].passes[each.name], each.made(image.layers[each.layer], export))
+                layer = image.layers.get(each.layer)  # a light group may have no lamp
+                values = np.zeros_like(image.pixels) if layer is None else each.made(layer, export)
+                write(result.layers[0].passes[each.name], values)
         given_up = session.spp < target and self.is_given_up()
         if given_up:
             mark = f"given up after {session.spp} of {target} samples"

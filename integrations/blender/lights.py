@@ -47,6 +47,8 @@ class BlenderLamp:
         Whether the power of an area lamp is independent of its size.
     soft : bool
         Whether a point lamp fades where it touches things.
+    group : str
+        Blender's light group, or nothing.
     """
 
     name: str
@@ -63,6 +65,7 @@ class BlenderLamp:
     visible: dict[str, bool] = field(default_factory=dict)
     normalized: bool = True
     soft: bool = False
+    group: str = ""
 
 
 def lamp_keys(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]] | None:

@@ -159,7 +159,9 @@ class SceneProperties(bpy.types.PropertyGroup):
     rolling_ms: FloatProperty(name="Rolling [ms]", description="Readout of the sensor; 0 is global", min=0.0, max=1e4)
 
 
-def settings_of(scene: Any, layers: list[str], *, through_lens: bool = True) -> Settings:
+def settings_of(
+    scene: Any, layers: list[str], *, through_lens: bool = True, light_groups: tuple[str, ...] = ()
+) -> Settings:
     """The panels' settings as the reader takes them."""
     given = scene.rptcam
     render: dict[str, Any] = {
@@ -180,7 +182,7 @@ def settings_of(scene: Any, layers: list[str], *, through_lens: bool = True) -> 
             exposure["f_number"] = 8.0 if dof is None else dof.aperture_fstop
     more = {"render": render} | ({"exposure": exposure} if given.exposure != "relative" else {})
     shutter = 1 / given.shutter_s if given.use_shutter else None
-    return Settings(choice, shutter, given.rolling_ms / 1000, more)
+    return Settings(choice, shutter, given.rolling_ms / 1000, light_groups, more)
 
 
 class _Panel:

@@ -43,6 +43,8 @@ class Settings:
         In place of that of Blender's motion blur.
     rolling_s : float
         Readout of a rolling shutter; 0 for a global one.
+    light_groups : tuple of str
+        Names of the view layer's light groups, where each has a pass.
     more : dict
         Further sections of the scene: ``render``, ``exposure``.
     """
@@ -50,6 +52,7 @@ class Settings:
     lens: LensChoice = field(default_factory=LensChoice)
     shutter_s: float | None = None
     rolling_s: float = 0.0
+    light_groups: tuple[str, ...] = ()
     more: dict[str, Any] = field(default_factory=dict)
 
 
@@ -84,7 +87,7 @@ class Reader:
         shutter = Shutter(shutter_s, blurred, settings.rolling_s)
         units = scene.unit_settings
         scale = float(units.scale_length) if units.system != "NONE" else 1.0
-        builder = Builder(self.parts, scale, report, shutter)
+        builder = Builder(self.parts, scale, report, shutter, settings.light_groups)
         frame = eye.frame if eye else frame_of(scene)
         ends: dict[Any, NDArray[np.float64]] = {}
         restore: tuple[int, float] | None = None
@@ -100,7 +103,8 @@ class Reader:
             camera = replace(camera, matrix_end=end if moves else None)
         self._read_instances(depsgraph, builder, report, ends)
         world = self._read_world(scene, report)
-        export = builder.export(camera, frame, settings.lens, world, settings.more)
+        group = getattr(scene.world, "lightgroup", "")
+        export = builder.export(camera, frame, settings.lens, world, settings.more, group)
         if restore is not None and set_time is not None:
             set_time(*restore)
         return export
@@ -176,7 +180,8 @@ class Reader:
             )
         visible = visibility(item, report)
         name = item.name_full
-        builder.place(Placed(name, key, matrix, tuple(names), visible, item.pass_index, end))
+        group = getattr(item, "lightgroup", "")
+        builder.place(Placed(name, key, matrix, tuple(names), visible, item.pass_index, group, end))
 
     # Materials
 
@@ -346,6 +351,7 @@ def lamp_of(item: Any, matrix: NDArray[np.float64], reader: Reader, report: Repo
         visible=visible,
         normalized=getattr(lamp, "normalize", True),
         soft=getattr(lamp, "use_soft_falloff", False),
+        group=getattr(item, "lightgroup", ""),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -45,6 +46,8 @@ class Placed:
         As scenes have it.
     index : int
         Blender's pass index.
+    group : str
+        Blender's light group, or nothing.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Placed:
     materials: tuple[str, ...]
     visible: dict[str, bool] = field(default_factory=dict)
     index: int = 0
+    group: str = ""
     matrix_end: Matrix | None = None
 
 
@@ -64,6 +68,11 @@ class Export:
     report: Report
     object_indices: NDArray[np.int32]
     material_indices: NDArray[np.int32]
+
+
+def group_name(groups: Sequence[str], group: str) -> str:
+    """The name of one of Blender's light groups in scenes, which have no spaces; of lamps in none of them."""
+    return f"group_{groups.index(group)}" if group in groups else "ungrouped"
 
 
 def safe(name: str) -> str:
@@ -128,8 +137,11 @@ class Parts:
 class Builder:
     """Collects what one export consists of."""
 
-    def __init__(self, parts: Parts, metres_per_unit: float, report: Report, shutter: Shutter) -> None:
+    def __init__(
+        self, parts: Parts, metres_per_unit: float, report: Report, shutter: Shutter, light_groups: Sequence[str] = ()
+    ) -> None:
         self._parts, self._units, self._report, self._shutter = parts, metres_per_unit, report, shutter
+        self._light_groups = light_groups
         self._materials: dict[str, Translated] = {}
         self._material_indices: dict[str, int] = {}
         self._of_colors: dict[str, BlenderMaterial] = {}
@@ -214,6 +226,7 @@ class Builder:
             "material": safe(material),
             "name": item.name[:200],
             "transform": {"matrix": np.asarray(item.matrix, np.float64)[:3].tolist()},
+            **self._grouped(item.group),
         }
         hidden = {key: False for key, seen in item.visible.items() if not seen}
         self._objects.append(keys | ({"visible": hidden} if hidden else {}) | ({"motion": motion} if motion else {}))
@@ -224,12 +237,16 @@ class Builder:
         made = lamp_keys(lamp, self._report)
         if made is None:
             return
-        section, keys = made
+        section, keys = made[0], made[1] | self._grouped(lamp.group)
         if section == "lights":
             self._lights.append(keys)
         else:
             self._objects.append(keys)
             self._indices.append(0)
+
+    def _grouped(self, group: str) -> dict[str, str]:
+        """The group of a lamp, where the light of groups is kept apart."""
+        return {"group": group_name(self._light_groups, group)} if self._light_groups else {}
 
     def export(
         self,
@@ -238,6 +255,7 @@ class Builder:
         choice: LensChoice,
         environment: dict[str, Any] | None,
         more: dict[str, Any],
+        world_group: str = "",
     ) -> Export:
         """The scene of all that was added."""
         keys: dict[str, Any] = {"metres_per_unit": self._units, "shutter": {"time_s": self._shutter.time_s}}
@@ -251,6 +269,6 @@ class Builder:
         keys["materials"] = {safe(name): self._materials[name].keys for name in shown}
         keys |= {"meshes": self._meshes, "objects": self._objects, "lights": self._lights}
         if environment is not None:
-            keys["environment"] = environment
+            keys["environment"] = environment | self._grouped(world_group)
         indices = [self._material_indices[name] for name in shown]
         return Export(keys | more, self._report, np.array(self._indices, np.int32), np.array(indices, np.int32))

@@ -89,12 +89,66 @@ IN_PLACE static I meets_box(PackRay r, float4 middle, float4 size, F limit)
 #define IF_CURVE
 #endif
 
+// How the walk keeps its place: DOWN goes to one child of a node while the other waits, BACK to the last that waits, or ends
+// the loop.
+#if VW == 1 && PRIMITIVE_STACK <= 32
+// A GPU puts arrays that are indexed at run time into memory. So a single ray has a bit a level for what is behind it, one for
+// what waits, and the next PLACES_HELD of these in registers. Where it has lost one, it starts again at the root, as in
+// geometry/short_stack.h; which child is nearer depends on the ray alone.
+#ifndef PLACES_HELD
+#define PLACES_HELD 4           // 4 at most; tests take fewer
+#endif
+typedef struct {
+    uint level, done, open;     // a bit a level: where it is, where the nearer child is done, where the farther one waits
+    int  s0, s1, s2, s3;
+    uint held;
+} PlaceInTree;
+
+static int down_from(PlaceInTree *at, int near, int far)
+{
+    uint level = at->level;
+    at->level = level << 1;
+    if (at->done & level)
+        return far;
+    at->open |= level;
+    at->s3 = at->s2; at->s2 = at->s1; at->s1 = at->s0; at->s0 = far;
+    at->held = min(at->held + 1u, (uint)PLACES_HELD);
+    return near;
+}
+
+static int back_from(PlaceInTree *at)       // -1 at the end
+{
+    at->open &= at->level - 1u;             // the way from the root may end before all of it, at a box too far by now
+    if (at->open == 0u)
+        return -1;
+    uint level = 0x80000000u >> clz(at->open);
+    at->open ^= level;
+    at->done = (at->done & (level - 1u)) | level;
+    if (at->held == 0u) {
+        at->level = 1u;
+        return 0;
+    }
+    int node = at->s0;
+    at->level = level << 1;
+    at->s0 = at->s1; at->s1 = at->s2; at->s2 = at->s3;
+    --at->held;
+    return node;
+}
+
+#define PLACE_IN_TREE    PlaceInTree place = { 1u, 0u, 0u, 0, 0, 0, 0, 0u };
+#define DOWN(near, far)  { node = down_from(&place, near, far); continue; }
+#define BACK             { node = back_from(&place); if (node < 0) break; }
+#else
+#define PLACE_IN_TREE    int todo[PRIMITIVE_STACK]; int depth = 0;
+#define DOWN(near, far)  { todo[depth++] = far; node = near; continue; }
+#define BACK             { if (depth == 0) break; node = todo[--depth]; }
+#endif
+
 // Calls VISIT(index, t) for the primitives of every leaf that a lane of `on` enters before its `limit`; VISIT may lower
 // both.
 #define EACH_IN_TREE(ray, on, limit, VISIT)                                                 \
     {                                                                                       \
-        int todo[PRIMITIVE_STACK];                                                          \
-        int depth = 0;                                                                      \
+        PLACE_IN_TREE                                                                       \
         int node = 0;                                                                       \
         PackRay pack = pack_ray(ray, on);                                                   \
         for (;;) {                                                                          \
@@ -105,9 +159,7 @@ IN_PLACE static I meets_box(PackRay r, float4 middle, float4 size, F limit)
                 int count = as_int(size.w);                                                 \
                 if (count <= 0) {                                                           \
                     int far_side = (int)((pack.descends >> (uint)~count) & 1u) ^ 1;         \
-                    todo[depth++] = first + far_side;                                       \
-                    node = first + (far_side ^ 1);                                          \
-                    continue;                                                               \
+                    DOWN(first + (far_side ^ 1), first + far_side)                          \
                 }                                                                           \
                 for (int k = first; k < first + count; ++k) {                               \
                     int i = scene.primitive_leaves[k];                                      \
@@ -121,9 +173,7 @@ IN_PLACE static I meets_box(PackRay r, float4 middle, float4 size, F limit)
                     VISIT                                                                   \
                 }                                                                           \
             }                                                                               \
-            if (depth == 0)                                                                 \
-                break;                                                                      \
-            node = todo[--depth];                                                           \
+            BACK                                                                            \
         }                                                                                   \
     }
 

@@ -145,8 +145,8 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         F whole = way == 0u ? other : first;        // and for the stretch
         LightSample light = sample_picked(scene, e, here, p, u.b, u.c);
         F phase = henyey_greenstein(g, dot3(s.ray.d, light.direction));
-        F weight = phase * here / MAX(density_at(s, t) * here + whole * (near ? equiangular_density(view, t) : ZERO),
-                                      (F)(SMALLEST));
+        F both_ways = density_at(s, t) * here + whole * (near ? equiangular_density(view, t) : ZERO);
+        F weight = phase * here / MAX(both_ways, (F)(SMALLEST));
 #if !LAMPS_BY_SAMPLES
         F rival = MIN(light.pdf, (F)(LARGEST_DENSITY));
         weight *= rival > 0.0f ? rival * rival / (rival * rival + phase * phase) : ONE;

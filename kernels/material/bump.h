@@ -12,9 +12,9 @@ static F pattern_height(const __global Texture *t, F3 at, Scene scene)
 {
 #if HAS_PERLIN
     if (t->kind == TEXTURE_PERLIN)
-        return t->a.x + (t->b.x - t->a.x) * pattern_at(t, at.x, at.y, at.z, scene);
+        return t->a.x + (t->b.x - t->a.x) * pattern_at(t, at.x, at.y, at.z, scene.texels);
 #endif
-    return pattern_color(t, at.x, at.y, at.z, scene).x;
+    return pattern_color(t, at.x, at.y, at.z, scene.texels).x;
 }
 
 static F slope_along(const __global Texture *t, F3 at, float x, float y, Scene scene)

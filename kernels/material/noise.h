@@ -65,6 +65,12 @@ static F octaves_of_noise(F x, F y, int octaves, float gain, uint seed)
 #endif
 
 #if HAS_PERLIN || HAS_MARBLE || HAS_DOTS
+#if VW == 1
+#define ONE_AT_A_TIME _Pragma("unroll 1")       // on a GPU what goes on at once takes registers
+#else
+#define ONE_AT_A_TIME
+#endif
+
 // Perlin's noise of 2002 in space: slopes towards the twelve edges of a cube by a permutation of 256, which the table has
 // twice.
 static inline F slope_of_bits(I bits, F x, F y, F z)
@@ -84,20 +90,24 @@ static F perlin_noise(const __global uint *table, F x, F y, F z)
     F along_x = fade(dx), along_y = fade(dy), along_z = fade(dz);
     I left = AS_I(GATHER(U, table, ix, )) + iy;
     I right = AS_I(GATHER(U, table, ix + 1, )) + iy;
-    F layer[2];
+    F layer = ZERO, first_layer = ZERO;
+    ONE_AT_A_TIME
     for (int k = 0; k < 2; ++k) {
-        F row[2];
+        F row = ZERO, first_row = ZERO;
         F z_k = dz - (float)k;
+        ONE_AT_A_TIME
         for (int j = 0; j < 2; ++j) {
             F y_j = dy - (float)j;
             I a = AS_I(GATHER(U, table, AS_I(GATHER(U, table, left + j, )) + iz + k, ));
             I b = AS_I(GATHER(U, table, AS_I(GATHER(U, table, right + j, )) + iz + k, ));
             F low = slope_of_bits(a, dx, y_j, z_k);
-            row[j] = low + along_x * (slope_of_bits(b, dx - 1.0f, y_j, z_k) - low);
+            first_row = row;
+            row = low + along_x * (slope_of_bits(b, dx - 1.0f, y_j, z_k) - low);
         }
-        layer[k] = row[0] + along_y * (row[1] - row[0]);
+        first_layer = layer;
+        layer = first_row + along_y * (row - first_row);
     }
-    return layer[0] + along_z * (layer[1] - layer[0]);
+    return first_layer + along_z * (layer - first_layer);
 }
 
 // The sum of octaves, or of their sizes with what pbrt adds for all further ones: each 1.99 times as fine as the last and
@@ -119,11 +129,15 @@ static F octaves_of_perlin(const __global uint *table, F3 p, int octaves, float 
 #if HAS_PERLIN
 static F perlin_form(const __global uint *table, F3 p, const __global Texture *t)
 {
-    if (t->form == PERLIN_WIND) {
-        F gust = octaves_of_perlin(table, scale(p, (F)(0.1f)), 3, 0.5f, 0);
-        return absolute(gust) * octaves_of_perlin(table, p, 6, 0.5f, 0);
+    int wind = t->form == PERLIN_WIND;
+    F gust = ONE, n = ZERO;
+#pragma unroll 1            // so that the noise stands in programs once
+    for (int finer = wind ? 0 : 1; finer < 2; ++finer) {
+        gust = finer == 0 ? gust : (wind ? absolute(n) : ONE);
+        n = octaves_of_perlin(table, scale(p, (F)(finer ? 1.0f : 0.1f)), wind ? (finer ? 6 : 3) : t->octaves,
+                              wind ? 0.5f : t->parameter, t->form == PERLIN_TURBULENCE);
     }
-    return octaves_of_perlin(table, p, t->octaves, t->parameter, t->form == PERLIN_TURBULENCE);
+    return gust * n;
 }
 #endif
 

@@ -21,8 +21,17 @@ static F3 mapped_coordinates(const __global Texture *t, Scene scene)
 }
 #endif
 
+// Where many numbers and colours of a material may be textures, a GPU's program has the patterns once, and calls them: with
+// each copy of them compilers took seconds longer, and more memory for what registers did not hold.
+#if VW == 1 && HAS_ROUGHNESS_TEXTURE + HAS_METALLIC_TEXTURE + HAS_SPECULAR_TEXTURE + HAS_SPECULAR_COLOR_TEXTURE \
+    + HAS_COAT_TEXTURE + HAS_SHEEN_TEXTURE + HAS_TRANSMISSION_TEXTURE + HAS_PASSED_TEXTURE + 3 * HAS_BUMP > 3
+#define SHARED __attribute__((noinline))
+#else
+#define SHARED
+#endif
+
 // How far from colour a to colour b a pattern is at a point.
-static F pattern_at(const __global Texture *t, F x, F y, F z, Scene scene)
+static F pattern_at(const __global Texture *t, F x, F y, F z, const __global uint *texels)
 {
     F k = ZERO;
 #if HAS_CHECKER || HAS_GRID
@@ -55,11 +64,11 @@ static F pattern_at(const __global Texture *t, F x, F y, F z, Scene scene)
 #endif
 #if HAS_PERLIN
     if (t->kind == TEXTURE_PERLIN)
-        k = perlin_form(scene.texels + t->first, f3(x, y, z), t);
+        k = perlin_form(texels + t->first, f3(x, y, z), t);
 #endif
 #if HAS_DOTS
     if (t->kind == TEXTURE_DOTS)
-        k = in_spot(scene.texels + t->first, x, y) ? ONE : ZERO;
+        k = in_spot(texels + t->first, x, y) ? ONE : ZERO;
 #endif
     return k;
 }
@@ -81,19 +90,19 @@ static F3 pattern_point(const __global Texture *t, F u, F v, Scene scene)
     return f3(x, y, z);
 }
 
-static F3 pattern_color(const __global Texture *t, F x, F y, F z, Scene scene)
+SHARED static F3 pattern_color(const __global Texture *t, F x, F y, F z, const __global uint *texels)
 {
 #if HAS_MARBLE
     if (t->kind == TEXTURE_MARBLE)
-        return marble_at(scene.texels + t->first, f3(x, y, z), t);
+        return marble_at(texels + t->first, f3(x, y, z), t);
 #endif
 #if HAS_IMAGE
     if (t->kind == TEXTURE_IMAGE) {
-        F3 c = mul(image_at(t, scene.texels, x, y), f3_of(t->a));
+        F3 c = mul(image_at(t, texels, x, y), f3_of(t->a));
         return f3(MIN(c.x, (F)(t->limit)), MIN(c.y, (F)(t->limit)), MIN(c.z, (F)(t->limit)));
     }
 #endif
-    F k = pattern_at(t, x, y, z, scene);
+    F k = pattern_at(t, x, y, z, texels);
 #if HAS_PERLIN
     k = t->kind == TEXTURE_PERLIN ? MIN(MAX(k, ZERO), ONE) : k;
 #endif
@@ -105,7 +114,7 @@ static inline F3 texture_color(int texture, F u, F v, Scene scene)
 {
     const __global Texture *t = scene.textures + texture;
     F3 at = pattern_point(t, u, v, scene);
-    return pattern_color(t, at.x, at.y, at.z, scene);
+    return pattern_color(t, at.x, at.y, at.z, scene.texels);
 }
 
 // The first channel, of textures that stand for a number.

@@ -549,7 +549,8 @@ class RenderJob:
         layers = name_layers(self.scene.render.layers, rendering.layers, sharp, metadata)
         image = with_picture_settings(Image(rendering.pixels, metadata, stats, layers=layers), self.scene.picture)
         if options.denoise:
-            image = replace(image.denoised(), layers={name: image[name] for name in self.layers})
+            kept = {name: image[name] for name in image.layers if name.startswith(LIGHT_LAYER) or name in self.layers}
+            image = replace(image.denoised(), layers=kept)
         return image
 
     def _with_optics(self, image: Image) -> Image:

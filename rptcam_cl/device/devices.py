@@ -39,10 +39,10 @@ from rptcam_cl.device.fork_server import CompileServer, ServerEndedError, end_wo
 # of the first trial has done so, it builds for this one, too, which finds the programs in PoCL's cache.
 
 AVX512_ARCH = "skylake-avx512"
-AVX2_ARCH = "haswell"
+_AVX2_ARCH = "haswell"
 TRIAL_TIMEOUT_S = 60  # [s] for a trivial kernel; a busy processor takes ten
 TRIES = 2
-BUILD_TIMEOUT_S = 600  # [s] for one to be built
+_BUILD_TIMEOUT_S = 600  # [s] for one to be built
 _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.device import devices; "
     "devices.print_trial(int(sys.argv[2]), int(sys.argv[3]))"
@@ -64,9 +64,9 @@ __kernel void walk(__global float *table, uint last, uint steps)
         table[at & last] = x;
 }
 """
-WALKERS = 1 << 17
-WALK_WORDS = 1 << 20
-WALK_SECONDS = 0.02
+_WALKERS = 1 << 17
+_WALK_WORDS = 1 << 20
+_WALK_SECONDS = 0.02
 MOST_STEPS = 1 << 16
 
 _fork_server: list[CompileServer] = []  # one at most
@@ -203,7 +203,7 @@ def build_apart(handle: Any, source: str, options: Sequence[str]) -> None:
     """Have a program built into PoCL's cache; what fails there does so again here."""
     if builds_apart(handle):
         with contextlib.suppress(ServerEndedError, TimeoutError):
-            _fork_server[0].ask(_build_there, *(_place(handle) or ()), source, *options, timeout_s=BUILD_TIMEOUT_S)
+            _fork_server[0].ask(_build_there, *(_place(handle) or ()), source, *options, timeout_s=_BUILD_TIMEOUT_S)
 
 
 def _try_there(platform_number: int, device_number: int) -> dict[str, Any]:
@@ -288,17 +288,17 @@ def measure_speed(handle: Any) -> float | None:
     try:
         context = cl.Context([handle])
         queue = cl.CommandQueue(context, handle)
-        table = cl.Buffer(context, cl.mem_flags.READ_WRITE, 4 * WALK_WORDS)
-        cl.enqueue_fill_buffer(queue, table, np.ones(1, np.float32), 0, 4 * WALK_WORDS)
+        table = cl.Buffer(context, cl.mem_flags.READ_WRITE, 4 * _WALK_WORDS)
+        cl.enqueue_fill_buffer(queue, table, np.ones(1, np.float32), 0, 4 * _WALK_WORDS)
         kernel = cl.Program(context, _WALK).build(options=["-w"], devices=[handle]).walk
         steps, seconds = 1, 0.0
-        while seconds < WALK_SECONDS and steps < MOST_STEPS:
+        while seconds < _WALK_SECONDS and steps < MOST_STEPS:
             steps *= 2
-            kernel(queue, (WALKERS,), None, table, np.uint32(WALK_WORDS - 1), np.uint32(steps)).wait()  # made ready
+            kernel(queue, (_WALKERS,), None, table, np.uint32(_WALK_WORDS - 1), np.uint32(steps)).wait()  # made ready
             begun = time.perf_counter()
-            kernel(queue, (WALKERS,), None, table, np.uint32(WALK_WORDS - 1), np.uint32(steps)).wait()
+            kernel(queue, (_WALKERS,), None, table, np.uint32(_WALK_WORDS - 1), np.uint32(steps)).wait()
             seconds = time.perf_counter() - begun
-        return WALKERS * steps / seconds
+        return _WALKERS * steps / seconds
     except Exception:  # a driver may raise anything
         return None
 
@@ -318,7 +318,7 @@ def pocl_library_arch() -> str | None:
         return None
     if flags >= drivers.AVX512 | drivers.AVX2:
         return AVX512_ARCH
-    return AVX2_ARCH if flags >= drivers.AVX2 and "avx512f" not in flags else None
+    return _AVX2_ARCH if flags >= drivers.AVX2 and "avx512f" not in flags else None
 
 
 def target_pragma(arch: str | None) -> str:

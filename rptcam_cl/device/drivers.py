@@ -39,7 +39,7 @@ from rptcam_cl.device.fork_server import left_behind, mark_work
 
 AVX512 = frozenset({"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"})  # what Skylake-X has
 AVX2 = frozenset({"avx2", "fma", "bmi1", "bmi2", "f16c", "movbe"})
-SYMPTOMS = ("unknown target CPU 'generic'", "without 'avx512f' enabled changes the ABI")
+_SYMPTOMS = ("unknown target CPU 'generic'", "without 'avx512f' enabled changes the ABI")
 _RECORD_BYTES = 1024  # no more than the wheel's PoCL allocates: behind it lies what others left, triples among it
 _TRIPLE = re.compile(rb"x86_64-[\w-]+")
 _NAME = re.compile(rb"[a-z0-9][a-z0-9_.-]{2,30}")
@@ -69,14 +69,14 @@ def rename_processor(device: Any, log: str) -> tuple[str, str] | None:
     device
         The pyopencl device.
     log
-        What PoCL's compiler said of a program that should build. Nothing is touched unless it is one of `SYMPTOMS`.
+        What PoCL's compiler said of a program that should build. Nothing is touched unless it is one of `_SYMPTOMS`.
 
     Returns
     -------
     tuple of str, or None
         None where nothing was changed: another message, another system, or a record that is not as expected.
     """
-    if not any(symptom in log for symptom in SYMPTOMS):
+    if not any(symptom in log for symptom in _SYMPTOMS):
         return None
     place = processor_field(device.int_ptr)
     if place is None:
@@ -170,8 +170,8 @@ def _text(regions: list[tuple[int, int]], address: int) -> bytes:
 VARIABLE = "POCL_CACHE_DIR"
 ROOM = 8 << 20  # bytes: the kernels of a scene with everything
 WRITING = 1.0  # seconds that pass, at most, while a process writes a file
-CLOCKS_APART = 300.0  # seconds, at most, between those of the file systems of the cache and of the marks
-SOUND_FOR = 86400.0  # seconds after which all files are looked through again
+_CLOCKS_APART = 300.0  # seconds, at most, between those of the file systems of the cache and of the marks
+_SOUND_FOR = 86400.0  # seconds after which all files are looked through again
 _SOUND = "sound"  # name of the file that says when they were, and since which start of the system
 _NOTES = "rptcam_cl"  # name of the folder of notes
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
@@ -247,7 +247,9 @@ def _is_known_sound(marks: Path) -> bool:
     """Return whether all files were looked through lately, and since the system was started."""
     try:
         with (marks / _SOUND).open("rb") as file:
-            return file.read() == _BOOT.read_bytes() and abs(time.time() - os.fstat(file.fileno()).st_mtime) < SOUND_FOR
+            return (
+                file.read() == _BOOT.read_bytes() and abs(time.time() - os.fstat(file.fileno()).st_mtime) < _SOUND_FOR
+            )
     except OSError:
         return False
 
@@ -262,7 +264,7 @@ def _call_sound(marks: Path, left: list[Path]) -> None:
 def _began(left: list[Path]) -> float:
     """Return when the first of some processes may have begun to write, by their marks [s]."""
     with contextlib.suppress(OSError):  # another process has just looked: all is looked through then
-        return min(mark.stat().st_mtime for mark in left) - CLOCKS_APART
+        return min(mark.stat().st_mtime for mark in left) - _CLOCKS_APART
     return 0.0
 
 

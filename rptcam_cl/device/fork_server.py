@@ -109,16 +109,16 @@ def unfinished_work() -> Iterator[None]:
 # To start Python and import what a driver takes costs a fifth of a second. A process that is forked before anything
 # began has it all. Later, threads and drivers are at work here, which a fork would lack: then a new Python is started.
 
-STANDARD_ERROR = 2
+_STANDARD_ERROR = 2
 IDLE = 20.0  # [s] after which a forked process ends: it holds what the driver has read
-SECONDS_TO_END = 0.2  # that a process which was started has to end by itself
+_SECONDS_TO_END = 0.2  # that a process which was started has to end by itself
 _ANSWER = b"\n\x02answer "  # before the answer; a driver may print anything else
 _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.device import fork_server; "
     "fork_server.serve(0, 1)"
 )
 
-Child = tuple["subprocess.Popen[bytes] | int", IO[bytes], IO[bytes]]
+_Child = tuple["subprocess.Popen[bytes] | int", IO[bytes], IO[bytes]]
 """A process, or the number of one that was forked; where it reads orders, and where it answers."""
 
 
@@ -145,7 +145,7 @@ class CompileServer:
         Whether it carries out nothing more.
     """
 
-    def __init__(self, child: Child | None = None) -> None:
+    def __init__(self, child: _Child | None = None) -> None:
         self._child, self._is_forked = child, child is not None
         self._asking, self._changing = threading.Lock(), threading.Lock()
         self.is_closed = False
@@ -209,7 +209,7 @@ class CompileServer:
                 said += piece
             return json.loads(said.split(_ANSWER)[1])
 
-    def _running(self) -> Child | None:
+    def _running(self) -> _Child | None:
         with self._changing, contextlib.suppress(OSError):  # no process can be started
             if self._child is None and not self._is_forked and not self.is_closed and sys.executable:
                 self._child = _start_python()
@@ -229,13 +229,13 @@ class CompileServer:
                 os.kill(process, signal.SIGKILL)
             return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
         try:
-            return process.wait(0.0 if at_once else SECONDS_TO_END)
+            return process.wait(0.0 if at_once else _SECONDS_TO_END)
         except subprocess.TimeoutExpired:
             process.kill()
             return process.wait()
 
 
-def _start_python() -> Child:
+def _start_python() -> _Child:
     process = subprocess.Popen(
         [sys.executable, "-c", _CHILD, json.dumps(sys.path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, start_new_session=True,  # Ctrl-C is for the parent, which ends this one
@@ -254,7 +254,7 @@ def start_fork_server() -> CompileServer | None:
     with contextlib.suppress(OSError), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # numpy's threads end before a fork and begin again when they are wanted
         pipes = orders, to_orders, answers, to_answers = *os.pipe(), *os.pipe()
-        if min(pipes) <= STANDARD_ERROR:  # one of the standard streams is closed, whose place it would take there
+        if min(pipes) <= _STANDARD_ERROR:  # one of the standard streams is closed, whose place it would take there
             for each in pipes:
                 os.close(each)
             return None

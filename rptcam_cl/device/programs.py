@@ -28,7 +28,7 @@ from rptcam_cl.device.drivers import AS_BEFORE_POCL_7, load_opencl
 # heads of kernels need it. OpenCL can report the names, too, but not every driver does, and none of a program that it
 # has kept.
 
-Macros = dict[str, tuple[tuple[str, ...] | None, str]]  # parameters, None for a macro without, and body
+_Macros = dict[str, tuple[tuple[str, ...] | None, str]]  # parameters, None for a macro without, and body
 
 _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|\\\n", re.DOTALL)
 _DIRECTIVE = re.compile(r"\s*#\s*(define|undef|ifdef|ifndef|if|elif|else|endif)\b\s*(.*)")
@@ -40,7 +40,7 @@ _WORD = re.compile(r"\b[A-Za-z_]\w*")
 
 def kernel_parameters(source: str) -> dict[str, tuple[str, ...]]:
     """Return the names of the parameters of every kernel of a program, in their order."""
-    macros: Macros = {}
+    macros: _Macros = {}
     parameters: dict[str, tuple[str, ...]] = {}
     head = ""
     for line in _active_lines(_COMMENT.sub(" ", source), macros):
@@ -54,7 +54,7 @@ def kernel_parameters(source: str) -> dict[str, tuple[str, ...]]:
     return parameters
 
 
-def _active_lines(text: str, macros: Macros) -> Iterator[str]:
+def _active_lines(text: str, macros: _Macros) -> Iterator[str]:
     """Yield the lines that conditions leave; keep ``macros`` as they are at each of them."""
     taken: list[tuple[bool, bool]] = []  # of each open condition: whether its branch at hand is in, and any before it
     active = True  # all of them are in
@@ -83,14 +83,14 @@ def _active_lines(text: str, macros: Macros) -> Iterator[str]:
             _define(rest, macros)
 
 
-def _define(rest: str, macros: Macros) -> None:
+def _define(rest: str, macros: _Macros) -> None:
     match = _DEFINITION.match(rest)
     assert match is not None
     name, parameters, body = match.groups()
     macros[name] = (None if parameters is None else tuple(each.strip() for each in parameters.split(",")), body)
 
 
-def _holds(condition: str, macros: Macros) -> bool:
+def _holds(condition: str, macros: _Macros) -> bool:
     """Return whether the condition of an ``#if`` holds; a name that is no macro counts as 0."""
     text = _DEFINED.sub(lambda match: str(int(match[1] in macros)), condition)
     text = _WORD.sub("0", _expand_macros(text, macros))
@@ -98,7 +98,7 @@ def _holds(condition: str, macros: Macros) -> bool:
     return bool(eval(re.sub(r"!(?!=)", " not ", text), {"__builtins__": {}}))  # digits and operators of our own kernels
 
 
-def _expand_macros(text: str, macros: Macros, within: frozenset[str] = frozenset()) -> str:
+def _expand_macros(text: str, macros: _Macros, within: frozenset[str] = frozenset()) -> str:
     """Return a text with its macros in place, but those ``within`` whose expansion it stands."""
     out, position = "", 0
     while match := _WORD.search(text, position):
@@ -286,10 +286,10 @@ class Program:
         handle = cl.Program(context, source).build([*options_of(device, source), *verbose], [device], no_cache)
         seconds = time.perf_counter() - begun
         queries = cl.kernel_work_group_info
-        kinds = {name: getattr(queries, name) for name in KERNEL_FIGURES}
+        kinds = {name: getattr(queries, name) for name in _KERNEL_FIGURES}
         return {
             "build_seconds": seconds,
-            "log": handle.get_build_info(device, cl.program_build_info.LOG).strip()[:LONGEST_LOG],
+            "log": handle.get_build_info(device, cl.program_build_info.LOG).strip()[:_LONGEST_LOG],
             "kernels": {
                 kernel.function_name: {
                     name.lower(): read_or_none(partial(kernel.get_work_group_info, kind, device))
@@ -300,8 +300,8 @@ class Program:
         }
 
 
-KERNEL_FIGURES = ("PRIVATE_MEM_SIZE", "LOCAL_MEM_SIZE", "WORK_GROUP_SIZE", "PREFERRED_WORK_GROUP_SIZE_MULTIPLE")
-LONGEST_LOG = 20_000  # characters
+_KERNEL_FIGURES = ("PRIVATE_MEM_SIZE", "LOCAL_MEM_SIZE", "WORK_GROUP_SIZE", "PREFERRED_WORK_GROUP_SIZE_MULTIPLE")
+_LONGEST_LOG = 20_000  # characters
 
 
 _BINARIES = Disk(

@@ -31,11 +31,11 @@ from rptcam_cl.device.programs import Parameters, Program, assemble, options_of,
 # goes on with what it has, without an error (`LP_MAX_TGSI_LOOP_ITERATIONS` in Mesa's
 # `src/gallium/auxiliary/gallivm/lp_bld_limits.h`, "shared between every loop"). Kernels must get their work in pieces
 # small enough.
-LLVMPIPE_LOOP_LIMIT = 65535
+_LLVMPIPE_LOOP_LIMIT = 65535
 ORGANISATION = "RPTCAM_ORGANISATION"  # environment variable; PASSES has any device work as a GPU does, for tests
 PASSES = "passes"
 FEW_SAMPLES = 1 << 20  # of all pictures of a process, up to which quick programs are worth their slowness
-MOST_PROGRAMS = 48  # that a session keeps; those used longest ago are let go
+_MOST_PROGRAMS = 48  # that a session keeps; those used longest ago are let go
 _opening = threading.Lock()
 
 
@@ -161,7 +161,7 @@ class Session:
         except cl.Error as error:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
         self._library_arch = devices.try_device(info.handle).library_arch
-        self._programs: Memory[Program] = Memory(MOST_PROGRAMS)
+        self._programs: Memory[Program] = Memory(_MOST_PROGRAMS)
         self._building = threading.Lock()
         self._launched: list[Program] = []  # whose code is not noted
         self._events: list[tuple[str, Any]] = []  # of launches that may not have run
@@ -187,7 +187,7 @@ class Session:
     @property
     def loop_limit(self) -> int | None:
         """Steps that all loops of a work item may take together; None where they may take as many as they like."""
-        return LLVMPIPE_LOOP_LIMIT if is_llvmpipe(self.info.handle) else None
+        return _LLVMPIPE_LOOP_LIMIT if is_llvmpipe(self.info.handle) else None
 
     @property
     def largest_buffer_bytes(self) -> int:
@@ -291,7 +291,7 @@ class Session:
     def alone(self) -> Session:
         """Return a session as `beside`, whose programs are not among those of this one."""
         other = self.beside()
-        other._programs = Memory(MOST_PROGRAMS)
+        other._programs = Memory(_MOST_PROGRAMS)
         return other
 
     def quick(self) -> Session:
@@ -429,10 +429,10 @@ class Session:
 #
 # Nothing fails here: what goes wrong does so again where it is wanted, and is reported there.
 
-Built = list[tuple[str, Parameters]]  # sources, and the names of their kernels' parameters
+_Built = list[tuple[str, Parameters]]  # sources, and the names of their kernels' parameters
 
 _DISK = Disk("commands", ("device",))
-MOST_CHARACTERS = 4 << 20  # of all sources of a command
+_MOST_CHARACTERS = 4 << 20  # of all sources of a command
 
 
 def open_early(spec: str | None, *command: object) -> Callable[[], None]:
@@ -446,7 +446,7 @@ def open_early(spec: str | None, *command: object) -> Callable[[], None]:
         What tells commands that build other programs apart; without it, the device is opened and nothing built.
     """
     key = (spec, *command)
-    built: Built = [(source, names) for source, names in _DISK.find(key, [])] if command else []
+    built: _Built = [(source, names) for source, names in _DISK.find(key, [])] if command else []
     try:
         devices.prepare_trial()
         from pyopencl import characterize  # noqa: F401 -- wanted by the first build
@@ -457,7 +457,7 @@ def open_early(spec: str | None, *command: object) -> Callable[[], None]:
     return lambda: _keep_built(key, built)
 
 
-def _open(spec: str | None, name: str, built: Built) -> None:
+def _open(spec: str | None, name: str, built: _Built) -> None:
     with unfinished_work(), contextlib.suppress(Exception):  # whatever a driver may raise
         session = open_session(spec)
         if built:
@@ -466,13 +466,13 @@ def _open(spec: str | None, name: str, built: Built) -> None:
             session.read_library(name)
 
 
-def _keep_built(key: tuple[Any, ...], before: Built) -> None:
+def _keep_built(key: tuple[Any, ...], before: _Built) -> None:
     """Keep what was built, where that is not what was built before."""
     devices.end_trials()
     programs = open_session(key[0]).programs
     if [program.source for program in programs] == [source for source, _ in before]:
         return
-    if sum(len(program.source) for program in programs) <= MOST_CHARACTERS:
+    if sum(len(program.source) for program in programs) <= _MOST_CHARACTERS:
         _DISK.add(key, [(program.source, program.parameters) for program in programs])
 
 
@@ -482,7 +482,7 @@ Split = str | Mapping[str, float]
 Wanted = str | Session | Sequence[str | Session] | None
 
 ROUNDING = 0.005  # that the sum of the shares may be off by, as that of 0.333, 0.333 and 0.333
-EXAMPLE = "--split 0:0=0.7,1:0=0.3"
+_EXAMPLE = "--split 0:0=0.7,1:0=0.3"
 
 
 def open_sessions(wanted: Wanted = None, split: Split | None = None) -> tuple[list[Session], list[float] | None]:
@@ -581,13 +581,15 @@ def _shares(split: Split) -> dict[str, float]:
         share = float(text) if re.fullmatch(r"[0-9.]*[0-9][0-9.]*(e-?\d+)?", text) and text.count(".") < 2 else math.nan
         if not name or not 0 < share <= 1:
             what = f"{name}={text}" if name else text
-            raise DeviceError(f"--split: got {what}; allowed a device and its share, above 0 and up to 1, as {EXAMPLE}")
+            raise DeviceError(
+                f"--split: got {what}; allowed a device and its share, above 0 and up to 1, as {_EXAMPLE}"
+            )
         if name in shares:
             raise DeviceError(f"--split: {name} twice (give each device one share)")
         shares[name] = share
     total = math.fsum(shares.values())
     if abs(total - 1) > ROUNDING:
-        raise DeviceError(f"--split: the shares add up to {total:g} (allowed: 1, as {EXAMPLE})")
+        raise DeviceError(f"--split: the shares add up to {total:g} (allowed: 1, as {_EXAMPLE})")
     return shares
 
 
@@ -606,5 +608,5 @@ def _in_order(shares: Mapping[str, float], sessions: Sequence[Session]) -> list[
             " (name the same devices in --device, or leave --device out)"
         )
     if missing := [identity for identity in chosen if identity not in by_id]:
-        raise DeviceError(f"--split: no share for device {', '.join(missing)} (give every device one, as {EXAMPLE})")
+        raise DeviceError(f"--split: no share for device {', '.join(missing)} (give every device one, as {_EXAMPLE})")
     return [by_id[identity] for identity in chosen]

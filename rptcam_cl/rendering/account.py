@@ -45,7 +45,7 @@ SEED = 20
 Array = NDArray[np.float64]
 
 
-LensMargin = dict[str, Any]
+_LensMargin = dict[str, Any]
 """The largest differences between float32, or float64, on a device and float64 on the host.
 
 ``rays``, ``passed``: that were sent from the film, and that pass in float64. ``other_fate``: that pass in one and not
@@ -55,7 +55,7 @@ centre; None also for a lens that has no focal length.
 """
 
 
-def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
+def lens_margin(scene: Scene, session: Session) -> _LensMargin | None:
     """Measure what its precision costs in the lens of a scene's camera; None for cameras that trace no lens."""
     camera = scene.camera.traced_camera
     if camera is None or camera.rays == "fitted":
@@ -109,7 +109,7 @@ def _pixels_per_radian(scene: Scene, setting: LensSetting) -> float | None:
     return scene.film.resolution[0] / (scene.film.size_m()[0] * 1e3) / abs(float(thick.slope[0]))
 
 
-def _compare(exact: Rays, traced: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> LensMargin:
+def _compare(exact: Rays, traced: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> _LensMargin:
     both = exact.passed & traced.passed
     margin = {
         "rays": len(both),
@@ -127,12 +127,12 @@ def _compare(exact: Rays, traced: Rays, pixels_per_radian: float | None, focus_m
 
 # What a render reports: statistics, metadata for the files of the picture, and its errors.
 
-OTHER_FATES = 0.01  # share of the rays that float32 may send elsewhere; near a rim a few do
+_OTHER_FATES = 0.01  # share of the rays that float32 may send elsewhere; near a rim a few do
 LARGEST_ERROR_PX = 0.1  # that float32 may make in a lens
 
 
 def _self_knowledge(
-    plan: Plan, wavefront: AnyWavefront, rendering: Rendering, margin: LensMargin | None
+    plan: Plan, wavefront: AnyWavefront, rendering: Rendering, margin: _LensMargin | None
 ) -> dict[str, Any]:
     """Return the numerical part of a picture's statistics; see docs/numerics.md.
 
@@ -194,10 +194,10 @@ def anomalies(knowledge: dict[str, Any]) -> list[str]:
         faults.append(f"{lost} rays found no point on a surface of the lens")
     name, margin = _margin(knowledge)
     if margin is not None:
-        if margin["other_fate"] > OTHER_FATES * margin["rays"]:
+        if margin["other_fate"] > _OTHER_FATES * margin["rays"]:
             faults.append(
                 f"{name} sends {margin['other_fate']} of {margin['rays']} rays through the lens elsewhere than the"
-                f" float64 reference (allowed: {OTHER_FATES:.0%})"
+                f" float64 reference (allowed: {_OTHER_FATES:.0%})"
             )
         if (margin["pixels"] or 0.0) > LARGEST_ERROR_PX:
             faults.append(f"{name} errs by {margin['pixels']:.2g} px in the lens (allowed: {LARGEST_ERROR_PX:g} px)")
@@ -222,9 +222,9 @@ def _boards_of(scene: Scene) -> dict[str, Any]:
 
 
 # Layers whose identifiers are read by the names of objects, and of materials.
-NAMING_OBJECTS = {"object_id", "crypto_object", "sharp_object_id", "sharp_class_id", "occlusion"}
-SPREAD_OF_SAMPLES = ("spp_min", "spp_mean")  # samples of the pixels that have fewest, and of all; `spp` is the most
-NAMING_MATERIALS = {"material_id", "crypto_material", "sharp_material_id"}
+_NAMING_OBJECTS = {"object_id", "crypto_object", "sharp_object_id", "sharp_class_id", "occlusion"}
+_SPREAD_OF_SAMPLES = ("spp_min", "spp_mean")  # samples of the pixels that have fewest, and of all; `spp` is the most
+_NAMING_MATERIALS = {"material_id", "crypto_material", "sharp_material_id"}
 
 
 def window(scene: Scene) -> list[int]:
@@ -234,7 +234,7 @@ def window(scene: Scene) -> list[int]:
 
 
 def statistics(
-    plan: Plan, wavefront: AnyWavefront, rendering: Rendering, times: dict[str, float], margin: LensMargin | None
+    plan: Plan, wavefront: AnyWavefront, rendering: Rendering, times: dict[str, float], margin: _LensMargin | None
 ) -> dict[str, Any]:
     """Gather the statistics for programs that measure: samples, times, rays, noise and what the picture has lost.
 
@@ -303,7 +303,7 @@ def describe(
         "picture_hash": scene.picture_hash(content_hash),
         "seed": scene.render.seed,
         "spp": spp,
-        **{key: stats["noise"][key] for key in SPREAD_OF_SAMPLES if "noise" in stats},
+        **{key: stats["noise"][key] for key in _SPREAD_OF_SAMPLES if "noise" in stats},
         "device": stats["device"],
         **({"work": stats["work"]} if is_shared(stats["work"]) else {}),
         "exposure": scene.exposure.mode,
@@ -314,8 +314,8 @@ def describe(
         "window": window(scene),
         **({"transparent": True} if scene.film.transparent else {}),
         **({"missing": list(scene.stand_ins)} if scene.stand_ins else {}),
-        **({"object_names": plan.owners.objects} if NAMING_OBJECTS & set(layers) else {}),
-        **({"material_names": plan.owners.materials} if NAMING_MATERIALS & set(layers) else {}),
+        **({"object_names": plan.owners.objects} if _NAMING_OBJECTS & set(layers) else {}),
+        **({"material_names": plan.owners.materials} if _NAMING_MATERIALS & set(layers) else {}),
         **_boards_of(scene),
         **found_before,
         "numerics": summary(stats["numerics"]),

@@ -507,11 +507,11 @@ def _metadata(before: dict[str, Any], stats: dict[str, Any]) -> dict[str, Any]:
 Arrays = dict[str, NDArray[Any]]
 Planes = NDArray[np.float32]
 # Begin the names of what comes to the film of the samples, the same in all parts.
-EXTRA = ("diffraction_", "ghosts_", "truth_")
+_EXTRA = ("diffraction_", "ghosts_", "truth_")
 PASSED = 0  # plane of the layers with the weight of the rays that pass
 
 # What all parts of one render have in common, and how it is said where they have not.
-COMMON = {
+_COMMON = {
     "version": "version",
     "resolution": "resolution",
     "crop": "crop",
@@ -543,7 +543,7 @@ def read_part(path: str | os.PathLike[str]) -> Checkpoint:
     if not isinstance(picture.get("metadata"), dict):
         raise StateError(f"{path}: was saved by a version that could not merge (render it again)")
     spp, metadata = picture.get("spp"), picture["metadata"]
-    extras = {prefix.rstrip("_"): prefix for prefix in EXTRA}
+    extras = {prefix.rstrip("_"): prefix for prefix in _EXTRA}
     right = {name: isinstance(metadata.get(name, {}), dict) for name in extras}
     _check(path, right | {"scene": isinstance(facts.get("scene"), str), "spp": spp is None or type(spp) is int})
     wanted = {what: prefix for what, prefix in extras.items() if metadata.get(what, {}).get("on", False)}
@@ -602,7 +602,7 @@ def _check_same(parts: Sequence[Checkpoint]) -> None:
     one = first.facts
     for part in parts[1:]:
         other = part.facts
-        for name, words in COMMON.items():
+        for name, words in _COMMON.items():
             if one.get(name) != other.get(name):
                 values = [_as_text(facts.get(name)) for facts in (one, other)]
                 raise _differ(first, part, f"the {words} is {values[0]} there and {values[1]} here")
@@ -715,7 +715,7 @@ def merge_arrays(parts: Sequence[Checkpoint], layout: FilmLayout) -> Arrays:
             _take_first(whole["layers"], arrays["layers"], pixels, 2 * layers.sums)
             _add(whole["layers"], arrays["layers"], pixels, layers.sums)
         counts += arrays["counts"]
-    extra = {name: array for name, array in parts[0].arrays.items() if name.startswith(EXTRA)}
+    extra = {name: array for name, array in parts[0].arrays.items() if name.startswith(_EXTRA)}
     return whole | {"counts": counts} | extra
 
 

@@ -130,14 +130,14 @@ def _convolve(plane: Array, kernel: Array) -> Array:
 # picture by waves of as much light takes its place.
 
 MOST_LAMPS = 64
-LAMP_POINTS = 16  # of each patch of a lamp
-WIDEST_PX = 64.0  # sharp image of a lamp that is treated as one
-LARGEST_PX = 256  # half width of a picture of a lamp
+_LAMP_POINTS = 16  # of each patch of a lamp
+_WIDEST_PX = 64.0  # sharp image of a lamp that is treated as one
+_LARGEST_PX = 256  # half width of a picture of a lamp
 BEYOND = 1.8  # radii of the rays that it reaches, and as far as the kernel of a sharp point
 MOST_ACROSS = 512  # points across a picture by waves: of finer ones, pixels show what rays do
-RAYS_FINER = 4  # points across a pixel for the picture by rays
-FEW_WAVES_PX = 0.25  # wavelength times f-number, below which a third of the wavelengths say what a pixel shows
-SHOWS = 0.01  # of its light by which waves must differ from rays
+_RAYS_FINER = 4  # points across a pixel for the picture by rays
+_FEW_WAVES_PX = 0.25  # wavelength times f-number, below which a third of the wavelengths say what a pixel shows
+_SHOWS = 0.01  # of its light by which waves must differ from rays
 UNLIKE = 0.3  # of the light of a lamp by which its film may differ from its rays, in parts of its picture
 PARTS = 3  # of its picture each way
 
@@ -220,7 +220,7 @@ def _lamp_images(
     for own, places in zip(every, np.split(all_places, np.cumsum(counts)[:-1]), strict=True):
         checkpoint()
         middle = places.mean(axis=0)
-        if not np.isfinite(places).all() or np.ptp(places, axis=0).max() > WIDEST_PX:
+        if not np.isfinite(places).all() or np.ptp(places, axis=0).max() > _WIDEST_PX:
             continue
         if ((middle > -0.5) & (middle < np.array(scene.film.resolution) + 0.5)).all():
             point = _film_point(scene, middle[0] - 0.5, middle[1] - 0.5)
@@ -251,12 +251,12 @@ def _lamps(plan: Plan) -> Iterator[Array]:
             continue
         left -= 1
         (at, light, _), patches = known
-        s, t = lattice(LAMP_POINTS)
+        s, t = lattice(_LAMP_POINTS)
         points = np.concatenate(
             [patches.at(np.full(len(at), x), np.full(len(at), y)) for x, y in zip(s, t, strict=True)]
         )
         if light.any():
-            yield np.column_stack([points, np.tile(at[:, 3], LAMP_POINTS)])
+            yield np.column_stack([points, np.tile(at[:, 3], _LAMP_POINTS)])
 
 
 def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampImage | None:
@@ -268,11 +268,11 @@ def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampI
         unit = 550e-6 / opening.index / (2 * opening.aperture) / pixel
         radius = opening.radius_mm / pixel
         wide = max(BEYOND * radius + film.units * unit, 2.0) + np.ptp(places, axis=0).max() / 2
-        reach = min(int(np.ceil(wide)), LARGEST_PX)
+        reach = min(int(np.ceil(wide)), _LARGEST_PX)
         if (2 * reach + 1) * _finer(unit, 550.0) > MOST_ACROSS:
             return None
         wave = opening.wave(min(reach / unit, 160.0))
-        waves_nm = WAVES_NM if unit > FEW_WAVES_PX else WAVES_NM[1::3]
+        waves_nm = WAVES_NM if unit > _FEW_WAVES_PX else WAVES_NM[1::3]
         split = [point_wave(film.pupils, wave.pupil, point, source, nm) for nm in (waves_nm if film.splits else ())]
     except InputError:
         return None
@@ -290,7 +290,7 @@ def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampI
         rays += _ray_pixels(wave, film.pixel_mm, offsets)
     away = np.hypot(offsets[0][None, :], offsets[1][:, None])
     waves, rays = _spread(waves, sharp, middle - first) * fade(away, reach), _spread(rays, sharp, middle - first)
-    if not np.abs(waves - rays).sum() > SHOWS * rays.sum():
+    if not np.abs(waves - rays).sum() > _SHOWS * rays.sum():
         return None
     x, y = middle.tolist()
     return LampImage(int(first[0]), int(first[1]), waves.astype(np.float32), rays.astype(np.float32), (x, y), radius)
@@ -340,10 +340,10 @@ def _wave_pixels(wave: PointWave, nm: float, pixel_mm: tuple[float, float], offs
 
 
 def _ray_pixels(wave: PointWave, pixel_mm: tuple[float, float], offsets: Array) -> Array:
-    within = (np.arange(RAYS_FINER) + 0.5) / RAYS_FINER - 0.5
+    within = (np.arange(_RAYS_FINER) + 0.5) / _RAYS_FINER - 0.5
     x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
     size = offsets.shape[1]
-    return np.asarray(ray_picture(wave, x, y).reshape(size, RAYS_FINER, size, RAYS_FINER).sum(axis=(1, 3)))
+    return np.asarray(ray_picture(wave, x, y).reshape(size, _RAYS_FINER, size, _RAYS_FINER).sum(axis=(1, 3)))
 
 
 #
@@ -469,14 +469,14 @@ def _by_waves(shape: tuple[int, ...], offset: tuple[int, int], lamps: Sequence[L
 #
 # The film with what its openings make of it.
 
-FINEST_PX = 0.03  # wavelength times f-number, below which no ring of a lamp shows
+_FINEST_PX = 0.03  # wavelength times f-number, below which no ring of a lamp shows
 FARTHEST_M = 1e5  # of a lamp, beyond which focus is as at infinity
 AIRY = 1.2196698912665045  # radius of the first dark ring, in wavelength times f-number
 SHOWS_PX = 0.5  # Airy radius from which `auto` takes it: as much as `camera.accuracy: auto` lets light stray
 LAMP = 16.0  # times the mean of the film, from which a pixel counts as a lamp
-WIDE_PX = 2.0  # length of a lamp's straight edges, from which its far light is as wide as they are
+_WIDE_PX = 2.0  # length of a lamp's straight edges, from which its far light is as wide as they are
 NODES = (5, 3)  # along the longer and the shorter side of the film
-NODE_PX = 16  # least distance between nodes
+_NODE_PX = 16  # least distance between nodes
 
 
 def lamps_of(planes: Array) -> Array:
@@ -594,7 +594,7 @@ class FilmSpread:
         if self.edges is None:
             return {}
         edges = {k: self._far_light.straightest * 2 * lamp.radius for k, lamp in enumerate(self.lamps)}
-        return {k: edge for k, edge in edges.items() if edge > WIDE_PX}
+        return {k: edge for k, edge in edges.items() if edge > _WIDE_PX}
 
     def _star(self, number: int, layout: FilmLayout) -> Array:
         """Return the far light (3, height, width) of a wide lamp of light 1: that of each edge is as wide as it is."""
@@ -703,7 +703,7 @@ class Diffraction:
         near = replace(plain, edges=self._edges)
         near = near if near.reach < max(film.resolution) else plain
         unit = unit_px(seen[len(seen) // 2], near.pixel_mm)
-        if self.plan is None or self.pupils is None or unit < FINEST_PX:
+        if self.plan is None or self.pupils is None or unit < _FINEST_PX:
             return near
         known = list(zip(points, seen, strict=True))
         lamps = _lamp_images(self.scene, self.plan, self.pupils, known, REACH if near.edges is None else NEAR)
@@ -797,7 +797,7 @@ def _nodes(resolution: tuple[int, int]) -> tuple[Array, Array]:
 
 def _pixels_along(pixels: int, most: int) -> Array:
     """Return places of nodes along a side of the film, from its first pixel to its last [pixels]."""
-    count = min(most, 1 + pixels // NODE_PX)
+    count = min(most, 1 + pixels // _NODE_PX)
     return np.array([(pixels - 1) / 2]) if count < 2 else np.linspace(0.0, pixels - 1.0, count)
 
 

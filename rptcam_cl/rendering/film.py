@@ -23,17 +23,17 @@ from rptcam_cl.scene.film import LIGHT_LAYER, Film, RenderSettings
 # The mean over the passes converges to the truth as their radius shrinks (Hachisuka et al. 2008; independent passes:
 # Knaus and Zwicker 2011).
 
-SHORT_PASSES = (0, 1, 2, 4, 8)  # first samples, so that few samples have a picture as well
-PASS_SAMPLES = 16  # samples of every later pass
-PHOTONS_PER_SAMPLE = 0.25  # and pixel of the whole film
-LEAST_PHOTONS, MOST_PHOTONS = 1 << 12, 1 << 18  # of a pass; a lattice is good for so many
+_SHORT_PASSES = (0, 1, 2, 4, 8)  # first samples, so that few samples have a picture as well
+_PASS_SAMPLES = 16  # samples of every later pass
+_PHOTONS_PER_SAMPLE = 0.25  # and pixel of the whole film
+_LEAST_PHOTONS, MOST_PHOTONS = 1 << 12, 1 << 18  # of a pass; a lattice is good for so many
 # Cells repeat after so many for a photon, so that few of those that a vertex looks into hold photons of elsewhere.
 CELL_BITS_MORE = 3
 MOST_CELLS = MOST_PHOTONS << CELL_BITS_MORE
 PHOTON_BYTES = 2 * 4 * 8 * MOST_PHOTONS + 4 * (MOST_CELLS + 1)  # as traced and as sorted, and the cells
 # The radius shrinks with samples to this power: with the bias of a disk, radius², and the variance,
 # 1 / (samples radius²), their mean square falls fastest so, with samples^(-2/3).
-SHRINKING = -1 / 6
+_SHRINKING = -1 / 6
 
 
 @dataclass(frozen=True)
@@ -53,23 +53,23 @@ class PhotonPass:
 
     def photons(self, pixels: int) -> int:
         """How many photons it has for a film of so many pixels, a power of two."""
-        wanted = self.samples * pixels * PHOTONS_PER_SAMPLE
-        return min(max(1 << max(round(wanted), 1).bit_length() - 1, LEAST_PHOTONS), MOST_PHOTONS)
+        wanted = self.samples * pixels * _PHOTONS_PER_SAMPLE
+        return min(max(1 << max(round(wanted), 1).bit_length() - 1, _LEAST_PHOTONS), MOST_PHOTONS)
 
     @property
     def shrinkage(self) -> float:
         """What its radius is of that of the first pass."""
-        return float((self.first + 0.5 * (self.samples + 1)) ** SHRINKING)
+        return float((self.first + 0.5 * (self.samples + 1)) ** _SHRINKING)
 
 
 def pass_of(sample: int) -> PhotonPass:
     """Return the pass that a sample sees."""
-    if sample >= PASS_SAMPLES:
-        number, first = divmod(sample, PASS_SAMPLES)[0], sample - sample % PASS_SAMPLES
-        return PhotonPass(number + len(SHORT_PASSES) - 1, first, PASS_SAMPLES)
-    ends = (*SHORT_PASSES[1:], PASS_SAMPLES)
+    if sample >= _PASS_SAMPLES:
+        number, first = divmod(sample, _PASS_SAMPLES)[0], sample - sample % _PASS_SAMPLES
+        return PhotonPass(number + len(_SHORT_PASSES) - 1, first, _PASS_SAMPLES)
+    ends = (*_SHORT_PASSES[1:], _PASS_SAMPLES)
     number = sum(sample >= end for end in ends)
-    return PhotonPass(number, SHORT_PASSES[number], ends[number] - SHORT_PASSES[number])
+    return PhotonPass(number, _SHORT_PASSES[number], ends[number] - _SHORT_PASSES[number])
 
 
 def within_passes(first: int, samples: int, most: int) -> Iterator[tuple[int, int]]:
@@ -89,7 +89,7 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 TILE = 8
 QUARTER = 4  # neighbouring lanes share a square of so many pixels
 TILE_PIXELS = TILE * TILE
-SPARE_TILES = 3  # behind those of the picture, so that any number of tiles can be filled up to a block
+_SPARE_TILES = 3  # behind those of the picture, so that any number of tiles can be filled up to a block
 BAND = 4  # rows of tiles that are made a picture at a time: so many stay in a processor's cache
 BLOCK = 256  # pixels are padded to this, so that any wave is a whole number of work groups on every device
 PLANES = 6  # three sums and three compensations; a limit of the samples adds what it has removed
@@ -133,7 +133,7 @@ class FilmLayout:
     @property
     def pixels(self) -> int:
         """Pixels of the buffer, with the padding of tiles and block and with the spare tiles."""
-        return -(-(self.tiles + SPARE_TILES) * TILE_PIXELS // BLOCK) * BLOCK
+        return -(-(self.tiles + _SPARE_TILES) * TILE_PIXELS // BLOCK) * BLOCK
 
     @property
     def tiles(self) -> int:
@@ -203,8 +203,8 @@ class FilmLayout:
 WAVE_SLOTS = {"cpu": 1 << 18, "gpu": 1 << 20}
 # And of each CPU core: three spheres keep it for a millisecond, where 64 cores that share 256k paths would be done with
 # them in the time that it takes to wake them.
-SLOTS_OF_CORE = 1 << 15
-STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through before it idles
+_SLOTS_OF_CORE = 1 << 15
+_STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through before it idles
 STEPS_OF_SAMPLE = 4096  # that all loops of a kernel take for one sample, at most: those of trees and lenses
 
 Wave = tuple[int, int, int, int]
@@ -213,7 +213,7 @@ Wave = tuple[int, int, int, int]
 
 def wave_slots(kind: str, compute_units: int) -> int:
     """How many paths a wave of a device has, "cpu" or "gpu"; the film does not depend on it."""
-    return max(WAVE_SLOTS[kind], SLOTS_OF_CORE * compute_units if kind == "cpu" else 0)
+    return max(WAVE_SLOTS[kind], _SLOTS_OF_CORE * compute_units if kind == "cpu" else 0)
 
 
 class Waves:
@@ -252,7 +252,7 @@ class Waves:
     ) -> None:
         self._layout = layout
         self._photons = photons
-        at_least = STREAM_SAMPLES if stream and not single else 1
+        at_least = _STREAM_SAMPLES if stream and not single else 1
         self.pixels = min(max(slots // at_least // BLOCK, 1) * BLOCK, layout.pixels)
         most = (loop_limit or slots * STEPS_OF_SAMPLE) // STEPS_OF_SAMPLE
         self.samples = 1 if single else min(max(slots // self.pixels, 1), most)

@@ -41,11 +41,11 @@ from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
-FRONT_POINTS = 8  # that look for what hides them
+_FRONT_POINTS = 8  # that look for what hides them
 MOST = 512  # points that light is traced from
 STEEPEST = 85.0  # degrees from the axis
 FAINT = 1e-3  # of all light, below which the faintest sources beside highlights are left out
-PENCIL = 2.0  # in place of 0 and 1, of a source whose light has the curvature of its own
+_PENCIL = 2.0  # in place of 0 and 1, of a source whose light has the curvature of its own
 SHORT = 0.999  # of the way to a lamp, which does not hide itself
 
 
@@ -156,9 +156,9 @@ def _spectrum_of(record: np.void, irradiance: Array) -> Array:
 def _front(lens: Lens, film_z: float, turn: Array) -> Front:
     """Return the front of a lens in the world about the eye."""
     vertex, radius = np.array([0.0, 0.0, -film_z * 1e-3]), lens.surfaces[0].semi_diameter * 1e-3
-    u, v = lattice(FRONT_POINTS)
+    u, v = lattice(_FRONT_POINTS)
     angle, reach = 2 * np.pi * v, radius * np.sqrt(u)
-    spots = vertex + np.stack([reach * np.cos(angle), reach * np.sin(angle), np.zeros(FRONT_POINTS)], axis=1)
+    spots = vertex + np.stack([reach * np.cos(angle), reach * np.sin(angle), np.zeros(_FRONT_POINTS)], axis=1)
     return Front(turn @ vertex, spots @ turn.T, radius)
 
 
@@ -182,7 +182,7 @@ def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
     ahead = _ahead(ways) & np.all(np.isfinite(bends), axis=(1, 2))
     places, first = np.zeros((len(direct.places) + int(ahead.sum()), 12)), len(direct.places)
     places[:first, :4] = direct.places
-    places[first:, :3], places[first:, 3] = ways[ahead], PENCIL
+    places[first:, :3], places[first:, 3] = ways[ahead], _PENCIL
     places[first:, 4:7], places[first:, 8:11] = bends[ahead, :, 0], bends[ahead, :, 1]
     light = np.concatenate([direct.irradiance, irradiance[ahead]])
     bright = luminance(light)
@@ -209,16 +209,16 @@ def _visible(
     front: Front,
 ) -> Array:
     """Return the share of the front of the lens (n,) that each source lights, a point of it each point of that."""
-    count, (s, t) = len(patches), lattice(FRONT_POINTS)
+    count, (s, t) = len(patches), lattice(_FRONT_POINTS)
     origins = np.tile(front.spots, (count, 1))
     places = np.stack([patches.at(*pair) for pair in zip(s, t, strict=True)], axis=1).reshape(-1, 3)
-    lamps = np.repeat(lamps, FRONT_POINTS)
+    lamps = np.repeat(lamps, _FRONT_POINTS)
     way = np.where(lamps[:, None], places - origins, places)
     length = np.linalg.norm(way, axis=1)
     reach = np.where(lamps, SHORT * length, np.finfo(np.float32).max / 4)
-    targets = np.repeat(target, FRONT_POINTS, axis=0)
+    targets = np.repeat(target, _FRONT_POINTS, axis=0)
     dark = occluded(session, plan, buffers, origins, way / length[:, None], reach, targets)
-    return np.asarray(1.0 - dark.reshape(count, FRONT_POINTS).mean(axis=1))
+    return np.asarray(1.0 - dark.reshape(count, _FRONT_POINTS).mean(axis=1))
 
 
 # Wavelengths at which light of ghosts is traced, and what each source gives the film's colours at them.
@@ -228,7 +228,7 @@ WAVES_NM = (425.0, 475.0, 525.0, 575.0, 625.0, 675.0)  # where colours differ
 
 Band = tuple[float, Array]
 """A wavelength [nm] that stands for some, and the light of the sources (n, 3) in them [W/m2]."""
-Opening = tuple[WayRecords, Any]
+_Opening = tuple[WayRecords, Any]
 """A lens at a wavelength, and the shape of its stop on the device."""
 
 
@@ -287,7 +287,7 @@ ONE_LIGHT = float(1 << 36)  # units of the device's whole numbers
 # What some rays say of the light of ghosts by a pair of surfaces: where it enters, how much arrives, and where.
 
 MORE = 4  # times as many over the whole front, where the opening is small in it
-SECOND_SCOUTS = 4096  # of all sources and wavelengths of a way, where the first have found light
+_SECOND_SCOUTS = 4096  # of all sources and wavelengths of a way, where the first have found light
 CELLS = (24, 16)  # columns and rows of the coarse film by which rays are shared out
 
 
@@ -324,8 +324,8 @@ class Scouted:
 
 LEAST_SHARE = 1e-3  # of all ghosts in each colour, below which a way is left out
 DARK = 0.2  # of the mean light: darker cells are no reason for more rays
-PER_PIXEL, LEAST_RAYS, MOST_RAYS = 40.0, 1 << 20, 1 << 25  # of all ways
-SHARING = 0.7  # power to which ways share rays: between alike and by what each needs, found by trial
+PER_PIXEL, _LEAST_RAYS, MOST_RAYS = 40.0, 1 << 20, 1 << 25  # of all ways
+_SHARING = 0.7  # power to which ways share rays: between alike and by what each needs, found by trial
 WIDTH, FINER = 1.7, 1.6  # of the spread of a way's light [pixels], by trial; ratio of one width to the next
 LEAST_SPREAD = 2  # steps from one pixel, below which the points of a sun would show
 STEP = LATTICE / (1 << 32)
@@ -380,11 +380,11 @@ class GhostFilm:
         stages = range(int(np.log(factor) / np.log(CLOSING)) + 1) if factor > 1 else range(0)
         return [with_wider_stop(self.lens, factor / CLOSING**k) for k in stages]
 
-    def _opening(self, lens: Lens, nm: float, transmission: LensTransmission) -> Opening:
+    def _opening(self, lens: Lens, nm: float, transmission: LensTransmission) -> _Opening:
         records = WayRecords.of(lens, nm, transmission)
         return records, self.session.upload(records.stop)
 
-    def _land(self, way: Way, opening: Opening, which: Lit, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
+    def _land(self, way: Way, opening: _Opening, which: Lit, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
         """Return column, row and share of the light (n, rays) of rays through boxes; no share beside the film."""
         count = len(boxes)
         memory = self.session.allocate(12 * count * rays)
@@ -413,7 +413,7 @@ class GhostFilm:
         table[:, 1], table[:, 2, :3], table[:, 3] = boxes, weights, first
         return self.session.upload(table)
 
-    def _launch(self, scout: int, way: Way, opening: Opening, table: Any, count: int, rays: int, out: Any) -> None:
+    def _launch(self, scout: int, way: Way, opening: _Opening, table: Any, count: int, rays: int, out: Any) -> None:
         records, stop = opening
         surfaces = records.way(way)
         launch = self.session.bind(
@@ -435,7 +435,7 @@ class GhostFilm:
             own, light = boxes[lit], self.bands[record][1][lit]
             if not len(own):
                 continue
-            sample = self._whole_groups(SECOND_SCOUTS / (len(own) * waves))
+            sample = self._whole_groups(_SECOND_SCOUTS / (len(own) * waves))
             area = (own[:, 2] * own[:, 3] / sample)[:, None]
             x, y, share = self._land(way, self.lenses[record], lit, own, sample)
             flux[record] = np.abs((share.sum(axis=1)[:, None] * area * light).sum(axis=0))
@@ -460,7 +460,7 @@ class GhostFilm:
             boxes = self._narrow(way, boxes, opening, MORE * SCOUTS if first_of_several else SCOUTS)
         return boxes
 
-    def _narrow(self, way: Way, boxes: Array, opening: Opening, scouts: int) -> Array:
+    def _narrow(self, way: Way, boxes: Array, opening: _Opening, scouts: int) -> Array:
         """Return the part of each box (n, 4) through which light gets to the film, some room about it."""
         lit = np.flatnonzero(boxes[:, 2] > 0)
         narrow, margin = np.zeros_like(boxes), 1.5 / np.sqrt(scouts)
@@ -510,8 +510,8 @@ class GhostFilm:
         for way, one in kept.items():
             over = np.einsum("ijk,ijc->kc", one.cells, 1.0 / np.maximum(light, 1e-100) ** 2)
             needs = np.sqrt(np.sum(one.flux**2 * over, axis=1))
-            weights[way] = needs * needs.sum() ** (SHARING - 1.0) / np.sqrt(one.arriving)
-        total = float(np.clip(PER_PIXEL * self.shape[0] * self.shape[1], LEAST_RAYS, MOST_RAYS))
+            weights[way] = needs * needs.sum() ** (_SHARING - 1.0) / np.sqrt(one.arriving)
+        total = float(np.clip(PER_PIXEL * self.shape[0] * self.shape[1], _LEAST_RAYS, MOST_RAYS))
         scale = total / sum(float(weight.sum()) for weight in weights.values())
         return {way: scale * weight for way, weight in weights.items()}
 

@@ -36,8 +36,8 @@ from rptcam_cl.scene.scene import Scene
 Array = NDArray[np.float64]
 Indices = NDArray[np.int32]
 
-ROLLING_ROUNDS = 8  # in which a point is found on a rolling film, whose moment follows from the place
-SAME_PLACE = 1e-7  # pixels, where that search ends
+_ROLLING_ROUNDS = 8  # in which a point is found on a rolling film, whose moment follows from the place
+_SAME_PLACE = 1e-7  # pixels, where that search ends
 
 
 @dataclass(frozen=True)
@@ -120,8 +120,8 @@ def _at_moments(times: Array, matrix: Callable[[float], Array]) -> Array:
     return matrices[place.reshape(-1)]
 
 
-Neighbours = tuple[Scene | None, Scene | None]
-SAID = "truth_said"  # name of the array with what metadata should say
+_Neighbours = tuple[Scene | None, Scene | None]
+_SAID = "truth_said"  # name of the array with what metadata should say
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class GroundTruth:
     plan: Plan
     session: Session
     buffers: Callable[[], SceneBuffers]
-    neighbours: Neighbours | None = None
+    neighbours: _Neighbours | None = None
 
     @cached_property
     def result(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
@@ -168,7 +168,7 @@ class GroundTruth:
         """The arrays of a saved part by which `merge` has the layers without the scene."""
         layers, said = self.result
         layout = FilmLayout.of(self.scene.film)
-        return {f"{SHARP}{name}": layout.in_tiles(each) for name, each in layers.items()} | {SAID: array_of_text(said)}
+        return {f"{SHARP}{name}": layout.in_tiles(each) for name, each in layers.items()} | {_SAID: array_of_text(said)}
 
     @cached_property
     def _layers(self) -> dict[LayerName, Callable[[], NDArray[Any]]]:
@@ -321,10 +321,10 @@ class GroundTruth:
             return np.full((len(self._places), 2), np.nan)
         other = Moments(neighbour)
         places = self._places_in(other, other.middles(self._places), self._places)
-        for _ in range(ROLLING_ROUNDS if other.rolls else 0):
+        for _ in range(_ROLLING_ROUNDS if other.rolls else 0):
             before = places
             places = self._places_in(other, other.middles(before), np.where(np.isfinite(before), before, self._places))
-            if np.nanmax(np.abs(places - before), initial=0.0) < SAME_PLACE:
+            if np.nanmax(np.abs(places - before), initial=0.0) < _SAME_PLACE:
                 break
         return self._way(places)
 
@@ -348,7 +348,7 @@ def saved_truth(
         if name.startswith(SHARP):
             rows = np.moveaxis(layout.in_rows(planes), 0, -1)
             layers[name.removeprefix(SHARP)] = np.ascontiguousarray(rows if len(planes) > 1 else rows[..., 0])
-    return layers, text_of_array(arrays[SAID]) if SAID in arrays else {}
+    return layers, text_of_array(arrays[_SAID]) if _SAID in arrays else {}
 
 
 def _classes_of(scene: Scene) -> dict[str, Any]:
@@ -363,7 +363,7 @@ def ground_truth_of(
     session: Session,
     buffers: Callable[[], SceneBuffers],
     layers: tuple[LayerName, ...],
-    neighbours: Neighbours | None = None,
+    neighbours: _Neighbours | None = None,
 ) -> GroundTruth | None:
     """Return the sharp layers among some layers of a scene in focus; None where there is none."""
     names = tuple(name for name in layers if name in SHARP_LAYERS)

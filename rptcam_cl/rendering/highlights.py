@@ -27,7 +27,7 @@ Indices = NDArray[np.intp]
 
 ROUND = (Kind.SPHERE, Kind.ELLIPSOID, Kind.CYLINDER, Kind.CONE)
 PART = 1 << 14  # triangles of a mesh at a time
-AROUND, UPWARDS, ALONG = 24, 12, 8  # pieces of round shapes
+AROUND, _UPWARDS, ALONG = 24, 12, 8  # pieces of round shapes
 WORTH = 8000  # triangles of meshes that take as long as a round shape
 
 
@@ -157,13 +157,7 @@ def _on_shape(bend: Bend, points: Array) -> tuple[Array, Array]:
 
 
 def _faces(
-    corners: Array,
-    normals: Array | None,
-    bend: Bend,
-    outline: Outline,
-    placement: Array,
-    material: int,
-    primitive: int,
+    corners: Array, normals: Array | None, bend: Bend, outline: Outline, placement: Array, material: int, primitive: int
 ) -> MirrorFaces:
     """Return pieces by their corners (n, 3, 3), and normals there; flat ones lie in the world."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -200,9 +194,9 @@ def _of_shape(record: np.void, kind: Kind) -> tuple[Array, Bend, Outline, Array]
 
 def _globe() -> Array:
     """Return triangles (n, 3, 3) about the origin, with corners on the unit sphere."""
-    angle, height = np.linspace(0, 2 * np.pi, AROUND + 1), np.linspace(0, np.pi, UPWARDS + 1)
+    angle, height = np.linspace(0, 2 * np.pi, AROUND + 1), np.linspace(0, np.pi, _UPWARDS + 1)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    upwards = np.broadcast_to(np.cos(height)[:, None, None], (UPWARDS + 1, AROUND + 1, 1))
+    upwards = np.broadcast_to(np.cos(height)[:, None, None], (_UPWARDS + 1, AROUND + 1, 1))
     triangles = _grid(np.concatenate([np.sin(height)[:, None, None] * ring, upwards], axis=2))
     sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     return np.asarray(triangles[np.linalg.norm(sides, axis=1) > 1e-9])
@@ -609,7 +603,7 @@ def _solve(matrices: Array, right: Array) -> Array:
 
 LAMPS = 64  # the brightest, that are looked for
 MOST_PAIRS = 1 << 23  # of lamps and pieces
-SIGHTS, TOGETHER = 1 << 16, 256  # sights followed at a time; pieces whose sights are made at a time
+_SIGHTS, _TOGETHER = 1 << 16, 256  # sights followed at a time; pieces whose sights are made at a time
 NEIGHBOURS = 0.02  # of the way to a lamp, within which pieces see the same points of it
 MANY = 64  # pieces, from which each point of a lamp is looked for from one point of the front
 SHORT = 1e-3  # of a way at its ends, which do not hide it
@@ -732,7 +726,7 @@ def _trials(
                 own = some[faces.material[some] == material]
                 for lobe in range(int(first[material]), int(first[material + 1])):
                     parts += _pair(faces[own], numbered[lobe].alpha, lobe, places, number, front)
-            if sum(len(part.light) for part in parts) > SIGHTS:
+            if sum(len(part.light) for part in parts) > _SIGHTS:
                 yield _Trial.joined(parts)
                 parts = []
     if parts:
@@ -765,8 +759,8 @@ def _candidates(
         middle = seen_from[own].mean(axis=0)
         at, light, target = points(middle)
         square = np.where(at[:, 3:] > 0, np.sum((at[:, :3] - middle) ** 2, axis=1)[:, None], 1.0)
-        for low in range(0, len(own), TOGETHER):
-            yield able[own[low : low + TOGETHER]], ((at, light * square, target), len(able) > MANY)
+        for low in range(0, len(own), _TOGETHER):
+            yield able[own[low : low + _TOGETHER]], ((at, light * square, target), len(able) > MANY)
 
 
 def _pair(

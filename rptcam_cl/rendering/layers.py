@@ -25,7 +25,7 @@ Indices = NDArray[np.int32]
 GROUP = 4  # work items
 MOST_RAYS = 1 << 20  # of a launch
 NO_PRIMITIVE, PATH_ENDED, NO_TRIANGLE = -1, -2, -1  # as kernels have them
-MOST_SURFACES = 512  # that a ray is followed through
+_MOST_SURFACES = 512  # that a ray is followed through
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class SharpPass:
     def all_hits(self, origins: Array, directions: Array, times: Array) -> list[SharpHits]:
         """Trace rays to the first surface, the second and so on, until none meets anything."""
         hits = [self.hits(origins, directions, times)]
-        while hits[-1].met.any() and len(hits) < MOST_SURFACES:
+        while hits[-1].met.any() and len(hits) < _MOST_SURFACES:
             hits.append(self.hits(hits[-1].departures, directions, times, hits[-1]))
         return hits
 
@@ -138,8 +138,8 @@ def _facing(values: Array, owners: Indices, directions: Array) -> SharpHits:
 
 # What rays lead to behind panes and by way of mirrors: the surface that a picture shows there.
 
-MOST_TURNS = 16  # polished surfaces that a ray is followed through
-MIRROR_ALPHA = 0.02  # GGX's alpha up to which a picture in a surface is one
+_MOST_TURNS = 16  # polished surfaces that a ray is followed through
+_MIRROR_ALPHA = 0.02  # GGX's alpha up to which a picture in a surface is one
 MOSTLY = 0.5  # of the light: what a ray is followed by
 _PASSED = (MaterialKind.DIELECTRIC, MaterialKind.THIN_GLASS)
 _REFLECT = (MaterialKind.MIRROR, MaterialKind.CONDUCTOR, MaterialKind.METAL)
@@ -182,7 +182,7 @@ def follow_rays(sharp: SharpPass, plan: Plan, origins: Array, directions: Array,
     )  # fmt: skip
     within = np.full(count, -1, np.int32)  # the transparent solid that a ray is in
     at, way, hits = origins, directions.copy(), None
-    for _ in range(MOST_TURNS):
+    for _ in range(_MOST_TURNS):
         hits = sharp.hits(at, way, times, hits)
         on = hits.met
         ends.lengths[on] += np.linalg.norm(hits.points - at, axis=1)[on]
@@ -217,7 +217,7 @@ def _turn_rays(
     """Turn the rays (`mine`) that meet a material; return those that it reflects and those that it lets pass."""
     none = np.zeros(0, np.intp)
     lobe = next((one for one in lobes_of(plan.materials, index) if _is_clear(one.record, one.share, one.coat)), None)
-    if lobe is None or lobe.alpha > MIRROR_ALPHA:
+    if lobe is None or lobe.alpha > _MIRROR_ALPHA:
         return none, none
     kind, normals, along = MaterialKind(int(lobe.record["kind"])), hits.normals[mine], way[mine]
     cosine = np.clip(-np.sum(normals * along, axis=1), 1e-6, 1.0)
@@ -249,7 +249,7 @@ MEANS: dict[LayerName, int] = {
     "depth": 1, "distance": 1, "position": 3, "normal": 3, "geometric_normal": 3, "albedo": 3, "coc": 1,
 }  # fmt: skip
 FIRSTS: dict[LayerName, int] = {"object_id": 1, "material_id": 1, "uv": 2, "pupil": 2}
-OWNERS: tuple[LayerName, ...] = ("crypto_object", "crypto_material")  # weights of each object or material apart
+_OWNERS: tuple[LayerName, ...] = ("crypto_object", "crypto_material")  # weights of each object or material apart
 OWNER_SLOTS = 8  # of them in a pixel
 SLOT_PLANES = 3  # identifier, weight and compensation
 WEIGHTS = 2  # sums of the weights of rays that pass, and of those that hit something
@@ -277,14 +277,14 @@ class LayerPlanes:
             elif name in FIRSTS:
                 self.places[name] = self.firsts
                 self.firsts += FIRSTS[name]
-            elif name in OWNERS:
+            elif name in _OWNERS:
                 self.places[name] = self.firsts
                 self.firsts += OWNER_SLOTS * SLOT_PLANES
 
     @property
     def owners(self) -> tuple[LayerName, ...]:
         """The layers among them that keep owners apart."""
-        return tuple(name for name in self.names if name in OWNERS)
+        return tuple(name for name in self.names if name in _OWNERS)
 
     @property
     def count(self) -> int:
@@ -486,7 +486,7 @@ def _divisor(weight: Array) -> Array:
 GUIDES: tuple[LayerName, ...] = ("albedo", "normal", "position")
 STEPS = (1, 1, 3, 9)  # between neighbours [pixels]: of the first, which measures the noise, and without holes in all
 MARGIN = 16  # more than the largest step
-GUIDE_PLANES, LIGHT_PLANES = 11, 11
+_GUIDE_PLANES, _LIGHT_PLANES = 11, 11
 
 
 class Denoiser:
@@ -508,8 +508,8 @@ class Denoiser:
         self._plane = self._row * rows
         self._groups = wide // self._lanes
         self._sizes = np.array([width, height, self._row, MARGIN], np.uint32)
-        self._guides = session.allocate(4 * GUIDE_PLANES * self._plane, zeroed=True)
-        self._lights = [session.allocate(4 * LIGHT_PLANES * self._plane, zeroed=True) for _ in range(2)]
+        self._guides = session.allocate(4 * _GUIDE_PLANES * self._plane, zeroed=True)
+        self._lights = [session.allocate(4 * _LIGHT_PLANES * self._plane, zeroed=True) for _ in range(2)]
         self._read = session.program(["pass/guides.cl"], {}, device_declarations())
         self._picture = session.allocate(12 * width * height)
         self._passes = [

@@ -28,7 +28,7 @@ from rptcam_cl.scene.scene import Scene
 LONGEST_SIDE = 96  # pixels
 SAMPLES = 1 << 15  # of each metered frame
 SEED = 0  # whatever the picture's, so that pictures with other noise have the same exposure
-CENTRE_SHARE = 0.75  # of the weight, in a disk half as wide as the frame's shorter side: 12 mm of 24 x 36 mm
+_CENTRE_SHARE = 0.75  # of the weight, in a disk half as wide as the frame's shorter side: 12 mm of 24 x 36 mm
 SPOT_AREA = 0.02  # of the frame
 PARTS = 8  # of a pixel's side, that lie within a disk or without
 STAYS = 0.02  # share of a reading that its standard error may be: 0.03 stops
@@ -130,7 +130,7 @@ def weights(exposure: Exposure, film: Film) -> NDArray[np.float64]:
     square = (x[None, :] - at[0] * width) ** 2 + (y[:, None] - at[1] * height) ** 2
     inside = (square <= max(radius**2, float(square.min()))).reshape(rows, PARTS, columns, PARTS).mean(axis=(1, 3))
     outside = 1.0 - inside
-    share = CENTRE_SHARE if outside.any() and not spot else 1.0
+    share = _CENTRE_SHARE if outside.any() and not spot else 1.0
     return np.asarray(share * inside / inside.sum() + (1.0 - share) * outside / (outside.sum() or 1.0))
 
 

@@ -30,8 +30,8 @@ from rptcam_cl.scene.load import load_scene
 # The first chooses film point and aim in float32, as `generate` does; the second, compiled for double, traces.
 
 DOUBLE_LANES = 8  # per work item of a CPU
-PRECISE_PACKETS = 2  # of lanes that a work item traces side by side
-BYTES_PER_SLOT = 32  # see kernels/lens/float64.h
+_PRECISE_PACKETS = 2  # of lanes that a work item traces side by side
+_BYTES_PER_SLOT = 32  # see kernels/lens/float64.h
 
 
 def traces_in_float64(camera: CameraModel) -> bool:
@@ -90,10 +90,10 @@ class PreciseLens:
         colours: Any,
     ) -> None:
         check_precision(session, camera)
-        self.rays = session.allocate(BYTES_PER_SLOT * capacity)
+        self.rays = session.allocate(_BYTES_PER_SLOT * capacity)
         self._aim_lanes = int(facts["VW"])
         lanes = DOUBLE_LANES if session.lanes > 1 else 1
-        self._trace_lanes = PRECISE_PACKETS * lanes
+        self._trace_lanes = _PRECISE_PACKETS * lanes
         aiming = session.program(["pass/aim_rays.cl"], facts, device_declarations())
         tracing = session.program(
             ["pass/trace_lens.cl"], camera.facts | {"VW": lanes, "DOUBLE": 1}, device_declarations()
@@ -138,7 +138,7 @@ def _of(buffers: Mapping[str, Any], *names: str) -> dict[str, Any]:
 # made by the lanes that start them, 1.2 to 1.3 times as fast as with generate; those behind a lens by each work item
 # for its pixels, packets side by side, before it starts: 1.15 times.
 
-LENS_LANES = 16  # lanes per work item that trace a lens on a CPU: its surfaces are long chains of roots
+_LENS_LANES = 16  # lanes per work item that trace a lens on a CPU: its surfaces are long chains of roots
 PACKETS = 4  # of lanes that a work item of a CPU takes through a lens side by side
 
 Run = Callable[[Launch, int], None]
@@ -206,7 +206,7 @@ def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
 
 def bytes_of_lens_rays(plan: Plan, capacity: int) -> int:
     """How large the rays of a lens traced in float64 are; 0 for other cameras."""
-    return BYTES_PER_SLOT * capacity if traces_in_float64(plan.camera) else 0
+    return _BYTES_PER_SLOT * capacity if traces_in_float64(plan.camera) else 0
 
 
 class Launches:
@@ -253,7 +253,7 @@ class CameraPasses:
     def __init__(self, session: Session, plan: Plan, buffers: WaveBuffers, *, stream: bool, packets: int) -> None:
         self._session, camera, scene = session, plan.camera, buffers.scene
         precise = traces_in_float64(camera)
-        lanes = LENS_LANES if camera.has_lens and session.lanes > 1 else session.lanes
+        lanes = _LENS_LANES if camera.has_lens and session.lanes > 1 else session.lanes
         most = 2 if camera.crosses_surfaces and not precise and session.lanes > 1 else 1  # that an item traces
         packets = min(most, packets)
         self._slots_per_item = packets * lanes
@@ -484,7 +484,7 @@ KNOWN = bytes.fromhex(
 )  # the film, row by row: SCALE times the radiance
 PASSED = 1971  # of 2048 rays, through the lens
 CLOSE = 2  # by which rounding may change a pixel, in the same unit
-ELSEWHERE = 0.03  # share of pixels that paths rounding sends elsewhere may change
+_ELSEWHERE = 0.03  # share of pixels that paths rounding sends elsewhere may change
 
 _passed: dict[tuple[Any, ...], Way] = {}
 _trying = threading.Lock()
@@ -562,7 +562,7 @@ def fault_of(session: Session, way: Way, wavefront: Callable[..., Any]) -> str |
     film = made.picture(SAMPLES).astype(np.float64).mean(axis=2).ravel()
     known = np.frombuffer(KNOWN, np.uint8) / SCALE
     wrong = int((~(np.abs(film - known) <= CLOSE / SCALE)).sum())
-    if wrong > ELSEWHERE * known.size:
+    if wrong > _ELSEWHERE * known.size:
         return f"{wrong} of {known.size} pixels (mean {film.mean():.3g} for {known.mean():.3g})"
     passed = made.outcomes()["passed"]
-    return None if abs(passed - PASSED) <= ELSEWHERE * PASSED else f"{passed} rays through the lens for {PASSED}"
+    return None if abs(passed - PASSED) <= _ELSEWHERE * PASSED else f"{passed} rays through the lens for {PASSED}"

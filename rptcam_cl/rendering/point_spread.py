@@ -18,7 +18,7 @@ from rptcam_cl.rendering.cameras.film_pupil import Arrivals, FilmPupil, FilmPupi
 Array = NDArray[np.float64]
 
 WAVES_NM = tuple(np.arange(410.0, 700.0, 20.0).tolist())
-TAPER = 0.75  # share of the reach from which the kernel fades, so that no square shows about a bright lamp
+_TAPER = 0.75  # share of the reach from which the kernel fades, so that no square shows about a bright lamp
 
 
 @cache
@@ -34,7 +34,7 @@ def shares_of_white(waves_nm: tuple[float, ...]) -> Array:
 def fade(radius_px: Array, reach: int) -> Array:
     """Return the share of the light at radii that a kernel keeps; the rest of it is far light."""
     radius = radius_px / (reach + 1)
-    return np.asarray(np.cos(np.pi / 2 * np.clip((radius - TAPER) / (1 - TAPER), 0.0, 1.0)) ** 2)
+    return np.asarray(np.cos(np.pi / 2 * np.clip((radius - _TAPER) / (1 - _TAPER), 0.0, 1.0)) ** 2)
 
 
 def quick(length: int) -> int:
@@ -57,7 +57,7 @@ def quick(length: int) -> int:
 # light. A kernel has no negative values and the sum 1, so that it neither rings nor adds light.
 
 NEAR, REACH = 20.0, 64.0  # half width of a kernel with far light and without, in wavelength over twice the aperture
-LEAST_REACH, MOST_REACH = 2, 256  # the same in pixels
+LEAST_REACH, _MOST_REACH = 2, 256  # the same in pixels
 KNOWN = 1.02 * REACH  # from where the light is left out; an opening of 144 cells shows its image again 141 away
 FINE = 2.5  # points per wavelength over twice the numerical aperture; 2 resolve the light exactly
 SHARP, SMOOTH = 1.4, 2.0  # the same in pixels: below the first a pixel averages the light, above the second it samples
@@ -72,7 +72,7 @@ def unit_px(pupil: FilmPupil, pixel_mm: tuple[float, float], nm: float = MIDDLE_
 
 def reach_px(unit: float, largest: int, units: float = REACH) -> int:
     """Return half the width of a kernel [pixels], at most that of the film."""
-    return int(min(max(np.ceil(units * unit), LEAST_REACH), MOST_REACH, largest))
+    return int(min(max(np.ceil(units * unit), LEAST_REACH), _MOST_REACH, largest))
 
 
 def near_kernel(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int) -> Array:
@@ -127,8 +127,8 @@ def of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, n
 ANGLES, FEW_ANGLES = 2048, 128  # directions over half a turn, with lamps and without; the other half is alike
 CELLS, LINE = 4096, 2.5  # of the line that an opening is seen along, and its length in widths of the opening
 RESOLVED = 512.0  # wavelengths times f-number up to which the light is computed; beyond it falls as its cube
-BANDS, SPANS = 448, 384  # radii, evenly in their logarithm, of that light and of the film's
-STARBURST_NM = tuple(np.arange(405.0, 700.0, 5.0).tolist())
+BANDS, _SPANS = 448, 384  # radii, evenly in their logarithm, of that light and of the film's
+_STARBURST_NM = tuple(np.arange(405.0, 700.0, 5.0).tolist())
 AT_ONCE = 128  # directions
 STRAIGHT = 120  # directions of edges round a turn, of which two neighbours count as one
 NARROW = 1e-7  # least width of an edge along the line
@@ -182,7 +182,7 @@ class FarLight:
 
         The second has the shape (directions, radii), over half a turn that stands for both.
         """
-        low = 0.5 * self.reach / self.unit_px(STARBURST_NM[-1])
+        low = 0.5 * self.reach / self.unit_px(_STARBURST_NM[-1])
         radii = np.geomspace(min(low, RESOLVED / 4), RESOLVED, BANDS)
         edges = (self.edges - np.tile(self._middle, 2)) / self._width
         shares = np.zeros((self.directions, BANDS))
@@ -211,7 +211,7 @@ class FarLight:
         """Weights of light within `within`, and of that beyond, within radii [pixels], (BANDS, 3, n) and (3, n)."""
         radii, columns = self.within[0], np.arange(len(pixels))
         inner, outer = np.zeros((BANDS, 3, len(pixels))), np.zeros((3, len(pixels)))
-        for nm, shares in zip(STARBURST_NM, shares_of_white(STARBURST_NM), strict=True):
+        for nm, shares in zip(_STARBURST_NM, shares_of_white(_STARBURST_NM), strict=True):
             rho = pixels / self.unit_px(nm)
             place = np.interp(np.log(rho), np.log(radii), np.arange(BANDS))
             below = np.minimum(place.astype(np.int64), BANDS - 2)
@@ -253,7 +253,7 @@ class FarLight:
         out
             How far such an edge is from the middle, this way and that [pixels].
         """
-        edges = np.geomspace(max(0.6 * self.reach - 0.5, 0.5), farthest + 2.0, SPANS)
+        edges = np.geomspace(max(0.6 * self.reach - 0.5, 0.5), farthest + 2.0, _SPANS)
         inner, outer = self._weights(edges)
         light = np.tensordot(self.within[1], inner, 1) + self._beyond[:, None, None] * outer
         return _boxes(np.moveaxis(light, 1, 0), edges, across, out), edges
@@ -264,9 +264,9 @@ class FarLight:
         light, step = np.zeros((3, len(y), len(x))), np.log(edges[1] / edges[0])
         for row, up in enumerate(y):
             radius, angle = np.hypot(x, up), np.arctan2(up, x)
-            lit = radius > TAPER * self.reach
+            lit = radius > _TAPER * self.reach
             if lit.any():
-                at = np.clip(np.log(radius[lit] / edges[0]) / step, 0, SPANS - 1.001)
+                at = np.clip(np.log(radius[lit] / edges[0]) / step, 0, _SPANS - 1.001)
                 light[:, row, lit] = _between(boxes, angle[lit] * self.directions / np.pi - 0.5, at)
         return light
 
@@ -396,9 +396,9 @@ Mask = NDArray[np.bool_]
 NODES = 31  # directions each way that are traced
 POWERS = 13  # of polynomials through them
 WIDER = 1.2  # of their square than the opening
-FOUND = 0.2  # of them that must be found
+_FOUND = 0.2  # of them that must be found
 DISK = 1.15  # radius of a disk of them that counts, in half widths of the square
-FAITHFUL_WAVES = 0.03  # rms by which polynomials may miss traced paths
+_FAITHFUL_WAVES = 0.03  # rms by which polynomials may miss traced paths
 
 
 @dataclass(frozen=True)
@@ -489,7 +489,7 @@ def rays_of(
     middles, halves = np.array([axis.mean() for axis in axes]), np.array([np.ptp(axis) / 2 for axis in axes])
     with np.errstate(invalid="ignore"):
         known = np.isfinite(values).all(axis=1) & (np.hypot(*((seen - middles) / halves).T) < DISK)
-    if known.sum() < FOUND * nodes**2:
+    if known.sum() < _FOUND * nodes**2:
         raise InputError(f"camera.diffraction: too few rays of a point reach {_named(point)}")
     middle = values[known].mean(axis=0)
     i, j = np.nonzero(np.add.outer(np.arange(powers + 1), np.arange(powers + 1)) <= powers)
@@ -500,7 +500,7 @@ def rays_of(
     matrix = terms(seen[known, 0], 0)[:, j] * terms(seen[known, 1], 1)[:, i]
     factors, *_ = np.linalg.lstsq(matrix, values[known] - middle, rcond=1e-13)
     missed = np.sqrt(np.mean((matrix @ factors[:, 0] - (values[known, 0] - middle[0])) ** 2)) / (nm * 1e-6)
-    if missed > FAITHFUL_WAVES:
+    if missed > _FAITHFUL_WAVES:
         raise InputError(f"camera.diffraction: the wavefront of a point is too uneven at {_named(point)}")
     table = np.zeros((6, powers + 1, powers + 1))
     table[:, i, j] = factors.T
@@ -543,7 +543,7 @@ FINER = 4  # points across a cell that the edge runs through
 STEEP = 0.3  # waves that the path may change between two cells
 CLEAR = 3.0  # cells across the opening for each wavelength over its aperture that a picture reaches
 MOST_ACROSS = 6 * COARSE
-FEW_ACROSS, FEW_NODES, FEW_POWERS = 48, 19, 7  # the same, and of rays, in the search for it
+FEW_ACROSS, _FEW_NODES, _FEW_POWERS = 48, 19, 7  # the same, and of rays, in the search for it
 ROOM = 1.4  # of a square about the opening that a point near by sees, that holds it
 
 
@@ -626,7 +626,7 @@ def point_opening(
     InputError
         When no light arrives, or its rays are not known.
     """
-    opens, few = pupils.directions(point)[0], (FEW_ACROSS, FEW_NODES, FEW_POWERS)
+    opens, few = pupils.directions(point)[0], (FEW_ACROSS, _FEW_NODES, _FEW_POWERS)
     try:
         first = _search(pupils, opens, _moved(pupils, *seen, point), point, source, nm, few)
     except InputError:  # it is not where it is looked for

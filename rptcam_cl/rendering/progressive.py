@@ -34,16 +34,16 @@ from rptcam_cl.scene.film import SHARP_LAYERS
 # means of the samples before and after such a look estimates the variance of the mean of all. Parts of a lattice
 # together are evener than each alone, so the estimate errs to the safe side.
 
-SHORTEST_RUN = 16  # samples
+_SHORTEST_RUN = 16  # samples
 MOST_RUNS = 8
-BETWEEN_DECISIONS = 64  # samples, at least
+_BETWEEN_DECISIONS = 64  # samples, at least
 DARKEST = 0.05  # of the picture's mean: the noise of darker tiles counts relative to this
 
 
 def run_length(done: int) -> int:
     """Return the length of the run that sample number ``done`` belongs to, so that no more than eight are kept."""
-    whole = SHORTEST_RUN * MOST_RUNS
-    return SHORTEST_RUN if done < whole else 1 << (done.bit_length() - MOST_RUNS.bit_length() + 1)
+    whole = _SHORTEST_RUN * MOST_RUNS
+    return _SHORTEST_RUN if done < whole else 1 << (done.bit_length() - MOST_RUNS.bit_length() + 1)
 
 
 def next_end(done: int) -> int:
@@ -95,7 +95,7 @@ class NoiseEstimate:
         self._runs.append((summed - self._before).astype(np.float32))
         self._before = summed
         ended = False
-        if done >= BETWEEN_DECISIONS and done % BETWEEN_DECISIONS == 0:
+        if done >= _BETWEEN_DECISIONS and done % _BETWEEN_DECISIONS == 0:
             self._measure(done, length, summed)
             ended = self._decide(done)
         if len(self._runs) == MOST_RUNS:
@@ -158,7 +158,7 @@ class NoiseEstimate:
         self._before = arrays["noise_before"].astype(np.float64)
 
 
-LARGEST_SHARE = 0.875  # of the samples that those before a look at the film may be
+_LARGEST_SHARE = 0.875  # of the samples that those before a look at the film may be
 
 
 def _noise_of(
@@ -274,7 +274,7 @@ class NoiseWatch:
         if self.estimate is not None:
             mean = summed / np.repeat(np.maximum(self.samples_of_tiles(done), 1), TILE_PIXELS)
             return _noise_of(layout, mean, self.estimate.variance, "runs of samples")
-        earlier = [snapshot for snapshot in self._snapshots if snapshot[0] <= LARGEST_SHARE * done]
+        earlier = [snapshot for snapshot in self._snapshots if snapshot[0] <= _LARGEST_SHARE * done]
         if not earlier:
             return None
         first, before = earlier[-1]
@@ -286,9 +286,9 @@ class NoiseWatch:
 
 # A film under way: how many samples it has, where within a sample it was left, and how noisy it is.
 
-GROWING = ("noise_tiles", "noise_runs")  # as many rows as tiles are left, or as runs are kept
+_GROWING = ("noise_tiles", "noise_runs")  # as many rows as tiles are left, or as runs are kept
 
-SavedArrays = Mapping[str, NDArray[Any]]
+_SavedArrays = Mapping[str, NDArray[Any]]
 SavedState = tuple[int, dict[str, NDArray[Any]]]
 """A film under way: samples per pixel, and arrays by name."""
 
@@ -397,7 +397,7 @@ def _pieces(wave: Wave, slots: int | None) -> Iterator[Wave]:
         yield pixel, min(step, first + pixels - pixel), start, samples
 
 
-def check_fits(saved: SavedArrays, fresh: SavedArrays) -> None:
+def check_fits(saved: _SavedArrays, fresh: _SavedArrays) -> None:
     """Refuse arrays that kernels would read or write beyond their ends.
 
     Parameters
@@ -413,7 +413,7 @@ def check_fits(saved: SavedArrays, fresh: SavedArrays) -> None:
         When one is missing, or of another type or shape, or names a tile that is not there.
     """
     for name, wanted in fresh.items():
-        array, start = saved.get(name), 1 if name in GROWING else 0
+        array, start = saved.get(name), 1 if name in _GROWING else 0
         if array is None or (array.dtype.kind, array.ndim) != (wanted.dtype.kind, wanted.ndim):
             raise _misfit(name)
         if array.shape[start:] != wanted.shape[start:]:
@@ -429,8 +429,8 @@ def _misfit(name: str) -> StateError:
 
 # How long a render with a noise target still takes: the samples that its tiles need, at the speed of late.
 
-RECENT = 2 / 3  # of the time so far, after which the speed counts: fewer tiles use a device less well
-LEAST_POWER, MOST_POWER = 0.5, 1.0
+_RECENT = 2 / 3  # of the time so far, after which the speed counts: fewer tiles use a device less well
+_LEAST_POWER, _MOST_POWER = 0.5, 1.0
 MOST_SAMPLES = 2**32 - 1
 FEW = 0.05  # share of the tiles whose noise is said when no more are left
 
@@ -474,7 +474,7 @@ class TimeLeft:
 
     def note(self, seconds: float, samples: int) -> None:
         """Note how many samples of all pixels were made after so many seconds."""
-        while len(self._marks) > 1 and self._marks[1][0] <= RECENT * seconds:
+        while len(self._marks) > 1 and self._marks[1][0] <= _RECENT * seconds:
             self._marks.pop(0)
         if seconds > self._marks[-1][0]:
             self._marks.append((seconds, samples))
@@ -514,11 +514,11 @@ class TimeLeft:
             self._errors.pop(0)
         first, then = self._errors[0]
         if first > count / 2:
-            return LEAST_POWER
+            return _LEAST_POWER
         with np.errstate(divide="ignore", invalid="ignore"):
             falls = np.log(then[estimate.tiles] / estimate.error[estimate.tiles]) / np.log(count / first)
         falls = falls[np.isfinite(falls)]
-        return float(np.clip(np.median(falls), LEAST_POWER, MOST_POWER)) if len(falls) else LEAST_POWER
+        return float(np.clip(np.median(falls), _LEAST_POWER, _MOST_POWER)) if len(falls) else _LEAST_POWER
 
 
 def _run_end(samples: float) -> float:
@@ -528,8 +528,8 @@ def _run_end(samples: float) -> float:
 
 # Progressive rendering: waves until the samples or the time run out.
 
-REPORT_INTERVAL = 0.2  # seconds of work that may be enqueued before a report and a chance to stop
-GIVING_WAY_S = 0.02  # likewise, where somebody may want it no longer
+_REPORT_INTERVAL = 0.2  # seconds of work that may be enqueued before a report and a chance to stop
+_GIVING_WAY_S = 0.02  # likewise, where somebody may want it no longer
 
 
 @dataclass(frozen=True)
@@ -777,7 +777,7 @@ class _Clock:
         self._wavefront.finish()
         now = time.perf_counter()
         rate = self._pending / max(now - self._last, 1e-6)
-        self._batch = max(int(rate * (GIVING_WAY_S if is_cancellable() else REPORT_INTERVAL)), 1)
+        self._batch = max(int(rate * (_GIVING_WAY_S if is_cancellable() else _REPORT_INTERVAL)), 1)
         self._pending, self._last = 0, now
         self.report()
         checkpoint()

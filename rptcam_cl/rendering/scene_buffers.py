@@ -33,11 +33,11 @@ from rptcam_cl.rendering.plan.plan import Plan
 SHARE = 0.8  # of the memory that a render may plan to use
 # Upper bounds over the meshes that were measured (benchmarks/journal.md): nodes and leaf blocks on the device (51 on
 # smooth meshes, whose blocks are nine tenths full), and on a CPU what building them takes besides for a while.
-TREE_BYTES_PER_TRIANGLE = 80
-BUILD_BYTES_PER_TRIANGLE = 90
-SMALLER_FILM = "render a part with crop, or lower film.resolution"
-FEWER_TRIANGLES = "use meshes of fewer triangles, or several objects of one mesh"
-SMALLER_PICTURES = "use smaller pictures"
+_TREE_BYTES_PER_TRIANGLE = 80
+_BUILD_BYTES_PER_TRIANGLE = 90
+_SMALLER_FILM = "render a part with crop, or lower film.resolution"
+_FEWER_TRIANGLES = "use meshes of fewer triangles, or several objects of one mesh"
+_SMALLER_PICTURES = "use smaller pictures"
 
 
 @dataclass(frozen=True)
@@ -73,22 +73,22 @@ def memory_needs(plan: Plan, session: Session, *, film: Sequence[int], paths: Se
     triangles = building = 0
     if plan.meshes is not None:
         count = len(plan.meshes.triangles)
-        triangles = plan.meshes.vertices.nbytes + plan.meshes.triangles.nbytes + TREE_BYTES_PER_TRIANGLE * count
-        building = BUILD_BYTES_PER_TRIANGLE * count if session.info.type == "cpu" else 0
+        triangles = plan.meshes.vertices.nbytes + plan.meshes.triangles.nbytes + _TREE_BYTES_PER_TRIANGLE * count
+        building = _BUILD_BYTES_PER_TRIANGLE * count if session.info.type == "cpu" else 0
     textures = plan.textures.texels.nbytes + plan.surroundings.distribution.nbytes
     rest = plan.primitives.nbytes + plan.materials.nbytes + plan.emitters.records.nbytes + plan.emitters.curve.nbytes
     rest += plan.emitters.tree.nodes.nbytes if plan.emitters.tree is not None else 0
     rest += plan.caustics.surfaces.nbytes + PHOTON_BYTES if plan.caustics.active else 0
     buffers = [
-        ("the film", max(film), SMALLER_FILM),
+        ("the film", max(film), _SMALLER_FILM),
         ("the paths of a wave", max(paths), "use waves of fewer paths"),
-        ("the pixels of pictures", plan.textures.texels.nbytes, SMALLER_PICTURES),
-        ("the picture around the scene", plan.surroundings.distribution.nbytes, SMALLER_PICTURES),
+        ("the pixels of pictures", plan.textures.texels.nbytes, _SMALLER_PICTURES),
+        ("the picture around the scene", plan.surroundings.distribution.nbytes, _SMALLER_PICTURES),
     ]
     if plan.meshes is not None:
         buffers += [
-            ("vertices", plan.meshes.vertices.nbytes, FEWER_TRIANGLES),
-            ("triangles", plan.meshes.triangles.nbytes, FEWER_TRIANGLES),
+            ("vertices", plan.meshes.vertices.nbytes, _FEWER_TRIANGLES),
+            ("triangles", plan.meshes.triangles.nbytes, _FEWER_TRIANGLES),
         ]
     return MemoryNeeds(
         sum(film), sum(paths), triangles, textures, rest, building, max(buffers, key=lambda each: each[1])
@@ -122,9 +122,9 @@ def check_memory(needs: MemoryNeeds, session: Session) -> None:
     }
     listed = ", ".join(f"{amount(count)} for {name}" for name, count in parts.items() if count >= 0.01 * needs.total)
     cure = max(
-        (needs.film, SMALLER_FILM),
-        (needs.triangles + needs.building, FEWER_TRIANGLES),
-        (needs.textures, SMALLER_PICTURES),
+        (needs.film, _SMALLER_FILM),
+        (needs.triangles + needs.building, _FEWER_TRIANGLES),
+        (needs.textures, _SMALLER_PICTURES),
     )[1]
     raise InputError(
         f"the scene needs {amount(needs.total)}: {listed}; device {session.info.id} offers {amount(budget)} ({cure})"
@@ -149,11 +149,11 @@ def amount(count: int) -> str:
 
 # The photon map of a device: photons of a pass are traced there, sorted on the host, and put among the scene.
 
-PHOTON_FLOATS = 8
+_PHOTON_FLOATS = 8
 MARK = 7  # column of a photon
-MOST_EDGES = 127
+_MOST_EDGES = 127
 SEED = 0x9E3779B97F4A7C15  # parts the random numbers of photons from those of camera paths
-PILOT, PILOT_PHOTONS = 2**32 - 1, 1 << 14  # the pass that the first radius follows from
+_PILOT, PILOT_PHOTONS = 2**32 - 1, 1 << 14  # the pass that the first radius follows from
 NEIGHBOURS = 8
 KEPT = 2048  # photons of the pilot that are compared with each other
 FIRST_PHOTONS = 10.0  # within the radius of a pass of one sample, where the light is
@@ -165,7 +165,7 @@ class PhotonBuffers:
     """What the kernels read of photons, as arguments by name; `current` says whose photons there are."""
 
     def __init__(self, session: Session, plan: Plan) -> None:
-        self.photons = session.allocate(4 * PHOTON_FLOATS * MOST_PHOTONS)
+        self.photons = session.allocate(4 * _PHOTON_FLOATS * MOST_PHOTONS)
         self.cells = session.allocate(4 * (MOST_CELLS + 1))
         self.grid = session.upload(PHOTON_GRID.zeros(1))
         self.current: tuple[Any, ...] | None = None
@@ -210,11 +210,11 @@ class PhotonMap:
         pixels: int,
     ) -> None:
         self._session, self._buffers, self._pixels = session, buffers, pixels
-        self._max_edges = min(max_depth - 1, MOST_EDGES)
+        self._max_edges = min(max_depth - 1, _MOST_EDGES)
         self._surfaces = len(plan.caustics.curve) // 2 - 1
         facts = plan.facts | tree_facts | {"VW": session.lanes}
         program = session.program(["pass/photons.cl"], facts, device_declarations())
-        self._found = session.allocate(4 * PHOTON_FLOATS * MOST_PHOTONS)
+        self._found = session.allocate(4 * _PHOTON_FLOATS * MOST_PHOTONS)
         self._launch = session.bind(
             program, "photons", **scene, surfaces=session.upload(plan.caustics.surfaces),
             surface_curve=session.upload(plan.caustics.curve), found=self._found,
@@ -232,7 +232,7 @@ class PhotonMap:
             return
         self._buffers.current = key
         if seed not in self._radii:
-            pilot = self._trace(PILOT, PILOT_PHOTONS, seed)
+            pilot = self._trace(_PILOT, PILOT_PHOTONS, seed)
             self._radii[seed] = first_radius(pilot, self._pixels)
         photons = self._trace(seen.number, seen.photons(self._pixels), seed)
         self.radius = self._radii[seed] * seen.shrinkage
@@ -246,7 +246,7 @@ class PhotonMap:
         )  # fmt: skip
         self._launch.set(**{"pass": record.tobytes()})
         self._launch.enqueue(count // self._session.lanes, self._session.group)
-        photons = self._session.read(self._found, np.float32, count * PHOTON_FLOATS).reshape(count, PHOTON_FLOATS)
+        photons = self._session.read(self._found, np.float32, count * _PHOTON_FLOATS).reshape(count, _PHOTON_FLOATS)
         return np.asarray(photons[photons[:, MARK].view(np.int32) >= 0])
 
     def _put(self, photons: Photons, radius: float) -> None:
@@ -311,7 +311,7 @@ def first_radius(pilot: Photons, pixels: int) -> float:
 
 # The scene on the device: every array of the plan, under the name that kernels have for it.
 
-COMPARED_BYTES = 1 << 20  # of an array, up to which comparing it takes less time than a launch
+_COMPARED_BYTES = 1 << 20  # of an array, up to which comparing it takes less time than a launch
 
 
 class SceneBuffers:
@@ -501,7 +501,7 @@ def _is_same(one: NDArray[Any], other: NDArray[Any]) -> bool:
     if one is other:
         return True
     alike = one.dtype == other.dtype and one.shape == other.shape
-    return alike and one.nbytes <= COMPARED_BYTES and one.tobytes() == other.tobytes()
+    return alike and one.nbytes <= _COMPARED_BYTES and one.tobytes() == other.tobytes()
 
 
 def _moves_alike(one: Plan, other: Plan) -> bool:

@@ -119,7 +119,7 @@ def is_shared(parts: Sequence[Part]) -> bool:
 
 Arrays = dict[str, NDArray[Any]]
 SHARP = "sharp:"  # begins the names of those of sharp layers
-IN_PIXELS = ("film", "layers", SHARP)  # begin the names of those whose last axis is the pixels of the film's buffer
+_IN_PIXELS = ("film", "layers", SHARP)  # begin the names of those whose last axis is the pixels of the film's buffer
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ class FilmPart:
         if self.count == 1:
             return arrays
         pixels = pixels_of(self.tiles(tiles))
-        return arrays | {name: array[:, pixels] for name, array in arrays.items() if name.startswith(IN_PIXELS)}
+        return arrays | {name: array[:, pixels] for name, array in arrays.items() if name.startswith(_IN_PIXELS)}
 
     def unpack(self, arrays: Arrays, tiles: int, pixels: int) -> Arrays:
         """Return the arrays that `pack` was given, of a buffer of so many pixels, other tiles empty.
@@ -183,7 +183,7 @@ class FilmPart:
         own = pixels_of(self.tiles(tiles))
         whole = dict(arrays)
         for name, packed in arrays.items():
-            if self.count > 1 and name.startswith(IN_PIXELS) and packed.ndim == 2 and packed.shape[1] == len(own):
+            if self.count > 1 and name.startswith(_IN_PIXELS) and packed.ndim == 2 and packed.shape[1] == len(own):
                 whole[name] = np.zeros((len(packed), pixels), packed.dtype)
                 whole[name][:, own] = packed
         return whole
@@ -345,8 +345,8 @@ def by_tile(planes: NDArray[np.float32]) -> NDArray[np.float32]:
 # the bits that each of them gives alone, however the tiles are dealt out. Where they do not, the bits follow from the
 # shares.
 
-ROUND_SECONDS = 0.5  # of work between two times that the devices wait for each other
-MOST_OF_A_ROUND = 4096  # samples per pixel
+_ROUND_SECONDS = 0.5  # of work between two times that the devices wait for each other
+_MOST_OF_A_ROUND = 4096  # samples per pixel
 
 
 class SharedWavefront(RenderedFilm):
@@ -489,9 +489,9 @@ class SharedWavefront(RenderedFilm):
         own = {worker.id: self.tiles[worker.owned[self.tiles]] for worker in self._live()}
         self._run({name: [(tiles, first_sample, samples)] for name, tiles in own.items()}, {})
         seconds = time.perf_counter() - start
-        if seconds < 0.5 * ROUND_SECONDS and samples >= self._round:
-            self._round = min(2 * self._round, MOST_OF_A_ROUND)
-        elif seconds > 2 * ROUND_SECONDS:
+        if seconds < 0.5 * _ROUND_SECONDS and samples >= self._round:
+            self._round = min(2 * self._round, _MOST_OF_A_ROUND)
+        elif seconds > 2 * _ROUND_SECONDS:
             self._round = max(self._round // 2, self._shortest)
 
     def _run(self, jobs: dict[str, Ranges], taken_over: Mapping[str, NDArray[np.intp]]) -> None:

@@ -54,7 +54,7 @@ BISECTIONS = 24
 OUTLINE = 96  # directions from the middle of a beam in which it is asked what bounds it
 SECTIONS, ROUNDS = 16, 4  # into which each round parts what is left between two of them
 TERMS, HIGHEST = 0.4, 14  # most terms of a polynomial over a beam, for each of its rays, and its highest degree
-MOST_CORNERS = 16  # beyond which rims that coincide make no corners
+_MOST_CORNERS = 16  # beyond which rims that coincide make no corners
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
     angles = 2 * np.pi * np.arange(OUTLINE) / OUTLINE
     surfaces = bounds(angles)
     changes = np.flatnonzero(surfaces != np.roll(surfaces, -1))
-    if len(changes) > MOST_CORNERS:
+    if len(changes) > _MOST_CORNERS:
         return np.zeros(0)
     low, step = angles[changes], 2 * np.pi / OUTLINE
     for _ in range(ROUNDS if len(changes) else 0):
@@ -240,7 +240,7 @@ def _edge(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, outward: 
 
 # How good copies of a lens are: spots and modulation over fields, with the film where it is or at its best.
 
-POINTS_TOGETHER = 2**20  # on the films of some copies, which are held at a time
+_POINTS_TOGETHER = 2**20  # on the films of some copies, which are held at a time
 
 
 @dataclass(frozen=True)
@@ -316,7 +316,7 @@ class Judge:
 
         With `shifts_mm` (copies,) the film of each is moved by so much.
         """
-        together = max(POINTS_TOGETHER // self.weights.size, 1)
+        together = max(_POINTS_TOGETHER // self.weights.size, 1)
         parts = [
             self._part(copies.part(low, low + together), refocus, None if shifts_mm is None else shifts_mm[low:])
             for low in range(0, copies.count, together)
@@ -410,7 +410,7 @@ class Judge:
 # A tolerance run: many copies of a lens made at random and judged, and each tolerance alone at its limits.
 
 RINGS = (6, 8, 10, 12, 16, 24, 32, 48)  # of rays in a beam, with twice as many in a ring, till figures stay
-SPOTS_STAY, MODULATION_STAYS = 0.0025, 0.005  # share of a spot, and modulation, by which more rays may change a field
+_SPOTS_STAY, _MODULATION_STAYS = 0.0025, 0.005  # share of a spot, and modulation, by which more rays may change a field
 PROBES = 3  # copies that are tried
 
 
@@ -654,12 +654,12 @@ def _enough(
     tries = [sample(rings, 2 * rings) for rings in RINGS[:2]]
     scores = [score(rays) for rays in tries]
     while len(tries) < len(RINGS) and (
-        spots_move(*scores[-2:]) > SPOTS_STAY or modulation_moves(*scores[-2:]) > MODULATION_STAYS
+        spots_move(*scores[-2:]) > _SPOTS_STAY or modulation_moves(*scores[-2:]) > _MODULATION_STAYS
     ):
         tries.append(sample(RINGS[len(tries)], 2 * RINGS[len(tries)]))
         scores.append(score(tries[-1]))
     # Where figures do not come to rest, as those of copies that lose rays at an edge do, few rays are as good as many.
-    allowed = max(SPOTS_STAY, 2 * spots_move(*scores[-2:])), max(MODULATION_STAYS, 2 * modulation_moves(*scores[-2:]))
+    allowed = max(_SPOTS_STAY, 2 * spots_move(*scores[-2:])), max(_MODULATION_STAYS, 2 * modulation_moves(*scores[-2:]))
     for number, rays in enumerate(tries[:-2]):
         if spots_move(scores[number], scores[-1]) <= allowed[0]:
             filled = [few.filled_in(many) for few, many in zip(rays, tries[-2], strict=True)]
@@ -744,8 +744,8 @@ def spot_of_copies(problem: Problem) -> Callable[[Lens, float], float]:
 
 # The loosest set of tolerances with which enough copies are good enough.
 
-LOOSEST, TIGHTEST = 10.0, 1e-3  # times what the specification says
-LEAST_COST = 1e-4  # of the worst: tolerances that cost less are treated alike
+_LOOSEST, _TIGHTEST = 10.0, 1e-3  # times what the specification says
+_LEAST_COST = 1e-4  # of the worst: tolerances that cost less are treated alike
 STEPS = 12  # of the bisection for the common factor, each a sample of copies
 
 
@@ -811,22 +811,22 @@ def loosest_set(
         cost[one.label] = max(cost[one.label], added if math.isfinite(added) else math.inf)
     adds = np.array([cost[one.label] for one in run.limits])
     worst = adds[np.isfinite(adds)].max(initial=0.0) or 1.0
-    shares = np.clip(np.where(np.isfinite(adds), adds, worst) / worst, LEAST_COST, 1.0) ** (-1 / 3)
+    shares = np.clip(np.where(np.isfinite(adds), adds, worst) / worst, _LEAST_COST, 1.0) ** (-1 / 3)
     judge, _, _ = _judge(spec, run.copies, _state(lens, spec)[1])
 
     def reached(scale: float) -> float:
-        values = run.copies.values * np.minimum(scale * shares, LOOSEST)[:, None]
+        values = run.copies.values * np.minimum(scale * shares, _LOOSEST)[:, None]
         merit = judge.scores(replace(run.copies, values=values), run.tolerances.refocus).by(run.rank_by)
         good = merit <= limit if by_spot else merit >= limit
         return share(int(np.count_nonzero(good)), len(good)).low
 
-    low, high = math.log(TIGHTEST), math.log(LOOSEST)
+    low, high = math.log(_TIGHTEST), math.log(_LOOSEST)
     if reached(math.exp(high)) * 100 >= percent:
         low = high
     for _ in range(0 if low == high else STEPS):
         middle = (low + high) / 2
         low, high = (middle, high) if 100 * reached(math.exp(middle)) >= percent else (low, middle)
-    factors = np.minimum(math.exp(low) * shares, LOOSEST)
+    factors = np.minimum(math.exp(low) * shares, _LOOSEST)
     entries = [alone(lens, spec, one, factor) for one, factor in zip(run.limits, factors.tolist(), strict=True)]
     given = spec.tolerances.model_dump(mode="json", exclude_none=True, exclude={"tolerances", "source"})
     kept = ("distribution", "sigmas", "copies", "seed", "refocus", "f_number", "focus_distance_m", "zoom", "merit")
@@ -975,8 +975,8 @@ def report(run: ToleranceRun) -> dict[str, Any]:
 
 # The chart of a tolerance run: how many copies are good enough, and which tolerances cost most.
 
-CHART_SIZE = (8.0, 7.6)  # inches
-OFFENDERS = 10
+_CHART_SIZE = (8.0, 7.6)  # inches
+_OFFENDERS = 10
 LIMITS = 101
 
 
@@ -984,7 +984,7 @@ LIMITS = 101
 def tolerance_chart(run: ToleranceRun) -> Figure:
     """Return the yield curve with its 95 % band, above the worst offenders."""
     tolerances = f" within {run.tolerances.name} tolerances" if run.tolerances.name else ""
-    figure = new_figure(f"{run.lens.name}: {run.copies.count} copies{tolerances}", CHART_SIZE)
+    figure = new_figure(f"{run.lens.name}: {run.copies.count} copies{tolerances}", _CHART_SIZE)
     parts = figure.subfigures(2, 1, squeeze=False, height_ratios=(5, 4))
     _draw_yield(parts[0, 0].add_subplot(), run)
     _draw_offenders(parts[1, 0].add_subplot(), run)
@@ -1011,7 +1011,7 @@ def _draw_offenders(axes: Axes, run: ToleranceRun) -> None:
     change = "spot with one tolerance at its limit, less the design's [µm]"
     if run.rank_by != "spot":
         change = "modulation with one tolerance at its limit, less the design's [%]"
-    worst = run.worst_offenders(OFFENDERS)[::-1]
+    worst = run.worst_offenders(_OFFENDERS)[::-1]
     changes = [scale * (one.spot_change_um if run.rank_by == "spot" else one.mtf_change) for one in worst]
     axes.barh([f"{one.label}, {one.direction}" for one in worst], changes, color=series(1))
     axes.set(xlabel=change)

@@ -89,8 +89,8 @@ def _check_specification(data: dict[str, Any], document: Document | None) -> Spe
 
 # What a specification means for a lens: each thing of it that may be off, by how much and by what distribution.
 
-FRINGE_MM = 632.8e-6 / 2  # of sag, against a test glass
-ARCMIN = math.pi / 180 / 60
+_FRINGE_MM = 632.8e-6 / 2  # of sag, against a test glass
+_ARCMIN = math.pi / 180 / 60
 HALF = 0.5  # of a radius, the most that may be off
 
 
@@ -244,7 +244,7 @@ def _deviation(lens: Lens, tolerance: Tolerance, item: _Item) -> tuple[Deviation
         case "radius_mm":
             return Deviation("radius", k, k), min(value * abs(surface.curvature), HALF), f"radius ±{value:g} mm"
         case "radius_fringes":
-            size = 2 * value * FRINGE_MM / surface.semi_diameter**2
+            size = 2 * value * _FRINGE_MM / surface.semi_diameter**2
             return Deviation("curvature", k, k), size, f"power ±{value:g} fringes"
         case "spacing_mm":
             size = min(value, abs(surface.thickness))
@@ -259,14 +259,14 @@ def _deviation(lens: Lens, tolerance: Tolerance, item: _Item) -> tuple[Deviation
             disperses = math.isfinite(abbe_number(surface.glass))
             return Deviation("abbe", k, k), value / 100 if disperses else None, f"Abbe number ±{value:g} %"
         case "wedge_arcmin":
-            return Deviation("tilt", k + 1, k + 1), value * ARCMIN, f"wedge {value:g}′"
+            return Deviation("tilt", k + 1, k + 1), value * _ARCMIN, f"wedge {value:g}′"
         case "wedge_um":
             angle = 1e-3 * value / (2 * lens.surfaces[k + 1].semi_diameter)
             return Deviation("tilt", k + 1, k + 1), angle, f"wedge {value:g} µm"
         case "decentre_mm":
             return Deviation("decentre", k, last), value, f"decentre {value:g} mm"
         case "tilt_arcmin":
-            return Deviation("tilt", k, last), value * ARCMIN, f"tilt {value:g}′"
+            return Deviation("tilt", k, last), value * _ARCMIN, f"tilt {value:g}′"
     return Deviation("tilt", k, last), 1e-3 * value / (2 * surface.semi_diameter), f"tilt {value:g} µm"
 
 

@@ -473,7 +473,7 @@ class WavefrontPool:
 
 SMALL = FilmLayout(16, 16, 0, 0, 16, 16)  # programs do not depend on the film's size
 MOST_BYTES = 1 << 16  # of each array of the scene
-MOST_WITH_PHOTONS = 1 << 26  # of each array, where photons look at the scene
+_MOST_WITH_PHOTONS = 1 << 26  # of each array, where photons look at the scene
 
 
 def _compile_plan(device: str, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> None:
@@ -495,7 +495,7 @@ def warm_up_denoiser(wavefront: Wavefront) -> None:
 
 def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> bytes | None:
     """Pickle `_compile_plan` and its arguments for `CompileServer.compile`; None where they cannot be sent."""
-    most = MOST_WITH_PHOTONS if plan.caustics.active else MOST_BYTES
+    most = _MOST_WITH_PHOTONS if plan.caustics.active else MOST_BYTES
     if plan.caustics.active and buffers.most_bytes > most:
         return None
     light = replace(

@@ -109,7 +109,7 @@ def heights(children: NDArray[np.int32], root: int, most: int) -> NDArray[np.uin
 BINS = 16  # per axis
 SWEEP = 32  # nodes of at most so many primitives are split exactly
 SMALL = {"cpu": 4096, "gpu": 1024}  # primitives that one work item takes on: what a core's cache holds; many for a GPU
-SMALL_FOR_SHORT_LOOPS = 64  # for a device that limits loops: sorting more might take it 65535 steps
+_SMALL_FOR_SHORT_LOOPS = 64  # for a device that limits loops: sorting more might take it 65535 steps
 GROUP = {"cpu": 1, "gpu": 32}  # work items per group: each has kilobytes of its own
 KERNELS = ("gather", "histogram", "partition", "subtree", "leaves", "search", "reinsert")
 FILES = [f"build/{name}.cl" for name in KERNELS]
@@ -138,18 +138,13 @@ class Builder:
     """
 
     def __init__(
-        self,
-        session: Session,
-        lower: NDArray[np.float32],
-        upper: NDArray[np.float32],
-        leaf_size: int,
-        max_depth: int,
+        self, session: Session, lower: NDArray[np.float32], upper: NDArray[np.float32], leaf_size: int, max_depth: int
     ) -> None:
         self.leaf_size = leaf_size
         self.max_depth = max_depth
         self._session = session
         self._program = build_program(session)
-        self._small = SMALL[session.kind] if session.loop_limit is None else SMALL_FOR_SHORT_LOOPS
+        self._small = SMALL[session.kind] if session.loop_limit is None else _SMALL_FOR_SHORT_LOOPS
         self._count = len(lower)
         self._shrink = np.float32(_scale_of(np.concatenate([lower.min(axis=0), upper.max(axis=0)])))
         self._boxes = session.allocate(32 * self._count)
@@ -233,7 +228,7 @@ def _scale_of(bounds: NDArray[np.float32]) -> float:
 # A better binary tree: nodes move to where the areas of the inner nodes sum up to less.
 
 ROUNDS = 4  # more gain less than 1 %
-MOST_MOVES = 1 << 16  # in a round, the best ones: they run one after the other, which takes a GPU long
+_MOST_MOVES = 1 << 16  # in a round, the best ones: they run one after the other, which takes a GPU long
 MOVES_OF_LAUNCH = 1 << 11  # a GPU that shows a screen, too, ends a launch that keeps it for seconds
 STEPS_OF_MOVE = 6 * 128  # at most: five ways up a tree, taken together with the loop over the moves
 
@@ -268,7 +263,7 @@ def reinsert(tree: _BinaryTree, max_depth: int, session: Session) -> _BinaryTree
         moving = np.flatnonzero(better_places >= 0)
         if len(moving) == 0:
             break
-        moving = moving[np.argsort(-gain[moving], kind="stable")][:MOST_MOVES]
+        moving = moving[np.argsort(-gain[moving], kind="stable")][:_MOST_MOVES]
         for part in np.array_split(moving, -(-len(moving) // most)):
             moves = {"nodes": session.upload(part.astype(np.int32)), "places": session.upload(better_places[part])}
             session.bind(program, "reinsert", **on_device, **moves, count=np.int32(len(part))).enqueue(1, 1)
@@ -786,12 +781,7 @@ MOST = 1 << 30  # primitives: places are int32
 
 
 def build_bvh(
-    lower: NDArray[np.float32],
-    upper: NDArray[np.float32],
-    *,
-    width: int = 8,
-    leaf_size: int = 8,
-    session: Session,
+    lower: NDArray[np.float32], upper: NDArray[np.float32], *, width: int = 8, leaf_size: int = 8, session: Session
 ) -> Bvh:
     """Return a tree over boxes; the same one for the same boxes, device and driver.
 

@@ -19,7 +19,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tree_build
 from rptcam_cl.rendering.plan.primitives import (
     VERTEX_FLOATS,
-    Movements,
+    ObjectMovements,
     PackedMeshes,
     Places,
     TriangleGroup,
@@ -84,7 +84,7 @@ _PRIMITIVES = Disk(
     pack=lambda tree: ({"nodes": tree[0], "order": tree[1]}, {"stack": tree[2]}),
     unpack=lambda arrays, facts: (arrays["nodes"], arrays["order"], facts["stack"]),
 )
-MOST_LEVELS = 32  # of nodes on the way of a ray that keeps its place in registers, `geometry/short_stack.h`
+_MOST_LEVELS = 32  # of nodes on the way of a ray that keeps its place in registers, `geometry/short_stack.h`
 BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
 LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
 
@@ -97,7 +97,7 @@ def primitive_tree(
     records: NDArray[np.void],
     kind_end: NDArray[np.int32],
     session: Session,
-    movements: Movements | None = None,
+    movements: ObjectMovements | None = None,
     *,
     on_disk: bool = True,
 ) -> DeviceTree | None:
@@ -275,8 +275,8 @@ def _pack(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
 # bounces on 300k triangles go 1.2 times as fast at 16 as at 8, and 1.5 times as fast at 8 as at 4. A GPU's thread takes
 # one box after the other, so that small nodes suit it; that is not measured.
 WIDTH = {"cpu": 16, "gpu": 4}
-BLOCK_ROWS = 10
-MESH_ROUNDING = (
+_BLOCK_ROWS = 10
+_MESH_ROUNDING = (
     1e-6  # of an instance's box, relative to its farthest coordinate: what a ray taken to the mesh may be off
 )
 
@@ -337,7 +337,7 @@ def mesh_trees(
     return MeshTrees(meshes, groups, _instance_tree(meshes, session), is_rough)
 
 
-def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | None = None) -> DeviceTree:
+def scene_trees(meshes: PackedMeshes, session: Session, movements: ObjectMovements | None = None) -> DeviceTree:
     """Return the trees of a scene's meshes as kernels walk them: `placed_triangles` and `placed_trees`."""
     trees = mesh_trees(meshes, session)
     arrays, facts = placed_trees(trees, session, movements)
@@ -368,7 +368,7 @@ def placed_vertices(meshes: PackedMeshes) -> NDArray[np.float32]:
 def placed_blocks(session: Session, before: Any, count: int, vertices: Any, triangles: Any) -> Any:
     """Return a buffer of ``count`` leaf blocks, made on the device from that of the same triangles elsewhere."""
     width = WIDTH[session.kind]
-    blocks = session.allocate(4 * BLOCK_ROWS * width * count)
+    blocks = session.allocate(4 * _BLOCK_ROWS * width * count)
     program = session.program(["build/fill_blocks.cl"], {"LEAF_WIDTH": width, "VERTEX_FLOATS": VERTEX_FLOATS}, "")
     given = {"before": before, "blocks": blocks, "vertices": vertices, "triangles": triangles}
     session.bind(program, "fill_blocks", **given, count=np.int32(count)).enqueue(-(-count // 64) * 64, 64)
@@ -376,7 +376,7 @@ def placed_blocks(session: Session, before: Any, count: int, vertices: Any, tria
     return blocks
 
 
-def placed_trees(trees: MeshTrees, session: Session, movements: Movements | None = None) -> DeviceTree:
+def placed_trees(trees: MeshTrees, session: Session, movements: ObjectMovements | None = None) -> DeviceTree:
     """Return nodes and instances as kernels walk them.
 
     ``nodes`` (n, 7, width) have rows min x, y, z, max x, y, z of the children, then the children as integers;
@@ -406,7 +406,7 @@ def placed_trees(trees: MeshTrees, session: Session, movements: Movements | None
         root, levels, stack = first_node, levels + above[0], stack + above[1]
     width = WIDTH[session.kind]
     facts = {"BVH_WIDTH": width, "LEAF_WIDTH": width, "BVH_STACK": tree_build.stack_size(stack)}
-    facts["SHORT_STACK"] = int(session.lanes == 1 and width == 4 and levels <= MOST_LEVELS)
+    facts["SHORT_STACK"] = int(session.lanes == 1 and width == 4 and levels <= _MOST_LEVELS)
     all_nodes = np.concatenate(nodes)
     low, high = all_nodes[root, :3].min(axis=1), all_nodes[root, 3:6].max(axis=1)
     corners = {
@@ -507,7 +507,7 @@ def _instance_tree(meshes: PackedMeshes, session: Session) -> tree_build.Bvh:
 
 
 def _instance_boxes(
-    meshes: PackedMeshes, movements: Movements | None
+    meshes: PackedMeshes, movements: ObjectMovements | None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the boxes of the instances that rays meet, about the eye."""
     shifts = np.array([group.shift for group in meshes.groups])
@@ -536,7 +536,7 @@ def _placed_boxes(linear: Array, offset: Array, low: Array, high: Array) -> tupl
     """Return the corners (n, 3) of boxes round boxes that are placed (n, 3, 3) and (n, 3), grown by rounding."""
     middle = (linear @ ((low + high) / 2)[..., None])[..., 0] + offset
     half = (np.abs(linear) @ ((high - low) / 2)[..., None])[..., 0]
-    half += MESH_ROUNDING * (np.abs(middle) + half).max(axis=1, keepdims=True)
+    half += _MESH_ROUNDING * (np.abs(middle) + half).max(axis=1, keepdims=True)
     return middle - half, middle + half
 
 

@@ -7,7 +7,10 @@ from benchmarks.gpu_compilers import LIMITS, TARGETS, beyond, compile_all, nvidi
 from benchmarks.gpu_tools import missing
 from rptcam_cl.core.files import kernels_dir
 
-SCENES = ("A", "A_lens", "B", "C", "first_light", "materials", "panning", "lens", "meshes", "media")
+SCENES = (
+    "A", "A_lens", "B", "C", "first_light", "materials", "panning", "lens", "meshes", "media", "hair", "many lamps",
+    "ring",
+)  # fmt: skip
 
 
 def test_warps_follow_from_registers_as_in_nvidias_table():

@@ -6,6 +6,7 @@ import pytest
 import rptcam_cl
 from benchmarks.scenes import reference_scene, render_samples, wavefront_of
 from rptcam_cl.core.errors import DeviceError
+from rptcam_cl.core.files import kernels_dir
 from rptcam_cl.device import programs, session
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
@@ -139,6 +140,11 @@ def test_divisors_and_roots_are_off_by_a_unit_but_constants_are_not():
     assert text.endswith("x = a / off((b + c).y) / 2.0f / SIZE / off(-d[i / off(j)]) + near_sqrt(e);  ")
 
 
+def test_division_can_be_simulated_in_every_kernel():
+    for path in kernels_dir().glob("*/*.[hc]*"):
+        approximate(path.read_text(encoding="utf-8"))  # raises where a divisor ends in another line
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["A", "A_lens", "B", "C"])
 def test_pictures_survive_the_division_of_gpus(name, as_gpus_compute):
@@ -169,7 +175,8 @@ def test_rays_whose_short_stack_is_shorter_meet_the_same(entries, monkeypatch):
 
     def shorter(files, facts, *given, library_arch):
         seen.append(facts.get("SHORT_STACK"))
-        return exact(files, facts | {"SHORT_ENTRIES": entries}, *given, library_arch=library_arch)
+        fewer = {"SHORT_ENTRIES": entries, "PLACES_HELD": entries}
+        return exact(files, facts | fewer, *given, library_arch=library_arch)
 
     monkeypatch.setattr(session, "assemble", shorter)
     np.testing.assert_array_equal(taken(FAST, Session(choose_device(None))), five)

@@ -712,6 +712,37 @@ def rendered_layers(folder):
     return channels, file.header()
 
 
+def test_passes_of_light_groups_are_those_of_cycles(tmp_path):
+    """Means within 1 %; a lamp in no group is in no pass, a group without lamps is black."""
+    import integrations.blender
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene()
+        cycles.add("plane", cycles.material(), size=40)
+        glow = cycles.shader("ShaderNodeEmission", Strength=20.0)
+        glowing = cycles.add("uv_sphere", glow, radius=0.2, location=(1, 0, 1))
+        key = cycles.add_lamp("POINT", (-1, -1, 3), 300, shadow_soft_size=0.1)
+        cycles.add_lamp("SPOT", (2, -1, 4), 300, shadow_soft_size=0.0, spot_size=1.0)
+        sky = cycles.world((0.1, 0.2, 0.4))
+        layer = scene.view_layers[0]
+        for name in ("key light", "rest", "none"):
+            layer.lightgroups.add().name = name
+        key.lightgroup, glowing.lightgroup, sky.lightgroup = "key light", "rest", "rest"
+        scene.render.engine, scene.rptcam.samples, scene.rptcam.caustics = "RPTCAM", 256, "off"
+        ours, _ = rendered_layers(tmp_path)
+        cycles.of_cycles(tmp_path, 256)
+        theirs, _ = rendered_layers(tmp_path)
+        for name in ("Combined_key light", "Combined_rest"):
+            assert ours[name].mean((0, 1)) == pytest.approx(theirs[name].mean((0, 1)), rel=0.01), name
+        assert ours["Combined_none"].max() == 0
+        whole = sum(ours[name].mean((0, 1)) for name in ("Combined_key light", "Combined_rest"))
+        assert (whole < ours["Combined"].mean((0, 1))[:3] * 0.96).all()  # the spot is in no group
+    finally:
+        integrations.blender.unregister()
+
+
 @pytest.mark.parametrize("blurred", [False, True])
 def test_vector_pass_has_the_pixels_that_a_cube_moves(blurred, tmp_path):
     """Beside closed form and, without blur, Cycles; the front face is 5.5 units away."""

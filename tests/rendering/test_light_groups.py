@@ -87,6 +87,13 @@ def test_passes_have_the_bits_of_the_stream(picture, monkeypatch):
     assert all(np.array_equal(passes[name], picture[name]) for name in picture.layers)
 
 
+def test_a_denoised_film_keeps_the_layers(picture):
+    pytest.importorskip("pyoidn")
+    smooth = rc.render(SCENE, denoise=True, layers=["depth", "lights"])
+    assert [*smooth.layers] == ["depth", *picture.layers]
+    assert np.array_equal(smooth["lights.fill"], picture["lights.fill"])
+
+
 def test_parts_of_the_samples_merge_to_the_layers(picture, tmp_path):
     parts = [tmp_path / f"{first}.rpck" for first in (0, 32)]
     for first, path in zip((0, 32), parts, strict=True):

@@ -374,10 +374,10 @@ def _number(value: float | str | None) -> float:
 
 # The scale on the ring that focuses a lens: how far it turns, and what moves, for each distance that is engraved.
 
-ENGRAVED = (1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 7.0)  # times powers of ten [m]
+_ENGRAVED = (1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 7.0)  # times powers of ten [m]
 NEAREST = 10.0  # focal lengths: the end of the scale of a lens of which nothing says how near it focuses
 APART = 0.02  # of the throw, between two marks
-FEET = 0.3048
+_FEET = 0.3048
 
 
 def _nearest_focus_mm(lens: Lens, wavelength_nm: float) -> float:
@@ -398,7 +398,7 @@ def _nearest_focus_mm(lens: Lens, wavelength_nm: float) -> float:
 def _engraved_distances(nearest_m: float) -> list[float]:
     """Return distances from the object to the film that a scale may have, from infinity to the nearest [m]."""
     low = math.floor(math.log10(nearest_m))
-    steps = [round(step * 10.0**power, 12) for power in range(low + 3, low - 1, -1) for step in reversed(ENGRAVED)]
+    steps = [round(step * 10.0**power, 12) for power in range(low + 3, low - 1, -1) for step in reversed(_ENGRAVED)]
     return [math.inf, *(step for step in steps if step > 1.02 * nearest_m), nearest_m]
 
 
@@ -443,7 +443,7 @@ def focus_scale(
             rows.append({
                 "zoom": name,
                 "focus_distance_m": distance if math.isfinite(distance) else None,
-                "focus_distance_ft": distance / FEET if math.isfinite(distance) else None,
+                "focus_distance_ft": distance / _FEET if math.isfinite(distance) else None,
                 "turn_degrees": turn,
                 "travel_mm": shift,
                 "film_distance_mm": film,

@@ -173,16 +173,16 @@ def _through(
 
 Mask = NDArray[np.bool_]
 
-NUDGE_MM = 1e-3  # by which a ray starts beside a point of the film, to see where that leads
-MET_MM = 1e-9  # of the film, within which a ray of a source is found
+_NUDGE_MM = 1e-3  # by which a ray starts beside a point of the film, to see where that leads
+_MET_MM = 1e-9  # of the film, within which a ray of a source is found
 NEWTON = 12
-PUPIL_ACROSS = 144  # cells across the opening
-FIRST_ACROSS = 48  # of the search for it
+_PUPIL_ACROSS = 144  # cells across the opening
+_FIRST_ACROSS = 48  # of the search for it
 WIDER = (64.0, 16.0, 4.0)  # times the stop, through which an opening is found that no direction of the search meets
 FINER = 4  # points across a cell that the edge runs through
 CORNERS = 1024  # of an outline
 HALVINGS = 24  # that find each
-SAME_AREA = 0.02  # within which an outline and the cells inside it are one opening
+_SAME_AREA = 0.02  # within which an outline and the cells inside it are one opening
 
 OpenTo = Callable[..., Mask]
 """Finds which directions (n, 2), as cosines, are open to a point of the film, or each to a point (n, 2) of its own."""
@@ -207,7 +207,7 @@ class Arrivals:
     density: Array
 
 
-Arrive = Callable[[Array, Array, float, Array], Arrivals]
+_Arrive = Callable[[Array, Array, float, Array], Arrivals]
 """Of a film point [mm], a source [mm] in the frame of the lens, a wavelength [nm] and directions (n, n, 2)."""
 
 
@@ -262,10 +262,10 @@ class FilmPupils:
     directions: Callable[[Array], tuple[OpenTo, Array]]
     index: float
     radius_mm: float
-    arrive: Arrive
+    arrive: _Arrive
     pupil_mm: float
 
-    def __call__(self, point: Array, across: int = PUPIL_ACROSS) -> FilmPupil:
+    def __call__(self, point: Array, across: int = _PUPIL_ACROSS) -> FilmPupil:
         """Return the opening as a grid of so many cells each way.
 
         Raises
@@ -286,13 +286,13 @@ class FilmPupils:
         middle = np.array([share.sum(axis=0) @ grid.cosines_x, share.sum(axis=1) @ grid.cosines_y])
         angles = 2 * np.pi * (np.arange(CORNERS) + 0.5) / CORNERS
         towards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        near, far = np.zeros(CORNERS), np.full(CORNERS, grid.step * PUPIL_ACROSS * np.sqrt(2))
+        near, far = np.zeros(CORNERS), np.full(CORNERS, grid.step * _PUPIL_ACROSS * np.sqrt(2))
         for _ in range(HALVINGS):
             half = (near + far) / 2
             inside = opens(middle + half[:, None] * towards)
             near, far = np.where(inside, half, near), np.where(inside, far, half)
         area = 0.5 * np.sin(2 * np.pi / CORNERS) * float(near @ np.roll(near, -1))
-        if abs(area / (grid.coverage.sum() * grid.step**2) - 1) > SAME_AREA:
+        if abs(area / (grid.coverage.sum() * grid.step**2) - 1) > _SAME_AREA:
             return None
         return np.asarray(middle + near[:, None] * towards)
 
@@ -356,19 +356,19 @@ def _traced_arrivals(lens: Lens, film_z: float, point: Array, source: Array, nm:
         return rays, np.where(rays.passed[:, None], there, np.nan)
 
     middle = int(np.argmin(np.sum((flat - flat.mean(axis=0)) ** 2, axis=1)))
-    moved = np.asarray(point) + NUDGE_MM * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    moved = np.asarray(point) + _NUDGE_MM * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     _, there = trace(moved, np.repeat(back[middle : middle + 1], 3, axis=0))
     try:
-        inverse = np.linalg.inv((there[1:] - there[0]).T / NUDGE_MM)
+        inverse = np.linalg.inv((there[1:] - there[0]).T / _NUDGE_MM)
     except np.linalg.LinAlgError:
         inverse = np.full((2, 2), np.nan)
     for _ in range(NEWTON):
         rays, there = trace(places, back)
         step = (source[:2] - there) @ inverse.T
-        if not np.nanmax(np.abs(step), initial=0.0) > MET_MM:
+        if not np.nanmax(np.abs(step), initial=0.0) > _MET_MM:
             break
         places = places + np.where(np.isfinite(step), step, 0.0)
-    met = inside & rays.passed & (np.abs(step).max(axis=1, initial=0.0) < 1e3 * MET_MM)
+    met = inside & rays.passed & (np.abs(step).max(axis=1, initial=0.0) < 1e3 * _MET_MM)
     to_source = source - rays.origins
     path = rays.optical_path + lens.indices(nm)[0] * np.einsum("ij,ij->i", to_source, rays.directions)
     path += lens.indices(nm)[-1] * np.einsum("ij,ij->i", point - places, -back[:, :2])
@@ -452,7 +452,7 @@ def flat_pupils(
     return FilmPupils(seen, index, radius_mm, arrive, -sense / slopes[0] if slopes[0] else np.inf)
 
 
-def _pupil(opens: OpenTo, box: Array, index: float, across: int = PUPIL_ACROSS) -> FilmPupil:
+def _pupil(opens: OpenTo, box: Array, index: float, across: int = _PUPIL_ACROSS) -> FilmPupil:
     """Return the opening that lies within a box (middle, half width) of cosines."""
     for _ in range(4):  # a small opening behind a large rear surface is found step by step
         inside, before = _open_directions(opens, box), box
@@ -474,13 +474,13 @@ def _pupil(opens: OpenTo, box: Array, index: float, across: int = PUPIL_ACROSS) 
 
 def _open_directions(opens: OpenTo, box: Array) -> Array:
     """Return those of some directions (n, 2) over a box that are open."""
-    points = np.stack(np.meshgrid(*_axes(box, FIRST_ACROSS)), axis=-1).reshape(-1, 2)
+    points = np.stack(np.meshgrid(*_axes(box, _FIRST_ACROSS)), axis=-1).reshape(-1, 2)
     return np.asarray(points[opens(points)])
 
 
 def _about(inside: Array, box: Array) -> Array:
     """Return the box about directions that `_open_directions` returns, with room of a step."""
-    x, _ = _axes(box, FIRST_ACROSS)
+    x, _ = _axes(box, _FIRST_ACROSS)
     return _square_about(inside, step=float(x[1] - x[0]))
 
 

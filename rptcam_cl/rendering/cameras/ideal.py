@@ -39,8 +39,8 @@ from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
-SPECK_CORNERS = 9
-RAGGED = 0.3  # how far corners of a speck lie beside its circle, in its radius
+_SPECK_CORNERS = 9
+_RAGGED = 0.3  # how far corners of a speck lie beside its circle, in its radius
 MOST = 1000  # specks, and scratches; of more the largest count
 ALONG = 65  # places along a scratch that are looked at
 ROOM = 0.999  # share of the outline's radius that dirt lies within
@@ -102,12 +102,12 @@ def _sizes(drawn: Array) -> Array:
 
 def _specks(dirt: Dirt, radius_mm: float) -> list[Array]:
     """Return the corners of ragged specks about the middle [mm]."""
-    at, drawn = _spread(dirt.dust_per_mm2, radius_mm, dirt.seed, 3 + SPECK_CORNERS)
+    at, drawn = _spread(dirt.dust_per_mm2, radius_mm, dirt.seed, 3 + _SPECK_CORNERS)
     radii = 0.5e-3 * dirt.dust_um * _sizes(drawn)
-    angles = 2 * np.pi * np.arange(SPECK_CORNERS) / SPECK_CORNERS
+    angles = 2 * np.pi * np.arange(_SPECK_CORNERS) / _SPECK_CORNERS
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     chosen = np.sort(np.argsort(-radii, kind="stable")[:MOST])
-    return [at[k] + (radii[k] * (1 + RAGGED * (2 * drawn[k, 3:] - 1)))[:, None] * ring for k in chosen]
+    return [at[k] + (radii[k] * (1 + _RAGGED * (2 * drawn[k, 3:] - 1)))[:, None] * ring for k in chosen]
 
 
 def _scratches(dirt: Dirt, radius_mm: float) -> list[tuple[Array, Array]]:
@@ -139,11 +139,11 @@ def _clipped(line: tuple[Array, Array], dirt: Dirt, rim: tuple[Array, Array]) ->
 
 # The shape of an aperture for the device: tables to draw points of a thin lens from, or the shape of a stop.
 
-LARGEST_MASK = 512  # pixels along a side
+_LARGEST_MASK = 512  # pixels along a side
 LARGEST_FILE = 16_000_000  # bytes
 
 # What Pillow raises on damaged pictures.
-DAMAGED = (OSError, SyntaxError, ValueError, TypeError, KeyError, IndexError, EOFError, OverflowError, MemoryError,
+_DAMAGED = (OSError, SyntaxError, ValueError, TypeError, KeyError, IndexError, EOFError, OverflowError, MemoryError,
            struct.error, zlib.error)  # fmt: skip
 
 
@@ -214,13 +214,13 @@ def _mask(scene: Scene, aperture: ImageAperture) -> NDArray[np.bool_]:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             with Image.open(io.BytesIO(content), formats=["PNG", "JPEG", "TIFF"]) as picture:
-                if picture.width != picture.height or picture.width > LARGEST_MASK:
+                if picture.width != picture.height or picture.width > _LARGEST_MASK:
                     raise InputError(
                         f"{where}: is {picture.width} x {picture.height} pixels"
-                        f" (allowed: square, at most {LARGEST_MASK} x {LARGEST_MASK})"
+                        f" (allowed: square, at most {_LARGEST_MASK} x {_LARGEST_MASK})"
                     )
                 grey = np.asarray(picture.convert("L"))
-    except (*DAMAGED, UnidentifiedImageError, Image.DecompressionBombError, Warning) as problem:
+    except (*_DAMAGED, UnidentifiedImageError, Image.DecompressionBombError, Warning) as problem:
         raise InputError(f"{where}: is not a readable PNG, JPEG or TIFF picture ({problem})") from None
     cells = grey > 127
     if not cells.any():
@@ -239,7 +239,7 @@ def thin_lens_blur(scene: Scene, gain: float, focus: float, film_distance_m: flo
 
 # The thick lens: what the cardinal points and the pupils of a lens say, and nothing of its aberrations and rims.
 
-AT_THE_PUPIL = 1e-9  # distance from film to exit pupil, as a share of the film distance, that counts as none
+_AT_THE_PUPIL = 1e-9  # distance from film to exit pupil, as a share of the film distance, that counts as none
 
 
 @dataclass(frozen=True)
@@ -305,7 +305,7 @@ def thick_lens_of(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> 
     to_film = np.array([[1.0, film_distance_mm / n_film], [0.0, 1.0]])
     (at, along), (_, turn) = (to_film @ system_matrix(lens, wavelength_nm, stop)).tolist()
     (a, b), (c, d) = system_matrix(lens, wavelength_nm, 0, stop, refract_last=False).tolist()
-    if abs(along) <= AT_THE_PUPIL * film_distance_mm:
+    if abs(along) <= _AT_THE_PUPIL * film_distance_mm:
         raise InputError(f"{lens.name}: its exit pupil lies on the film, {film_distance_mm:g} mm behind the lens")
     return ThickLens(
         film_slope=(turn / along / n_film, -radius / along / n_film),

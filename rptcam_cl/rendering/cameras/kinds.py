@@ -80,7 +80,7 @@ Array = NDArray[np.float64]
 Windows = Sequence[Window]
 
 F_NUMBERS = (0.5, 64.0)  # of an ideal lens
-NARROWEST = 32.0  # f-number that a stop closes to, or two stops beyond the widest
+_NARROWEST = 32.0  # f-number that a stop closes to, or two stops beyond the widest
 
 
 @dataclass(frozen=True)
@@ -434,7 +434,7 @@ class _LensOfSurfaces(CameraOptics):
         widest = lens.first_order(self.camera.wavelength_nm).f_number
         if not math.isfinite(widest):
             return F_NUMBERS
-        return (widest, widest) if lens.stop is None else (widest, max(NARROWEST, 4 * widest))
+        return (widest, widest) if lens.stop is None else (widest, max(_NARROWEST, 4 * widest))
 
     def perspective(self) -> Perspective | None:
         setting = self.setting

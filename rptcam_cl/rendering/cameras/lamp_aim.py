@@ -25,13 +25,13 @@ from rptcam_cl.rendering.cameras.setting import CameraMetadata
 
 Array = NDArray[np.float64]
 
-SCANT_ACROSS = 4  # rays across the pupil for whether a lamp is worth more
+_SCANT_ACROSS = 4  # rays across the pupil for whether a lamp is worth more
 ACROSS, FEW_ACROSS = 16, 12  # rays across the pupil for the middle of a lamp, and for its edges and other colours
-DEGREE = 5  # of the polynomials
+_DEGREE = 5  # of the polynomials
 CELLS = 12  # across the pupil, each with a ray or more where it is open
 AT_ONCE = 32  # lamps whose rays are traced together
 FEWEST = 40  # rays that a lamp needs
-LARGEST_ERROR = (
+_LARGEST_ERROR = (
     0.15  # of a polynomial, in radii of the pupil: beyond it, a film point sees a lamp through several places
 )
 
@@ -61,7 +61,7 @@ class SeenLamp:
 class Polynomial:
     """The polynomial in a point (n, 2) that is fitted to values (n, k)."""
 
-    def __init__(self, points: Array, values: Array, degree: int = DEGREE) -> None:
+    def __init__(self, points: Array, values: Array, degree: int = _DEGREE) -> None:
         self._degree = degree
         self._middle = points.mean(axis=0)
         self._scale = np.maximum(np.abs(points - self._middle).max(axis=0), np.finfo(np.float64).tiny)
@@ -176,7 +176,7 @@ def _near(points: Array, reach: LampReach) -> Array:
     """Return where the middles and the first ends of lamps (n, 3, 3) are seen; of the ends where a middle is."""
     near = np.zeros((*points.shape[:2], *NEAR))
     near[:, 0] = reach.near(points[:, 0], None)
-    seen = np.flatnonzero(reach.rays(points[:, 0], SCANT_ACROSS, None, near[:, 0]).passed.any(axis=1))
+    seen = np.flatnonzero(reach.rays(points[:, 0], _SCANT_ACROSS, None, near[:, 0]).passed.any(axis=1))
     near[seen, 1:] = reach.near(points[seen, 1:].reshape(-1, 3), None).reshape(-1, 2, *NEAR)
     return near
 
@@ -193,7 +193,7 @@ def _parts_of_pupil(points: Array, near: Array, reach: LampReach) -> Array:
     near
         Where they are seen through the lens, as `LampReach.near` has it.
     """
-    rays = reach.rays(points.reshape(-1, 3), SCANT_ACROSS, None, near.reshape(-1, *NEAR))
+    rays = reach.rays(points.reshape(-1, 3), _SCANT_ACROSS, None, near.reshape(-1, *NEAR))
     if not rays.passed.any():
         return np.zeros(len(points))
     film, passed = rays.film.reshape(*points.shape[:2], -1, 2), rays.passed.reshape(*points.shape[:2], -1)
@@ -222,7 +222,7 @@ def _fit(rays: Reached, ends: Reached, colours: Sequence[Reached]) -> LampFit | 
     edges = [_fitted(*each) for each in zip(ends.film, ends.pupil, ends.passed, strict=True)]
     by_colour = tuple(_fitted(r.film[0], r.pupil[0], r.passed[0]) for r in colours) or None
     fit = LampFit(middle, ((edges[0], edges[2]), (edges[1], edges[3])), by_colour, film, pupil)  # type: ignore[arg-type]
-    return None if middle.error > LARGEST_ERROR * fit.pupil_radius else fit
+    return None if middle.error > _LARGEST_ERROR * fit.pupil_radius else fit
 
 
 def _fitted(film: Array, pupil: Array, passed: NDArray[np.bool_]) -> Polynomial:
@@ -230,16 +230,16 @@ def _fitted(film: Array, pupil: Array, passed: NDArray[np.bool_]) -> Polynomial:
 
 
 LAMP = 18  # floats of a lamp in a block
-LARGEST_PART = 0.15  # of the pupil: a lamp that fills more is found by other rays
-FAR_TOO_LARGE = 2.5  # times that part, by a few rays: such a lamp is not examined closer
-LARGEST_AIM = 0.4  # of the pupil that rays at a lamp are spread over
-AIM_WIDER = 1.05  # than a lamp's part of the pupil is found to be
-MOST_SHARE = 0.7  # of the rays of a film point
+_LARGEST_PART = 0.15  # of the pupil: a lamp that fills more is found by other rays
+_FAR_TOO_LARGE = 2.5  # times that part, by a few rays: such a lamp is not examined closer
+_LARGEST_AIM = 0.4  # of the pupil that rays at a lamp are spread over
+_AIM_WIDER = 1.05  # than a lamp's part of the pupil is found to be
+_MOST_SHARE = 0.7  # of the rays of a film point
 DIM = 0.02  # value of the film that a lamp's disk has to be bright against
 MOST_ENTRIES = 20_000
-SEEN_NM = (440.0, 650.0)  # between which colours are taken as a line
-COLOURS = tuple(DISPERSION_SCALE / nm - DISPERSION_SHIFT for nm in SEEN_NM)
-MOST_BLOCKS = 1_000_000  # of a film
+_SEEN_NM = (440.0, 650.0)  # between which colours are taken as a line
+COLOURS = tuple(DISPERSION_SCALE / nm - DISPERSION_SHIFT for nm in _SEEN_NM)
+_MOST_BLOCKS = 1_000_000  # of a film
 REMEMBERED = 8  # states of camera and lamps whose places are remembered
 GRID = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), axis=-1).reshape(9, 2)  # of a block
 
@@ -317,7 +317,7 @@ class _Blocks:
 def _fine_enough(blocks: _Blocks, fits: Sequence[LampFit]) -> _Blocks:
     """Return the smallest blocks whose tables are not too large: at best single pixels."""
     entries, shift = sum(map(blocks.area, fits)), 0
-    while entries > MOST_ENTRIES * 4**shift or np.prod(blocks.counts) > MOST_BLOCKS * 4**shift:
+    while entries > MOST_ENTRIES * 4**shift or np.prod(blocks.counts) > _MOST_BLOCKS * 4**shift:
         shift += 1
     return replace(blocks, shift=shift)
 
@@ -336,7 +336,7 @@ class _Entries:
         return _Entries(self.blocks[keep], self.floats[keep], self.part[keep], self.entry[keep])
 
 
-NO_ENTRIES = _Entries(np.zeros(0, np.int64), np.zeros((0, LAMP)), np.zeros(0), np.zeros((0, 9, 2)))
+_NO_ENTRIES = _Entries(np.zeros(0, np.int64), np.zeros((0, LAMP)), np.zeros(0), np.zeros((0, 9, 2)))
 
 
 def _nine(grid: Array, which: NDArray[np.intp], flips: tuple[bool, bool]) -> Array:
@@ -365,7 +365,7 @@ def _polar(m: Array) -> tuple[Array, Array]:
 def _entries(lamp: SeenLamp, fit: LampFit, blocks: _Blocks) -> _Entries:
     columns, rows = blocks.touched(fit)
     if not (len(columns) and len(rows)):
-        return NO_ENTRIES
+        return _NO_ENTRIES
     x, y = blocks.places(columns, rows)
 
     def at_middles(polynomial: Polynomial) -> Array:
@@ -376,9 +376,9 @@ def _entries(lamp: SeenLamp, fit: LampFit, blocks: _Blocks) -> _Entries:
     parts = np.moveaxis((ends[:, 0] - ends[:, 1]) / 2, 0, -1)
     full, pupil_area, pupil_middle = np.pi if lamp.is_round else 4.0, fit.pupil_area, fit.pupil_middle
     part = full * np.abs(_determinants(parts)) / pupil_area
-    which = np.flatnonzero(part < LARGEST_PART)
+    which = np.flatnonzero(part < _LARGEST_PART)
     if not len(which):
-        return NO_ENTRIES
+        return _NO_ENTRIES
     part, parts, ends = part[which], parts[which], ends[:, :, which]
     # The place in the pupil as an affine map of the film point, and what it leaves out at the corners.
     about = _nine(fit.middle.on_grid(x, y), which, (x[0] > x[-1], y[0] > y[-1]))
@@ -399,7 +399,7 @@ def _entries(lamp: SeenLamp, fit: LampFit, blocks: _Blocks) -> _Entries:
         at = (first + second) / 2 - shift * sum(COLOURS) / 2
     # The lamp's part of the pupil, wide enough for that.
     factors, largest = _polar(parts)
-    widened = parts * AIM_WIDER + margin[:, None, None] * factors
+    widened = parts * _AIM_WIDER + margin[:, None, None] * factors
     taken = full * np.abs(_determinants(widened)) / pupil_area
     beyond = largest + margin
     radius = fit.pupil_radius * 1.03 + beyond
@@ -412,7 +412,7 @@ def _entries(lamp: SeenLamp, fit: LampFit, blocks: _Blocks) -> _Entries:
         np.where(everywhere.all(axis=1), 0.0, beyond),
     ])  # fmt: skip
     numbers = (rows[:, None] * blocks.counts[0] + columns).ravel()[which]
-    return _Entries(numbers, floats, part, entry).kept(np.flatnonzero(some.any(axis=1) * (taken < LARGEST_AIM)))
+    return _Entries(numbers, floats, part, entry).kept(np.flatnonzero(some.any(axis=1) * (taken < _LARGEST_AIM)))
 
 
 def _determinants(m: Array) -> Array:
@@ -450,12 +450,7 @@ class _LampTables:
 
 
 def aimed_at_lamps(
-    camera: CameraModel,
-    lamps: Sequence[SeenLamp],
-    shows: Shows,
-    sights: str | None = None,
-    *,
-    on_disk: bool = True,
+    camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str | None = None, *, on_disk: bool = True
 ) -> CameraModel:
     """Return the camera with tables that aim some of its rays at lamps out of focus; its metadata say at how many.
 
@@ -489,7 +484,7 @@ def aimed_at_lamps(
     )
 
 
-NO_LAMPS = _LampTables(np.zeros(0, np.float32), 0, (0, 0), 0)
+_NO_LAMPS = _LampTables(np.zeros(0, np.float32), 0, (0, 0), 0)
 
 
 _Seen = tuple[_Blocks, list[tuple[int, _Entries]]]  # where the film sees which lamps, by number, whatever they emit
@@ -523,10 +518,10 @@ def _places(lamps: Sequence[SeenLamp]) -> tuple[object, ...]:
 
 def _fits(camera: CameraModel, reach: LampReach, lamps: Sequence[SeenLamp]) -> dict[int, LampFit]:
     """Return how lamps are seen: found once for places and a lens, whatever the size of the film."""
-    colours_nm = SEEN_NM if camera.bends_colours else None
+    colours_nm = _SEEN_NM if camera.bends_colours else None
     key = content_name(reach.made_of), colours_nm, _places(lamps)
     return _small_lamp_fits.find_or_make(
-        key, lambda: fits_of_small(lamps, reach, colours_nm, FAR_TOO_LARGE * LARGEST_PART)
+        key, lambda: fits_of_small(lamps, reach, colours_nm, _FAR_TOO_LARGE * _LARGEST_PART)
     )
 
 
@@ -545,7 +540,7 @@ def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> _Lam
     """Return the tables for lamps that emit so much."""
     blocks, shown = seen
     if not shown:
-        return NO_LAMPS
+        return _NO_LAMPS
     assert camera.reach is not None
     per_radiance = float(camera.record[0]["exposure"]) * camera.axial_weight
     values = np.concatenate([entries.part * lamps[number].radiance * per_radiance for number, entries in shown])
@@ -574,7 +569,7 @@ def _packed(numbers: NDArray[np.int64], floats: Array, values: Array, blocks: _B
     """Return places and counts of all blocks, and behind them their lamps, each with its share of the rays."""
     count = int(np.prod(blocks.counts))
     sums = np.bincount(numbers, values, count)
-    floats[:, 0] = MOST_SHARE * values / (DIM + sums[numbers])
+    floats[:, 0] = _MOST_SHARE * values / (DIM + sums[numbers])
     order = np.argsort(numbers, kind="stable")
     counts = np.bincount(numbers, minlength=count)
     places = 1 + 2 * count + LAMP * (np.cumsum(counts) - counts)

@@ -39,12 +39,12 @@ Array = NDArray[np.float64]
 
 NODES = 48
 ENOUGH = 1e-8  # error of an index ratio that float32 does not see
-ENOUGH_IN_DOUBLE = 1e-13
+_ENOUGH_IN_DOUBLE = 1e-13
 EXTREMES_NM = (440.0, 640.0)  # between which nine tenths of what the eye sees in daylight lies
-ALL_BUT = 0.9  # share of the light whose colours fall no farther from their place
+_ALL_BUT = 0.9  # share of the light whose colours fall no farther from their place
 FEWEST, MANY, MOST = 1024, 4096, 16384  # rays that it is sought by, and that tell how well it is known
 STAYS = 0.005  # share of it that its sampling error may be
-CLEARLY = 4  # sampling errors off a bound, from which it needs to be known no better
+_CLEARLY = 4  # sampling errors off a bound, from which it needs to be known no better
 WIDER = 1.2  # radii of the exit pupil that rays aim at, as it grows and moves off the axis
 LATTICE = np.array([1, 182667, 469891, 498753])  # Cools, Kuo and Nuyens 2006
 FAR_MM = 1e9  # object plane where none is sharp
@@ -97,7 +97,7 @@ def _fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> 
     indices = lens.indices(wavelengths)
     ratios = (indices[1:] / indices[:-1])[::-1] if backwards else indices[:-1] / indices[1:]
     double = records["eta"].dtype == np.float64
-    polynomials = fewest_terms(ratios, wavelengths, ENOUGH_IN_DOUBLE if double else ENOUGH)
+    polynomials = fewest_terms(ratios, wavelengths, _ENOUGH_IN_DOUBLE if double else ENOUGH)
     for record, ratio, coefficients in zip(records, ratios, polynomials, strict=True):
         record["dispersion"][: len(coefficients)] = coefficients
         if record["refracts"] >= 0:
@@ -147,10 +147,10 @@ def colour_error_px(
         if len(apart) < 4:  # next to nothing passes
             error, spread = float(apart.max(initial=0.0)), np.inf
         else:
-            error = float(np.quantile(apart, ALL_BUT, axis=0).max())
-            quarters = [np.quantile(part, ALL_BUT, axis=0).max() for part in np.array_split(apart, 4)]
+            error = float(np.quantile(apart, _ALL_BUT, axis=0).max())
+            quarters = [np.quantile(part, _ALL_BUT, axis=0).max() for part in np.array_split(apart, 4)]
             spread = float(np.std(quarters, ddof=1)) / 2
-        is_clear = bound_px is not None and abs(error - bound_px) > CLEARLY * spread
+        is_clear = bound_px is not None and abs(error - bound_px) > _CLEARLY * spread
         if traced >= MOST or is_clear or (traced >= MANY and spread <= STAYS * error):
             return error, min(spread, error)
 
@@ -367,7 +367,7 @@ def _facts(lens: Lens, records: NDArray[np.void]) -> dict[str, int]:
 
 # A way of light between the surfaces of a lens as device records, in the order in which light meets them.
 
-GHOST_FACTS = {"LENS_MIRROR": 1, "LENS_POLARISED": 1, "LENS_DISPERSION": 0}
+_GHOST_FACTS = {"LENS_MIRROR": 1, "LENS_POLARISED": 1, "LENS_DISPERSION": 0}
 
 
 def ghost_setting(scene: Scene) -> LensSetting:
@@ -411,7 +411,7 @@ class WayRecords:
         onward = lens_records(lens, wavelength_nm, "scene", 0.0, transmission=transmission)
         back = lens_records(lens, wavelength_nm, "film", 0.0, transmission=transmission)
         facts = {name: max(value, back.facts[name]) for name, value in onward.facts.items()}
-        return WayRecords(lens, onward.surfaces, back.surfaces[::-1], onward.stop, facts | GHOST_FACTS)
+        return WayRecords(lens, onward.surfaces, back.surfaces[::-1], onward.stop, facts | _GHOST_FACTS)
 
     def way(self, turns: tuple[int, ...]) -> NDArray[np.void]:
         """Return the records that light meets, reflected at the surfaces of `turns` in order."""

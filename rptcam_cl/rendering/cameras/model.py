@@ -47,10 +47,10 @@ from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
-BLUR_NODES = 11  # across and down the film
+_BLUR_NODES = 11  # across and down the film
 # Of a tilted film, whose blur vanishes along a line: squares of it lie between nodes linearly, so that its least value
 # is what the tilt makes of half a step.
-FINE_NODES = 129
+_FINE_NODES = 129
 FAR_FOCAL_LENGTHS = 25.0  # distance that the table is fitted at when the focus lies at infinity
 
 
@@ -85,7 +85,7 @@ def film_depths(scene: Scene) -> Array:
     frame = film_frame(scene.camera)
     if frame.is_flat:
         return np.zeros((1, 1))
-    return frame.depth(frame.grid(half_film_mm(scene), FINE_NODES))
+    return frame.depth(frame.grid(half_film_mm(scene), _FINE_NODES))
 
 
 def perfect_blur(gains: Array, focuses: Array, *, shift: float = 0.0, origin_z: float = 0.0) -> Blur:
@@ -140,13 +140,13 @@ def traced_blur(
 
 def _finer(values: Array) -> Array:
     """Return values (NODES, NODES, n) at more nodes, by the cubics through the nearest four along each axis."""
-    places = np.linspace(0, BLUR_NODES - 1, FINE_NODES)
-    first = np.clip(np.floor(places).astype(np.intp) - 1, 0, BLUR_NODES - 4)
-    weights = np.zeros((FINE_NODES, BLUR_NODES))
+    places = np.linspace(0, _BLUR_NODES - 1, _FINE_NODES)
+    first = np.clip(np.floor(places).astype(np.intp) - 1, 0, _BLUR_NODES - 4)
+    weights = np.zeros((_FINE_NODES, _BLUR_NODES))
     for node in range(4):
         others = [other for other in range(4) if other != node]
         factors = [(places - first - other) / (node - other) for other in others]
-        weights[np.arange(FINE_NODES), first + node] = np.prod(factors, axis=0)
+        weights[np.arange(_FINE_NODES), first + node] = np.prod(factors, axis=0)
     return np.asarray(np.einsum("ri,ijn,cj->rcn", weights, values, weights))
 
 
@@ -160,12 +160,12 @@ def _variances(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the variances (rows, columns, vergences, 2) and which nodes are lit; by a quarter for a round lens."""
     symmetric = lens.is_rotational and not frame.is_moved
-    count = BLUR_NODES // 2 + 1 if symmetric else BLUR_NODES
-    film = frame.grid(half_film_mm, BLUR_NODES)[-count:, -count:].reshape(-1, 2)
+    count = _BLUR_NODES // 2 + 1 if symmetric else _BLUR_NODES
+    film = frame.grid(half_film_mm, _BLUR_NODES)[-count:, -count:].reshape(-1, 2)
     variances, lit = blur_variances(lens, film_distance_mm, film, vergences, wavelength_nm, frame)
     variances, lit = variances.reshape(count, count, len(vergences), 2), lit.reshape(count, count)
     if symmetric:
-        mirror = np.abs(np.arange(BLUR_NODES) - BLUR_NODES // 2)
+        mirror = np.abs(np.arange(_BLUR_NODES) - _BLUR_NODES // 2)
         return variances[np.ix_(mirror, mirror)], lit[np.ix_(mirror, mirror)]
     return variances, lit
 
@@ -495,10 +495,10 @@ def _matrix(scene: Scene, time_s: float) -> list[list[float]]:
 
 # When light falls on each pixel, and where the camera is then: what ``kernels/camera/trajectory.h`` reads.
 
-Array32 = NDArray[np.float32]
+_Array32 = NDArray[np.float32]
 
 
-def camera_trajectory(scene: Scene) -> tuple[Array32, int]:
+def camera_trajectory(scene: Scene) -> tuple[_Array32, int]:
     """Return rows of 4 numbers, and how many segments the way of the camera has; none where it stands still.
 
     A segment is the way between two moments during which eye, view and up change uniformly.
@@ -754,12 +754,12 @@ def _through_polygon(corners: Array) -> float:
     return abs(float(np.sum(angle_over_sine * normal[:, 2]))) / 2
 
 
-SATURATION_LX_S = 78.0  # of ISO 1
+_SATURATION_LX_S = 78.0  # of ISO 1
 
 
 def values_per_irradiance(time_s: float, iso: float) -> float:
     """Return the film's value for 1 W/m² over an exposure time [s] at a sensitivity."""
-    return LUMENS_PER_WATT * time_s * iso / SATURATION_LX_S
+    return LUMENS_PER_WATT * time_s * iso / _SATURATION_LX_S
 
 
 def _ideal_irradiance(f_number: float) -> float:

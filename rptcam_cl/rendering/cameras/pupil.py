@@ -195,7 +195,7 @@ class PupilSampling:
 Mask = NDArray[np.bool_]
 
 RAYS = 6000  # over the rear window, from each film point that is tried
-FILM_RADII = 9  # film points, of a rotationally symmetric lens
+_FILM_RADII = 9  # film points, of a rotationally symmetric lens
 FARTHEST = 0.97  # of the way to the corner: at the corner itself pupils close, and tables blur their slivers
 FILM_NODES = 4  # the same along each side of the film, of other lenses
 APART = 0.03  # sizes of the pupil by which a ray lies outside of it, and not at an edge that tables blur
@@ -208,7 +208,7 @@ def loses_light(sampling: PupilSampling, probe: pupils.FilmProbe, half_film_mm: 
     if probe.lens.is_rotational and probe.frame.is_flat:
         farthest = corners[np.argmax(np.hypot(*corners.T))]
         corner = (float(np.hypot(*farthest)), 0.0) if sampling.radial else farthest
-        film = np.linspace(0.0, FARTHEST, FILM_RADII)[:, None] * corner
+        film = np.linspace(0.0, FARTHEST, _FILM_RADII)[:, None] * corner
     else:
         film = probe.frame.grid(half_film_mm, FILM_NODES).reshape(-1, 2)
     points = pupils.spread_points(probe.windows(film), RAYS)
@@ -321,7 +321,7 @@ CELLS = 16  # of the film across and down, for the boxes
 SPREAD = 0.05  # share of its size that a box is widened by, for what lies between the corners of its cell
 EDGE_SPREAD = 0.2  # the same where the pupil closes within the cell
 PROBES = (18, 18)  # rays per box and film point
-MOVED_GRID = 9  # points along each side of a film that is moved, seen from which the rear rim is held
+_MOVED_GRID = 9  # points along each side of a film that is moved, seen from which the rear rim is held
 
 
 class _View(NamedTuple):
@@ -452,7 +452,7 @@ def _rear(view: _View) -> PupilSampling:
 
 def _round_windows(view: _View, shift: float) -> PupilCircle:
     """Return the circle that holds the rear rim as points all over a film that is moved see it."""
-    film = view.frame.grid(view.half_film_mm, MOVED_GRID).reshape(-1, 2)
+    film = view.frame.grid(view.half_film_mm, _MOVED_GRID).reshape(-1, 2)
     boxes = pupils.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm, view.frame).windows(film)
     middles, halves = (boxes[:, 1::2] + boxes[:, ::2]) / 2, (boxes[:, 1::2] - boxes[:, ::2]) / 2
     reach = np.hypot(*(np.abs(middles - shift * film) + halves).T)

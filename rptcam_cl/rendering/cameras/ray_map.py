@@ -38,14 +38,14 @@ Exponents = tuple[tuple[int, int, int, int], ...]
 
 LARGEST_ORDER = 4
 LARGEST_ERROR_PX = 0.25  # of a ray
-GOOD_ERROR_PX = 0.1  # below which no higher order is tried
-CHEAP_ORDER = 3  # up to which orders hardly cost anything; beyond, any allowed error will do
+_GOOD_ERROR_PX = 0.1  # below which no higher order is tried
+_CHEAP_ORDER = 3  # up to which orders hardly cost anything; beyond, any allowed error will do
 LARGEST_LIGHT_ERROR = 2e-3  # of a ring of the film
-FILM_POINTS = 48  # along a film radius
+_FILM_POINTS = 48  # along a film radius
 AIMS = 224  # of each, in a box round its pupil
 BEYOND = 0.04  # of that box, by which it is widened
 REACH = 1.06  # of every rim: rays that are fitted
-NEGLIGIBLE = 1e-3  # share of the light of a ring that may be blocked by rims that are left out
+_NEGLIGIBLE = 1e-3  # share of the light of a ring that may be blocked by rims that are left out
 COLOURS = 7  # wavelengths that are traced
 PARTS = 6  # rings of the film in which the light is compared
 NUDGE = 1e-3  # of the film radius, between film points that tell the scale of the picture
@@ -183,7 +183,7 @@ def ray_map(
 ) -> RayMap:
     """Return polynomials that are as right as they are allowed to be, of a low order.
 
-    Orders below `CHEAP_ORDER` are taken where they are right to `GOOD_ERROR_PX`.
+    Orders below `_CHEAP_ORDER` are taken where they are right to `_GOOD_ERROR_PX`.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def _with_rays(
         error = error_px(mapped)
         if error < best:
             best, fitted = error, replace(mapped, error_px=error)
-        if best <= (min(GOOD_ERROR_PX, max_error_px) if order < CHEAP_ORDER else max_error_px):
+        if best <= (min(_GOOD_ERROR_PX, max_error_px) if order < _CHEAP_ORDER else max_error_px):
             return fitted
     if best <= max_error_px:
         return fitted
@@ -280,8 +280,8 @@ class _Sample:
     def of(cls, lens: Lens, film_distance_mm: float, radius_mm: float, nodes: Array, seed: int) -> _Sample:
         """Trace rays from film points, even along the radius, through boxes a little wider than their pupils."""
         rng = np.random.default_rng(seed)
-        film = np.zeros((FILM_POINTS, 2))
-        film[:, 0] = radius_mm * (np.arange(FILM_POINTS) + rng.random(FILM_POINTS)) / FILM_POINTS
+        film = np.zeros((_FILM_POINTS, 2))
+        film[:, 0] = radius_mm * (np.arange(_FILM_POINTS) + rng.random(_FILM_POINTS)) / _FILM_POINTS
         film[-1, 0] = radius_mm
         boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, float(nodes.mean())), film, radial=True)
         low, size = boxes[lit, ::2], boxes[lit, 1::2] - boxes[lit, ::2]
@@ -316,7 +316,7 @@ def _blocking(lens: Lens, sample: _Sample) -> tuple[int, ...]:
     passed = sample.in_rings(np.asarray(~blocks.any(axis=0)))
     chosen = [] if lens.stop_index is None else [lens.stop_index]
     left: Mask = np.asarray(blocks.any(axis=0) & ~blocks[chosen].any(axis=0))
-    while np.any(sample.in_rings(left) > NEGLIGIBLE * passed):
+    while np.any(sample.in_rings(left) > _NEGLIGIBLE * passed):
         chosen.append(int(np.argmax(np.count_nonzero(blocks[:, left], axis=1))))
         left = left & ~blocks[chosen[-1]]
     return tuple(sorted(chosen, reverse=True))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -194,14 +193,14 @@ def _paraxial_irradiance(
     return passed * float(np.pi * tangent**2 / (1 + tangent**2))
 
 
-CELLS_OF_A_STOP = 8
-FOCUS_CELL = 0.012  # by how much of the focal length the image of an object moves in a cell
-ZOOM_CELLS = 16  # while the focal length doubles
-FILM_CELLS = 4  # while the film doubles in size
-BEYOND_FILM = 1.02  # for states whose film is farther away
+_CELLS_OF_A_STOP = 8
+_FOCUS_CELL = 0.012  # by how much of the focal length the image of an object moves in a cell
+_ZOOM_CELLS = 16  # while the focal length doubles
+_FILM_CELLS = 4  # while the film doubles in size
+_BEYOND_FILM = 1.02  # for states whose film is farther away
 FAR_MM = 1e12  # stands for infinity
 REMEMBERED = 256  # cells whose tables are kept, of 30 to 150 kB each; states of a lens whose numbers are
-FEW_REMEMBERED = 32  # cells of focus whose rays are kept, of 1 MB each
+_FEW_REMEMBERED = 32  # cells of focus whose rays are kept, of 1 MB each
 
 
 @dataclass(frozen=True)
@@ -236,11 +235,11 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
     if not (math.isfinite(length_mm) and distance_mm > 0):
         return None
     # The film of a lens much shorter than its focal length moves by more of its distance.
-    width = FOCUS_CELL / 2 ** max(math.ceil(math.log2(length_mm / (2 * film_distance_mm))), 0)
+    width = _FOCUS_CELL / 2 ** max(math.ceil(math.log2(length_mm / (2 * film_distance_mm))), 0)
     cell = math.floor(length_mm / distance_mm / width)
     middle, *ends = (min(length_mm / max(at * width, 1e-300), FAR_MM) for at in (cell + 0.5, cell, cell + 1))
     corner_mm = float(np.hypot(*frame.corners(half_film_mm(scene))[:, :2].T).max())
-    radius_mm, method = _rounded_up(BEYOND_FILM * corner_mm, FILM_CELLS), camera.focus.method
+    radius_mm, method = _rounded_up(_BEYOND_FILM * corner_mm, _FILM_CELLS), camera.focus.method
 
     def cell_of(of: Sequence[Lens]) -> _Cell:
         states = (of[0], middle), *((lens, end) for lens in of[1:] or of for end in ends)
@@ -262,8 +261,8 @@ def _zooms(scene: Scene, camera: LensCamera) -> list[dict[str, float]]:
     if camera.focal_length_mm is None:
         return [{}]
     low, high = zoom_range_mm(scene.load_lens(), camera.wavelength_nm)
-    cell = math.floor(ZOOM_CELLS * math.log2(camera.focal_length_mm))
-    lengths = (min(max(2.0 ** (at / ZOOM_CELLS), low), high) for at in (cell + 0.5, cell, cell + 1))
+    cell = math.floor(_ZOOM_CELLS * math.log2(camera.focal_length_mm))
+    lengths = (min(max(2.0 ** (at / _ZOOM_CELLS), low), high) for at in (cell + 0.5, cell, cell + 1))
     return [{"focal_length_mm": length} for length in lengths]
 
 
@@ -276,7 +275,7 @@ def _stopped(wide_open: Sequence[Lens], state: Lens) -> list[Lens]:
     """Return lenses with their stop as wide as it is anywhere in the cell of a state."""
     if state.stop is None:
         return list(wide_open)
-    widest_mm = _rounded_up(2 * state.stop.semi_diameter, 2 * CELLS_OF_A_STOP)
+    widest_mm = _rounded_up(2 * state.stop.semi_diameter, 2 * _CELLS_OF_A_STOP)
     return [
         lens if lens.stop is None else lens.with_stop_diameter(min(widest_mm, 2 * lens.stop.semi_diameter))
         for lens in wide_open
@@ -339,7 +338,7 @@ def _of_shapes(shapes: PupilShapes) -> PupilSampling:
     return replace(tight_sampling(shapes), tier="shared")
 
 
-@remember(most=FEW_REMEMBERED, by=lambda cell: cell.key(), disk=on_disk(pack=tuple, unpack=lambda *packed: packed))
+@remember(most=_FEW_REMEMBERED, by=lambda cell: cell.key(), disk=on_disk(pack=tuple, unpack=lambda *packed: packed))
 def _rays(cell: _Cell) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Return the rays that tables of all stops follow from, and last vertex to film [mm], as they are kept.
 
@@ -353,7 +352,7 @@ def _rays(cell: _Cell) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         return {}, {}
     film_distance_mm = states[0][1]
     widest = None if pupils is None else _of_pupils(pupils, film_distance_mm, widest_mm)
-    if pupils is None or widest is None or _loses_light(widest, states, pupils.radius_mm / BEYOND_FILM, nm):
+    if pupils is None or widest is None or _loses_light(widest, states, pupils.radius_mm / _BEYOND_FILM, nm):
         return {}, {}
     arrays = {"centres": pupils.centres, "reach": pupils.reach, "heights": pupils.heights}
     facts = {"radius_mm": pupils.radius_mm, "film_distance_mm": film_distance_mm}
@@ -382,7 +381,7 @@ def _of_traced(cell: _Cell) -> _Shared | None:
     except InputError:  # an end of the cell is out of reach, or dark
         return None
     shared = _Shared(_of_shapes(shapes), states[0][1])
-    return None if _loses_light(shared, states, cell.radius_mm / BEYOND_FILM, cell.wavelength_nm) else shared
+    return None if _loses_light(shared, states, cell.radius_mm / _BEYOND_FILM, cell.wavelength_nm) else shared
 
 
 def _loses_light(
@@ -397,10 +396,10 @@ def _loses_light(
 
 
 SHOWS_PX = 0.5  # colour error that a picture shows, of all but a tenth of the light [pixels]
-SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
-TINTS_NM = (450.0, 545.0, 610.0)  # about what blue, green and red see
-AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
-LOSS_SAMPLES = 101  # and those at which losses are
+_SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
+_TINTS_NM = (450.0, 545.0, 610.0)  # about what blue, green and red see
+_AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
+_LOSS_SAMPLES = 101  # and those at which losses are
 
 
 def realistic_model(
@@ -447,18 +446,11 @@ def realistic_model(
         through = traced_rays(lens, setting, camera.precision, dispersive)
     record = _record(scene, setting, lens, pupil, len(through.surfaces))
     entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
-    metadata: CameraMetadata = {
-        "camera": "realistic",
-        **through.metadata,
-        **setting.metadata,
-        "on_axis_irradiance": on_axis,
-    }
+    metadata: CameraMetadata = {"camera": "realistic", **through.metadata, **setting.metadata}
+    metadata |= {"on_axis_irradiance": on_axis}
     if losses:
         metadata["transmittance"] = on_axis / clear
-    metadata = {**metadata, **pupil.metadata, **movements_metadata(camera), **colour}
-    with suppress(InputError):  # where no thick lens stands for it
-        thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
-        metadata["intrinsics"] = thick_lens_intrinsics(scene, thick, "traced lens")
+    metadata = {**metadata, **pupil.metadata, **movements_metadata(camera), **colour, **_perspective(scene, setting)}
     if entrance is not None:
         metadata["entrance_pupil"] = entrance.described()
     return CameraModel(
@@ -480,6 +472,15 @@ def realistic_model(
         setting=setting,
         pupil=None if coarse else entrance,
     )
+
+
+def _perspective(scene: Scene, setting: LensSetting) -> CameraMetadata:
+    """Find the intrinsics for the metadata; none where no thick lens stands for the lens."""
+    try:
+        thick = thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
+    except InputError:
+        return {}
+    return {"intrinsics": thick_lens_intrinsics(scene, thick, "traced lens")}
 
 
 def _irradiance(
@@ -580,7 +581,7 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> tuple[boo
         film_frame(scene.camera), SHOWS_PX,
     )  # fmt: skip
     tint = lens_tint(scene, setting)
-    shows = error_px > SHOWS_PX or tint > SHOWS_TINT
+    shows = error_px > SHOWS_PX or tint > _SHOWS_TINT
     metadata: CameraMetadata = {
         "lens_colour_px": round(error_px, 4),
         "lens_colour_sampling_px": round(sampling_px, 4),
@@ -598,7 +599,7 @@ def shows_losses(scene: Scene) -> bool:
 def lens_tint(scene: Scene, setting: LensSetting) -> float:
     """Return how much more of one colour than of another the lens takes, where a picture shows it."""
     low, high = usable_nm(setting.lens, setting.transmission)
-    passed = axial_transmittance(setting.lens, np.clip(TINTS_NM, low, high), setting.transmission)
+    passed = axial_transmittance(setting.lens, np.clip(_TINTS_NM, low, high), setting.transmission)
     return float(np.ptp(passed) / passed.max()) if shows_losses(scene) else 0.0
 
 
@@ -614,7 +615,7 @@ def _axial_colour(
 
     Losses vary faster with the wavelength than pupils do, but almost as they do on the axis itself.
     """
-    few, wavelengths = np.linspace(*range_nm, AXIAL_SAMPLES), np.linspace(*range_nm, LOSS_SAMPLES)
+    few, wavelengths = np.linspace(*range_nm, _AXIAL_SAMPLES), np.linspace(*range_nm, _LOSS_SAMPLES)
     seen = np.array([irradiance(lens, film_distance_mm, nm, losses) for nm in few.tolist()]) / on_axis
     if not losses:
         return few, seen

@@ -350,9 +350,9 @@ def _named(coating: str | float | CoatingLayers) -> Coating:
 
 Values = Callable[[Array], Array]  # of wavelengths [nm]
 
-TABLE_NM = LOSS_TABLE_NM + np.arange(float(LOSS_TABLE_LENGTH))  # catalogues measure at whole nanometres
+_TABLE_NM = LOSS_TABLE_NM + np.arange(float(LOSS_TABLE_LENGTH))  # catalogues measure at whole nanometres
 FACTS = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_STACKS", "LENS_DARK_LAYERS", "LENS_ABSORPTION", "LENS_TINTED")
-NO_LOSSES = dict.fromkeys(FACTS, 0)
+_NO_LOSSES = dict.fromkeys(FACTS, 0)
 
 
 @dataclass
@@ -382,7 +382,7 @@ class LossFiller:
     def fill(self, records: NDArray[np.void], lens: Lens, backwards: bool) -> dict[str, int]:
         """Fill what each surface, and the glass before it, let through, in order of travel; return the facts."""
         if not self.transmission:
-            return NO_LOSSES
+            return _NO_LOSSES
         count = len(lens.surfaces)
         for name in ("index", "gain", "attenuation"):
             records[f"{name}_table"] = -1
@@ -436,7 +436,7 @@ class LossFiller:
         """Find where the table of a function of wavelengths [nm] stands, -1 when it is the same everywhere."""
         if self.range_nm is None:
             return -1
-        row = np.asarray(values(np.clip(TABLE_NM, *self.range_nm)))
+        row = np.asarray(values(np.clip(_TABLE_NM, *self.range_nm)))
         if np.ptp(row) == 0:
             return -1
         known = [k for k, other in enumerate(self.tables) if np.array_equal(row, other)]
@@ -449,7 +449,7 @@ class LossFiller:
 
 Method = Literal["thick", "spot"]
 Side = Literal["film", "front"]
-FilmPoint = tuple[float, float, float] | None
+_FilmPoint = tuple[float, float, float] | None
 
 ROUNDS = 30  # of the searches below, which need three to six
 CONVERGED = 1e-8  # of a distance, between two rounds
@@ -462,7 +462,7 @@ def focused(
     measured_from: Side,
     method: Method,
     wavelength_nm: float,
-    film_point_mm: FilmPoint = None,
+    film_point_mm: _FilmPoint = None,
 ) -> tuple[Lens, float]:
     """Return the lens focused on an object plane, and the distance from its last vertex to the film [mm].
 
@@ -516,7 +516,7 @@ def _floated(lens: Lens, distance_mm: float, measured_from: Side, wavelength_nm:
 
 
 def _film_distance(
-    lens: Lens, distance_mm: float, measured_from: Side, method: Method, wavelength_nm: float, film_point_mm: FilmPoint
+    lens: Lens, distance_mm: float, measured_from: Side, method: Method, wavelength_nm: float, film_point_mm: _FilmPoint
 ) -> float:
     if method == "spot" and film_point_mm is not None:
         x, y, depth = film_point_mm
@@ -533,7 +533,7 @@ def _by_group(
     film_distance_mm: float,
     method: Method,
     wavelength_nm: float,
-    film_point_mm: FilmPoint,
+    film_point_mm: _FilmPoint,
 ) -> tuple[Lens, float]:
     """Return the lens with its group moved, for a film that stays, and the film distance [mm].
 
@@ -655,7 +655,7 @@ def lens_setting(scene: Scene) -> LensSetting:
 # Everything but this takes the eye for the centre of the film, so that such a scene is replaced by one that says the
 # same of its film before anything is made of it.
 
-LEAST_TURN = 0.01  # radians of view between keyframes: the film is on its arc within its lever / 80,000
+_LEAST_TURN = 0.01  # radians of view between keyframes: the film is on its arc within its lever / 80,000
 FARTHEST_MM = 1e6  # between eye and film; a pupil that lies farther away is no place to stand at
 PLACED = 1e-12  # relative change of the pupil's place at which it is found
 
@@ -719,7 +719,7 @@ def _motion_set_back(camera: LensCamera, behind: float, shutter_s: tuple[float, 
         steps = 1
         if end is not None and end > shutter_s[0] and begin < shutter_s[1]:
             turn = math.acos(np.clip(_view(camera, begin) @ _view(camera, end), -1.0, 1.0))
-            steps = max(math.ceil(turn / LEAST_TURN), 1)
+            steps = max(math.ceil(turn / _LEAST_TURN), 1)
         for time_s in [begin] if end is None else np.linspace(begin, end, steps, endpoint=False).tolist():
             eye, target, up = _set_back(camera.pose_at(time_s), behind)
             frames.append(CameraKeyframe(time_s=time_s, eye=eye, target=target, up=up))

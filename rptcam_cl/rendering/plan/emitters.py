@@ -52,7 +52,7 @@ from rptcam_cl.scene.textures import Texture
 
 # Lights without a surface as emitters: record and power of each.
 
-PROFILE_CELLS = (360, 720)  # directions of a luminaire, along and about its axis: half a degree
+_PROFILE_CELLS = (360, 720)  # directions of a luminaire, along and about its axis: half a degree
 
 
 def light_emitter(
@@ -151,7 +151,7 @@ def _profile(record: np.void, light: ProfileLight, scene: Scene, textures: Textu
 
 def _directions(luminaire: Luminaire) -> tuple[NDArray[np.float64], float]:
     """Return the intensity [W/sr] at the middles of cells of vertical and horizontal angle, and its mean."""
-    rows, columns = PROFILE_CELLS
+    rows, columns = _PROFILE_CELLS
     vertical = (np.arange(rows) + 0.5) * 180 / rows
     horizontal = (np.arange(columns) + 0.5) * 360 / columns
     intensity = luminaire.intensity(vertical, horizontal)
@@ -170,7 +170,7 @@ SOLIDS = {
     Kind.CONE: EmitterKind.CONE,
 }
 # Of a quadrature about an axis: smooth and periodic, it is exact to rounding but for very thin shapes.
-QUADRATURE_STEPS = 64
+_QUADRATURE_STEPS = 64
 
 
 def _fill_solid(record: np.void, kind: Kind, placement: Array) -> None:
@@ -195,11 +195,11 @@ def area_of_solid(kind: Kind, linear: Array) -> float:
     """Return the area [m²] of a canonical shape under a linear map (3, 3); of cylinder and cone without their ends."""
     if kind is Kind.BOX:
         return 8 * float(sum(np.linalg.norm(np.cross(linear[:, i - 1], linear[:, i])) for i in range(3)))
-    angle = 2 * np.pi * np.arange(QUADRATURE_STEPS) / QUADRATURE_STEPS
-    round_about = np.stack([np.cos(angle), np.sin(angle), np.zeros(QUADRATURE_STEPS)], axis=1)
-    along = np.stack([-np.sin(angle), np.cos(angle), np.zeros(QUADRATURE_STEPS)], axis=1) @ linear.T
+    angle = 2 * np.pi * np.arange(_QUADRATURE_STEPS) / _QUADRATURE_STEPS
+    round_about = np.stack([np.cos(angle), np.sin(angle), np.zeros(_QUADRATURE_STEPS)], axis=1)
+    along = np.stack([-np.sin(angle), np.cos(angle), np.zeros(_QUADRATURE_STEPS)], axis=1) @ linear.T
     if kind is Kind.ELLIPSOID:
-        cosine, weight = np.polynomial.legendre.leggauss(QUADRATURE_STEPS)
+        cosine, weight = np.polynomial.legendre.leggauss(_QUADRATURE_STEPS)
         sine = np.sqrt(1 - cosine**2)
         normals = sine[:, None, None] * round_about + cosine[:, None, None] * np.array([0.0, 0.0, 1.0])
         stretched = normals @ (np.linalg.inv(linear) * np.linalg.det(linear))
@@ -343,7 +343,7 @@ def _nodes(lamps: Lamps, order: NDArray[np.int64], starts: NDArray[np.int64]) ->
 
 # Points on the surfaces of a scene that its lamps may light, for the choice of how light sampling picks a lamp.
 
-MESH_POINTS = 16  # vertices of a mesh
+_MESH_POINTS = 16  # vertices of a mesh
 # Of the canonical shapes of the flat kinds; of others the middle.
 PLACES = {
     Kind.RECTANGLE: [[0.5, 0.5, 0.0], [0.2, 0.2, 0.0], [0.8, 0.2, 0.0], [0.2, 0.8, 0.0], [0.8, 0.8, 0.0]],
@@ -382,7 +382,7 @@ def _points(primitive: Primitive, lamps: Lamps, eye: Array) -> Iterator[Array]:
     linear, origin = primitive.placement[:3, :3], primitive.placement[:3, 3]
     if primitive.mesh is not None:
         mesh = primitive.mesh
-        some = mesh.positions[:: -(-len(mesh.positions) // MESH_POINTS)]
+        some = mesh.positions[:: -(-len(mesh.positions) // _MESH_POINTS)]
         yield (some + mesh.origin) @ linear.T + (origin - eye)
     elif primitive.kind is Kind.PLANE:
         normal = np.linalg.inv(linear)[2]
@@ -669,20 +669,7 @@ def pack_emitters(
     chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye, textures, spectra)
     far = surroundings.kind is EnvironmentKind.IMAGE or surroundings.sun is not None or len(scene.lights) > 0
     reach = _scene_reach(primitives, eye) if far else 1.0
-    lights = [
-        (*light_emitter(light, scene, textures, spectra, reach), group)
-        for light, group in zip(scene.lights, groups.of_light or (0,) * len(scene.lights), strict=True)
-    ]
-    if surroundings.kind is EnvironmentKind.IMAGE:
-        record = _without_surface()
-        assert scene.environment is not None
-        fill(record, kind=EmitterKind.ENVIRONMENT, hidden=_hidden_from_camera(scene.environment, scene))
-        lights.append((record, surroundings.flux * np.pi * reach**2, groups.sky))
-    if surroundings.sun is not None:
-        assert scene.environment is not None
-        lights.append((*_sun_emitter(*surroundings.sun, reach), groups.sky))
-        lights[-1][0]["hidden"] = _hidden_from_camera(scene.environment, scene)
-    lights = sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
+    lights = _light_emitters(scene, textures, spectra, surroundings, reach, groups)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power, _ in lights]
     is_dark = held is not None and held["HAS_EMITTERS"] > 0 and not chosen
     if is_dark:
@@ -712,6 +699,31 @@ def pack_emitters(
     kinds = frozenset(EmitterKind(kind) for kind in set(records["kind"][:count].tolist()) if not is_dark)
     tiny = _has_tiny(records, primitives, eye)
     return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny, group)
+
+
+def _light_emitters(
+    scene: Scene,
+    textures: TextureTable,
+    spectra: KnownSpectra,
+    surroundings: Surroundings,
+    reach: float,
+    groups: LightGroups,
+) -> list[tuple[np.void, float, int]]:
+    """Return record, power [W, luminance] and group of lights, of a picture around the scene and its sun; suns last."""
+    lights = [
+        (*light_emitter(light, scene, textures, spectra, reach), group)
+        for light, group in zip(scene.lights, groups.of_light or (0,) * len(scene.lights), strict=True)
+    ]
+    if surroundings.kind is EnvironmentKind.IMAGE:
+        record = _without_surface()
+        assert scene.environment is not None
+        fill(record, kind=EmitterKind.ENVIRONMENT, hidden=_hidden_from_camera(scene.environment, scene))
+        lights.append((record, surroundings.flux * np.pi * reach**2, groups.sky))
+    if surroundings.sun is not None:
+        assert scene.environment is not None
+        lights.append((*_sun_emitter(*surroundings.sun, reach), groups.sky))
+        lights[-1][0]["hidden"] = _hidden_from_camera(scene.environment, scene)
+    return sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
 
 
 def _with_tree(
@@ -799,7 +811,7 @@ def by_samples_alone(primitives: Sequence[Primitive], emitters: Emitters) -> boo
 
 # Lamps that the camera may see out of focus, as it sees them.
 
-OUTLINE_STEPS = 32  # of an outline
+_OUTLINE_STEPS = 32  # of an outline
 ANGLES = np.linspace(0.0, np.pi / 2, 16, endpoint=False)  # at which the least rectangle about a lamp is looked for
 
 
@@ -866,8 +878,8 @@ def _hull(primitive: Primitive, eye: Array) -> Array:
     """Return points (n, 3) whose hull holds a primitive, about the eye."""
     if primitive.mesh is not None:
         return corners_of_box(*primitive.mesh.bounds(), primitive.placement) - eye
-    angle = 2 * np.pi * np.arange(OUTLINE_STEPS) / OUTLINE_STEPS
-    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(OUTLINE_STEPS)], axis=1)
+    angle = 2 * np.pi * np.arange(_OUTLINE_STEPS) / _OUTLINE_STEPS
+    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(_OUTLINE_STEPS)], axis=1)
     match primitive.kind:
         case Kind.CYLINDER:
             points = np.concatenate([ring, ring + np.array([0.0, 0.0, 1.0])])

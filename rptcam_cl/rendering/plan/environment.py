@@ -32,7 +32,7 @@ from rptcam_cl.scene.scene import Scene
 # weak absorption by water vapour and mixed gases is left out. Both are absolute; 683 lm are 1 W.
 
 Array = NDArray[np.float64]
-SUN_KELVIN = 5772.0
+_SUN_KELVIN = 5772.0
 SUN_RADIUS_DEGREES = 0.2666  # seen from the mean distance of the Earth
 ROWS, COLUMNS = 256, 512
 
@@ -120,7 +120,7 @@ def sun_irradiance(zenith_angle: float, turbidity: float) -> Array:
 
 def _sun_spectrum(zenith_angle: float, turbidity: float) -> Spectrum:
     """Return the same per wavelength [W/(m² nm)], (401,)."""
-    spectrum = np.pi * np.sin(np.deg2rad(SUN_RADIUS_DEGREES)) ** 2 * blackbody(SUN_KELVIN)
+    spectrum = np.pi * np.sin(np.deg2rad(SUN_RADIUS_DEGREES)) ** 2 * blackbody(_SUN_KELVIN)
     microns, degrees = WAVELENGTHS_NM * 1e-3, np.rad2deg(zenith_angle)
     mass = 1 / (np.cos(zenith_angle) + 0.15 * (93.885 - degrees) ** -1.253)
     depth = 0.008735 * microns**-4.08 + (0.04608 * turbidity - 0.04586) * microns**-1.3
@@ -321,8 +321,8 @@ def _brightness_of(colours: Colours) -> Array:
 
 # Bright parts of a picture around the scene, as distant points of light: a sun, lamps, windows.
 
-CONTRAST = 50.0  # times the mean of the sphere, from which a texel is bright
-ACROSS_DEGREES = 1.0  # of the cells within which bright texels make one point
+_CONTRAST = 50.0  # times the mean of the sphere, from which a texel is bright
+_ACROSS_DEGREES = 1.0  # of the cells within which bright texels make one point
 
 
 _NO_PARTS = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2, 3))
@@ -347,7 +347,7 @@ def bright_parts(scene: Scene) -> tuple[Array, Array, Array]:
     elevation = np.pi * (0.5 - (np.arange(height) + 0.5) / height)
     solid = np.cos(elevation)[:, None] * np.ones(width)
     brightness = luminance(light)
-    bright = brightness > CONTRAST * np.average(brightness, weights=solid)
+    bright = brightness > _CONTRAST * np.average(brightness, weights=solid)
     rows, columns = np.nonzero(bright)
     if not len(rows):
         return _NO_PARTS
@@ -357,7 +357,7 @@ def bright_parts(scene: Scene) -> tuple[Array, Array, Array]:
     towards = local @ axes(image.up, image.rotation_degrees)
     solid_angle = np.cos(up) * 2 * np.pi / width * np.pi / height
     flux = image.gain * light[rows, columns] * solid_angle[:, None]
-    cell = max(round(height * ACROSS_DEGREES / 180), 1)
+    cell = max(round(height * _ACROSS_DEGREES / 180), 1)
     _, place = np.unique((rows // cell) * width + columns // cell, return_inverse=True)
     irradiance = np.stack([np.bincount(place, part) for part in flux.T], axis=1)
     middle = np.stack([np.bincount(place, part * luminance(flux)) for part in towards.T], axis=1)

@@ -215,7 +215,7 @@ def cover_mean(cover: tuple[float, ...]) -> float:
     return float(sum(2 * c / ((i + 1) * (i + 2)) for i, c in enumerate(cover)))
 
 
-ONCE_GRID, ONCE_COSINES, ONCE_AZIMUTHS = 96, 24, 4  # of the quadrature, and where the polynomial is fitted
+_ONCE_GRID, _ONCE_COSINES, _ONCE_AZIMUTHS = 96, 24, 4  # of the quadrature, and where the polynomial is fitted
 
 
 def _once_scattered(cosine: float, alpha: tuple[float, float], eta: float, azimuth: float, *, schlick: bool) -> float:
@@ -235,7 +235,7 @@ def _once_scattered(cosine: float, alpha: tuple[float, float], eta: float, azimu
         Whether facets reflect after Schlick, by the angle outside, or after Fresnel.
     """
     stretch = np.array([*alpha, 1.0])
-    u, v = np.meshgrid(*[(np.arange(ONCE_GRID) + 0.5) / ONCE_GRID] * 2)
+    u, v = np.meshgrid(*[(np.arange(_ONCE_GRID) + 0.5) / _ONCE_GRID] * 2)
     sine = np.sqrt(1 - cosine**2)
     w = np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine]) * stretch
     w /= np.linalg.norm(w)
@@ -280,18 +280,18 @@ def _smith_lambda(w: Any, stretch: Any) -> Any:
 @lru_cache(maxsize=256)
 def _once_polynomial(alpha: tuple[float, float], eta: float, *, schlick: bool) -> tuple[float, ...]:
     """Return the coefficients in the root of the cosine of `_once_scattered`, a mean over azimuths."""
-    cosines = ((np.arange(ONCE_COSINES) + 0.5) / ONCE_COSINES) ** 2
-    turns = np.arange(1 if alpha[0] == alpha[1] else ONCE_AZIMUTHS) * (np.pi / 2 / (ONCE_AZIMUTHS - 1))
+    cosines = ((np.arange(_ONCE_COSINES) + 0.5) / _ONCE_COSINES) ** 2
+    turns = np.arange(1 if alpha[0] == alpha[1] else _ONCE_AZIMUTHS) * (np.pi / 2 / (_ONCE_AZIMUTHS - 1))
     shares = np.array([np.mean([_once_scattered(c, alpha, eta, t, schlick=schlick) for t in turns]) for c in cosines])
     powers = np.sqrt(cosines)[:, None] ** np.arange(ONCE_TERMS)
-    return tuple(map(float, np.linalg.lstsq(powers / shares[:, None], np.ones(ONCE_COSINES), rcond=None)[0]))
+    return tuple(map(float, np.linalg.lstsq(powers / shares[:, None], np.ones(_ONCE_COSINES), rcond=None)[0]))
 
 
 # The same as tables, for what has two alphas or takes its alpha from a texture (kernels/material/facet_shares.h).
 
-SHARE_NODES = 64, 24  # of the quadrature over visible normals, round their cap and along it
+_SHARE_NODES = 64, 24  # of the quadrature over visible normals, round their cap and along it
 MIDDLE = 1.002  # of the errors of a table, so that white metal gives back 0.997 to 1.001 of even light
-LEAST_STRETCH = 1e-3
+_LEAST_STRETCH = 1e-3
 
 
 def _once_table(alphas: Array, turns: int, eta: float | None = None, *, schlick: bool = False) -> NDArray[np.float32]:
@@ -309,11 +309,11 @@ def _once_table(alphas: Array, turns: int, eta: float | None = None, *, schlick:
     """
     cosines = (1 - np.cos(np.pi * np.arange(SHARE_SIDES["COSINES"]) / (SHARE_SIDES["COSINES"] - 1))) / 2
     azimuths = np.arange(turns) * (np.pi / 2 / max(turns - 1, 1))
-    around, along = SHARE_NODES
+    around, along = _SHARE_NODES
     node, weight = np.polynomial.legendre.leggauss(along)
     u, v = np.meshgrid((np.arange(around) + 0.5) / around, (node + 1) / 2, indexing="ij")
     weights = np.broadcast_to(weight / 2 / around, u.shape).ravel().astype(np.float32)
-    stretch = np.c_[np.maximum(alphas, LEAST_STRETCH), np.ones(len(alphas))].astype(np.float32)[:, :, None]
+    stretch = np.c_[np.maximum(alphas, _LEAST_STRETCH), np.ones(len(alphas))].astype(np.float32)[:, :, None]
     shares = np.empty((len(alphas), len(cosines), turns), np.float32)
     for (row, cosine), (column, azimuth) in product(enumerate(np.maximum(cosines, 1e-4)), enumerate(azimuths)):
         sine = np.sqrt(1 - cosine**2)
@@ -338,7 +338,7 @@ def _brushed_table() -> NDArray[np.float32]:
     z = np.sqrt((np.arange(64) + 0.5) / 64)[:, None]  # even light
     azimuth = (np.arange(16) + 0.5) * (np.pi / 32)
     means = []
-    for pair, plane in zip(np.maximum(alphas, LEAST_STRETCH), shares, strict=True):
+    for pair, plane in zip(np.maximum(alphas, _LEAST_STRETCH), shares, strict=True):
         x, y = (alpha * np.sqrt(1 - z**2) * way(azimuth) for alpha, way in zip(pair, (np.cos, np.sin), strict=True))
         stretched = z / np.sqrt(x * x + y * y + z * z)
         rows = np.arccos(1 - 2 * stretched) / np.pi * (SHARE_SIDES["COSINES"] - 1)
@@ -435,11 +435,11 @@ def internal_reflectance(outside: float, index: float) -> float:
 
 # What of a material reflects like a mirror, or nearly: how much of the light, and how far it spreads it.
 
-SMOOTH_ALPHA = 0.05  # GGX's alpha of what counts as polished
+_SMOOTH_ALPHA = 0.05  # GGX's alpha of what counts as polished
 SPREADING_ALPHA = 0.002  # from which what it spreads counts
 COAT_REFLECTANCE = 0.04
-PAINTED = ("roughness", "metallic", "coat", "anisotropy", "specular", "specular_color")  # what a texture may replace
-COVERS = (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PLASTIC, MaterialKind.ROUGH_PLASTIC)
+_PAINTED = ("roughness", "metallic", "coat", "anisotropy", "specular", "specular_color")  # what a texture may replace
+_COVERS = (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PLASTIC, MaterialKind.ROUGH_PLASTIC)
 
 
 @dataclass(frozen=True)
@@ -476,7 +476,7 @@ class Lobe:
             share = colour * _of_pane(cosine, index, record["absorption"][:3].astype(np.float64))
         elif kind is MaterialKind.PRINCIPLED:
             share = _of_principled(record, cosine)
-        elif kind in COVERS:
+        elif kind in _COVERS:
             tint = colour if kind in (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC) else np.ones(3)
             share = fresnel(cosine, np.where(behind, 1.0 / index, index))[:, None] * tint
         else:
@@ -506,13 +506,13 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
                   MaterialKind.HAIR):  # fmt: skip
         return
     coloured = record["texture"] >= 0 and kind in (
-        MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED, *COVERS[:2]
+        MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED, *_COVERS[:2]
     )  # fmt: skip
-    painted = coloured or max(record[f"{name}_texture"] for name in PAINTED) >= 0
-    if share > 0 and alpha <= SMOOTH_ALPHA and not painted:
+    painted = coloured or max(record[f"{name}_texture"] for name in _PAINTED) >= 0
+    if share > 0 and alpha <= _SMOOTH_ALPHA and not painted:
         yield Lobe(record, share, alpha)
     even = max(record[f"coat_{name}texture"] for name in ("", "roughness_", "normal_")) < 0
-    coated = kind is MaterialKind.PRINCIPLED and record["coat"] > 0 and record["coat_alpha"] <= SMOOTH_ALPHA
+    coated = kind is MaterialKind.PRINCIPLED and record["coat"] > 0 and record["coat_alpha"] <= _SMOOTH_ALPHA
     if share > 0 and coated and even:
         yield Lobe(record, share, float(record["coat_alpha"]), coat=True)
 
@@ -553,7 +553,7 @@ def _of_principled(record: np.void, cosine: Array) -> Array:
     return np.asarray(under * (dielectric + metallic * (metal - dielectric)))
 
 
-Faceted = Conductor | Dielectric | Plastic | Principled
+_Faceted = Conductor | Dielectric | Plastic | Principled
 
 
 @dataclass(frozen=True)
@@ -689,13 +689,13 @@ class _Filler:
         fill(record, **sheen_lobe(alpha_pair(material.sheen_roughness, 0.0)[0])[1])
 
 
-def _facets(record: np.void, material: Faceted, alphas: tuple[float, float]) -> None:
+def _facets(record: np.void, material: _Faceted, alphas: tuple[float, float]) -> None:
     record["alpha"], record["alpha_across"] = alphas
     if alphas[0] != alphas[1]:
         record["anisotropy_turn"] = _turn(material)
 
 
-def _turn(material: Faceted) -> float:
+def _turn(material: _Faceted) -> float:
     return material.anisotropy_rotation_degrees / 360 % 1
 
 

@@ -18,10 +18,10 @@ from rptcam_cl.scene.materials import Boundary, Dielectric, Material, Mix, Princ
 from rptcam_cl.scene.scene import Scene, Solid, holds_eye, world_corners
 from rptcam_cl.scene.shapes import Plane
 
-MOST_MEDIA = 31  # whose numbers fit into MEDIUM_BITS of kernels/material/medium.h, 0 being empty space
+_MOST_MEDIA = 31  # whose numbers fit into MEDIUM_BITS of kernels/material/medium.h, 0 being empty space
 MEDIUM_BITS = 5
-MOST_NESTED = 4
-NOT_SOLID = -1
+_MOST_NESTED = 4
+_NOT_SOLID = -1
 EMPTY = ScatteringMedium()
 
 
@@ -99,14 +99,14 @@ def pack_media(
 
     around = number_of(scene.medium or EMPTY)
     inside = {
-        key: NOT_SOLID if (medium := _interior_of(material)) is None else number_of(medium)
+        key: _NOT_SOLID if (medium := _interior_of(material)) is None else number_of(medium)
         for key, material in materials.items()
     }
     inside |= {key: _of_mix(each, inside) for key, each in materials.items() if isinstance(each, Mix)}
-    if len(found) > MOST_MEDIA + 1:
-        raise InputError(f"the scene has {len(found) - 1} different media (allowed: {MOST_MEDIA})")
+    if len(found) > _MOST_MEDIA + 1:
+        raise InputError(f"the scene has {len(found) - 1} different media (allowed: {_MOST_MEDIA})")
     records = shown.records.copy()
-    records["interior"] = NOT_SOLID
+    records["interior"] = _NOT_SOLID
     for key, number in inside.items():
         records["interior"][shown.index[key]] = number
     shown = replace(shown, records=records, facts=shown.facts | {"HAS_ABSORPTION": 0})
@@ -161,10 +161,10 @@ def _check(scene: Scene, primitives: Sequence[Primitive], materials: Collection[
 
 def _of_mix(mix: Mix, inside: dict[int, int]) -> int:
     """Return the number of the medium inside of a solid of mixed materials."""
-    numbers = {inside[id(part)] for part in mix.materials} - {NOT_SOLID}
+    numbers = {inside[id(part)] for part in mix.materials} - {_NOT_SOLID}
     if len(numbers) > 1:
         raise InputError("materials of a mix: two solids with different media inside (allowed: the same one)")
-    return numbers.pop() if numbers else NOT_SOLID
+    return numbers.pop() if numbers else _NOT_SOLID
 
 
 def _at_camera(scene: Scene, around: int, inside: dict[int, int]) -> int:
@@ -181,12 +181,12 @@ def _stack_at(scene: Scene, time_s: float, around: int, inside: dict[int, int]) 
     held = []
     for item, solid in zip(scene.objects, scene.solids(), strict=True):
         number = _inside_of_solid(solid, inside)
-        if number == NOT_SOLID or isinstance(item, Plane):
+        if number == _NOT_SOLID or isinstance(item, Plane):
             continue
         if holds_eye(solid, item.places(scene.folders, time_s), eye):
             held.append((float(np.ptp(world_corners(item, solid), axis=1).prod(axis=1).max()), number))
-    if len(held) > MOST_NESTED:
-        raise InputError(f"camera.eye: lies in {len(held)} solids at once (allowed: {MOST_NESTED} beside media)")
+    if len(held) > _MOST_NESTED:
+        raise InputError(f"camera.eye: lies in {len(held)} solids at once (allowed: {_MOST_NESTED} beside media)")
     stack = (1 << MEDIUM_BITS) | around
     for _, number in sorted(held, reverse=True):
         stack = (stack << MEDIUM_BITS) | number
@@ -194,4 +194,4 @@ def _stack_at(scene: Scene, time_s: float, around: int, inside: dict[int, int]) 
 
 
 def _inside_of_solid(solid: Solid, inside: dict[int, int]) -> int:
-    return max((inside.get(id(material), NOT_SOLID) for material in solid.shown_materials()), default=NOT_SOLID)
+    return max((inside.get(id(material), _NOT_SOLID) for material in solid.shown_materials()), default=_NOT_SOLID)

@@ -51,7 +51,7 @@ from rptcam_cl.rendering.plan.environment import Surroundings
 from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
 from rptcam_cl.rendering.plan.media import Media, boundaries, pack_media
 from rptcam_cl.rendering.plan.primitives import (
-    Movements,
+    ObjectMovements,
     Owners,
     PackedMeshes,
     PlanParts,
@@ -86,10 +86,10 @@ from rptcam_cl.scene.scene import Scene, Solid
 Array = NDArray[np.float64]
 
 WAVELENGTH_CELLS = 528  # a multiple of 3, for three wavelengths per path
-GREEN_NM = 550.0
-WHITE_ON_AXIS = ("relative", "auto")  # exposures that divide out what the lens leaves of white
+_GREEN_NM = 550.0
+_WHITE_ON_AXIS = ("relative", "auto")  # exposures that divide out what the lens leaves of white
 
-AxialColour = tuple[Array, Array] | None
+_AxialColour = tuple[Array, Array] | None
 
 
 @dataclass(frozen=True)
@@ -162,11 +162,11 @@ def seen_by(scene: Scene, camera: CameraModel, spectra: KnownSpectra, materials:
     settings = scene.spectrum
     lens = camera.bends_colours
     low, high = camera.usable_nm
-    if low >= GREEN_NM or high <= GREEN_NM:
+    if low >= _GREEN_NM or high <= _GREEN_NM:
         raise InputError(
             f"spectrum: the glasses of the lens are not all known for green light ({low:g} to {high:g} nm)"
         )
-    axial = camera.axial_colour if scene.exposure.mode in WHITE_ON_AXIS else None
+    axial = camera.axial_colour if scene.exposure.mode in _WHITE_ON_AXIS else None
     glass = materials.facts["HAS_DISPERSION"] > 0
     metadata = {}
     if settings.mode == "spectral" or (settings.mode == "auto" and spectra.colours > 0):
@@ -181,7 +181,7 @@ def seen_by(scene: Scene, camera: CameraModel, spectra: KnownSpectra, materials:
     return replace(spectrum, facts=facts, metadata=metadata)
 
 
-def _dispersive(axial: AxialColour, range_nm: tuple[float, float], *, lens: bool) -> Spectrum:
+def _dispersive(axial: _AxialColour, range_nm: tuple[float, float], *, lens: bool) -> Spectrum:
     """Return the spectrum of RGB light whose paths have a wavelength each."""
     spectra = primary_spectra()
     table = wavelength_table(spectra, least_noise(spectra), *range_nm)
@@ -207,7 +207,7 @@ def observer(scene: Scene) -> tuple[str, Array]:
 
 
 def _spectral(
-    matching: Array, axial: AxialColour, spectra: KnownSpectra, range_nm: tuple[float, float], *, lens: bool
+    matching: Array, axial: _AxialColour, spectra: KnownSpectra, range_nm: tuple[float, float], *, lens: bool
 ) -> Spectrum:
     """Return the spectrum of light at three wavelengths per path, which ``matching`` (401, 3) makes linear sRGB of.
 
@@ -250,7 +250,7 @@ def _cell_means(spectra: Array, edges_nm: Array) -> Array:
     return np.asarray(np.diff(sums[:, places], axis=1) / np.where(widths > 0, widths, 1.0))
 
 
-def _left_of_white(table: NDArray[np.float32], white: Array, axial: AxialColour) -> Array:
+def _left_of_white(table: NDArray[np.float32], white: Array, axial: _AxialColour) -> Array:
     """What a lens leaves of white on its axis, as a factor on each channel; 1s where the exposure shows it."""
     if axial is None:
         return np.ones(3)
@@ -267,13 +267,13 @@ def _left_of_white(table: NDArray[np.float32], white: Array, axial: AxialColour)
 # surfaces that scatter light widely. `kernels/pass/photons.cl` traces them.
 
 PHOTONS = "on: photons (biased: what they bring is blurred, less with more samples)"
-SURFACE, RECEIVER = 1, 2  # roles of primitives
-SMALL_LAMP_SR = 0.01  # a lamp that glass or a mirror sees so large is found by paths
+SURFACE, _RECEIVER = 1, 2  # roles of primitives
+_SMALL_LAMP_SR = 0.01  # a lamp that glass or a mirror sees so large is found by paths
 LEAST_SHARE = 0.1  # of the lamps' light on glass and mirrors that must come from smaller ones
-LEAST_VIEWS, MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
+_LEAST_VIEWS, _MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
 # Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
-LEAST_ALPHA = 0.04
-WITHOUT_SIZE = (*SIZELESS_EMITTERS, EmitterKind.DIRECTIONAL)
+_LEAST_ALPHA = 0.04
+_WITHOUT_SIZE = (*SIZELESS_EMITTERS, EmitterKind.DIRECTIONAL)
 
 # Area of the canonical shapes [1].
 _AREA = {
@@ -301,7 +301,7 @@ class Caustics:
     curve : (n,) array
         Picks among them by area.
     roles : (primitives,) array
-        What each primitive is: bits of `SURFACE` and `RECEIVER`.
+        What each primitive is: bits of `SURFACE` and `_RECEIVER`.
     """
 
     active: bool
@@ -387,11 +387,11 @@ def _is_smooth(material: Material) -> bool:
 def _receives(material: Material) -> bool:
     if isinstance(material, Principled):
         roughness = material.roughness
-        rough = not isinstance(roughness, float) or roughness**2 >= LEAST_ALPHA
+        rough = not isinstance(roughness, float) or roughness**2 >= _LEAST_ALPHA
         others = material.metallic, material.transmission
         return rough and all(not isinstance(share, float) or share < 0.5 for share in others)
     if isinstance(material, Plastic):
-        return material.alphas is None or min(material.alphas) >= LEAST_ALPHA
+        return material.alphas is None or min(material.alphas) >= _LEAST_ALPHA
     return isinstance(material, Matte | Translucent)
 
 
@@ -399,7 +399,7 @@ def _role(primitive: Primitive) -> int:
     material = primitive.material
     parts: Sequence[Material] = material.materials if isinstance(material, Mix) else (material,)
     if any(map(_receives, parts)):
-        return RECEIVER
+        return _RECEIVER
     smooth = any(map(_is_smooth, parts)) and primitive.kind is not Kind.PLANE and not has_holes(primitive.material)
     return SURFACE if smooth else 0
 
@@ -409,7 +409,7 @@ def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
         return "no lamp that light sampling knows"
     if not (roles == SURFACE).any():
         return "no smooth glass and no mirror of finite size"
-    if not (roles == RECEIVER).any():
+    if not (roles == _RECEIVER).any():
         return "no surface that scatters light widely"
     return None
 
@@ -496,12 +496,14 @@ def _left_to_paths(
     if scene.render.clamp is not None:
         return "render.clamp takes away what paths find seldom"
     records = emitters.records[: emitters.count]
-    if np.isin(records["kind"], WITHOUT_SIZE).any():
+    if np.isin(records["kind"], _WITHOUT_SIZE).any():
         return None
     share = _share_of_small_lamps(primitives, records[records["kind"] != EmitterKind.ENVIRONMENT], surfaces, places)
     if share >= LEAST_SHARE:
         return None
-    return f"paths find the lamps: those below {SMALL_LAMP_SR} sr bring {share:.0%} of their light to glass and mirrors"
+    return (
+        f"paths find the lamps: those below {_SMALL_LAMP_SR} sr bring {share:.0%} of their light to glass and mirrors"
+    )
 
 
 def _share_of_small_lamps(
@@ -516,14 +518,14 @@ def _share_of_small_lamps(
     centres = (lamps["a"] + middle * (lamps["u"] + lamps["v"]))[:, :3].astype(np.float64)
     brightness = luminance(lamps["radiance"][:, :3].astype(np.float64))
     small = every = 0.0
-    views = int(np.clip(10**6 // len(lamps), LEAST_VIEWS, MOST_VIEWS))
+    views = int(np.clip(10**6 // len(lamps), _LEAST_VIEWS, _MOST_VIEWS))
     for k in np.unique(np.linspace(0, len(surfaces) - 1, views).astype(int)):
         nearest = places[k] if surfaces[k]["kind"] == Kind.MESH else _nearest(surfaces[k], centres)
         distance2 = ((nearest - centres) ** 2).sum(axis=1)
         angle = np.minimum(size / np.where(suns, 1.0, np.maximum(distance2, 1e-12)), 2 * np.pi)
         whole = np.bincount(lamp, angle)
         light = np.bincount(lamp, angle * brightness)
-        small, every = small + light[whole < SMALL_LAMP_SR].sum(), every + light.sum()
+        small, every = small + light[whole < _SMALL_LAMP_SR].sum(), every + light.sum()
     return float(small / every) if every > 0 else 0.0
 
 
@@ -592,7 +594,7 @@ def _solids(scene: Scene, far: tuple[Any, ...]) -> tuple[tuple[Solid, ...], tupl
 
 
 # Whose facets reflect and pass nothing on: their lobe says which lamps of a light tree matter.
-LOBED = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_PLASTIC, MaterialKind.PRINCIPLED)
+_LOBED = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_PLASTIC, MaterialKind.PRINCIPLED)
 
 
 def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[str, Any]:
@@ -624,7 +626,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "HIDDEN_SKY": int(_hides_sky(scene)),
         "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
         "LIGHT_GROUPS": len(groups.names),
-        "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in LOBED)),
+        "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in _LOBED)),
     }
     return {
         "facts": facts,
@@ -683,7 +685,7 @@ class Plan:
     camera_filter: FilterTable
     trajectory: NDArray[np.float32]
     primitives: NDArray[np.void]
-    movements: Movements
+    movements: ObjectMovements
     kind_end: NDArray[np.int32]
     hidden: NDArray[np.int32]
     materials: NDArray[np.void]
@@ -820,7 +822,7 @@ def with_lens(plan: Plan, scene: Scene, *, coarse: bool = False) -> Plan:
     return replace(plan, facts=plan.facts | spectrum.facts, camera=camera, spectrum=spectrum, trajectory=trajectory)
 
 
-FIRST_RAY = {"object_id", "material_id", "uv", "pupil"}  # layers of a pixel's first ray, which must aim at nothing
+_FIRST_RAY = {"object_id", "material_id", "uv", "pupil"}  # layers of a pixel's first ray, which must aim at nothing
 
 
 def may_aim(plan: Plan, layers: Iterable[str] = ()) -> bool:
@@ -831,7 +833,7 @@ def may_aim(plan: Plan, layers: Iterable[str] = ()) -> bool:
     layers
         That the picture is to have: those of a pixel's first ray need one that aims at nothing.
     """
-    return bool(plan.lamps) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or FIRST_RAY & set(layers))
+    return bool(plan.lamps) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or _FIRST_RAY & set(layers))
 
 
 def aim(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = True) -> Plan:

@@ -34,7 +34,7 @@ from rptcam_cl.scene.shapes import Board, Box, Cone, Curves, Cylinder, Disk, Obj
 # What the last plan was made of, for the next: the frames of a dataset and what a viewfinder shows change little.
 
 Part = TypeVar("Part")
-BY_VALUE = (str, bytes, int, float, CameraKind, Film, Exposure, Shutter, SpectrumSettings)
+_BY_VALUE = (str, bytes, int, float, CameraKind, Film, Exposure, Shutter, SpectrumSettings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,7 @@ def _are_same(one: Any, other: Any) -> bool:
         return len(one) == len(other) and all(map(_are_same, one, other))
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
         return np.array_equal(one, other)
-    return isinstance(one, BY_VALUE) and type(one) is type(other) and bool(one == other)
+    return isinstance(one, _BY_VALUE) and type(one) is type(other) and bool(one == other)
 
 
 # Triangles of a scene as the device holds them: pools of vertices and triangles, and who uses them.
@@ -882,7 +882,7 @@ def _count_shared_planes(primitives: list[Primitive], records: NDArray[np.void])
 
 Array = NDArray[np.float64]
 
-STEPS_PER_TURN = 64
+_STEPS_PER_TURN = 64
 MOST_STEPS = 1024  # of a segment
 
 
@@ -921,7 +921,7 @@ class Places(Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class Movements:
+class ObjectMovements:
     """The segments of everything that moves.
 
     Attributes
@@ -951,7 +951,7 @@ class Movements:
 def _places(segment: np.void) -> Places:
     pivot, shift, travel = (segment[name].astype(np.float64)[:3] for name in ("pivot", "shift", "travel"))
     turns = float(segment["travel"][3])
-    steps = int(np.clip(np.ceil(abs(turns) * STEPS_PER_TURN), 1, MOST_STEPS))
+    steps = int(np.clip(np.ceil(abs(turns) * _STEPS_PER_TURN), 1, MOST_STEPS))
     shares = np.linspace(0, 1, steps + 1)
     half = np.pi * turns * shares[:, None]
     axis = segment["axis"].astype(np.float64)[:3]
@@ -970,7 +970,7 @@ def _rotations(quaternions: NDArray[np.floating]) -> Array:
     return np.asarray(np.eye(3) + 2 * w[:, None, None] * cross + 2 * cross @ cross)
 
 
-def pack_movements(scene: Scene, primitives: Sequence[Primitive]) -> Movements:
+def pack_movements(scene: Scene, primitives: Sequence[Primitive]) -> ObjectMovements:
     """Return the segments of the primitives that move; those of one object share them."""
     of_primitive = np.zeros((max(len(primitives), 1), 2), np.int32)
     segments: list[NDArray[np.void]] = []
@@ -984,7 +984,7 @@ def pack_movements(scene: Scene, primitives: Sequence[Primitive]) -> Movements:
             place_of[primitive.object] = count, len(segments[-1])
             count += len(segments[-1])
         of_primitive[index] = place_of[primitive.object]
-    return Movements(np.concatenate(segments) if segments else SEGMENT.zeros(1), of_primitive)
+    return ObjectMovements(np.concatenate(segments) if segments else SEGMENT.zeros(1), of_primitive)
 
 
 def _segments(trajectory: Trajectory, scene: Scene) -> NDArray[np.void]:

@@ -88,8 +88,8 @@ class KnownSpectra:
         return self._numbers[key]
 
 
-LARGEST_N = 20.0  # far above any metal's
-SLANTS = np.arange(1, 10) / 10  # cosines at which channels are compared with the spectrum
+_LARGEST_N = 20.0  # far above any metal's
+_SLANTS = np.arange(1, 10) / 10  # cosines at which channels are compared with the spectrum
 
 
 def reflectance(index: NDArray[np.complex128], cosine: ArrayLike = 1.0) -> NDArray[np.float64]:
@@ -120,8 +120,8 @@ def metal_constants(metal: str | MetalSpectrum) -> tuple[tuple[float, ...], tupl
     k = np.linspace(0.0, 1.0, 801)[:, None] * np.sqrt(middle**2 - 1)
     spread = np.sqrt(np.maximum(middle**2 - 1 - k**2, 0.0))
     index = np.concatenate([middle - spread + 1j * k, middle + spread + 1j * k])
-    errors = [np.square(reflectance(index, cosine) - metal_colour(metal, cosine)) for cosine in SLANTS]
-    best = np.where(index.real < LARGEST_N, np.sum(errors, axis=0), np.inf).argmin(axis=0)
+    errors = [np.square(reflectance(index, cosine) - metal_colour(metal, cosine)) for cosine in _SLANTS]
+    best = np.where(index.real < _LARGEST_N, np.sum(errors, axis=0), np.inf).argmin(axis=0)
     chosen = index[best, np.arange(3)]
     return tuple(map(float, chosen.real)), tuple(map(float, chosen.imag))
 

@@ -55,13 +55,13 @@ def test_fault_is_found(mutant):
 
 
 def test_box_that_leaves_out_the_bend_of_a_turn_is_found(monkeypatch):
-    places = movement.Movements.places
+    places = movement.ObjectMovements.places
 
     def straight(self, primitive):
         found = places(self, primitive)
         return movement.Places(found.matrices, found.pivots, np.zeros_like(found.bends))
 
-    monkeypatch.setattr(movement.Movements, "places", straight)
+    monkeypatch.setattr(movement.ObjectMovements, "places", straight)
     with pytest.raises(AssertionError):
         boxes.test_box_holds_the_body_at_every_moment("a screw")
 
