@@ -307,7 +307,7 @@ def test_reference_lists_every_key_with_default_and_bounds(tables: dict[str, dic
             if field.is_required():
                 assert default == "required", (section, key)
             elif key not in IN_WORDS and (section, key) not in FROM_CAMERA:
-                assert default.split(":")[0].strip("`{") == written(field.default).strip("`{"), (section, key)
+                assert default.split(": ")[0].strip("`{") == written(field.default).strip("`{"), (section, key)
             assert all(bound in span for bound in bounds(schema["properties"][key])), (section, key, span)
 
 
