@@ -18,7 +18,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE, luminance
+from rptcam_cl.core.colour import PRIMARIES, luminance, srgb_from_primaries
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import (
@@ -27,6 +27,7 @@ from rptcam_cl.core.files import (
     check_writable,
     free_host_bytes,
     known_suffix,
+    listed,
     replacing,
     utf8_name,
 )
@@ -252,7 +253,7 @@ def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -
     Raises
     ------
     InputError
-        The file is none of these formats, is damaged, or is not of linear colours with the primaries of sRGB.
+        The file is none of these formats, is damaged, or has primaries of none of the spaces that films are written in.
     StateError
         The file cannot be read.
     """
@@ -351,14 +352,31 @@ def _exr(path: str | os.PathLike[str]) -> Film:
             layer: np.stack([channels[f"{layer}.{colour}"].pixels for colour in "RGB"], axis=-1)
             for layer in sorted(layers)
         }
-    primaries = header.get("chromaticities")
-    expected = np.ravel([*SRGB_PRIMARIES, SRGB_WHITE])
-    if primaries is not None and not np.allclose(np.ravel(primaries), expected, atol=_CLOSE):
-        got = ", ".join(f"{number:.4g}" for number in np.ravel(primaries))
-        raise InputError(f"has other primaries than sRGB (got {got}; allowed {', '.join(map(str, expected))})")
+    matrix = _matrix_of(header.get("chromaticities"))
     text = header.get(ALL_METADATA)
     metadata = json.loads(text) if isinstance(text, str) else from_exr_attributes(header)
-    return np.stack(planes, axis=-1), metadata, alpha if _is_transparent(metadata) else None, lights
+    pixels = np.stack(planes, axis=-1)
+    if matrix is not None:
+        pixels = pixels @ matrix
+        lights = {name: values @ matrix for name, values in lights.items()}
+    return pixels, metadata, alpha if _is_transparent(metadata) else None, lights
+
+
+def _matrix_of(chromaticities: Any) -> NDArray[np.float64] | None:
+    """Return the matrix that takes rows of colours of a film to sRGB's primaries; None where they have them.
+
+    Raises
+    ------
+    InputError
+        They are of none of the spaces in which films are written.
+    """
+    if chromaticities is None:
+        return None
+    for name, (primaries, white) in PRIMARIES.items():
+        if np.allclose(np.ravel(chromaticities), np.ravel([*primaries, white]), atol=_CLOSE):
+            return None if name == "rec709" else srgb_from_primaries(primaries, white).T
+    got = ", ".join(f"{number:.4g}" for number in np.ravel(chromaticities))
+    raise InputError(f"has primaries that films are not read with (got {got}; allowed those of {listed(PRIMARIES)})")
 
 
 #

@@ -19,7 +19,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from rptcam_cl.core.colour import blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
+from rptcam_cl.core.colour import Primaries, blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
 from rptcam_cl.core.constants import MAX_SEED, MAX_SPP
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders
@@ -714,6 +714,9 @@ class PictureSettings(SceneModel):
 
     bits: Literal[8, 16] | None = None
     """Bits per channel of PNG and TIFF files; by default 8 in PNG and 16 in TIFF."""
+
+    primaries: Primaries = "rec709"
+    """Primaries of the linear colours in EXR files; those of NumPy files are always of Rec. 709."""
 
     jpeg_quality: Annotated[int, Field(ge=1, le=100, strict=True)] = 95
     """Quality of JPEG files; colour is in half the resolution below 90."""

@@ -247,3 +247,39 @@ def test_missing_package_is_one_error_that_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "PyOpenColorIO", None)
     with pytest.raises(InputError, match=r'needs the package opencolorio \(pip install "rptcam_cl\[ocio\]"\)'):
         load_picture({"ocio": "ocio://default"})
+
+
+@pytest.mark.parametrize(
+    ("primaries", "space", "name", "red_and_white"),
+    [
+        ("acescg", "ACEScg", "lin_ap1_scene", (0.713, 0.293, 0.32168, 0.33767)),
+        ("rec2020", "Linear Rec.2020", "lin_rec2020_scene", (0.708, 0.292, 0.3127, 0.329)),
+    ],
+)
+def test_film_of_other_primaries_says_so_and_is_read_back(tmp_path, primaries, space, name, red_and_white):
+    import OpenEXR
+
+    pixels = colours(high=8.0)
+    pixels[0, 0] = 1.0
+    layers = {"albedo": pixels / 8, "depth": pixels[..., 0], "lights.key": pixels / 2}
+    film = with_picture_settings(Image(pixels, layers=layers), PictureSettings(primaries=primaries))
+    film.save(tmp_path / "film.exr")
+    with OpenEXR.File(str(tmp_path / "film.exr"), separate_channels=True) as file:
+        header, channels = dict(file.header()), file.channels()
+        written = np.stack([channels[each].pixels for each in "RGB"], axis=-1)
+        albedo = np.stack([channels[f"albedo.{each}"].pixels for each in "RGB"], axis=-1)
+        np.testing.assert_array_equal(channels["Z"].pixels, layers["depth"])
+    assert header["colorInteropID"] == name
+    said = np.ravel(header["chromaticities"])
+    np.testing.assert_allclose([*said[:2], *said[6:]], red_and_white, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(written[0, 0], 1, rtol=0, atol=2e-7)  # white is white
+    np.testing.assert_allclose(albedo, written / 8, rtol=0, atol=2e-7)
+    back = read_film(tmp_path / "film.exr")
+    np.testing.assert_allclose(back.pixels, pixels, rtol=0, atol=2e-6)
+    np.testing.assert_allclose(back["lights.key"], pixels / 2, rtol=0, atol=1e-6)
+
+    ocio = pytest.importorskip("PyOpenColorIO")
+    expected = pixels.copy()
+    config = ocio.Config.CreateFromFile("ocio://default")
+    config.getProcessor("Linear Rec.709 (sRGB)", space).getDefaultCPUProcessor().applyRGB(expected)
+    np.testing.assert_allclose(written, expected, rtol=0, atol=5e-6)
