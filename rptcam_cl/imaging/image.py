@@ -21,7 +21,15 @@ from numpy.typing import DTypeLike, NDArray
 from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import FILM_SUFFIXES, check_writable, free_host_bytes, known_suffix, replacing, utf8_name
+from rptcam_cl.core.files import (
+    FILM_SUFFIXES,
+    Folders,
+    check_writable,
+    free_host_bytes,
+    known_suffix,
+    replacing,
+    utf8_name,
+)
 from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_values, quantise
 from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
 from rptcam_cl.imaging.sensor import SensorModel, expose
@@ -407,7 +415,13 @@ def _resample(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
 SETTINGS = "picture"  # where metadata keep what a scene says of the picture
 
 
-def develop(film: Image | str | os.PathLike[str], overrides: Iterable[str] = (), **settings: Any) -> Image:
+def develop(
+    film: Image | str | os.PathLike[str],
+    overrides: Iterable[str] = (),
+    *,
+    folders: Folders | None = None,
+    **settings: Any,
+) -> Image:
     """Return an image of the same film that develops with other settings, or with its lamps brighter or darker.
 
     Parameters
@@ -416,6 +430,9 @@ def develop(film: Image | str | os.PathLike[str], overrides: Iterable[str] = (),
         A rendered image, or a file of one (``.exr``, ``.npy``, ``.npz``).
     overrides
         Settings as text, ``picture.tone=agx``, and factors on the light of groups of lamps, ``lights.key=0.5``.
+    folders
+        Where the files that settings name may lie; by default the working folder, where their names start, and the
+        film's. Those that the image was rendered with are known.
     **settings
         Keys of ``picture`` in scene files: ``tone="agx"``, ``white_balance={"temperature_k": 3200}``, ``ev=1``. Those
         not given stay as they are in the film's metadata.
@@ -434,9 +451,16 @@ def develop(film: Image | str | os.PathLike[str], overrides: Iterable[str] = (),
         image = relit(image, dict(_factor_of(text) for text in factors))
         overrides = [text for text in overrides if text not in factors]
     known = image.metadata.get(SETTINGS)
-    return with_picture_settings(
-        image, load_picture({**(known if isinstance(known, dict) else {}), **settings}, overrides)
-    )
+    if folders is None and not isinstance(film, Image):
+        folders = folders_of_film(film)
+    given = {**(known if isinstance(known, dict) else {}), **settings}
+    picture = load_picture(given, overrides, folders=folders, before=image.development)
+    return with_picture_settings(image, picture)
+
+
+def folders_of_film(film: str | os.PathLike[str]) -> Folders:
+    """Return where files may lie that the picture settings of a film name: in the working folder, or in the film's."""
+    return Folders(allowed=(Path(film).absolute().parent,), owner="film")
 
 
 RELIT = "relit"  # where metadata keep the factors on the light of groups of lamps
@@ -525,7 +549,7 @@ _EXACT = {"fflags": "+bitexact"}  # else Matroska draws numbers at random for ea
 _CLOCK = 1_000_000  # denominators of frame rates, at most
 
 # Numbers of ITU-T H.273. Players take what is not said for either of two matrices, by the height of the picture.
-_REC_709, _SRGB_CURVE, _NO_CURVE, _RGB = 1, 13, 8, 0
+_REC_709, _SRGB_CURVE, _NO_CURVE, _UNSAID, _RGB = 1, 13, 8, 2, 0
 _LIMITED, _FULL = 1, 2  # ranges, as FFmpeg numbers them
 
 
@@ -580,7 +604,7 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
                         rate = Fraction(frames_per_second).limit_denominator(_CLOCK)
                         stream = file.add_stream(codec, rate=rate, options=options)
                         stream.width, stream.height, stream.pix_fmt = codes.shape[1], codes.shape[0], kind
-                        curve = _NO_CURVE if image.development.tone.kind == "linear" else _SRGB_CURVE
+                        curve = {True: _SRGB_CURVE, False: _NO_CURVE, None: _UNSAID}[image.development.is_encoded]
                         _say_colours(stream.codec_context, curve, is_rgb=kind.startswith("gbr"))
                     if codes.shape[:2] != (stream.height, stream.width):
                         raise InputError(f"{path}: pictures of a video have one size")

@@ -498,7 +498,7 @@ def png_to(
     """Write the developed picture; each piece of metadata becomes a text chunk, some also EXIF data."""
     codes = _codes_with_alpha(pixels, metadata, picture, bits, layers)
     texts = {key: _text(value) for key, value in {**metadata, "ev": picture.ev}.items()}
-    encoded = picture.tone.kind != "linear"
+    encoded = picture.is_encoded
     write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)
 
 
@@ -539,12 +539,13 @@ def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, picture: Picture
         height, width = pixels.shape[:2]
         raise StateError(f"the picture is {width} x {height}, and JPEG files have at most {JPEG_SIDE} a side; use .png")
 
-    encoded = picture.tone.kind != "linear"
+    encoded = picture.is_encoded
     encoder = PIL.Image.fromarray(_codes_with_marks(pixels, metadata, picture, JPEG_BITS))
     quality = picture.jpeg_quality
     options = {
         "quality": quality, "subsampling": 0 if quality >= JPEG_FULL_COLOUR else 2,
-        "icc_profile": profile(encoded=encoded), "extra": _jpeg_comments({**metadata, "ev": picture.ev}),
+        "icc_profile": None if encoded is None else profile(encoded=encoded),
+        "extra": _jpeg_comments({**metadata, "ev": picture.ev}),
     }  # fmt: skip
     with path.open("xb") as stream:
         encoder.save(stream, "JPEG", exif=b"Exif\0\0" + exif_bytes(metadata, encoded=encoded), **options)
@@ -560,7 +561,7 @@ def _jpeg_comments(metadata: Metadata) -> bytes:
 def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
     codes = _codes_with_alpha(pixels, metadata, picture, picture.bits or TIFF_BITS, layers)
     with path.open("xb") as stream:
-        write_tiff_to(stream, codes, {**metadata, "ev": picture.ev}, encoded=picture.tone.kind != "linear")
+        write_tiff_to(stream, codes, {**metadata, "ev": picture.ev}, encoded=picture.is_encoded)
 
 
 def _windows(metadata: Metadata, pixels: Pixels) -> dict[str, tuple[NDArray[np.int32], NDArray[np.int32]]]:
