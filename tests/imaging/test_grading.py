@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from rptcam_cl.api.compiling import changed_parts
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import Folders
 from rptcam_cl.imaging.development import developed_values, srgb_from_linear
@@ -111,7 +112,10 @@ def test_table_of_a_scene_is_applied_to_display_values_and_read_from_its_folder_
     plain = set_keys(scene, {"picture.lut": None})
     assert plain.picture_hash() != scene.picture_hash()
     (folder / "negative.cube").write_text(cube([(1, 1, 1), (0, 0, 0.5)], "LUT_1D_SIZE"))
-    assert set_keys(scene, {"picture.ev": 1}).picture_hash() != scene.picture_hash()
+    edited = set_keys(scene, {"picture.ev": 1})
+    assert edited.picture_hash() != scene.picture_hash()
+    assert changed_parts(scene, edited) == ("picture",)  # so that sessions and the viewfinder show it
+    assert changed_parts(edited, set_keys(edited, {"picture.ev": 1})) == ()
 
     monkeypatch.chdir(tmp_path)
     image = with_picture_settings(Image(pixels), scene.picture)  # which knows its table wherever it is
