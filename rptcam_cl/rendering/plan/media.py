@@ -14,7 +14,17 @@ from rptcam_cl.core.records import MEDIUM, Hidden, fill
 from rptcam_cl.rendering.plan.materials import Materials
 from rptcam_cl.rendering.plan.primitives import Primitive
 from rptcam_cl.rendering.plan.textures import KnownSpectra
-from rptcam_cl.scene.materials import Boundary, Dielectric, Material, Mix, Principled, ScatteringMedium, has_holes
+from rptcam_cl.scene.materials import (
+    Boundary,
+    Dielectric,
+    FogLayer,
+    Material,
+    Mix,
+    Principled,
+    ScatteringMedium,
+    SurroundingMedium,
+    has_holes,
+)
 from rptcam_cl.scene.scene import Scene, Solid, holds_eye, world_corners
 from rptcam_cl.scene.shapes import Plane
 
@@ -50,8 +60,8 @@ class Media:
 
     @property
     def facts(self) -> dict[str, int]:
-        """Whether the kernels must know of media."""
-        return {"HAS_MEDIA": int(self.active)}
+        """Whether the kernels must know of media, and of one in a layer."""
+        return {"HAS_MEDIA": int(self.active), "HAS_LAYERED_FOG": int(self.records["layer"].any())}
 
 
 def _interior_of(material: Material) -> ScatteringMedium | None:
@@ -87,11 +97,11 @@ def pack_media(
     if scene.medium is None and not any(each is not None for each in own):
         return Media(MEDIUM.zeros(1)), shown
     _check(scene, primitives, materials.values())
-    numbers: dict[str, int] = {EMPTY.model_dump_json(): 0}
+    numbers: dict[str, int] = {EMPTY.model_dump_json(exclude_none=True): 0}
     found = [EMPTY]
 
     def number_of(medium: ScatteringMedium) -> int:
-        key = medium.model_dump_json()
+        key = medium.model_dump_json(exclude_none=True)
         if key not in numbers:
             numbers[key] = len(found)
             found.append(medium)
@@ -110,7 +120,7 @@ def pack_media(
     for key, number in inside.items():
         records["interior"][shown.index[key]] = number
     shown = replace(shown, records=records, facts=shown.facts | {"HAS_ABSORPTION": 0})
-    return Media(_records(found, spectra), _at_camera(scene, around, inside), active=True), shown
+    return Media(_records(found, spectra, scene), _at_camera(scene, around, inside), active=True), shown
 
 
 def boundaries(primitives: Sequence[Primitive]) -> NDArray[np.int32]:
@@ -119,7 +129,14 @@ def boundaries(primitives: Sequence[Primitive]) -> NDArray[np.int32]:
     return np.array([hidden * isinstance(each.material, Boundary) for each in primitives] or [0], np.int32)
 
 
-def _records(media: Sequence[ScatteringMedium], spectra: KnownSpectra) -> NDArray[np.void]:
+def _layer(layer: FogLayer, scene: Scene) -> tuple[float, ...]:
+    """Return how the scale heights over the base of a layer follow from a place about the eye: a . p - b, (4,)."""
+    up = np.divide(layer.up, np.linalg.norm(layer.up))
+    above = (layer.base - up @ scene.camera.eye) * scene.metres_per_unit
+    return (*(up / layer.scale_height_m).tolist(), float(above / layer.scale_height_m))
+
+
+def _records(media: Sequence[ScatteringMedium], spectra: KnownSpectra, scene: Scene) -> NDArray[np.void]:
     records = MEDIUM.zeros(len(media))
     for record, medium in zip(records, media, strict=True):
         absorption, scattering, emission = medium.absorption, medium.scattering, medium.emission_per_m
@@ -128,6 +145,8 @@ def _records(media: Sequence[ScatteringMedium], spectra: KnownSpectra) -> NDArra
             scattering=(*scattering, spectra.number(scattering)),
             emission=(*emission, spectra.number(emission, light=True)),
         )  # fmt: skip
+        if isinstance(medium, SurroundingMedium) and medium.layer is not None:
+            fill(record, layer=_layer(medium.layer, scene))
     return records
 
 
