@@ -8,7 +8,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering import tracer
-from tests.rendering.pictures import WHITE, bits, flat_mean, looking, pixels, scene_of, seed_of
+from tests.rendering.pictures import WHITE, bits, looking, pixels, scene_of, seed_of
 from tests.rendering.test_media import (
     ABSORPTION,
     ASYMMETRY,
@@ -93,10 +93,13 @@ def test_layer_without_end_is_homogeneous():
 @pytest.mark.slow
 @pytest.mark.parametrize("base", [0.2, -0.6])
 def test_layer_scatters_the_sun_once_as_quadrature_does(base):
-    sun = [0.4, 0.3, 0.6]
+    sun = [0.4, -0.3, 0.6]
     lights = [{"kind": "directional", "direction": [-x for x in sun], "irradiance": 1.0}]
-    mean, error = flat_mean(fog_of(lights, 0.5, base), f"sun {base}", spp=8192)
-    assert_equivalent(mean, error, scattered_once([], 0.5, base, sun=sun), 4e-3 * mean.max())
+    seeds = [seed_of(f"sun {base} {batch}") for batch in range(8)]
+    means = np.array([pixels(fog_of(lights, 0.5, base), seed=seed, spp=1024).mean(axis=(0, 1)) for seed in seeds])
+    expected = scattered_once([], 0.5, base, sun=sun)
+    error = means.std(axis=0, ddof=1) / np.sqrt(len(means))
+    assert_equivalent(means.mean(axis=0), error, expected, 4e-3 * expected)
 
 
 WAYS = [
@@ -121,20 +124,16 @@ def test_layer_absorbs_and_emits_as_its_column_does():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("height", "base"), [(0.3, -0.2), (1e-3, -0.5), (1e6, 0.0), (0.3, -100.0)])
+@pytest.mark.parametrize(("height", "base"), [(0.3, -0.2), (1e-3, -0.5), (5.0, -0.5), (0.3, -100.0)])
 def test_layer_that_only_scatters_vanishes_in_a_white_world(height, base):
-    """Of a sky all round and ground that reflects all: paths that never come out of the fog are cut."""
+    """Sky all round, and ground that reflects all, as the even fog below the layer has no end."""
     eye = looking([0, 0, 0], [0, 1, -0.2], fov=40)
     fog = {"scattering_per_m": 3.0, "asymmetry": 0.3} | layer(height, base)
-    # below the layer even fog has no end, so that a white plane closes it
     ground = {"shape": "plane", "point": [0, 0, -0.7], "normal": [0, 0, 1]}
     ground |= {"material": {"kind": "matte", "reflectance": 1.0}}
-    scene = scene_of([ground], eye, depth=3000 if height < 1e3 else 40, environment=WHITE, medium=fog)
+    scene = scene_of([ground], eye, depth=3000, environment=WHITE, medium=fog)
     film = pixels(scene, spp=16, seed=seed_of(f"furnace {height} {base}"))
-    if height < 1e3:
-        np.testing.assert_allclose(film, 1, rtol=1e-5)
-    else:
-        assert np.isfinite(film).all()
+    np.testing.assert_allclose(film, 1, rtol=1e-5)
 
 
 @pytest.mark.slow
