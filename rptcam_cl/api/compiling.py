@@ -85,9 +85,12 @@ def keep_focus(state: SceneState, scene: Scene) -> Scene:
 
 
 def changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:
-    """The sections of a scene that differ."""
+    """The sections of a scene that differ; `picture` also by the content of its files."""
     one, other = before.made_of, after.made_of
-    return tuple(name for name in Scene.model_fields if not _is_same(one.get(name), other.get(name)))
+    differ = {name for name in Scene.model_fields if not _is_same(one.get(name), other.get(name))}
+    if before.picture is not after.picture and before.picture.content_digests() != after.picture.content_digests():
+        differ.add("picture")
+    return tuple(name for name in Scene.model_fields if name in differ)
 
 
 def _is_same(one: Any, other: Any) -> bool:

@@ -24,7 +24,7 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import check_writable, replacing
 from rptcam_cl.device.devices import choose_device, list_devices, problem_of
 from rptcam_cl.device.session import Split, Wanted, open_sessions
-from rptcam_cl.imaging.image import Image, develop
+from rptcam_cl.imaging.image import Image, develop, folders_of_film
 from rptcam_cl.optics.library import load_lens as read_lens
 from rptcam_cl.rendering.checkpoint import layout_of, merge_states, picture_of, write_checkpoint
 from rptcam_cl.rendering.diffraction import spread_of
@@ -326,6 +326,6 @@ def merge(
     if spread is not None:
         image = replace(image, pixels=spread.over(image.pixels, layout))
     try:
-        return develop(image)
+        return develop(image, folders=folders_of_film(parts[0]))
     except InputError as problem:  # of keys that every render has checked
         raise StateError(f"{parts[0]}: this saved render is damaged: {problem}") from None

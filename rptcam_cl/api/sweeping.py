@@ -26,7 +26,7 @@ from rptcam_cl.core.files import check_writable, kernels_dir, make_folder, repla
 from rptcam_cl.core.remember import Disk, OneMaker, made_by
 from rptcam_cl.device.session import Session, Wanted, open_session, open_sessions
 from rptcam_cl.imaging.development import quantise
-from rptcam_cl.imaging.image import Image, develop, read_film
+from rptcam_cl.imaging.image import Image, read_film, with_picture_settings
 from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.metering import resolve_exposure
@@ -328,7 +328,9 @@ class _Combination:
             image = read_film(self.file)
             if image.metadata.get("picture_hash") != self.scene.picture_hash():
                 return None
-            entry = SweepEntry(self.values, saved["measures"], develop(image), True, self.file)
+            entry = SweepEntry(
+                self.values, saved["measures"], with_picture_settings(image, self.scene.picture), True, self.file
+            )
         except (OSError, ValueError, KeyError, TypeError, RptcamError):
             return None
         same.add(str(self.file), image.metadata.get("made_by"))

@@ -84,8 +84,9 @@ def add_develop(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--set", action="append", default=[], metavar="key=value", dest="overrides",
-        help="replace a setting that the film was rendered with, as picture.tone=agx, or make a group of lamps brighter"
-        " or darker, as lights.key=0.5 (of a film with the layer lights); may be repeated",
+        help="replace a setting that the film was rendered with, as picture.tone=agx, picture.lut=look.cube or"
+        " picture.ocio=ocio://default, or make a group of lamps brighter or darker, as lights.key=0.5 (of a film with"
+        " the layer lights); may be repeated",
     )  # fmt: skip
     parser.add_argument(
         "--desqueeze", type=positive, metavar="FACTOR",
@@ -101,7 +102,7 @@ def add_develop(parser: argparse.ArgumentParser) -> None:
 def run_develop(arguments: argparse.Namespace) -> int:
     """Make pictures of a linear film that was saved, with other settings of the section picture."""
     from rptcam_cl.imaging.formats import check_raw_output
-    from rptcam_cl.imaging.image import LARGE, desqueezed, develop, read_film
+    from rptcam_cl.imaging.image import LARGE, desqueezed, develop, folders_of_film, read_film
     from rptcam_cl.imaging.writers import check_output
 
     for output in arguments.outputs:
@@ -111,7 +112,8 @@ def run_develop(arguments: argparse.Namespace) -> int:
         check_raw_output(raw, [arguments.film])
     written = [*arguments.outputs, *arguments.raws]
     check_different(written, "-o, --raw")
-    image = develop(read_film(arguments.film, most_pixels=None if arguments.large else LARGE), arguments.overrides)
+    film = read_film(arguments.film, most_pixels=None if arguments.large else LARGE)
+    image = develop(film, arguments.overrides, folders=folders_of_film(arguments.film))
     if arguments.desqueeze is not None:
         if arguments.raws:
             raise InputError("--raw: is what the sensor counts, as it is squeezed (allowed: without --desqueeze)")

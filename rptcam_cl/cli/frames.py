@@ -136,7 +136,7 @@ def write_video_of(arguments: argparse.Namespace, scene: "Scene") -> None:
 
     film = _film(arguments)
     assert film is not None
-    images = (develop(_name_of_frame(film, frame)) for frame in arguments.frames)
+    images = (develop(_name_of_frame(film, frame), folders=scene.folders) for frame in arguments.frames)
     count = write_video(arguments.video, images, sequence_of(scene).frames_per_second)
     if not arguments.quiet:
         print(f"wrote {arguments.video}: {count} frames", file=sys.stderr)

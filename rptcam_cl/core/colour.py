@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -194,6 +194,14 @@ Chromaticity = tuple[float, float]
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, ITU-R BT.709-6
 SRGB_PRIMARIES: tuple[Chromaticity, ...] = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))  # ITU-R BT.709-6
 SRGB_WHITE: Chromaticity = (0.3127, 0.3290)  # D65 as IEC 61966-2-1 rounds it
+
+# Spaces of linear films: primaries and white. ITU-R BT.2020-2; Academy S-2014-004 (ACEScg).
+Primaries = Literal["rec709", "rec2020", "acescg"]
+PRIMARIES: dict[Primaries, tuple[tuple[Chromaticity, ...], Chromaticity]] = {
+    "rec709": (SRGB_PRIMARIES, SRGB_WHITE),
+    "rec2020": (((0.708, 0.292), (0.170, 0.797), (0.131, 0.046)), SRGB_WHITE),
+    "acescg": (((0.713, 0.293), (0.165, 0.830), (0.128, 0.044)), (0.32168, 0.33767)),
+}
 
 # Cone-like responses of the Bradford transform (K. M. Lam, dissertation, Bradford 1985), in its linear form as in
 # ISO 15076-1 (ICC profiles), annex E.

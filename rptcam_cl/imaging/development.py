@@ -295,7 +295,7 @@ def developed_codes(
 
 def _bands(pixels: NDArray[np.floating], picture: PictureSettings, part: Part) -> Iterator[tuple[slice, Pixels]]:
     """Yield runs of rows, developed; the white balance is that of the whole."""
-    matrix, gamut = None, picture.gamut
+    matrix = None
     if picture.white_balance is not None:
         whole = _expose(np.asarray(pixels, np.float32), picture.ev)
         matrix = balance_matrix(picture.white_balance, whole, part).T.astype(np.float32)
@@ -305,9 +305,20 @@ def _bands(pixels: NDArray[np.floating], picture: PictureSettings, part: Part) -
         rows = slice(start, start + step)
         exposed = _expose(np.asarray(pixels[rows], np.float32), picture.ev)
         balanced = exposed if matrix is None else exposed @ matrix
-        toned = _apply_curve(_without_negatives(balanced, gamut), picture.tone)
-        shown = _below_one(_without_negatives(toned, gamut), gamut)
-        yield rows, shown if picture.tone.kind == "linear" else srgb_from_linear(shown)
+        shown = _display(balanced, picture) if picture.ocio is None else picture.ocio.loaded.apply(balanced)
+        yield rows, shown if picture.table is None else _within_one(picture.table.apply(shown))
+
+
+def _display(balanced: Pixels, picture: PictureSettings) -> Pixels:
+    """Return display values by our own curves."""
+    gamut = picture.gamut
+    toned = _apply_curve(_without_negatives(balanced, gamut), picture.tone)
+    shown = _below_one(_without_negatives(toned, gamut), gamut)
+    return shown if picture.tone.kind == "linear" else srgb_from_linear(shown)
+
+
+def _within_one(values: Pixels) -> Pixels:
+    return np.clip(values, 0, 1, out=values)
 
 
 def quantise(encoded: Pixels, bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:

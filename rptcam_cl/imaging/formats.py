@@ -147,7 +147,7 @@ def from_exr_attributes(attributes: Metadata) -> dict[str, Any]:
     return {key: attributes[name] for key, name in (_EXR_NUMBERS | _EXR_TEXTS).items() if name in attributes}
 
 
-def exif_fields(metadata: Metadata, *, encoded: bool) -> dict[int, TagField]:
+def exif_fields(metadata: Metadata, *, encoded: bool | None) -> dict[int, TagField]:
     """Return the EXIF directory of the metadata; what they lack is left out.
 
     Parameters
@@ -155,7 +155,7 @@ def exif_fields(metadata: Metadata, *, encoded: bool) -> dict[int, TagField]:
     metadata
         Of the picture.
     encoded
-        Whether the picture is encoded as sRGB.
+        Whether the picture is encoded as sRGB, or linear; None for another display.
     """
     directory = {_VERSION: undefined(b"0232"), _COLOUR_SPACE: short(_SRGB if encoded else _UNCALIBRATED)}
     for key, tag in _EXIF_NUMBERS.items():
@@ -172,7 +172,7 @@ def exif_fields(metadata: Metadata, *, encoded: bool) -> dict[int, TagField]:
     return directory
 
 
-def exif_bytes(metadata: Metadata, *, encoded: bool) -> bytes:
+def exif_bytes(metadata: Metadata, *, encoded: bool | None) -> bytes:
     """Return EXIF data as files of other formats hold them: a TIFF header, and directories."""
     fields: dict[int, TagField | Directory] = {_EXIF: exif_fields(metadata, encoded=encoded)}
     if metadata.get("software"):
@@ -287,7 +287,7 @@ _ZLIB_HEADER = b"\x78\x5e"
 _MOD = 65521  # of Adler's checksum
 
 
-def write_png_to(stream: BinaryIO, codes: Codes, texts: dict[str, str], exif: bytes, *, encoded: bool) -> None:
+def write_png_to(stream: BinaryIO, codes: Codes, texts: dict[str, str], exif: bytes, *, encoded: bool | None) -> None:
     """Write codes of 8 or 16 bits, (height, width, 3) or with alpha (height, width, 4).
 
     Parameters
@@ -301,7 +301,7 @@ def write_png_to(stream: BinaryIO, codes: Codes, texts: dict[str, str], exif: by
     exif
         EXIF data with a TIFF header.
     encoded
-        Whether the codes are encoded as sRGB, or linear.
+        Whether the codes are encoded as sRGB, or linear; None leaves it unsaid.
     """
     from concurrent.futures import ThreadPoolExecutor
 
@@ -310,7 +310,7 @@ def write_png_to(stream: BinaryIO, codes: Codes, texts: dict[str, str], exif: by
     stream.write(_SIGNATURE + _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, kind, 0, 0, 0)))
     if encoded:
         stream.write(_chunk(b"sRGB", _PERCEPTUAL_INTENT))
-    else:
+    elif encoded is not None:
         stream.write(_chunk(b"iCCP", b"ICC profile\0\0" + zlib.compress(profile(encoded=False))))
     for key, value in texts.items():
         stream.write(_text_chunk(key, value))
@@ -405,7 +405,7 @@ _DENSITY = 72.0  # pixels per inch; the format requires one
 
 
 def write_tiff_to(
-    stream: BinaryIO, codes: NDArray[np.unsignedinteger[Any]], metadata: Mapping[str, Any], *, encoded: bool
+    stream: BinaryIO, codes: NDArray[np.unsignedinteger[Any]], metadata: Mapping[str, Any], *, encoded: bool | None
 ) -> None:
     """Write codes of 8 or 16 bits, (height, width, 3) or 4 with alpha; the metadata become EXIF data and a description.
 
@@ -434,7 +434,7 @@ def write_tiff_to(
         _PREDICTOR: short(_DIFFERENCES),
         **({_EXTRA: short(_STRAIGHT_ALPHA)} if samples == 4 else {}),
         _TIFF_EXIF: exif_fields(metadata, encoded=encoded),
-        _ICC: undefined(profile(encoded=encoded)),
+        **({} if encoded is None else {_ICC: undefined(profile(encoded=encoded))}),
     }
     without_places = directory_bytes(fields | {_STRIP_OFFSETS: long(sizes)}, len(HEADER))
     start = len(HEADER) + len(without_places)

@@ -18,10 +18,19 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE, luminance
+from rptcam_cl.core.colour import PRIMARIES, luminance, srgb_from_primaries
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import FILM_SUFFIXES, check_writable, free_host_bytes, known_suffix, replacing, utf8_name
+from rptcam_cl.core.files import (
+    FILM_SUFFIXES,
+    Folders,
+    check_writable,
+    free_host_bytes,
+    known_suffix,
+    listed,
+    replacing,
+    utf8_name,
+)
 from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_values, quantise
 from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
 from rptcam_cl.imaging.sensor import SensorModel, expose
@@ -244,7 +253,7 @@ def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -
     Raises
     ------
     InputError
-        The file is none of these formats, is damaged, or is not of linear colours with the primaries of sRGB.
+        The file is none of these formats, is damaged, or has primaries of none of the spaces that films are written in.
     StateError
         The file cannot be read.
     """
@@ -343,14 +352,31 @@ def _exr(path: str | os.PathLike[str]) -> Film:
             layer: np.stack([channels[f"{layer}.{colour}"].pixels for colour in "RGB"], axis=-1)
             for layer in sorted(layers)
         }
-    primaries = header.get("chromaticities")
-    expected = np.ravel([*SRGB_PRIMARIES, SRGB_WHITE])
-    if primaries is not None and not np.allclose(np.ravel(primaries), expected, atol=_CLOSE):
-        got = ", ".join(f"{number:.4g}" for number in np.ravel(primaries))
-        raise InputError(f"has other primaries than sRGB (got {got}; allowed {', '.join(map(str, expected))})")
+    matrix = _matrix_of(header.get("chromaticities"))
     text = header.get(ALL_METADATA)
     metadata = json.loads(text) if isinstance(text, str) else from_exr_attributes(header)
-    return np.stack(planes, axis=-1), metadata, alpha if _is_transparent(metadata) else None, lights
+    pixels = np.stack(planes, axis=-1)
+    if matrix is not None:
+        pixels = pixels @ matrix
+        lights = {name: values @ matrix for name, values in lights.items()}
+    return pixels, metadata, alpha if _is_transparent(metadata) else None, lights
+
+
+def _matrix_of(chromaticities: Any) -> NDArray[np.float64] | None:
+    """Return the matrix that takes rows of colours of a film to sRGB's primaries; None where they have them.
+
+    Raises
+    ------
+    InputError
+        They are of none of the spaces in which films are written.
+    """
+    if chromaticities is None:
+        return None
+    for name, (primaries, white) in PRIMARIES.items():
+        if np.allclose(np.ravel(chromaticities), np.ravel([*primaries, white]), atol=_CLOSE):
+            return None if name == "rec709" else srgb_from_primaries(primaries, white).T
+    got = ", ".join(f"{number:.4g}" for number in np.ravel(chromaticities))
+    raise InputError(f"has primaries that films are not read with (got {got}; allowed those of {listed(PRIMARIES)})")
 
 
 #
@@ -407,7 +433,13 @@ def _resample(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
 SETTINGS = "picture"  # where metadata keep what a scene says of the picture
 
 
-def develop(film: Image | str | os.PathLike[str], overrides: Iterable[str] = (), **settings: Any) -> Image:
+def develop(
+    film: Image | str | os.PathLike[str],
+    overrides: Iterable[str] = (),
+    *,
+    folders: Folders | None = None,
+    **settings: Any,
+) -> Image:
     """Return an image of the same film that develops with other settings, or with its lamps brighter or darker.
 
     Parameters
@@ -416,6 +448,9 @@ def develop(film: Image | str | os.PathLike[str], overrides: Iterable[str] = (),
         A rendered image, or a file of one (``.exr``, ``.npy``, ``.npz``).
     overrides
         Settings as text, ``picture.tone=agx``, and factors on the light of groups of lamps, ``lights.key=0.5``.
+    folders
+        Where the files that settings name may lie; by default the working folder, where their names start, and the
+        film's. Those that the image was rendered with are known.
     **settings
         Keys of ``picture`` in scene files: ``tone="agx"``, ``white_balance={"temperature_k": 3200}``, ``ev=1``. Those
         not given stay as they are in the film's metadata.
@@ -434,9 +469,16 @@ def develop(film: Image | str | os.PathLike[str], overrides: Iterable[str] = (),
         image = relit(image, dict(_factor_of(text) for text in factors))
         overrides = [text for text in overrides if text not in factors]
     known = image.metadata.get(SETTINGS)
-    return with_picture_settings(
-        image, load_picture({**(known if isinstance(known, dict) else {}), **settings}, overrides)
-    )
+    if folders is None and not isinstance(film, Image):
+        folders = folders_of_film(film)
+    given = {**(known if isinstance(known, dict) else {}), **settings}
+    picture = load_picture(given, overrides, folders=folders, before=image.development)
+    return with_picture_settings(image, picture)
+
+
+def folders_of_film(film: str | os.PathLike[str]) -> Folders:
+    """Return where files may lie that the picture settings of a film name: in the working folder, or in the film's."""
+    return Folders(allowed=(Path(film).absolute().parent,), owner="film")
 
 
 RELIT = "relit"  # where metadata keep the factors on the light of groups of lamps
@@ -525,7 +567,7 @@ _EXACT = {"fflags": "+bitexact"}  # else Matroska draws numbers at random for ea
 _CLOCK = 1_000_000  # denominators of frame rates, at most
 
 # Numbers of ITU-T H.273. Players take what is not said for either of two matrices, by the height of the picture.
-_REC_709, _SRGB_CURVE, _NO_CURVE, _RGB = 1, 13, 8, 0
+_REC_709, _SRGB_CURVE, _NO_CURVE, _UNSAID, _RGB = 1, 13, 8, 2, 0
 _LIMITED, _FULL = 1, 2  # ranges, as FFmpeg numbers them
 
 
@@ -580,7 +622,7 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
                         rate = Fraction(frames_per_second).limit_denominator(_CLOCK)
                         stream = file.add_stream(codec, rate=rate, options=options)
                         stream.width, stream.height, stream.pix_fmt = codes.shape[1], codes.shape[0], kind
-                        curve = _NO_CURVE if image.development.tone.kind == "linear" else _SRGB_CURVE
+                        curve = {True: _SRGB_CURVE, False: _NO_CURVE, None: _UNSAID}[image.development.is_encoded]
                         _say_colours(stream.codec_context, curve, is_rgb=kind.startswith("gbr"))
                     if codes.shape[:2] != (stream.height, stream.width):
                         raise InputError(f"{path}: pictures of a video have one size")

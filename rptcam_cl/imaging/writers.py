@@ -15,7 +15,7 @@ from typing import Any, BinaryIO, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE
+from rptcam_cl.core.colour import PRIMARIES, Primaries, srgb_from_primaries
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import (
     DEVELOPED_SUFFIXES,
@@ -373,6 +373,11 @@ def exr_channels(layers: Mapping[str, Layer]) -> Iterator[tuple[str, NDArray[Any
             yield channel, planes[..., index]
 
 
+def _is_colour(layer: str) -> bool:
+    """Return whether a layer holds red, green and blue."""
+    return [channel.rpartition(".")[2] for channel in _channels_of(layer) or ()] == ["R", "G", "B"]
+
+
 # Marks of focus zones: their outlines in a developed picture.
 
 Codes = NDArray[np.unsignedinteger[Any]]
@@ -420,8 +425,12 @@ _EXR_RESERVED = {
     "pixelAspectRatio", "screenWindowCenter", "screenWindowWidth", "tiles", "type", "version", "view",
 }  # fmt: skip
 _TIMECODE_FLAGS = 14  # drop frame, colour frame, phase, three group flags and eight groups of user bits: none
-# The same colours by the name of the Color Interop Forum, which OpenEXR 3.4 recommends.
-_EXR_COLOUR_SPACE = "lin_rec709_scene"
+# The colours of films by the names of the Color Interop Forum, which OpenEXR 3.4 recommends.
+_EXR_COLOUR_SPACES: dict[Primaries, str] = {
+    "rec709": "lin_rec709_scene",
+    "rec2020": "lin_rec2020_scene",
+    "acescg": "lin_ap1_scene",
+}
 MOST_MARKS = 1000
 PNG_BITS, TIFF_BITS = 8, 16  # unless the picture says otherwise
 JPEG_BITS = 8  # whatever the picture says: the format has no other
@@ -498,7 +507,7 @@ def png_to(
     """Write the developed picture; each piece of metadata becomes a text chunk, some also EXIF data."""
     codes = _codes_with_alpha(pixels, metadata, picture, bits, layers)
     texts = {key: _text(value) for key, value in {**metadata, "ev": picture.ev}.items()}
-    encoded = picture.tone.kind != "linear"
+    encoded = picture.is_encoded
     write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)
 
 
@@ -539,12 +548,13 @@ def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, picture: Picture
         height, width = pixels.shape[:2]
         raise StateError(f"the picture is {width} x {height}, and JPEG files have at most {JPEG_SIDE} a side; use .png")
 
-    encoded = picture.tone.kind != "linear"
+    encoded = picture.is_encoded
     encoder = PIL.Image.fromarray(_codes_with_marks(pixels, metadata, picture, JPEG_BITS))
     quality = picture.jpeg_quality
     options = {
         "quality": quality, "subsampling": 0 if quality >= JPEG_FULL_COLOUR else 2,
-        "icc_profile": profile(encoded=encoded), "extra": _jpeg_comments({**metadata, "ev": picture.ev}),
+        "icc_profile": None if encoded is None else profile(encoded=encoded),
+        "extra": _jpeg_comments({**metadata, "ev": picture.ev}),
     }  # fmt: skip
     with path.open("xb") as stream:
         encoder.save(stream, "JPEG", exif=b"Exif\0\0" + exif_bytes(metadata, encoded=encoded), **options)
@@ -560,7 +570,7 @@ def _jpeg_comments(metadata: Metadata) -> bytes:
 def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
     codes = _codes_with_alpha(pixels, metadata, picture, picture.bits or TIFF_BITS, layers)
     with path.open("xb") as stream:
-        write_tiff_to(stream, codes, {**metadata, "ev": picture.ev}, encoded=picture.tone.kind != "linear")
+        write_tiff_to(stream, codes, {**metadata, "ev": picture.ev}, encoded=picture.is_encoded)
 
 
 def _windows(metadata: Metadata, pixels: Pixels) -> dict[str, tuple[NDArray[np.int32], NDArray[np.int32]]]:
@@ -608,6 +618,14 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureS
 
     How the picture is developed is left to the viewer.
     """
+    primaries, white = PRIMARIES[picture.primaries]
+    if picture.primaries != "rec709":
+        matrix = np.linalg.inv(srgb_from_primaries(primaries, white)).T
+        pixels = np.asarray(pixels @ matrix, np.float32)
+        layers = {
+            name: np.asarray(values @ matrix, np.float32) if _is_colour(name) else values
+            for name, values in layers.items()
+        }
     attributes = {
         (f"rptcam_{key}" if key in _EXR_RESERVED else key): _exr_value(value) for key, value in metadata.items()
     }
@@ -618,8 +636,8 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureS
         **_exr_timecode(metadata),
         **header_of(layers, metadata),
         ALL_METADATA: _text(dict(metadata)),
-        "chromaticities": (*itertools.chain(*SRGB_PRIMARIES), *SRGB_WHITE),
-        "colorInteropID": _EXR_COLOUR_SPACE,
+        "chromaticities": (*itertools.chain(*primaries), *white),
+        "colorInteropID": _EXR_COLOUR_SPACES[picture.primaries],
         **_exr_pixel_aspect(metadata),
         **_windows(metadata, pixels),
     }

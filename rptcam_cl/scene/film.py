@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+import re
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
-from rptcam_cl.core.colour import blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
+from rptcam_cl.core.colour import Primaries, blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
 from rptcam_cl.core.constants import MAX_SEED, MAX_SPP
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import Folders
 from rptcam_cl.scene.base import (
     AlsoAccepts,
     Alternatives,
+    FileName,
     SceneModel,
     number_at,
     read_number,
@@ -22,6 +35,9 @@ from rptcam_cl.scene.base import (
     word_for,
 )
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, IlluminantName, Rectangle, list_of
+
+if TYPE_CHECKING:
+    from rptcam_cl.scene.assets.grading import ColourTable, DisplayView
 
 # How the picture is computed: samples, layers, and how colour is carried along paths.
 
@@ -506,6 +522,7 @@ _TINTS_PER_UV = 3000.0  # as photographers' programs count tint; that of D65 is 
 _LEAST_BLUE = 0.06  # least Z of a light with Y = 1; below, an adaptation to white has no sense
 
 Factor = Annotated[float, Field(ge=0.001, le=1000), NUMBER]
+Name = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 def _grey(value: Any) -> tuple[float, ...]:
@@ -612,8 +629,62 @@ class ToneCurve(SceneModel):
         return _DEFAULT_TONE_WHITE if self.white is None else self.white
 
 
+def _refusal(problem: Exception, got: object, key: str) -> PydanticCustomError:
+    """Return the error of a key whose file, or what it names, is not as it should be."""
+    *head, text = re.split(r"^(display|view|look): ", str(problem), maxsplit=1)
+    return refuse(text, got=got, path=(head[1] if head else key,))
+
+
+class ColourView(SceneModel):
+    """A view of an OpenColorIO config, which takes the place of tone curve, gamut and encoding."""
+
+    config: FileName = "ocio://default"
+    """A built-in config of OpenColorIO, or a file `.ocio` in the scene's folder, with its own files below it."""
+
+    display: Name | None = None
+    """Display of the config; by default its first."""
+
+    view: Name | None = None
+    """View of the display; by default its first."""
+
+    look: Name | None = None
+    """Looks of the config, in place of those that the view has, as `+warm, -contrast`."""
+
+    _loaded: DisplayView | None = PrivateAttr(None)
+
+    @model_validator(mode="after")
+    def _load(self, info: ValidationInfo) -> Self:
+        context = info.context or {}
+        before = context.get("before")
+        if before is not None and before.ocio is not None and dict(before.ocio) == dict(self):
+            self._loaded = before.ocio._loaded
+            return self
+        from rptcam_cl.scene.assets.grading import load_view
+
+        folders = context.get("folders") or Folders()
+        try:
+            self._loaded = load_view(self.config, self.display, self.view, self.look, folders)
+        except (InputError, StateError) as problem:
+            raise _refusal(problem, self.config, "config") from None
+        return self
+
+    @property
+    def loaded(self) -> DisplayView:
+        """The view as it was found with the scene."""
+        assert self._loaded is not None, "as `_load` leaves it"
+        return self._loaded
+
+
 class PictureSettings(SceneModel):
-    """How the film becomes the picture: white balance, exposure, tone curve, gamut and encoding, in this order."""
+    """How the film becomes the picture: white balance, exposure, tone curve, gamut and encoding, in this order.
+
+    A view of OpenColorIO takes the place of tone curve, gamut and encoding. A table of colours comes last.
+    """
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("tone", "ocio"), required=False),
+        Alternatives(("gamut", "ocio"), required=False),
+    )
 
     ev: Annotated[float, Field(ge=-60, le=60), NUMBER] = 0.0
     """Exposure compensation [stops]; +1 doubles the brightness."""
@@ -631,11 +702,64 @@ class PictureSettings(SceneModel):
     gamut: Gamut = "clip"
     """What becomes of colours that sRGB cannot show: each channel is clipped, or all move towards their grey."""
 
+    ocio: Annotated[
+        ColourView | None,
+        BeforeValidator(lambda value: {"config": value} if isinstance(value, str) else value),
+        AlsoAccepts({"type": "string"}),
+    ] = None
+    """A view of OpenColorIO in place of `tone` and `gamut`; a word stands for `config`."""
+
+    lut: FileName | None = None
+    """Table of colours in the scene's folder, `.cube`, applied last, to display values."""
+
     bits: Literal[8, 16] | None = None
     """Bits per channel of PNG and TIFF files; by default 8 in PNG and 16 in TIFF."""
 
+    primaries: Primaries = "rec709"
+    """Primaries of the linear colours in EXR files; those of NumPy files are always of Rec. 709."""
+
     jpeg_quality: Annotated[int, Field(ge=1, le=100, strict=True)] = 95
     """Quality of JPEG files; colour is in half the resolution below 90."""
+
+    _table: ColourTable | None = PrivateAttr(None)
+
+    @model_validator(mode="after")
+    def _load(self, info: ValidationInfo) -> Self:
+        if self.lut is None:
+            return self
+        if self.tone.kind == "linear":
+            raise refuse(
+                "is for display values, which tone: linear has not", got=self.lut, allowed="another tone", path=("lut",)
+            )
+        context = info.context or {}
+        before = context.get("before")
+        if before is not None and before.lut == self.lut:
+            self._table = before.table
+            return self
+        from rptcam_cl.scene.assets.grading import load_table
+
+        try:
+            self._table = load_table(self.lut, context.get("folders") or Folders())
+        except (InputError, StateError) as problem:
+            raise _refusal(problem, self.lut, "lut") from None
+        return self
+
+    @property
+    def table(self) -> ColourTable | None:
+        """The table of colours of `lut`, as it was when the settings were read."""
+        return self._table
+
+    @property
+    def is_encoded(self) -> bool | None:
+        """Whether the picture is encoded as sRGB, or linear; None for another display of OpenColorIO."""
+        if self.ocio is not None:
+            return self.ocio.loaded.is_srgb or None
+        return self.tone.kind != "linear"
+
+    def content_digests(self) -> list[str]:
+        """Return the SHA-256 of what `ocio` and `lut` were read from; nothing without them."""
+        read = [] if self.ocio is None else [self.ocio.loaded.digest]
+        return read if self.table is None else [*read, self.table.digest]
 
     def check_crop(self, crop: tuple[float, float, float, float] | None) -> None:
         """Refuse a grey place that is not wholly in the part of the film that is rendered."""

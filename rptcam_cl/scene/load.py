@@ -257,6 +257,7 @@ _EXCLUSIVE: dict[KeyPath, tuple[type[SceneModel], ...]] = {
     ("film",): (Film,),
     ("camera",): CAMERA_KINDS,
     ("camera", "focus"): (Focus,),
+    ("picture",): (PictureSettings,),
     ("picture", "white_balance"): (WhiteBalance,),
 }
 
@@ -645,8 +646,21 @@ def _check_mesh(scene: Scene, item: MeshObject, index: int, where: Where) -> Non
         raise InputError(f"{where((*path, key), False)}{dotted(path)}: {_refusal_text(problem)}") from None
 
 
-def load_picture(settings: Mapping[str, Any], overrides: Iterable[str] = ()) -> PictureSettings:
+def load_picture(
+    settings: Mapping[str, Any],
+    overrides: Iterable[str] = (),
+    *,
+    folders: Folders | None = None,
+    before: PictureSettings | None = None,
+) -> PictureSettings:
     """Return picture settings of a mapping, changed by overrides such as ``picture.tone=agx``.
+
+    Parameters
+    ----------
+    folders
+        Where the files that they name may lie; the working folder by default.
+    before
+        Settings whose files are known: those of the same names are not read again.
 
     Raises
     ------
@@ -664,7 +678,7 @@ def load_picture(settings: Mapping[str, Any], overrides: Iterable[str] = ()) -> 
         return f"--set {made[-1]}: picture." if made else "picture."
 
     try:
-        return PictureSettings.model_validate(data["picture"])
+        return PictureSettings.model_validate(data["picture"], context={"folders": folders, "before": before})
     except ValidationError as problem:
         raise input_error(problem, data["picture"], where) from None
 

@@ -633,7 +633,8 @@ class Scene(SceneModel):
         the sensor, and how the picture is shown.
         """
         followed: Any = {"camera": _FOLLOWS_THE_FILM, "sensor": True, "picture": True}
-        return _hash([content_hash or self.content_hash(), self.model_dump(mode="json", include=followed)])
+        said = self.model_dump(mode="json", include=followed)
+        return _hash([content_hash or self.content_hash(), said, *self.picture.content_digests()])
 
 
 def _hash(content: Any) -> str:

@@ -371,13 +371,17 @@ def _development(panel: Panel) -> list[Entry]:
     if value == "own":
         words = {"own": "set by hand"} | words
     kelvin = None if balance is None else balance.temperature_k
+    tone: str = picture.tone.kind
+    tones = {name: name for name in TONES}
+    if picture.ocio is not None:  # until another is chosen
+        tone, tones = "ocio", {"ocio": f"OpenColorIO: {picture.ocio.loaded.view}"} | tones
     return [
         _choice("white_balance", "white balance", value, words),
         _entry(
             "temperature_k", "temperature", "number", kelvin, "" if kelvin is None else f"{kelvin:.0f} K", unit="K",
             min=COOLEST, max=HOTTEST, step=50, start=KELVIN.get(value, SRGB_KELVIN),
         ),
-        _choice("tone", "tone", picture.tone.kind, {name: name for name in TONES}),
+        _choice("tone", "tone", tone, tones),
     ]  # fmt: skip
 
 

@@ -30,9 +30,9 @@ TREES = {"gather", "histogram", "partition", "subtree", "leaves", "search", "rei
 WAVE = {"generate", "intersect", "shade", "shadow", "film"}
 
 
-def shown(scene: dict[str, Any], **options: Any) -> None:
-    """Render a sample or two of every pixel."""
-    scene = scene | {"render": {"max_depth": 3, "roulette_depth": 2}}
+def shown(scene: dict[str, Any], *, caustics: str = "off", **options: Any) -> None:
+    """Render a sample or two of every pixel; photons take a simulator half an hour."""
+    scene = scene | {"render": {"max_depth": 3, "roulette_depth": 2, "caustics": caustics}}
     film = np.asarray(rptcam_cl.render(scene, size=SIZE, spp=2, wave_size=256, **options))
     assert np.isfinite(film).all()
     assert film.max() > 0
@@ -78,7 +78,8 @@ def meshes() -> None:
 
 def denoised() -> None:
     """A picture of a session without its noise, guided by layers that its lens shows."""
-    with rptcam_cl.RenderSession(still_life() | {"camera": LENS}, size=SIZE) as viewed:
+    scene = still_life() | {"camera": LENS, "render": {"max_depth": 3, "caustics": "off"}}
+    with rptcam_cl.RenderSession(scene, size=SIZE) as viewed:
         frame = viewed.take(2)
         while (clean := viewed.denoised(frame)) is None:  # while kernels are compiled in the background
             time.sleep(0.05)
@@ -87,7 +88,7 @@ def denoised() -> None:
 
 def tree_of_shapes() -> None:
     """A tree over shapes that the device builds, however few."""
-    trees.BREAK_EVEN = trees.FEW = 0
+    trees.BREAK_EVEN = tree_build.FEW = 0
     shown(still_life())
 
 
@@ -99,7 +100,8 @@ def everything() -> None:
     shown(
         scene
         | {"materials": EVERY_MATERIAL, "objects": [*scene["objects"], *planes], "spectrum": "spectral"}
-        | {"camera": scene["camera"] | {"motion": moving}}
+        | {"camera": scene["camera"] | {"motion": moving}},
+        caustics="auto",
     )
 
 
@@ -177,7 +179,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "meshes": (meshes, WAVE | TREES | {"fill_blocks", "layers", "sharp"}),
     "denoised": (denoised, WAVE | {"layers", "guides", "denoise"}),
     "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),
-    "everything": (everything, WAVE),
+    "everything": (everything, WAVE | {"photons"}),
     "media": (media, WAVE - {"intersect"} | {"travel"}),
     "layered fog": (layered_fog, WAVE - {"intersect"} | {"travel"}),
     "hair": (hair, WAVE),

@@ -48,6 +48,7 @@ REASONS = {
     "takes several devices",
     "takes docker",
     "takes the extra denoise",
+    "takes the extra ocio",
     "takes compilers for GPUs",
     "takes a minute of a device",
     "serves until Ctrl-C",

@@ -16,7 +16,7 @@ RETIRED = {
 RETIRED_IN_KERNELS = {"self", "part", "edge"}
 FOLDERS = ("pass", "integrator", "geometry", "material", "light")
 CLASSES = {"Stand", "Painting"}
-STANDARD = {"finish"}  # of a queue, as OpenCL's clFinish
+STANDARD = {"finish", "look", "setLooksOverride", "setLooksOverrideEnabled"}  # OpenCL's clFinish; OpenColorIO's looks
 # In comments, docstrings and pages: those that have a standard word in every sense.
 COMMANDS = r"(?<!rptcam )(?<!rptcam_cl\.)(?<!### )"  # names that the program offers
 RIDDLE = "(?-i:Return what)"  # at the head of a docstring, which says what a thing is or does

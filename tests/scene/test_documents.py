@@ -23,6 +23,7 @@ from rptcam_cl.scene.camera import (
 )
 from rptcam_cl.scene.exposure import ContinuousFocus, Exposure, FrameSequence, Shutter, ValueKeyframe
 from rptcam_cl.scene.film import (
+    ColourView,
     Film,
     FilmFilter,
     PictureSettings,
@@ -170,6 +171,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Picture": (PictureSettings,),
     "White balance": (WhiteBalance,),
     "Tone curve": (ToneCurve,),
+    "OpenColorIO view": (ColourView,),
     "Normal map": (NormalMap, "Every texture"),
     "Bump": (Bump,),
     "Mapping": (Mapping,),
@@ -309,7 +311,7 @@ def test_reference_lists_every_key_with_default_and_bounds(tables: dict[str, dic
             if field.is_required():
                 assert default == "required", (section, key)
             elif key not in IN_WORDS and (section, key) not in FROM_CAMERA:
-                assert default.split(":")[0].strip("`{") == written(field.default).strip("`{"), (section, key)
+                assert default.split(": ")[0].strip("`{") == written(field.default).strip("`{"), (section, key)
             assert all(bound in span for bound in bounds(schema["properties"][key])), (section, key, span)
 
 
