@@ -196,6 +196,13 @@ class FogLayer(SceneModel):
     up: Direction = (0.0, 1.0, 0.0)
     """Direction in which it thins out; any length. In a scene the default is the `up` of the camera."""
 
+    def scale_heights(self, eye: tuple[float, ...], metres_per_unit: float) -> tuple[float, ...]:
+        """Return a [1/m] and b, by which places p about the eye [m] lie a . p - b scale heights above the base."""
+        x, y, z = np.divide(self.up, np.linalg.norm(self.up)).tolist()
+        above = self.base - float(np.dot((x, y, z), eye))
+        scale = 1.0 / self.scale_height_m
+        return x * scale, y * scale, z * scale, above * metres_per_unit * scale
+
 
 class SurroundingMedium(ScatteringMedium):
     """A medium round everything, which may lie in a layer as ground fog does."""

@@ -60,6 +60,7 @@ from rptcam_cl.scene.lights import (
     ConstantEnvironment,
     DirectionalLight,
     GradientEnvironment,
+    GroupedLight,
     ImageEnvironment,
     PointLight,
     ProfileLight,
@@ -230,6 +231,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
 }
 BASES = {
     SceneModel,
+    GroupedLight,
     Surrounding,
     CameraKind,
     Pose,
@@ -266,6 +268,7 @@ IN_WORDS = {
 }
 IN_WORDS |= {"stop", "transmission", "visible"}
 FROM_CAMERA = {
+    ("Fog layer", "up"),
     ("Gradient environment", "up"),
     ("Image environment", "up"),
     ("Sky environment", "up"),

@@ -14,17 +14,7 @@ from rptcam_cl.core.records import MEDIUM, Hidden, fill
 from rptcam_cl.rendering.plan.materials import Materials
 from rptcam_cl.rendering.plan.primitives import Primitive
 from rptcam_cl.rendering.plan.textures import KnownSpectra
-from rptcam_cl.scene.materials import (
-    Boundary,
-    Dielectric,
-    FogLayer,
-    Material,
-    Mix,
-    Principled,
-    ScatteringMedium,
-    SurroundingMedium,
-    has_holes,
-)
+from rptcam_cl.scene.materials import Boundary, Dielectric, Material, Mix, Principled, ScatteringMedium, has_holes
 from rptcam_cl.scene.scene import Scene, Solid, holds_eye, world_corners
 from rptcam_cl.scene.shapes import Plane
 
@@ -129,13 +119,6 @@ def boundaries(primitives: Sequence[Primitive]) -> NDArray[np.int32]:
     return np.array([hidden * isinstance(each.material, Boundary) for each in primitives] or [0], np.int32)
 
 
-def _layer(layer: FogLayer, scene: Scene) -> tuple[float, ...]:
-    """Return how the scale heights over the base of a layer follow from a place about the eye: a . p - b, (4,)."""
-    up = np.divide(layer.up, np.linalg.norm(layer.up))
-    above = (layer.base - up @ scene.camera.eye) * scene.metres_per_unit
-    return (*(up / layer.scale_height_m).tolist(), float(above / layer.scale_height_m))
-
-
 def _records(media: Sequence[ScatteringMedium], spectra: KnownSpectra, scene: Scene) -> NDArray[np.void]:
     records = MEDIUM.zeros(len(media))
     for record, medium in zip(records, media, strict=True):
@@ -145,8 +128,8 @@ def _records(media: Sequence[ScatteringMedium], spectra: KnownSpectra, scene: Sc
             scattering=(*scattering, spectra.number(scattering)),
             emission=(*emission, spectra.number(emission, light=True)),
         )  # fmt: skip
-        if isinstance(medium, SurroundingMedium) and medium.layer is not None:
-            fill(record, layer=_layer(medium.layer, scene))
+        if (layer := getattr(medium, "layer", None)) is not None:
+            fill(record, layer=layer.scale_heights(scene.camera.eye, scene.metres_per_unit))
     return records
 
 
