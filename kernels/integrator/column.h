@@ -50,7 +50,7 @@ static F distance_after(Inside m, Ray ray, F column)
     I climbs = a.slope >= 0.0f;
     F steep = MAX(absolute(a.slope), (F)(1e-30f));
     // Climb to the base, or sink to where something is scattered at all.
-    F level = climbs & (a.start < 0.0f) ? MIN(-a.start / steep, (F)(FARTHEST)) : ZERO;
+    F level = (climbs & (a.start < 0.0f)) ? MIN(-a.start / steep, (F)(FARTHEST)) : ZERO;
     F empty = climbs ? ZERO : MAX(a.start - THINNEST_HEIGHT, ZERO) / steep;
     F height = MAX(a.start, ZERO);
     height = climbs ? height : MIN(height, (F)(THINNEST_HEIGHT));
