@@ -6,6 +6,7 @@
 #define MEDIA_H
 #include "common/angles.h"
 #include "geometry/nearest.h"
+#include "integrator/column.h"
 #include "integrator/path.h"
 
 #if LIGHT_GROUPS
@@ -13,7 +14,6 @@
 #else
 #define GLOW_GROUP    0
 #endif
-#define FARTHEST        1e18f   // where a way ends that meets nothing [m]
 #define MOST_BOUNDARIES 64u     // that a ray may pass on its way to a vertex or a lamp
 #define LEAST_ALBEDO    0.1f    // by which wavelengths count that a medium hardly scatters
 #define SHORT_OF_LAMP   0.99999f    // share of the way to a lamp behind which is the lamp itself
@@ -45,14 +45,16 @@ static F3 shadow_transmittance(Ray ray, I stack, F reach, I on, Scene scene)
         Hit hit = nearest_hit(ray, scene);
         I before = on & (hit.primitive >= 0) & (hit.t < reach - margin);
         F way = before ? hit.t : reach;
-        left = select3(on, mul(left, transmittance_of(inside_of(stack, on, scene).extinction, way)), left);
+        Inside medium = inside_of(stack, on, scene);
+        left = select3(on, mul(left, transmittance_of(medium.extinction, column_of(medium, ray, way))), left);
         on = before;
         if (ANY(on))
             pass_boundary(&ray, hit, &stack, on, scene);    // or what shadow rays do not see
         reach -= way;
     }
 #else
-    left = transmittance_of(inside_of(stack, on, scene).extinction, MIN(reach, (F)(FARTHEST)));
+    Inside medium = inside_of(stack, on, scene);
+    left = transmittance_of(medium.extinction, column_of(medium, ray, MIN(reach, (F)(FARTHEST))));
 #endif
     return left;
 }
@@ -66,10 +68,10 @@ typedef struct {
     U    dimension;     // of its random numbers
 } Stretch;
 
-// Density with which the transmittance chooses a distance.
-static inline F density_at(Stretch s, F t)
+// Density with which the transmittance chooses a column.
+static inline F density_at(Stretch s, F column)
 {
-    return dot3(mul(s.shares, s.medium.extinction), transmittance_of(s.medium.extinction, t));
+    return dot3(mul(s.shares, s.medium.extinction), transmittance_of(s.medium.extinction, column));
 }
 
 #if HAS_EMITTERS
@@ -120,7 +122,8 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
 {
     Receiver nowhere = all_round();
     F3 mean = s.medium.extinction;
-    F3 amid = along(s.ray.o, s.ray.d, MIN(0.5f * s.length, 3.0f / (mean.x + mean.y + mean.z)));
+    F middle = MIN(0.5f * column_of(s.medium, s.ray, s.length), 3.0f / (mean.x + mean.y + mean.z));
+    F3 amid = along(s.ray.o, s.ray.d, distance_after(s.medium, s.ray, middle));
     F g = GATHER(F, scene.media, path->medium & MEDIUM_MASK, .asymmetry);
     F3 per_metre = mul(path->beta, s.medium.scattering);
 #pragma nounroll
@@ -145,13 +148,19 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         F whole = way == 0u ? other : first;        // and for the stretch
         LightSample light = sample_picked(scene, e, here, p, u.b, u.c);
         F phase = henyey_greenstein(g, dot3(s.ray.d, light.direction));
-        F both_ways = density_at(s, t) * here + whole * (near ? equiangular_density(view, t) : ZERO);
+        F column = column_of(s.medium, s.ray, t);
+        F spread = near ? equiangular_density(view, t) : ZERO;
+#if HAS_LAYERED_FOG
+        // Densities are per metre of the column, as what is scattered is.
+        spread = MIN(spread / MAX(relative_density(s.medium, s.ray, t), (F)(SMALLEST)), (F)(LARGEST_DENSITY));
+#endif
+        F both_ways = density_at(s, column) * here + whole * spread;
         F weight = phase * here / MAX(both_ways, (F)(SMALLEST));
 #if !LAMPS_BY_SAMPLES
         F rival = MIN(light.pdf, (F)(LARGEST_DENSITY));
         weight *= rival > 0.0f ? rival * rival / (rival * rival + phase * phase) : ONE;
 #endif
-        F3 added = scale(mul(mul(per_metre, transmittance_of(s.medium.extinction, t)), light.radiance), weight);
+        F3 added = scale(mul(mul(per_metre, transmittance_of(s.medium.extinction, column)), light.radiance), weight);
         F reach = (wanted & (max3(added) > 0.0f)) ? light.reach : ZERO;
         I lit = reach > 0.0f;
         if (!ANY(lit))
@@ -171,27 +180,22 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
 }
 #endif
 
-// (1 - exp(-x)) / x
-static inline F mean_transmittance(F x)
-{
-    return x < 1e-2f ? 1.0f - x * (0.5f - x * 0.166666667f) : (1.0f - exponential(-x)) / MAX(x, (F)(1e-2f));
-}
-
 // Takes the paths of the lanes `on` along a stretch: adds what it emits and scatters towards them, and its transmittance.
 // Returns which of them it scatters, at distance *met.
 static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules rules)
 {
     F3 extinction = s.medium.extinction;
     F3 glow = s.medium.glow;
+    F whole = column_of(s.medium, s.ray, s.length);
     if (ANY(on & (max3(glow) > 0.0f))) {
-        F3 all = scale(f3(mean_transmittance(extinction.x * s.length), mean_transmittance(extinction.y * s.length),
-                          mean_transmittance(extinction.z * s.length)), s.length);
+        F3 all = scale(f3(mean_transmittance(extinction.x * whole), mean_transmittance(extinction.y * whole),
+                          mean_transmittance(extinction.z * whole)), whole);
         gather_light(path, on, mul(path->beta, mul(glow, all)), (I)(GLOW_GROUP));
     }
     on = on & has_extinction(s.medium);
     I murky = on & (max3(s.medium.scattering) > 0.0f);
     I scatters = FALSE;
-    F3 left = transmittance_of(extinction, s.length);
+    F3 left = transmittance_of(extinction, whole);
     if (ANY(murky)) {
         // Choose a distance by the transmittance of one of three.
         F3 albedo = f3(s.medium.scattering.x / MAX(extinction.x, (F)(SMALLEST)),
@@ -202,15 +206,16 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
         s.shares = scale(s.shares, ONE / MAX(s.shares.x + s.shares.y + s.shares.z, (F)(SMALLEST)));
         F4 u = random4(path->pixel, path->sample, s.dimension, rules.seed);
         F chosen = u.a < s.shares.x ? extinction.x : (u.a < s.shares.x + s.shares.y ? extinction.y : extinction.z);
-        F t = -logarithm(MAX(1.0f - u.b, (F)(1e-9f))) / MAX(chosen, (F)(1e-20f));
-        scatters = murky & (t < s.length);
+        F column = -logarithm(MAX(1.0f - u.b, (F)(1e-9f))) / MAX(chosen, (F)(1e-20f));
+        F t = MIN(distance_after(s.medium, s.ray, column), s.length);
+        scatters = murky & (column < whole);
 #if HAS_EMITTERS
         I lightable = murky & (path->depth < rules.max_depth);
         if (ANY(lightable))
             add_scattered(path, s, t, scatters & lightable, lightable, scene, rules);
 #endif
-        F3 over = transmittance_of(extinction, t);
-        F3 scattered = scale(mul(s.medium.scattering, over), ONE / MAX(density_at(s, t), (F)(SMALLEST)));
+        F3 over = transmittance_of(extinction, column);
+        F3 scattered = scale(mul(s.medium.scattering, over), ONE / MAX(density_at(s, column), (F)(SMALLEST)));
         F3 passed = scale(left, ONE / MAX(dot3(s.shares, left), (F)(SMALLEST)));
         left = select3(scatters, scattered, select3(murky, passed, left));
         *met = t;

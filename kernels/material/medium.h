@@ -1,7 +1,8 @@
-// What fills a solid or the space around all: homogeneous media that absorb, scatter (Henyey and Greenstein 1941) and glow.
+// What fills a solid or the space around all: media that absorb, scatter (Henyey and Greenstein 1941) and glow, homogeneous
+// but for the fall of their density with height (integrator/column.h).
 // A path carries the media that it is in as a stack in one integer, five bits each, the innermost lowest, above them one bit
 // that marks the bottom: entering a solid puts the medium of its inside on top, leaving it takes that away again.
-// Facts: HAS_MEDIA, HAS_BOUNDARY (surfaces of nothing but a medium behind them).
+// Facts: HAS_MEDIA, HAS_LAYERED_FOG, HAS_BOUNDARY (surfaces of nothing but a medium behind them).
 #ifndef MEDIUM_H
 #define MEDIUM_H
 #include "common/exponential.h"
@@ -12,7 +13,16 @@
 #define ONE_MEDIUM      (1 << (2 * MEDIUM_BITS))        // a stack below it has a bottom alone
 #define FULL_OF_MEDIA   (1 << (5 * MEDIUM_BITS))        // one from it on takes no more
 
-typedef struct { F3 extinction, scattering, glow; } Inside;    // coefficients [1/m], emitted radiance per metre
+#define FARTHEST        1e18f   // where a way ends that meets nothing [m]
+
+// Coefficients [1/m], emitted radiance per metre; of a layer what heights above its base follow from, in scale heights.
+typedef struct {
+    F3 extinction, scattering, glow;
+#if HAS_LAYERED_FOG
+    F3 rise;
+    F  base;
+#endif
+} Inside;
 
 static inline I has_extinction(Inside m) { return max3(m.extinction) > 0.0f; }
 
@@ -21,6 +31,10 @@ static Inside inside_of(I stack, I on, Scene scene)
 {
     Inside all;
     all.extinction = all.scattering = all.glow = f3(ZERO, ZERO, ZERO);
+#if HAS_LAYERED_FOG
+    all.rise = f3(ZERO, ZERO, ZERO);
+    all.base = ZERO;
+#endif
     I number = stack & MEDIUM_MASK;
     I rest = on & (number != 0);
     while (ANY(rest)) {
@@ -35,6 +49,10 @@ static Inside inside_of(I stack, I on, Scene scene)
         all.scattering = select3(mine, scattering, all.scattering);
         all.extinction = select3(mine, add(scattering, coefficient(medium->absorption, scene)), all.extinction);
         all.glow = select3(mine, glow, all.glow);
+#if HAS_LAYERED_FOG
+        all.rise = select3(mine, f3_of(medium->layer), all.rise);
+        all.base = mine ? (F)(medium->layer.w) : all.base;
+#endif
         rest = rest & NOT(mine);
     }
     return all;
@@ -43,6 +61,12 @@ static Inside inside_of(I stack, I on, Scene scene)
 static inline F3 transmittance_of(F3 extinction, F length)
 {
     return f3(exponential(-extinction.x * length), exponential(-extinction.y * length), exponential(-extinction.z * length));
+}
+
+// (1 - exp(-x)) / x
+static inline F mean_transmittance(F x)
+{
+    return x < 1e-2f ? 1.0f - x * (0.5f - x * 0.166666667f) : (1.0f - exponential(-x)) / MAX(x, (F)(1e-2f));
 }
 
 // The stack of a path along `from` that goes on along `to` from a primitive whose outward normal there is `ng`.

@@ -327,5 +327,8 @@ def merge(
         image = replace(image, pixels=spread.over(image.pixels, layout))
     try:
         return develop(image, folders=folders_of_film(parts[0]))
-    except InputError as problem:  # of keys that every render has checked
-        raise StateError(f"{parts[0]}: this saved render is damaged: {problem}") from None
+    except InputError as problem:  # of keys that every render has checked: it is damaged, or their files are not here
+        where = "in the scene's folder, where tables and configs of colour lie"
+        raise StateError(
+            f"{parts[0]}: its settings of the picture are of no use: {problem} (merge it {where})"
+        ) from None

@@ -685,6 +685,7 @@ MEDIUM = Record(
         ("float4", "absorption"),  # [1/m]
         ("float4", "scattering"),  # [1/m]
         ("float4", "emission"),  # radiance per metre
+        ("float4", "layer"),  # up, and the height of the base above the eye; both over the scale height [1/m, 1]
         ("float", "asymmetry"),  # mean cosine of scattering
         ("int", "reserved_0"),
         ("int", "reserved_1"),

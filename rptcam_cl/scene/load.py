@@ -697,7 +697,7 @@ def scene_json_schema_text() -> str:
 
 # Parts that are made anew with another: objects have materials and meshes.
 _DEPENDENT = {"materials": ("objects",), "meshes": ("objects",)}
-_UP = ("environment", "lights")  # parts whose defaults come from the camera's up
+_UP = ("environment", "lights", "medium")  # parts whose defaults come from the camera's up
 _WITHOUT_FILES = {"film", "exposure", "shutter", "render", "picture", "spectrum"}
 
 

@@ -38,6 +38,8 @@ from rptcam_cl.scene.quantities import (
     Albedo,
     Coefficient,
     Colour,
+    Coordinate,
+    Direction,
     Fraction,
     Numbers,
     Radiance,
@@ -180,6 +182,33 @@ class ScatteringMedium(SceneModel):
     def _extinction(self) -> float:
         assert self.visibility_m is not None
         return float(-np.log(_LEFT_AT_VISIBILITY) / self.visibility_m)
+
+
+class FogLayer(SceneModel):
+    """How a medium thins out upwards: even below a height, and above it less and less, exponentially."""
+
+    scale_height_m: Annotated[float, Field(ge=1e-6, le=1e9), NUMBER]
+    """Height above the base in which the density falls to 1/e, 37 % [m]."""
+
+    base: Coordinate = 0.0
+    """Height up to which the medium is as dense as its coefficients say: `up`, from the origin [scene units]."""
+
+    up: Direction = (0.0, 1.0, 0.0)
+    """Direction in which it thins out; any length. In a scene the default is the `up` of the camera."""
+
+    def scale_heights(self, eye: tuple[float, ...], metres_per_unit: float) -> tuple[float, ...]:
+        """Return a [1/m] and b, by which places p about the eye [m] lie a . p - b scale heights above the base."""
+        x, y, z = np.divide(self.up, np.linalg.norm(self.up)).tolist()
+        above = self.base - float(np.dot((x, y, z), eye))
+        scale = 1.0 / self.scale_height_m
+        return x * scale, y * scale, z * scale, above * metres_per_unit * scale
+
+
+class SurroundingMedium(ScatteringMedium):
+    """A medium round everything, which may lie in a layer as ground fog does."""
+
+    layer: FogLayer | None = None
+    """How it thins out upwards; by default it is alike everywhere."""
 
 
 def _scaled(colour: Colour, factor: float) -> Colour:

@@ -43,7 +43,7 @@ from rptcam_cl.scene.materials import (
     Material,
     Mix,
     Principled,
-    ScatteringMedium,
+    SurroundingMedium,
     with_material,
     with_parts,
 )
@@ -337,7 +337,7 @@ class Scene(SceneModel):
     environment: Environment | None = None
     """Light from infinitely far away; black by default."""
 
-    medium: ScatteringMedium | None = None
+    medium: SurroundingMedium | None = None
     """What fills the space around camera and objects; nothing by default."""
 
     _folders: Folders = PrivateAttr(default_factory=Folders)
@@ -392,6 +392,14 @@ class Scene(SceneModel):
     def _default_up(cls, environment: Any, info: ValidationInfo) -> Any:
         has_up = isinstance(environment, dict) and environment.get("kind") in WITH_UP
         return {"up": info.data["camera"].up} | environment if has_up and "camera" in info.data else environment
+
+    @field_validator("medium", mode="before")
+    @classmethod
+    def _default_up_of_layer(cls, medium: Any, info: ValidationInfo) -> Any:
+        layer = medium.get("layer") if isinstance(medium, dict) else None
+        if not isinstance(layer, dict) or "camera" not in info.data:
+            return medium
+        return medium | {"layer": {"up": info.data["camera"].up} | layer}
 
     @field_validator("render")
     @classmethod

@@ -115,6 +115,12 @@ def media() -> None:
     shown(scene | {"medium": {"visibility_m": 50, "emission_per_m": 0.01}, "objects": [*scene["objects"], box, ball]})
 
 
+def layered_fog() -> None:
+    """Fog that thins out upwards, from within and from above."""
+    for base in (0.5, -2.0):
+        shown(still_life() | {"medium": {"visibility_m": 50, "layer": {"scale_height_m": 0.5, "base": base}}})
+
+
 def hair() -> None:
     """Strands of hair and flat blades, in a tree over shapes; a lamp that only light samples find."""
     trees.BREAK_EVEN = 0
@@ -175,6 +181,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),
     "everything": (everything, WAVE | {"photons"}),
     "media": (media, WAVE - {"intersect"} | {"travel"}),
+    "layered fog": (layered_fog, WAVE - {"intersect"} | {"travel"}),
     "hair": (hair, WAVE),
     "many lamps": (many_lamps, WAVE),
     "ring": (ring, WAVE),

@@ -60,6 +60,7 @@ from rptcam_cl.scene.lights import (
     ConstantEnvironment,
     DirectionalLight,
     GradientEnvironment,
+    GroupedLight,
     ImageEnvironment,
     PointLight,
     ProfileLight,
@@ -78,6 +79,7 @@ from rptcam_cl.scene.materials import (
     CoveringMaterial,
     Dielectric,
     Emissive,
+    FogLayer,
     Hair,
     Matte,
     MetalTable,
@@ -88,6 +90,7 @@ from rptcam_cl.scene.materials import (
     Principled,
     RoughMaterial,
     ScatteringMedium,
+    SurroundingMedium,
     ThinGlass,
     Translucent,
 )
@@ -190,6 +193,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Boundary": (Boundary,),
     "Hair": (Hair,),
     "Scattering medium": (ScatteringMedium,),
+    "Surrounding medium": (SurroundingMedium, "Scattering medium"),
+    "Fog layer": (FogLayer,),
     "Checker": (Checker, "Every texture"),
     "Grid": (Grid, "Every texture"),
     "Gradient": (Gradient, "Every texture"),
@@ -226,6 +231,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
 }
 BASES = {
     SceneModel,
+    GroupedLight,
     Surrounding,
     CameraKind,
     Pose,
@@ -262,6 +268,7 @@ IN_WORDS = {
 }
 IN_WORDS |= {"stop", "transmission", "visible"}
 FROM_CAMERA = {
+    ("Fog layer", "up"),
     ("Gradient environment", "up"),
     ("Image environment", "up"),
     ("Sky environment", "up"),

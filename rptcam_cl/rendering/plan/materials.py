@@ -727,6 +727,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "FACET_ENERGY": _scatters_again(records),
         "FACET_SHARES": _scatters_again(records) and (_is_brushed(records) or np.any(records["share_levels"] > 0)),
         "HAS_MEDIA": False,  # unless the plan finds some
+        "HAS_LAYERED_FOG": False,
         "HAS_ANISOTROPY": _is_brushed(records),
         "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"][~brushed] != 0),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0) or np.any(clearing),

@@ -50,8 +50,8 @@ class Media:
 
     @property
     def facts(self) -> dict[str, int]:
-        """Whether the kernels must know of media."""
-        return {"HAS_MEDIA": int(self.active)}
+        """Whether the kernels must know of media, and of one in a layer."""
+        return {"HAS_MEDIA": int(self.active), "HAS_LAYERED_FOG": int(self.records["layer"].any())}
 
 
 def _interior_of(material: Material) -> ScatteringMedium | None:
@@ -87,11 +87,11 @@ def pack_media(
     if scene.medium is None and not any(each is not None for each in own):
         return Media(MEDIUM.zeros(1)), shown
     _check(scene, primitives, materials.values())
-    numbers: dict[str, int] = {EMPTY.model_dump_json(): 0}
+    numbers: dict[str, int] = {EMPTY.model_dump_json(exclude_none=True): 0}
     found = [EMPTY]
 
     def number_of(medium: ScatteringMedium) -> int:
-        key = medium.model_dump_json()
+        key = medium.model_dump_json(exclude_none=True)
         if key not in numbers:
             numbers[key] = len(found)
             found.append(medium)
@@ -110,7 +110,7 @@ def pack_media(
     for key, number in inside.items():
         records["interior"][shown.index[key]] = number
     shown = replace(shown, records=records, facts=shown.facts | {"HAS_ABSORPTION": 0})
-    return Media(_records(found, spectra), _at_camera(scene, around, inside), active=True), shown
+    return Media(_records(found, spectra, scene), _at_camera(scene, around, inside), active=True), shown
 
 
 def boundaries(primitives: Sequence[Primitive]) -> NDArray[np.int32]:
@@ -119,7 +119,7 @@ def boundaries(primitives: Sequence[Primitive]) -> NDArray[np.int32]:
     return np.array([hidden * isinstance(each.material, Boundary) for each in primitives] or [0], np.int32)
 
 
-def _records(media: Sequence[ScatteringMedium], spectra: KnownSpectra) -> NDArray[np.void]:
+def _records(media: Sequence[ScatteringMedium], spectra: KnownSpectra, scene: Scene) -> NDArray[np.void]:
     records = MEDIUM.zeros(len(media))
     for record, medium in zip(records, media, strict=True):
         absorption, scattering, emission = medium.absorption, medium.scattering, medium.emission_per_m
@@ -128,6 +128,8 @@ def _records(media: Sequence[ScatteringMedium], spectra: KnownSpectra) -> NDArra
             scattering=(*scattering, spectra.number(scattering)),
             emission=(*emission, spectra.number(emission, light=True)),
         )  # fmt: skip
+        if (layer := getattr(medium, "layer", None)) is not None:
+            fill(record, layer=layer.scale_heights(scene.camera.eye, scene.metres_per_unit))
     return records
 
 

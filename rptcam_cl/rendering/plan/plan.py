@@ -753,7 +753,7 @@ def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool, parts: P
 # Facts that are 1 where kernels know of something: those that know of it do for scenes without it, to the bit.
 # Not among them is what has arrays of its own, or chooses in which way light is found.
 _APART = {"HAS_MESH", "HAS_INSTANCES", "HAS_MOTION", "HAS_MEDIA", "HAS_BOUNDARY", "HAS_DISPERSION", "HAS_SPECTRA"}
-_APART |= {"HAS_HIDDEN", "HAS_OPACITY", "HAS_CURVE", "HAS_HAIR"}
+_APART |= {"HAS_LAYERED_FOG", "HAS_HIDDEN", "HAS_OPACITY", "HAS_CURVE", "HAS_HAIR"}
 _KNOWING = ("HAS_", "EMITTER_", "FACET_ENERGY", "ENVIRONMENT_SAMPLED", "TINY_LAMPS")
 
 
