@@ -7,10 +7,13 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import Image
-from rptcam_cl.imaging.writers import CHANNELS
+from rptcam_cl.imaging.writers import CHANNELS as EVERY
 from rptcam_cl.scene.film import LAYER_NAMES
 
 SHAPE = (5, 7)
+LIGHTS = ("lights.key", "lights.fill")
+NAMES = (*(name for name in LAYER_NAMES if name != "lights"), *LIGHTS)
+CHANNELS = EVERY | {name: tuple(f"{name}.{colour}" for colour in "RGB") for name in LIGHTS}
 
 
 def values(name: str) -> np.ndarray:
@@ -24,7 +27,7 @@ def values(name: str) -> np.ndarray:
 
 @pytest.fixture
 def image() -> Image:
-    layers = {name: values(name) for name in LAYER_NAMES}
+    layers = {name: values(name) for name in NAMES}
     layers["depth"][0, 0] = np.inf
     layers["position"][0, 0] = np.nan
     pixels = np.random.default_rng(1).random((*SHAPE, 3), dtype=np.float32)
@@ -32,7 +35,7 @@ def image() -> Image:
 
 
 def test_every_layer_of_a_scene_has_channels() -> None:
-    assert tuple(CHANNELS) == LAYER_NAMES
+    assert tuple(CHANNELS) == NAMES
     channels = [channel for names in CHANNELS.values() for channel in names]
     assert len(set(channels) | {"R", "G", "B", "A"}) == len(channels) + 4
 
@@ -65,9 +68,9 @@ def test_exr_tells_the_place_of_a_crop_in_the_whole_film(tmp_path: Path, image: 
 def test_npz_holds_every_layer_bit_for_bit_and_the_metadata(tmp_path: Path, image: Image) -> None:
     image.save(tmp_path / "film.npz")
     with np.load(tmp_path / "film.npz", allow_pickle=False) as held:
-        assert set(held) == {"rgb", "metadata", *LAYER_NAMES}
+        assert set(held) == {"rgb", "metadata", *NAMES}
         np.testing.assert_array_equal(held["rgb"], image.pixels)
-        for name in LAYER_NAMES:
+        for name in NAMES:
             np.testing.assert_array_equal(held[name], image[name])
             assert held[name].dtype == image[name].dtype
         assert json.loads(str(held["metadata"])) == {"spp": 4, "object_names": ["ball", "floor"]}
