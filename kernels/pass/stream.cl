@@ -129,10 +129,11 @@ __kernel void stream(SCENE_PARAMETERS
                                                                   wanted & NOT(dark), scene));
 #endif
 #if LIGHT_GROUPS
-            gather_light(&path, wanted & NOT(dark), shadow.light, shadow.group);
+            I group = shadow.group;
 #else
-            gather_light(&path, wanted & NOT(dark), shadow.light, FALSE);
+            I group = FALSE;
 #endif
+            gather_light(&path, wanted & NOT(dark), shadow.light, group);
         }
 #endif
         // Add paths that ended to the film.

@@ -135,12 +135,12 @@ def crop(text: str) -> tuple[float, float, float, float]:
 
 
 def layers(text: str) -> tuple[str, ...]:
-    """Names of auxiliary layers in ``a,b,c``; ``all`` stands for every one."""
-    from rptcam_cl.scene.film import LAYER_NAMES
+    """Names of auxiliary layers in ``a,b,c``; ``all`` stands for every one but ``lights``."""
+    from rptcam_cl.scene.film import LAYER_NAMES, SINGLE_LAYERS
 
     names = tuple(name.strip() for name in text.split(","))
     if names == ("all",):
-        return tuple(name for name in LAYER_NAMES if name != "lights")  # it costs a film for each lamp
+        return SINGLE_LAYERS
     for index, name in enumerate(names):
         if name not in LAYER_NAMES:
             hint = nearest(name, LAYER_NAMES)
@@ -268,7 +268,7 @@ RENDER_OPTIONS = (
     ),
     RenderOption(
         "layers", "--layers", f"record these auxiliary layers in {listed(LAYER_SUFFIXES, 'and')} outputs, as"
-        " depth,normal; all for every one", layers, "NAME,...", key="render.layers",
+        " depth,normal; all for every one but lights", layers, "NAME,...", key="render.layers",
     ),
     RenderOption(
         "denoise", "--denoise", "remove the remaining noise (biased); needs rptcam_cl[denoise]",

@@ -76,6 +76,8 @@ LayerName = Literal[
     "ray_direction",
 ]
 LAYER_NAMES: tuple[LayerName, ...] = get_args(LayerName)
+# Those that are one array each; `lights` is one for each group of lamps, a film each, and is asked for by name alone.
+SINGLE_LAYERS: tuple[LayerName, ...] = tuple(name for name in LAYER_NAMES if name != "lights")
 LIGHT_LAYER = "lights."  # begins the names of what the layer lights becomes: one for each group of lamps
 # Of the picture itself, not of what its rays meet.
 FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance", "direct", "ghosts", "lights")

@@ -17,7 +17,7 @@ from rptcam_cl.api.options import NOT_WITH, OF_A_CLUSTER, RENDER_OPTIONS, SCENE_
 from rptcam_cl.batch.cluster_run import render_on_cluster
 from rptcam_cl.core.constants import MAX_SPP
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.film import LAYER_NAMES
+from rptcam_cl.scene.film import SINGLE_LAYERS
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
@@ -96,7 +96,7 @@ WORDS: list[tuple[Callable[[str], Any], dict[str, Any], list[str]]] = [
     (options.size, {"640x360": (640, 360), "1X1": (1, 1)}, ["0x1", "1x0", "640", "640x", "-1x1", "1.5x1"]),
     (options.crop, {"0,1,0,1": (0, 1, 0, 1), "0.25,0.5,0.75,1": (0.25, 0.5, 0.75, 1)},
      ["0,0,0,1", "0,1,1,1", "-1,1,0,1", "0,1.1,0,1", "0,1,0", "0,1,0,1,1", "a,1,0,1", "0,1,-1,1", "0,1,0,2"]),
-    (options.layers, {"depth": ("depth",), "depth, normal": ("depth", "normal"), "all": LAYER_NAMES},
+    (options.layers, {"depth": ("depth",), "depth, normal": ("depth", "normal"), "all": SINGLE_LAYERS},
      ["depht", "depth,depth", "depth,", "", "all,depth"]),
     (options.frame_range, {"7": range(7, 8), "1-240": range(1, 241), "1-240:2": range(1, 241, 2), "5-5:9": range(5, 6)},
      ["0", "0-3", "3-2", "1-5:0", "a", "1-", "-3", "12345678", "1-2-3"]),

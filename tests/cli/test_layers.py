@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.scene.film import LAYER_NAMES
+from rptcam_cl.scene.film import SINGLE_LAYERS
 
 
 @pytest.mark.parametrize(
     ("words", "asked"),
     [
         ("-o a.exr --layers depth,normal", ["depth", "normal"]),
-        ("-o a.png -o a.npz --layers all", list(LAYER_NAMES)),
+        ("-o a.png -o a.npz --layers all", list(SINGLE_LAYERS)),
         ("-o a.exr", None),  # the scene's
         ("-o a.png", []),  # no place for any
     ],

@@ -18,7 +18,7 @@ from rptcam_cl.device import devices, programs, session
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.rendering import passes as ways
 from rptcam_cl.rendering import tracer, tree_build, trees
-from rptcam_cl.scene.film import LAYER_NAMES
+from rptcam_cl.scene.film import SINGLE_LAYERS
 from tests.device.test_kernels import EVERY_MATERIAL, IMAGE
 from tests.rendering.test_bokeh import CASES
 from tests.rendering.test_determinism import LENS
@@ -70,7 +70,7 @@ def meshes() -> None:
     scene = still_life()
     objects = [*scene["objects"][:2], shape, shape | {"transform": [{"translate": [0, 0, 0.2]}]}]
     scene |= {"meshes": {"soup": mesh}, "objects": objects, "render": {"max_depth": 3, "caustics": "off"}}
-    shown(scene, layers=list(LAYER_NAMES))
+    shown(scene, layers=list(SINGLE_LAYERS))
     with rptcam_cl.RenderSession(scene, size=SIZE) as viewed:  # its triangles move about the eye
         viewed.change({"camera.eye": [0.3, -5.5, 1.4]})
         assert viewed.take().pixels.max() > 0

@@ -8,11 +8,11 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import CHANNELS as EVERY
-from rptcam_cl.scene.film import LAYER_NAMES
+from rptcam_cl.scene.film import SINGLE_LAYERS
 
 SHAPE = (5, 7)
 LIGHTS = ("lights.key", "lights.fill")
-NAMES = (*(name for name in LAYER_NAMES if name != "lights"), *LIGHTS)
+NAMES = (*SINGLE_LAYERS, *LIGHTS)
 CHANNELS = EVERY | {name: tuple(f"{name}.{colour}" for colour in "RGB") for name in LIGHTS}
 
 

@@ -145,7 +145,7 @@ MUTANTS = [
     Mutant("light tree leans to one side", "F left = light.a + light.b;", "F left = 1.1f * (light.a + light.b);",
            picks_of_the_tree),
     Mutant("suns picked at no cost", "light * per_light : *pick", "ONE : *pick", picks_of_the_tree),
-    Mutant("shadows forgotten", "keep3(wanted & NOT(dark)", "keep3(wanted",
+    Mutant("shadows forgotten", "gather_light(&path, wanted & NOT(dark)", "gather_light(&path, wanted",
            lambda: emitters.test_light_without_a_surface_is_blocked("point")),
     Mutant("samples share their numbers", "h.b = sample * 1664525u", "h.b = sample * 0u",
            determinism.test_variance_of_independent_samples_falls_as_one_over_their_number),

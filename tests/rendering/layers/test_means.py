@@ -11,7 +11,7 @@ from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.progressive import render_plan
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.film import LAYER_NAMES
+from rptcam_cl.scene.film import SINGLE_LAYERS
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.layers.scenes import CAMERAS, GREY, RED, world
 from tests.support.cases import slow
@@ -127,17 +127,17 @@ def test_rays_that_pass_a_hole_show_what_is_behind_it():
 
 
 def test_picture_is_the_same_with_layers_and_without():
-    plain, layered = (rptcam_cl.render(world("double_gauss"), spp=4, layers=names) for names in ([], LAYER_NAMES))
+    plain, layered = (rptcam_cl.render(world("double_gauss"), spp=4, layers=names) for names in ([], SINGLE_LAYERS))
     np.testing.assert_array_equal(np.asarray(plain), np.asarray(layered))
     assert dict(plain.layers) == {}
-    assert tuple(layered.layers) == LAYER_NAMES
+    assert tuple(layered.layers) == SINGLE_LAYERS
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("camera", ["thin_lens", "double_gauss"])
 def test_layers_depend_neither_on_the_wave_nor_on_the_organisation(camera):
     scene = load_scene(
-        world(camera) | {"film": {"resolution": [40, 20]}, "render": {"layers": LAYER_NAMES, "layers_spp": 11}}
+        world(camera) | {"film": {"resolution": [40, 20]}, "render": {"layers": SINGLE_LAYERS, "layers_spp": 11}}
     )
     found = []
     for wave_size, organisation in ((256, "stream"), (65536, "stream"), (512, "passes"), (65536, "passes")):
@@ -152,10 +152,10 @@ def test_layers_depend_neither_on_the_wave_nor_on_the_organisation(camera):
 @pytest.mark.slow
 @pytest.mark.parametrize("camera", ["thin_lens", "double_gauss"])
 def test_one_lane_per_work_item_gives_the_same_layers(camera, monkeypatch):
-    eight = rptcam_cl.render(world(camera), spp=3, layers=LAYER_NAMES)
+    eight = rptcam_cl.render(world(camera), spp=3, layers=SINGLE_LAYERS)
     monkeypatch.setattr(Session, "lanes", 1)
-    one = rptcam_cl.render(world(camera), spp=3, layers=LAYER_NAMES, device=Session(choose_device(None)))
-    for name in LAYER_NAMES:
+    one = rptcam_cl.render(world(camera), spp=3, layers=SINGLE_LAYERS, device=Session(choose_device(None)))
+    for name in SINGLE_LAYERS:
         alike = np.isclose(one[name], eight[name], rtol=1e-5, atol=1e-5, equal_nan=True)
         assert alike.mean() > 0.995, name  # rounding decides at the rims of lens and objects
 
@@ -182,17 +182,17 @@ def test_layers_of_a_render_that_was_continued_are_those_of_one_in_a_go(tmp_path
 
 def test_crop_shows_a_part_of_the_whole_layers():
     scene = world("double_gauss")
-    whole = rptcam_cl.render(scene, spp=2, layers=LAYER_NAMES)
-    part = rptcam_cl.render(scene, spp=2, layers=LAYER_NAMES, crop=(0.25, 0.75, 0.5, 1.0))
+    whole = rptcam_cl.render(scene, spp=2, layers=SINGLE_LAYERS)
+    part = rptcam_cl.render(scene, spp=2, layers=SINGLE_LAYERS, crop=(0.25, 0.75, 0.5, 1.0))
     assert part.metadata["window"] == [12, 12, 24, 12]
-    for name in LAYER_NAMES:
+    for name in SINGLE_LAYERS:
         np.testing.assert_array_equal(part[name], whole[name][12:, 12:36], err_msg=name)
 
 
 @pytest.mark.slow
 def test_nothing_anywhere_is_background_everywhere():
     scene = {"camera": CAMERAS["pinhole"] | FORWARD, "film": {"resolution": [9, 7]}}
-    image = rptcam_cl.render(scene, spp=2, layers=LAYER_NAMES)
+    image = rptcam_cl.render(scene, spp=2, layers=SINGLE_LAYERS)
     assert np.isposinf(image["depth"]).all()
     assert np.isposinf(image["distance"]).all()
     assert np.isnan(image["position"]).all()
