@@ -76,7 +76,7 @@ LayerName = Literal[
     "ray_direction",
 ]
 LAYER_NAMES: tuple[LayerName, ...] = get_args(LayerName)
-# Those that are one array each; `lights` is one for each group of lamps, a film each, and is asked for by name alone.
+# Those that are one array each; `lights` is one for each group of lamps, a film each, and is no part of `all`.
 SINGLE_LAYERS: tuple[LayerName, ...] = tuple(name for name in LAYER_NAMES if name != "lights")
 LIGHT_LAYER = "lights."  # begins the names of what the layer lights becomes: one for each group of lamps
 # Of the picture itself, not of what its rays meet.
