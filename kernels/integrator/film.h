@@ -14,11 +14,28 @@ typedef struct {
 #endif
 } PixelSum;
 
-static inline PixelSum read_pixels(__global const float *sums, uint pixel, uint pixels)
+// Three sums and their compensations, six planes from `planes` on.
+static inline PixelSum read_sums(__global const float *planes, uint pixel, uint pixels)
 {
     PixelSum s;
-    s.sum = f3(LOAD_F(sums, pixel), LOAD_F(sums + pixels, pixel), LOAD_F(sums + 2 * pixels, pixel));
-    s.rest = f3(LOAD_F(sums + 3 * pixels, pixel), LOAD_F(sums + 4 * pixels, pixel), LOAD_F(sums + 5 * pixels, pixel));
+    s.sum = f3(LOAD_F(planes, pixel), LOAD_F(planes + pixels, pixel), LOAD_F(planes + 2 * pixels, pixel));
+    s.rest = f3(LOAD_F(planes + 3 * pixels, pixel), LOAD_F(planes + 4 * pixels, pixel), LOAD_F(planes + 5 * pixels, pixel));
+    return s;
+}
+
+static inline void write_sums(__global float *planes, uint pixel, uint pixels, PixelSum s)
+{
+    STORE_F(planes, pixel, s.sum.x);
+    STORE_F(planes + pixels, pixel, s.sum.y);
+    STORE_F(planes + 2 * pixels, pixel, s.sum.z);
+    STORE_F(planes + 3 * pixels, pixel, s.rest.x);
+    STORE_F(planes + 4 * pixels, pixel, s.rest.y);
+    STORE_F(planes + 5 * pixels, pixel, s.rest.z);
+}
+
+static inline PixelSum read_pixels(__global const float *sums, uint pixel, uint pixels)
+{
+    PixelSum s = read_sums(sums, pixel, pixels);
 #if CLAMP
     s.removed = LOAD_F(sums + 6 * pixels, pixel);
 #endif
@@ -27,12 +44,7 @@ static inline PixelSum read_pixels(__global const float *sums, uint pixel, uint 
 
 static inline void write_pixels(__global float *sums, uint pixel, uint pixels, PixelSum s)
 {
-    STORE_F(sums, pixel, s.sum.x);
-    STORE_F(sums + pixels, pixel, s.sum.y);
-    STORE_F(sums + 2 * pixels, pixel, s.sum.z);
-    STORE_F(sums + 3 * pixels, pixel, s.rest.x);
-    STORE_F(sums + 4 * pixels, pixel, s.rest.y);
-    STORE_F(sums + 5 * pixels, pixel, s.rest.z);
+    write_sums(sums, pixel, pixels, s);
 #if CLAMP
     STORE_F(sums + 6 * pixels, pixel, s.removed);
 #endif
@@ -87,20 +99,12 @@ static PixelSum add_sample(PixelSum s, I lanes, F3 value, __global uint *counter
 static void add_of_group(__global float *sums, uint pixel, uint pixels, int group, I lanes, F3 whole, F3 value)
 {
     __global float *planes = sums + (size_t)(GROUP_PLANES + 6 * group) * pixels;
-    PixelSum s;
-    s.sum = f3(LOAD_F(planes, pixel), LOAD_F(planes + pixels, pixel), LOAD_F(planes + 2 * pixels, pixel));
-    s.rest = f3(LOAD_F(planes + 3 * pixels, pixel), LOAD_F(planes + 4 * pixels, pixel), LOAD_F(planes + 5 * pixels, pixel));
 #if CLAMP
     F most = largest_of(whole);
     value = scale(value, most > as_float(CLAMP) ? as_float(CLAMP) / most : ONE);
 #endif
-    s = add_compensated(s, lanes & NOT(bad_value(whole)), value);
-    STORE_F(planes, pixel, s.sum.x);
-    STORE_F(planes + pixels, pixel, s.sum.y);
-    STORE_F(planes + 2 * pixels, pixel, s.sum.z);
-    STORE_F(planes + 3 * pixels, pixel, s.rest.x);
-    STORE_F(planes + 4 * pixels, pixel, s.rest.y);
-    STORE_F(planes + 5 * pixels, pixel, s.rest.z);
+    PixelSum s = read_sums(planes, pixel, pixels);
+    write_sums(planes, pixel, pixels, add_compensated(s, lanes & NOT(bad_value(whole)), value));
 }
 #endif
 
