@@ -7,6 +7,7 @@
 #include "camera/film_point.h"
 #include "lens/half_pupil.h"
 #include "lens/pupil.h"
+#include "lens/stigmatic.h"
 #define PUPIL_HOLDS(fx, fy, x, y) (inverse_density_at(fx, fy, x, y, &camera->own.realistic, tables) > 0.0f)
 #include "lens/lamp_aim.h"
 
@@ -62,7 +63,8 @@ static inline F row_at(float4 row, F3 p) { return along_row(row, p) + row.w; }
 #endif
 
 // `p` and `d` on the scene side of the lens, z along the travel from the first vertex.
-static CameraRay behind_lens(Aimed ray, F3 p, F3 d, I passed, I status, const __global Camera *camera)
+static CameraRay behind_lens(Aimed ray, F3 p, F3 d, I passed, I status, const __global Camera *camera,
+                             const __global float *tables)
 {
     const __global RealisticCamera *own = &camera->own.realistic;
     CameraRay r;
@@ -85,7 +87,11 @@ static CameraRay behind_lens(Aimed ray, F3 p, F3 d, I passed, I status, const __
     d = f3(along_row(camera->fold_x, d), along_row(camera->fold_y, d), -along_row(camera->fold_z, d));
 #endif
     r.o = keep3(passed, f3(p.x * mm, p.y * mm, own->first_vertex_z - p.z * mm));
-    r.d = select3(passed, f3(d.x, d.y, -d.z), f3(ZERO, ZERO, -ONE));    // travel is along -z
+    d = f3(d.x, d.y, -d.z);     // travel is along -z
+#if STIGMATIC
+    d = towards_conjugate(ray.fx, ray.fy, r.o, d, camera, tables);
+#endif
+    r.d = select3(passed, d, f3(ZERO, ZERO, -ONE));
     r.weight = passed ? weight : ZERO;
 #if HALF_PUPIL
     r.weight = of_half(r.weight, ray.at.x, ray.at.y, ray.fx, ray.fy, camera);

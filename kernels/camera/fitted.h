@@ -14,5 +14,5 @@ static inline CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global
     F3 p, d;
     const __global float *rims = mapped_ray(at, map, &p, &d);
     I passed = within_mapped_rims(at, rims, surfaces, stop);
-    return behind_lens(ray, p, d, passed, passed ? (I)(RAY_OK) : (I)(RAY_CLIPPED), camera);
+    return behind_lens(ray, p, d, passed, passed ? (I)(RAY_OK) : (I)(RAY_CLIPPED), camera, tables);
 }

@@ -48,10 +48,10 @@ static void cross_lens(Packet *packets, const __global Camera *camera, const __g
 #endif
 }
 
-static inline CameraRay leave_packet(const Packet *packet, const __global Camera *camera)
+static inline CameraRay leave_packet(const Packet *packet, const __global Camera *camera, const __global float *tables)
 {
 #if CAMERA_PACKETS > 1
-    return leave_camera(packet->ray, leave_lens(&packet->ray.path), camera);
+    return leave_camera(packet->ray, leave_lens(&packet->ray.path), camera, tables);
 #else
     return packet->ray;
 #endif

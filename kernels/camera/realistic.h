@@ -19,9 +19,10 @@ static inline Underway enter_camera(Lane lane, F4 u, F wavelength, const __globa
     return ray;
 }
 
-static inline CameraRay leave_camera(Underway ray, LensRay out, const __global Camera *camera)
+static inline CameraRay leave_camera(Underway ray, LensRay out, const __global Camera *camera,
+                                     const __global float *tables)
 {
-    CameraRay r = behind_lens(ray.aimed, out.p, out.d, out.passed, out.status, camera);
+    CameraRay r = behind_lens(ray.aimed, out.p, out.d, out.passed, out.status, camera, tables);
 #if LENS_LOSSES
     r.weight *= out.transmittance;
 #endif
@@ -35,5 +36,5 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
     Underway ray = enter_camera(lane, u, wavelength, camera, tables);
     for (int k = 0; k < camera->own.realistic.surfaces; ++k)
         cross_surface(&ray.path, surfaces + k, stop);
-    return leave_camera(ray, leave_lens(&ray.path), camera);
+    return leave_camera(ray, leave_lens(&ray.path), camera, tables);
 }

@@ -41,7 +41,7 @@ static CameraRays kept_rays(uint first, Wave wave, const __global uint *tiles, c
 #pragma nounroll
         for (uint i = 0; i < CAMERA_PACKETS; ++i) {
             Draw draw = packets[i].draw;
-            CameraRay ray = leave_packet(&packets[i], camera);
+            CameraRay ray = leave_packet(&packets[i], camera, tables);
             count_stopped(&stopped, draw.lane, ray);
             if (step + i < wave.samples)
                 write_record(into_world(draw, ray, wave.seed, camera TRAJECTORY), place + (step + i) * RAYS_TOGETHER,

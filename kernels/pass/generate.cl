@@ -72,7 +72,7 @@ __kernel void generate(const __global Camera  *camera,
 #if LENS_FLOAT64
     Draw draw = draw_of(lane_of(slot, wave, tiles), wave.seed, camera, filter, colours);
     Underway entering = enter_camera(draw.lane, draw.u, draw.wavelength, camera, tables);
-    CameraRay ray = leave_camera(entering, traced_ray(traced, capacity, slot), camera);
+    CameraRay ray = leave_camera(entering, traced_ray(traced, capacity, slot), camera, tables);
     start_path(draw, ray, slot, wave, camera, counters, state, capacity TRAJECTORY);
 #else
     Packet packets[CAMERA_PACKETS];
@@ -84,7 +84,7 @@ __kernel void generate(const __global Camera  *camera,
     cross_lens(packets, camera, surfaces, stop);
 #pragma nounroll
     for (uint i = 0; i < CAMERA_PACKETS; ++i)
-        start_path(packets[i].draw, leave_packet(&packets[i], camera), slot + i * VW, wave, camera, counters, state,
+        start_path(packets[i].draw, leave_packet(&packets[i], camera, tables), slot + i * VW, wave, camera, counters, state,
                    capacity TRAJECTORY);
 #endif
 }

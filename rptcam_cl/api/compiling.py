@@ -286,7 +286,8 @@ class SceneCompiler:
 
     def of_film(self, state: SceneState) -> tuple[Plan, SceneBuffers]:
         """The plan of a final state's film, and its arrays: camera rays may aim at lamps."""
-        plan, buffers = aimed_plan(state.plan, self._device, state.scene.render.layers, state.buffers)
+        layers, conjugates = state.scene.render.layers, state.resolved.conjugates
+        plan, buffers = aimed_plan(state.plan, self._device, layers, state.buffers, conjugates)
         return plan, buffers or state.buffers
 
     def close(self) -> None:

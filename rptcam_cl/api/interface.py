@@ -311,7 +311,7 @@ def merge(
     state = merge_states(parts, allow_mixed=allow_mixed)
     layout = layout_of(state.facts)
     try:
-        spread = spread_of(state.arrays, tuple(state.facts["resolution"]))
+        spread = spread_of(state.arrays, tuple(state.facts["resolution"]), (layout.width, layout.height))
         pixels, metadata, stats, recorded = picture_of(state, layout)
         ghosts = saved_ghosts(state.arrays)
         of_sharp_layers = saved_truth(state.arrays, layout)[1]

@@ -60,6 +60,7 @@ from rptcam_cl.rendering.several import (
     split_of,
     split_text,
 )
+from rptcam_cl.rendering.stigmatic import Conjugates
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.scene.film import ADAPTIVE_SPP, LIGHT_LAYER, LayerName
 from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene
@@ -217,6 +218,11 @@ class Resolved:
     metered_cd_m2: float | None
     diffraction: Diffraction | None = None
     ghosts: Scene | None = None
+
+    @property
+    def conjugates(self) -> Conjugates | None:
+        """What rays of the film go towards, as diffraction brings the aberrations; None for those of the lens."""
+        return None if self.diffraction is None else self.diffraction.conjugates
 
 
 def resolve(
@@ -403,7 +409,7 @@ class RenderJob:
         plan = make_plan(resolved.scene, parts=None if series is None else series.parts)
         pool = None if series is None or plan.steps else series.pool
         uploaded = None if pool is None else pool.upload(plan)
-        plan, buffers = aimed_plan(plan, sessions[0], scene.render.layers, uploaded)
+        plan, buffers = aimed_plan(plan, sessions[0], scene.render.layers, uploaded, resolved.conjugates)
         started = time.perf_counter()
         if options.on_progress is not None:
             options.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
@@ -442,7 +448,8 @@ class RenderJob:
         session = open_session(options.device)
         saver = _saver(f"part{SUFFIX}", scene, [session], RenderOptions())
         resolved = _resolve_for(saver, scene, session, measured)
-        plan, buffers = aimed_plan(make_plan(resolved.scene), session, scene.render.layers)
+        plan = make_plan(resolved.scene)
+        plan, buffers = aimed_plan(plan, session, scene.render.layers, None, resolved.conjugates)
         wavefront = _compile([session], None, plan, scene, buffers, RenderOptions())
         job = cls(options, scene, resolved, plan, wavefront, begun=begun, saver=saver)
         saver.beside = partial(job._arrays_beside, whole=False)

@@ -297,7 +297,7 @@ CAMERA = Record(
         ("int", "lamp_across"),  # blocks of pixels
         ("int", "lamp_down"),
         ("int", "lamp_shift"),  # log2 of their side
-        ("int", "reserved"),
+        ("int", "conjugates"),  # see kernels/lens/stigmatic.h: where they stand among the tables
     ),
 )
 

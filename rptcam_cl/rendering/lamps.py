@@ -17,6 +17,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.lamp_aim import Sights
 from rptcam_cl.rendering.plan.plan import Plan, aim, may_aim
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.rendering.stigmatic import Conjugates, stigmatic
 
 Array = NDArray[np.float64]
 Points = tuple[Array, Array, Array]
@@ -263,7 +264,11 @@ def occluded(
 
 
 def aimed_plan(
-    plan: Plan, session: Session, layers: Iterable[str] = (), buffers: SceneBuffers | None = None
+    plan: Plan,
+    session: Session,
+    layers: Iterable[str] = (),
+    buffers: SceneBuffers | None = None,
+    conjugates: Conjugates | None = None,
 ) -> tuple[Plan, SceneBuffers | None]:
     """Return the plan with camera rays that aim at lamps out of focus, and the scene on the device where it was needed.
 
@@ -277,9 +282,12 @@ def aimed_plan(
         That the picture is to have.
     buffers
         The scene on the device, where it is there already.
+    conjugates
+        That rays go towards where waves bring what the lens is off; None for the rays of the lens.
     """
+    given, plan = plan, stigmatic(plan, conjugates)
     if not may_aim(plan, layers):
-        return plan, None
+        return plan, None if plan is given or buffers is None else SceneBuffers(session, plan, buffers)
     held = [buffers]
 
     def shows(sights: Sights) -> NDArray[np.bool_]:
@@ -288,7 +296,7 @@ def aimed_plan(
 
     new = aim(plan, shows, _name_of_sights(plan, session), on_disk=buffers is None)
     scene = held[0]
-    return new, scene if new is plan or scene is None else SceneBuffers(session, new, scene)
+    return new, scene if new is given or scene is None else SceneBuffers(session, new, scene)
 
 
 def _name_of_sights(plan: Plan, session: Session) -> str | None:

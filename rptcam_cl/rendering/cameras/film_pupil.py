@@ -68,8 +68,8 @@ class PupilRays:
         return np.asarray(vergence * self.origins[..., :2] + ahead * self.slopes)
 
 
-def _film_points(scene: Scene, places: Array) -> Array:
-    """Return places of the picture (n, 2) [pixels] on the film (n, 3) [mm]: a lens inverts."""
+def film_points(scene: Scene, places: Array) -> Array:
+    """Return places of the picture (n, 2) [pixels] on the film (n, 3) [mm], in the frame of the lens: it inverts."""
     film = 2.0 * np.asarray(places, np.float64) / scene.film.resolution - 1.0
     upright = film * (1.0, -1.0) * (1.0 if scene.camera.flip else -1.0)
     return film_frame(scene.camera).points(-upright * np.array(scene.film.size_m()) * 500.0)
@@ -84,7 +84,7 @@ def thin_lens_rays(
     scene: Scene, places: Array, radius_m: float, film_m: float, plane_m: float, shape: StopShape | StopMask | None
 ) -> PupilRays:
     """Return the rays of places of the picture (m, 2) [pixels] through a thin lens, by its radius and distances."""
-    film = _film_points(scene, places) * 1e-3 / film_m
+    film = film_points(scene, places) * 1e-3 / film_m
     nearer = 1.0 + film[:, None, 2:]
     points = _unit_grid()
     x, y = points.T
@@ -101,7 +101,7 @@ def thin_lens_rays(
 
 def thick_lens_rays(scene: Scene, places: Array, thick: ThickLens, first_vertex_m: float) -> PupilRays:
     """Return the rays of places of the picture (m, 2) [pixels] through a thick lens."""
-    film_mm, normal = _film_points(scene, places), np.array(film_frame(scene.camera).normal)
+    film_mm, normal = film_points(scene, places), np.array(film_frame(scene.camera).normal)
     points = _unit_grid()
     points = points[np.hypot(*points.T) <= 1.0]
     many = (len(film_mm), len(points), 2)
@@ -131,7 +131,7 @@ def traced_lens_rays(scene: Scene, setting: LensSetting, places: Array) -> Pupil
     InputError
         When a place receives no light.
     """
-    points_mm, frame = _film_points(scene, places), film_frame(scene.camera)
+    points_mm, frame = film_points(scene, places), film_frame(scene.camera)
     film_mm, depths = points_mm[:, :2], points_mm[:, 2]
     lens, back, wavelength = shaped(scene, setting).lens, setting.film_distance_mm, setting.camera.wavelength_nm
     boxes, lit = pupil_boxes(narrowing_probes(lens, back, wavelength, frame), film_mm)

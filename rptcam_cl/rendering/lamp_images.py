@@ -1,0 +1,412 @@
+"""Lamps in a picture as waves image them: rings and spikes of light out of focus, in place of what rays bring.
+
+What a lamp's film shows by rays is measured in the film itself, so that whatever hides or dims a lamp counts; the
+picture by waves of as much light takes its place.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import EmitterKind, Hidden
+from rptcam_cl.core.remember import checkpoint
+from rptcam_cl.rendering.cameras.chief_rays import seen_places
+from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_points
+from rptcam_cl.rendering.cameras.kinds import camera_of
+from rptcam_cl.rendering.lamps import lattice, patches_of
+from rptcam_cl.rendering.plan.plan import Plan
+from rptcam_cl.rendering.point_spread import (
+    FINE,
+    MIDDLE_NM,
+    WAVES_NM,
+    PointWave,
+    fade,
+    point_opening,
+    point_wave,
+    quick,
+    ray_picture,
+    shares_of_white,
+    wave_picture,
+)
+from rptcam_cl.rendering.stigmatic import Conjugates, source_of
+from rptcam_cl.scene.load import at_opening
+from rptcam_cl.scene.scene import Scene
+
+Array = NDArray[np.float64]
+
+MOST_LAMPS = 64
+_LAMP_POINTS = 16  # of each patch of a lamp
+_WIDEST_PX = 64.0  # sharp image of a lamp that is treated as one
+_LARGEST_PX = 256  # half width of a picture of a lamp
+BEYOND = 1.8  # radii of the rays that it reaches, and as far as the kernel of a sharp point
+MOST_ACROSS = 512  # points across a picture by waves: of finer ones, pixels show what rays do
+_RAYS_FINER = 4  # points across a pixel for the picture by rays
+_FEW_WAVES_PX = 0.25  # wavelength times f-number, below which a third of the wavelengths say what a pixel shows
+_SHOWS = 0.01  # of its light by which waves must differ from rays
+UNLIKE = 0.3  # of the light of a lamp by which its film may differ from its rays, in parts of its picture
+PARTS = 3  # of its picture each way
+
+
+@dataclass(frozen=True)
+class LampImage:
+    """The picture of a lamp of light 1, about pixels of the whole film.
+
+    Attributes
+    ----------
+    column, row : int
+        Of its first pixel.
+    waves, rays : (3, height, width) arrays
+        Of red, green and blue; by waves, near the lamp and without its far light.
+    place : (x, y)
+        Of its middle [pixels].
+    radius : float
+        Of its farthest ray [pixels].
+    """
+
+    column: int
+    row: int
+    waves: NDArray[np.float32]
+    rays: NDArray[np.float32]
+    place: tuple[float, float]
+    radius: float
+
+    @property
+    def reach(self) -> int:
+        """From its middle to where it ends [pixels]."""
+        return int(self.waves.shape[2] // 2)
+
+
+@dataclass(frozen=True)
+class _LampFilm:
+    """The film on which lamps are imaged.
+
+    Attributes
+    ----------
+    pupils : FilmPupils
+    seen : sequence of (point, FilmPupil)
+        Points of the film [mm], and the openings that they see.
+    pixel_mm : tuple of float
+        Width and height of a pixel; negative where columns or rows run against x or y.
+    splits : bool
+        Whether rays of the film have a wavelength each, that the lens refracts by.
+    nm : float
+        Of the others.
+    units : float
+        Wavelengths over twice the numerical aperture that the kernel of a sharp point reaches.
+    conjugates : Conjugates or None
+        That rays go towards; None for those of the lens.
+    """
+
+    pupils: FilmPupils
+    seen: Sequence[tuple[Array, FilmPupil]]
+    pixel_mm: tuple[float, float]
+    splits: bool
+    nm: float
+    units: float
+    conjugates: Conjugates | None
+
+
+def lamp_images(
+    scene: Scene,
+    plan: Plan,
+    pupils: FilmPupils,
+    seen: Sequence[tuple[Array, FilmPupil]],
+    units: float,
+    conjugates: Conjugates | None,
+) -> list[LampImage]:
+    """Return the pictures of lamps on the film that waves change, near them as far as a kernel reaches.
+
+    Parameters
+    ----------
+    seen, units, conjugates
+        As in `_LampFilm`.
+    """
+    scene, lamps = at_opening(scene), list(_lamps(plan))
+    if not lamps:
+        return []
+    camera, lens = camera_of(scene), scene.camera.lens_camera
+    film_z = 0.0 if (setting := camera.setting) is None else setting.lens.film_z(setting.film_distance_mm)
+    splits = bool(plan.facts.get("LENS_SPLITS"))
+    nm = MIDDLE_NM if lens is None else lens.wavelength_nm
+    film = _LampFilm(pupils, seen, pixel_mm(scene), splits, nm, units, conjugates)
+    points, turn = np.concatenate(lamps), scene.camera.world_from_camera()[:3, :3]
+    there = np.column_stack([points[:, :3] @ turn, points[:, 3]])
+    counts, chief = [len(lamp) for lamp in lamps], camera.chief_rays()
+    every = np.split(there, np.cumsum(counts)[:-1])
+    middles = seen_places(chief, np.array([own.mean(axis=0) for own in every]))
+    all_places = seen_places(chief, there, np.repeat(middles, counts, axis=0))
+    images = []
+    for own, places in zip(every, np.split(all_places, np.cumsum(counts)[:-1]), strict=True):
+        checkpoint()
+        middle = places.mean(axis=0)
+        if not np.isfinite(places).all() or np.ptp(places, axis=0).max() > _WIDEST_PX:
+            continue
+        if ((middle > -0.5) & (middle < np.array(scene.film.resolution) + 0.5)).all():
+            point = film_points(scene, middle[None])[0, :2]
+            images.append(_image(film, places, point, source_of(own.mean(axis=0), film_z)))
+    return [image for image in images if image is not None]
+
+
+def pixel_mm(scene: Scene) -> tuple[float, float]:
+    """Return width and height of a pixel; negative where columns or rows run against x or y of the lens."""
+    (width, height), (columns, rows) = scene.film.size_m(), scene.film.resolution
+    sense = -1e3 if scene.camera.flip else 1e3
+    return sense * width / columns, -sense * height / rows
+
+
+def _lamps(plan: Plan) -> Iterator[Array]:
+    """Yield points (n, 4) of each lamp that the camera may see, about the eye, homogeneous [m]; brightest first."""
+    records = plan.emitters.records[: plan.emitters.count]
+    bright = np.argsort([-float(max(record["radiance"][:3])) for record in records], kind="stable")
+    left = MOST_LAMPS
+    for record in (records[k] for k in bright):
+        kind = EmitterKind(int(record["kind"]))
+        if record["hidden"] & Hidden.FROM_CAMERA or kind in (
+            EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.ENVIRONMENT, EmitterKind.DIRECTIONAL, EmitterKind.TRIANGLE,
+        ):  # fmt: skip
+            continue
+        known = patches_of(record, np.zeros(3))
+        if known is None or left == 0:
+            continue
+        left -= 1
+        (at, light, _), patches = known
+        s, t = lattice(_LAMP_POINTS)
+        points = np.concatenate(
+            [patches.at(np.full(len(at), x), np.full(len(at), y)) for x, y in zip(s, t, strict=True)]
+        )
+        if light.any():
+            yield np.column_stack([points, np.tile(at[:, 3], _LAMP_POINTS)])
+
+
+def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampImage | None:
+    """Return the picture of a lamp by the places of its points; None where waves do not change it, or are not known."""
+    middle, pixel = places.mean(axis=0), float(np.sqrt(abs(film.pixel_mm[0] * film.pixel_mm[1])))
+    try:
+        near = min(film.seen, key=lambda known: float(np.linalg.norm(known[0] - point)))
+        opening = point_opening(film.pupils, near, point, source, film.nm)
+        unit = 550e-6 / opening.index / (2 * opening.aperture) / pixel
+        radius = opening.radius_mm / pixel
+        wide = max(BEYOND * radius + film.units * unit, 2.0) + np.ptp(places, axis=0).max() / 2
+        reach = min(int(np.ceil(wide)), _LARGEST_PX)
+        if (2 * reach + 1) * _finer(unit, 550.0) > MOST_ACROSS:
+            return None
+        wave = opening.wave(min(reach / unit, 160.0))
+        waves_nm = WAVES_NM if unit > _FEW_WAVES_PX else WAVES_NM[1::3]
+        split = [point_wave(film.pupils, wave.pupil, point, source, nm) for nm in (waves_nm if film.splits else ())]
+        by_rays = [_as_rendered(film, each, point, middle, nm) for each, nm in zip(
+            split or [wave], waves_nm if film.splits else (film.nm,), strict=True)]  # fmt: skip
+    except InputError:
+        return None
+    first = np.floor(middle).astype(int) - reach
+    sharp = _sharp(places - first, 2 * reach + 1)
+    waves, rays = (np.zeros((3, 2 * reach + 1, 2 * reach + 1)) for _ in range(2))
+    offsets = np.arange(2 * reach + 1) + 0.5 - (middle - first)[:, None]
+    for k, (nm, share) in enumerate(zip(waves_nm, shares_of_white(waves_nm)[:, :, None, None], strict=True)):
+        checkpoint()
+        own = split[k] if film.splits else wave
+        waves += share * _wave_pixels(own, nm, film.pixel_mm, offsets, unit)
+        if film.splits:
+            rays += share * _ray_pixels(by_rays[k], film.pixel_mm, offsets)
+    if not film.splits:
+        rays += _ray_pixels(by_rays[0], film.pixel_mm, offsets)
+    away = np.hypot(offsets[0][None, :], offsets[1][:, None])
+    waves, rays = _spread(waves, sharp, middle - first) * fade(away, reach), _spread(rays, sharp, middle - first)
+    if not np.abs(waves - rays).sum() > _SHOWS * rays.sum():
+        return None
+    x, y = middle.tolist()
+    return LampImage(int(first[0]), int(first[1]), waves.astype(np.float32), rays.astype(np.float32), (x, y), radius)
+
+
+def _as_rendered(film: _LampFilm, wave: PointWave, point: Array, place: Array, nm: float) -> PointWave:
+    """Return the light of a lamp as rays of the film bring it: those to conjugates leave out what these are off."""
+    share = 0.0 if film.conjugates is None else float(film.conjugates.share(place[None])[0])
+    if film.conjugates is None or share == 0:
+        return wave
+    own = point_wave(film.pupils, wave.pupil, point, film.conjugates.source(place), nm)
+    return replace(wave, places=wave.places - share * own.places)
+
+
+def _sharp(places: Array, size: int) -> Array:
+    """Return the shares of points in the four pixels about each, of a square of pixels."""
+    square = np.zeros((size, size))
+    x, y = (places - 0.5).T
+    i, j = np.floor(x).astype(int), np.floor(y).astype(int)
+    for column, by_column in ((i, 1 - x + i), (i + 1, x - i)):
+        for row, by_row in ((j, 1 - y + j), (j + 1, y - j)):
+            good = (column >= 0) & (column < size) & (row >= 0) & (row < size)
+            np.add.at(square, (row[good], column[good]), (by_column * by_row)[good] / len(places))
+    return square
+
+
+def about(place: tuple[float, float]) -> Iterator[tuple[int, int, float]]:
+    """Yield the four pixels about a place, column and row, and the share that each has of it."""
+    column, row = (int(np.floor(part - 0.5)) for part in place)
+    x, y = place[0] - 0.5 - column, place[1] - 0.5 - row
+    for i, by_column in ((column, 1 - x), (column + 1, x)):
+        for j, by_row in ((row, 1 - y), (row + 1, y)):
+            yield i, j, by_column * by_row
+
+
+def _spread(picture: Array, sharp: Array, middle: Array) -> Array:
+    """Return the picture of a point in the middle (3, n, n) for all points of a lamp."""
+    size = len(sharp)
+    alone = np.zeros_like(sharp)
+    for column, row, share in about((middle[0], middle[1])):
+        alone[row, column] += share
+    if np.abs(sharp - alone).sum() < 0.02:
+        return picture
+    side = quick(2 * size)
+    rows, columns = np.indices((size, size))
+    mean = [int(np.rint((sharp * axis).sum())) for axis in (rows, columns)]
+    whole = np.fft.rfft2(picture, (side, side)) * np.fft.rfft2(sharp, (side, side))
+    full = np.fft.irfft2(whole, (side, side))
+    return np.asarray(full[:, mean[0] : mean[0] + size, mean[1] : mean[1] + size])
+
+
+def _finer(unit: float, nm: float) -> int:
+    """Return into how many points a pixel is divided, by the wavelength over twice the aperture at 550 nm [pixels]."""
+    return max(int(np.ceil(FINE / unit * 550.0 / nm)), 1)
+
+
+def _wave_pixels(wave: PointWave, nm: float, pixel_mm: tuple[float, float], offsets: Array, unit: float) -> Array:
+    """Return the light of each pixel, of 1 altogether."""
+    finer = _finer(unit, nm)
+    within = (np.arange(finer) + 0.5) / finer - 0.5
+    x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
+    light = wave_picture(wave, nm, x, y) * abs(pixel_mm[0] * pixel_mm[1]) / finer**2
+    size = offsets.shape[1]
+    return np.asarray(light.reshape(size, finer, size, finer).sum(axis=(1, 3)))
+
+
+def _ray_pixels(wave: PointWave, pixel_mm: tuple[float, float], offsets: Array) -> Array:
+    within = (np.arange(_RAYS_FINER) + 0.5) / _RAYS_FINER - 0.5
+    x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
+    size = offsets.shape[1]
+    return np.asarray(ray_picture(wave, x, y).reshape(size, _RAYS_FINER, size, _RAYS_FINER).sum(axis=(1, 3)))
+
+
+#
+# How bright each lamp is on a film.
+
+
+def brightness(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage]) -> Array:
+    """Return the light of lamps (n, 3) on planes (3, height, width) of a film; 0 of those that it shows otherwise.
+
+    By least squares of the rays' pictures, about the mean of each picture's square, so that even light about a lamp
+    does not count. A lamp that something hides in part is not like its rays.
+    """
+    places = [_on_film(planes.shape[1:], offset, lamp) for lamp in lamps]
+    good = [k for k, (film, _) in enumerate(places) if all(side.stop > side.start for side in film)]
+    while good:
+        light = _fitted(planes, [(lamps[k], *places[k]) for k in good])
+        left = planes - _together(planes.shape, [(lamps[k], *places[k]) for k in good], light)
+        fine = [_is_like(left, *places[k], lamps[k], own) for k, own in zip(good, light, strict=True)]
+        if all(fine):
+            found = np.zeros((len(lamps), 3))
+            found[good] = light
+            return found
+        good = [k for k, is_fine in zip(good, fine, strict=True) if is_fine]
+    return np.zeros((len(lamps), 3))
+
+
+Window = tuple[slice, slice]
+
+
+def _on_film(shape: tuple[int, ...], offset: tuple[int, int], lamp: LampImage) -> tuple[Window, Window]:
+    """Return which rows and columns of a film a lamp's picture covers, and which of its own these are."""
+    film, own = [], []
+    for first, size, length in zip(
+        (lamp.row - offset[1], lamp.column - offset[0]), lamp.rays.shape[1:], shape, strict=True
+    ):
+        low, high = max(first, 0), min(first + size, length)
+        film.append(slice(low, max(high, low)))
+        own.append(slice(low - first, max(high, low) - first))
+    return (film[0], film[1]), (own[0], own[1])
+
+
+Placed = tuple[LampImage, Window, Window]
+
+
+def _fitted(planes: Array, placed: Sequence[Placed]) -> Array:
+    light = np.zeros((len(placed), 3))
+    for channel in range(3):
+        own = [lamp.rays[channel][part].astype(np.float64) for lamp, _, part in placed]
+        tests = [rays - rays.mean() for rays in own]
+        matrix, right = np.zeros((len(placed), len(placed))), np.zeros(len(placed))
+        for k, (_, film, _) in enumerate(placed):
+            right[k] = float(np.sum(tests[k] * planes[channel][film]))
+            for m, (_, other, _) in enumerate(placed):
+                low = [max(a.start, b.start) for a, b in zip(film, other, strict=True)]
+                high = [min(a.stop, b.stop) for a, b in zip(film, other, strict=True)]
+                if all(a < b for a, b in zip(low, high, strict=True)):
+                    first = tuple(slice(a - c.start, b - c.start) for a, b, c in zip(low, high, film, strict=True))
+                    second = tuple(slice(a - c.start, b - c.start) for a, b, c in zip(low, high, other, strict=True))
+                    matrix[k, m] = float(np.sum(tests[k][first] * own[m][second]))
+        light[:, channel] = np.linalg.lstsq(matrix, right, rcond=1e-9)[0]
+    return np.maximum(light, 0.0)
+
+
+def _is_like(left: Array, film: Window, part: Window, lamp: LampImage, light: Array) -> bool:
+    """Return whether what is left of a film without a lamp is even, in parts of the lamp's picture."""
+    whole = float(light.sum())
+    if not whole > 0:
+        return False
+    rest, rays = left[:, film[0], film[1]].sum(axis=0), lamp.rays[:, part[0], part[1]].sum(axis=0)
+    dark = rays <= 1e-3 * rays.max()
+    rest = rest - (rest[dark].mean() if dark.any() else 0.0)
+    lit = np.argwhere(~dark)
+    low, high = lit.min(axis=0), lit.max(axis=0) + 1
+    rows, columns = (np.linspace(low[k], high[k], PARTS + 1).astype(int) for k in (0, 1))
+    off = sum(
+        abs(float(rest[a:b, c:d].sum())) for a, b in itertools.pairwise(rows) for c, d in itertools.pairwise(columns)
+    )
+    return off < UNLIKE * whole * float(rays.sum()) / 3
+
+
+def _together(shape: tuple[int, ...], placed: Sequence[Placed], light: Array) -> Array:
+    """Return the film of lamps by their rays."""
+    planes = np.zeros(shape)
+    for (lamp, film, part), own in zip(placed, light, strict=True):
+        planes[:, film[0], film[1]] += own[:, None, None] * lamp.rays[:, part[0], part[1]]
+    return planes
+
+
+def without_lamps(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
+    """Return planes (3, height, width) of a film without lamps of some light (n, 3), as their rays show them.
+
+    What is left there is noise of the lamp and what stands about it; it is kept between none and the brightest pixel
+    beside the lamp.
+    """
+    placed = [
+        (lamp, *_on_film(planes.shape[1:], offset, lamp)) for lamp, own in zip(lamps, light, strict=True) if own.any()
+    ]
+    left = planes - _together(planes.shape, placed, light[light.any(axis=1)])
+    lit = np.zeros(planes.shape[1:], np.bool_)
+    for lamp, film, part in placed:
+        lit[film] |= _lit(lamp, part)
+    for lamp, film, part in placed:
+        inside, dark = _lit(lamp, part), ~lit[film]
+        for plane in left:
+            window = plane[film]
+            window[inside] = np.clip(window[inside], 0.0, window[dark].max() if dark.any() else np.inf)
+    return left
+
+
+def _lit(lamp: LampImage, part: Window) -> NDArray[np.bool_]:
+    return np.asarray(lamp.rays[:, part[0], part[1]].sum(axis=0) > 1e-6 * lamp.rays.max())
+
+
+def by_waves(shape: tuple[int, ...], offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
+    """Return planes of the same by waves, without their far light."""
+    planes = np.zeros(shape)
+    for lamp, own in zip(lamps, light, strict=True):
+        film, part = _on_film(shape[1:], offset, lamp)
+        planes[:, film[0], film[1]] += own[:, None, None] * lamp.waves[:, part[0], part[1]]
+    return planes
