@@ -368,7 +368,7 @@ def placed_vertices(meshes: PackedMeshes) -> NDArray[np.float32]:
 def placed_blocks(session: Session, before: Any, count: int, vertices: Any, triangles: Any) -> Any:
     """Return a buffer of ``count`` leaf blocks, made on the device from that of the same triangles elsewhere."""
     width = WIDTH[session.kind]
-    blocks = session.allocate(4 * _BLOCK_ROWS * width * count)
+    blocks = session.allocate(4 * _BLOCK_ROWS * width * count, in_place=True)
     program = session.program(["build/fill_blocks.cl"], {"LEAF_WIDTH": width, "VERTEX_FLOATS": VERTEX_FLOATS}, "")
     given = {"before": before, "blocks": blocks, "vertices": vertices, "triangles": triangles}
     session.bind(program, "fill_blocks", **given, count=np.int32(count)).enqueue(-(-count // 64) * 64, 64)
@@ -479,17 +479,17 @@ def _refit_group(
     moved[own] = np.logical_or.reduce([before.vertices[own, k] != meshes.vertices[own, k] for k in range(3)])
     corners = [np.ascontiguousarray(faces[:, k]) for k in range(3)]
     changed = np.append(
-        np.logical_or.reduce([moved[corner] for corner in corners]), False
+        np.logical_or.reduce([moved.take(corner, mode="clip") for corner in corners]), False
     )  # the last for -1, no triangle
-    touched = np.flatnonzero(np.logical_or.reduce([changed[column] for column in tree.blocks.T]))
+    touched = np.flatnonzero(np.logical_or.reduce([changed.take(column, mode="wrap") for column in tree.blocks.T]))
     boxes = tree_build.leaf_boxes(tree)
     axes = [np.ascontiguousarray(meshes.vertices[:, k]) for k in range(3)]
     for some in np.array_split(touched, -(-len(touched) // (1 << 12)) or 1):
         blocks = tree.blocks[some].T
         blocks = np.where(blocks < 0, blocks[0], blocks)  # the first place of a block has a triangle
-        at = np.concatenate([corner[blocks] for corner in corners])
+        at = np.concatenate([corner.take(blocks, mode="clip") for corner in corners])
         for k, axis in enumerate(axes):
-            points = axis[at]
+            points = axis.take(at, mode="clip")
             boxes[some, 0, k], boxes[some, 1, k] = points.min(axis=0), points.max(axis=0)
     return tree_build.refit(tree, boxes)
 

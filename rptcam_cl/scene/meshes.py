@@ -264,6 +264,7 @@ class MeshLibrary:
         self._meshes: dict[str, Mesh] = {}
         self._materials: dict[FileMaterial, Material] = {}
         self._loaded: dict[int, LoadedMesh] = {}  # by the identity of its item
+        self._solids: tuple[tuple[Any, ...], tuple[Any, ...]] = (), ()  # found last, and for which objects
 
     def begun_anew(self, objects: Iterable[object], absent: list[str]) -> MeshLibrary:
         """Return a library that has of this one what it loaded for some objects, and what these are made of."""
@@ -306,6 +307,13 @@ class MeshLibrary:
             contents = self._contents(item)
             self._loaded[key] = LoadedMesh(item, contents, self._shown(item, contents))
         return self._loaded[key]
+
+    def solids(self, objects: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Return objects with those of meshes as they are loaded."""
+        if self._solids[0] is not objects:
+            load = self.load
+            self._solids = objects, tuple(load(item) if isinstance(item, MeshObject) else item for item in objects)
+        return self._solids[1]
 
     def _contents(self, item: MeshObject) -> MeshContents:
         source, mode, painted = self._source(item), item.normals_mode, item.material is None

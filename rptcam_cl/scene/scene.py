@@ -494,8 +494,7 @@ class Scene(SceneModel):
 
     def solids(self) -> tuple[Solid, ...]:
         """Return the shape and materials of each object, those of meshes from their files."""
-        load = self._library.load
-        return tuple(load(item) if isinstance(item, MeshObject) else item for item in self.objects)
+        return self._library.solids(self.objects)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
