@@ -372,7 +372,7 @@ def _development(panel: Panel) -> list[Entry]:
     if value == "own":
         words = {"own": "set by hand"} | words
     kelvin = None if balance is None else balance.temperature_k
-    looks = all_dials.looks_of(panel.scene)
+    tables = all_dials.tables_of(panel.scene)
     tone: str = picture.tone.kind
     tones = {name: name for name in TONES}
     if picture.ocio is not None:  # until another is chosen
@@ -384,7 +384,7 @@ def _development(panel: Panel) -> list[Entry]:
             min=COOLEST, max=HOTTEST, step=50, start=KELVIN.get(value, SRGB_KELVIN),
         ),
         _choice("tone", "tone", tone, tones),
-        *([_choice("look", "look", picture.lut, {None: "none"} | {name: name for name in looks})] if looks else []),
+        _choice("lut", "LUT", picture.lut, {None: "none"} | {name: name for name in tables}, enabled=bool(tables)),
     ]  # fmt: skip
 
 

@@ -61,7 +61,7 @@ from rptcam_cl.viewfinder.panel import (
 SUFFIXES = (".yaml", ".yml", ".json", ".dat", ".zmx", ".seq", ".txt")
 _MIXED = (".yaml", ".yml", ".json")
 FOLDERS = ("", "lenses")  # of the scene's folder, that are searched
-LOOK_FOLDERS = ("", "looks")  # the same for tables of colours
+TABLE_FOLDERS = ("", "luts")  # the same for tables of colours
 MOST_FILES = 1000
 MOST_BYTES = 1 << 20
 
@@ -134,9 +134,9 @@ def _candidates(
     return found
 
 
-def looks_of(scene: Scene) -> tuple[str, ...]:
+def tables_of(scene: Scene) -> tuple[str, ...]:
     """Return the tables of colours that a scene can be shown by: those that lie in its folder, or its own."""
-    files = _candidates(scene.folders, (".cube",), LOOK_FOLDERS)[:MOST_FILES]
+    files = _candidates(scene.folders, (".cube",), TABLE_FOLDERS)[:MOST_FILES]
     names = [Path(each.path).relative_to(scene.folders.base).as_posix() for each in files]
     own = scene.picture.lut
     return tuple(dict.fromkeys([*([] if own is None else [own]), *names]))
@@ -763,9 +763,9 @@ def turn_tone(panel: Panel, value: Any) -> Turn:
     return Turn(panel.dials, {"picture.tone": word("tone", value, TONES)})
 
 
-def turn_look(panel: Panel, value: Any) -> Turn:
+def turn_lut(panel: Panel, value: Any) -> Turn:
     """Show the picture by a table of colours beside the scene; by none with None."""
-    return Turn(panel.dials, {"picture.lut": None if value is None else word("look", value, looks_of(panel.scene))})
+    return Turn(panel.dials, {"picture.lut": None if value is None else word("lut", value, tables_of(panel.scene))})
 
 
 DIALS: dict[str, Callable[[Panel, Any], Turn]] = {
@@ -787,7 +787,7 @@ DIALS: dict[str, Callable[[Panel, Any], Turn]] = {
     "white_balance": turn_white_balance,
     "temperature_k": turn_temperature,
     "tone": turn_tone,
-    "look": turn_look,
+    "lut": turn_lut,
 }
 
 

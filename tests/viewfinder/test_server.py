@@ -235,21 +235,21 @@ def test_a_stack_is_the_picture_that_focus_stack_makes_with_all_it_is_made_of(cl
     assert client.ask(8, "stack").type == "done"
 
 
-def test_a_look_is_a_table_of_colours_beside_the_scene(tmp_path: Path) -> None:
-    (tmp_path / "looks").mkdir()
+def test_tables_of_colours_beside_the_scene_are_a_dial(tmp_path: Path) -> None:
+    (tmp_path / "luts").mkdir()
     lattice = [(1 - r, g, b) for b in (0, 1) for g in (0, 1) for r in (0, 1)]
-    (tmp_path / "looks" / "cross.cube").write_text("LUT_3D_SIZE 2\n" + "\n".join(f"{r} {g} {b}" for r, g, b in lattice))
+    (tmp_path / "luts" / "cross.cube").write_text("LUT_3D_SIZE 2\n" + "\n".join(f"{r} {g} {b}" for r, g, b in lattice))
     (tmp_path / "scene.yaml").write_text(SCENE)
     scene = Origin(tmp_path / "scene.yaml").load()
     panel = Panel(read_dials(scene), scene, scene)
-    look = next(each for each in dial_list(panel) if each["name"] == "look")
-    assert [each["value"] for each in look["choices"]] == [None, "looks/cross.cube"]
-    shown = set_keys(scene, turn_dial(panel, "look", "looks/cross.cube").changes)
-    assert shown.picture.lut == "looks/cross.cube"
+    dial = next(each for each in dial_list(panel) if each["name"] == "lut")
+    assert [each["value"] for each in dial["choices"]] == [None, "luts/cross.cube"]
+    shown = set_keys(scene, turn_dial(panel, "lut", "luts/cross.cube").changes)
+    assert shown.picture.lut == "luts/cross.cube"
     pixels = codes_of(with_picture_settings(Image(np.zeros((1, 1, 3), np.float32), {}), shown.picture))
     assert pixels.tolist() == [[[255, 0, 0]]]
-    with pytest.raises(InputError, match="look: is not one of"):
-        turn_dial(panel, "look", "/etc/passwd")
+    with pytest.raises(InputError, match="lut: is not one of"):
+        turn_dial(panel, "lut", "/etc/passwd")
 
 
 def test_pictures_are_saved_as_they_are_shown(client: Page) -> None:
