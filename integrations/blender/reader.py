@@ -90,18 +90,19 @@ class Reader:
         builder = Builder(self.parts, scale, report, shutter, settings.light_groups)
         frame = eye.frame if eye else frame_of(scene)
         ends: dict[Any, NDArray[np.float64]] = {}
+        shapes: dict[str, BlenderMesh] = {}
         restore: tuple[int, float] | None = None
         if blurred and set_time is not None:
             restore, (first, last) = (scene.frame_current, scene.frame_subframe), shutter_times(scene, shutter_s * fps)
             set_time(math.floor(last), last - math.floor(last))
-            ends = self._matrices(depsgraph)
+            ends, shapes = self._matrices(depsgraph), _shapes(depsgraph)
             set_time(math.floor(first), first - math.floor(first))
             scene = depsgraph.scene_eval
         camera = eye.camera if eye else camera_of(scene, report)
         if scene.camera is not None and not eye and (end := ends.get("camera")) is not None:
             moves = not np.array_equal(end, camera.matrix)
             camera = replace(camera, matrix_end=end if moves else None)
-        self._read_instances(depsgraph, builder, report, ends)
+        self._read_instances(depsgraph, builder, report, ends, shapes)
         world = self._read_world(scene, report)
         group = getattr(scene.world, "lightgroup", "")
         export = builder.export(camera, frame, settings.lens, world, settings.more, group)
@@ -134,7 +135,12 @@ class Reader:
         return found
 
     def _read_instances(
-        self, depsgraph: Any, builder: Builder, report: Report, ends: dict[Any, NDArray[np.float64]]
+        self,
+        depsgraph: Any,
+        builder: Builder,
+        report: Report,
+        ends: dict[Any, NDArray[np.float64]],
+        shapes: dict[str, BlenderMesh],
     ) -> None:
         for each in depsgraph.object_instances:
             item = each.object
@@ -149,12 +155,18 @@ class Reader:
                     report.add(f"Lamp {item.name}: it stands still while the shutter is open.")
                 builder.add_lamp(lamp_of(item, matrix, self, report))
             elif item.type in WITH_FACES:
-                self._read_object(each, matrix, end, builder, report)
+                self._read_object(each, matrix, end, shapes, builder, report)
             elif item.type not in WITHOUT_SURFACE:
                 report.add(f"Object {item.name}: {item.type.replace('_', ' ').lower()} is left out.")
 
     def _read_object(
-        self, each: Any, matrix: NDArray[np.float64], end: NDArray[np.float64] | None, builder: Builder, report: Report
+        self,
+        each: Any,
+        matrix: NDArray[np.float64],
+        end: NDArray[np.float64] | None,
+        shapes: dict[str, BlenderMesh],
+        builder: Builder,
+        report: Report,
     ) -> None:
         item = each.object
         key = mesh_key(each)
@@ -174,14 +186,13 @@ class Reader:
             report.add(f"Object {item.name}: the strands of its hair ({', '.join(hair)}) are left out.")
         if getattr(item, "is_holdout", False) or getattr(item, "is_shadow_catcher", False):
             report.add(f"Object {item.name}: holdouts and shadow catchers are seen like any other object.")
-        if builder.blurs and key.startswith("object ") and deforms_in_time(item):
-            report.add(
-                f"Object {item.name}: its shape is that of the open shutter; only its motion as a whole blurs it."
-            )
+        shape = shapes.get(key)
+        if shape is not None and np.array_equal(shape.points, self.parts.mesh(key).points):
+            shape = None
         visible = visibility(item, report)
         name = item.name_full
         group = getattr(item, "lightgroup", "")
-        builder.place(Placed(name, key, matrix, tuple(names), visible, item.pass_index, group, end))
+        builder.place(Placed(name, key, matrix, tuple(names), visible, item.pass_index, group, end, shape))
 
     # Materials
 
@@ -265,6 +276,18 @@ def deforms_in_time(item: Any) -> bool:
     bends = {"ARMATURE", "MESH_DEFORM", "LATTICE", "HOOK", "WAVE", "CLOTH", "SOFT_BODY", "NODES", "MESH_CACHE"}
     keys = getattr(item.original.data, "shape_keys", None)
     return any(each.type in bends for each in item.original.modifiers) or bool(keys and keys.animation_data)
+
+
+def _shapes(depsgraph: Any) -> dict[str, BlenderMesh]:
+    """The meshes of what may be deformed, as they are at the time of the dependency graph."""
+    found: dict[str, BlenderMesh] = {}
+    for each in depsgraph.object_instances:
+        if each.object.type in WITH_FACES and each.show_self and deforms_in_time(each.object):
+            key = mesh_key(each)
+            mesh = mesh_of(each.object) if key.startswith("object ") and key not in found else None
+            if mesh is not None:
+                found[key] = mesh
+    return found
 
 
 def mesh_of(item: Any) -> BlenderMesh | None:

@@ -14,10 +14,12 @@ from .camera import BlenderCamera, Frame, LensChoice, camera_keys, keyframes
 from .fields import Field, Mapping
 from .lights import BlenderLamp, lamp_keys
 from .materials import BlenderMaterial, Translated, translate
-from .meshes import BlenderMesh, can_be_inverted, movement, painted, part
+from .meshes import BlenderMesh, can_be_inverted, deformed, movement, painted, part
 from .report import Report
 
 DEFAULT = "no_material"
+MOST_STEPS, LEAST_STEPS = 32, 4  # of an exposure in which something is deformed
+MOST_STEPPED = 8_000_000  # triangles of all steps, some 200 bytes each
 Matrix = NDArray[np.float64]
 
 
@@ -48,6 +50,8 @@ class Placed:
         Blender's pass index.
     group : str
         Blender's light group, or nothing.
+    mesh_end : BlenderMesh or None
+        Its shape when the shutter closes, if that is another.
     """
 
     name: str
@@ -58,6 +62,7 @@ class Placed:
     index: int = 0
     group: str = ""
     matrix_end: Matrix | None = None
+    mesh_end: BlenderMesh | None = None
 
 
 @dataclass(frozen=True)
@@ -148,6 +153,8 @@ class Builder:
         self._meshes: dict[str, Any] = {}
         self._objects: list[dict[str, Any]] = []
         self._indices: list[int] = []
+        self._deformed: dict[str, list[dict[str, Any]]] = {}  # keys of objects that move while the shutter is open
+        self._stepped: dict[str, None] = {}  # names of the objects that these are of
         self._lights: list[dict[str, Any]] = []
 
     @property
@@ -198,20 +205,18 @@ class Builder:
             self._report.add(f"Object {item.name}: flat by its scale, left out.")
             return
         motion: list[dict[str, Any]] = []
+        grows = False
         if item.matrix_end is not None:
             motion, whole = movement(item.matrix, item.matrix_end, (0.0, self._shutter.time_s))
-            if not whole:
-                self._report.add(
-                    f"Object {item.name}: it grows or shears while the shutter is open; its shift blurs it."
-                )
+            grows = not whole
         for slot in self._parts.slots(item.mesh):
             name = item.materials[min(slot, len(item.materials) - 1)] if item.materials else DEFAULT
             if name not in self._materials:
                 self.add_material(BlenderMaterial(DEFAULT, None))
                 name = DEFAULT
-            self._show(item, slot, name, motion)
+            self._show(item, slot, name, motion, grows)
 
-    def _show(self, item: Placed, slot: int, material: str, motion: list[dict[str, Any]]) -> None:
+    def _show(self, item: Placed, slot: int, material: str, motion: list[dict[str, Any]], grows: bool) -> None:
         if material in self._of_colors:
             material = self._painted(material, item.mesh, slot)
         coordinates = self._materials[material].coordinates
@@ -229,8 +234,60 @@ class Builder:
             **self._grouped(item.group),
         }
         hidden = {key: False for key, seen in item.visible.items() if not seen}
-        self._objects.append(keys | ({"visible": hidden} if hidden else {}) | ({"motion": motion} if motion else {}))
+        keys |= ({"visible": hidden} if hidden else {}) | ({"motion": motion} if motion else {})
+        ends: dict[str, tuple[Any, Any]] = {}
+        if item.mesh_end is not None:
+            end = deformed(self._parts.mesh(item.mesh), item.mesh_end, slot, coordinates)
+            if end is None or coordinates.startswith("color:"):
+                self._report.add(f"Object {item.name}: it becomes another mesh, or has colours of vertices; its shape is"
+                                 " that of the open shutter.")  # fmt: skip
+            else:
+                ends = {name: (mesh[name], rows) for name, rows in end.items()}
+        if grows and item.matrix_end is not None:
+            ends["transform.matrix"] = keys["transform"]["matrix"], item.matrix_end[:3].tolist()
+        self._move_keys(item.name, ends)
+        self._objects.append(keys)
         self._indices.append(item.index)
+
+    def _move_keys(self, name: str, ends: dict[str, tuple[Any, Any]]) -> None:
+        """Have keys of the object that is added next go from one value to the other while the shutter is open."""
+        if ends:
+            self._stepped.setdefault(name)
+        for key, values in ends.items():
+            frames = zip((0.0, self._shutter.time_s), values, strict=True)
+            self._deformed[f"objects.{len(self._objects)}.{key}"] = [{"time_s": t, "value": v} for t, v in frames]
+
+    def _steps(self, keys: dict[str, Any]) -> None:
+        """Cut the exposure into steps for what is deformed, where that goes with the rest."""
+        camera, render = keys["camera"], keys.get("render", {})
+        why = [
+            name for name, wrong in (
+                ("a rolling shutter", self._shutter.rolling_s > 0),
+                ("diffraction", camera.get("diffraction", "off") != "off"),
+                ("ghosts", camera.get("ghosts", "off") != "off"),
+                ("the pass Position", "position" in render.get("layers", ())),
+            ) if wrong
+        ]  # fmt: skip
+        whole = sum(len(keys["meshes"][item["mesh"]]["faces"]) for item in self._objects if "mesh" in item)
+        most = min(MOST_STEPS, MOST_STEPPED // max(whole, 1), int(render.get("spp", MOST_STEPS)))
+        if most < LEAST_STEPS:
+            why.append(f"{whole} triangles" if whole * LEAST_STEPS > MOST_STEPPED else "so few samples")
+        if why:
+            for name in self._stepped:
+                self._report.add(
+                    f"Object {name}: it is not deformed or grown beside {why[0]}; its motion as a whole blurs it."
+                )
+            return
+        for name in {name for name in self._deformed if not name.endswith("matrix")}:  # shapes of their own
+            item = self._objects[int(name.split(".")[1])]
+            if "mesh" in item:
+                item |= keys["meshes"][item.pop("mesh")]
+        for name in self._deformed:
+            if name.endswith("matrix"):
+                self._objects[int(name.split(".")[1])].pop("motion", None)
+        spp = int(render.get("spp", most))
+        even = [steps for steps in range(LEAST_STEPS, most + 1) if spp % steps == 0]  # all steps have as many samples
+        keys["shutter"] |= {"keys": self._deformed, "steps": even[-1] if even else most}
 
     def add_lamp(self, lamp: BlenderLamp) -> None:
         """Add a lamp, with or without a surface."""
@@ -271,4 +328,7 @@ class Builder:
         if environment is not None:
             keys["environment"] = environment | self._grouped(world_group)
         indices = [self._material_indices[name] for name in shown]
-        return Export(keys | more, self._report, np.array(self._indices, np.int32), np.array(indices, np.int32))
+        keys |= more
+        if self._deformed:
+            self._steps(keys)
+        return Export(keys, self._report, np.array(self._indices, np.int32), np.array(indices, np.int32))

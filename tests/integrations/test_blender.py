@@ -461,6 +461,67 @@ def test_what_moves_is_blurred_as_in_cycles(tmp_path):
     assert one.mean(axis=(0, 2)) == pytest.approx(other.mean(axis=(0, 2)), abs=0.02)
 
 
+def widen_by_scale(item):
+    item.scale = (1, 1, 1)
+    item.keyframe_insert("scale", frame=1)
+    item.scale = (3, 1, 1)
+    item.keyframe_insert("scale", frame=3)
+
+
+def widen_by_shape(item):
+    item.shape_key_add(name="Basis")
+    wide = item.shape_key_add(name="wide")
+    for vertex, point in zip(item.data.vertices, wide.data, strict=True):
+        point.co.x = 3 * vertex.co.x
+    wide.value = 0
+    wide.keyframe_insert("value", frame=1)
+    wide.value = 1
+    wide.keyframe_insert("value", frame=3)
+
+
+def widen_by_bone(item):
+    import bpy
+
+    bpy.ops.object.armature_add(location=(0, 0, 1))
+    bones = bpy.context.object
+    item.location = (0, 0, 1)
+    item.vertex_groups.new(name="Bone").add(range(len(item.data.vertices)), 1.0, "ADD")
+    item.modifiers.new("bones", "ARMATURE").object = bones
+    pose = bones.pose.bones["Bone"]
+    for frame, x in ((1, 0), (3, 2)):
+        pose.location.x = x
+        pose.keyframe_insert("location", frame=frame)
+
+
+@pytest.mark.parametrize("widen", [widen_by_scale, widen_by_shape, widen_by_bone])
+def test_what_is_deformed_or_grows_is_blurred_as_in_cycles(widen, tmp_path):
+    """A cube that becomes three times as wide, or is shifted by a bone, while the shutter is open, by its columns."""
+    import bpy
+
+    from integrations.blender.reader import Reader, Settings
+    from tests.integrations import cycles
+
+    scene = cycles.empty_scene()
+    bpy.context.preferences.edit.keyframe_new_interpolation_type = "LINEAR"
+    widen(cycles.add("cube", cycles.shader("ShaderNodeEmission", Strength=1.0), size=1.0, location=(0, 0, 1)))
+    scene.frame_set(2)
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.6
+    graph = bpy.context.evaluated_depsgraph_get()
+
+    def set_time(frame, part):
+        scene.frame_set(frame, subframe=part)
+
+    export = Reader().read(graph, Settings(more={"render": {"spp": 256}}), set_time=set_time)
+    assert export.keys["shutter"]["steps"] == 32 and not export.report.sentences
+    one = np.asarray(rptcam_cl.render(export.keys))
+    other = cycles.of_cycles(tmp_path, 256)
+    assert one.mean() == pytest.approx(other.mean(), rel=0.01)
+    columns = [film.mean(axis=(0, 2)) for film in (one, other)]
+    assert np.abs(columns[0] - columns[1]).max() < 0.03 * columns[1].max()  # a step is 0.03 of the time
+    rolling = Reader().read(graph, Settings(rolling_s=0.01, more={"render": {"spp": 256}}), set_time=set_time)
+    assert "keys" not in rolling.keys["shutter"] and "beside a rolling shutter" in rolling.report.sentences[0]
+
+
 def interior(cycles):
     """A room with a window, furniture of collections, pictures, a curve and a text; a lamp with nodes."""
     import bpy
