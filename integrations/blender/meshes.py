@@ -45,6 +45,34 @@ class BlenderMesh:
     colors: dict[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, eq=False)
+class Strands:
+    """Hair: points (n, 3) of all strands in the object's frame, their widths (n,), and the number of points of each."""
+
+    points: NDArray[np.float32]
+    widths: NDArray[np.float32]
+    counts: NDArray[np.int32]
+
+    def keys(self) -> dict[str, Any] | None:
+        """The shape of a scene; None without strands."""
+        enough = self.counts >= 2
+        of_point = np.repeat(enough, self.counts)
+        if not enough.any():
+            return None
+        rows = np.concatenate([self.points, self.widths[:, None]], axis=1)[of_point]
+        return {"shape": "curves", "points": rows, "counts": self.counts[enough].tolist(), "basis": "catmull_rom"}
+
+
+def widths_of_particles(count: int, root: float, tip: float, shape: float, *, is_closed: bool) -> NDArray[np.float32]:
+    """Widths along a strand of a particle system with these widths at its ends; `shape` bends their course."""
+    left = 1 - np.linspace(0, 1, count)
+    course = left ** (1 + shape) if shape < 0 else left ** (1 / max(1 - shape, 1e-6))
+    widths = tip + (root - tip) * course
+    if is_closed:
+        widths[-1] = 0
+    return widths.astype(np.float32)
+
+
 def part(mesh: BlenderMesh, slot: int, coordinates: str) -> dict[str, Any] | None:
     """The triangles of a material slot as a scene's mesh; None where it has none.
 
@@ -76,7 +104,7 @@ def has_corners_of(mesh: BlenderMesh, other: BlenderMesh) -> bool:
 
 
 def _corners(mesh: BlenderMesh, slot: int, coordinates: str) -> tuple[NDArray[np.int64], NDArray[np.int32]] | None:
-    """A corner for each vertex that a slot's triangles need, with normal and coordinates of its own, and the triangles."""
+    """A corner for each vertex that a slot's triangles need, normal and coordinates its own, and the triangles."""
     loops = mesh.triangles[mesh.slot == slot]
     if not len(loops):
         return None

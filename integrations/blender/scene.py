@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from .camera import BlenderCamera, Frame, LensChoice, camera_keys, keyframes
 from .fields import Field, Mapping
 from .lights import BlenderLamp, lamp_keys
-from .materials import BlenderMaterial, Translated, translate
-from .meshes import BlenderMesh, can_be_inverted, deformed, movement, painted, part
+from .materials import BlenderMaterial, Translated, for_strands, translate, without_hair
+from .meshes import BlenderMesh, Strands, can_be_inverted, deformed, movement, painted, part
 from .report import Report
 
 DEFAULT = "no_material"
@@ -216,6 +216,37 @@ class Builder:
                 name = DEFAULT
             self._show(item, slot, name, motion, grows)
 
+    def place_strands(self, item: Placed, strands: Strands) -> None:
+        """Show hair, of the first of the item's materials."""
+        shape = strands.keys()
+        if shape is None or not can_be_inverted(item.matrix):
+            return
+        name = item.materials[0] if item.materials else DEFAULT
+        if name not in self._materials:
+            self.add_material(BlenderMaterial(DEFAULT, None))
+            name = DEFAULT
+        own = f"{name} on strands"
+        if own not in self._materials:
+            keys = for_strands(self._materials[name].keys, name, self._report)
+            self._materials[own], self._material_indices[own] = Translated(keys), self._material_indices[name]
+        motion: list[dict[str, Any]] = []
+        if item.matrix_end is not None:
+            motion, _ = movement(item.matrix, item.matrix_end, (0.0, self._shutter.time_s))
+        self._add(item, shape, own, motion)
+
+    def _add(self, item: Placed, shape: dict[str, Any], material: str, motion: list[dict[str, Any]]) -> None:
+        """Add an object of a shape."""
+        keys: dict[str, Any] = shape | {
+            "material": safe(material),
+            "name": item.name[:200],
+            "transform": {"matrix": np.asarray(item.matrix, np.float64)[:3].tolist()},
+            **self._grouped(item.group),
+        }
+        hidden = {key: False for key, seen in item.visible.items() if not seen}
+        keys |= ({"visible": hidden} if hidden else {}) | ({"motion": motion} if motion else {})
+        self._objects.append(keys)
+        self._indices.append(item.index)
+
     def _show(self, item: Placed, slot: int, material: str, motion: list[dict[str, Any]], grows: bool) -> None:
         if material in self._of_colors:
             material = self._painted(material, item.mesh, slot)
@@ -225,29 +256,24 @@ class Builder:
             return
         name = safe(f"{item.mesh} {slot} {coordinates}")
         self._meshes[name] = mesh
-        keys: dict[str, Any] = {
-            "shape": "mesh",
-            "mesh": name,
-            "material": safe(material),
-            "name": item.name[:200],
-            "transform": {"matrix": np.asarray(item.matrix, np.float64)[:3].tolist()},
-            **self._grouped(item.group),
-        }
-        hidden = {key: False for key, seen in item.visible.items() if not seen}
-        keys |= ({"visible": hidden} if hidden else {}) | ({"motion": motion} if motion else {})
+        if self._materials[material].keys["kind"] == "hair":
+            own = f"{material} on faces"
+            self._report.add(f"Material {material}: of hair, and shown by faces: matte there.")
+            self._materials[own] = Translated(without_hair(self._materials[material].keys))
+            self._material_indices[own] = self._material_indices[material]
+            material = own
         ends: dict[str, tuple[Any, Any]] = {}
         if item.mesh_end is not None:
             end = deformed(self._parts.mesh(item.mesh), item.mesh_end, slot, coordinates)
             if end is None or coordinates.startswith("color:"):
-                self._report.add(f"Object {item.name}: it becomes another mesh, or has colours of vertices; its shape is"
-                                 " that of the open shutter.")  # fmt: skip
+                why = "it is another mesh" if end is None else "it has colours of vertices"
+                self._report.add(f"Object {item.name}: {why}, and is not deformed while the shutter is open.")
             else:
                 ends = {name: (mesh[name], rows) for name, rows in end.items()}
         if grows and item.matrix_end is not None:
-            ends["transform.matrix"] = keys["transform"]["matrix"], item.matrix_end[:3].tolist()
+            ends["transform.matrix"] = item.matrix[:3].tolist(), item.matrix_end[:3].tolist()
         self._move_keys(item.name, ends)
-        self._objects.append(keys)
-        self._indices.append(item.index)
+        self._add(item, {"shape": "mesh", "mesh": name}, material, motion)
 
     def _move_keys(self, name: str, ends: dict[str, tuple[Any, Any]]) -> None:
         """Have keys of the object that is added next go from one value to the other while the shutter is open."""
@@ -322,7 +348,10 @@ class Builder:
         motion = keyframes(camera, 0.0, self._shutter.time_s)
         if motion:
             keys["camera"]["motion"] = motion
+        used = {name for item in self._objects if isinstance(name := item.get("material"), str)}
         shown = [name for name in self._materials if name not in self._of_colors]
+        # Hair is of curves alone, and its other translations are of those that show them.
+        shown = [name for name in shown if self._materials[name].keys["kind"] != "hair" or safe(name) in used]
         keys["materials"] = {safe(name): self._materials[name].keys for name in shown}
         keys |= {"meshes": self._meshes, "objects": self._objects, "lights": self._lights}
         if environment is not None:
