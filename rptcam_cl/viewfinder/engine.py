@@ -709,12 +709,15 @@ class Engine:
         self._interrupted = False
         if not self._inbox.is_empty or self._ends.is_set():
             return
-        with contextlib.suppress(CancelledError), cancellable(self._check):
-            frame = slot.refine(lambda: not self._interrupted)
-            if frame is not None:
-                begun = time.monotonic()
-                slot.show(frame, False, answers)
-                self._refined, self._show_s = slot, time.monotonic() - begun
+        try:
+            with cancellable(self._check):
+                frame = slot.refine(lambda: not self._interrupted)
+                if frame is not None:
+                    begun = time.monotonic()
+                    slot.show(frame, False, answers)
+                    self._refined, self._show_s = slot, time.monotonic() - begun
+        except CancelledError:
+            slot.leave_unread()
 
 
 # The viewfinder of one scene, for any number of pages over any transport.

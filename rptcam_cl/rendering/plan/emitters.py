@@ -507,6 +507,11 @@ class Emitters:
     groups: NDArray[np.int32] = field(default_factory=lambda: np.zeros(1, np.int32))
 
     @property
+    def shining(self) -> NDArray[np.void]:
+        """Records of lamps, without the one that stands where there is none."""
+        return self.records[: self.count if self.kinds else 0]
+
+    @property
     def facts(self) -> dict[str, int]:
         """Which kinds of emitter the kernels must know."""
         painted = (self.records["texture"] >= 0) & (self.records["primitive"] >= 0)
