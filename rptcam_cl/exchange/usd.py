@@ -28,6 +28,7 @@ Keys = dict[str, Any]
 _USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 _WIDTH_PX = 960
 _MOST_FACES = (400_000, 400_000, 10_000, 10_000)  # that each division of a subdivision surface may lead to
+_MOST_COLOURS = 256  # of the faces of a mesh, each of which is an object then
 _SHARP = 10.0  # a crease of so much is one of every division (UsdGeomMesh, SHARPNESS_INFINITE)
 _MOST_PIXEL_ASPECT = 20.0
 
@@ -238,7 +239,24 @@ class Stage:
         if key not in self._meshes:
             self._meshes[key] = self._write_mesh(prim)
         subsets = {str(bound.GetName()): bound for bound in prim.GetChildren() if bound.IsA(self.geom.Subset)}
-        return [(file, subsets.get(name, prim)) for file, name in self._meshes[key]]
+        colours = {name: keys for name, _, keys in self._face_colours(prim)}
+        return [(file, colours.get(name) or subsets.get(name, prim)) for file, name in self._meshes[key]]
+
+    def _face_colours(self, prim: Any) -> list[tuple[str, Faces, Keys]]:
+        """Return the colours that faces of a mesh without materials have, a name for each, and those faces."""
+        primvar = self.geom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
+        if not (primvar and primvar.HasValue()) or primvar.GetInterpolation() != self.geom.Tokens.uniform:
+            return []
+        values = _numbers(primvar.ComputeFlattened(self.time), 3)
+        material, _ = self.shade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+        counts = _numbers(self.geom.Mesh(prim).GetFaceVertexCountsAttr().Get(self.time), 1, np.int64)
+        if material or self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets() or len(values) != len(counts):
+            return []
+        colours, of_face = np.unique(np.clip(values, 0, 1), axis=0, return_inverse=True)
+        if not 1 < len(colours) <= _MOST_COLOURS:
+            return []
+        looks = [{"kind": "matte", "reflectance": colour.tolist()} for colour in colours]
+        return [(f"color-{k}", np.flatnonzero(of_face.ravel() == k), look) for k, look in enumerate(looks)]
 
     def _write_mesh(self, prim: Any) -> list[tuple[str, Any]]:
         mesh = self.geom.Mesh(prim)
@@ -248,7 +266,7 @@ class Stage:
         subsets = [
             (str(subset.GetPrim().GetName()), _numbers(subset.GetIndicesAttr().Get(self.time), 1, np.int64))
             for subset in self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-        ]
+        ] + [(name, faces) for name, faces, _ in self._face_colours(prim)]
         # what is copied about a stage without being instanced is written once
         content = content_name(caged, str(mesh.GetSubdivisionSchemeAttr().Get()), subsets)
         if content not in self._contents:
@@ -411,9 +429,10 @@ class Stage:
 
     def _material(self, bound: Any, prim: Any) -> str:
         """The name of the material that is bound to a prim; of one without, its colour."""
-        material, _ = self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()
+        is_look = isinstance(bound, dict)
+        material = None if is_look else self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
         if not material:
-            keys, name = self._display_colour(prim), "color"
+            keys, name = bound if is_look else self._display_colour(prim), "color"
         else:
             name = str(material.GetPrim().GetName())
             path = str(material.GetPath())

@@ -117,6 +117,20 @@ def test_meshes_have_the_materials_of_their_faces(tmp_path: Path, hand: str) -> 
         np.testing.assert_allclose(part.mesh.uvs[part.mesh.faces][..., 0], points[..., 0] - low, atol=1e-6)
 
 
+def test_faces_have_their_own_display_colours(tmp_path: Path) -> None:
+    sheet = """def Mesh "m" { int[] faceVertexCounts = [4, 4, 4]
+        int[] faceVertexIndices = [0, 1, 3, 2, 2, 3, 5, 4, 4, 5, 7, 6]
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0, 2, 0), (1, 2, 0), (0, 3, 0), (1, 3, 0)]
+        uniform token subdivisionScheme = "none"
+        color3f[] primvars:displayColor = [(1, 0, 0), (0, 0.5, 1), (1, 0, 0)] ( interpolation = "%s" ) }"""
+    done, scene = convert(tmp_path, sheet % "uniform")
+    found = {item.material.reflectance: scene.load_mesh(item).contents.parts[0].mesh for item in scene.objects}
+    assert {colour: len(mesh.faces) for colour, mesh in found.items()} == {(1, 0, 0): 4, (0, 0.5, 1): 2}
+    heights = (found[0, 0.5, 1].positions + found[0, 0.5, 1].origin)[:, 1]
+    assert (heights.min(), heights.max()) == (1, 2)
+    assert list(done.report) == [line for line in done.report if "camera" in line or "light" in line]
+
+
 def cube() -> PolygonMesh:
     points = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1.0)])
     faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
