@@ -65,6 +65,38 @@ def test_time_samples_are_read_at_a_moment(tmp_path: Path) -> None:
         np.testing.assert_allclose(middle_of(scene), [[x, 0, 0]], atol=1e-9)
 
 
+SHUTTER = """def Camera "c" { double shutter:open = 0 double shutter:close = 12
+    double3 xformOp:translate.timeSamples = { 1: (0, 0, 100), 25: (24, 0, 100) }
+    uniform token[] xformOpOrder = ["xformOp:translate"] }
+    """
+
+
+def test_what_moves_while_the_shutter_is_open_has_keyframes(tmp_path: Path) -> None:
+    text = """def Cube "b" { double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 25: (12, 0, 6) }
+        float xformOp:rotateY.timeSamples = { 1: 0, 25: 80 } float3 xformOp:scale = (1, 2, 1)
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY", "xformOp:scale"] }
+        def Sphere "still" { }"""
+    done, scene = convert(tmp_path, SHUTTER + text)
+    assert (scene.shutter.open_s, scene.shutter.time_s) == pytest.approx((1 / 24, 12 / 24))
+    box, still = scene.objects
+    assert still.motion == () and list(done.report)[-1:] == [line for line in done.report if "lights" in line]
+    for share in (0, 0.5, 1):  # of the shutter: half of the way in 24 codes
+        way, angle = share / 2, np.radians(share * 40)
+        turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+        expected = np.eye(4)
+        expected[:3, :3], expected[:3, 3] = turn @ np.diag([1, 2, 1]), [12 * way, 0, 6 * way]
+        np.testing.assert_allclose(box.placed_at(1 / 24 + share / 2), expected, atol=1e-6)
+        np.testing.assert_allclose(scene.camera.pose_at(1 / 24 + share / 2)[0], [24 * way, 0, 100], atol=1e-6)
+
+
+def test_what_stretches_while_the_shutter_is_open_stays(tmp_path: Path) -> None:
+    text = """def Cube "b" { float3 xformOp:scale.timeSamples = { 1: (1, 1, 1), 25: (2, 2, 2) }
+        uniform token[] xformOpOrder = ["xformOp:scale"] }"""
+    done, scene = convert(tmp_path, SHUTTER + text)
+    assert scene.objects[0].motion == ()
+    assert any("/b: approximated: what stretches while the shutter is open stays" in line for line in done.report)
+
+
 def test_point_instancers_become_tables(tmp_path: Path) -> None:
     text = """def PointInstancer "many" { double3 xformOp:translate = (0, 0, 10)
         uniform token[] xformOpOrder = ["xformOp:translate"]
