@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
@@ -29,6 +30,8 @@ OF_NODES = (
     "projection", "sky_type", "sun_direction", "turbidity", "sun_elevation", "sun_rotation", "sun_disc", "dust_density",
     "aerosol_density", "model", "parametrization", "layer_name", "attribute_name", "attribute_type",
 )  # fmt: skip
+BAKED = "rptcam_baked"  # of an object: names of its pictures by material, node and input, as JSON
+BAKED_UV = "rptcam"  # the texture coordinates that they go by
 DEFAULT_RADIUS = 0.005  # of curves without a radius, as Cycles has it
 SetTime = Callable[[int, float], None]
 
@@ -205,11 +208,20 @@ class Reader:
         """An object with its materials, which are added."""
         item, names = each.object, []
         mesh = self.parts.mesh(key) if key in self.parts else None
+        pictures = {tuple(json.loads(key)): name for key, name in json.loads(item.get(BAKED, "{}")).items()}
         for slot in item.material_slots:
             material = slot.material
-            names.append(material.name_full if material else "")
-            if material and not builder.has_material(material.name_full):
-                builder.add_material(self.material_of(material, mesh, report), material.pass_index)
+            if not material:
+                names.append("")
+                continue
+            baked = {(node, into): name for (of, node, into), name in pictures.items() if of == material.name_full}
+            name = f"{material.name_full} of {item.name_full}" if baked else material.name_full
+            names.append(name)
+            if baked:
+                report.add(f"Object {item.name}: {len(baked)} inputs of {material.name} are pictures that were baked.")
+            if not builder.has_material(name):
+                made = replace(self.material_of(material, mesh, report, baked), name=name)
+                builder.add_material(made, material.pass_index)
         visible, group = visibility(item, report), getattr(item, "lightgroup", "")
         return Placed(item.name_full, key, matrix, tuple(names), visible, item.pass_index, group, end)
 
@@ -235,9 +247,14 @@ class Reader:
 
     # Materials
 
-    def material_of(self, material: Any, mesh: BlenderMesh | None, report: Report) -> BlenderMaterial:
-        """A material's record; the mesh says how large its texture coordinates are."""
-        nodes = NodeReader(self, 1.0 if mesh is None else uv_size(mesh), report)
+    def material_of(
+        self, material: Any, mesh: BlenderMesh | None, report: Report, baked: dict[tuple[str, str], str] | None = None
+    ) -> BlenderMaterial:
+        """A material's record.
+
+        The mesh says how large its texture coordinates are, and `baked` which inputs of which nodes are pictures.
+        """
+        nodes = NodeReader(self, 1.0 if mesh is None else uv_size(mesh), report, baked)
         output = _output_of(material.node_tree) if material.use_nodes else None
         surface = nodes.linked(output, "Surface") if output is not None else None
         if output is not None and surface is None:
@@ -478,10 +495,23 @@ def _output_of(tree: Any) -> Any:
     return found
 
 
+def baked_node(codes: Any, *, is_normal: bool) -> Link:
+    """What stands in the place of a baked input's nodes."""
+    at = Link(Node("UVMAP", "baked", values={"uv_map": BAKED_UV}), "UV")
+    values = {"codes": codes, "color_space": "linear", "extension": "EXTEND", "uv_size": 1.0}
+    picture = Link(Node("TEX_IMAGE", "baked", {"Vector": at}, values), "Color")
+    if not is_normal:
+        return picture
+    return Link(Node("NORMAL_MAP", "baked", {"Color": picture, "Strength": 1.0}, {"space": "TANGENT"}), "Normal")
+
+
 class NodeReader:
     """Reads nodes into records; a group is opened wherever it is used."""
 
-    def __init__(self, reader: Reader, size: float, report: Report) -> None:
+    def __init__(
+        self, reader: Reader, size: float, report: Report, baked: dict[tuple[str, str], str] | None = None
+    ) -> None:
+        self._baked = baked or {}
         self._reader, self._uv_size, self._report = reader, size, report
         self._made: dict[tuple[Any, ...], Node] = {}
 
@@ -519,6 +549,11 @@ class NodeReader:
             return self._made[key]
         made = self._made[key] = Node(node.type, node.name)
         for socket in node.inputs:
+            image = None if stack else bpy.data.images.get(self._baked.get((node.name, socket.identifier), ""))
+            if image is not None:
+                codes, _ = self._reader.picture(image, self._report)
+                made.inputs[socket.identifier] = baked_node(codes, is_normal=socket.identifier == "Normal")
+                continue
             made.inputs[socket.identifier] = self._input(socket, stack)
         if node.type in ("RGB", "VALUE"):
             made.inputs["Color" if node.type == "RGB" else "Value"] = _value_of(node.outputs[0])

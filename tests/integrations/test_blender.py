@@ -592,6 +592,45 @@ def test_hair_looks_as_in_cycles(shape, surface, tmp_path):
     assert np.corrcoef(one.ravel(), other.ravel())[0, 1] > 0.99
 
 
+def test_what_is_not_translated_is_baked(tmp_path):
+    """A ball and a cube of one material whose colour, roughness and bumps are patterns in space."""
+    import addon_utils
+    import bpy
+
+    from integrations.blender.bake import bake, forget
+    from tests.integrations import cycles
+
+    addon_utils.enable("cycles")
+    scene = cycles.empty_scene()
+    cycles.world((0.6, 0.7, 1), 0.5)
+    cycles.add_lamp("SUN", (0, 0, 5), 3, rotation=(0.6, 0.3, 0))
+    marble = cycles.material("marble", Roughness=0.5)
+    tree = marble.node_tree
+    surface = tree.nodes["Principled BSDF"]
+    noise, cells, bump = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexNoise", "TexVoronoi", "Bump"))
+    noise.inputs["Scale"].default_value, cells.inputs["Scale"].default_value = 2, 3
+    bump.inputs["Distance"].default_value = 0.1
+    tree.links.new(noise.outputs["Color"], surface.inputs["Base Color"])
+    tree.links.new(cells.outputs["Distance"], surface.inputs["Roughness"])
+    tree.links.new(cells.outputs["Distance"], bump.inputs["Height"])
+    tree.links.new(bump.outputs["Normal"], surface.inputs["Normal"])
+    ball = cycles.add("uv_sphere", marble, radius=0.8, location=(-1, 0, 1.2))
+    bpy.ops.object.shade_smooth()
+    items = [ball, cycles.add("cube", marble, size=1.2, location=(1, 0, 1))]
+    before, nodes = cycles.ours(64), len(tree.nodes)
+    scene.render.engine = "CYCLES"
+    assert bake(scene, items, 512) == 6
+    assert len(tree.nodes) == nodes and tree.get_output_node("CYCLES").inputs[0].links[0].from_node == surface
+    sentences = cycles.exported().report.sentences
+    assert [sentence[:20] for sentence in sentences] == ["Object Sphere: 3 inp", "Object Cube: 3 input"]
+    after, other = cycles.ours(64), cycles.of_cycles(tmp_path, 64)
+    errors = [float(np.sqrt(np.mean((film - other) ** 2)) / other.mean()) for film in (before, after)]
+    assert after.mean(axis=(0, 1)) == pytest.approx(other.mean(axis=(0, 1)), rel=0.015)
+    assert errors[1] < 0.05 and errors[0] > 2 * errors[1]
+    forget(items)
+    assert any("Noise Texture is not translated" in sentence for sentence in cycles.exported().report.sentences)
+
+
 def interior(cycles):
     """A room with a window, furniture of collections, pictures, a curve and a text; a lamp with nodes."""
     import bpy
