@@ -56,6 +56,7 @@ def bake(scene: Any, items: list[Any], size: int) -> int:
                     picture.pack()
                     made[json.dumps((material.name_full, node.name, socket.identifier))] = picture.name_full
             item[BAKED] = json.dumps(made)
+            item.update_tag()
             count += len(made)
     return count
 
@@ -137,3 +138,4 @@ def forget(items: list[Any]) -> None:
     """Go by the nodes again."""
     for item in items:
         item.pop(BAKED, None)
+        item.update_tag()

@@ -412,8 +412,21 @@ def test_live_edits_have_the_bits_of_a_fresh_export():
             ball.data.vertices[0].co.z += 0.5
             ball.data.update()
         elif number == 6:
+            cube.visible_shadow = False
+            colour.node_tree.nodes["Principled BSDF"].inputs["Roughness"].default_value = 0.3
+        elif number == 7:
+            trunk.location.z = 0.5
+        elif number == 8:
+            cube.material_slots[0].material = colour
+        elif number == 9:
             bpy.data.objects.remove(cube)
 
+    forest = bpy.data.collections.new("forest")  # an object that stands for itself and in an instance of its collection
+    trunk = cycles.add("cone", colour, radius1=0.3, location=(-1, 1, 0))
+    forest.objects.link(trunk)
+    holder = bpy.data.objects.new("holder", None)
+    holder.instance_type, holder.instance_collection, holder.location = "COLLECTION", forest, (0.5, 1, 0.5)
+    bpy.context.scene.collection.objects.link(holder)
     updates = []
     bpy.app.handlers.depsgraph_update_post.append(lambda scene, graph: updates.extend(graph.updates) or follow(graph))
 
@@ -421,7 +434,7 @@ def test_live_edits_have_the_bits_of_a_fresh_export():
         reader.forget(graph.updates)
 
     try:
-        for number in range(7):
+        for number in range(10):
             edit(number)
             bpy.context.view_layer.update()
             graph = bpy.context.evaluated_depsgraph_get()
@@ -594,13 +607,12 @@ def test_hair_looks_as_in_cycles(shape, surface, tmp_path):
 
 def test_what_is_not_translated_is_baked(tmp_path):
     """A ball and a cube of one material whose colour, roughness and bumps are patterns in space."""
-    import addon_utils
     import bpy
 
     from integrations.blender.bake import bake, forget
     from tests.integrations import cycles
 
-    addon_utils.enable("cycles")
+    importlib.import_module("addon_utils").enable("cycles")  # is there once bpy is
     scene = cycles.empty_scene()
     cycles.world((0.6, 0.7, 1), 0.5)
     cycles.add_lamp("SUN", (0, 0, 5), 3, rotation=(0.6, 0.3, 0))
