@@ -636,6 +636,7 @@ def focus_stack(
     seed: int | None = None,
     device: str | Session | None = None,
     on_picture: Callable[[int, int, float], object] | None = None,
+    on_image: Callable[[int, float, Image], object] | None = None,
 ) -> Image:
     """Return one picture that is sharp from a near to a far distance, with its depth map as the layer `depth`.
 
@@ -651,6 +652,8 @@ def focus_stack(
         As for `render`.
     on_picture
         Called before each picture with its number, their count and its distance [m].
+    on_image
+        Called with each picture: its number, its distance [m] and the picture itself.
 
     Raises
     ------
@@ -681,6 +684,8 @@ def focus_stack(
         image = series.render(change_scene(scene, camera=drive.camera_keys(state)))
         if number == 0 and (metered := image.metadata.get("metered_cd_m2")) is not None:
             scene = set_keys(scene, {"exposure.lock_cd_m2": metered})
+        if on_image is not None:
+            on_image(number + 1, distances[number] or np.inf, image)
         pixels = resized(image.pixels.astype(np.float64), drive.image_scale(states[-1], state))
         pictures.append(pixels.astype(np.float32))
         contrasts.append(_contrast(pixels).astype(np.float32))
