@@ -61,8 +61,15 @@ def add_lens_convert(commands: Commands) -> None:
 
 
 def _run_lens_convert(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics.files.export import codev_text, left_out, lens_text, loses_dispersion, pbrt_text, zemax_text
-    from rptcam_cl.optics.glass import AIR
+    from rptcam_cl.optics.files.export import (
+        codev_text,
+        left_out,
+        lens_text,
+        loses_dispersion,
+        pbrt_text,
+        with_model_glasses,
+        zemax_text,
+    )
     from rptcam_cl.optics.lens import zoom_to
     from rptcam_cl.optics.ray_trace import has_coatings
 
@@ -78,9 +85,7 @@ def _run_lens_convert(arguments: argparse.Namespace) -> int:
         lens = replace(lens, published={"marked_f_number": lens.first_order().f_number})
         comments.append(f"Stopped down to f/{arguments.f_number:g}.")
     if suffix in (".zmx", ".seq"):
-        glasses = enumerate(surface.glass for surface in lens.surfaces)
-        if arguments.model_glasses:
-            lens = lens.with_changes({k: {"glass": replace(glass, name="")} for k, glass in glasses if glass != AIR})
+        lens = with_model_glasses(lens) if arguments.model_glasses else lens
         text = zemax_text(lens) if suffix == ".zmx" else codev_text(lens)
         for note in left_out(lens):
             print(f"a {suffix} file: {note}", file=sys.stderr)

@@ -133,6 +133,12 @@ def left_out(lens: Lens) -> list[str]:
     return notes
 
 
+def with_model_glasses(lens: Lens) -> Lens:
+    """Return the lens with glasses of the same indices that no catalogue knows."""
+    glasses = {k: surface.glass for k, surface in enumerate(lens.surfaces) if surface.glass != AIR}
+    return lens.with_changes({k: {"glass": replace(glass, name="")} for k, glass in glasses.items()})  # type: ignore[call-arg]
+
+
 def _maker_and_name(medium: Medium) -> tuple[str, str] | None:
     """Return the maker and the maker's name of a catalogue glass, None for any other medium."""
     named = named_glass(medium.name) if medium.name else None

@@ -3,7 +3,6 @@
 import contextlib
 import io
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +11,7 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.export import codev_text, zemax_text
-from rptcam_cl.optics.glass import AIR
+from rptcam_cl.optics.files.export import codev_text, with_model_glasses, zemax_text
 from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration
 from rptcam_cl.optics.library import list_lenses, load_lens
 
@@ -200,9 +198,7 @@ EXPORTS = [(name, suffix) for name in list_lenses() for suffix in WRITERS if (na
 
 
 def exported(name: str, suffix: str, folder: Path) -> tuple[Lens, str]:
-    lens = load_lens(name)
-    nameless = {k: {"glass": replace(s.glass, name="")} for k, s in enumerate(lens.surfaces) if s.glass != AIR}
-    lens = lens.with_changes(nameless)  # as with --model-glasses: catalogues of programs differ
+    lens = with_model_glasses(load_lens(name))  # catalogues of programs differ
     path = folder / f"lens{suffix}"
     path.write_text(WRITERS[suffix](lens))
     return lens, str(path)
