@@ -38,7 +38,7 @@ from rptcam_cl.scene.base import Alternatives, SceneModel, describe, number_at, 
 from rptcam_cl.scene.file_materials import FileMaterial, material_of
 from rptcam_cl.scene.materials import Material
 from rptcam_cl.scene.placement import MATERIAL_NAME, Bounds, PlacedObject
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, Moment
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, Moment, Vectors
 
 # Mesh files by their suffix.
 
@@ -101,27 +101,6 @@ def read_mesh_file(path: Path, find: Find, *, painted: bool = True, time_s: floa
 # Lists of vectors and faces written out in a scene, or given as arrays from Python.
 
 _NORMALS_MODES: tuple[NormalsMode, ...] = ("auto", "smooth", "flat")
-
-
-class Vectors:
-    """Rows of numbers that do not change: `rows` is an (n, k) float64 array."""
-
-    def __init__(self, rows: NDArray[np.float64]) -> None:
-        rows.setflags(write=False)
-        self.rows = rows
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Vectors) and np.array_equal(self.rows, other.rows)
-
-    def __hash__(self) -> int:
-        return hash(self.rows.tobytes())
-
-    def plain(self) -> list[Any]:
-        """Return the rows as lists."""
-        return list(self.rows.tolist())
 
 
 class FaceLists:
