@@ -151,11 +151,17 @@ class ZonesFile(FileReference):
     """Zones in a text file: a line each of left, right, top and bottom in fractions of the picture."""
 
 
+class FocusMask(FileReference):
+    """A picture of any size that covers the whole picture: focus is on what is brighter than half there."""
+
+
 class AutoFocus(SceneModel):
-    """Autofocus. At most one of `zones`, `zones_from`, `point` and `object`; by default a zone in the middle."""
+    """Autofocus. At most one of `zones`, `zones_from`, `mask`, `point`, `object` and `at`, but that `at` may stand
+    beside `object`; by default a zone in the middle."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives(("zones", "zones_from", "point", "object"), required=False),
+        Alternatives(("zones", "zones_from", "mask", "point", "object"), required=False),
+        Alternatives(("zones", "zones_from", "mask", "point", "at"), required=False),
     )
 
     method: Method = "contrast"
@@ -167,11 +173,18 @@ class AutoFocus(SceneModel):
     zones_from: ZonesFile | None = None
     """The same from a file."""
 
+    mask: FocusMask | None = None
+    """A picture that is bright where to focus: a zone in each of its bright parts."""
+
     point: Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))] | None = None
     """A point of the picture to focus on, as fractions from its left and top edges."""
 
     object: ObjectName | None = None
     """Name of the object to focus on, wherever it is seen."""
+
+    at: Position | None = None
+    """A point of the scene to focus on [scene units]; with `object` in the coordinates of that object's own keys or
+    file, with which it moves: an eye of a face."""
 
     policy: Policy = "closest"
     """Which of several zones decides."""
