@@ -312,8 +312,8 @@ class Stage:
         colours, of_face = np.unique(np.clip(values, 0, 1), axis=0, return_inverse=True)
         if not 1 < len(colours) <= _MOST_COLOURS:
             return []
-        looks = [{"kind": "matte", "reflectance": colour.tolist()} for colour in colours]
-        return [(f"color-{k}", np.flatnonzero(of_face.ravel() == k), look) for k, look in enumerate(looks)]
+        matte = [{"kind": "matte", "reflectance": colour.tolist()} for colour in colours]
+        return [(f"color-{k}", np.flatnonzero(of_face.ravel() == k), keys) for k, keys in enumerate(matte)]
 
     def _write_mesh(self, prim: Any) -> list[tuple[str, Any]]:
         mesh = self.geom.Mesh(prim)
@@ -486,10 +486,10 @@ class Stage:
 
     def _material(self, bound: Any, prim: Any) -> str:
         """The name of the material that is bound to a prim; of one without, its colour."""
-        is_look = isinstance(bound, dict)
-        material = None if is_look else self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
+        is_colour = isinstance(bound, dict)
+        material = None if is_colour else self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
         if not material:
-            keys, name = bound if is_look else self._display_colour(prim), "color"
+            keys, name = bound if is_colour else self._display_colour(prim), "color"
         else:
             name = str(material.GetPrim().GetName())
             path = str(material.GetPath())
