@@ -412,8 +412,21 @@ def test_live_edits_have_the_bits_of_a_fresh_export():
             ball.data.vertices[0].co.z += 0.5
             ball.data.update()
         elif number == 6:
+            cube.visible_shadow = False
+            colour.node_tree.nodes["Principled BSDF"].inputs["Roughness"].default_value = 0.3
+        elif number == 7:
+            trunk.location.z = 0.5
+        elif number == 8:
+            cube.material_slots[0].material = colour
+        elif number == 9:
             bpy.data.objects.remove(cube)
 
+    forest = bpy.data.collections.new("forest")  # an object that stands for itself and in an instance of its collection
+    trunk = cycles.add("cone", colour, radius1=0.3, location=(-1, 1, 0))
+    forest.objects.link(trunk)
+    holder = bpy.data.objects.new("holder", None)
+    holder.instance_type, holder.instance_collection, holder.location = "COLLECTION", forest, (0.5, 1, 0.5)
+    bpy.context.scene.collection.objects.link(holder)
     updates = []
     bpy.app.handlers.depsgraph_update_post.append(lambda scene, graph: updates.extend(graph.updates) or follow(graph))
 
@@ -421,7 +434,7 @@ def test_live_edits_have_the_bits_of_a_fresh_export():
         reader.forget(graph.updates)
 
     try:
-        for number in range(7):
+        for number in range(10):
             edit(number)
             bpy.context.view_layer.update()
             graph = bpy.context.evaluated_depsgraph_get()
@@ -459,6 +472,175 @@ def test_what_moves_is_blurred_as_in_cycles(tmp_path):
     other = cycles.of_cycles(tmp_path, 256)
     assert keys["objects"][0]["motion"] and np.abs(one - other).mean() < 0.02 * other.mean()  # noise of the edges
     assert one.mean(axis=(0, 2)) == pytest.approx(other.mean(axis=(0, 2)), abs=0.02)
+
+
+def widen_by_scale(item):
+    item.scale = (1, 1, 1)
+    item.keyframe_insert("scale", frame=1)
+    item.scale = (3, 1, 1)
+    item.keyframe_insert("scale", frame=3)
+
+
+def widen_by_shape(item):
+    item.shape_key_add(name="Basis")
+    wide = item.shape_key_add(name="wide")
+    for vertex, point in zip(item.data.vertices, wide.data, strict=True):
+        point.co.x = 3 * vertex.co.x
+    wide.value = 0
+    wide.keyframe_insert("value", frame=1)
+    wide.value = 1
+    wide.keyframe_insert("value", frame=3)
+
+
+def widen_by_bone(item):
+    import bpy
+
+    bpy.ops.object.armature_add(location=(0, 0, 1))
+    bones = bpy.context.object
+    item.location = (0, 0, 1)
+    item.vertex_groups.new(name="Bone").add(range(len(item.data.vertices)), 1.0, "ADD")
+    item.modifiers.new("bones", "ARMATURE").object = bones
+    pose = bones.pose.bones["Bone"]
+    for frame, x in ((1, 0), (3, 2)):
+        pose.location.x = x
+        pose.keyframe_insert("location", frame=frame)
+
+
+@pytest.mark.parametrize("widen", [widen_by_scale, widen_by_shape, widen_by_bone])
+def test_what_is_deformed_or_grows_is_blurred_as_in_cycles(widen, tmp_path):
+    """A cube that becomes three times as wide, or is shifted by a bone, while the shutter is open, by its columns."""
+    import bpy
+
+    from integrations.blender.reader import Reader, Settings
+    from tests.integrations import cycles
+
+    scene = cycles.empty_scene()
+    bpy.context.preferences.edit.keyframe_new_interpolation_type = "LINEAR"
+    widen(cycles.add("cube", cycles.shader("ShaderNodeEmission", Strength=1.0), size=1.0, location=(0, 0, 1)))
+    scene.frame_set(2)
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.6
+    graph = bpy.context.evaluated_depsgraph_get()
+
+    def set_time(frame, part):
+        scene.frame_set(frame, subframe=part)
+
+    export = Reader().read(graph, Settings(more={"render": {"spp": 256}}), set_time=set_time)
+    assert export.keys["shutter"]["steps"] == 32 and not export.report.sentences
+    one = np.asarray(rptcam_cl.render(export.keys))
+    other = cycles.of_cycles(tmp_path, 256)
+    assert one.mean() == pytest.approx(other.mean(), rel=0.01)
+    columns = [film.mean(axis=(0, 2)) for film in (one, other)]
+    assert np.abs(columns[0] - columns[1]).max() < 0.03 * columns[1].max()  # a step is 0.03 of the time
+    rolling = Reader().read(graph, Settings(rolling_s=0.01, more={"render": {"spp": 256}}), set_time=set_time)
+    assert "keys" not in rolling.keys["shutter"] and "beside a rolling shutter" in rolling.report.sentences[0]
+
+
+def strands(cycles):
+    """Sixty strands of five points, thinner towards their tips."""
+    import bpy
+
+    scene, draw = cycles.empty_scene(), np.random.default_rng(3)
+    curves = bpy.data.hair_curves.new("strands")
+    curves.add_curves([5] * 60)
+    roots = np.stack([draw.uniform(-1.5, 1.5, 60), draw.uniform(-0.3, 0.3, 60), np.zeros(60)], axis=1)
+    ways = np.linspace(0, 1, 5)[None, :, None] * np.array([0.3, 0, 2]) + 0.1 * draw.normal(size=(60, 5, 3))
+    curves.attributes["position"].data.foreach_set("vector", (roots[:, None] + ways).astype("f4").ravel())
+    radii = np.tile(np.linspace(0.02, 0.006, 5), 60).astype("f4")
+    curves.attributes.new("radius", "FLOAT", "POINT").data.foreach_set("value", radii)
+    item = bpy.data.objects.new("strands", curves)
+    scene.collection.objects.link(item)
+    return item
+
+
+def fur(cycles):
+    """A ball with hair of a particle system, which has children."""
+    import bpy
+
+    cycles.empty_scene()
+    ball = cycles.add("uv_sphere", None, radius=1, location=(0, 0, 1))
+    ball.modifiers.new("fur", "PARTICLE_SYSTEM")
+    settings = bpy.context.object.particle_systems[0].settings
+    for name, value in {
+        "type": "HAIR", "count": 400, "hair_length": 0.5, "root_radius": 2, "tip_radius": 0.5, "shape": 0.3,
+        "child_type": "SIMPLE", "rendered_child_count": 4, "child_percent": 4,
+    }.items():  # fmt: skip
+        setattr(settings, name, value)
+    return ball
+
+
+def pigment(way, **values):
+    def make(cycles):
+        made = cycles.shader("ShaderNodeBsdfHairPrincipled", "hair")
+        node = made.node_tree.nodes["Principled Hair BSDF"]
+        node.parametrization = way
+        for name, value in values.items():
+            node.inputs[name].default_value = value
+        return made
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("shape", "surface"),
+    [
+        (strands, lambda cycles: cycles.material()),
+        (strands, pigment("COLOR", Color=(0.6, 0.3, 0.15, 1))),
+        (strands, pigment("MELANIN", Melanin=0.5)),
+        (strands, pigment("ABSORPTION")),
+        (fur, lambda cycles: cycles.material()),
+    ],
+    ids=["diffuse", "colour", "melanin", "absorption", "fur"],
+)
+def test_hair_looks_as_in_cycles(shape, surface, tmp_path):
+    from tests.integrations import cycles
+
+    owner = shape(cycles)
+    owner.data.materials.clear()
+    owner.data.materials.append(surface(cycles))
+    cycles.world((0.6, 0.7, 1))
+    cycles.add_lamp("SUN", (0, 0, 5), 2, rotation=(0.6, 0.3, 0))
+    assert not cycles.exported().report.sentences
+    one, other = cycles.ours(128), cycles.of_cycles(tmp_path, 128)
+    assert one.mean() == pytest.approx(other.mean(), rel=0.006)
+    assert np.corrcoef(one.ravel(), other.ravel())[0, 1] > 0.99
+
+
+def test_what_is_not_translated_is_baked(tmp_path):
+    """A ball and a cube of one material whose colour, roughness and bumps are patterns in space."""
+    import bpy
+
+    from integrations.blender.bake import bake, forget
+    from tests.integrations import cycles
+
+    importlib.import_module("addon_utils").enable("cycles")  # is there once bpy is
+    scene = cycles.empty_scene()
+    cycles.world((0.6, 0.7, 1), 0.5)
+    cycles.add_lamp("SUN", (0, 0, 5), 3, rotation=(0.6, 0.3, 0))
+    marble = cycles.material("marble", Roughness=0.5)
+    tree = marble.node_tree
+    surface = tree.nodes["Principled BSDF"]
+    noise, cells, bump = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexNoise", "TexVoronoi", "Bump"))
+    noise.inputs["Scale"].default_value, cells.inputs["Scale"].default_value = 2, 3
+    bump.inputs["Distance"].default_value = 0.1
+    tree.links.new(noise.outputs["Color"], surface.inputs["Base Color"])
+    tree.links.new(cells.outputs["Distance"], surface.inputs["Roughness"])
+    tree.links.new(cells.outputs["Distance"], bump.inputs["Height"])
+    tree.links.new(bump.outputs["Normal"], surface.inputs["Normal"])
+    ball = cycles.add("uv_sphere", marble, radius=0.8, location=(-1, 0, 1.2))
+    bpy.ops.object.shade_smooth()
+    items = [ball, cycles.add("cube", marble, size=1.2, location=(1, 0, 1))]
+    before, nodes = cycles.ours(64), len(tree.nodes)
+    scene.render.engine = "CYCLES"
+    assert bake(scene, items, 512) == 6
+    assert len(tree.nodes) == nodes and tree.get_output_node("CYCLES").inputs[0].links[0].from_node == surface
+    sentences = cycles.exported().report.sentences
+    assert [sentence[:20] for sentence in sentences] == ["Object Sphere: 3 inp", "Object Cube: 3 input"]
+    after, other = cycles.ours(64), cycles.of_cycles(tmp_path, 64)
+    errors = [float(np.sqrt(np.mean((film - other) ** 2)) / other.mean()) for film in (before, after)]
+    assert after.mean(axis=(0, 1)) == pytest.approx(other.mean(axis=(0, 1)), rel=0.015)
+    assert errors[1] < 0.05 and errors[0] > 2 * errors[1]
+    forget(items)
+    assert any("Noise Texture is not translated" in sentence for sentence in cycles.exported().report.sentences)
 
 
 def interior(cycles):
