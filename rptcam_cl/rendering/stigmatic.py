@@ -30,10 +30,10 @@ Array = NDArray[np.float64]
 
 KNOWN_NM = (440.0, 670.0)  # whose paths are traced beside the camera's; others lie between
 FIT = 19, 9  # directions each way that rays are traced of, and powers of polynomials between them
-ACROSS = 129  # nodes of the table of conjugates, across the film and down: 0.01 pixels for 5 % of distortion at 2000
+ACROSS = 129  # nodes of the table of conjugates each way: within 0.01 pixels of 2000, for 5 % of distortion
 FARTHEST_M = 1e5  # of a point of the scene, beyond which focus is as at infinity
-# Root mean square of a wavefront [waves], in the plane of focus. Below the first, waves bring it. Above the second, rays
-# do, as well as waves would, and with the sign that tells curvature of the field from what is out of focus otherwise.
+# Root mean square of a wavefront [waves], in the plane of focus. Below the first, waves bring it. Above the second rays
+# do, as well as waves would and with the sign that tells curvature of the field from what is out of focus otherwise.
 BY_WAVES, BY_RAYS = 0.35, 0.6
 ENDS = 0.5  # of it, that counts at the ends of the spectrum
 
@@ -88,7 +88,7 @@ class Conjugates:
         return np.asarray(along[low, every] + (at - low) * (along[high, every] - along[low, every]))
 
     def source(self, place: Array) -> Array:
-        """Return the conjugate of a place (2,) in the frame of the lens [mm], none farther than is told apart."""
+        """Return the conjugate of a place (2,) in the frame of the lens [mm], within `FARTHEST_M`."""
         return _source(self.chief, place, self.vergence, self.film_z)
 
     def by_wavelength(self, *, splits: bool) -> list[Callable[[float], PointWave] | None]:
@@ -124,7 +124,7 @@ def source_of(point: Array, film_z: float) -> Array:
 
 
 def _between(known: Mapping[float, PointWave], share: float) -> Callable[[float], PointWave]:
-    """Return what gives the light at a wavelength: a share of paths and places, polynomials in its inverse square."""
+    """Make a function that gives the light at a wavelength: a share of paths and places, polynomials in its inverse square."""
     x, waves = np.array(list(known)) ** -2.0, list(known.values())
 
     def at(nm: float) -> PointWave:
