@@ -562,8 +562,9 @@ def _with_files(scene: Scene, where: Where, missing: Missing, before: Scene | No
                 reference.hold(reference.stand_in)
             continue
         if isinstance(reference, Instances):
-            reference.matrices(scene.folders)
+            table = reference.matrices(scene.folders)
             _check_instances(scene, path[:2], where)
+            del table  # read once for both checks
     if fatal or (missing == "error" and (without or pictures)):
         raise MissingFileError("\n".join(dict.fromkeys((*without, *pictures, *fatal))))
     stand_ins = (
