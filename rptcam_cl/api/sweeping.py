@@ -880,6 +880,7 @@ WEDGE_F, EYE_F = 8.0, 16.0  # the cone of light at whose edge wedges look, and t
 SPLIT, COLLAR = 1 / 8, 5 / 24  # of the film's height: diameters of the split image and the microprisms round it
 FACET = 1 / 240  # of it: side of a microprism
 LEAST_FACET_PX = 4
+MOST_MORE = 64  # times the samples of the picture that a wedge takes at most
 HALVES = {"x": ((-1.0, 0.0), (1.0, 0.0)), "y": ((0.0, -1.0), (0.0, 1.0))}
 WEDGES = ((-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))
 
@@ -910,17 +911,30 @@ class _Openings:
         part = self._open & (side[0] * self._x + side[1] * self._y > 0)
         return self._through(part, float(part.sum()))
 
-    def disc(self, middle: tuple[float, float], radius: float) -> Image | None:
-        """Take the picture through a disc, in units of the opening's radius; None where it lies beside the opening."""
-        disc = np.hypot(self._x - middle[0], self._y - middle[1]) <= radius
-        part = self._open & disc
-        return self._through(part, np.pi * (radius * CELLS / 2) ** 2) if part.any() else None
+    def disc(self, middle: tuple[float, float], radius: float, crop: tuple[float, float, float, float]) -> Image | None:
+        """Take a part of the picture through a disc, in units of the opening's radius; None where it lies beside it.
 
-    def _through(self, part: NDArray[np.bool_], cells: float) -> Image:
+        It takes more samples, as few rays of a traced lens meet a small disc.
+        """
+        part = self._open & (np.hypot(self._x - middle[0], self._y - middle[1]) <= radius)
+        if not part.any():
+            return None
+        more = min(math.ceil(self._open.sum() / part.sum()), MOST_MORE)
+        return self._through(part, np.pi * (radius * CELLS / 2) ** 2, crop, more)
+
+    def _through(
+        self,
+        part: NDArray[np.bool_],
+        cells: float,
+        crop: tuple[float, float, float, float] | None = None,
+        more: int = 1,
+    ) -> Image:
         mask = {"shape": "image", "file": part.astype(np.uint8)}
-        image = self._series.render(change_scene(self.scene, camera={"aperture": mask}))
+        scene = change_scene(self.scene, camera={"aperture": mask}, render={"spp": more * self.scene.render.spp})
+        image = self._series.render(scene if crop is None else change_scene(scene, film={"crop": crop}))
         # modes of exposure that count light find less behind a smaller part
-        full = np.count_nonzero(part if self.scene.exposure.mode == "relative" else self._open)
+        counts = self.scene.exposure.mode in ("irradiance", "physical")
+        full = np.count_nonzero(self._open if counts else part)
         return replace(image, pixels=image.pixels * np.float32(full / cells), layers={})
 
 
@@ -995,6 +1009,8 @@ def focusing_screen(
         When the camera has no opening that a mask fits into.
     """
     openings = _Openings(source, RenderOptions(spp=spp, size=size, seed=seed), device)
+    if openings.scene.film.crop is not None:
+        raise InputError("film.crop: a focusing screen is of the whole picture (allowed: none)")
     image = openings.whole()
     drive = focus_drive(openings.scene)
     f_number = drive.sharp_mm / (2 * circle_of_confusion(openings.scene))
@@ -1011,7 +1027,13 @@ def focusing_screen(
         collar & ~sideways & (down < 0),
         collar & ~sideways & (down >= 0),
     )
+    side_px = min(math.ceil(COLLAR * height / 2), width // 2)
+    rows, columns = (slice((side - 1) // 2 - side_px, side // 2 + side_px + 1) for side in (height, width))
+    rows, columns = slice(max(rows.start, 0), rows.stop), slice(max(columns.start, 0), min(columns.stop, width))
+    crop = columns.start / width, columns.stop / width, rows.start / height, rows.stop / height
+    within = pixels[rows, columns]
     for side, place in zip(WEDGES, places, strict=True):
-        seen = openings.disc((side[0] * f_number / WEDGE_F, side[1] * f_number / WEDGE_F), f_number / EYE_F)
-        pixels[place] = 0.0 if seen is None else seen.pixels[place]
+        towards = side[0] * f_number / WEDGE_F, side[1] * f_number / WEDGE_F
+        seen, here = openings.disc(towards, f_number / EYE_F, crop), place[rows, columns]
+        within[here] = 0.0 if seen is None else seen.pixels[here]
     return replace(image, pixels=pixels, layers={})

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api.sweeping import _blend, focus_stack, focusing_screen, resized
+from rptcam_cl.api.sweeping import _blend, dual_pixels, focus_stack, focusing_screen, resized
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import read_film
 from rptcam_cl.scene.load import load_scene, set_keys
@@ -134,6 +134,13 @@ STRIP = {
     "objects": [{"shape": "rectangle", "corner": [-0.005, -2, -1.5], "edge_u": [0.01, 0, 0], "edge_v": [0, 4, 0],
                  "material": {"kind": "emissive", "radiance": 1}}],
 }  # fmt: skip
+FLOOR_OF_LENS = {
+    "film": {"resolution": [120, 80], "size_mm": [36, 24]}, "render": {"spp": 16},
+    "environment": {"kind": "constant", "radiance": 1}, "objects": [
+        {"shape": "sphere", "center": [0, 0, -3], "radius": 0.3, "material": {"kind": "matte", "reflectance": 0.5}}],
+    "camera": {"kind": "realistic", "lens": "dgauss-50mm", "f_number": 2.8, "focus": {"distance_m": 4},
+               "aperture": {"shape": "polygon", "blades": 5}, "eye": [0, 0, 0], "target": [0, 0, -1]},
+}  # fmt: skip
 RADIUS_MM = 50 / 2.8
 V, W = (1 / (1 / 50 - 1 / distance) for distance in (4000, 1500))
 
@@ -174,3 +181,12 @@ def test_split_image_is_parted_by_the_cone_of_its_wedges_and_goes_dark_when_stop
     pinhole = {"kind": "pinhole", "fov_degrees": 40, "eye": [0, 0, 0], "target": [0, 0, -1]}
     with pytest.raises(InputError, match="no opening"):
         focusing_screen(set_keys(load_scene(STRIP), {"camera": pinhole}))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["irradiance", "physical", "auto"])
+def test_halves_are_as_bright_as_the_whole_in_every_mode_of_exposure(mode):
+    scene = load_scene(FLOOR_OF_LENS | {"exposure": {"mode": mode}})
+    whole = rptcam_cl.render(scene).luminance.mean()
+    for part in (*dual_pixels(scene), focusing_screen(scene)):
+        assert part.luminance.mean() == pytest.approx(whole, rel=0.01)
