@@ -192,7 +192,7 @@ static Collision collide(Ray ray, F length, I grid, F rate, Chance chance, I on,
 }
 
 // What a medium leaves of light along a way, in the mean: ratio tracking with a rate per column above the least density of each
-// block; of all density where `glow` is asked for, the mean of density times what is left, added up. Adds to *guess as above.
+// block; of all density where `glow` is wanted, the mean of density times what is left, added up. Adds to *guess as above.
 static F3 track_ratio(Ray ray, F length, I grid, F3 extinction, F rate, Chance *chance, I on, F *guess, F3 *glow, Scene scene)
 {
     Walk w = start_walk(ray, length, grid, on, scene);

@@ -97,8 +97,9 @@ def test_one_value_is_a_medium_of_even_density():
     found = []
     twice = {"scattering_per_m": [2.0, 4.0, 12.0], "absorption_per_m": [1.0, 0.4, 0.2], "asymmetry": 0.5}
     for interior in (dense, smoke_of(np.full((2, 9, 17), 0.5), **twice)):
-        objects = [WALL, box | {"material": {"kind": "boundary", "interior": interior}}]
-        scene = scene_of(objects, EYE, depth=12, lights=points(LAMPS), resolution=(24, 24))
+        objects = [box | {"material": {"kind": "boundary", "interior": interior}}]
+        sky = {"kind": "gradient", "bottom": 0.0, "top": 1.0}
+        scene = scene_of(objects, EYE, depth=12, environment=sky, resolution=(24, 24))
         means = [pixels(scene, seed=seed_of(f"even {k}"), spp=256).mean(axis=(0, 1)) for k in range(8)]
         found.append((np.mean(means, axis=0), np.std(means, axis=0, ddof=1) / np.sqrt(8)))
     (one, one_error), (other, other_error) = found
