@@ -2,6 +2,8 @@
 
     python -m benchmarks.focus_success [--cases 60] [--kinds textured,mirror] [--methods hybrid] [--quick] [--json FILE]
 
+A run that was ended goes on with `--json FILE --resume`, from what the file holds.
+
 Case number n is of the kind n modulo their count, so that any first part of the 500 holds all kinds; it is the same
 on every machine. A method is right where the state lies within half of a depth of focus, 2 N c, of that of the least
 spot of exact rays in float64 for one of the distances that the zone shows. Those follow from the scene by formulas:
@@ -12,6 +14,7 @@ and eight pixels are clearest. A *silent error* is a state that is wrong and has
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -427,17 +430,26 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=CASES, help="how many of the 500, from the first on")
     parser.add_argument("--kinds", help="only these, with commas between them")
     parser.add_argument("--methods", default=",".join(METHODS), help="several with commas between them")
+    parser.add_argument("--resume", action="store_true", help="keep what the file of --json holds, and go on")
     given = parser.parse_args()
+    if given.resume and given.json is None:
+        parser.error("--resume: give the file to go on with (--json FILE)")
     methods = given.methods.split(",")
     session = Session(choose_device(given.device))
     begun_on = machine(session.info)
     print_machine(begun_on)
-    found = []
+    found: list[dict[str, Any]] = []
+    if given.resume and given.json.exists():
+        found = json.loads(given.json.read_text(encoding="utf-8"))["results"]
+    known = {(row["number"], row["method"]) for row in found}
     for number in range(2 if given.quick else given.cases):
         if given.kinds and list(KINDS)[number % len(KINDS)] not in given.kinds.split(","):
             continue
+        left = [method for method in methods if (number, method) not in known]
+        if not left:
+            continue
         case = case_of(number)
-        for method in methods:
+        for method in left:
             row = outcome(case, method, session) | {"number": number}
             found.append(row)
             if row["silent"] or not row["good"]:

@@ -67,6 +67,8 @@ TEXTURES: dict[str, Keys] = {
     "Perlin": {"kind": "perlin", "form": "turbulence", "low": DARK, "high": PALE, **FINE},
     "Marble": {"kind": "marble", "variation": 3.0, **FINE},
     "Dots": {"kind": "dots", "inside": ORANGE, "outside": PALE, "scale": [14, 7]},
+    "Mixture": {"kind": "mixture", "first": {"kind": "marble", "variation": 3.0, **FINE}, "second": ORANGE,
+                "amount": {"kind": "dots", "inside": 1, "outside": 0, "scale": [14, 7]}},
     "ImageTexture": {"kind": "image", "file": "wood.jpg", "scale": [2, 1]},
 }
 WEAVE: Keys = {"file": "weave.png", "filter": "nearest", "scale": [8, 4]}

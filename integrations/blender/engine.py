@@ -324,8 +324,10 @@ def say_beside(export: Export, beside: Beside) -> None:
             export.report.add(f"Vector: the frame {which} has other objects; its vectors are 0.")
             continue
         for one, two in zip(export.keys["objects"], other.keys["objects"], strict=True):
-            shapes = [each.keys["meshes"].get(item.get("mesh")) for each, item in ((export, one), (other, two))]
-            if all(shapes) and not np.array_equal(shapes[0]["vertices"], shapes[1]["vertices"]):
+            shapes = [each.keys["meshes"].get(item.get("mesh"), item) for each, item in ((export, one), (other, two))]
+            if all("vertices" in shape for shape in shapes) and not np.array_equal(
+                shapes[0]["vertices"], shapes[1]["vertices"]
+            ):
                 export.report.add(f"Vector: {one['name']} is deformed; its vectors are of its motion as a whole.")
 
 
@@ -337,11 +339,17 @@ def has_same_objects(one: Export, other: Export) -> bool:
 
 def vectors(export: Export, beside: Beside, live: LiveScene) -> Array:
     """Blender's pass: from here to the place in the frame before, then from that in the next frame to here; up is +."""
-    frames = tuple(each.keys if each and has_same_objects(export, each) else None for each in beside)
+    frames = tuple(still(each) if each and has_same_objects(export, each) else None for each in beside)
     names = ["flow_backward", "flow_forward"]
-    image = live.render(export.keys, spp=1, layers=names, neighbours=frames)
+    image = live.render(still(export), spp=1, layers=names, neighbours=frames)
     back, forward = (np.nan_to_num(image.layers[name]) for name in names)
     return np.concatenate([back * [1, -1], forward * [-1, 1]], axis=-1)
+
+
+def still(export: Export) -> dict[str, Any]:
+    """The scene with the shapes that it has when the shutter opens."""
+    shutter = export.keys["shutter"]
+    return export.keys | {"shutter": {key: value for key, value in shutter.items() if key not in ("keys", "steps")}}
 
 
 def write(into: Any, pixels: Array) -> None:

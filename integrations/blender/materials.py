@@ -257,6 +257,40 @@ class _Translator(ValueReader):
         tints = _tint("reflectance", colour) | _tint("transmittance", colour)  # both, as Cycles has it
         return {"kind": "dielectric", "index": index} | rough | tints | self._normals(node)
 
+    def hair(self, node: Node) -> dict[str, Any]:
+        """Principled Hair BSDF."""
+        keys: dict[str, Any] = {"kind": "hair"}
+        if node.values.get("model", "CHIANG") != "CHIANG":
+            self.say("hair of Huang's model is of Chiang's here")
+        way = node.values.get("parametrization", "COLOR")
+        if way == "COLOR":
+            keys["reflectance"] = [min(max(float(c), 1e-4), 0.999) for c in self._mean(node, "Color")]
+        elif way == "ABSORPTION":
+            keys["absorption"] = [max(float(c), 0.0) for c in self._mean(node, "Absorption Coefficient")]
+        else:
+            melanin, red = (self.constant(node, name, name.lower()) for name in ("Melanin", "Melanin Redness"))
+            amount = -math.log(max(1 - min(melanin, 1.0), 1e-4))
+            brown, ruddy = amount * (1 - red), amount * red
+            pairs = zip((0.506, 0.841, 1.653), (0.343, 0.733, 1.924), strict=True)  # as the node documents them
+            keys["absorption"] = [brown * one + ruddy * other for one, other in pairs]
+            if not self.is_white(node, "Tint"):
+                self.say("the tint of hair by melanin is left out")
+        for key, name in (("roughness", "Roughness"), ("roughness_across", "Radial Roughness")):
+            keys[key] = min(max(self.constant(node, name, name.lower()), 0.01), 1.0)
+        keys["index"] = min(max(self.constant(node, "IOR", "the index"), 1.01), 3.0)
+        tilt = math.degrees(self.constant(node, "Offset", "the offset"))
+        keys["tilt_degrees"] = min(max(tilt, -10.0), 10.0)
+        for name in ("Coat", "Random Color", "Random Roughness"):
+            if self.counts(node, name):
+                self.say(f"{name} of hair is left out")
+        return keys
+
+    def _mean(self, node: Node, name: str) -> Any:
+        value = self.field(node, name)
+        if not value.is_constant:
+            self.say(f"{name} of hair is the mean of its texture")
+        return np.broadcast_to(value.colour, 3)
+
     def transparent(self, node: Node) -> dict[str, Any]:
         """Transparent BSDF."""
         colour = self.field(node, "Color")
@@ -423,6 +457,31 @@ class _Translator(ValueReader):
         return {"normal_map": texture}
 
 
+def for_strands(keys: dict[str, Any], name: str, report: Report) -> dict[str, Any]:
+    """A material as curves can have it."""
+
+    def plain(value: Any) -> Any:
+        """The mean of a texture."""
+        found = value
+        while isinstance(found, dict):
+            found = found.get("mean", 0.5)
+        return found
+
+    kind = keys["kind"]
+    if kind == "hair" or (kind in ("matte", "translucent") and "opacity" not in keys):
+        return {key: value for key, value in keys.items() if key != "normal_map"}
+    colour = next((keys[key] for key in ("base_color", "reflectance", "transmittance") if key in keys), 0.5)
+    if kind in ("principled", "conductor", "plastic") and not {"opacity", "transmission", "emission"} & keys.keys():
+        return {key: value for key, value in keys.items() if key != "normal_map"}
+    report.add(f"Material {name}: on strands it is matte, as {kind} is of faces alone.")
+    return {"kind": "matte", "reflectance": plain(colour) if isinstance(colour, dict) else colour}
+
+
+def without_hair(keys: dict[str, Any]) -> dict[str, Any]:
+    """A matte material for faces that have one of hair."""
+    return {"kind": "matte", "reflectance": keys.get("reflectance", 0.2)}
+
+
 def _tint(key: str, colour: Field) -> dict[str, Any]:
     """A colour of glass under its key; nothing where it is white."""
     white = colour.is_constant and float(colour.colour.min()) >= 1
@@ -451,6 +510,7 @@ _SURFACES: MappingOf[str, Callable[[_Translator, Node], dict[str, Any]]] = {
     "BSDF_TRANSLUCENT": _Translator.scattering,
     "SUBSURFACE_SCATTERING": _Translator.scattering,
     "BSDF_SHEEN": _Translator.sheen,
+    "BSDF_HAIR_PRINCIPLED": _Translator.hair,
     "EMISSION": _Translator.emission,
     "BACKGROUND": _Translator.emission,
     "HOLDOUT": _Translator.holdout,

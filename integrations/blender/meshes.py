@@ -45,6 +45,34 @@ class BlenderMesh:
     colors: dict[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, eq=False)
+class Strands:
+    """Hair: points (n, 3) of all strands in the object's frame, their widths (n,), and the number of points of each."""
+
+    points: NDArray[np.float32]
+    widths: NDArray[np.float32]
+    counts: NDArray[np.int32]
+
+    def keys(self) -> dict[str, Any] | None:
+        """The shape of a scene; None without strands."""
+        enough = self.counts >= 2
+        of_point = np.repeat(enough, self.counts)
+        if not enough.any():
+            return None
+        rows = np.concatenate([self.points, self.widths[:, None]], axis=1)[of_point]
+        return {"shape": "curves", "points": rows, "counts": self.counts[enough].tolist(), "basis": "catmull_rom"}
+
+
+def widths_of_particles(count: int, root: float, tip: float, shape: float, *, is_closed: bool) -> NDArray[np.float32]:
+    """Widths along a strand of a particle system with these widths at its ends; `shape` bends their course."""
+    left = 1 - np.linspace(0, 1, count)
+    course = left ** (1 + shape) if shape < 0 else left ** (1 / max(1 - shape, 1e-6))
+    widths = tip + (root - tip) * course
+    if is_closed:
+        widths[-1] = 0
+    return widths.astype(np.float32)
+
+
 def part(mesh: BlenderMesh, slot: int, coordinates: str) -> dict[str, Any] | None:
     """The triangles of a material slot as a scene's mesh; None where it has none.
 
@@ -53,27 +81,48 @@ def part(mesh: BlenderMesh, slot: int, coordinates: str) -> dict[str, Any] | Non
     if coordinates.startswith("color:"):
         found = painted(mesh, slot, coordinates[6:])
         return part(mesh, slot, "uv") if found is None else found[0]
+    chosen = _corners(mesh, slot, coordinates)
+    if chosen is None:
+        return None
+    corners, faces = chosen
+    uvs = _coordinates(mesh, coordinates)
+    return {"faces": faces} | _rows(mesh, corners) | ({} if uvs is None else {"uvs": uvs[corners]})
+
+
+def deformed(mesh: BlenderMesh, end: BlenderMesh, slot: int, coordinates: str) -> dict[str, Any] | None:
+    """The vertices and normals that a `part` has in another shape of the same mesh; None where it is another mesh."""
+    chosen = _corners(mesh, slot, coordinates)
+    if chosen is None or not has_corners_of(mesh, end):
+        return None
+    return _rows(end, chosen[0])
+
+
+def has_corners_of(mesh: BlenderMesh, other: BlenderMesh) -> bool:
+    """Whether two meshes are of the same triangles, but for the places of their vertices."""
+    pairs = ((mesh.vertex_of_loop, other.vertex_of_loop), (mesh.triangles, other.triangles), (mesh.slot, other.slot))
+    return len(mesh.points) == len(other.points) and all(np.array_equal(*pair) for pair in pairs)
+
+
+def _corners(mesh: BlenderMesh, slot: int, coordinates: str) -> tuple[NDArray[np.int64], NDArray[np.int32]] | None:
+    """A corner for each vertex that a slot's triangles need, normal and coordinates its own, and the triangles."""
     loops = mesh.triangles[mesh.slot == slot]
     if not len(loops):
         return None
     corners = loops.ravel()
-    vertices = mesh.vertex_of_loop[corners]
     uvs = _coordinates(mesh, coordinates)
-    columns = [vertices.astype(np.uint32)[:, None]]
+    columns = [mesh.vertex_of_loop[corners].astype(np.uint32)[:, None]]
     if not mesh.is_flat:
         columns.append(np.ascontiguousarray(mesh.normals[corners]).view(np.uint32))
     if uvs is not None:
         columns.append(np.ascontiguousarray(uvs[corners]).view(np.uint32))
     first, number = _distinct(np.concatenate(columns, axis=1))
-    keys: dict[str, Any] = {
-        "vertices": mesh.points[vertices[first]],
-        "faces": number.reshape(-1, 3).astype(np.int32),
-    }
-    if not mesh.is_flat:
-        keys["normals"] = mesh.normals[corners[first]]
-    if uvs is not None:
-        keys["uvs"] = uvs[corners[first]]
-    return keys
+    return corners[first], number.reshape(-1, 3).astype(np.int32)
+
+
+def _rows(mesh: BlenderMesh, corners: NDArray[np.int64]) -> dict[str, Any]:
+    """Vertices of corners, and their normals where they are not flat."""
+    rows = {"vertices": mesh.points[mesh.vertex_of_loop[corners]]}
+    return rows if mesh.is_flat else rows | {"normals": mesh.normals[corners]}
 
 
 def painted(mesh: BlenderMesh, slot: int, name: str) -> tuple[dict[str, Any], NDArray[np.float32]] | None:

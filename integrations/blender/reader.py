@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .camera import BlenderCamera, Frame, LensChoice
 from .lights import BlenderLamp
 from .materials import BlenderMaterial
-from .meshes import BlenderMesh, uv_size
+from .meshes import BlenderMesh, Strands, uv_size, widths_of_particles
 from .nodes import Link, Node
 from .report import Report
 from .scene import Builder, Export, Parts, Placed, Shutter
@@ -27,8 +27,9 @@ OF_NODES = (
     "vector_type", "operation", "use_clamp", "data_type", "blend_type", "clamp_factor", "clamp_result", "space",
     "uv_map", "invert", "clamp", "interpolation_type", "mode", "distribution", "extension", "interpolation",
     "projection", "sky_type", "sun_direction", "turbidity", "sun_elevation", "sun_rotation", "sun_disc", "dust_density",
-    "aerosol_density", "layer_name", "attribute_name", "attribute_type",
+    "aerosol_density", "model", "parametrization", "layer_name", "attribute_name", "attribute_type",
 )  # fmt: skip
+DEFAULT_RADIUS = 0.005  # of curves without a radius, as Cycles has it
 SetTime = Callable[[int, float], None]
 
 
@@ -75,6 +76,7 @@ class Reader:
     def __init__(self) -> None:
         self.parts = Parts()
         self._pictures: dict[str, NDArray[Any] | None] = {}
+        self._strands: dict[str, Strands | None] = {}  # by the object that has them
 
     def read(
         self, depsgraph: Any, settings: Settings, *, eye: Eye | None = None, set_time: SetTime | None = None
@@ -90,18 +92,19 @@ class Reader:
         builder = Builder(self.parts, scale, report, shutter, settings.light_groups)
         frame = eye.frame if eye else frame_of(scene)
         ends: dict[Any, NDArray[np.float64]] = {}
+        shapes: dict[str, BlenderMesh] = {}
         restore: tuple[int, float] | None = None
         if blurred and set_time is not None:
             restore, (first, last) = (scene.frame_current, scene.frame_subframe), shutter_times(scene, shutter_s * fps)
             set_time(math.floor(last), last - math.floor(last))
-            ends = self._matrices(depsgraph)
+            ends, shapes = self._matrices(depsgraph), _shapes(depsgraph)
             set_time(math.floor(first), first - math.floor(first))
             scene = depsgraph.scene_eval
         camera = eye.camera if eye else camera_of(scene, report)
         if scene.camera is not None and not eye and (end := ends.get("camera")) is not None:
             moves = not np.array_equal(end, camera.matrix)
             camera = replace(camera, matrix_end=end if moves else None)
-        self._read_instances(depsgraph, builder, report, ends)
+        self._read_instances(depsgraph, builder, report, ends, shapes)
         world = self._read_world(scene, report)
         group = getattr(scene.world, "lightgroup", "")
         export = builder.export(camera, frame, settings.lens, world, settings.more, group)
@@ -119,6 +122,8 @@ class Reader:
                 for key in self.parts.held():
                     if key.startswith("instanced ") or key in (f"object {name}", f"data {name}"):
                         self.parts.drop(key)
+                self._strands = {key: held for key, held in self._strands.items() if not key.startswith("of data")}
+                self._strands.pop(name, None)
                 data = getattr(update.id, "data", None)
                 if data is not None:
                     self.parts.drop(f"data {data.name_full}")
@@ -134,10 +139,18 @@ class Reader:
         return found
 
     def _read_instances(
-        self, depsgraph: Any, builder: Builder, report: Report, ends: dict[Any, NDArray[np.float64]]
+        self,
+        depsgraph: Any,
+        builder: Builder,
+        report: Report,
+        ends: dict[Any, NDArray[np.float64]],
+        shapes: dict[str, BlenderMesh],
     ) -> None:
+        is_final = depsgraph.mode == "RENDER"
         for each in depsgraph.object_instances:
             item = each.object
+            if each.show_particles and len(item.particle_systems):
+                self._read_particles(each, ends.get(_identity(each)), builder, report, is_final=is_final)
             if not each.show_self:
                 continue
             matrix = matrix_of(each.matrix_world)
@@ -148,13 +161,23 @@ class Reader:
                 if end is not None:
                     report.add(f"Lamp {item.name}: it stands still while the shutter is open.")
                 builder.add_lamp(lamp_of(item, matrix, self, report))
+            elif item.type == "CURVES":
+                strands = self._strands.setdefault(item.name_full, None) or strands_of(item.data)
+                self._strands[item.name_full] = strands
+                builder.place_strands(self._placed(each, "", matrix, end, builder, report), strands)
             elif item.type in WITH_FACES:
-                self._read_object(each, matrix, end, builder, report)
+                self._read_object(each, matrix, end, shapes, builder, report)
             elif item.type not in WITHOUT_SURFACE:
                 report.add(f"Object {item.name}: {item.type.replace('_', ' ').lower()} is left out.")
 
     def _read_object(
-        self, each: Any, matrix: NDArray[np.float64], end: NDArray[np.float64] | None, builder: Builder, report: Report
+        self,
+        each: Any,
+        matrix: NDArray[np.float64],
+        end: NDArray[np.float64] | None,
+        shapes: dict[str, BlenderMesh],
+        builder: Builder,
+        report: Report,
     ) -> None:
         item = each.object
         key = mesh_key(each)
@@ -163,25 +186,52 @@ class Reader:
             if mesh is None:
                 return
             self.parts.put(key, mesh)
-        names = []
+        if getattr(item, "is_holdout", False) or getattr(item, "is_shadow_catcher", False):
+            report.add(f"Object {item.name}: holdouts and shadow catchers are seen like any other object.")
+        shape = shapes.get(key)
+        if shape is not None and np.array_equal(shape.points, self.parts.mesh(key).points):
+            shape = None
+        builder.place(replace(self._placed(each, key, matrix, end, builder, report), mesh_end=shape))
+
+    def _placed(
+        self,
+        each: Any,
+        key: str,
+        matrix: NDArray[np.float64],
+        end: NDArray[np.float64] | None,
+        builder: Builder,
+        report: Report,
+    ) -> Placed:
+        """An object with its materials, which are added."""
+        item, names = each.object, []
+        mesh = self.parts.mesh(key) if key in self.parts else None
         for slot in item.material_slots:
             material = slot.material
             names.append(material.name_full if material else "")
             if material and not builder.has_material(material.name_full):
-                builder.add_material(self.material_of(material, self.parts.mesh(key), report), material.pass_index)
-        hair = [system.name for system in item.particle_systems if system.settings.type == "HAIR"]
-        if hair and any(system.settings.render_type == "PATH" for system in item.particle_systems):
-            report.add(f"Object {item.name}: the strands of its hair ({', '.join(hair)}) are left out.")
-        if getattr(item, "is_holdout", False) or getattr(item, "is_shadow_catcher", False):
-            report.add(f"Object {item.name}: holdouts and shadow catchers are seen like any other object.")
-        if builder.blurs and key.startswith("object ") and deforms_in_time(item):
-            report.add(
-                f"Object {item.name}: its shape is that of the open shutter; only its motion as a whole blurs it."
-            )
-        visible = visibility(item, report)
-        name = item.name_full
-        group = getattr(item, "lightgroup", "")
-        builder.place(Placed(name, key, matrix, tuple(names), visible, item.pass_index, group, end))
+                builder.add_material(self.material_of(material, mesh, report), material.pass_index)
+        visible, group = visibility(item, report), getattr(item, "lightgroup", "")
+        return Placed(item.name_full, key, matrix, tuple(names), visible, item.pass_index, group, end)
+
+    def _read_particles(
+        self, each: Any, end: NDArray[np.float64] | None, builder: Builder, report: Report, *, is_final: bool
+    ) -> None:
+        """The hair of an object's particle systems."""
+        item, matrix = each.object, matrix_of(each.matrix_world)
+        shown = {modifier.particle_system.name: modifier for modifier in item.modifiers
+                 if modifier.type == "PARTICLE_SYSTEM"}  # fmt: skip
+        for system in item.particle_systems:
+            modifier, settings = shown.get(system.name), system.settings
+            if settings.type != "HAIR" or settings.render_type != "PATH" or modifier is None:
+                continue
+            if not (modifier.show_render if is_final else modifier.show_viewport):
+                continue
+            key = f"of data {item.name_full} {system.name}"
+            strands = self._strands.get(key) or particles_of(item, system, matrix, is_final=is_final)
+            self._strands[key] = strands
+            placed = self._placed(each, "", matrix, end, builder, report)
+            slot = min(max(settings.material - 1, 0), max(len(placed.materials) - 1, 0))
+            builder.place_strands(replace(placed, materials=placed.materials[slot : slot + 1]), strands)
 
     # Materials
 
@@ -267,6 +317,18 @@ def deforms_in_time(item: Any) -> bool:
     return any(each.type in bends for each in item.original.modifiers) or bool(keys and keys.animation_data)
 
 
+def _shapes(depsgraph: Any) -> dict[str, BlenderMesh]:
+    """The meshes of what may be deformed, as they are at the time of the dependency graph."""
+    found: dict[str, BlenderMesh] = {}
+    for each in depsgraph.object_instances:
+        if each.object.type in WITH_FACES and each.show_self and deforms_in_time(each.object):
+            key = mesh_key(each)
+            mesh = mesh_of(each.object) if key.startswith("object ") and key not in found else None
+            if mesh is not None:
+                found[key] = mesh
+    return found
+
+
 def mesh_of(item: Any) -> BlenderMesh | None:
     """The evaluated mesh of an object; None where it has no faces."""
     mesh = item.data if item.type == "MESH" else item.to_mesh()
@@ -289,6 +351,38 @@ def mesh_of(item: Any) -> BlenderMesh | None:
     if item.type != "MESH":
         item.to_mesh_clear()
     return made
+
+
+def strands_of(curves: Any) -> Strands:
+    """The strands of a curves object."""
+    points = _array(curves.attributes["position"].data, "vector", 3, np.float32)
+    radius = curves.attributes.get("radius")
+    radii = np.full(len(points), DEFAULT_RADIUS, np.float32)
+    if radius is not None:
+        radii = _array(radius.data, "value", 1, np.float32).ravel()
+    counts = _array(curves.curves, "points_length", 1, np.int32).ravel()
+    return Strands(points, 2 * radii, counts)
+
+
+def particles_of(item: Any, system: Any, matrix: NDArray[np.float64], *, is_final: bool) -> Strands:
+    """The hair of a particle system, its children in place of their parents where it has any."""
+    settings, parents, children = system.settings, len(system.particles), len(system.child_particles)
+    steps = 2 ** (settings.render_step if is_final else settings.display_step) + 1
+    first = parents if settings.child_type != "NONE" and children else 0
+    rows = [
+        system.co_hair(object=item, particle_no=number, step=step)
+        for number in range(first, parents + children) for step in range(steps)
+    ]  # fmt: skip
+    world = np.array(rows, np.float64).reshape(-1, 3)
+    inverse = np.linalg.inv(matrix)
+    points = world @ inverse[:3, :3].T + inverse[:3, 3]
+    scale = settings.radius_scale
+    widths = widths_of_particles(
+        steps, scale * settings.root_radius, scale * settings.tip_radius, settings.shape,
+        is_closed=settings.use_close_tip,
+    )  # fmt: skip
+    count = parents + children - first
+    return Strands(points.astype(np.float32), np.tile(widths, count), np.full(count, steps, np.int32))
 
 
 def _uvs(mesh: Any) -> dict[str, NDArray[np.float32]]:

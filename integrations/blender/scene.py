@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from .camera import BlenderCamera, Frame, LensChoice, camera_keys, keyframes
 from .fields import Field, Mapping
 from .lights import BlenderLamp, lamp_keys
-from .materials import BlenderMaterial, Translated, translate
-from .meshes import BlenderMesh, can_be_inverted, movement, painted, part
+from .materials import BlenderMaterial, Translated, for_strands, translate, without_hair
+from .meshes import BlenderMesh, Strands, can_be_inverted, deformed, movement, painted, part
 from .report import Report
 
 DEFAULT = "no_material"
+MOST_STEPS, LEAST_STEPS = 32, 4  # of an exposure in which something is deformed
+MOST_STEPPED = 8_000_000  # triangles of all steps, some 200 bytes each
 Matrix = NDArray[np.float64]
 
 
@@ -48,6 +50,8 @@ class Placed:
         Blender's pass index.
     group : str
         Blender's light group, or nothing.
+    mesh_end : BlenderMesh or None
+        Its shape when the shutter closes, if that is another.
     """
 
     name: str
@@ -58,6 +62,7 @@ class Placed:
     index: int = 0
     group: str = ""
     matrix_end: Matrix | None = None
+    mesh_end: BlenderMesh | None = None
 
 
 @dataclass(frozen=True)
@@ -148,6 +153,8 @@ class Builder:
         self._meshes: dict[str, Any] = {}
         self._objects: list[dict[str, Any]] = []
         self._indices: list[int] = []
+        self._deformed: dict[str, list[dict[str, Any]]] = {}  # keys of objects that move while the shutter is open
+        self._stepped: dict[str, None] = {}  # names of the objects that these are of
         self._lights: list[dict[str, Any]] = []
 
     @property
@@ -198,20 +205,49 @@ class Builder:
             self._report.add(f"Object {item.name}: flat by its scale, left out.")
             return
         motion: list[dict[str, Any]] = []
+        grows = False
         if item.matrix_end is not None:
             motion, whole = movement(item.matrix, item.matrix_end, (0.0, self._shutter.time_s))
-            if not whole:
-                self._report.add(
-                    f"Object {item.name}: it grows or shears while the shutter is open; its shift blurs it."
-                )
+            grows = not whole
         for slot in self._parts.slots(item.mesh):
             name = item.materials[min(slot, len(item.materials) - 1)] if item.materials else DEFAULT
             if name not in self._materials:
                 self.add_material(BlenderMaterial(DEFAULT, None))
                 name = DEFAULT
-            self._show(item, slot, name, motion)
+            self._show(item, slot, name, motion, grows)
 
-    def _show(self, item: Placed, slot: int, material: str, motion: list[dict[str, Any]]) -> None:
+    def place_strands(self, item: Placed, strands: Strands) -> None:
+        """Show hair, of the first of the item's materials."""
+        shape = strands.keys()
+        if shape is None or not can_be_inverted(item.matrix):
+            return
+        name = item.materials[0] if item.materials else DEFAULT
+        if name not in self._materials:
+            self.add_material(BlenderMaterial(DEFAULT, None))
+            name = DEFAULT
+        own = f"{name} on strands"
+        if own not in self._materials:
+            keys = for_strands(self._materials[name].keys, name, self._report)
+            self._materials[own], self._material_indices[own] = Translated(keys), self._material_indices[name]
+        motion: list[dict[str, Any]] = []
+        if item.matrix_end is not None:
+            motion, _ = movement(item.matrix, item.matrix_end, (0.0, self._shutter.time_s))
+        self._add(item, shape, own, motion)
+
+    def _add(self, item: Placed, shape: dict[str, Any], material: str, motion: list[dict[str, Any]]) -> None:
+        """Add an object of a shape."""
+        keys: dict[str, Any] = shape | {
+            "material": safe(material),
+            "name": item.name[:200],
+            "transform": {"matrix": np.asarray(item.matrix, np.float64)[:3].tolist()},
+            **self._grouped(item.group),
+        }
+        hidden = {key: False for key, seen in item.visible.items() if not seen}
+        keys |= ({"visible": hidden} if hidden else {}) | ({"motion": motion} if motion else {})
+        self._objects.append(keys)
+        self._indices.append(item.index)
+
+    def _show(self, item: Placed, slot: int, material: str, motion: list[dict[str, Any]], grows: bool) -> None:
         if material in self._of_colors:
             material = self._painted(material, item.mesh, slot)
         coordinates = self._materials[material].coordinates
@@ -220,17 +256,64 @@ class Builder:
             return
         name = safe(f"{item.mesh} {slot} {coordinates}")
         self._meshes[name] = mesh
-        keys: dict[str, Any] = {
-            "shape": "mesh",
-            "mesh": name,
-            "material": safe(material),
-            "name": item.name[:200],
-            "transform": {"matrix": np.asarray(item.matrix, np.float64)[:3].tolist()},
-            **self._grouped(item.group),
-        }
-        hidden = {key: False for key, seen in item.visible.items() if not seen}
-        self._objects.append(keys | ({"visible": hidden} if hidden else {}) | ({"motion": motion} if motion else {}))
-        self._indices.append(item.index)
+        if self._materials[material].keys["kind"] == "hair":
+            own = f"{material} on faces"
+            self._report.add(f"Material {material}: of hair, and shown by faces: matte there.")
+            self._materials[own] = Translated(without_hair(self._materials[material].keys))
+            self._material_indices[own] = self._material_indices[material]
+            material = own
+        ends: dict[str, tuple[Any, Any]] = {}
+        if item.mesh_end is not None:
+            end = deformed(self._parts.mesh(item.mesh), item.mesh_end, slot, coordinates)
+            if end is None or coordinates.startswith("color:"):
+                why = "it is another mesh" if end is None else "it has colours of vertices"
+                self._report.add(f"Object {item.name}: {why}, and is not deformed while the shutter is open.")
+            else:
+                ends = {name: (mesh[name], rows) for name, rows in end.items()}
+        if grows and item.matrix_end is not None:
+            ends["transform.matrix"] = item.matrix[:3].tolist(), item.matrix_end[:3].tolist()
+        self._move_keys(item.name, ends)
+        self._add(item, {"shape": "mesh", "mesh": name}, material, motion)
+
+    def _move_keys(self, name: str, ends: dict[str, tuple[Any, Any]]) -> None:
+        """Have keys of the object that is added next go from one value to the other while the shutter is open."""
+        if ends:
+            self._stepped.setdefault(name)
+        for key, values in ends.items():
+            frames = zip((0.0, self._shutter.time_s), values, strict=True)
+            self._deformed[f"objects.{len(self._objects)}.{key}"] = [{"time_s": t, "value": v} for t, v in frames]
+
+    def _steps(self, keys: dict[str, Any]) -> None:
+        """Cut the exposure into steps for what is deformed, where that goes with the rest."""
+        camera, render = keys["camera"], keys.get("render", {})
+        why = [
+            name for name, wrong in (
+                ("a rolling shutter", self._shutter.rolling_s > 0),
+                ("diffraction", camera.get("diffraction", "off") != "off"),
+                ("ghosts", camera.get("ghosts", "off") != "off"),
+                ("the pass Position", "position" in render.get("layers", ())),
+            ) if wrong
+        ]  # fmt: skip
+        whole = sum(len(keys["meshes"][item["mesh"]]["faces"]) for item in self._objects if "mesh" in item)
+        most = min(MOST_STEPS, MOST_STEPPED // max(whole, 1), int(render.get("spp", MOST_STEPS)))
+        if most < LEAST_STEPS:
+            why.append(f"{whole} triangles" if whole * LEAST_STEPS > MOST_STEPPED else "so few samples")
+        if why:
+            for name in self._stepped:
+                self._report.add(
+                    f"Object {name}: it is not deformed or grown beside {why[0]}; its motion as a whole blurs it."
+                )
+            return
+        for name in {name for name in self._deformed if not name.endswith("matrix")}:  # shapes of their own
+            item = self._objects[int(name.split(".")[1])]
+            if "mesh" in item:
+                item |= keys["meshes"][item.pop("mesh")]
+        for name in self._deformed:
+            if name.endswith("matrix"):
+                self._objects[int(name.split(".")[1])].pop("motion", None)
+        spp = int(render.get("spp", most))
+        even = [steps for steps in range(LEAST_STEPS, most + 1) if spp % steps == 0]  # all steps have as many samples
+        keys["shutter"] |= {"keys": self._deformed, "steps": even[-1] if even else most}
 
     def add_lamp(self, lamp: BlenderLamp) -> None:
         """Add a lamp, with or without a surface."""
@@ -265,10 +348,16 @@ class Builder:
         motion = keyframes(camera, 0.0, self._shutter.time_s)
         if motion:
             keys["camera"]["motion"] = motion
+        used = {name for item in self._objects if isinstance(name := item.get("material"), str)}
         shown = [name for name in self._materials if name not in self._of_colors]
+        # Hair is of curves alone, and its other translations are of those that show them.
+        shown = [name for name in shown if self._materials[name].keys["kind"] != "hair" or safe(name) in used]
         keys["materials"] = {safe(name): self._materials[name].keys for name in shown}
         keys |= {"meshes": self._meshes, "objects": self._objects, "lights": self._lights}
         if environment is not None:
             keys["environment"] = environment | self._grouped(world_group)
         indices = [self._material_indices[name] for name in shown]
-        return Export(keys | more, self._report, np.array(self._indices, np.int32), np.array(indices, np.int32))
+        keys |= more
+        if self._deformed:
+            self._steps(keys)
+        return Export(keys, self._report, np.array(self._indices, np.int32), np.array(indices, np.int32))

@@ -18,11 +18,15 @@ __kernel void fill_blocks(__global const float *before,     // [count][ROWS][LEA
     {
         float number = own[(ROWS - 1) * LEAF_WIDTH + lane];
         int triangle = as_int(number);
+        int4 corners = vload4(max(triangle, 0), triangles);
+        int vertex[3] = {corners.x, corners.y, corners.z};
         for (int corner = 0; corner < 3; corner++)
         {
-            size_t vertex = triangle < 0 ? 0 : (size_t)triangles[4 * (size_t)triangle + corner];
-            for (int axis = 0; axis < 3; axis++)
-                out[(3 * corner + axis) * LEAF_WIDTH + lane] = triangle < 0 ? 0.0f : vertices[VERTEX_FLOATS * vertex + axis];
+            float4 at = vload4(0, vertices + VERTEX_FLOATS * (size_t)vertex[corner]);
+            at = triangle < 0 ? (float4)(0.0f) : at;
+            out[(3 * corner) * LEAF_WIDTH + lane] = at.x;
+            out[(3 * corner + 1) * LEAF_WIDTH + lane] = at.y;
+            out[(3 * corner + 2) * LEAF_WIDTH + lane] = at.z;
         }
         out[(ROWS - 1) * LEAF_WIDTH + lane] = number;
     }

@@ -153,7 +153,7 @@ static F3 marble_at(const __global uint *table, F3 p, const __global Texture *t)
     F sine, cosine;
     sincos_turns(turns - FLOOR(turns), &sine, &cosine);
     F place = 3.0f + 3.0f * sine;
-    F piece = MIN(MAX(FLOOR(place), ZERO), (F)(5.0f));
+    F piece = MIN(MAX(FLOOR(place), ZERO), (F)((float)t->form));        // beyond its last piece a spline goes on
     F k = place - piece, rest = 1.0f - k;
     I first = MARBLE_POINTS + 3 * TO_I(piece);
     F share[4] = {rest * rest * rest, 3.0f * k * rest * rest, 3.0f * k * k * rest, k * k * k};
@@ -161,6 +161,8 @@ static F3 marble_at(const __global uint *table, F3 p, const __global Texture *t)
     for (int i = 0; i < 4; ++i)
         c = along(c, f3(marble_point(table, first + 3 * i), marble_point(table, first + 3 * i + 1),
                         marble_point(table, first + 3 * i + 2)), share[i]);
+    if (t->form < 5)
+        c = f3(MIN(MAX(c.x, ZERO), ONE), MIN(MAX(c.y, ZERO), ONE), MIN(MAX(c.z, ZERO), ONE));
     return mul(c, f3_of(t->a));
 }
 #endif

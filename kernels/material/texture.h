@@ -17,6 +17,8 @@ static F3 mapped_coordinates(const __global Texture *t, Scene scene)
         return f3(1.0f - share_upwards(p.z, sqrt(p.x * p.x + p.y * p.y)), turns_around(p.x, p.y), ZERO);
     if (t->mapping == MAPPED_CYLINDRICAL)
         return f3(turns_around(-p.x, -p.y), p.z, ZERO);
+    if (t->mapping == MAPPED_ROUND)
+        return f3(turns_around(-p.x, -p.y), normalized(p).z, ZERO);
     return p;
 }
 #endif
@@ -110,9 +112,37 @@ SHARED static F3 pattern_color(const __global Texture *t, F x, F y, F z, const _
     return f3(rest * t->a.x + k * t->b.x, rest * t->a.y + k * t->b.y, rest * t->a.z + k * t->b.z);
 }
 
+#if HAS_MIXTURE
+#define MIXTURE_HELD 7      // colours at a time, of as many mixtures in mixtures as scenes may have
+
+// The colours of the parts, one after the other; each mixture takes the last three.
+static F3 mixture_color(int texture, F u, F v, Scene scene)
+{
+    F3 held[MIXTURE_HELD];
+    int count = 0;
+    for (int i = (int)scene.textures[texture].first; i <= texture; ++i) {
+        const __global Texture *t = scene.textures + i;
+        if (t->kind == TEXTURE_MIXTURE) {
+            count -= 2;
+            F3 low = held[count - 1], high = held[count], k = held[count + 1];
+            held[count - 1] = f3((1.0f - k.x) * low.x + k.x * high.x, (1.0f - k.y) * low.y + k.y * high.y,
+                                 (1.0f - k.z) * low.z + k.z * high.z);
+        } else {
+            F3 at = pattern_point(t, u, v, scene);
+            held[count++] = pattern_color(t, at.x, at.y, at.z, scene.texels);
+        }
+    }
+    return held[0];
+}
+#endif
+
 static inline F3 texture_color(int texture, F u, F v, Scene scene)
 {
     const __global Texture *t = scene.textures + texture;
+#if HAS_MIXTURE
+    if (t->kind == TEXTURE_MIXTURE)
+        return mixture_color(texture, u, v, scene);
+#endif
     F3 at = pattern_point(t, u, v, scene);
     return pattern_color(t, at.x, at.y, at.z, scene.texels);
 }

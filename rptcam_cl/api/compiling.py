@@ -368,11 +368,10 @@ class SceneCompiler:
         wanted = state.plan, state.buffers, of_guides(state.scene)
         key = key_of(*wanted)
         self._collect()
-        if key in self._failed:
-            return False
-        if key in self._done or (self._device.generates_late and self._is_cached(wanted)):
+        if key in self._done:
             return True
-        self._begin_when_idle(wanted)
+        if key not in self._failed:  # those that the driver has kept take a part of a second, too
+            self._begin_when_idle(wanted)
         return False
 
     def is_carried_out(self, name: Hashable, order: Callable[[], bytes]) -> bool:
@@ -433,6 +432,11 @@ class SceneCompiler:
     def _compile_in_background(self, plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> None:
         device = self._device.beside()
         if device.generates_late:
+            try:
+                _compile_here(device.built_only(), plan, scene, settings)
+                return
+            except NotKeptError:
+                pass
             wanted = order(device, plan, scene, settings)
             if wanted is not None:
                 self._compiler.compile(wanted)

@@ -31,6 +31,7 @@ from rptcam_cl.api.compiling import (
 from rptcam_cl.api.job import RenderJob, RenderOptions, SceneSource
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError, out_of_range
+from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session, open_sessions
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.sensor import check_sensor
@@ -184,7 +185,7 @@ class RenderSession:
         self._device = sessions[0]
         self._compiler = SceneCompiler(self._device, waits=wait)
         self._cancelled = threading.Event()
-        self._queue = QueueLimit()
+        self._queue, self._queue_of_guides = QueueLimit(), QueueLimit()
         self._generation = 0
         self._run: FilmRun | None = None
         self._of_film: tuple[Plan, SceneBuffers] | None = None
@@ -389,13 +390,23 @@ class RenderSession:
         if not self._compiler.is_guided(state):
             return None
         run, blur = self._guides_of(state, frame.scale)
-        if (missing := min(frame.spp, MOST_GUIDES) - run.done) > 0:
-            run.add(missing)
+        self._add_guides(run, min(frame.spp, MOST_GUIDES))
         if self._denoiser is None or self._denoiser[0] != (width, height):
             self._denoiser = None  # its memory is free before
             self._denoiser = (width, height), Denoiser(self._device, width, height)
         assert isinstance(run.wavefront, Wavefront) and run.wavefront.layer_pass is not None, "it has `GUIDES`"
         return self._denoiser[1].clean(frame.pixels, run.wavefront.layer_pass, run.done, blur)
+
+    def _add_guides(self, run: FilmRun, samples: int) -> None:
+        """Add samples to layers until they have so many; where this can be cancelled, in short pieces."""
+
+        def checked() -> bool:
+            checkpoint()
+            return False
+
+        count = self._queue_of_guides.count_waves(run.wavefront.finish, checked) if is_cancellable() else None
+        while (missing := samples - run.done) > 0:
+            run.add(missing, count, slots=self._queue_of_guides.slots if count else None)
 
     def _guides_of(self, state: SceneState, scale: float) -> tuple[FilmRun, tuple[float, float]]:
         """The layers that guide the denoising of a frame, as far as they are there, and `Perspective.blur`."""

@@ -14,7 +14,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options, crop, duration, frame_range, share, size
-from rptcam_cl.cli.lens_options import check_file, check_picture, number_list, wavelengths, write, write_picture
+from rptcam_cl.cli.lens_options import (
+    check_file,
+    check_picture,
+    number_list,
+    numbers,
+    wavelengths,
+    write,
+    write_picture,
+)
 from rptcam_cl.cli.output import (
     add_device,
     as_json,
@@ -227,6 +235,14 @@ def film(text: str) -> tuple[float, float]:
     return width, height
 
 
+def place(text: str) -> list[float]:
+    """Point ``x,y,z`` of a scene [scene units]."""
+    values = numbers(text)
+    if len(values) != 3:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed x,y,z in scene units, as 0.1,1.6,-2")
+    return values
+
+
 def distance(text: str) -> float:
     """Distance of an object, which may be far away: ``inf`` [m]."""
     return math.inf if text.lower() == "inf" else positive(text)
@@ -345,7 +361,7 @@ def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") 
 
 # ``rptcam focus``: autofocus of a scene's camera.
 
-_ZONES = ("zones", "zones_file", "point", "object")
+_ZONES = ("zones", "zones_file", "mask", "point", "object", "at")
 
 
 def add_focus(parser: argparse.ArgumentParser) -> None:
@@ -362,8 +378,13 @@ def add_focus(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--zones", type=Path, metavar="FILE", dest="zones_file", help="file with a line xleft xright ytop ybottom each"
     )
+    parser.add_argument("--mask", type=Path, metavar="FILE", help="picture that is bright where to focus")
     parser.add_argument("--point", type=point, metavar="x,y", help="point to focus on, in the same fractions")
     parser.add_argument("--object", metavar="NAME", help="object to focus on, wherever it is seen")
+    parser.add_argument(
+        "--at", type=place, metavar="x,y,z",
+        help="point of the scene to focus on; with --object in that object's own coordinates, as an eye of a face",
+    )  # fmt: skip
     parser.add_argument(
         "--policy", type=focus_policy, metavar="NAME",
         help="which of several zones decides: closest (default), farthest, centre or weighted",
@@ -389,8 +410,8 @@ def add_focus(parser: argparse.ArgumentParser) -> None:
 def run_focus(arguments: argparse.Namespace) -> int:
     """Find the focus of a scene's camera by probing through its lens; prints where the film has to be."""
     given = [name for name in _ZONES if getattr(arguments, name) is not None]
-    if len(given) > 1:
-        raise InputError("rptcam focus: takes one of --zone, --zones, --point and --object")
+    if len(given) > 1 and given != ["object", "at"]:
+        raise InputError("rptcam focus: takes one of --zone, --zones, --mask, --point, --object and --at")
     if arguments.plot is not None:
         check_picture(arguments.plot, str(arguments.scene))
         check_file(arguments.plot, str(arguments.scene))
@@ -405,9 +426,7 @@ def run_focus(arguments: argparse.Namespace) -> int:
     report = autofocus(
         scene,
         arguments.method,
-        zones=_zones(arguments),
-        point=arguments.point,
-        object=arguments.object,
+        **_where(arguments),
         policy=arguments.policy,
         criterion=arguments.criterion,
         seed=arguments.seed,
@@ -433,12 +452,14 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
     from rptcam_cl.studies.focus.controller import focus_settings, zones_of
     from rptcam_cl.studies.focus.servo import FrameFocus, doubts_of, servo_plot, summary_of
 
-    where = {"zones": _zones(arguments), "point": arguments.point, "object": arguments.object}
+    where = _where(arguments)
+    if (mask := where.pop("mask")) is not None:
+        where["mask"] = {"file": mask}
     keys = {"method": arguments.method, "policy": arguments.policy, "criterion": arguments.criterion}
     if scene.requested_autofocus is None or any(value is not None for value in (*where.values(), *keys.values())):
         settings = focus_settings(scene, keys, where)
-        data = settings.model_dump(exclude_unset=True, exclude={"zones_from"})
-        if settings.zones_from is not None:
+        data = settings.model_dump(exclude_unset=True, exclude={"zones_from", "mask"})
+        if settings.zones_from is not None or settings.mask is not None:
             data["zones"] = [list(astuple(zone)) for zone in zones_of(scene, settings)]
         scene = set_keys(scene, {"camera.focus": {"auto": data}})
     if scene.sequence is None or scene.sequence.continuous_focus is None:
@@ -461,12 +482,17 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
     return 0
 
 
-def _zones(arguments: argparse.Namespace) -> Any:
-    if arguments.zones_file is None:
-        return arguments.zones
+def _where(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return zones, mask, point, object or place to focus on, as `autofocus` takes them."""
+    from rptcam_cl.rendering.cameras.ideal import bright_parts
     from rptcam_cl.scene.lens_settings import read_zones
 
-    return read_zones(arguments.zones_file, str(arguments.zones_file))
+    zones, mask = arguments.zones, arguments.mask
+    if arguments.zones_file is not None:
+        zones = read_zones(arguments.zones_file, str(arguments.zones_file))
+    if mask is not None:
+        mask = bright_parts(mask, str(mask))
+    return {"zones": zones, "mask": mask, **{name: getattr(arguments, name) for name in ("point", "object", "at")}}
 
 
 def _print_focus(report: "FocusReport") -> None:

@@ -23,6 +23,7 @@ from rptcam_cl.cli.output import (
     add_device,
     apply_options,
     check_cluster_arguments,
+    check_different,
     cluster_keywords,
     device_of,
     files_to_write,
@@ -521,6 +522,55 @@ def run_stack(arguments: argparse.Namespace) -> int:
     save(image, arguments)
     if not arguments.quiet:
         print(f"wrote {names_of(arguments.outputs)}: {image.width} x {image.height}", file=sys.stderr)
+    return 0
+
+
+# ``rptcam halves``: pictures through parts of the opening.
+
+OF_HALVES = ("left", "right", "phase_pixels", "screen")
+
+
+def add_halves(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    for name, text in (
+        ("--left", "picture through the left half of the stop"),
+        ("--right", "picture through the right half"),
+        ("--phase-pixels", "picture of a sensor with masked pixels: every 4th of every 8th row sees one half"),
+        ("--screen", "focusing screen with a split image and microprisms"),
+    ):
+        parser.add_argument(name, type=Path, metavar="OUT", help=f"{text}; formats as of render -o")
+    parser.add_argument("--split", choices=("x", "y"), default="x", help="y: the lower and the upper half")
+    add_options(parser, "spp", "size", "seed")
+    add_device(parser)
+    add_options(parser, "overrides", "quiet")
+
+
+def run_halves(arguments: argparse.Namespace) -> int:
+    """Take the pictures that the two halves of the opening give: a dual-pixel pair, and what is made of such."""
+    from rptcam_cl.api.sweeping import dual_pixels, focusing_screen, with_phase_pixels
+    from rptcam_cl.imaging.writers import check_output
+    from rptcam_cl.scene.load import load_scene
+
+    outputs = {name: path for name in OF_HALVES if (path := getattr(arguments, name)) is not None}
+    if not outputs:
+        raise InputError("rptcam halves: nothing to write (allowed: --left, --right, --phase-pixels, --screen)")
+    check_different(list(outputs.values()), "rptcam halves")
+    for output in outputs.values():
+        check_output(output, [arguments.scene])
+    scene = load_scene(arguments.scene, arguments.overrides)
+    print_warnings(scene.warnings)
+    given = {name: getattr(arguments, name) for name in ("spp", "size", "seed", "device")}
+    images: dict[str, Any] = {}
+    if outputs.keys() - {"screen"}:
+        images["left"], images["right"] = dual_pixels(scene, arguments.split, **given)
+        images["phase_pixels"] = with_phase_pixels(images["left"], images["right"])
+    if "screen" in outputs:
+        images["screen"] = focusing_screen(scene, **given)
+    for name, output in outputs.items():
+        save(images[name], argparse.Namespace(outputs=[output], raws=[], stats=None))
+    if not arguments.quiet:
+        print(f"wrote {names_of(list(outputs.values()))}", file=sys.stderr)
     return 0
 
 

@@ -53,11 +53,23 @@ def add_lens_convert(commands: Commands) -> None:
     parser.add_argument(
         "--focal-length-mm", type=positive, metavar="F", help="set a zoom lens and write it as it then is"
     )
+    parser.add_argument(
+        "--model-glasses", action="store_true",
+        help="in .zmx and .seq, write glasses by index and Abbe number, for programs whose catalogues have others",
+    )  # fmt: skip
     lens_options.add_wavelength(parser, "wavelength of the indices in a .dat table")
 
 
 def _run_lens_convert(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics.files.export import codev_text, left_out, lens_text, loses_dispersion, pbrt_text, zemax_text
+    from rptcam_cl.optics.files.export import (
+        codev_text,
+        left_out,
+        lens_text,
+        loses_dispersion,
+        pbrt_text,
+        with_model_glasses,
+        zemax_text,
+    )
     from rptcam_cl.optics.lens import zoom_to
     from rptcam_cl.optics.ray_trace import has_coatings
 
@@ -73,6 +85,7 @@ def _run_lens_convert(arguments: argparse.Namespace) -> int:
         lens = replace(lens, published={"marked_f_number": lens.first_order().f_number})
         comments.append(f"Stopped down to f/{arguments.f_number:g}.")
     if suffix in (".zmx", ".seq"):
+        lens = with_model_glasses(lens) if arguments.model_glasses else lens
         text = zemax_text(lens) if suffix == ".zmx" else codev_text(lens)
         for note in left_out(lens):
             print(f"a {suffix} file: {note}", file=sys.stderr)

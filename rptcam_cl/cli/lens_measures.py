@@ -561,6 +561,9 @@ def _print_tolerance(run: "ToleranceRun", limit: float | None) -> None:
         share, low, high = (100 * value for value in run.yield_at(limit))
         what = f"a spot of {limit:g} µm or less" if by_spot else f"a modulation of {limit:g} or more"
         print(f"{share:.1f} % of the copies have {what} (95 %: {low:.1f} to {high:.1f} %)")
+    if run.compensators:
+        settings = [[label, f"{100 * rms:.0f}", f"{100 * at_end:.0f}"] for label, rms, at_end in run.adjustments()]
+        print_table(("compensator", "rms [% of its range]", "copies at its end [%]"), settings, "Adjusted in each copy")
     offenders = [
         [one.label, one.direction, one.spot_change_um, one.mtf_change, one.shift_mm] for one in run.worst_offenders()
     ]

@@ -351,6 +351,8 @@ class TextureKind(IntEnum):
     PERLIN = 5
     MARBLE = 6
     DOTS = 7
+    PLAIN = 8  # one colour, as a part of a mixture
+    MIXTURE = 9
 
 
 class Mapped(IntEnum):
@@ -360,6 +362,7 @@ class Mapped(IntEnum):
     SPACE = 1
     SPHERICAL = 2
     CYLINDRICAL = 3
+    ROUND = 4
 
 
 class PerlinForm(IntEnum):
@@ -722,7 +725,7 @@ TEXTURE = Record(
         ("int", "octaves"),
         ("int", "seed"),
         ("float", "limit"),  # largest value of an image
-        ("uint", "first"),  # word of the texels where an image starts
+        ("uint", "first"),  # word of the texels where an image starts; of a mixture its first part
         ("int", "width"),
         ("int", "height"),
         ("int", "format"),
@@ -730,7 +733,7 @@ TEXTURE = Record(
         ("int", "wrap_u"),
         ("int", "wrap_v"),
         ("int", "mapping"),
-        ("int", "form"),  # of Perlin's noise
+        ("int", "form"),  # of Perlin's noise; of marble the last of its cubic pieces
         ("float", "variation"),  # of marble
     ),
 )

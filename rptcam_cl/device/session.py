@@ -353,11 +353,20 @@ class Session:
             lambda: cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array)), array.nbytes
         )
 
-    def allocate(self, nbytes: int, *, zeroed: bool = False) -> Any:
-        """Return a read-write buffer of ``nbytes``, optionally filled with zeros."""
+    def allocate(self, nbytes: int, *, zeroed: bool = False, in_place: bool = False) -> Any:
+        """Return a read-write buffer of ``nbytes``, optionally filled with zeros.
+
+        With ``in_place`` a device that shares the host's memory takes numpy's, whose large pages are there sooner;
+        kernels must not take it for aligned to more than 16 bytes.
+        """
         import pyopencl as cl
 
-        buffer = self._allocated(lambda: cl.Buffer(self.context, cl.mem_flags.READ_WRITE, nbytes), nbytes)
+        flags = cl.mem_flags
+        if in_place and self.info.type == "cpu":
+            kinds, memory = flags.READ_WRITE | flags.USE_HOST_PTR, np.empty(nbytes, np.uint8)
+            buffer = self._allocated(lambda: cl.Buffer(self.context, kinds, hostbuf=memory), nbytes)
+        else:
+            buffer = self._allocated(lambda: cl.Buffer(self.context, flags.READ_WRITE, nbytes), nbytes)
         if zeroed:
             self.fill_zero(buffer, nbytes)
         return buffer

@@ -22,6 +22,7 @@ from rptcam_cl.core.colour import (
     xyz_of,
 )
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.scene.film import Gamut, PictureSettings, ToneCurve, WhiteBalance
 
 #
@@ -302,6 +303,7 @@ def _bands(pixels: NDArray[np.floating], picture: PictureSettings, part: Part) -
         del whole
     step = max(1, BAND_PIXELS // max(1, pixels.shape[1]))
     for start in range(0, len(pixels), step):
+        checkpoint()
         rows = slice(start, start + step)
         exposed = _expose(np.asarray(pixels[rows], np.float32), picture.ev)
         balanced = exposed if matrix is None else exposed @ matrix

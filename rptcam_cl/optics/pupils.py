@@ -401,6 +401,7 @@ def _paraxial_boxes(probe: FilmProbe, film: Array) -> Array:
 
 DIRECTIONS = 64  # of the table, all round
 RING_SCAN = 40  # points along a direction where the middle is obstructed, beside which slivers of light may pass
+SLIVER_SCAN = 8  # as many points beside each of them
 LIT_SCAN = 14  # film points
 LIT_BISECTIONS = 8
 FARTHEST = 1.75  # in the frame of the box round the pupil
@@ -443,6 +444,7 @@ class Fineness:
 
 
 FINE_OUTLINES = Fineness(41, 21, 8, 2, 2, 10, 6, 0.003, 0.006)
+FINEST_OUTLINES = Fineness(161, 41, 16, 4, 2, 40, 6, 0.003, 0.006)  # where the fine ones lose light
 COARSE_OUTLINES = Fineness(9, 7, 3, 1, 1, 7, 4, 0.02, 0.02)
 
 
@@ -571,6 +573,8 @@ def _one_line(
     reaches = [reach_of(of[-1], scale * film, *frames, fineness, mirrored=True) for of, scale in states]
     reach = np.max(reaches, axis=0)
     radii = _envelope(reach[None], fineness.directions) * (1.0 + fineness.margin)
+    if lens.is_obstructed or fineness is FINEST_OUTLINES:
+        radii = _from_neighbours(radii, radii == 0.0)
     if lit < radius_mm:
         radii[:, -EDGE_NODES:] *= 1.0 + EDGE_MARGIN
     holes = [
@@ -583,7 +587,9 @@ def _one_line(
 
 def _inner(holes: Array, radii: Array, fineness: Fineness, closes: Mask) -> Array:
     """Return radii at the nodes within which nothing passes between them either; 0 next to where the light ends."""
-    inner = np.maximum(-_envelope(-holes, fineness.directions) - HOLE_MARGIN * radii, 0.0)
+    held = _envelope(-holes, fineness.directions)
+    held = -_from_neighbours(held, np.isinf(held))
+    inner = np.maximum(np.where(np.isfinite(held), held, 0.0) - HOLE_MARGIN * radii, 0.0)
     inner[closes, -EDGE_NODES:] = 0.0
     return inner
 
@@ -618,17 +624,20 @@ def _lines(
     for values in (centres, axes):
         values[1::2] = (values[::2] + np.roll(values[::2], -1, axis=0)) / 2
     edges, holes = np.zeros((2, count, 2 * nodes - 1, fineness.directions * DIRECTIONS))
+    holes[:] = np.inf
     for k, (other, mirrored) in enumerate(like):
         if other == k and axes[k].any():
             seen = probes[k][-1], _closing_line(reach[k], nodes), centres[k], axes[k], fineness
             edges[k] = reach_of(*seen)
-            holes[k] = _hole_of(*seen, edges[k]) if lens.is_obstructed else 0.0
+            holes[k] = _hole_of(*seen, edges[k]) if lens.is_obstructed else np.inf
         for values in (edges, holes):
             values[k] = np.roll(values[other][:, ::-1], 1, axis=1) if mirrored else values[other]
     margin = fineness.tilted_margin if lens.is_rotational else fineness.margin
     radii = _envelope(edges, fineness.directions) * (1.0 + margin)
+    if lens.is_obstructed or fineness is FINEST_OUTLINES:
+        radii = _from_neighbours(radii, radii == 0.0)
     radii[(lit < ends)[::2], -EDGE_NODES:] *= 1.0 + LINE_EDGE_MARGIN
-    inner = _inner(holes, radii, fineness, (lit < ends)[::2]) if holes.any() else None
+    inner = _inner(holes, radii, fineness, (lit < ends)[::2]) if np.isfinite(holes).any() else None
     return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii, inner)
 
 
@@ -764,6 +773,7 @@ def reach_of(
     points, origins = (np.broadcast_to(values[:, None, :], across.shape) for values in (film, centres))
     scan = RING_SCAN if probe.lens.is_obstructed else fineness.scan
     step = FARTHEST / scan
+    parted = probe.lens.is_obstructed or fineness is FINEST_OUTLINES  # whether directions in which nothing passes count
 
     def passing(rho: Array, of: Mask) -> Mask:
         return probe.passes(points[of], origins[of] + across[of] * rho[:, None])
@@ -772,12 +782,20 @@ def reach_of(
     for k in range(scan, 0, -1):
         dark = low == 0.0
         low[dark] = np.where(passing(np.full(int(dark.sum()), k * step), dark), k * step, 0.0)
-    high, lit = low + step, low > 0
+    steps = np.full(low.shape, step)
+    if parted:  # slivers in single directions
+        dark = (low == 0.0) & np.any(low > 0, axis=1, keepdims=True)
+        steps[dark] = step / SLIVER_SCAN
+        for k in range(SLIVER_SCAN * scan, SLIVER_SCAN - 1, -1):
+            rho = k * step / SLIVER_SCAN
+            low[dark] = np.where(passing(np.full(int(dark.sum()), rho), dark), rho, 0.0)
+            dark &= low == 0.0
+    high, lit = low + steps, low > 0
     for _ in range(fineness.bisections):
         middle = (low[lit] + high[lit]) / 2
         inside = passing(middle, lit)
         low[lit], high[lit] = np.where(inside, middle, low[lit]), np.where(inside, high[lit], middle)
-    reach = np.where(lit.any(axis=1, keepdims=True), high, 0.0)
+    reach = np.where(lit if parted else lit.any(axis=1, keepdims=True), high, 0.0)
     return np.concatenate([reach, reach[:, -2:0:-1]], axis=1) if mirrored else reach
 
 
@@ -793,8 +811,8 @@ def _hole_of(
 ) -> Array:
     """Return within what radius no ray passes, in the frame and shape of `reach_of`, whose result `reach` is.
 
-    Points are tried from the middle outwards, then the edge before the first that passes is bisected. 0 where the
-    middle passes, and in all directions of a pupil that is closed in some.
+    Points are tried from the middle outwards, then the edge before the first that passes is bisected. Infinite in
+    directions of which no ray passes; 0 in all where the middle passes.
     """
     count = reach.shape[1] // 2 + 1 if mirrored else reach.shape[1]
     angles, reach = np.arange(count) * 2 * np.pi / reach.shape[1], reach[:, :count]
@@ -804,22 +822,22 @@ def _hole_of(
         points = centres[:, None] + across * rho[..., None]
         return probe.passes(np.broadcast_to(film[:, None], points.shape)[of], points[of])
 
-    open_all_round = np.broadcast_to(np.all(reach > 0, axis=1, keepdims=True), reach.shape)
-    low, high, dark = np.zeros(reach.shape), reach.copy(), open_all_round.copy()
+    is_open = reach > 0
+    low, high, dark = np.zeros(reach.shape), reach.copy(), is_open.copy()
     for k in range(RING_SCAN + 1):
         rho = reach * (k / RING_SCAN)
         hit = passing(rho, dark)
         high[dark] = np.where(hit, rho[dark], high[dark])
         low[dark] = np.where(hit, low[dark], rho[dark])
         dark[dark] = ~hit
-    low = np.where(open_all_round, np.minimum(low, high), 0.0)
+    low = np.where(is_open, np.minimum(low, high), 0.0)
     for _ in range(fineness.bisections):
         middle = (low + high) / 2
         inside = np.zeros(reach.shape, dtype=bool)
-        inside[open_all_round] = passing(middle, open_all_round)
+        inside[is_open] = passing(middle, is_open)
         low, high = np.where(inside, low, middle), np.where(inside, middle, high)
-    hole = np.where(open_all_round & (high > 0), low, 0.0)
-    hole = np.where(np.all(hole > 0, axis=1, keepdims=True), hole, 0.0)
+    hole = np.where(is_open & (high > 0), low, 0.0)
+    hole = np.where(np.all((hole > 0) | ~is_open, axis=1, keepdims=True), np.where(is_open, hole, np.inf), 0.0)
     return np.concatenate([hole, hole[:, -2:0:-1]], axis=1) if mirrored else hole
 
 
@@ -838,6 +856,19 @@ def _envelope(reach: Array, directions: int) -> Array:
     if len(nodes) == 1:
         return nodes
     return np.maximum(nodes[::2], np.maximum(nodes[1::2], np.roll(nodes[1::2], 1, axis=0)))
+
+
+def _from_neighbours(values: Array, closed: Mask) -> Array:
+    """Return values (lines, nodes, directions) with those of closed nodes replaced by their neighbours' greatest.
+
+    Where a pupil is open in some directions only, its outline jumps; both ends of what lies between hold it then.
+    """
+    wide = values
+    for axis in (0, 2):
+        wide = np.maximum(wide, np.maximum(np.roll(wide, 1, axis=axis), np.roll(wide, -1, axis=axis)))
+    padded = np.concatenate([wide[:, :1], wide, wide[:, -1:]], axis=1)
+    wide = np.maximum(np.maximum(padded[:, :-2], wide), padded[:, 2:])
+    return np.asarray(np.where(closed, wide, values))
 
 
 #

@@ -237,7 +237,7 @@ def _source(point: Array, film_z: float) -> Array:
 
 def _lamps(plan: Plan) -> Iterator[Array]:
     """Yield points (n, 4) of each lamp that the camera may see, about the eye, homogeneous [m]; brightest first."""
-    records = plan.emitters.records[: plan.emitters.count]
+    records = plan.emitters.shining
     bright = np.argsort([-float(max(record["radiance"][:3])) for record in records], kind="stable")
     left = MOST_LAMPS
     for record in (records[k] for k in bright):

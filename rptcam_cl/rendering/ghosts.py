@@ -18,7 +18,7 @@ from rptcam_cl.core.colour import WAVELENGTHS_NM, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import EmitterKind, Hidden, SpectrumKind, device_declarations
-from rptcam_cl.core.remember import checkpoint
+from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.ghosts import with_wider_stop
 from rptcam_cl.optics.irradiance import veiling_glare
@@ -107,7 +107,7 @@ def _ghost_sources(
     turn = at_opening(scene).camera.world_from_camera()[:3, :3]
     front = _front(lens, film_z, turn)
     points, patches, left_out, parts = [], [], set(), []
-    records = plan.emitters.records[: plan.emitters.count]
+    records = plan.emitters.shining
     mirrored = records[records["hidden"] & Hidden.FROM_REFLECTION == 0]
     for record in records:
         lamp, shown = patches_of(record, front.vertex), float(not record["hidden"] & Hidden.FROM_CAMERA)
@@ -550,6 +550,8 @@ class GhostFilm:
                 first = _shifts(len(boxes) * record + np.arange(len(boxes)), count)
                 table = self._table(lit, boxes, weights / largest, first)  # added up in units of `ONE_LIGHT`
                 self._launch(0, way, self.lenses[record], table, len(boxes), count, words)
+                if is_cancellable():
+                    session.finish()
             units = session.read(words, "<i8", film.size).astype(np.float64)
             film += _spread_light(units.reshape(film.shape), FINER**steps)
         return film * (largest / ONE_LIGHT * self.value)

@@ -17,7 +17,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.lamps import FLAT, POINTS, Points, lattice, occluded, points_of
 from rptcam_cl.rendering.plan.materials import SPREADING_ALPHA, Lobe, lobes_of
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.plan.primitives import PackedMeshes, TriangleGroup
+from rptcam_cl.rendering.plan.primitives import PackedMeshes
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 
 Array = NDArray[np.float64]
@@ -106,10 +106,11 @@ class MirrorFaces(Rows):
 def polished_faces(plan: Plan) -> Iterator[MirrorFaces]:
     """Yield the pieces of what reflects like a mirror, or nearly, as it stands when the shutter opens."""
     flats = []
+    instances = np.zeros(0) if plan.meshes is None else plan.meshes.instances()
     for index, kind in _polished_primitives(plan):
         record = plan.primitives[index]
         if kind is Kind.MESH and plan.meshes is not None:
-            yield from _of_mesh(plan.meshes, record, index)
+            yield from _of_mesh(plan.meshes, instances[record["instance"]], record, index)
             continue
         corners, bend, outline, placement = _of_shape(record, kind)
         faces = _faces(corners, None, bend, outline, placement, int(record["material"]), index)
@@ -237,17 +238,15 @@ _BOX = _box()
 
 def _triangles(meshes: PackedMeshes, record: np.void, index: int) -> NDArray[np.int32]:
     """Return the corners (n, 3) of the triangles of a primitive that is a mesh, in the pool of vertices."""
-    instance = int(record["instance"])
-    group: TriangleGroup = meshes.groups[int(meshes.group_of_instance[instance])]
-    slot = index - int(meshes.instances[instance]["first_primitive"])
+    group = meshes.group_of(int(record["instance"]))
+    slot = 0 if group.centre is None else index - meshes.first_primitive
     own = meshes.triangles[int(record["first_triangle"]) : group.first_triangle + group.triangles]
     return own[: int(np.searchsorted(own[:, 3], slot, side="right")), :3]
 
 
-def _of_mesh(meshes: PackedMeshes, record: np.void, index: int) -> Iterator[MirrorFaces]:
+def _of_mesh(meshes: PackedMeshes, placed: np.void, record: np.void, index: int) -> Iterator[MirrorFaces]:
     """Yield the triangles of a primitive that is a mesh, some at a time."""
-    placed = meshes.instances[int(record["instance"])]
-    shift = meshes.groups[int(meshes.group_of_instance[int(record["instance"])])].shift
+    shift = meshes.group_of(int(record["instance"])).shift
     world = np.array([placed[f"world_{axis}"] for axis in "xyz"], np.float64)
     triangles = _triangles(meshes, record, index)
     for low in range(0, len(triangles), PART):

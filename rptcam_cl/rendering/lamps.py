@@ -302,7 +302,7 @@ def _name_of_sights(plan: Plan, session: Session) -> str | None:
     shapes = [*places, plan.movements.segments, plan.movements.of_primitive]
     meshes: list[object] = []
     if plan.meshes is not None:
-        shapes += [plan.meshes.instances, plan.meshes.group_of_instance]
+        shapes += [plan.meshes.instances(), plan.meshes.group_of_instance]
         meshes = [(group.key, group.shift) for group in plan.meshes.groups]
     return content_name(code, driver, sorted(plan.facts.items()), shapes, meshes)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import WAVE, MaterialKind, device_declarations
+from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import QUARTER, FilmLayout
 from rptcam_cl.rendering.plan.materials import lobes_of
@@ -548,6 +549,9 @@ class Denoiser:
                 sizes=self._sizes.tobytes(), plane=np.uint32(self._plane), step=np.int32(step),
             ).enqueue(self._items(self._groups * height), session.group)  # fmt: skip
             source, target = target, source
+            if is_cancellable():
+                session.finish()
+                checkpoint()
         return session.read(self._picture, np.float32, 3 * width * height).reshape(height, width, 3)
 
 

@@ -156,6 +156,7 @@ SEED = 0x9E3779B97F4A7C15  # parts the random numbers of photons from those of c
 _PILOT, PILOT_PHOTONS = 2**32 - 1, 1 << 14  # the pass that the first radius follows from
 NEIGHBOURS = 8
 KEPT = 2048  # photons of the pilot that are compared with each other
+_ROW = 64  # of those, whose neighbours are looked for together
 FIRST_PHOTONS = 10.0  # within the radius of a pass of one sample, where the light is
 
 Photons = NDArray[np.float32]
@@ -290,6 +291,31 @@ def _periods(cells: NDArray[np.float32], most: int) -> NDArray[np.int64]:
     return np.asarray(bits)
 
 
+def neighbours2(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the squares of the distances from places (3, n) to their neighbour number `NEIGHBOURS` [m²], in any order.
+
+    Along the longest side of their box: those in a row of it say how far away a neighbour can be.
+    """
+    along = int(np.ptp(places, axis=1).argmax())
+    places = places[:, places[along].argsort(kind="stable")]
+    found, here = [], places[along]
+
+    def among(own: slice, low: int, high: int) -> NDArray[np.float64]:
+        distance2 = np.zeros((len(here[own]), high - low))
+        for axis in places:
+            apart = axis[own, None] - axis[low:high]
+            distance2 += apart * apart
+        distance2.partition(NEIGHBOURS, axis=1)
+        return distance2[:, NEIGHBOURS]
+
+    for first in range(0, len(here), _ROW):
+        last = min(first + _ROW, len(here))
+        own, near = slice(first, last), (max(first - _ROW, 0), min(last + _ROW, len(here)))
+        reach = np.sqrt(among(own, *near).max()) * (1 + 1e-9)
+        found.append(among(own, *np.searchsorted(here, (here[first] - reach, here[last - 1] + reach))))
+    return np.concatenate(found)
+
+
 def first_radius(pilot: Photons, pixels: int) -> float:
     """Return the radius of a pass of one sample [m], for so many photons within it where most of them are.
 
@@ -299,11 +325,7 @@ def first_radius(pilot: Photons, pixels: int) -> float:
     some = pilot[:: max(len(pilot) // KEPT, 1)]
     if len(some) <= NEIGHBOURS:
         return 1.0
-    places = some[:, :3].astype(np.float64)
-    square = (places**2).sum(axis=1)
-    distance2 = square[:, None] + square - 2 * places @ places.T
-    near2 = np.partition(np.maximum(distance2, 0), NEIGHBOURS, axis=1)[:, NEIGHBOURS]
-    median = np.median(near2)
+    median = np.median(neighbours2(some[:, :3].T.astype(np.float64)))
     # photons per area in a pass of one sample, over that of these
     more = PhotonPass(0, 0, 1).photons(pixels) / PILOT_PHOTONS * len(pilot) / len(some)
     return max(float(np.sqrt(median * FIRST_PHOTONS / NEIGHBOURS / more)), 1e-9)

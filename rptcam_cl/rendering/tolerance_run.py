@@ -241,6 +241,8 @@ def _edge(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, outward: 
 # How good copies of a lens are: spots and modulation over fields, with the film where it is or at its best.
 
 _POINTS_TOGETHER = 2**20  # on the films of some copies, which are held at a time
+ROUNDS = 3  # in which compensators are set
+SWEEPS = 60  # of the columns in each: they are few, and seldom alike
 
 
 @dataclass(frozen=True)
@@ -288,10 +290,19 @@ class Judge:
     merit : Merit
     film_distance_mm : float
         From the last vertex to the film before it is moved.
+    compensators : sequence of Limit
+        What is adjusted in copies, and how far.
     """
 
-    def __init__(self, lens: Lens, rays: Sequence[FieldRays], merit: Merit, film_distance_mm: float) -> None:
-        self.merit, self.film = merit, film_distance_mm
+    def __init__(
+        self,
+        lens: Lens,
+        rays: Sequence[FieldRays],
+        merit: Merit,
+        film_distance_mm: float,
+        compensators: Sequence[Limit] = (),
+    ) -> None:
+        self.lens, self.merit, self.film, self.compensators = lens, merit, film_distance_mm, compensators
         self.origins = np.concatenate([field.origins for field in rays])
         self.directions = np.concatenate([field.directions for field in rays])
         self.finer = [field.finer for field in rays]
@@ -322,6 +333,81 @@ class Judge:
             for low in range(0, copies.count, together)
         ]
         return Scores(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+    def adjusted(self, copies: Copies, refocus: bool) -> Copies:
+        """Return copies whose compensators stand where the spots of all fields are least, the film refocused or not.
+
+        Rays move on the film as those of the design do, so that each step solves least squares within the ranges; a
+        copy keeps what was best of `ROUNDS` steps.
+        """
+        if not self.compensators:
+            return copies
+        deviations = (*copies.deviations, *(limit.deviation for limit in self.compensators))
+        axes = [(k, axis) for k, limit in enumerate(self.compensators) for axis in range(1 + limit.deviation.is_pair)]
+        sizes = np.array([self.compensators[k].size for k, _ in axes])
+        moves = self._moves(axes, sizes, refocus)
+        square = self._products(moves)
+        drawn = len(copies.deviations)
+
+        def state(part: Copies, settings: Array) -> Copies:
+            more = np.zeros((part.count, len(self.compensators), 2))
+            for column, (k, axis) in enumerate(axes):
+                more[:, k, axis] = settings[:, column] * sizes[column]
+            return Copies(part.lens, deviations, np.concatenate([part.values[:, :drawn], more], axis=1))
+
+        together = max(_POINTS_TOGETHER // self.weights.size, 1)
+        every = []
+        for low in range(0, copies.count, together):
+            part = copies.part(low, low + together)
+            best, least = np.zeros((part.count, len(axes))), np.full(part.count, np.inf)
+            place = best
+            for _ in range(ROUNDS + 1):
+                size, toward = self._toward(state(part, place), moves, refocus)
+                better = size < least
+                best, least = np.where(better[:, None], place, best), np.where(better, size, least)
+                place = _settle(square, toward, place)
+            every.append(state(part, best))
+        return Copies(copies.lens, deviations, np.concatenate([one.values for one in every]))
+
+    def _moves(self, axes: Sequence[tuple[int, int]], sizes: Array, refocus: bool) -> Array:
+        """Return how rays of the design move about the middle of their field (columns, wavelengths, rays, 2).
+
+        A column for each axis of the compensators, by its size; the film's shift is taken out of all where it follows.
+        """
+        step = 1e-3
+        values = np.zeros((2 * len(axes) + 1, len(self.compensators), 2))
+        for column, (k, axis) in enumerate(axes):
+            values[2 * column : 2 * column + 2, k, axis] = [step * sizes[column], -step * sizes[column]]
+        points, slopes = self._film(Copies(self.lens, tuple(one.deviation for one in self.compensators), values))
+        moves = (points[:-1:2] - points[1:-1:2]) / (2 * step)
+        weights = np.repeat(self.weights[None], len(moves), axis=0)
+        moves = self._centre(weights, np.nan_to_num(moves))
+        slope = self._centre(self.weights[None], slopes[-1:])
+        return self._refocused(weights, moves, np.broadcast_to(slope, moves.shape)) if refocus else moves
+
+    def _refocused(self, weights: Array, points: Array, slopes: Array) -> Array:
+        """Return points about the middle of their fields with the film where they lie nearest to it."""
+        spread = self._moment(weights, slopes, slopes).sum(axis=1)
+        shift = -self._moment(weights, slopes, points).sum(axis=1) / np.where(spread > 0, spread, 1.0)
+        return np.asarray(points + shift[:, None, None, None] * slopes)
+
+    def _toward(self, copies: Copies, moves: Array, refocus: bool) -> tuple[Array, Array]:
+        """Return the sum of squared spots of copies, and its half derivative by each column (copies, columns)."""
+        points, slopes = self._film(copies)
+        weights = self.weights[None] * np.isfinite(points[..., 0] + slopes[..., 0])
+        totals = self._sums(weights)
+        weights = weights / self._each(np.where(totals == 0, 1.0, totals))
+        points, slopes = (self._centre(weights, np.nan_to_num(values)) for values in (points, slopes))
+        points = self._refocused(weights, points, slopes) if refocus else points
+        size = self._moment(weights, points, points).sum(axis=1)
+        toward = [self._moment(weights, np.broadcast_to(move, points.shape), points).sum(axis=1) for move in moves]
+        return np.where((totals == 0).any(axis=1), np.inf, size), np.stack(toward, axis=1)
+
+    def _products(self, moves: Array) -> Array:
+        """Return the mean products of columns, summed over the fields (columns, columns)."""
+        weights = np.repeat(self.weights[None], len(moves), axis=0)
+        rows = [self._moment(weights, np.broadcast_to(move, moves.shape), moves).sum(axis=1) for move in moves]
+        return np.stack(rows)
 
     def _part(self, copies: Copies, refocus: bool, shifts: Array | None) -> tuple[Array, Array, Array]:
         points, slopes = self._film(copies)
@@ -407,6 +493,25 @@ class Judge:
         return mean / len(self.merit.wavelengths_nm)
 
 
+def _settle(square: Array, toward: Array, place: Array) -> Array:
+    """Return settings (copies, columns) in -1 to 1 that make a sum of squares least, one column after the other.
+
+    Parameters
+    ----------
+    square : (columns, columns) array
+        Mean products of what the columns do.
+    toward : (copies, columns) array
+        The half derivative of the sum at the place.
+    """
+    ends = place.copy()
+    for _ in range(SWEEPS):
+        for k in range(len(square)):
+            if square[k, k] > 0:
+                slope = toward[:, k] + (ends - place) @ square[:, k]
+                ends[:, k] = np.clip(ends[:, k] - slope / square[k, k], -1.0, 1.0)
+    return ends
+
+
 # A tolerance run: many copies of a lens made at random and judged, and each tolerance alone at its limits.
 
 RINGS = (6, 8, 10, 12, 16, 24, 32, 48)  # of rays in a beam, with twice as many in a ring, till figures stay
@@ -461,6 +566,8 @@ class ToleranceRun:
     scores : Scores
         Those of the copies, in the order in which they were made.
     copies : Copies
+        With their compensators as they were set, behind what was drawn.
+    compensators : sequence of Limit
     sensitivities : tuple of Sensitivity
     spot_error, mtf_error : float
         By which share more rays change the spots of the design and some copies at most, and by how much the modulation.
@@ -474,6 +581,7 @@ class ToleranceRun:
     design: Scores
     scores: Scores
     copies: Copies
+    compensators: Sequence[Limit]
     sensitivities: tuple[Sensitivity, ...]
     spot_error: float
     mtf_error: float
@@ -528,6 +636,16 @@ class ToleranceRun:
         )
         return Interval(of_copies.value, worst.low, best.high)
 
+    def adjustments(self) -> list[tuple[str, float, float]]:
+        """List each compensator with the rms of its settings and the share of the copies at its end, both of 1."""
+        rows = []
+        for number, limit in enumerate(self.compensators, start=len(self.limits)):
+            axes = 2 if limit.deviation.is_pair else 1
+            shares = np.abs(self.copies.values[:, number, :axes]) / (limit.size or 1.0)
+            at_end = np.any(shares > 1 - 1e-9, axis=1)
+            rows.append((limit.label, float(np.sqrt(np.mean(shares**2))), float(at_end.mean())))
+        return rows
+
     def worst_offenders(self, count: int = 10) -> list[Sensitivity]:
         """Return the tolerances that cost most, each in its worst direction."""
         worst: dict[str, Sensitivity] = {}
@@ -579,11 +697,13 @@ def tolerance(
     sample = Copies(state, deviations, draw_values(within, count, wanted.seed if seed is None else seed))
     plain = Copies(state, deviations, np.zeros((1, len(within), 2)))
     tried = Copies(state, deviations, np.concatenate([plain.values, sample.values[:PROBES]]))
-    judge, fields, errors = _judge(spec, tried, front)
+    adjusted = limits(lens, spec, "compensators")
+    judge, fields, errors = _judge(spec, tried, front, adjusted)
     design = judge.scores(plain, wanted.refocus)
     rows = _sensitivities(state, within, judge, design, wanted.refocus) if with_sensitivities else ()
+    sample = judge.adjusted(sample, wanted.refocus)
     scores = judge.scores(sample, wanted.refocus)
-    return ToleranceRun(state, wanted, within, fields, judge.film, design, scores, sample, rows, *errors)
+    return ToleranceRun(state, wanted, within, fields, judge.film, design, scores, sample, adjusted, rows, *errors)
 
 
 def _state(lens: Lens, given: Specification) -> tuple[Lens, float]:
@@ -601,7 +721,9 @@ def _state(lens: Lens, given: Specification) -> tuple[Lens, float]:
     return lens, distance - lens.length - film
 
 
-def _judge(given: Specification, tried: Copies, front: float) -> tuple[Judge, tuple[float, ...], tuple[float, float]]:
+def _judge(
+    given: Specification, tried: Copies, front: float, compensators: Sequence[Limit]
+) -> tuple[Judge, tuple[float, ...], tuple[float, float]]:
     """Make what gives scores, with the film of the design at its best; the fields; and the errors of its rays.
 
     Each field has as many rays as leave the scores of some copies, the first of which is the design, where they are.
@@ -617,7 +739,7 @@ def _judge(given: Specification, tried: Copies, front: float) -> tuple[Judge, tu
         raise given.problem(("merit", "fields_degrees"), str(problem)) from None
 
     def judge(rays: Sequence[list[FieldRays]], film: float) -> Judge:
-        return Judge(lens, [one for each in rays for one in each], merit, film)
+        return Judge(lens, [one for each in rays for one in each], merit, film, compensators)
 
     film += judge(rays, film).best_shift(lens)
     shifts = judge(rays, film).scores(tried, given.tolerances.refocus).shifts_mm
@@ -693,7 +815,8 @@ def _sensitivities(
     values = np.zeros((len(rows), len(within), 2))
     for place, (number, k, value, _) in enumerate(rows):
         values[place, number, k] = value
-    scores = judge.scores(Copies(lens, tuple(limit.deviation for limit in within), values), refocus)
+    alone_at_ends = Copies(lens, tuple(limit.deviation for limit in within), values)
+    scores = judge.scores(judge.adjusted(alone_at_ends, refocus), refocus)
     spots, mtf = scores.spot_um, scores.modulation
     return tuple(
         Sensitivity(
@@ -734,7 +857,9 @@ def spot_of_copies(problem: Problem) -> Callable[[Lens, float], float]:
                 for degrees in problem.fields_degrees
                 for one in _sample_field(lens, degrees, problem.object_distance_mm, merit.wavelengths_nm[0])(4, 8)
             ]
-            scores = Judge(lens, rays, merit, film_distance_mm).scores(copies, given.tolerances.refocus)
+            judge = Judge(lens, rays, merit, film_distance_mm, limits(lens, given, "compensators"))
+            refocus = given.tolerances.refocus
+            scores = judge.scores(judge.adjusted(copies, refocus), refocus)
         except InputError:
             return math.inf
         return float(np.sqrt(np.mean(scores.spot_um**2)))
@@ -812,11 +937,13 @@ def loosest_set(
     adds = np.array([cost[one.label] for one in run.limits])
     worst = adds[np.isfinite(adds)].max(initial=0.0) or 1.0
     shares = np.clip(np.where(np.isfinite(adds), adds, worst) / worst, _LEAST_COST, 1.0) ** (-1 / 3)
-    judge, _, _ = _judge(spec, run.copies, _state(lens, spec)[1])
+    judge, _, _ = _judge(spec, run.copies, _state(lens, spec)[1], limits(lens, spec, "compensators"))
+    drawn, refocus = len(run.limits), run.tolerances.refocus
+    made = Copies(run.copies.lens, run.copies.deviations[:drawn], run.copies.values[:, :drawn])
 
     def reached(scale: float) -> float:
-        values = run.copies.values * np.minimum(scale * shares, _LOOSEST)[:, None]
-        merit = judge.scores(replace(run.copies, values=values), run.tolerances.refocus).by(run.rank_by)
+        values = made.values * np.minimum(scale * shares, _LOOSEST)[:, None]
+        merit = judge.scores(judge.adjusted(replace(made, values=values), refocus), refocus).by(run.rank_by)
         good = merit <= limit if by_spot else merit >= limit
         return share(int(np.count_nonzero(good)), len(good)).low
 
@@ -829,7 +956,8 @@ def loosest_set(
     factors = np.minimum(math.exp(low) * shares, _LOOSEST)
     entries = [alone(lens, spec, one, factor) for one, factor in zip(run.limits, factors.tolist(), strict=True)]
     given = spec.tolerances.model_dump(mode="json", exclude_none=True, exclude={"tolerances", "source"})
-    kept = ("distribution", "sigmas", "copies", "seed", "refocus", "f_number", "focus_distance_m", "zoom", "merit")
+    kept = ("compensators", "distribution", "sigmas", "copies", "seed", "refocus", "f_number", "focus_distance_m",
+            "zoom", "merit")  # fmt: skip
     written = {"name": f"{given.get('name') or 'tolerances'}, {percent:g} % of {lens.name} at {limit:g}"}
     written |= {key: given[key] for key in kept if key in given} | {"tolerances": entries}
     return LoosestSet(
@@ -969,6 +1097,9 @@ def report(run: ToleranceRun) -> dict[str, Any]:
         "sampling_error": {"spot_share": run.spot_error, "mtf": run.mtf_error},
         "percentiles": percentile_rows(run),
         "yield": [{"limit": limit, **asdict(each)} for limit, each in yield_curve(run)],
+        "compensators": [
+            {"label": label, "rms_of_range": rms, "at_end": at_end} for label, rms, at_end in run.adjustments()
+        ],
         "sensitivities": [asdict(one) for one in run.sensitivities],
     }
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import NormalDist
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,7 @@ class Limit:
     key: tuple[int, int]
 
 
+Key = Literal["tolerances", "compensators"]
 _Item = tuple[int, int, str]
 """First and last surface that a tolerance concerns, and what they are called."""
 
@@ -140,8 +141,10 @@ def components(lens: Lens) -> list[tuple[int, int]]:
     return ends
 
 
-def limits(lens: Lens, specification: Specification) -> list[Limit]:
+def limits(lens: Lens, specification: Specification, key: Key = "tolerances") -> list[Limit]:
     """List all that may be off: what concerns surfaces first, then elements, then groups, as poses act.
+
+    With ``compensators`` as the key it is what is adjusted, and within which range.
 
     Raises
     ------
@@ -150,25 +153,25 @@ def limits(lens: Lens, specification: Specification) -> list[Limit]:
     """
     wanted = specification.tolerances
     ranked: list[tuple[int, Limit]] = []
-    for entry, tolerance in enumerate(wanted.tolerances):
+    for entry, tolerance in enumerate(getattr(wanted, key)):
         distribution = tolerance.distribution or wanted.distribution
         sigmas = tolerance.sigmas or wanted.sigmas
         rank = 2 if tolerance.group else 1 if tolerance.surfaces is None and tolerance.of == "element" else 0
         rank = 0 if tolerance.quantity.startswith("wedge") else rank
-        for number, item in enumerate(_items(lens, specification, entry)):
+        for number, item in enumerate(_items(lens, specification, entry, key)):
             deviation, size, text = _deviation(lens, tolerance, item)
             if size is not None:
                 label = f"{text} {'behind' if tolerance.quantity == 'spacing_mm' else 'of'} {item[2]}"
                 ranked.append((rank, Limit(deviation, size, label, distribution, sigmas, (entry, number))))
-    if not ranked:
+    if not ranked and key == "tolerances":
         raise InputError(f"{lens.name}: none of the tolerances concerns anything of this lens")
     return [limit for _, limit in sorted(ranked, key=lambda pair: pair[0])]
 
 
-def _items(lens: Lens, specification: Specification, entry: int) -> Iterator[_Item]:
+def _items(lens: Lens, specification: Specification, entry: int, key: Key = "tolerances") -> Iterator[_Item]:
     """Yield what a tolerance concerns."""
-    tolerance = specification.tolerances.tolerances[entry]
-    path: KeyPath = ("tolerances", entry)
+    tolerance: Tolerance = getattr(specification.tolerances, key)[entry]
+    path: KeyPath = (key, entry)
     quantity = tolerance.quantity
     if tolerance.group is not None:
         first, last = tolerance.group
@@ -219,7 +222,7 @@ def _concerns(lens: Lens, quantity: str, k: int) -> bool:
 
 def _chosen(specification: Specification, path: KeyPath, key: str, noun: str, count: int) -> list[int]:
     """Return the numbers that a key of a tolerance names, all without it."""
-    given = getattr(specification.tolerances.tolerances[int(path[1])], key)
+    given = getattr(getattr(specification.tolerances, str(path[0]))[int(path[1])], key)
     if given is None:
         return list(range(count))
     for place, number in enumerate(given):

@@ -18,6 +18,7 @@ from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tree_build
 from rptcam_cl.rendering.plan.primitives import (
+    BLOCK,
     VERTEX_FLOATS,
     ObjectMovements,
     PackedMeshes,
@@ -122,9 +123,9 @@ def primitive_tree(
     if len(bounded) < max(BREAK_EVEN, 1):
         return None
     lower, upper = primitive_bounds(records[bounded], kinds[bounded])
-    for place, index in enumerate(bounded.tolist()):
-        if movements is not None and movements.of_primitive[index, 1]:
-            box = lower[place], upper[place]
+    if movements is not None:
+        for place in np.flatnonzero(movements.of_primitive[bounded, 1]).tolist():
+            box, index = (lower[place], upper[place]), int(bounded[place])
             lower[place], upper[place] = _swept(records[index], int(kinds[index]), movements.places(index), box)
     lower32, upper32 = _outwards(lower, upper)
 
@@ -330,7 +331,7 @@ def mesh_trees(
     if not meshes.instanced:
         return MeshTrees(meshes, groups, None, is_rough)
     if before is not None and before.instances is not None:
-        if np.array_equal(before.meshes.placements, meshes.placements) and groups is before.groups:
+        if meshes.has_places_of(before.meshes) and groups is before.groups:
             return MeshTrees(meshes, groups, before.instances, is_rough)
         if rough and np.array_equal(before.meshes.group_of_instance, meshes.group_of_instance):
             return MeshTrees(meshes, groups, before.instances, True)
@@ -368,7 +369,7 @@ def placed_vertices(meshes: PackedMeshes) -> NDArray[np.float32]:
 def placed_blocks(session: Session, before: Any, count: int, vertices: Any, triangles: Any) -> Any:
     """Return a buffer of ``count`` leaf blocks, made on the device from that of the same triangles elsewhere."""
     width = WIDTH[session.kind]
-    blocks = session.allocate(4 * _BLOCK_ROWS * width * count)
+    blocks = session.allocate(4 * _BLOCK_ROWS * width * count, in_place=True)
     program = session.program(["build/fill_blocks.cl"], {"LEAF_WIDTH": width, "VERTEX_FLOATS": VERTEX_FLOATS}, "")
     given = {"before": before, "blocks": blocks, "vertices": vertices, "triangles": triangles}
     session.bind(program, "fill_blocks", **given, count=np.int32(count)).enqueue(-(-count // 64) * 64, 64)
@@ -395,11 +396,11 @@ def placed_trees(trees: MeshTrees, session: Session, movements: ObjectMovements 
         first_block += len(tree.blocks)
         own = tree_build.longest_way(tree.children)
         levels, stack = max(levels, own[0]), max(stack, own[1])
-    instances = meshes.instances.copy()
+    instances = meshes.instances()
     instances["root"] = np.array(roots)[meshes.group_of_instance]
     root = roots[0]
     if trees.instances is not None:
-        boxes = np.stack(_instance_boxes(meshes, movements), axis=1)
+        boxes = _instance_boxes(meshes, instances, movements)
         top = tree_build.refit(trees.instances, boxes[trees.instances.blocks[:, 0]])
         nodes.append(_top_nodes(top, first_node))
         above = tree_build.longest_way(top.children)
@@ -479,51 +480,59 @@ def _refit_group(
     moved[own] = np.logical_or.reduce([before.vertices[own, k] != meshes.vertices[own, k] for k in range(3)])
     corners = [np.ascontiguousarray(faces[:, k]) for k in range(3)]
     changed = np.append(
-        np.logical_or.reduce([moved[corner] for corner in corners]), False
+        np.logical_or.reduce([moved.take(corner, mode="clip") for corner in corners]), False
     )  # the last for -1, no triangle
-    touched = np.flatnonzero(np.logical_or.reduce([changed[column] for column in tree.blocks.T]))
+    touched = np.flatnonzero(np.logical_or.reduce([changed.take(column, mode="wrap") for column in tree.blocks.T]))
     boxes = tree_build.leaf_boxes(tree)
     axes = [np.ascontiguousarray(meshes.vertices[:, k]) for k in range(3)]
     for some in np.array_split(touched, -(-len(touched) // (1 << 12)) or 1):
         blocks = tree.blocks[some].T
         blocks = np.where(blocks < 0, blocks[0], blocks)  # the first place of a block has a triangle
-        at = np.concatenate([corner[blocks] for corner in corners])
+        at = np.concatenate([corner.take(blocks, mode="clip") for corner in corners])
         for k, axis in enumerate(axes):
-            points = axis[at]
+            points = axis.take(at, mode="clip")
             boxes[some, 0, k], boxes[some, 1, k] = points.min(axis=0), points.max(axis=0)
     return tree_build.refit(tree, boxes)
 
 
 def _instance_tree(meshes: PackedMeshes, session: Session) -> tree_build.Bvh:
     """Return a tree over the instances as they stand in the scene, about the middle of all of them."""
-    low, high = meshes.boxes[meshes.group_of_instance].transpose(1, 0, 2)
-    offset = meshes.placements[:, :3, 3] + meshes.origins
-    if meshes.groups[0].centre is not None:
-        offset[0] = meshes.groups[0].centre
-    lower, upper = _placed_boxes(meshes.placements[:, :3, :3], offset, low, high)
+    lower, upper = np.empty((2, len(meshes.group_of_instance), 3))
+    centre = meshes.groups[0].centre
+    if centre is not None:
+        lower[:1], upper[:1] = _placed_boxes(np.eye(3)[None], centre[None], *meshes.boxes[:1].transpose(1, 0, 2))
+    for part, groups, placements, origins in meshes.placed():
+        low, high = meshes.boxes[groups].transpose(1, 0, 2)
+        offset = placements[:, :3, 3] + origins
+        lower[part], upper[part] = _placed_boxes(placements[:, :3, :3], offset, low, high)
     middle = (lower.min(axis=0) + upper.max(axis=0)) / 2
-    width, boxes = WIDTH[session.kind], _outwards(lower - middle, upper - middle)
-    return tree_build.build_bvh(*boxes, width=width, leaf_size=1, session=session)
+    lower -= middle
+    upper -= middle
+    return tree_build.build_bvh(*_outwards(lower, upper), width=WIDTH[session.kind], leaf_size=1, session=session)
 
 
 def _instance_boxes(
-    meshes: PackedMeshes, movements: ObjectMovements | None
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the boxes of the instances that rays meet, about the eye."""
+    meshes: PackedMeshes, instances: NDArray[np.void], movements: ObjectMovements | None
+) -> NDArray[np.float32]:
+    """Return the corners (n, 2, 3) of the boxes of the instances that rays meet, about the eye."""
     shifts = np.array([group.shift for group in meshes.groups])
-    boxes = shift_points(meshes.boxes, shifts[:, None]).astype(np.float64)
-    low, high = boxes[meshes.group_of_instance].transpose(1, 0, 2)
-    rows = np.stack([meshes.instances[f"world_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
-    linear, offset = rows[:, :, :3], rows[:, :, 3]
-    lowest, highest = _placed_boxes(linear, offset, low, high)
-    if movements is not None:
-        moves = movements.of_primitive[meshes.instances["first_primitive"], 1] > 0
-        for index in np.flatnonzero(moves).tolist():
-            places = movements.places(int(meshes.instances["first_primitive"][index]))
-            turns, ways = places.matrices[:, :3, :3], places.matrices[:, :3, 3]
-            way = _placed_boxes(turns @ linear[index], turns @ offset[index] + ways, low[index], high[index])
-            lowest[index], highest[index] = places.box(*way, (lowest[index], highest[index]))
-    return _outwards(lowest, highest)
+    of_groups = shift_points(meshes.boxes, shifts[:, None]).astype(np.float64)
+    group_of, found = meshes.group_of_instance, np.empty((len(instances), 2, 3), np.float32)
+    for first in range(0, len(instances), BLOCK):
+        part = slice(first, first + BLOCK)
+        rows = np.stack([instances[f"world_{axis}"][part] for axis in "xyz"], axis=1).astype(np.float64)
+        linear, offset = rows[:, :, :3], rows[:, :, 3]
+        low, high = of_groups[group_of[part]].transpose(1, 0, 2)
+        lowest, highest = _placed_boxes(linear, offset, low, high)
+        if movements is not None:
+            primitives = instances["first_primitive"][part]
+            for index in np.flatnonzero(movements.of_primitive[primitives, 1]).tolist():
+                places = movements.places(int(primitives[index]))
+                turns, ways = places.matrices[:, :3, :3], places.matrices[:, :3, 3]
+                way = _placed_boxes(turns @ linear[index], turns @ offset[index] + ways, low[index], high[index])
+                lowest[index], highest[index] = places.box(*way, (lowest[index], highest[index]))
+        found[part, 0], found[part, 1] = _outwards(lowest, highest)
+    return found
 
 
 def _outwards(lower: Array, upper: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

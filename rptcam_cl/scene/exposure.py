@@ -6,13 +6,22 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.base import AlsoAccepts, SceneModel, listed, refuse, word_for
 from rptcam_cl.scene.camera import Camera, FNumber
 from rptcam_cl.scene.placement import MOST_KEYFRAMES, Keyframe, in_order, place_between
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Duration, Fraction, Moment, list_of
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Duration, Fraction, Moment, Vectors, list_of
 
 # Sequences: keys of a scene that change from frame to frame, by keyframes.
 
@@ -20,11 +29,21 @@ MOST_FRAMES = 1_000_000
 _ROUNDING = 1e-9  # of a number between whole ones, which is whole itself then: seeds and counts must be
 
 
+def _rows_or_plain(value: Any) -> Any:
+    """Return an array of numbers as rows that do not change, which compare by their content; others as they are."""
+    is_array = isinstance(value, np.ndarray) and value.dtype.kind in "iuf"
+    return Vectors(value.astype(np.float64)) if is_array else value
+
+
+def _plain(value: Any) -> Any:
+    return value.plain() if isinstance(value, Vectors) else value
+
+
 class ValueKeyframe(Keyframe):
     """What a key is at a moment."""
 
-    value: Any
-    """As at the key itself; numbers and lists of numbers go straight to the next keyframe, others stay until it."""
+    value: Annotated[Any, BeforeValidator(_rows_or_plain), PlainSerializer(_plain), WithJsonSchema({})]
+    """As at the key itself; numbers, lists and rows of them go straight to the next keyframe, others stay until it."""
 
 
 ValueKeyframes = Annotated[
@@ -102,7 +121,8 @@ def value_at(frames: Sequence[ValueKeyframe], time_s: float) -> Any:
     """Interpolate keyframes at a moment; the ends hold."""
     index, share = place_between(frames, time_s)
     here = frames[index].value
-    return here if share == 0 else _between(here, frames[index + 1].value, share)
+    value = here if share == 0 else _between(here, frames[index + 1].value, share)
+    return value.rows if isinstance(value, Vectors) else value
 
 
 def _is_even(frames: Sequence[ValueKeyframe]) -> bool:
@@ -111,10 +131,13 @@ def _is_even(frames: Sequence[ValueKeyframe]) -> bool:
     return len(shapes) == 1 and None not in shapes
 
 
-def _shape(value: Any) -> int | None:
+def _shape(value: Any) -> tuple[int, ...] | None:
+    if isinstance(value, Vectors):
+        return value.rows.shape
     if isinstance(value, list | tuple):
-        return len(value) if all(map(_is_number, value)) else None
-    return 0 if _is_number(value) else None
+        parts = {_shape(each) for each in value}
+        return None if None in parts or len(parts) != 1 else (len(value), *parts.pop())  # type: ignore[misc]
+    return () if _is_number(value) else None
 
 
 def _between(one: Any, other: Any, share: float) -> Any:
@@ -123,6 +146,9 @@ def _between(one: Any, other: Any, share: float) -> Any:
         if isinstance(one, int) and isinstance(other, int) and abs(value - round(value)) <= _ROUNDING * abs(value):
             return round(value)
         return value
+    if isinstance(one, Vectors) and _shape(other) == _shape(one):
+        end = np.asarray(other.rows if isinstance(other, Vectors) else other)
+        return Vectors(one.rows + share * (end - one.rows))
     if isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
         return [_between(a, b, share) for a, b in zip(one, other, strict=True)]
     return one
@@ -177,7 +203,7 @@ class Shutter(SceneModel):
                 raise refuse(
                     "does not go evenly",
                     got=name,
-                    allowed="numbers, or lists of as many numbers in each keyframe",
+                    allowed="numbers, or lists or rows of as many numbers in each keyframe",
                     path=(name,),
                 )
         return keys

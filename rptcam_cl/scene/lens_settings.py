@@ -151,11 +151,17 @@ class ZonesFile(FileReference):
     """Zones in a text file: a line each of left, right, top and bottom in fractions of the picture."""
 
 
+class FocusMask(FileReference):
+    """A picture of any size that covers the whole picture: focus is on what is brighter than half there."""
+
+
 class AutoFocus(SceneModel):
-    """Autofocus. At most one of `zones`, `zones_from`, `point` and `object`; by default a zone in the middle."""
+    """Autofocus. At most one of `zones`, `zones_from`, `mask`, `point`, `object` and `at`, but that `at` may stand
+    beside `object`; by default a zone in the middle."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives(("zones", "zones_from", "point", "object"), required=False),
+        Alternatives(("zones", "zones_from", "mask", "point", "object"), required=False),
+        Alternatives(("zones", "zones_from", "mask", "point", "at"), required=False),
     )
 
     method: Method = "contrast"
@@ -167,11 +173,18 @@ class AutoFocus(SceneModel):
     zones_from: ZonesFile | None = None
     """The same from a file."""
 
+    mask: FocusMask | None = None
+    """A picture that is bright where to focus: a zone in each of its bright parts."""
+
     point: Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))] | None = None
     """A point of the picture to focus on, as fractions from its left and top edges."""
 
     object: ObjectName | None = None
     """Name of the object to focus on, wherever it is seen."""
+
+    at: Position | None = None
+    """A point of the scene to focus on [scene units]; with `object` in the coordinates of that object's own keys or
+    file, with which it moves: an eye of a face."""
 
     policy: Policy = "closest"
     """Which of several zones decides."""
@@ -690,6 +703,7 @@ Text = Annotated[str, Field(max_length=_MAX_TEXT)]
 _OF_SURFACES = ("radius_percent", "radius_mm", "radius_fringes", "spacing_mm")
 _OF_ELEMENTS = ("thickness_mm", "thickness_percent", "index", "abbe_percent", "wedge_arcmin", "wedge_um")
 OF_EITHER = ("decentre_mm", "tilt_arcmin", "tilt_um")
+ADJUSTABLE = ("spacing_mm", *OF_EITHER)  # in a copy that is made
 
 
 class Tolerance(SceneModel):
@@ -818,6 +832,10 @@ class Tolerances(SceneModel):
     tolerances: Annotated[tuple[Tolerance, ...], Field(max_length=1000)]
     """The tolerances."""
 
+    compensators: Annotated[tuple[Tolerance, ...], Field(max_length=20)] = ()
+    """What is adjusted in each copy until its spots are least, and how far either way: spacing_mm, decentre_mm,
+    tilt_arcmin or tilt_um of one thing each."""
+
     distribution: Distribution = "uniform"
     """How copies differ within a tolerance: evenly, normally with the tolerance as the limit, or at its ends."""
 
@@ -844,6 +862,20 @@ class Tolerances(SceneModel):
 
     merit: Merit = Merit()
     """By what copies are judged."""
+
+    @model_validator(mode="after")
+    def _check_compensators(self) -> Self:
+        for number, one in enumerate(self.compensators):
+            path: tuple[str, int] = ("compensators", number)
+            if one.quantity not in ADJUSTABLE:
+                raise refuse("cannot be adjusted", allowed=", ".join(ADJUSTABLE), path=(*path, one.quantity))
+            if one.distribution is not None or one.sigmas is not None:
+                key = "sigmas" if one.distribution is None else "distribution"
+                raise refuse("is of tolerances; a compensator is adjusted", path=(*path, key))
+            named = one.group[:1] if one.group else one.surfaces or one.elements or ()
+            if len(named) != 1:
+                raise refuse("needs one surface, element or group", path=path)
+        return self
 
 
 _OPTIMAX = "Optimax Systems, Manufacturing Tolerance Chart, {}; spacing as its sag, mounts as its diameter and wedge"

@@ -562,8 +562,9 @@ def _with_files(scene: Scene, where: Where, missing: Missing, before: Scene | No
                 reference.hold(reference.stand_in)
             continue
         if isinstance(reference, Instances):
-            reference.matrices(scene.folders)
+            table = reference.matrices(scene.folders)
             _check_instances(scene, path[:2], where)
+            del table  # read once for both checks
     if fatal or (missing == "error" and (without or pictures)):
         raise MissingFileError("\n".join(dict.fromkeys((*without, *pictures, *fatal))))
     stand_ins = (
@@ -578,14 +579,13 @@ def _new_references(scene: Scene, before: Scene | None) -> Iterator[tuple[KeyPat
     if before is None:
         yield from file_references(scene)
         return
-    sections = [name for name in Scene.model_fields if getattr(scene, name) is not getattr(before, name)]
-    known = {id(part) for name in sections for _, part in _items(getattr(before, name))}
-    if "objects" in sections:
-        known |= scene.checked
-    for name in sections:
-        for path, part in _items(getattr(scene, name)):
-            if id(part) not in known:
-                yield from file_references(part, (name, *path))
+    for name in Scene.model_fields:
+        section, earlier = getattr(scene, name), getattr(before, name)
+        if section is earlier:
+            continue
+        known = scene.checked if name == "objects" else {id(part) for _, part in _items(earlier)}
+        for path, part in [each for each in _items(section) if id(each[1]) not in known]:
+            yield from file_references(part, (name, *path))
 
 
 def _check_instances(scene: Scene, path: KeyPath, where: Where) -> None:
@@ -615,21 +615,24 @@ def _check_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tupl
     """Return the objects without those whose mesh is missing, and what there is to say of these."""
     absent: list[str] = []
     scene.report_missing_pictures(absent)
-    kept: list[Object] = []
+    gone: set[int] = set()
     without: list[str] = []
     checked = scene.checked
-    for index, item in enumerate(scene.objects):
+    new = [each for each in enumerate(scene.objects) if id(each[1]) not in checked]
+    for index, item in new:
+        if not isinstance(item, MeshObject):
+            continue
         try:
-            if id(item) not in checked and isinstance(item, MeshObject):
-                _check_mesh(scene, item, index, where)
-            kept.append(item)
+            _check_mesh(scene, item, index, where)
         except MissingFileError as problem:
             without.append(str(problem))
+            gone.add(index)
         if absent:
-            key: KeyPath = ("objects", index, "mesh" if isinstance(item, MeshObject) and item.mesh else "file")
+            key: KeyPath = ("objects", index, "mesh" if item.mesh else "file")
             pictures += [f"{where(key, False)}{dotted(key)}: {text}" for text in absent]
         absent.clear()
-    return tuple(kept), without
+    kept = tuple(item for index, item in enumerate(scene.objects) if index not in gone) if gone else scene.objects
+    return kept, without
 
 
 def _check_mesh(scene: Scene, item: MeshObject, index: int, where: Where) -> None:
@@ -806,11 +809,12 @@ def _objects(scene: Scene, before: Mapping[str, Any], data: Mapping[str, Any], t
         return [_with_material_name(plain, names) for plain in wanted]
     known = {id(plain): item for plain, item in zip(listed, scene.objects, strict=False)}
     objects = [known.get(id(plain), plain) for plain in wanted]
-    for index, (data_of, item) in enumerate(zip(wanted, objects, strict=True)):
-        if touched and item is not data_of and _mixes_its_own(item, names):
-            objects[index] = _with_material_name(data_of, names)
-        elif item is data_of and index < len(listed):
-            objects[index] = _with_known_lists(data_of, listed[index], scene.objects[index])
+    if touched:
+        for index, item in enumerate(objects):
+            if item is not wanted[index] and _mixes_its_own(item, names):
+                objects[index] = _with_material_name(wanted[index], names)
+    for index in [index for index, item in enumerate(objects[: len(listed)]) if item is wanted[index]]:
+        objects[index] = _with_known_lists(wanted[index], listed[index], scene.objects[index])
     return objects
 
 

@@ -38,7 +38,7 @@ from rptcam_cl.scene.base import Alternatives, SceneModel, describe, number_at, 
 from rptcam_cl.scene.file_materials import FileMaterial, material_of
 from rptcam_cl.scene.materials import Material
 from rptcam_cl.scene.placement import MATERIAL_NAME, Bounds, PlacedObject
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, Moment
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, Moment, Vectors
 
 # Mesh files by their suffix.
 
@@ -101,27 +101,6 @@ def read_mesh_file(path: Path, find: Find, *, painted: bool = True, time_s: floa
 # Lists of vectors and faces written out in a scene, or given as arrays from Python.
 
 _NORMALS_MODES: tuple[NormalsMode, ...] = ("auto", "smooth", "flat")
-
-
-class Vectors:
-    """Rows of numbers that do not change: `rows` is an (n, k) float64 array."""
-
-    def __init__(self, rows: NDArray[np.float64]) -> None:
-        rows.setflags(write=False)
-        self.rows = rows
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Vectors) and np.array_equal(self.rows, other.rows)
-
-    def __hash__(self) -> int:
-        return hash(self.rows.tobytes())
-
-    def plain(self) -> list[Any]:
-        """Return the rows as lists."""
-        return list(self.rows.tolist())
 
 
 class FaceLists:
@@ -264,6 +243,7 @@ class MeshLibrary:
         self._meshes: dict[str, Mesh] = {}
         self._materials: dict[FileMaterial, Material] = {}
         self._loaded: dict[int, LoadedMesh] = {}  # by the identity of its item
+        self._solids: tuple[tuple[Any, ...], tuple[Any, ...]] = (), ()  # found last, and for which objects
 
     def begun_anew(self, objects: Iterable[object], absent: list[str]) -> MeshLibrary:
         """Return a library that has of this one what it loaded for some objects, and what these are made of."""
@@ -306,6 +286,13 @@ class MeshLibrary:
             contents = self._contents(item)
             self._loaded[key] = LoadedMesh(item, contents, self._shown(item, contents))
         return self._loaded[key]
+
+    def solids(self, objects: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Return objects with those of meshes as they are loaded."""
+        if self._solids[0] is not objects:
+            load = self.load
+            self._solids = objects, tuple(load(item) if isinstance(item, MeshObject) else item for item in objects)
+        return self._solids[1]
 
     def _contents(self, item: MeshObject) -> MeshContents:
         source, mode, painted = self._source(item), item.normals_mode, item.material is None

@@ -7,7 +7,7 @@ import math
 import zipfile
 import zlib
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -354,6 +354,7 @@ def quaternion_of(matrix: Matrix) -> Vector:
 # Tables of places, beside the scene: a forest, a crowd, the atoms of a crystal.
 
 _MOST_PLACES = 1 << 26  # of one table
+_BLOCK = 1 << 14  # places of which something is worked out at a time
 _TABLE_KEYS = "allowed: matrices (n, 3, 4), or positions (n, 3) and perhaps scales (n,)"
 
 
@@ -366,6 +367,13 @@ class Instances(FileReference):
     _sound: Any = PrivateAttr(None)
     """The content whose places are known to be sound: bytes, or a path with the size and time of its file."""
 
+    def content(self, folders: Folders) -> bytes | tuple[str, int, int]:
+        """Identify the table: its bytes, or the path, size and time of its file."""
+        source = self.source(folders)
+        if isinstance(source, bytes):
+            return source
+        return str(source), source.stat().st_size, source.stat().st_mtime_ns
+
     def matrices(self, folders: Folders) -> Matrix:
         """Find the matrices that take the object, after its transform, to its places (n, 3, 4).
 
@@ -377,12 +385,11 @@ class Instances(FileReference):
         InputError
             When the file has no such table, or places something where float32 cannot.
         """
-        source = self.source(folders)
-        content = source if isinstance(source, bytes) else (source, source.stat().st_size, source.stat().st_mtime_ns)
+        content = self.content(folders)
         matrices = _TABLES.get(content)
         if matrices is None:
             try:
-                matrices = _read_places(source)
+                matrices = _read_places(self.source(folders))
                 if self._sound != content:
                     _check_places(matrices)
             except InputError as problem:
@@ -435,15 +442,10 @@ def _numbers(array: NDArray[Any]) -> Matrix:
 
 
 def _check_places(matrices: Matrix) -> None:
-    """Refuse places that `_check_invertible` refuses; one product of stretches spares most their exact ones."""
-    linear = matrices[:, :, :3]
-    with np.errstate(all="ignore"):
-        norm = np.sqrt(np.einsum("nij,nij->n", linear, linear))
-        volume = np.abs(np.einsum("ni,ni->n", linear[:, 0], np.cross(linear[:, 1], linear[:, 2])))
-        is_sound = volume > 0.5 * norm**3 * SMALLEST_STRETCH_RATIO  # the least stretch is at least 2 volume / norm²
-        is_sound &= 2 * volume > norm**2 / LARGEST_COORDINATE
-        is_sound &= np.abs(matrices).max(axis=(1, 2)) <= LARGEST_COORDINATE
-    for index in np.flatnonzero(~is_sound):
+    """Refuse places that `_check_invertible` refuses."""
+    starts = range(0, len(matrices), _BLOCK)
+    doubtful = [start + _doubtful(matrices[start : start + _BLOCK]) for start in starts]
+    for index in np.concatenate(doubtful):
         try:
             if not np.isfinite(matrices[index]).all():
                 raise refuse("holds numbers that are not finite", allowed="numbers")
@@ -451,6 +453,18 @@ def _check_places(matrices: Matrix) -> None:
         except PydanticCustomError as problem:
             details = problem.context or {}
             raise InputError(f"place {index} {details['problem']} (allowed: {details['allowed']})") from None
+
+
+def _doubtful(matrices: Matrix) -> NDArray[np.int64]:
+    """Return which places may be unsound; one product of stretches spares most their exact ones."""
+    linear = matrices[:, :, :3]
+    with np.errstate(all="ignore"):
+        norm = np.sqrt(np.einsum("nij,nij->n", linear, linear))
+        volume = np.abs(np.einsum("ni,ni->n", linear[:, 0], np.cross(linear[:, 1], linear[:, 2])))
+        is_sound = volume > 0.5 * norm**3 * SMALLEST_STRETCH_RATIO  # the least stretch is at least 2 volume / norm²
+        is_sound &= 2 * volume > norm**2 / LARGEST_COORDINATE
+        is_sound &= np.abs(matrices).max(axis=(1, 2)) <= LARGEST_COORDINATE
+    return np.flatnonzero(~is_sound)
 
 
 # What the objects of a scene have in common.
@@ -522,14 +536,20 @@ class PlacedObject(SceneModel):
         """Return its way through the keyframes, None where it has none."""
         return Trajectory(self.motion) if self.motion else None
 
-    def places(self, folders: Folders, time_s: float) -> NDArray[np.float64]:
+    def places(self, folders: Folders, time_s: float, some: slice = slice(None)) -> NDArray[np.float64]:
         """Return the matrices that place the object in the world at a moment (n, 4, 4), one for each instance."""
         if self.instances is None:
             return self.placed_at(time_s)[None]
-        rows = self.instances.matrices(folders)
+        rows = self.instances.matrices(folders)[some]
         places = np.zeros((len(rows), 4, 4))
         places[:, :3], places[:, 3, 3] = rows @ self.world_from_object, 1.0
         return places if self.trajectory is None else self.trajectory.at(time_s) @ places
+
+    def place_blocks(self, folders: Folders, time_s: float) -> Iterator[NDArray[np.float64]]:
+        """Yield the same some at a time: what is worked out of them takes no memory beside a table then."""
+        table = None if self.instances is None else self.instances.matrices(folders)
+        for first in range(0, 1 if table is None else len(table), _BLOCK):
+            yield self.places(folders, time_s, slice(first, first + _BLOCK))
 
     def placed_at(self, time_s: float) -> NDArray[np.float64]:
         """Return the 4x4 matrix that places the object in the world at a moment: its transform, then its motion."""

@@ -657,6 +657,30 @@ Moment = Annotated[
 ]
 
 
+# Rows of numbers.
+
+
+class Vectors:
+    """Rows of numbers that do not change: `rows` is an (n, k) float64 array."""
+
+    def __init__(self, rows: NDArray[np.float64]) -> None:
+        rows.setflags(write=False)
+        self.rows = rows
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Vectors) and np.array_equal(self.rows, other.rows)
+
+    def __hash__(self) -> int:
+        return hash(self.rows.tobytes())
+
+    def plain(self) -> list[Any]:
+        """Return the rows as lists."""
+        return list(self.rows.tolist())
+
+
 # Vectors of three numbers, for which numpy's functions for arrays of them take ten times as long.
 
 

@@ -83,11 +83,14 @@ def check_extent(item: Object, solid: Solid, path: tuple[str | int, ...], folder
         reach, extent = float(np.abs(to_world(item, np.array([item.point]), folders)).max()), np.inf
     else:
         # of boxes, the bounds of their corners follow from the middle and the half sides, however many places there are
-        places = item.world_from_object[None] if folders is None else item.places(folders, 0.0)
+        blocks = [item.world_from_object[None]] if folders is None else item.place_blocks(folders, 0.0)
         low, high = np.array(solid.bounds(), np.float64)
-        middle = places[:, :3, :3] @ (low / 2 + high / 2) + places[:, :3, 3]
-        half = np.abs(places[:, :3, :3]) @ (high / 2 - low / 2)
-        reach, extent = float((np.abs(middle) + half).max()), 2 * float(half.max(axis=1).min())
+        reach, extent = 0.0, np.inf
+        for places in blocks:
+            middle = places[:, :3, :3] @ (low / 2 + high / 2) + places[:, :3, 3]
+            half = np.abs(places[:, :3, :3]) @ (high / 2 - low / 2)
+            reach = max(reach, float((np.abs(middle) + half).max()))
+            extent = min(extent, 2 * float(half.max(axis=1).min()))
     if reach > 4 * LARGEST_COORDINATE:
         allowed = f"coordinates up to {LARGEST_COORDINATE:g}"
         raise refuse("reaches too far for float32", got=reach, allowed=allowed, path=path)
@@ -254,7 +257,7 @@ def _inside_warnings(camera: Camera, shutter: Shutter, objects: Objects, folders
         f"the camera stands inside objects[{index}]"
         for index, (item, solid) in enumerate(objects)
         if not (isinstance(item, Plane) or _has_medium(solid))
-        and holds_eye(solid, item.places(folders, shutter.open_s), eye)
+        and any(holds_eye(solid, places, eye) for places in item.place_blocks(folders, shutter.open_s))
     ]
 
 
@@ -494,8 +497,7 @@ class Scene(SceneModel):
 
     def solids(self) -> tuple[Solid, ...]:
         """Return the shape and materials of each object, those of meshes from their files."""
-        load = self._library.load
-        return tuple(load(item) if isinstance(item, MeshObject) else item for item in self.objects)
+        return self._library.solids(self.objects)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -34,8 +34,9 @@ _SPECTRUM_KEYS = LightSpectrum.model_fields.keys() - {"scale"}  # textures have 
 class Mapping(SceneModel):
     """Coordinates that follow from where in the scene a point of a surface lies, in place of its own u and v."""
 
-    kind: Literal["space", "spherical", "cylindrical"] = "space"
-    """What the coordinates are: x, y and z; angles about z, from +z and round it; or round it and along it."""
+    kind: Literal["space", "spherical", "cylindrical", "round"] = "space"
+    """What the coordinates are: x, y and z; angles about z, from +z and round it; round it and along it; or round it
+    and the cosine of that from +z."""
 
     matrix: AffineRows = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))
     """Rows of the matrix that takes the scene to the frame of the texture, 3x4, or 4x4 with [0, 0, 0, 1]."""
@@ -220,16 +221,20 @@ class Marble(Blend):
     tint: PatternAlbedo = (1.0, 1.0, 1.0)
     """Factor on the colours; channels 0 to 1."""
 
+    form: Literal["pbrt-v4", "pbrt-v3"] = "pbrt-v4"
+    """Which pbrt's colours: those of v3 go on beyond the second of their six pieces, here within 0 to 1."""
+
     @property
     def colours(self) -> tuple[Colour, Colour]:
         """The darkest and the lightest of its veins."""
         red, green, blue = self.tint
-        return (0.3 * red, 0.3 * green, 0.495 * blue), (0.9 * red, 0.885 * green, 0.9 * blue)
+        light = (0.9 * red, 0.885 * green, 0.9 * blue) if self.form == "pbrt-v4" else self.tint
+        return (0.3 * red, 0.3 * green, 0.495 * blue), light
 
     @property
     def share(self) -> float:
         """Share of the light colour in the mean."""
-        return 0.843
+        return {"pbrt-v4": 0.843, "pbrt-v3": 0.914}[self.form]
 
 
 class Dots(Blend):
@@ -276,9 +281,6 @@ class ImageTexture(FileReference, Pattern):
     """Factor on the linear values: a number, or [red, green, blue]."""
 
 
-Texture = Checker | Grid | Gradient | Noise | Perlin | Marble | Dots | ImageTexture
-
-
 def _texture_form(value: Any) -> str | None:
     """Return which form a textured parameter has: a constant (also as a spectrum), or the kind of texture."""
     if isinstance(value, dict):
@@ -289,7 +291,7 @@ def _texture_form(value: Any) -> str | None:
     return str(getattr(value, "kind", CONSTANT))
 
 
-Textured = (
+_Pattern = (
     Annotated[Checker, Tag("checker")]
     | Annotated[Grid, Tag("grid")]
     | Annotated[Gradient, Tag("gradient")]
@@ -299,9 +301,61 @@ Textured = (
     | Annotated[Dots, Tag("dots")]
     | Annotated[ImageTexture, Tag("image")]
 )
+_Part = Annotated[
+    Annotated[Albedo, Tag(CONSTANT)] | _Pattern | Annotated["Mixture", Tag("mixture")], Discriminator(_texture_form)
+]
+MOST_NESTED = 3  # mixtures in mixtures
+
+
+class Mixture(SceneModel):
+    """Two textures or colours, mixed by a third: channel by channel `first` (1 - `amount`) + `second` `amount`.
+
+    With a black `first` it is a product.
+    """
+
+    kind: Literal["mixture"]
+    """Kind of texture."""
+
+    first: _Part = (0.0, 0.0, 0.0)
+    """What is seen where `amount` is 0."""
+
+    second: _Part = (1.0, 1.0, 1.0)
+    """What is seen where `amount` is 1."""
+
+    amount: _Part = (0.5, 0.5, 0.5)
+    """Share of `second`, in each channel."""
+
+    @model_validator(mode="after")
+    def _check_depth(self) -> Self:
+        if self.depth > MOST_NESTED:
+            raise refuse("are too many mixtures in mixtures", got=self.depth, allowed=f"at most {MOST_NESTED}")
+        return self
+
+    @property
+    def parts(self) -> tuple[Any, Any, Any]:
+        """What is mixed, and by what."""
+        return self.first, self.second, self.amount
+
+    @property
+    def mapping(self) -> Mapping | None:
+        """The first of its parts' coordinates by the place in the scene, if any has such."""
+        found = (part.mapping for part in self.parts if not isinstance(part, tuple))
+        return next((each for each in found if each is not None), None)
+
+    @property
+    def depth(self) -> int:
+        """How many mixtures stand in each other."""
+        return 1 + max(part.depth if isinstance(part, Mixture) else 0 for part in self.parts)
+
+
+Textured = _Pattern | Annotated[Mixture, Tag("mixture")]
 Reflectance = Annotated[Annotated[Albedo, Tag(CONSTANT)] | Textured, Discriminator(_texture_form)]
 Share = Annotated[Annotated[Fraction, Tag(CONSTANT)] | Textured, Discriminator(_texture_form)]
 Emission = Annotated[Annotated[Radiance, Tag(CONSTANT)] | Textured, Discriminator(_texture_form)]
+
+
+SinglePattern = Checker | Grid | Gradient | Noise | Perlin | Marble | Dots | ImageTexture
+Texture = SinglePattern | Mixture
 
 
 # Pictures of normals and of brushing, and heights.
@@ -340,7 +394,7 @@ class AnisotropyMap(ImageTexture):
 class Bump(SceneModel):
     """Heights by which a surface is shaded as if it were uneven; its outline stays as it is (Blinn 1978)."""
 
-    texture: Annotated[Textured, Discriminator(_texture_form)]
+    texture: Annotated[_Pattern, Discriminator(_texture_form)]
     """Heights: the first channel of a texture, linear."""
 
     height: Annotated[float, Field(ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE), NUMBER] = 1.0

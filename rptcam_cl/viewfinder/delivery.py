@@ -18,7 +18,7 @@ from rptcam_cl.viewfinder import instruments, messages
 from rptcam_cl.viewfinder.background import BackgroundTask, BackgroundThread
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, LensPanel, focus_scale, nearest_focus_m, perspective
 from rptcam_cl.viewfinder.moves import field_at_one
-from rptcam_cl.viewfinder.panel import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Panel, ev_text
+from rptcam_cl.viewfinder.panel import BODIES, EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Panel, ev_text
 from rptcam_cl.viewfinder.slot import Shown, Slot
 from rptcam_cl.viewfinder.studio import Studio
 from rptcam_cl.viewfinder.things import fields_of, things_message
@@ -314,6 +314,7 @@ def _optics(panel: Panel) -> list[Entry]:
         _focus(panel),
         _zoom(panel),
         *_stop(panel),
+        _choice("body", "body", panel.dials.body, {None: "any"} | {name: each.label for name, each in BODIES.items()}),
         _choice("format", "film", film_format, ({} if film_format else {None: size}) | formats, detail=size),
     ]  # fmt: skip
 
@@ -371,6 +372,7 @@ def _development(panel: Panel) -> list[Entry]:
     if value == "own":
         words = {"own": "set by hand"} | words
     kelvin = None if balance is None else balance.temperature_k
+    tables = all_dials.tables_of(panel.scene)
     tone: str = picture.tone.kind
     tones = {name: name for name in TONES}
     if picture.ocio is not None:  # until another is chosen
@@ -382,6 +384,7 @@ def _development(panel: Panel) -> list[Entry]:
             min=COOLEST, max=HOTTEST, step=50, start=KELVIN.get(value, SRGB_KELVIN),
         ),
         _choice("tone", "tone", tone, tones),
+        _choice("lut", "LUT", picture.lut, {None: "none"} | {name: name for name in tables}, enabled=bool(tables)),
     ]  # fmt: skip
 
 

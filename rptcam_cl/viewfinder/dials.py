@@ -29,6 +29,7 @@ from rptcam_cl.scene.load import change_scene, with_camera
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, nearest_focus_m, perspective
 from rptcam_cl.viewfinder.panel import (
+    BODIES,
     F_NUMBERS,
     KEPT,
     SPEEDS,
@@ -60,6 +61,7 @@ from rptcam_cl.viewfinder.panel import (
 SUFFIXES = (".yaml", ".yml", ".json", ".dat", ".zmx", ".seq", ".txt")
 _MIXED = (".yaml", ".yml", ".json")
 FOLDERS = ("", "lenses")  # of the scene's folder, that are searched
+TABLE_FOLDERS = ("", "luts")  # the same for tables of colours
 MOST_FILES = 1000
 MOST_BYTES = 1 << 20
 
@@ -120,14 +122,24 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _candidates(folders: Folders) -> list[os.DirEntry[str]]:
+def _candidates(
+    folders: Folders, suffixes: tuple[str, ...] = SUFFIXES, among: tuple[str, ...] = FOLDERS
+) -> list[os.DirEntry[str]]:
     """Return the files of the scene's folders that may be lenses by their suffix, in the order of names."""
     found: list[os.DirEntry[str]] = []
-    for folder in FOLDERS:
+    for folder in among:
         with contextlib.suppress(OSError), os.scandir(folders.base / folder) as entries:
-            files = [each for each in entries if each.name.lower().endswith(SUFFIXES) and each.is_file()]
+            files = [each for each in entries if each.name.lower().endswith(suffixes) and each.is_file()]
             found += sorted(files, key=lambda each: each.path)
     return found
+
+
+def tables_of(scene: Scene) -> tuple[str, ...]:
+    """Return the tables of colours that a scene can be shown by: those that lie in its folder, or its own."""
+    files = _candidates(scene.folders, (".cube",), TABLE_FOLDERS)[:MOST_FILES]
+    names = [Path(each.path).relative_to(scene.folders.base).as_posix() for each in files]
+    own = scene.picture.lut
+    return tuple(dict.fromkeys([*([] if own is None else [own]), *names]))
 
 
 def files_left_out(scene: Scene) -> int:
@@ -706,7 +718,23 @@ def turn_format(panel: Panel, value: Any) -> Turn:
     name = word("format", value, tuple(SIDES_MM))
     film = change_scene(panel.scene, film=dict.fromkeys(SIZES) | {"format": name})
     size = film_mm(film)
-    return Turn(replace(panel.dials, whole_mm=size, cropped_mm=size), {"film.format": name})
+    return Turn(replace(panel.dials, whole_mm=size, cropped_mm=size, body=None), {"film.format": name})
+
+
+def turn_body(panel: Panel, value: Any) -> Turn:
+    """Take a camera body by name: its sensor, as far as the picture fills it, and its speeds; None takes no other."""
+    if value is None:
+        return Turn(replace(panel.dials, body=None))
+    body = BODIES[word("body", value, tuple(BODIES))]
+    width_mm = body.width_mm(panel.scene.film.resolution)
+    size = film_mm(change_scene(panel.scene, film=dict.fromkeys(SIZES) | {"width_mm": width_mm}))
+    held = replace(panel, dials=replace(panel.dials, whole_mm=size, cropped_mm=size, body=value))
+    turned = held.same()
+    if panel.dials.mode != "relative":
+        low, high = body.iso
+        iso, messages = _clamp(panel.settings.iso, held.limits.iso, f"{body.label} has ISO {low:g} to {high:g}")
+        turned = _relink(held, replace(panel.settings, iso=iso), messages)
+    return replace(turned, changes={**turned.changes, "film.width_mm": width_mm})
 
 
 BALANCES = (NO_BALANCE, *LIGHTS)
@@ -735,6 +763,11 @@ def turn_tone(panel: Panel, value: Any) -> Turn:
     return Turn(panel.dials, {"picture.tone": word("tone", value, TONES)})
 
 
+def turn_lut(panel: Panel, value: Any) -> Turn:
+    """Show the picture by a table of colours beside the scene; by none with None."""
+    return Turn(panel.dials, {"picture.lut": None if value is None else word("lut", value, tables_of(panel.scene))})
+
+
 DIALS: dict[str, Callable[[Panel, Any], Turn]] = {
     "mode": turn_mode,
     "f_number": turn_f_number,
@@ -750,9 +783,11 @@ DIALS: dict[str, Callable[[Panel, Any], Turn]] = {
     "stop": turn_stop,
     "blades": turn_blades,
     "format": turn_format,
+    "body": turn_body,
     "white_balance": turn_white_balance,
     "temperature_k": turn_temperature,
     "tone": turn_tone,
+    "lut": turn_lut,
 }
 
 

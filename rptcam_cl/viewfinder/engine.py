@@ -13,13 +13,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from rptcam_cl.api.sweeping import focus_stack
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
 from rptcam_cl.core.files import give_back
 from rptcam_cl.core.remember import CancelledError, cancellable
+from rptcam_cl.imaging.image import Image
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.probe import FocusReport, Probe
 from rptcam_cl.viewfinder import messages, timeline
-from rptcam_cl.viewfinder.background import Background, BackgroundTask
+from rptcam_cl.viewfinder.background import Background, BackgroundTask, BackgroundThread
 from rptcam_cl.viewfinder.delivery import MOST_CLIENTS, Delivery, Reports
 from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, turn_focus, zoom_by
 from rptcam_cl.viewfinder.moves import (
@@ -57,7 +59,7 @@ class Requests:
     def __init__(self, studio: Studio, background: Background) -> None:
         self._studio = studio
         self._searching, self._saving = background.worker("focus"), background.worker("save")
-        self._selecting = background.worker("select")
+        self._selecting, self._stacking = background.worker("select"), background.worker("stack")
         self.history = History(studio)
         self._acted = False  # whether somebody changed something since the last state was noted
         self._waiting: list[messages.Request] = []
@@ -73,6 +75,7 @@ class Requests:
             "magnify": self._magnify,
             "compare": self._compare,
             "save": self._save,
+            "stack": self._stack,
             "scene": self._text,
             "command": self._text,
             "pause": self._pause,
@@ -307,6 +310,50 @@ class Requests:
 
         self._saving.start(BackgroundTask(f"saving {name}", work, done, failed))
 
+    def _supersede(self, worker: BackgroundThread) -> None:
+        """End the tasks of a worker whose keys are requests, and say so to their clients."""
+        for task in worker.tasks:
+            if isinstance(task.key, tuple):
+                task.key[0].done(task.key[1].id, self._studio.generation, superseded=True)
+        worker.end()
+
+    def _stack(self, client: messages.Client, message: messages.Stack) -> None:
+        """Render many focuses of the scene that is shown, with the samples that it has, beside the picture."""
+        self._supersede(self._stacking)
+        slot, near_m, far_m = self._studio.slot("A"), message.near_m, message.far_m
+        if near_m is None or far_m is None:
+            client.done(message.id, self._studio.generation)
+            return
+        scene, device, spp = slot.scene, slot.session.device.beside(), max(slot.session.spp, 1)
+        pictures: dict[str, bytes] = {}
+
+        def work(task: BackgroundTask) -> tuple[str, str, bytes]:
+            def say(number: int, count: int, _: float) -> None:
+                task.text = f"focus stack, picture {number} of {count}"
+
+            def keep(number: int, distance_m: float, image: Image) -> None:
+                name = messages.file_name(f"{message.name} {number} at {distance_m:.4g} m", message.format)
+                pictures[name] = messages.file_bytes(image, message.format)
+
+            stacked = focus_stack(
+                scene, near_m, far_m, steps=message.steps, spp=spp, device=device, on_picture=say,
+                on_image=keep if message.pictures else None,
+            )  # fmt: skip
+            name = messages.file_name(message.name, message.format)
+            data = messages.file_bytes(stacked, message.format)
+            if not message.pictures:
+                return name, messages.FILE_MEDIA[message.format], data
+            return f"{message.name}.zip", messages.ZIP, messages.zipped({name: data, **pictures})
+
+        def done(file: tuple[str, str, bytes]) -> None:
+            name, media, data = file
+            client.outbox.answer({"type": "file", "id": message.id, "name": name, "media": media}, data)
+
+        def failed(problem: Exception) -> None:
+            client.error(text_of(problem), message.id, "save", place_of(str(problem)))
+
+        self._stacking.start(BackgroundTask("focus stack", work, done, failed, (client, message)))
+
     def _text(self, client: messages.Client, message: messages.TextRequest) -> None:
         slot, origin = self._studio.slot(message.slot), self._studio.origin
         if message.type == "scene":
@@ -356,10 +403,7 @@ class Requests:
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "change")
 
-        for task in self._selecting.tasks:
-            if isinstance(task.key, tuple):
-                task.key[0].done(task.key[1].id, studio.generation, superseded=True)
-        self._selecting.end()
+        self._supersede(self._selecting)
         if message.x is None or message.y is None:
             select(message.name)
         else:
@@ -440,7 +484,7 @@ class Requests:
 _CHANGE_THE_CAMERA = ("set", "dial", "move", "time", "lamp", "add")
 _LEAVES_FOCUS = {"exposure", "picture", "sensor", "sequence"}  # parts whose change leaves a search for focus as it is
 _LEAD_TO_STATES = ("set", "dial", "move", "reset", "focus", "autofocus", "compare", "lamp", "add")
-_WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify", "select")
+_WITH_OWN_ANSWER = ("focus", "autofocus", "save", "stack", "scene", "command", "pointer", "magnify", "select")
 
 
 # The thread that owns the device: it answers requests, renders what somebody waits for, and sleeps otherwise.
@@ -709,12 +753,15 @@ class Engine:
         self._interrupted = False
         if not self._inbox.is_empty or self._ends.is_set():
             return
-        with contextlib.suppress(CancelledError), cancellable(self._check):
-            frame = slot.refine(lambda: not self._interrupted)
-            if frame is not None:
-                begun = time.monotonic()
-                slot.show(frame, False, answers)
-                self._refined, self._show_s = slot, time.monotonic() - begun
+        try:
+            with cancellable(self._check):
+                frame = slot.refine(lambda: not self._interrupted)
+                if frame is not None:
+                    begun = time.monotonic()
+                    slot.show(frame, False, answers)
+                    self._refined, self._show_s = slot, time.monotonic() - begun
+        except CancelledError:
+            slot.leave_unread()
 
 
 # The viewfinder of one scene, for any number of pages over any transport.

@@ -8,6 +8,7 @@ import math
 import re
 import struct
 import threading
+import zipfile
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import field, replace
 from pathlib import Path
@@ -35,6 +36,7 @@ Codes = NDArray[np.uint8]
 Format = Literal["jpeg", "webp", "png"]
 MEDIA = {"jpeg": "image/jpeg", "webp": "image/webp", "png": "image/png"}
 FILE_MEDIA = {"png": "image/png", "jpeg": "image/jpeg", "exr": "image/x-exr", "dng": "image/x-adobe-dng"}
+ZIP = "application/zip"
 NO_RAW = "a DNG holds what a sensor puts out (allowed: scenes with `sensor: {}`)"
 _SUFFIXES = {"png": ".png", "jpeg": ".jpg", "exr": ".exr", "dng": ".dng"}
 _OPTIONS: dict[str, dict[str, Any]] = {
@@ -92,6 +94,15 @@ def exposed_longer(image: Image, ev: float) -> Image:
     return replace(
         image, pixels=image.pixels * np.float32(factor), metadata=image.metadata | {"bracket_ev": ev} | timed
     )
+
+
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    """Return an archive of files by name, which are compressed already."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return stream.getvalue()
 
 
 def file_bytes(image: Image, kind: str) -> bytes:
@@ -279,6 +290,18 @@ class Save(Message):
     """Stops that it is exposed longer: one of a bracket."""
 
 
+class Stack(Message):
+    """One picture that is sharp from a near to a far distance, or with all that it is made of; without these: none."""
+
+    type: Literal["stack"]
+    near_m: Annotated[float, Field(gt=0)] | None = None
+    far_m: Annotated[float, Field(gt=0)] | None = None
+    steps: Annotated[int, Field(ge=3, le=100)] | None = None
+    pictures: bool = False
+    format: Literal["png", "jpeg", "exr"] = "png"
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-][A-Za-z0-9_ .-]{0,79}$")] = "picture"
+
+
 class TextRequest(Message):
     """The scene as YAML, or the command that renders the same."""
 
@@ -363,7 +386,7 @@ class Denoise(Message):
 
 AnyMessage = (
     Hello | Ack | ViewRequest | Set | Dial | Move | Reset | FocusRequest | Autofocus | Pointer | Magnify | Compare
-    | Save | TextRequest | Signal | Denoise | HistoryRequest | Time | Select | Lamp | Add
+    | Save | Stack | TextRequest | Signal | Denoise | HistoryRequest | Time | Select | Lamp | Add
 )  # fmt: skip
 _READER: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 

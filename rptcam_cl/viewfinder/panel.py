@@ -360,6 +360,50 @@ def ev_text(ev: float) -> str:
 
 
 AUTO_ISO = (100.0, 102400.0)
+
+
+@dataclass(frozen=True)
+class Body:
+    """A camera body by its maker's figures.
+
+    Attributes
+    ----------
+    label : str
+    sensor_mm : (width, height)
+        Of the whole picture; of film cameras for motion pictures, of the open gate.
+    iso : (least, most)
+        Speeds without extension; of cinema cameras the exposure index.
+    """
+
+    label: str
+    sensor_mm: tuple[float, float]
+    iso: tuple[float, float]
+
+    def width_mm(self, resolution: tuple[int, int]) -> float:
+        """Return the width of the largest picture of square pixels on the sensor, upright where the resolution is."""
+        (width, height), (across, down) = resolution, self.sensor_mm
+        if width < height:
+            across, down = down, across
+        return min(across, down * width / height)
+
+
+# Sensor sizes and ISO ranges from the makers' specifications.
+BODIES: dict[str, Body] = {
+    "canon_eos_r5": Body("Canon EOS R5", (36.0, 24.0), (100, 51200)),
+    "canon_eos_r7": Body("Canon EOS R7", (22.3, 14.8), (100, 32000)),
+    "nikon_d850": Body("Nikon D850", (35.9, 23.9), (64, 25600)),
+    "nikon_z6": Body("Nikon Z 6", (35.9, 23.9), (100, 51200)),
+    "nikon_d500": Body("Nikon D500", (23.5, 15.7), (100, 51200)),
+    "sony_a7_iv": Body("Sony α7 IV", (35.9, 23.9), (100, 51200)),
+    "sony_a7s_iii": Body("Sony α7S III", (35.6, 23.8), (80, 102400)),
+    "fujifilm_x_t3": Body("Fujifilm X-T3", (23.5, 15.6), (160, 12800)),
+    "fujifilm_gfx_100": Body("Fujifilm GFX 100", (43.8, 32.9), (100, 12800)),
+    "hasselblad_x1d_ii": Body("Hasselblad X1D II 50C", (43.8, 32.9), (100, 25600)),
+    "phase_one_iq4": Body("Phase One IQ4 150MP", (53.4, 40.0), (50, 25600)),
+    "panasonic_gh5": Body("Panasonic GH5", (17.3, 13.0), (200, 25600)),
+    "arri_alexa_mini": Body("ARRI Alexa Mini, open gate", (28.25, 18.17), (160, 3200)),
+    "arri_alexa_lf": Body("ARRI Alexa LF, open gate", (36.70, 25.54), (160, 3200)),
+}
 DIAGONAL_35_MM = math.hypot(36.0, 24.0)
 AS_RADIANCE = Exposure()
 OF_NO_LENS = 8.0  # f-number that a camera without an opening is first exposed by
@@ -428,6 +472,8 @@ class Dials:
         Strengths of lamps that are muted, by key path, as the scene had them.
     mute, solo : frozenset of str
         Lamps that a hand has muted, and those that shine alone.
+    body : str or None
+        One of `BODIES`, whose speeds limit the ISO.
     """
 
     mode: Mode
@@ -444,6 +490,7 @@ class Dials:
     dark: Mapping[str, Any] = field(default_factory=dict)
     mute: frozenset[str] = frozenset()
     solo: frozenset[str] = frozenset()
+    body: str | None = None
 
     @property
     def meter(self) -> Exposure:
@@ -522,6 +569,14 @@ class Panel:
         return Settings(f_number, self.resolved.shutter.time_s, self.resolved.exposure.iso)
 
     @property
+    def speeds(self) -> tuple[float, float] | None:
+        """The slowest and the fastest ISO of the body, as the scale has them; None without one."""
+        if self.dials.body is None:
+            return None
+        least, most = map(SPEEDS.exact, BODIES[self.dials.body].iso)
+        return least, most
+
+    @property
     def limits(self) -> DialLimits:
         """How far the dials go with this lens."""
         ends = TIMES.value(TIMES.first), TIMES.value(TIMES.last)
@@ -530,8 +585,8 @@ class Panel:
         return DialLimits(
             f_numbers(self.view),
             ends,
-            (SPEEDS.value(SPEEDS.first), SPEEDS.value(SPEEDS.last)),
-            AUTO_ISO,
+            self.speeds or (SPEEDS.value(SPEEDS.first), SPEEDS.value(SPEEDS.last)),
+            self.speeds or AUTO_ISO,
             min(max(hand_held, ends[0]), ends[1]),
         )
 
@@ -580,7 +635,7 @@ def read_dials(scene: Scene, before: Dials | None = None) -> Dials:
     common: dict[str, Any] = {"ev": exposure.ev, "written": exposure, "whole_mm": whole, "cropped_mm": size}
     common["clock"] = Clock.of(scene) if before is None else before.clock
     if before is not None:
-        common |= {"dark": before.dark, "mute": before.mute, "solo": before.solo}
+        common |= {name: getattr(before, name) for name in ("dark", "mute", "solo", "body")}
     if exposure.mode == "auto":
         common |= {"target": exposure.target, "metering": exposure.metering, "spot_at": exposure.spot_at}
         common["locked_cd_m2"] = exposure.lock_cd_m2

@@ -378,6 +378,10 @@ class Slot:
         self._last = frame
         return None if self.finished is not None else self._last
 
+    def leave_unread(self) -> None:
+        """Note that the picture of the last samples was given up before it was made."""
+        self._unread = self.session.spp > 0
+
     def _add(self, is_wanted: Callable[[], bool]) -> None:
         before, begun = self.session.spp, time.monotonic()
         wanted = self.pace.samples(before, self.session.samples_per_wave)

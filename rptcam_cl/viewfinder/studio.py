@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import importlib.util
+import io
 import json
 import math
 import re
@@ -20,6 +22,7 @@ from rptcam_cl.api.session import Change, RenderSession
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import FileState, file_state, named_files, plain
+from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.scene.load import change_scene, load_scene, scene_text, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder import timeline
@@ -131,8 +134,10 @@ class Origin:
         return scene
 
     def text(self, shown: Scene) -> str:
-        """Return the scene that is shown as YAML."""
+        """Return the scene that is shown as YAML: the author's own text with what was changed, where that is known."""
         beside = f"; lies beside {self.name}, whose files it names" if len(self.files) > 1 else ""
+        if self.path is not None and (kept := _rewritten(self.path, _data(shown))) is not None:
+            return kept
         return scene_text(_data(shown), (f"{self.name} as the viewfinder showed it{beside}",))
 
     def command(self, shown: Scene, spp: int) -> str:
@@ -160,6 +165,48 @@ def _data(scene: Scene) -> dict[str, Any]:
         return dict(plain(given))
     dumped = scene.model_dump(mode="json", exclude_unset=True)
     return {name: plain(value) if _is_plain(value) else dumped.get(name) for name, value in given.items()}
+
+
+def _rewritten(path: Path, data: dict[str, Any]) -> str | None:
+    """Return the text of a scene file with other data, its comments and order kept.
+
+    None without the package that does it, for files of other formats, and where the text would not read back so.
+    """
+    if path.suffix.lower() not in (".yaml", ".yml") or importlib.util.find_spec("ruamel.yaml") is None:
+        return None
+    from ruamel.yaml import YAML
+
+    written, text = YAML(), io.StringIO()
+    written.preserve_quotes, written.width = True, 160
+    written.indent(mapping=2, sequence=4, offset=2)
+    try:
+        tree = written.load(path.read_text("utf-8"))
+        _put(tree, data)
+        written.dump(tree, text)
+        read_back = read_yaml(text.getvalue()).data
+    except Exception:  # whatever another reader of YAML takes amiss
+        return None
+    return text.getvalue() if read_back == data else None
+
+
+def _put(node: Any, data: Any) -> None:
+    """Make the values of a tree those of data, and leave what is the same as it stands."""
+    if isinstance(data, Mapping):
+        for key in [key for key in node if key not in data]:
+            del node[key]
+        places: Iterable[tuple[Any, Any]] = data.items()
+    else:
+        del node[len(data) :]
+        places = enumerate(data)
+    for key, value in places:
+        is_there = key in node if isinstance(data, Mapping) else key < len(node)
+        before = node[key] if is_there else None
+        if isinstance(value, Mapping | list) and type(value) in map(type, (plain(before),)):
+            _put(before, value)
+        elif not is_there and not isinstance(data, Mapping):
+            node.append(value)
+        elif not is_there or before != value or type(before) is not type(value):
+            node[key] = value
 
 
 def values_before(scene: Scene, changes: Iterable[str]) -> dict[str, Any]:

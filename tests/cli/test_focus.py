@@ -54,6 +54,7 @@ def test_json_has_the_promised_keys_and_the_plot_is_drawn(rptcam: Any, scene: Pa
         (["--zones", "zones.txt", "--policy", "farthest"], {"zones": [(0.7, 0.75, 0.4, 0.5)], "policy": "farthest"}),
         (["--point", "0.25,0.75", "--set", "render.seed=9"], {"point": (0.25, 0.75)}),
         (["--object", "wall"], {"object": "wall"}),
+        (["--object", "wall", "--at", "0,0.5,-1"], {"object": "wall", "at": [0, 0.5, -1]}),
     ],
 )
 def test_autofocus_is_asked_for_what_the_options_say(
@@ -73,7 +74,8 @@ def test_autofocus_is_asked_for_what_the_options_say(
     assert read.render.seed == (9 if "--set" in words else load_scene(scene).render.seed)
     if "zones" in given:
         options["zones"] = [tuple(zone) for zone in options["zones"]]
-    nothing = dict.fromkeys(("method", "zones", "point", "object", "policy", "seed", "device", "criterion"))
+    keys = ("method", "zones", "mask", "point", "object", "at", "policy", "seed", "device", "criterion")
+    nothing = dict.fromkeys(keys)
     assert options == nothing | given
 
 
@@ -90,7 +92,7 @@ def test_table_for_people(rptcam: Any, scene: Path) -> None:
         (["--policy", "near"], "allowed closest, farthest, centre, weighted"),
         (["--zone", "0.5,0.4,0,1"], "got 0.5,0.4,0,1; allowed x0,x1,y0,y1"),
         (["--point", "0.5"], "allowed x,y in 0..1"),
-        (["--point", "0.5,0.5", "--object", "wall"], "takes one of --zone, --zones, --point and --object"),
+        (["--point", "0.5,0.5", "--object", "wall"], "takes one of --zone, --zones, --mask, --point, --object and"),
         (["--zones", "none.txt"], "none.txt: cannot be read"),
         (["--plot", "curve.jpg"], "unknown kind of picture"),
         (["--method", "depth", "--plot", "curve.svg"], "method depth has no curve"),

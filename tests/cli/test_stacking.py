@@ -1,10 +1,14 @@
-"""Focus stacking against what a pinhole sees and the depth that rays find."""
+"""Focus stacking against what a pinhole sees and the depth that rays find; parts of the opening by a thin lens."""
+
+import json
+import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api.sweeping import focus_stack, resized
+from rptcam_cl.api.sweeping import focus_stack, focusing_screen, resized
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import read_film
 from rptcam_cl.scene.load import load_scene, set_keys
@@ -78,3 +82,56 @@ def test_what_cannot_be_stacked_is_refused(tmp_path):
     ):
         with pytest.raises(InputError, match=message):
             focus_stack(path, **arguments)
+
+
+# Parts of the opening, by a thin lens of radius R = f / 2N with its film at v: what is sharp at w is seen through the
+# point X of the lens at X (1 - v / w) beside where the centre sees it.
+
+STRIP = {
+    "film": {"resolution": [360, 240], "size_mm": [36, 24]},
+    "camera": {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 1.4, "focus_distance_m": 4,
+               "eye": [0, 0, 0], "target": [0, 0, -1]},
+    "render": {"spp": 32},
+    "objects": [{"shape": "rectangle", "corner": [-0.005, -2, -1.5], "edge_u": [0.01, 0, 0], "edge_v": [0, 4, 0],
+                 "material": {"kind": "emissive", "radiance": 1}}],
+}  # fmt: skip
+RADIUS_MM = 50 / 2.8
+V, W = (1 / (1 / 50 - 1 / distance) for distance in (4000, 1500))
+
+
+def middle_mm(rows):
+    """Where the light of some rows lies to the right of their middle, in pixels of 0.1 mm."""
+    light = rows.sum(axis=0)
+    return (np.arange(len(light)) + 0.5 - len(light) / 2) @ light / light.sum() * 0.1
+
+
+def test_dual_pixels_part_what_is_out_of_focus_by_the_middles_of_half_disks(rptcam, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("strip.yaml").write_text(json.dumps(STRIP), "utf-8")
+    run = rptcam("halves", "strip.yaml", "--left", "l.exr", "--right", "r.exr", "--phase-pixels", "p.exr")
+    assert run.code == 0, run.err
+    left, right, masked = (read_film(f"{name}.exr") for name in "lrp")
+    expected = 4 / (3 * math.pi) * RADIUS_MM * (V / W - 1)
+    assert expected < -0.15  # a pixel is 0.1 mm
+    assert middle_mm(left.luminance) == pytest.approx(-expected, abs=0.01)
+    assert middle_mm(right.luminance) == pytest.approx(expected, abs=0.01)
+    whole = rptcam_cl.render(STRIP)
+    assert left.luminance.mean() == pytest.approx(whole.luminance.mean(), rel=5e-3)
+    assert masked.pixels[4::8, 0::4] == pytest.approx(left.pixels[4::8, 0::4] / 2)
+    assert masked.pixels[4::8, 2::4] == pytest.approx(right.pixels[4::8, 2::4] / 2)
+    assert masked.pixels[0] == pytest.approx((left.pixels[0] + right.pixels[0]) / 2)
+
+
+def test_split_image_is_parted_by_the_cone_of_its_wedges_and_goes_dark_when_stopped_down():
+    screen = focusing_screen(STRIP).luminance
+    middle = slice(165, 195)  # columns within the circle of 3 mm
+    upper, lower = (middle_mm(screen[rows, middle]) for rows in (slice(109, 120), slice(120, 131)))
+    expected = 1.4 / 8 * RADIUS_MM * (V / W - 1)
+    assert upper == pytest.approx(-expected, abs=0.02)
+    assert lower == pytest.approx(expected, abs=0.02)
+    assert upper > 0.05
+    at_16 = focusing_screen(set_keys(load_scene(STRIP), {"camera.f_number": 16}))
+    assert at_16.luminance[109:131, middle].max() == 0
+    pinhole = {"kind": "pinhole", "fov_degrees": 40, "eye": [0, 0, 0], "target": [0, 0, -1]}
+    with pytest.raises(InputError, match="no opening"):
+        focusing_screen(set_keys(load_scene(STRIP), {"camera": pinhole}))

@@ -461,6 +461,137 @@ def test_what_moves_is_blurred_as_in_cycles(tmp_path):
     assert one.mean(axis=(0, 2)) == pytest.approx(other.mean(axis=(0, 2)), abs=0.02)
 
 
+def widen_by_scale(item):
+    item.scale = (1, 1, 1)
+    item.keyframe_insert("scale", frame=1)
+    item.scale = (3, 1, 1)
+    item.keyframe_insert("scale", frame=3)
+
+
+def widen_by_shape(item):
+    item.shape_key_add(name="Basis")
+    wide = item.shape_key_add(name="wide")
+    for vertex, point in zip(item.data.vertices, wide.data, strict=True):
+        point.co.x = 3 * vertex.co.x
+    wide.value = 0
+    wide.keyframe_insert("value", frame=1)
+    wide.value = 1
+    wide.keyframe_insert("value", frame=3)
+
+
+def widen_by_bone(item):
+    import bpy
+
+    bpy.ops.object.armature_add(location=(0, 0, 1))
+    bones = bpy.context.object
+    item.location = (0, 0, 1)
+    item.vertex_groups.new(name="Bone").add(range(len(item.data.vertices)), 1.0, "ADD")
+    item.modifiers.new("bones", "ARMATURE").object = bones
+    pose = bones.pose.bones["Bone"]
+    for frame, x in ((1, 0), (3, 2)):
+        pose.location.x = x
+        pose.keyframe_insert("location", frame=frame)
+
+
+@pytest.mark.parametrize("widen", [widen_by_scale, widen_by_shape, widen_by_bone])
+def test_what_is_deformed_or_grows_is_blurred_as_in_cycles(widen, tmp_path):
+    """A cube that becomes three times as wide, or is shifted by a bone, while the shutter is open, by its columns."""
+    import bpy
+
+    from integrations.blender.reader import Reader, Settings
+    from tests.integrations import cycles
+
+    scene = cycles.empty_scene()
+    bpy.context.preferences.edit.keyframe_new_interpolation_type = "LINEAR"
+    widen(cycles.add("cube", cycles.shader("ShaderNodeEmission", Strength=1.0), size=1.0, location=(0, 0, 1)))
+    scene.frame_set(2)
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.6
+    graph = bpy.context.evaluated_depsgraph_get()
+
+    def set_time(frame, part):
+        scene.frame_set(frame, subframe=part)
+
+    export = Reader().read(graph, Settings(more={"render": {"spp": 256}}), set_time=set_time)
+    assert export.keys["shutter"]["steps"] == 32 and not export.report.sentences
+    one = np.asarray(rptcam_cl.render(export.keys))
+    other = cycles.of_cycles(tmp_path, 256)
+    assert one.mean() == pytest.approx(other.mean(), rel=0.01)
+    columns = [film.mean(axis=(0, 2)) for film in (one, other)]
+    assert np.abs(columns[0] - columns[1]).max() < 0.03 * columns[1].max()  # a step is 0.03 of the time
+    rolling = Reader().read(graph, Settings(rolling_s=0.01, more={"render": {"spp": 256}}), set_time=set_time)
+    assert "keys" not in rolling.keys["shutter"] and "beside a rolling shutter" in rolling.report.sentences[0]
+
+
+def strands(cycles):
+    """Sixty strands of five points, thinner towards their tips."""
+    import bpy
+
+    scene, draw = cycles.empty_scene(), np.random.default_rng(3)
+    curves = bpy.data.hair_curves.new("strands")
+    curves.add_curves([5] * 60)
+    roots = np.stack([draw.uniform(-1.5, 1.5, 60), draw.uniform(-0.3, 0.3, 60), np.zeros(60)], axis=1)
+    ways = np.linspace(0, 1, 5)[None, :, None] * np.array([0.3, 0, 2]) + 0.1 * draw.normal(size=(60, 5, 3))
+    curves.attributes["position"].data.foreach_set("vector", (roots[:, None] + ways).astype("f4").ravel())
+    radii = np.tile(np.linspace(0.02, 0.006, 5), 60).astype("f4")
+    curves.attributes.new("radius", "FLOAT", "POINT").data.foreach_set("value", radii)
+    item = bpy.data.objects.new("strands", curves)
+    scene.collection.objects.link(item)
+    return item
+
+
+def fur(cycles):
+    """A ball with hair of a particle system, which has children."""
+    import bpy
+
+    cycles.empty_scene()
+    ball = cycles.add("uv_sphere", None, radius=1, location=(0, 0, 1))
+    ball.modifiers.new("fur", "PARTICLE_SYSTEM")
+    settings = bpy.context.object.particle_systems[0].settings
+    for name, value in {
+        "type": "HAIR", "count": 400, "hair_length": 0.5, "root_radius": 2, "tip_radius": 0.5, "shape": 0.3,
+        "child_type": "SIMPLE", "rendered_child_count": 4, "child_percent": 4,
+    }.items():  # fmt: skip
+        setattr(settings, name, value)
+    return ball
+
+
+def pigment(way, **values):
+    def make(cycles):
+        made = cycles.shader("ShaderNodeBsdfHairPrincipled", "hair")
+        node = made.node_tree.nodes["Principled Hair BSDF"]
+        node.parametrization = way
+        for name, value in values.items():
+            node.inputs[name].default_value = value
+        return made
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("shape", "surface"),
+    [
+        (strands, lambda cycles: cycles.material()),
+        (strands, pigment("COLOR", Color=(0.6, 0.3, 0.15, 1))),
+        (strands, pigment("MELANIN", Melanin=0.5)),
+        (strands, pigment("ABSORPTION")),
+        (fur, lambda cycles: cycles.material()),
+    ],
+    ids=["diffuse", "colour", "melanin", "absorption", "fur"],
+)
+def test_hair_looks_as_in_cycles(shape, surface, tmp_path):
+    from tests.integrations import cycles
+
+    owner = shape(cycles)
+    owner.data.materials.clear()
+    owner.data.materials.append(surface(cycles))
+    cycles.world((0.6, 0.7, 1))
+    cycles.add_lamp("SUN", (0, 0, 5), 2, rotation=(0.6, 0.3, 0))
+    assert not cycles.exported().report.sentences
+    one, other = cycles.ours(128), cycles.of_cycles(tmp_path, 128)
+    assert one.mean() == pytest.approx(other.mean(), rel=0.006)
+    assert np.corrcoef(one.ravel(), other.ravel())[0, 1] > 0.99
+
+
 def interior(cycles):
     """A room with a window, furniture of collections, pictures, a curve and a text; a lamp with nodes."""
     import bpy

@@ -38,7 +38,7 @@ UNDER = ROOT / "examples" / "first_light.yaml"  # the scene that a piece of a sc
 WRITES = {
     "report", "state", "write",
     "output", "outputs", "raws", "stats", "plot", "json", "markdown", "target", "video", "truth",
-    "opencv", "ros", "colmap", "openlensio", "osl", "usd",
+    "opencv", "ros", "colmap", "openlensio", "osl", "usd", "left", "right", "phase_pixels", "screen",
 }  # fmt: skip
 READS_LATER = {"tls"}  # files of the reader's own
 # Why a block may stay on paper; what else it says is checked all the same.

@@ -67,6 +67,14 @@ def test_kernels_serve_a_scene_without_some_of_its_lamps_to_the_bit(session: Ses
     assert np.array_equal(film(session, scene, plan), film(session, scene, exact))
 
 
+def test_the_lamp_that_stands_where_there_is_none_is_none_that_shines() -> None:
+    scene = scene_with(BULB | PANEL | SKY)
+    plan = served(scene, make_plan(scene_with({})).facts)
+    assert plan is not None
+    assert plan.emitters.count == 1
+    assert not len(plan.emitters.shining)  # of which ghosts and diffraction would make light of
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("changes", [PANEL, SKY, BULB | PANEL, BULB | SKY, BULB | PANEL | SKY], ids=str)
 def test_kernels_serve_a_scene_without_lamps_or_sky_to_the_bit(session: Session, changes: dict[str, Any]) -> None:

@@ -1,5 +1,7 @@
 """Objects that stand in many places, which a table beside the scene holds."""
 
+import gc
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.plan.primitives import scene_primitives
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.placement import turn_about
@@ -121,3 +124,18 @@ def test_the_depths_of_many_places_are_those_of_each(tmp_path: Path) -> None:
 def test_many_places_are_not_read_one_by_one(tmp_path: Path) -> None:
     np.save(tmp_path / "t.npy", np.tile(some_places(100), (300, 1, 1)))
     assert calls(lambda: scene_of(tmp_path, BALL | {"instances": {"file": "t.npy"}})) < 15_000
+
+
+@pytest.mark.parametrize("item", [BALL, TENT], ids=["sphere", "mesh"])
+def test_a_place_takes_at_most_100_bytes_of_a_loaded_and_planned_scene(tmp_path: Path, item: dict[str, Any]) -> None:
+    count = 60_000
+    np.savez(tmp_path / "t.npz", positions=np.random.default_rng(1).uniform(-5, 5, (count, 3)), scales=np.ones(count))
+    make_plan(scene_of(tmp_path, item))  # what a first plan imports and remembers does not count
+    tracemalloc.start()
+    plan = make_plan(scene_of(tmp_path, item | {"instances": {"file": "t.npz"}}))
+    gc.collect()
+    kept, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert plan.primitive_count == count
+    assert kept <= 100 * count
+    assert peak <= 400 * count  # the table, 96, beside blocks of 16,384 places

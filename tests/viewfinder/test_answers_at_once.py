@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api.session import RenderSession
+from rptcam_cl.api.session import Frame, RenderSession
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.messages import Client, ClientSettings
@@ -64,6 +64,25 @@ def test_the_plan_of_a_film_ends_with_an_input(client: Page, monkeypatch: pytest
     assert begun.wait(60)
     turned(client, 811, "f_number", 8.0)
     turned(client, 812, "tone", "agx")
+
+
+def test_denoising_ends_with_an_input_and_its_picture_comes_afterwards(
+    client: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, asked = threading.Event(), threading.Event()
+
+    def denoised(session: RenderSession, frame: Frame) -> None:
+        while frame.scale == 1 and frame.spp > 1 and not asked.is_set():  # denoising without end, of the film
+            begun.set()
+            checkpoint()
+            time.sleep(0.002)
+
+    monkeypatch.setattr(RenderSession, "denoised", denoised)
+    turned(client, 820, "f_number", 5.6)
+    assert begun.wait(60)
+    client.ask(821, "compare", mode="off")  # which changes no picture
+    asked.set()
+    client.frame(lambda header: header["spp"] > 1)
 
 
 def test_overlays_of_a_picture_at_rest_wait_for_those_who_wait() -> None:

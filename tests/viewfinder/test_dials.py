@@ -447,3 +447,25 @@ def test_zoom_to_a_smaller_opening_closes_the_stop_to_it() -> None:
     assert body.scene.camera.f_number == pytest.approx(narrow, rel=2e-3)
     assert body.turn("zoom", short).scene.camera.f_number == pytest.approx(narrow, rel=2e-3)  # which stays
     assert body.turn("zoom", long * 2).messages == (f"it goes from {short:.4g} to {long:.4g} mm",)
+
+
+def test_a_body_brings_its_sensor_and_its_speeds() -> None:
+    body = Body("traced", exposure={"mode": "physical", "iso": 51200}, film={"resolution": [48, 32]})
+    body.turn("body", "fujifilm_x_t3")
+    assert body.scene.film.size_m() == pytest.approx((23.4e-3, 15.6e-3))  # the largest 3 to 2 on 23.5 x 15.6
+    assert body.scene.exposure.iso == 12800
+    assert body.messages == ("Fujifilm X-T3 has ISO 160 to 12800",)
+    assert body.listed("body")["value"] == "fujifilm_x_t3"
+    assert (body.listed("iso")["min"], body.listed("iso")["max"]) == pytest.approx((160, 12800), rel=0.02)
+    assert body.turn("iso", 100).scene.exposure.iso == pytest.approx(160, rel=0.02)
+    body.turn("format", "full_frame")
+    assert body.listed("body")["value"] is None
+    assert body.turn("iso", 100).scene.exposure.iso == 100
+
+
+def test_the_meter_keeps_to_the_speeds_of_a_body() -> None:
+    body = Body("traced", exposure={"mode": "auto"}, reading=1e-5)
+    body.turn("body", "arri_alexa_mini").turn("auto_iso", True).turn("mode", "P")
+    assert body.scene.exposure.iso == 3200
+    with pytest.raises(InputError, match="body: is not one of"):
+        body.turn("body", "a_box")

@@ -314,6 +314,32 @@ def test_a_bracket_is_saved_as_several_files(page: Page) -> None:
     page.check("[data-name=bracket] input[value='1x0']")
 
 
+@pytest.mark.slow
+def test_a_stack_between_two_marks_is_saved_and_another_press_ends_it(page: Page, finder: Viewfinder) -> None:
+    page.click("[data-tab=camera]")
+    page.select_option("select[data-dial=body]", "sony_a7_iv")
+    comes_true(page, lambda: scene(finder)["film"]["width_mm"] == 35.9)
+    page.click("[data-tab=out]")
+    assert page.is_disabled("[data-name=stack]")
+    focus = "document.querySelector('[data-dial=focus_m]')"
+    for name, by in (("near", -3), ("far", 6)):
+        before = page.evaluate(f"{focus}.innerText")
+        for _ in range(abs(by)):
+            page.keyboard.press("j" if by < 0 else "k")
+        until(page, f"{focus}.innerText !== {before!r}")
+        page.wait_for_timeout(500)
+        page.click(f"[data-name=stack-{name}]")
+    files: list[str] = []
+    page.on("download", lambda file: files.append(file.suggested_filename))
+    page.click("[data-name=stack]")
+    until(page, "document.querySelector('[data-name=stack]').innerText.startsWith('End')")
+    page.click("[data-name=stack]")
+    until(page, "document.querySelector('[data-name=stack]').innerText.startsWith('Stack')")
+    page.click("[data-name=stack-each]")
+    page.click("[data-name=stack]")
+    comes_true(page, lambda: files == ["first_light stack.zip"], 240)
+
+
 def directions(finder: Viewfinder) -> tuple[float, float]:
     """Where the camera looks: clockwise about z, and up [degrees]."""
     camera = scene(finder)["camera"]

@@ -130,6 +130,16 @@ def test_the_picture_at_rest_has_diffraction(slots: Any) -> None:
     assert not np.array_equal(expected[0], expected[1])
 
 
+def test_the_last_samples_are_shown_although_their_picture_was_given_up(slots: Any) -> None:
+    slot = slots(scene())
+    rested(slot)
+    slot.leave_unread()
+    assert not slot.is_done
+    frame = slot.refine(lambda: True)
+    assert frame is not None and frame.spp == SPP
+    assert slot.is_done
+
+
 def test_the_needle_moves_by_the_stops_that_a_dial_turns(slots: Any) -> None:
     slot = slots(scene(**PHYSICAL))
     rested(slot)

@@ -2,6 +2,7 @@
 
 import io
 import time
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,15 +14,22 @@ from PIL import Image as Pillow
 
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.session import RenderSession
+from rptcam_cl.api.sweeping import focus_stack
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.fork_server import CompileServer
 from rptcam_cl.device.session import open_session
-from rptcam_cl.imaging.image import read_film
-from rptcam_cl.scene.load import load_scene
+from rptcam_cl.imaging.image import Image, read_film, with_picture_settings
+from rptcam_cl.scene.load import load_scene, set_keys
 from rptcam_cl.studies.focus.controller import autofocus
 from rptcam_cl.viewfinder import engine
+from rptcam_cl.viewfinder.delivery import dial_list
+from rptcam_cl.viewfinder.dials import turn_dial
 from rptcam_cl.viewfinder.engine import Viewfinder
+from rptcam_cl.viewfinder.messages import codes_of
 from rptcam_cl.viewfinder.moves import focus_order
+from rptcam_cl.viewfinder.panel import Panel, read_dials
 from rptcam_cl.viewfinder.server import ViewServer
+from rptcam_cl.viewfinder.studio import Origin
 from tests.viewfinder.page_client import SCENE, Page, at_rest, left_alone, page, serving
 
 Served = tuple[Viewfinder, ViewServer, Path]
@@ -194,6 +202,54 @@ def test_one_of_a_bracket_is_exposed_by_so_many_stops_more(client: Page, tmp_pat
     one, other = (np.asarray(Pillow.open(io.BytesIO(data)), int) for data in (plain[1], brighter))
     assert np.array_equal(one, other)
     assert plain[0] != plain[1]
+
+
+def test_a_saved_scene_keeps_the_comments_of_its_file(tmp_path: Path) -> None:
+    pytest.importorskip("ruamel.yaml")
+    path = tmp_path / "scene.yaml"
+    path.write_text(f"# of an evening\n{SCENE}picture: {{ev: 0.5}}  # half a stop\n", "utf-8")
+    origin = Origin(path)
+    shown = set_keys(origin.load(), {"camera.f_number": 4, "picture.ev": 1.5, "objects.0.radius": 0.1, "sensor": {}})
+    text = origin.text(shown)
+    assert "# of an evening" in text
+    assert "picture: {ev: 1.5}  # half a stop" in text
+    assert load_scene(yaml.safe_load(text)).made_of == shown.made_of
+    path.write_text(SCENE + "render: {spp: 8}\n", "utf-8")  # no YAML any more, meanwhile
+    assert "half a stop" not in origin.text(shown)
+
+
+def test_a_stack_is_the_picture_that_focus_stack_makes_with_all_it_is_made_of(client: Page, tmp_path: Path) -> None:
+    client.frame(at_rest)
+    wanted = {"near_m": 0.8, "far_m": 1.2, "steps": 3, "format": "exr", "name": "all"}
+    answer = client.ask(5, "stack", pictures=True, **wanted)
+    assert (answer.header["name"], answer.header["media"]) == ("all.zip", "application/zip")
+    with zipfile.ZipFile(io.BytesIO(answer.data)) as archive:
+        names = archive.namelist()
+        (tmp_path / "all.exr").write_bytes(archive.read("all.exr"))
+    assert names[0] == "all.exr" and len(names) == 4
+    assert [name.split(" at ")[0] for name in names[1:]] == ["all 1", "all 2", "all 3"]
+    scene = yaml.safe_load(client.ask(6, "scene").header["yaml"])
+    expected = focus_stack(scene, 0.8, 1.2, steps=3, spp=8)
+    assert np.array_equal(read_film(tmp_path / "all.exr").pixels, expected.pixels)
+    assert "far_m" in client.ask(7, "stack", **wanted | {"near_m": 2}).header["message"]
+    assert client.ask(8, "stack").type == "done"
+
+
+def test_tables_of_colours_beside_the_scene_are_a_dial(tmp_path: Path) -> None:
+    (tmp_path / "luts").mkdir()
+    lattice = [(1 - r, g, b) for b in (0, 1) for g in (0, 1) for r in (0, 1)]
+    (tmp_path / "luts" / "cross.cube").write_text("LUT_3D_SIZE 2\n" + "\n".join(f"{r} {g} {b}" for r, g, b in lattice))
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    scene = Origin(tmp_path / "scene.yaml").load()
+    panel = Panel(read_dials(scene), scene, scene)
+    dial = next(each for each in dial_list(panel) if each["name"] == "lut")
+    assert [each["value"] for each in dial["choices"]] == [None, "luts/cross.cube"]
+    shown = set_keys(scene, turn_dial(panel, "lut", "luts/cross.cube").changes)
+    assert shown.picture.lut == "luts/cross.cube"
+    pixels = codes_of(with_picture_settings(Image(np.zeros((1, 1, 3), np.float32), {}), shown.picture))
+    assert pixels.tolist() == [[[255, 0, 0]]]
+    with pytest.raises(InputError, match="lut: is not one of"):
+        turn_dial(panel, "lut", "/etc/passwd")
 
 
 def test_pictures_are_saved_as_they_are_shown(client: Page) -> None:

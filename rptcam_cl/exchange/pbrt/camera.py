@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.exchange.mesh_data import Array, Matrix, apply, is_invertible, mean_scale, tidy
+from rptcam_cl.exchange.mesh_data import Array, Matrix, apply, is_bearable, is_invertible, mean_scale, tidy
 from rptcam_cl.exchange.pbrt.world import Context, Entity
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.assets.pictures import read_picture
+from rptcam_cl.scene.placement import ObjectKeyframe, Trajectory
 
 #
 # Where the camera stands, and which way round the world of ours is.
@@ -26,6 +27,9 @@ from rptcam_cl.scene.assets.pictures import read_picture
 _ROUNDING = 1e-4
 
 _MILLIMETRE = 1e-3  # metres
+
+_RIGID = 1e-5  # by which what only turns may miss doing so
+_CAMERA_STEPS = 8  # keyframes of a camera go straight: a turn of a right angle is within 0.5 degrees
 
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 
@@ -101,6 +105,48 @@ def frame_of(camera: Entity) -> CameraFrame:
     forward, up = (world[:3, :3] @ (axis / np.linalg.norm(axis)) for axis in (forward, up))
     reach = max(1.0, float(np.abs(eye).max()) * 1e-3)  # so that eye + forward keeps its digits
     return CameraFrame(world, eye, forward * reach, up, 1.0 if abs(unit - 1) < _ROUNDING else unit, stretch)
+
+
+def motion_between(start: Matrix, end: Matrix, times: tuple[float, float]) -> list[dict[str, Any]] | None:
+    """Return keyframes from the place of a frame to another, for what has its origin at 0; None where they stretch."""
+    turn = end[:3, :3] @ np.linalg.inv(start[:3, :3])
+    if not is_bearable(end) or np.abs(turn.T @ turn - np.eye(3)).max() > _RIGID or np.linalg.det(turn) < 0:
+        return None
+    axes = np.linalg.svd(turn)
+    rows = np.column_stack([axes[0] @ axes[2], end[:3, 3]])
+    first, last = times
+    return [{"time_s": first, "translate": tidy(start[:3, 3])}, {"time_s": last, "matrix": rows.tolist()}]
+
+
+def camera_motion(context: Context, camera: Entity) -> dict[str, Any]:
+    """Return the keyframes of a camera that moves, nothing for one at rest; pbrt turns it about itself."""
+    if camera.at_end is None:
+        return {}
+    start = np.asarray(np.linalg.inv(camera.world_from_object), np.float64)
+    end = np.asarray(np.linalg.inv(camera.at_end), np.float64) if is_invertible(camera.at_end) else None
+    frames = None if end is None else motion_between(start, end, context.scene.times)
+    if frames is None:
+        context.approximated(camera, "it stays as it is at the start, as it does more than turn and shift")
+        return {}
+    context.moves = True
+    way = Trajectory([ObjectKeyframe.model_validate(each) for each in frames])
+    rest = start.copy()
+    rest[:3, 3] = 0
+    poses = []
+    for time_s in np.linspace(*context.scene.times, _CAMERA_STEPS + 1):
+        now = np.asarray(np.linalg.inv(way.at(float(time_s)) @ rest), np.float64)
+        poses.append({"time_s": float(time_s), **frame_of(replace(camera, world_from_object=now)).pose()})
+    return {"motion": poses}
+
+
+def shutter_of(context: Context, camera: Entity) -> dict[str, Any]:
+    """Return the shutter of a scene in which something moves, nothing where nothing does."""
+    opens, closes = (camera.parameters.number(f"shutter{name}", at) for name, at in (("open", 0.0), ("close", 1.0)))
+    if not context.moves:
+        return {}
+    if not closes > opens:
+        context.approximated(camera, "its shutter is open for 1 µs, and not for no time at all")
+    return {"shutter": {"open_s": opens, "time_s": max(closes - opens, 1e-6)}}
 
 
 # Reconstruction filters of pbrt as those of our film.

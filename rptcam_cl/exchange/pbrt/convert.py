@@ -20,12 +20,14 @@ from rptcam_cl.exchange.conversion import Conversion, FileStore, Place, Report
 from rptcam_cl.exchange.mesh_data import Array, Matrix, apply, is_bearable, is_similarity, reflects, tidy
 from rptcam_cl.exchange.pbrt.camera import (
     CameraFrame,
+    camera_motion,
     convert_camera,
     exposure_ev,
     filter_keys,
     frame_of,
     raster_of,
     render_keys,
+    shutter_of,
 )
 from rptcam_cl.exchange.pbrt.materials import medium_keys
 from rptcam_cl.exchange.pbrt.shapes import Objects
@@ -387,8 +389,6 @@ def in_longitude_and_latitude(square: NDArray[np.float32], *, clockwise: bool) -
     return converted
 
 
-# Parameters of every camera that concern motion, which is not converted.
-_SHUTTER = ("shutteropen", "shutterclose")
 _DEEP = 200  # times that light is scattered below a surface, at most
 
 
@@ -440,9 +440,10 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
         scene["metres_per_unit"] = frame.metres_per_unit
     if ev := exposure_ev(context, film, camera):
         scene["picture"] = {"ev": ev}
-    camera.parameters.skip(*_SHUTTER)
+    camera_keys |= camera_motion(context, camera)
     objects = Objects(context, frame)
     objects.add_all()
+    scene |= shutter_of(context, camera)
     sections = objects.keys()
     if "objects" not in sections:
         context.refuse_missing()

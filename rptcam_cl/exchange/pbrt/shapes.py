@@ -30,7 +30,7 @@ from rptcam_cl.exchange.mesh_data import (
     rectangle_of,
     tidy,
 )
-from rptcam_cl.exchange.pbrt.camera import CameraFrame
+from rptcam_cl.exchange.pbrt.camera import CameraFrame, motion_between
 from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, medium_keys, opacity_keys
 from rptcam_cl.exchange.pbrt.source import Parameters
 from rptcam_cl.exchange.pbrt.textures import lamp_radiance, number_shade
@@ -541,6 +541,7 @@ def _join_meshes(parts: list[MeshData]) -> MeshData:
     )
 
 
+Places = tuple[Matrix, Matrix, Matrix | None]
 _ONE_SIDED = ("emissive", "dielectric", "principled")
 
 
@@ -578,19 +579,52 @@ class Objects:
         scene = self.context.scene
         placed = [item for item in scene.shapes if isinstance(item, Instance)]
         counts = Counter(item.name for item in placed)
+        tabled: dict[str, list[Instance]] = {}
         for item in scene.shapes:
             if isinstance(item, ShapeUse):
-                self._add(item, np.asarray(self.frame.world @ item.shape.world_from_object))
-            elif counts[item.name] < TABLED:
-                for use in scene.objects.get(item.name, ()):
-                    world = self.frame.world @ item.world_from_instance @ use.shape.world_from_object
-                    self._add(use, np.asarray(world), item, shared=counts[item.name] > 1)
-        for name in counts:
-            if counts[name] >= TABLED and scene.objects.get(name):
-                self._add_table([item for item in placed if item.name == name], scene.objects[name])
+                self._add(item, self._places(item.shape))
+                continue
+            shapes = scene.objects.get(item.name, [])
+            if item.at_end is None and counts[item.name] >= TABLED:
+                tabled.setdefault(item.name, []).append(item)
+                continue
+            for use in shapes:
+                self._add(use, self._places(use.shape, item), item, shared=counts[item.name] > 1)
+        for name, instances in tabled.items():
+            if scene.objects.get(name):
+                self._add_table(instances, scene.objects[name])
         for name, shapes in scene.objects.items():
             if shapes and name not in counts:
                 self.context.report.noted(shapes[0].shape.place, f'object "{name}" is never placed')
+
+    def _places(self, shape: Entity, instance: Instance | None = None) -> Places:
+        """Return where a shape is in the world of ours, and from where to where a frame moves that takes it along."""
+        if instance is None:
+            ways = shape.world_from_object, shape.world_from_object, shape.at_end
+        else:
+            start = instance.world_from_instance
+            ways = start @ shape.world_from_object, start, instance.at_end
+            if shape.at_end is not None:
+                self.context.approximated(shape, "it does not move within an object that stands in several places")
+        world, start = (np.asarray(self.frame.world @ each) for each in ways[:2])
+        return world, start, None if ways[2] is None else np.asarray(self.frame.world @ ways[2])
+
+    def _motion(self, use: ShapeUse, places: Places, keys: Keys) -> Keys:
+        """Return keys of a shape that moves: nothing, with a report, where it does more than turn and shift.
+
+        pbrt turns a frame about its origin, and shifts that; so do these.
+        """
+        _, start, end = places
+        if end is None:
+            return {}
+        frames = motion_between(start, end, self.context.scene.times)
+        if frames is None:
+            self.context.approximated(use.shape, "it stays as it is at the start, as it does more than turn and shift")
+            return {}
+        self.context.moves = True
+        before = keys.get("transform", [])
+        steps = before if isinstance(before, list) else [before]
+        return {"transform": [*steps, {"translate": tidy(-start[:3, 3])}], "motion": frames}
 
     def _add_table(self, instances: list[Instance], shapes: list[ShapeUse]) -> None:
         """Add the shapes of an object that stands in many places, with a table of these."""
@@ -603,15 +637,23 @@ class Objects:
         matrices = np.array([worlds[index][:3] for index in kept])
         table = self._table(instances[0].name, matrices=matrices)
         for use in shapes:
-            self._add(use, use.shape.world_from_object, instances[kept[0]], shared=True, table=table)
+            here = use.shape.world_from_object
+            self._add(use, (here, here, None), instances[kept[0]], shared=True, table=table)
 
     def _table(self, name: str, **arrays: Array) -> str:
         """The name of a new file beside the scene that holds places."""
         return self.context.files.add("places", f"{name}.npz", lambda path: np.savez(path, **arrays))  # type: ignore[arg-type]
 
     def _add(
-        self, use: ShapeUse, world: Matrix, instance: Instance | None = None, *, shared: bool = False, table: str = ""
+        self,
+        use: ShapeUse,
+        places: Places,
+        instance: Instance | None = None,
+        *,
+        shared: bool = False,
+        table: str = "",
     ) -> None:
+        world = places[0]
         if not is_bearable(world):
             self._leave_out(use, instance)
             return
@@ -642,8 +684,8 @@ class Objects:
             keys = {"shape": "mesh", "mesh": self._share_mesh(use, mesh), **keys}
         elif mesh is not None:
             self._loose[len(self.items)] = use, mesh
-        places = {"instances": {"file": table}} if table else {}
-        self.items.append({**keys, **places, "material": name})
+        instances = {"instances": {"file": table}} if table else {}
+        self.items.append({**keys, **self._motion(use, places, keys), **instances, "material": name})
 
     def _medium(self, use: ShapeUse) -> Keys | None:
         medium = self.context.scene.media.get(use.inside)

@@ -29,6 +29,7 @@ from rptcam_cl.exchange.mesh_data import Array, is_invertible, tidy
 from rptcam_cl.exchange.pbrt.source import Parameter
 from rptcam_cl.exchange.pbrt.world import Context, Entity
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS, SUFFIXES, read_picture, write_exr
+from rptcam_cl.scene.textures import MOST_NESTED
 
 # Pictures of pbrt scenes: those that ours reads by their name, TGA and PFM files in another format.
 
@@ -371,16 +372,42 @@ class Shade:
 
     def scaled(self, factor: Array) -> Shade:
         """Return the shade times a colour, as near as a texture of ours can."""
-        texture = self.texture
-        if texture is not None:
-            texture = dict(texture)
-            for name in (*_ENDS.get(texture["kind"], ()), "tint"):
-                if name in texture:
-                    texture[name] = np.clip(np.array(texture[name]) * factor, 0, 1).tolist()
-            if texture["kind"] == "image":
-                gain = np.maximum(np.multiply(texture.get("gain", 1.0), factor), 0)
-                texture["gain"] = float(gain[0]) if np.ptp(gain) == 0 else gain.tolist()
+        texture = None if self.texture is None else _scaled(self.texture, factor)
         return Shade(lambda: np.clip(self.colour * factor, 0, 1), texture)
+
+
+def _scaled(texture: Keys, factor: Array) -> Keys:
+    """Return a texture of ours times a colour."""
+    texture = dict(texture)
+    if texture["kind"] == "mixture":
+        for name, default in (("first", 0.0), ("second", 1.0)):
+            part = texture.get(name, [default] * 3)
+            texture[name] = _scaled(part, factor) if isinstance(part, dict) else np.clip(part * factor, 0, 1).tolist()
+    for name in (*_ENDS.get(texture["kind"], ()), "tint"):
+        if name in texture:
+            texture[name] = np.clip(np.array(texture[name]) * factor, 0, 1).tolist()
+    if texture["kind"] == "image":
+        gain = np.maximum(np.multiply(texture.get("gain", 1.0), factor), 0)
+        texture["gain"] = float(gain[0]) if np.ptp(gain) == 0 else gain.tolist()
+    return texture
+
+
+def _mixture(context: Context, texture: Entity, first: Shade, second: Shade, amount: Shade) -> Shade:
+    """Return textures mixed by a third; their mean where mixtures stand too deep in each other."""
+    mean = _mixed(first.colour, second.colour, amount.colour)
+    parts = {"first": first, "second": second, "amount": amount}
+    keys: Keys = {"kind": "mixture", **{name: part.keys() for name, part in parts.items()}}
+    if _nested(keys) > MOST_NESTED:
+        context.approximated(texture, "its textures as one colour each")
+        return Shade(mean)
+    return Shade(mean, keys)
+
+
+def _nested(keys: Any) -> int:
+    """Return how many mixtures stand in each other."""
+    if not isinstance(keys, dict) or keys["kind"] != "mixture":
+        return 0
+    return 1 + max(_nested(keys[name]) for name in ("first", "second", "amount"))
 
 
 def shade(context: Context, entity: Entity, name: str, default: float, depth: int = 0) -> Shade:
@@ -517,7 +544,7 @@ def _mapping(context: Context, texture: Entity) -> Keys:
         if matrix is None:
             return {}
         if mapping == "cylindrical" and context.scene.version != 4:
-            context.approximated(texture, 'the mapping "cylindrical" as pbrt-v4 has it, with z as it is')
+            mapping = "round"
         if planar:
             return {"mapping": {"matrix": tidy([*(along @ matrix), np.zeros(4)])}}
         return {"mapping": {"kind": mapping, "matrix": tidy(matrix[:3])}}
@@ -574,10 +601,11 @@ def _checkerboard(context: Context, texture: Entity, depth: int) -> Shade:
     in_space = texture.parameters.integer("dimension", 2) == 3
     texture.parameters.skip("aamode")
     even, odd = (shade(context, texture, name, default, depth) for name, default in (("tex1", 1.0), ("tex2", 0.0)))
-    if even.texture is not None or odd.texture is not None:
-        context.approximated(texture, "its textures as one colour each")
-    keys = {"kind": "checker", "even": even.colour.tolist(), "odd": odd.colour.tolist()}
     lying = _in_space(context, texture) if in_space else _mapping(context, texture)
+    if even.texture is not None or odd.texture is not None:
+        cells = Shade(np.full(3, 0.5), {"kind": "checker", "even": 0.0, "odd": 1.0} | lying)
+        return _mixture(context, texture, even, odd, cells)
+    keys = {"kind": "checker", "even": even.colour.tolist(), "odd": odd.colour.tolist()}
     return Shade((even.colour + odd.colour) / 2, keys | lying)
 
 
@@ -585,7 +613,7 @@ def _scale(context: Context, texture: Entity, depth: int) -> Shade:
     """Return the product of two textures: ``tex`` and ``scale`` in pbrt-v4, ``tex1`` and ``tex2`` in pbrt-v3."""
     first, second = (_factor(context, texture, name, depth) for name in _factor_names(texture))
     if first.texture is not None and second.texture is not None:
-        context.approximated(texture, "the second texture as one colour")
+        return _mixture(context, texture, Shade(np.zeros(3)), first, second)
     if first.texture is None:
         first, second = second, first
     return first.scaled(second.colour)
@@ -614,8 +642,8 @@ def _mix(context: Context, texture: Entity, depth: int) -> Shade:
     patterns = [part.texture for part in parts if part.texture is not None]
     if len(patterns) == 1 and (ends := _ENDS.get(patterns[0]["kind"])):
         return Shade(_mixed(*(part.colour for part in parts)), patterns[0] | _mixed_ends(parts, ends))
-    if any(part.texture is not None for part in (first, second, amount)):
-        context.approximated(texture, "its textures as one colour each")
+    if patterns:
+        return _mixture(context, texture, first, second, amount)
     return Shade(_mixed(first.colour, second.colour, amount.colour))
 
 
@@ -638,11 +666,12 @@ def _dots(context: Context, texture: Entity, depth: int) -> Shade:
     outside, inside = (
         shade(context, texture, name, default, depth) for name, default in (("inside", 1.0), ("outside", 0.0))
     )
+    spots, lying = 0.5 * math.pi * 0.35**2, _mapping(context, texture)
     if inside.texture is not None or outside.texture is not None:
-        context.approximated(texture, "its textures as one colour each")
-    spots = 0.5 * math.pi * 0.35**2
+        cells = Shade(np.full(3, spots), {"kind": "dots", "inside": 1.0, "outside": 0.0} | lying)
+        return _mixture(context, texture, outside, inside, cells)
     keys = {"kind": "dots", "inside": inside.colour.tolist(), "outside": outside.colour.tolist()}
-    return Shade(spots * inside.colour + (1 - spots) * outside.colour, keys | _mapping(context, texture))
+    return Shade(spots * inside.colour + (1 - spots) * outside.colour, keys | lying)
 
 
 def _noise(context: Context, texture: Entity, depth: int, form: str) -> Shade:
@@ -667,13 +696,14 @@ def _noise_keys(context: Context, texture: Entity, scale: float = 1.0) -> tuple[
 
 
 def _marble(context: Context, texture: Entity, depth: int) -> Shade:
-    """Return marble, as pbrt-v4 has it: pbrt-v3 goes beyond the ends of its colours."""
+    """Return marble, whose colours go on beyond their second piece in pbrt-v3."""
     lying, octaves, gain = _noise_keys(context, texture, texture.parameters.number("scale", 1.0))
     variation = texture.parameters.number("variation", 0.2)
-    if context.scene.version != 4:
-        context.approximated(texture, "its colours as those of pbrt-v4")
-    keys = {"kind": "marble", "octaves": octaves, "gain": gain, "variation": variation, **lying}
-    return Shade(np.array([0.805, 0.803, 0.84]), keys)
+    keys: Keys = {"kind": "marble", "octaves": octaves, "gain": gain, "variation": variation, **lying}
+    if context.scene.version == 4:
+        return Shade(np.array([0.805, 0.803, 0.84]), keys)
+    context.approximated(texture, "its colours cut to 0 … 1, beyond which those of pbrt-v3 go")
+    return Shade(np.full(3, 0.94), keys | {"form": "pbrt-v3"})
 
 
 def _coordinates(context: Context, texture: Entity, depth: int) -> Shade:

@@ -120,6 +120,8 @@ class Entity:
         Which red, green and blue its ``rgb`` parameters mean.
     textures : mapping
         The textures that its parameters name, by (float or spectrum, name).
+    at_end : (4, 4) array or None
+        The current transform at the end time; None where it is the same.
     """
 
     kind: str
@@ -127,6 +129,7 @@ class Entity:
     world_from_object: Matrix
     color_space: str = "srgb"
     textures: Mapping[TextureKey, Entity] = field(default_factory=dict)
+    at_end: Matrix | None = None
 
     @property
     def place(self) -> Place:
@@ -188,6 +191,7 @@ class Instance:
     name: str
     world_from_instance: Matrix
     place: Place
+    at_end: Matrix | None = None
 
 
 @dataclass
@@ -212,6 +216,7 @@ class PbrtScene:
     materials: dict[str, Entity] = field(default_factory=dict)
     media: dict[str, Entity] = field(default_factory=dict)
     around_camera: str = ""  # name of a medium
+    times: tuple[float, float] = (0.0, 1.0)  # of the two transforms of what moves [s]
     version: int = 4
 
     def material_of(self, use: Entity | MaterialName | None) -> Entity | None:
@@ -236,12 +241,18 @@ class PbrtScene:
                 yield use, item.world_from_instance @ use.shape.world_from_object, item
 
 
+_BOTH = ("ctm", "end")  # transforms at the start time and at the end time
+
+
 @dataclass(frozen=True, eq=False)
 class GraphicsState:
-    """What ``AttributeBegin`` keeps and ``AttributeEnd`` brings back."""
+    """What ``AttributeBegin`` keeps and ``AttributeEnd`` brings back; of transforms those at both times, of which some
+    are active.
+    """
 
     ctm: Matrix = field(default_factory=lambda: np.eye(4))
-    moving: bool = True
+    end: Matrix = field(default_factory=lambda: np.eye(4))
+    active: tuple[str, ...] = _BOTH
     reverse: bool = False
     material: Entity | MaterialName | None = None
     lamp: Entity | None = None
@@ -250,12 +261,16 @@ class GraphicsState:
     color_space: str = "srgb"
     defaults: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict)
 
+    @property
+    def moved(self) -> Matrix | None:
+        """The transform at the end time, None where it is the same."""
+        return None if np.array_equal(self.ctm, self.end) else self.end
+
 
 _COLOR_SPACES = ("srgb", "rec2020", "dci-p3", "aces2065-1")
 _OPTIONS = ("Camera", "Film", "Sampler", "Integrator", "SurfaceIntegrator", "PixelFilter")
 _IGNORED = {
     "Accelerator": "how rays find surfaces is decided by the renderer",
-    "TransformTimes": "nothing moves while the shutter is open",
     "Option": "it steers pbrt itself",
     "Renderer": "it steers pbrt-v2 itself",
     "Volume": "there are no media of pbrt-v2",
@@ -277,7 +292,7 @@ class World:
     state: GraphicsState = field(default_factory=GraphicsState)
     states: list[GraphicsState] = field(default_factory=list)  # for the ends of blocks of attributes and objects
     blocks: list[tuple[str, GraphicsState, Place]] = field(default_factory=list)  # of all; their transforms count
-    spaces: dict[str, Matrix] = field(default_factory=dict)
+    spaces: dict[str, tuple[Matrix, Matrix]] = field(default_factory=dict)
     textures: dict[TextureKey, Entity] = field(default_factory=dict)
     in_world: bool = False
     ended: bool = False
@@ -296,7 +311,7 @@ class World:
         if name in _IGNORED:
             self.report.ignored(statement.place, f"{statement.described()}: {_IGNORED[name]}")
             return
-        if name in NUMBERS:
+        if name in NUMBERS and name not in _ACTIONS:
             self._transform(statement)
             return
         if name in _OPTIONS:
@@ -332,26 +347,28 @@ class World:
             if item.kind == "texture":
                 keys = [(kind, str(text)) for text in item.values for kind in ("float", "spectrum")]
                 bound |= {key: self.textures[key] for key in keys if key in self.textures}
-        return Entity(kind, given, self.state.ctm, self.state.color_space, bound)
+        return Entity(kind, given, self.state.ctm, self.state.color_space, bound, self.state.moved)
 
     def _transform(self, statement: Statement) -> None:
-        if not self.state.moving:
-            self.report.ignored(statement.place, f"{statement.directive} at the end time: nothing moves")
-            return
-        try:
-            is_whole = statement.directive == "Transform"
-            with np.errstate(over="ignore", invalid="ignore"):
-                matrix = _read_matrix(statement) if is_whole else self.state.ctm @ _step_matrix(statement)
-            if not np.isfinite(matrix).all() and np.isfinite(self.state.ctm).all():
-                raise _OddTransformError(f"{statement.directive} leads beyond the range of numbers")
-            self.set_transform(matrix)
-        except _OddTransformError as problem:
-            self.report.noted(statement.place, f"{problem}; what stands under it is left out")
-            self.set_transform(_NOWHERE)
+        for name in self.state.active:
+            before = getattr(self.state, name)
+            try:
+                is_whole = statement.directive == "Transform"
+                with np.errstate(over="ignore", invalid="ignore"):
+                    matrix = _read_matrix(statement) if is_whole else before @ _step_matrix(statement)
+                if not np.isfinite(matrix).all() and np.isfinite(before).all():
+                    raise _OddTransformError(f"{statement.directive} leads beyond the range of numbers")
+            except _OddTransformError as problem:
+                self.report.noted(statement.place, f"{problem}; what stands under it is left out")
+                matrix = _NOWHERE
+            self.state = replace(self.state, ctm=matrix) if name == "ctm" else replace(self.state, end=matrix)
 
-    def set_transform(self, matrix: Matrix) -> None:
-        """Make a matrix the current transform."""
-        self.state = replace(self.state, ctm=matrix)
+    def set_transform(self, start: Matrix, end: Matrix) -> None:
+        """Make matrices the current transforms of those times that are active."""
+        if "ctm" in self.state.active:
+            self.state = replace(self.state, ctm=start)
+        if "end" in self.state.active:
+            self.state = replace(self.state, end=end)
 
     def _option(self, statement: Statement) -> None:
         name = "Integrator" if statement.directive == "SurfaceIntegrator" else statement.directive
@@ -360,8 +377,9 @@ class World:
         self.scene.options[name] = self.entity(statement, statement.texts[0])
         if name == "Camera":
             self.scene.around_camera = self.state.outside
-            world_from_camera = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else _NOWHERE
-            self.spaces["camera"] = np.asarray(world_from_camera, np.float64)
+            both = self.state.ctm, self.state.end
+            first, last = (np.linalg.inv(one) if is_invertible(one) else _NOWHERE for one in both)
+            self.spaces["camera"] = np.asarray(first, np.float64), np.asarray(last, np.float64)
         if statement.directive == "SurfaceIntegrator" or (name == "Film" and statement.texts[0] == "image"):
             self.scene.version = 3
 
@@ -386,13 +404,13 @@ class World:
         if begun != kind:
             self.report.noted(place, f"{kind}End closes the {begun}Begin of {beginning.line}, as in pbrt-v3")
         rest = self.state if kind == "Transform" else self.states.pop()
-        self.state = replace(rest, ctm=before.ctm, moving=before.moving)
+        self.state = replace(rest, ctm=before.ctm, end=before.end, active=before.active)
 
 
 def _world_begin(world: World, statement: Statement) -> None:
     world.in_world = True
-    world.state = replace(world.state, ctm=np.eye(4), moving=True)
-    world.spaces["world"] = np.eye(4)
+    world.state = replace(world.state, ctm=np.eye(4), end=np.eye(4), active=_BOTH)
+    world.spaces["world"] = np.eye(4), np.eye(4)
 
 
 def _world_end(world: World, statement: Statement) -> None:
@@ -426,11 +444,11 @@ def _object_end(world: World, statement: Statement) -> None:
 
 
 def _object_instance(world: World, statement: Statement) -> None:
-    world.scene.shapes.append(Instance(statement.texts[0], world.state.ctm, statement.place))
+    world.scene.shapes.append(Instance(statement.texts[0], world.state.ctm, statement.place, world.state.moved))
 
 
 def _coordinate_system(world: World, statement: Statement) -> None:
-    world.spaces[statement.texts[0]] = world.state.ctm
+    world.spaces[statement.texts[0]] = world.state.ctm, world.state.end
 
 
 def _coordinate_system_transform(world: World, statement: Statement) -> None:
@@ -438,16 +456,24 @@ def _coordinate_system_transform(world: World, statement: Statement) -> None:
     if name not in world.spaces:
         world.report.ignored(statement.place, f"{statement.described()}: no coordinate system has the name, as in pbrt")
         return
-    world.set_transform(world.spaces[name])
+    world.set_transform(*world.spaces[name])
 
 
 def _identity(world: World, statement: Statement) -> None:
-    if world.state.moving:
-        world.set_transform(np.eye(4))
+    world.set_transform(np.eye(4), np.eye(4))
 
 
 def _active_transform(world: World, statement: Statement) -> None:
-    world.state = replace(world.state, moving=statement.texts[0] != "EndTime")
+    active = {"StartTime": ("ctm",), "EndTime": ("end",)}.get(statement.texts[0], _BOTH)
+    world.state = replace(world.state, active=active)
+
+
+def _transform_times(world: World, statement: Statement) -> None:
+    start, end = statement.numbers
+    if not end > start:
+        world.report.ignored(statement.place, f"{statement.described()}: the end time is not after the start")
+        return
+    world.scene.times = float(start), float(end)
 
 
 def _reverse(world: World, statement: Statement) -> None:
@@ -533,8 +559,8 @@ _ACTIONS: dict[str, Callable[[World, Statement], None]] = {
     "AttributeEnd": _block_end, "TransformBegin": _block_begin, "TransformEnd": _block_end,
     "ObjectBegin": _object_begin, "ObjectEnd": _object_end, "ObjectInstance": _object_instance,
     "CoordinateSystem": _coordinate_system, "CoordSysTransform": _coordinate_system_transform, "Identity": _identity,
-    "ActiveTransform": _active_transform, "ReverseOrientation": _reverse, "ColorSpace": _color_space,
-    "Attribute": _attribute, "Material": _material, "NamedMaterial": _named_material,
+    "ActiveTransform": _active_transform, "TransformTimes": _transform_times, "ReverseOrientation": _reverse,
+    "ColorSpace": _color_space, "Attribute": _attribute, "Material": _material, "NamedMaterial": _named_material,
     "MakeNamedMaterial": _make_named_material, "MakeNamedMedium": _make_named_medium,
     "MediumInterface": _medium_interface, "Texture": _texture, "LightSource": _light,
     "AreaLightSource": _area_light, "Shape": _shape,
@@ -576,6 +602,8 @@ class Context:
         Of the scene.
     deep : bool
         Whether light is to be scattered many times, below surfaces.
+    moves : bool
+        Whether something moves while the shutter is open.
     """
 
     scene: PbrtScene
@@ -589,6 +617,7 @@ class Context:
     world: Matrix = field(default_factory=lambda: np.eye(4), repr=False)
     metres_per_unit: float = 1.0
     deep: bool = False
+    moves: bool = False
 
     def approximated(self, entity: Entity, what: str, place: Place | None = None) -> None:
         """Report what of an entity the scene of ours has in another way; at a place of its own where one is given."""

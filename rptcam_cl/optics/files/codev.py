@@ -11,6 +11,7 @@ from typing import Any
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.lens_table import AxisFrame, LensTable, model_glass, numbers, opening_beside_the_axis
+from rptcam_cl.optics.files.tables import with_sharp_states
 from rptcam_cl.optics.glass import AbbeCauchy
 from rptcam_cl.optics.lens import Lens
 
@@ -73,7 +74,7 @@ _PARTS = re.compile(r"'[^']*'|\"[^\"]*\"|!|[^!'\"]+|['\"]")
 _SPLIT = re.compile(r""";(?=(?:[^'"]|'[^']*'|"[^"]*")*$)""")
 _QUALIFIER = re.compile(r"S(\d{1,4}|[OISA])(-\d{1,4})?(?:\.\.S?(\d{1,4}|[OIS])(-\d{1,4})?)?", re.ASCII | re.IGNORECASE)
 _POSITION = re.compile(r"Z\d+", re.ASCII | re.IGNORECASE)
-_HEADER = frozenset(("EPD", "FNO", "NA", "NAO", "YAN", "YOB", "YIM", "YRI", "DIM", "ZOO"))
+_HEADER = frozenset(("EPD", "FNO", "NA", "NAO", "YAN", "YOB", "YIM", "YRI", "DIM"))
 OFFSETS = ("ADX", "ADY")
 _NUMBERED = frozenset(("K", *POWERS, *TILTS, *OFFSETS, "THI", "RDY", "CUY", "CUX", "RDX", "REX", "REY"))
 _OF_SURFACES = frozenset((*_NUMBERED, "STO", "CIR", "CYL", "YTO", "GLA", "GL1", "DAR", "REV", "BEN"))
@@ -107,6 +108,7 @@ class _SeqSurface:
     cylinder: str | None = None
     curvature_x: float | None = None
     clear: dict[str, float] = field(default_factory=dict)
+    positions: dict[int, float] = field(default_factory=dict)  # thickness in each position of a zoom
     bend: dict[str, float] = field(default_factory=dict)
     way: str = ""
 
@@ -115,12 +117,39 @@ class _SeqSurface:
         return (1.0 / self.value if self.value else 0.0) if self.radius_mode else self.value
 
 
+@dataclass
+class _Zoom:
+    """Positions of a zoom, counted from 1: how many, their names, and where object and pupil differ."""
+
+    count: int = 1
+    names: dict[int, str] = field(default_factory=dict)
+    objects: dict[int, float] = field(default_factory=dict)
+    pupils: dict[int, float] = field(default_factory=dict)
+
+    def take(self, values: dict[int, float], rest: list[str], line: int, table: LensTable) -> None:
+        """Take numbers of one position (``Z2 5``) or of all from the first on."""
+        first = int(rest[0][1:]) if rest and _POSITION.fullmatch(rest[0]) else 0
+        for place, value in enumerate(_numbers(rest[1:2] if first else rest, table, line), start=first or 1):
+            values[place] = value
+
+    def add_to(self, table: LensTable, surfaces: list[_SeqSurface]) -> None:
+        """Give a table its positions."""
+        every = range(1, self.count + 1)
+        values = [[surface.positions.get(k, surface.thickness) for k in every] for surface in surfaces]
+        away = [self.objects.get(k, table.object_distance) for k in every]
+        pupils = [self.pupils.get(k, table.pupil_diameter or 0.0) for k in every] if self.pupils else []
+        names = [self.names.get(k, str(k)) for k in every]
+        table.add_positions(names, dict(enumerate(values)), [a if 0 < abs(a) < FAR else math.inf for a in away],
+                            values[-1], pupils)  # fmt: skip
+
+
 def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a CODE V sequence; glasses of `makers` come first."""
     table = LensTable(path, makers=makers, working=True)
     statements = _statements(text)
     private = _private_glasses(statements, path)
-    surfaces = _parse(statements, table, private)
+    zoom = _Zoom()
+    surfaces = _parse(statements, table, private, zoom)
     _choose_radii(surfaces, table)
     frame = AxisFrame(SENSES)
     for place, surface in enumerate(surfaces):
@@ -143,8 +172,10 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     table.place(frame)
     if table.rows and not any(surface.stop for surface in surfaces):
         table.rows[0]["stop"] = True  # as in that program
+    if zoom.count > 1 and table.rows:
+        zoom.add_to(table, surfaces)
     table.size_stop()
-    return table.lens()
+    return with_sharp_states(table.lens(), path)
 
 
 def _statements(text: str) -> list[tuple[int, list[str]]]:
@@ -165,7 +196,7 @@ def _statements(text: str) -> list[tuple[int, list[str]]]:
 
 
 def _parse(
-    statements: list[tuple[int, list[str]]], table: LensTable, private_ones: Mapping[str, Any]
+    statements: list[tuple[int, list[str]]], table: LensTable, private_ones: Mapping[str, Any], zoom: _Zoom
 ) -> list[_SeqSurface]:
     surfaces: list[_SeqSurface] = []
     radius_mode: bool | None = None
@@ -192,6 +223,8 @@ def _parse(
             value, thickness = _numbers([*rest, "0", "0"][:2], table, line)
             glass = rest[2] if len(rest) > 2 else ""
             surfaces.append(_SeqSurface(line, value, thickness, glass, radius_mode))
+        elif rest and (key == "ZOO" or _of_position(key, rest)):
+            _zoomed(words[1:] if key == "ZOO" else words, surfaces, zoom, line, table)
         elif rest and not key.startswith("TIT") and (qualifier := _QUALIFIER.fullmatch(rest[0])):
             for target in _targets(qualifier, surfaces):
                 _take(target, key, rest[1:], line, table)
@@ -206,6 +239,34 @@ def _parse(
         else:
             _header(key, rest, line, table)
     return surfaces
+
+
+def _of_position(key: str, rest: list[str]) -> bool:
+    """Return whether a statement is of one position of a zoom: the name, the pupil or the distance of the object."""
+    of_object = key == "THI" and rest[0].upper() in ("SO", "S0")
+    of_position = bool(_POSITION.fullmatch(rest[0]))
+    return of_object or (of_position and (key == "EPD" or key.startswith("TIT")))
+
+
+def _zoomed(words: list[str], surfaces: list[_SeqSurface], zoom: _Zoom, line: int, table: LensTable) -> None:
+    """Take what positions differ in: ``3`` of them, ``THI S5 1.9 20``, ``THI SO Z2 500``, ``EPD 20 25``, titles."""
+    key, rest = words[0].upper(), words[1:]
+    qualifier = _QUALIFIER.fullmatch(rest[0]) if rest else None
+    if key.isdecimal():
+        zoom.count = int(key)
+    elif key.startswith("TIT"):
+        zoom.names[int(rest[0][1:])] = " ".join(rest[1:]).strip("'\"").strip()
+    elif key == "EPD":
+        zoom.take(zoom.pupils, rest, line, table)
+        table.pupil_diameter = table.pupil_diameter or zoom.pupils.get(1)
+    elif key == "THI" and rest and rest[0].upper() in ("SO", "S0"):
+        zoom.take(zoom.objects, rest[1:], line, table)
+    elif key == "THI" and qualifier:
+        for target in _targets(qualifier, surfaces):
+            zoom.take(target.positions, rest[1:], line, table)
+            target.thickness = target.positions.get(1, target.thickness)
+    elif key not in QUIET:
+        table.note(line, f"{key} of the positions of a zoom is ignored: spaces, object and pupil alone may differ")
 
 
 def _targets(qualifier: re.Match[str], surfaces: list[_SeqSurface]) -> list[_SeqSurface]:
@@ -263,14 +324,16 @@ def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
     elif key in ("YAN", "YOB", "YIM", "YRI"):
         table.field_kind = ("YAN", "YOB", "YIM", "YRI").index(key)
         table.set_field(max(map(abs, numbers(rest, table.path, line)), default=0.0))
-    elif key == "ZOO":
-        table.note(line, "ZOO: only the first position of the zoom is read")
     elif key not in QUIET:
         table.note(line, f"{key} is ignored")
 
 
 def _take(surface: _SeqSurface, key: str, rest: list[str], line: int, table: LensTable) -> None:
     if rest and _POSITION.fullmatch(rest[0]):  # of a zoom
+        if key == "THI":
+            surface.positions[int(rest[0][1:])] = table.number(rest[1:], line)
+        elif rest[0].upper() != "Z1" and key not in QUIET:
+            table.note(line, f"{key} of position {rest[0]} is ignored: spaces, object and pupil alone may differ")
         if rest[0].upper() != "Z1":
             return
         rest = rest[1:]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import chain, permutations
-from typing import Any
+from dataclasses import replace
+from itertools import chain, permutations, zip_longest
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from rptcam_cl.optics.glass import (
     held_index,
 )
 from rptcam_cl.optics.image_quality import default_fields, setting
-from rptcam_cl.optics.lens import Lens, limiting_surface
+from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration, limiting_surface
 from rptcam_cl.optics.shapes import Biconic, Toroid, short_radius
 from rptcam_cl.optics.surface import FocusState, Region, StopShape, Surface, SurfacePose, tilt_of
 
@@ -62,6 +63,42 @@ def rows_of(lens: Lens, film_distance_mm: float) -> Iterator[tuple[Surface, floa
         yield surface, curvature, lens.sense * film_distance_mm if k == last else surface.thickness, k == stop
 
 
+class Position(NamedTuple):
+    """A lens as it stands in one position of a zoom, or focused nearer; object and film from its ends [mm]."""
+
+    name: str
+    lens: Lens
+    object_mm: float
+    film_mm: float
+
+
+def positions_of(lens: Lens) -> list[Position]:
+    """Return the zoom positions of a lens, far away, and then those of their floating groups in the same order."""
+    far = [in_configuration(lens, each.name) for each in lens.configurations] or [lens]
+    names = [each.name for each in lens.configurations] or ["far"]
+    places = [
+        Position(name, state, math.inf, setting(replace(state, configurations=())).film_distance_mm or 0.0)
+        for name, state in zip(names, far, strict=True)
+    ]
+    for states in zip_longest(*(state.floating for state in far)):
+        for name, state, near in zip(names, far, states, strict=True):
+            if near is None:
+                raise InputError(f"{lens.name}: its zoom positions focus nearer in different numbers of states")
+            focused, film = brought_to_focus(replace(state, configurations=()), near.distance_mm)
+            away = near.distance_mm - focused.length - film
+            places.append(Position(f"{name}, {near.distance_mm:g} mm", focused, away, film))
+    return places
+
+
+def _varied(places: Sequence[Position]) -> Iterator[tuple[int, list[float]]]:
+    """Yield the surfaces behind which spaces differ between positions, with these; the last one's ends at the film."""
+    last = len(places[0].lens.surfaces) - 1
+    for k in range(last + 1):
+        gaps = [one.film_mm if k == last else one.lens.surfaces[k].thickness for one in places]
+        if len(set(gaps)) > 1:
+            yield k, gaps
+
+
 def refuse(lens: Lens, form: str, of_surfaces: Iterable[tuple[int, str]], of_whole: Iterable[str] = ()) -> None:
     """Raise an error with every reason why a form, such as ``.seq file``, cannot say a lens.
 
@@ -75,8 +112,6 @@ def refuse(lens: Lens, form: str, of_surfaces: Iterable[tuple[int, str]], of_who
     reasons = []
     if abs(float(lens.object_medium.index(LINE_D_NM)) - 1) > IN_AIR:
         reasons.append(f"the medium in front of it is {lens.object_medium.name}, not air: a {form} begins in air")
-    if lens.configurations:
-        reasons.append("it is a zoom lens (choose a focal length)")
     if lens.fold is not None:
         reasons.append("its axis is folded, and its film stands across the last part of it")
     where: dict[str, list[str]] = {}
@@ -93,9 +128,15 @@ def left_out(lens: Lens) -> list[str]:
     notes = []
     if any(surface.coating is not None for surface in lens.surfaces):
         notes.append("coatings are left out")
-    if lens.focusing is not None or lens.floating:
+    if lens.focusing is not None:
         notes.append("what moves to focus is left out: the lens is written as its file has it")
     return notes
+
+
+def with_model_glasses(lens: Lens) -> Lens:
+    """Return the lens with glasses of the same indices that no catalogue knows."""
+    glasses = {k: surface.glass for k, surface in enumerate(lens.surfaces) if surface.glass != AIR}
+    return lens.with_changes({k: {"glass": replace(glass, name="")} for k, glass in glasses.items()})  # type: ignore[call-arg]
 
 
 def _maker_and_name(medium: Medium) -> tuple[str, str] | None:
@@ -184,11 +225,24 @@ def codev_text(lens: Lens) -> str:
         lines += ["PRV", f"  PWL {numbers(PRIVATE_NM)}"]
         lines += [f"  '{name}' {numbers(_indices(medium))}" for medium, name in private.items()]
         lines.append("END")
+    places = positions_of(lens)
     lines.append("SO 0.0 1.0E+13")
     for (surface, curvature, gap, is_stop), word in zip(rows_of(lens, film), words, strict=True):
         lines.append(f"S {number(curvature)} {number(gap)} {word}".rstrip())
         lines += [f"  {line}" for line in _details(surface, is_stop)]
-    return "\n".join([*lines, "SI 0.0 0.0", "GO", ""])
+    return "\n".join([*lines, "SI 0.0 0.0", *_codev_positions(places), "GO", ""])
+
+
+def _codev_positions(places: Sequence[Position]) -> Iterator[str]:
+    if len(places) == 1:
+        return
+    yield f"ZOO {len(places)}"
+    yield from (f"TIT Z{z} '{one_line(one.name)}'" for z, one in enumerate(places, start=1))
+    away = [1e13 if math.isinf(one.object_mm) else one.object_mm for one in places]
+    if len(set(away)) > 1:
+        yield f"ZOO THI SO {numbers(away)}"
+    yield f"ZOO EPD {numbers(one.lens.first_order().entrance_pupil.diameter_mm for one in places)}"
+    yield from (f"ZOO THI S{k + 1} {numbers(gaps)}" for k, gaps in _varied(places))
 
 
 def _details(surface: Surface, is_stop: bool) -> Iterator[str]:
@@ -279,12 +333,32 @@ def zemax_text(lens: Lens) -> str:
     lines += [f"WAVM {k} {number(nm / 1000)} 1.0" for k, nm in enumerate(WAVELENGTHS_NM, start=1)]
     lines.append(f"PWAV {1 + WAVELENGTHS_NM.index(LINE_D_NM)}")
     blocks = [["  TYPE STANDARD", "  CURV 0.0", "  DISZ INFINITY"]]
+    behind: list[int] = []  # the block that has the space behind each surface
     for row in rows_of(lens, film):
         blocks += _surface(*row, makers)
+        behind.append(len(blocks) - 1)
     blocks.append(["  TYPE STANDARD", "  CURV 0.0", "  DISZ 0.0"])
     for k, block in enumerate(blocks):
         lines += [f"SURF {k}", *block]
+    lines += _zemax_positions(positions_of(lens), behind)
     return "\n".join([*lines, ""])
+
+
+def _zemax_positions(places: Sequence[Position], behind: Sequence[int]) -> Iterator[str]:
+    if len(places) == 1:
+        return
+    yield f"MNUM {len(places)} 1"
+    pupils = [one.lens.first_order().entrance_pupil.diameter_mm for one in places]
+    away = [1e10 if math.isinf(one.object_mm) else one.object_mm for one in places]
+    spaces = [(0, away)] if len(set(away)) > 1 else []
+    for k, gaps in _varied(places):
+        pose = places[0].lens.surfaces[k].pose
+        spaces.append((behind[k], [gap - (pose.offset[2] if pose else 0.0) for gap in gaps]))
+    rows = [("THIC", surface, values) for surface, values in spaces] + [("APER", 0, pupils)]
+    for key, surface, values in rows:
+        yield from (
+            f'{key} {surface} {z} {number(value)} 0 0 0 1 1 1 0 0 "" 0' for z, value in enumerate(values, start=1)
+        )
 
 
 def _makers(lens: Lens) -> tuple[str, ...]:
@@ -402,6 +476,7 @@ def pbrt_text(lens: Lens, wavelength_nm: float = LINE_D_NM) -> str:
     """
     is_older = len(lens.surfaces) > 2 and lens.surfaces[0].thickness == 0
     of_whole = ["the first thickness is 0, which readers take for the older kind of table"] if is_older else []
+    of_whole += ["it is a zoom lens (choose a focal length)"] if lens.configurations else []
     refuse(lens, ".dat table", _pbrt_reasons(lens, wavelength_nm), of_whole)
     film = setting(lens, wavelength_nm=wavelength_nm).film_distance_mm or 0.0
     indices = lens.indices(wavelength_nm)

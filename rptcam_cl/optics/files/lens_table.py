@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import field
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,12 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_catalogues import named_glass, near_glass_words, near_names, other_name
 from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.glass import NO_DISPERSION
-from rptcam_cl.optics.lens import Lens, limiting_surface, system_matrix
+from rptcam_cl.optics.lens import Lens, in_configuration, limiting_surface, system_matrix
 from rptcam_cl.optics.surface import rotation_matrix, tilt_of
 
 Array = NDArray[np.float64]
+
+FARTHEST = 1e9  # an object beyond this is at infinity [unit]
 
 # Coordinate breaks of sequential lens files, followed along the axis and turned into the pose of each surface.
 
@@ -144,6 +147,8 @@ class LensTable:
         How Zemax counts fields: 0 as angles, 1 at the object, 2 and 3 at the image.
     object_distance : float
         From the object to the first surface [unit], infinite for most lenses.
+    pupils : dict
+        Diameter of the entrance pupil [unit] of each zoom position, where they differ.
     """
 
     path: str
@@ -163,6 +168,7 @@ class LensTable:
     image_height: float = 0.0
     object_distance: float = float("inf")
     field_kind: int = 0
+    pupils: dict[str, float] = field(default_factory=dict)
 
     def set_field(self, widest: float) -> None:
         """Take the widest field as Zemax counts it: an angle, an object height or an image height, by `field_kind`."""
@@ -190,7 +196,75 @@ class LensTable:
         rows = [{k: v for k, v in row.items() if v is not None} for row in self.rows]
         document = document_of({"name": self.name or self.path, "unit": self.unit, "surfaces": rows, **self.keys})
         lens = read_native(type(document)(document.data, self.path, {}, {}))
-        return lens.with_warnings(tuple(self.notes))
+        return self._with_pupils(lens).with_warnings(tuple(self.notes))
+
+    def _with_pupils(self, lens: Lens) -> Lens:
+        """Return a zoom lens whose stop has in each position the diameter of its pupil."""
+        if not self.pupils or lens.stop is None:
+            return lens
+        open_mm, first = 2 * lens.stop.semi_diameter, next(iter(self.pupils.values()))
+        per_pupil = open_mm * lens.first_order().entrance_pupil.diameter_mm / first
+        states = [in_configuration(lens, each.name).first_order() for each in lens.configurations]
+        stops = [
+            per_pupil * self.pupils[each.name] / state.entrance_pupil.diameter_mm
+            for each, state in zip(lens.configurations, states, strict=True)
+        ]
+        positions = [
+            replace(each, stop_diameter_mm=stop) for each, stop in zip(lens.configurations, stops, strict=True)
+        ]
+        return in_configuration(replace(lens, configurations=tuple(positions)), positions[0].name)
+
+    def add_positions(
+        self,
+        names: Sequence[str],
+        gaps: Mapping[int, Sequence[float]],
+        objects: Sequence[float],
+        backs: Sequence[float],
+        pupils: Sequence[float] = (),
+    ) -> None:
+        """Take positions of a zoom whose objects are far, and with near objects the states of groups that float.
+
+        The near positions belong to the far ones in their order.
+
+        Parameters
+        ----------
+        gaps : mapping of row to its thickness in each position [unit]
+        objects, backs : sequences of float
+            From the object to the first surface, infinite where it is far, and from the last one to the film [unit].
+        pupils : sequence of float
+            Diameters of the entrance pupils [unit]; empty where all positions have one.
+        """
+        last = len(self.rows) - 1
+        varied = {row: values for row, values in gaps.items() if row < last and len(set(values)) > 1}
+        far = [k for k, away in enumerate(objects) if not 0 < away < FARTHEST]
+        near = [k for k, away in enumerate(objects) if 0 < away < FARTHEST]
+        if not varied or not far or len(near) % len(far):
+            why = "move no surfaces" if not varied else "do not pair near objects with far ones"
+            self.notes.append(f"{self.path}: its {len(names)} positions {why}: it is read as saved")
+            return
+        for row, values in varied.items():
+            self.rows[row]["thickness"] = values[far[0]]
+        self.object_distance = float("inf")
+
+        def at(k: int) -> dict[int, float]:
+            return {row: values[k] for row, values in varied.items()}
+
+        def states(of: int) -> list[dict[str, Any]]:
+            found = []
+            for k in near[of :: len(far)]:
+                rest = sum(row.get("thickness", 0.0) for place, row in enumerate(self.rows) if place not in varied)
+                away = objects[k] + rest + sum(at(k).values()) + backs[k]
+                found.append({"distance": away, "gaps": at(k), "film_shift": backs[k] - backs[far[of]]})
+            return sorted(found, key=lambda state: -state["distance"])
+
+        if pupils and len(far) > 1:
+            self.pupils = {names[k]: pupils[k] for k in far}
+            self.pupil_diameter = pupils[far[0]]
+        if len(far) == 1:
+            self.keys["floating"] = states(0)
+            return
+        rows = [{"name": names[k], "gaps": at(k), "floating": states(of)} for of, k in enumerate(far)]
+        self.keys["configurations"] = [{key: value for key, value in row.items() if value} for row in rows]
 
     def place(self, frame: AxisFrame) -> None:
         """Place the surfaces and the film, which stands where mirrors have folded the axis to."""

@@ -342,10 +342,10 @@ def read_optical_bench(text: str, path: str) -> Lens:
     published = {"focal_length_mm": _value(distances.get("Focal Length", []), 0), "f_number": table.f_number}
     table.keys["published"] = {key: value for key, value in published.items() if value}
     _configurations(table, gaps, distances)
-    return _with_sharp_states(table.lens(), path)
+    return with_sharp_states(table.lens(), path)
 
 
-def _with_sharp_states(lens: Lens, path: str) -> Lens:
+def with_sharp_states(lens: Lens, path: str) -> Lens:
     """Return the lens without the film shifts of near states that are not sharp there; the film then follows the image.
 
     A state that is far from sharp was not meant so, or the file counts its film from elsewhere.

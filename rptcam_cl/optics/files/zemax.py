@@ -13,6 +13,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_catalogues import makers_of
 from rptcam_cl.optics.files.lens_table import AxisFrame, LensTable, model, numbers, opening_beside_the_axis
 from rptcam_cl.optics.files.native import bfs_powers
+from rptcam_cl.optics.files.tables import with_sharp_states
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
@@ -42,6 +43,7 @@ class _ZmxSurface:
     inner_radius: float = 0.0
     outer_radius: float = 0.0
     offset: tuple[float, float] = (0.0, 0.0)
+    number: int = 0
     bends: list[tuple[int, list[str], list[float]]] = field(default_factory=list)
 
     @property
@@ -68,7 +70,8 @@ class _ZmxSurface:
 def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a sequential Zemax file; glasses of `makers` come first, then those of its own catalogues."""
     table = LensTable(path, makers=makers)
-    surfaces = _parse(text, table)
+    many = _Configurations()
+    surfaces = _parse(text, table, many)
     if len(surfaces) < 3:
         raise InputError(f"{path}: a lens needs surfaces between object and image")
     distance = surfaces[0].values.get("DISZ", 0.0)
@@ -79,6 +82,7 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     frame = AxisFrame(SENSES)
     body = surfaces[1:-1]
     openings: list[bool] = []
+    parts: list[list[_ZmxSurface]] = []
     for place, surface in enumerate(body):
         last = place == len(body) - 1
         thickness = surface.values.get("DISZ", 0.0)
@@ -87,6 +91,8 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
             frame.advance(thickness)
             if table.rows and thickness:
                 table.rows[-1]["thickness"] = table.rows[-1].get("thickness", 0.0) + thickness
+            if parts:
+                parts[-1].append(surface)
             continue
         row = _row(surface, table)
         frame.stand(row)
@@ -97,14 +103,39 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
         frame.advance(thickness)
         table.rows.append(row)
         openings.append(surface.has_aperture)
+        parts.append([surface])
     _bend_image(frame, surfaces, table)
     table.place(frame)
     _trim(table, openings)
+    if many.count > 1 and parts:
+        many.add_to(table, parts)
     table.size_stop()
-    return table.lens()
+    return with_sharp_states(table.lens(), path)
 
 
-def _parse(text: str, table: LensTable) -> list[_ZmxSurface]:
+@dataclass
+class _Configurations:
+    """How many a file has, and the thickness behind surfaces, by their numbers, in each from 1 on."""
+
+    count: int = 1
+    pupils: dict[int, float] = field(default_factory=dict)
+    values: dict[int, dict[int, float]] = field(default_factory=dict)
+
+    def add_to(self, table: LensTable, parts: list[list[_ZmxSurface]]) -> None:
+        """Give a table its positions: of each row the surface and the breaks behind it."""
+        every = range(1, self.count + 1)
+
+        def gap(surface: _ZmxSurface, k: int) -> float:
+            return self.values.get(surface.number, {}).get(k, surface.values.get("DISZ", 0.0))
+
+        gaps = {row: [sum(gap(part, k) for part in group) for k in every] for row, group in enumerate(parts)}
+        away = [self.values.get(0, {}).get(k, table.object_distance) for k in every]
+        pupils = [self.pupils.get(k, table.pupil_diameter or 0.0) for k in every] if self.pupils else []
+        table.add_positions([str(k) for k in every], gaps, [a if 0 < abs(a) < FAR else math.inf for a in away],
+                            gaps[len(parts) - 1], pupils)  # fmt: skip
+
+
+def _parse(text: str, table: LensTable, many: _Configurations) -> list[_ZmxSurface]:
     surfaces: list[_ZmxSurface] = []
     for line, raw in enumerate(text.lstrip("\ufeff").splitlines(), start=1):
         words = raw.split()
@@ -112,7 +143,18 @@ def _parse(text: str, table: LensTable) -> list[_ZmxSurface]:
             continue
         key, rest = words[0].upper(), words[1:]
         if key == "SURF":
-            surfaces.append(_ZmxSurface(line))
+            surfaces.append(_ZmxSurface(line, number=len(surfaces)))
+        elif key == "MNUM" and rest and rest[0].isdecimal():
+            many.count = int(rest[0])
+        elif key == "THIC":
+            surface, position, value = numbers(rest[:3], table.path, line, 3)
+            many.values.setdefault(int(surface), {})[int(position)] = value
+        elif key == "APER" and many.count > 1 and table.pupil_diameter:
+            _, position, value = numbers(rest[:3], table.path, line, 3)
+            many.pupils[int(position)] = value
+        elif key in OF_CONFIGURATIONS and many.count > 1:
+            if rest[1:2] == ["1"]:
+                table.note(line, f"{key} of configurations is ignored: spaces, object and pupil alone may differ")
         elif surfaces and key not in _HEADER:
             _take(surfaces[-1], key, rest, line, table)
         else:
@@ -120,7 +162,9 @@ def _parse(text: str, table: LensTable) -> list[_ZmxSurface]:
     return surfaces
 
 
-_HEADER = frozenset(("MNUM", "MODE", "UNIT"))
+_HEADER = frozenset(("MODE", "UNIT"))
+# What configurations may differ in beside spaces (OpticStudio help, «Multi-Configuration Operands»).
+OF_CONFIGURATIONS = frozenset(("APER", "CRVT", "GLSS", "CONN", "PRAM", "SDIA", "STPS", "IGNR", "PRES"))
 
 
 def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
@@ -148,8 +192,6 @@ def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
         table.field_kind = int(table.number(rest, line))
     elif key == "YFLN":
         table.set_field(max(map(abs, numbers(rest, table.path, line)), default=0.0))
-    elif key == "MNUM" and rest and rest[0].isdecimal() and int(rest[0]) > 1:
-        table.note(line, f"only one of {rest[0]} configurations is read: that in which the file was saved")
     elif key == "ENVD" and [float(word) for word in numbers(rest[:2], table.path, line)] not in ([], [20.0, 1.0]):
         table.note(line, f"glass is taken at 20 degrees and 1 atmosphere, not at {' and '.join(rest[:2])}")
 

@@ -8,6 +8,7 @@ import struct
 import warnings
 import zlib
 from dataclasses import replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -165,7 +166,15 @@ def stop_shape(scene: Scene, aperture: Aperture) -> StopShape | StopMask | None:
         case OutlineAperture():
             return polygon(fit_to_stop(aperture.points), aperture.rotation_degrees)
         case ImageAperture():
-            return StopMask(_mask(scene, aperture))
+            where = aperture.place.rstrip(": ")
+            cells = bright_parts(scene.content_of(aperture), where)
+            rows, columns = cells.shape
+            if rows != columns or columns > _LARGEST_MASK:
+                raise InputError(
+                    f"{where}: is {columns} x {rows} pixels"
+                    f" (allowed: square, at most {_LARGEST_MASK} x {_LARGEST_MASK})"
+                )
+            return StopMask(cells)
     return None
 
 
@@ -201,30 +210,41 @@ def aperture_tables(scene: Scene, aperture: Aperture) -> tuple[NDArray[np.float3
     return np.concatenate([curve.ravel(), corners.ravel()]), facts | {"APERTURE_PARTS": len(corners)}
 
 
-def _mask(scene: Scene, aperture: ImageAperture) -> NDArray[np.bool_]:
-    """Return the open cells of a mask picture."""
+def bright_parts(source: Path | bytes, where: str) -> NDArray[np.bool_]:
+    """Return which pixels (height, width) of a mask picture are brighter than half, of an array which are above zero.
+
+    Parameters
+    ----------
+    source
+        The file, or its content.
+    where
+        What errors call it.
+
+    Raises
+    ------
+    InputError
+        When it is no picture, or none are.
+    """
     from PIL import Image, UnidentifiedImageError
 
-    where = aperture.place.rstrip(": ")
     try:
-        content = read_whole(scene.content_of(aperture), LARGEST_FILE)
+        content = read_whole(source, LARGEST_FILE)
     except (InputError, StateError) as problem:
         raise type(problem)(f"{where}: {problem}") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            with Image.open(io.BytesIO(content), formats=["PNG", "JPEG", "TIFF"]) as picture:
-                if picture.width != picture.height or picture.width > _LARGEST_MASK:
-                    raise InputError(
-                        f"{where}: is {picture.width} x {picture.height} pixels"
-                        f" (allowed: square, at most {_LARGEST_MASK} x {_LARGEST_MASK})"
-                    )
-                grey = np.asarray(picture.convert("L"))
+            if content.startswith(b"\x93NUMPY"):
+                cells = np.load(io.BytesIO(content), allow_pickle=False) > 0
+                if cells.ndim != 2:
+                    raise InputError(f"{where}: has {cells.ndim} dimensions (allowed: an array (height, width))")
+            else:
+                with Image.open(io.BytesIO(content), formats=["PNG", "JPEG", "TIFF"]) as picture:
+                    cells = np.asarray(picture.convert("L")) > 127
     except (*_DAMAGED, UnidentifiedImageError, Image.DecompressionBombError, Warning) as problem:
         raise InputError(f"{where}: is not a readable PNG, JPEG or TIFF picture ({problem})") from None
-    cells = grey > 127
     if not cells.any():
-        raise InputError(f"{where}: is dark everywhere, so no light passes (allowed: some pixels brighter than half)")
+        raise InputError(f"{where}: is dark everywhere (allowed: some pixels brighter than half)")
     return np.asarray(cells)
 
 

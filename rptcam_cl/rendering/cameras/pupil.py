@@ -420,6 +420,8 @@ def _checked(view: _View, tier: Tier) -> PupilSampling:
     else:
         sampling = tight_sampling(view.shapes())
     probe = pupils.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm, view.frame)
+    if sampling.tier == "tight" and loses_light(sampling, probe, view.half_film_mm):
+        sampling = tight_sampling(view.shapes(pupils.FINEST_OUTLINES))
     if loses_light(sampling, probe, view.half_film_mm):
         return replace(_rear(view), instead_of=sampling.tier)
     return sampling

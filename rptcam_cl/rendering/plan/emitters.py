@@ -6,7 +6,7 @@ Emissive planes, insides of solids, what moves and what has holes shine as well,
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import field
 from typing import Any
 
@@ -31,7 +31,14 @@ from rptcam_cl.core.records import (
 )
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp
 from rptcam_cl.rendering.plan.environment import SUN_RADIUS_DEGREES, Surroundings
-from rptcam_cl.rendering.plan.primitives import Primitive, corners_of_box, sphere_of, turn_to, world_from_scene
+from rptcam_cl.rendering.plan.primitives import (
+    Primitive,
+    Primitives,
+    corners_of_box,
+    sphere_of,
+    turn_to,
+    world_from_scene,
+)
 from rptcam_cl.rendering.plan.textures import Colours, KnownSpectra, TextureTable
 from rptcam_cl.scene.assets.mesh import Mesh
 from rptcam_cl.scene.lights import (
@@ -353,9 +360,7 @@ PLACES = {
 }
 
 
-def _lit_points(
-    primitives: Sequence[Primitive], lamps_of_primitive: Mapping[int, int], lamps: Lamps, eye: Array
-) -> Array:
+def _lit_points(primitives: Primitives, lamps_of_primitive: Mapping[int, int], lamps: Lamps, eye: Array) -> Array:
     """Return points (n, 3) [m about the eye] of what is no lamp itself; of a plane the foot of each lamp.
 
     Parameters
@@ -449,7 +454,7 @@ class LightGroups:
     sky: int = 0
 
 
-def light_groups(scene: Scene, primitives: Sequence[Primitive], *, has_glow: bool) -> LightGroups:
+def light_groups(scene: Scene, primitives: Primitives, *, has_glow: bool) -> LightGroups:
     """Return the groups of the lamps of a scene, where `lights` is one of its layers.
 
     A lamp without `group` is one of its own, named as its object is. Media that shine come last, as the kernels expect
@@ -465,7 +470,7 @@ def light_groups(scene: Scene, primitives: Sequence[Primitive], *, has_glow: boo
     lights = [light.group or f"light_{place}" for place, light in enumerate(scene.lights)]
     sky = [] if scene.environment is None else [scene.environment.group or "environment"]
     objects: dict[int, str] = {}
-    for index in sorted({primitive.object for primitive in primitives if _is_shining(primitive.material)}):
+    for index in sorted({run.object for run in primitives.runs if _is_shining(run.material)}):
         item = scene.objects[index]
         objects[index] = item.group or re.sub(r"[^A-Za-z0-9_-]", "_", item.name or f"object_{index}")
     names = tuple(dict.fromkeys((*objects.values(), *lights, *sky, *(("media",) if has_glow else ()))))
@@ -477,11 +482,11 @@ def light_groups(scene: Scene, primitives: Sequence[Primitive], *, has_glow: boo
             f" at most {MOST_GROUPS} groups; give lamps that belong together the same `group`)"
         )
     number = {name: place for place, name in enumerate(names or ("none",))}
-    of_primitive = [number[objects[each.object]] if each.object in objects else 0 for each in primitives]
-    return LightGroups(
-        tuple(number), np.array(of_primitive or [0], np.int32), tuple(number[name] for name in lights),
-        number[sky[0]] if sky else 0,
-    )  # fmt: skip
+    of_primitive = primitives.of_each(
+        number[objects[run.object]] if run.object in objects else 0 for run in primitives.runs
+    )
+    of_light = tuple(number[name] for name in lights)
+    return LightGroups(tuple(number), of_primitive, of_light, number[sky[0]] if sky else 0)
 
 
 def _is_shining(material: Material) -> bool:
@@ -505,6 +510,11 @@ class Emitters:
     tree: LightTree | None = None
     tiny: bool = False
     groups: NDArray[np.int32] = field(default_factory=lambda: np.zeros(1, np.int32))
+
+    @property
+    def shining(self) -> NDArray[np.void]:
+        """Records of lamps, without the one that stands where there is none."""
+        return self.records[: self.count if self.kinds else 0]
 
     @property
     def facts(self) -> dict[str, int]:
@@ -606,21 +616,23 @@ def _mesh_emitters(
     return records, np.pi * areas * glow.strength
 
 
-def _scene_reach(primitives: list[Primitive], eye: NDArray[np.float64]) -> float:
+def _scene_reach(primitives: Primitives, eye: NDArray[np.float64]) -> float:
     """Return a radius about the eye that holds all bounded primitives [m]."""
-    placements = [each.placement[:3] for each in primitives if each.mesh is None and each.kind is not Kind.PLANE]
-    reach = float(np.linalg.norm(placements, ord=2, axis=(1, 2)).max()) if placements else 0.0
-    of_mesh: dict[Mesh, list[NDArray[np.float64]]] = {}
-    for primitive in primitives:
-        if primitive.mesh is not None:
-            of_mesh.setdefault(primitive.mesh, []).append(primitive.placement)
-    for mesh, matrices in of_mesh.items():
-        corners = corners_of_box(*mesh.bounds(), np.array(matrices))
+    reach = 0.0
+    for kind, (runs, _) in primitives.by_kind().items():
+        if kind is not Kind.PLANE:
+            sizes = (np.linalg.norm(some[:, :3], ord=2, axis=(1, 2)) for *_, some in primitives.blocks(runs))
+            reach = max(reach, *(float(each.max()) for each in sizes))
+    meshes = [run for run in primitives.runs if run.mesh is not None]
+    boxes = np.array([run.mesh.bounds() for run in meshes if run.mesh is not None])
+    for _, numbers, placements in Primitives(meshes).blocks():
+        low, high = boxes[numbers].transpose(1, 0, 2)[:, :, None]
+        corners = corners_of_box(low, high, placements)
         reach = max(reach, float(np.linalg.norm(corners - eye, axis=-1).max()))
     return reach or 1.0
 
 
-def _has_tiny(records: NDArray[np.void], primitives: list[Primitive], eye: NDArray[np.float64]) -> bool:
+def _has_tiny(records: NDArray[np.void], primitives: Primitives, eye: NDArray[np.float64]) -> bool:
     """Return whether one of several lamps may be seen at an angle below which kernels end rays before it."""
     pieces = records[records["primitive"] >= 0]
     if len(pieces) < 2:
@@ -633,7 +645,7 @@ def _has_tiny(records: NDArray[np.void], primitives: list[Primitive], eye: NDArr
 
 def pack_emitters(
     scene: Scene,
-    primitives: list[Primitive],
+    primitives: Primitives,
     first_triangles: NDArray[np.int32],
     textures: TextureTable,
     spectra: KnownSpectra,
@@ -748,7 +760,7 @@ def _note_infinity(kinds: NDArray[np.int32], surroundings: Surroundings) -> None
 
 
 def _surface_emitters(
-    primitives: list[Primitive],
+    primitives: Primitives,
     first_triangles: NDArray[np.int32],
     eye: NDArray[np.float64],
     textures: TextureTable,
@@ -760,14 +772,12 @@ def _surface_emitters(
     count = 0
     first_mesh = len(primitives) - len(first_triangles)
     shining = {}
-    for material in {id(primitive.material): primitive.material for primitive in primitives}.values():
+    for material in {id(run.material): run.material for run in primitives.runs}.values():
         glow = glow_of(material, textures, spectra)
         # A sample would have to ask whether it lies in a hole, or follow what moves; paths find what shines there.
         if glow.strength > 0 and not has_holes(material):
             shining[id(material)] = glow
-    for index, primitive in enumerate(primitives):
-        if id(primitive.material) not in shining or primitive.trajectory is not None:
-            continue
+    for index, primitive in primitives.among(lambda run: id(run.material) in shining and run.trajectory is None):
         glow = shining[id(primitive.material)]
         if primitive.mesh is None:
             emitter = _surface_emitter(index, primitive, glow)
@@ -784,7 +794,7 @@ def _surface_emitters(
 BLACK = (0.0, 0.0, 0.0)
 
 
-def by_samples_alone(primitives: Sequence[Primitive], emitters: Emitters) -> bool:
+def by_samples_alone(primitives: Primitives, emitters: Emitters) -> bool:
     """Return whether light sampling has to find all light of lamps: paths and shadow rays meet different things.
 
     Raises
@@ -794,10 +804,8 @@ def by_samples_alone(primitives: Sequence[Primitive], emitters: Emitters) -> boo
     """
     either = Hidden.FROM_SHADOW | Hidden.FROM_REFLECTION
     alone = False
-    for index, primitive in enumerate(primitives):
+    for index, primitive in primitives.among(lambda run: run.hidden & either != 0):
         kinds = primitive.hidden & either
-        if not kinds:
-            continue
         is_sampled, material = index in emitters.of_primitive, primitive.material
         shines = isinstance(material, Emissive) or (isinstance(material, Principled) and material.emission != BLACK)
         if shines and kinds & Hidden.FROM_REFLECTION and not is_sampled:
@@ -815,22 +823,23 @@ _OUTLINE_STEPS = 32  # of an outline
 ANGLES = np.linspace(0.0, np.pi / 2, 16, endpoint=False)  # at which the least rectangle about a lamp is looked for
 
 
-def visible_lamps(primitives: Sequence[Primitive], eye: Array, textures: TextureTable) -> tuple[SeenLamp, ...]:
+def visible_lamps(primitives: Primitives, eye: Array, textures: TextureTable) -> tuple[SeenLamp, ...]:
     """Find the lamps that stand still, as seen from the eye, in the world about it [m].
 
     Planes, lamps around the eye and those that turn their back to it are left out.
     """
-    materials = {id(primitive.material): primitive.material for primitive in primitives}
+    materials = {id(run.material): run.material for run in primitives.runs}
     glows = {key: glow_of(material, textures, KnownSpectra()) for key, material in materials.items()}
     shining = {key: glow for key, glow in glows.items() if glow.strength > 0}
-    lamps = (
-        _see_lamp(primitive, eye, shining[id(primitive.material)])
-        for primitive in primitives
-        if id(primitive.material) in shining
-        and primitive.trajectory is None
-        and primitive.kind is not Kind.PLANE
-        and not primitive.hidden & Hidden.FROM_CAMERA
+    seen = primitives.among(
+        lambda run: (
+            id(run.material) in shining
+            and run.trajectory is None
+            and run.kind is not Kind.PLANE
+            and not run.hidden & Hidden.FROM_CAMERA
+        )
     )
+    lamps = (_see_lamp(primitive, eye, shining[id(primitive.material)]) for _, primitive in seen)
     return tuple(lamp for lamp in lamps if lamp is not None)
 
 

@@ -41,7 +41,7 @@ from rptcam_cl.scene.materials import (
     alpha_pair,
 )
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, SpectralColour
-from rptcam_cl.scene.textures import Blend, ImageTexture, Texture
+from rptcam_cl.scene.textures import Blend, ImageTexture, Mixture, Texture
 
 # The largest share of light that any surface of a scene gives back: what bounds the light of long paths.
 
@@ -81,6 +81,9 @@ def _albedo(material: Material) -> LargestAlbedo:
 def _of_colour(colour: Colour | Texture) -> LargestAlbedo:
     if isinstance(colour, ImageTexture):
         return "a picture gives the reflectance"
+    if isinstance(colour, Mixture):
+        albedos = [_of_colour(part) for part in (colour.first, colour.second)]
+        return next((each for each in albedos if isinstance(each, str)), None) or max(map(float, albedos))
     parts: tuple[Colour, ...] = colour.colours if isinstance(colour, Blend) else (colour,)
     return max(map(_largest, parts))
 

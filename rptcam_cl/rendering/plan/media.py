@@ -92,7 +92,7 @@ def _interior_of(material: Material) -> ScatteringMedium | None:
 
 
 def pack_media(
-    scene: Scene, primitives: Sequence[Primitive], shown: Materials, spectra: KnownSpectra
+    scene: Scene, runs: Sequence[Primitive], shown: Materials, spectra: KnownSpectra
 ) -> tuple[Media, Materials]:
     """Return the media of a scene and its materials, which know the media inside of solids.
 
@@ -103,14 +103,14 @@ def pack_media(
     InputError
         For what does not go with media.
     """
-    materials = {id(primitive.material): primitive.material for primitive in primitives}
+    materials = {id(run.material): run.material for run in runs}
     for material in [*materials.values()]:
         if isinstance(material, Mix):
             materials |= {id(part): part for part in material.materials}
     own = [getattr(material, "interior", None) for material in materials.values()]
     if scene.medium is None and not any(each is not None for each in own):
         return Media(MEDIUM.zeros(1)), shown
-    _check(scene, primitives, materials.values())
+    _check(scene, runs, materials.values())
     found, numbers = [EMPTY], {_key_of(EMPTY, scene): 0}
 
     def number_of(medium: ScatteringMedium) -> int:
@@ -141,10 +141,10 @@ def _key_of(medium: ScatteringMedium, scene: Scene) -> str:
     return str({name: value for name, value in describe(medium, scene.folders).items() if value is not None})
 
 
-def boundaries(primitives: Sequence[Primitive]) -> NDArray[np.int32]:
-    """Return the rays that primitives are hidden from because they are nothing but the boundary of a medium."""
-    hidden = Hidden.FROM_SHADOW | Hidden.FROM_ALL_BUT_WAYS
-    return np.array([hidden * isinstance(each.material, Boundary) for each in primitives] or [0], np.int32)
+def hidden_from(primitive: Primitive) -> int:
+    """Return the rays that a primitive is hidden from, also as one that is nothing but the boundary of a medium."""
+    is_boundary = isinstance(primitive.material, Boundary)
+    return primitive.hidden | is_boundary * (Hidden.FROM_SHADOW | Hidden.FROM_ALL_BUT_WAYS)
 
 
 def _records(
@@ -321,7 +321,7 @@ def _fill_grid(record: np.void, density: DensityGrid, volume: Volume, scene: Sce
     )  # fmt: skip
 
 
-def _check(scene: Scene, primitives: Sequence[Primitive], materials: Collection[Material]) -> None:
+def _check(scene: Scene, runs: Sequence[Primitive], materials: Collection[Material]) -> None:
     """Refuse what does not go with media."""
     faults = {
         "film.transparent": (scene.film.transparent, "false"),
@@ -341,7 +341,7 @@ def _check(scene: Scene, primitives: Sequence[Primitive], materials: Collection[
         raise InputError("opacity: solids with holes do not go with media such as fog (allowed: 1)")
     partly = Hidden.FROM_CAMERA | Hidden.FROM_REFLECTION
     bounded = any(isinstance(material, Boundary) for material in materials)
-    for primitive in primitives:
+    for primitive in runs:
         if bounded and primitive.hidden & partly not in (0, partly):
             raise InputError(
                 f"objects.{primitive.object}.visible: a boundary of a medium makes no difference between camera and"
@@ -373,7 +373,7 @@ def _stack_at(scene: Scene, time_s: float, around: int, inside: dict[int, int]) 
         number = _inside_of_solid(solid, inside)
         if number == _NOT_SOLID or isinstance(item, Plane):
             continue
-        if holds_eye(solid, item.places(scene.folders, time_s), eye):
+        if any(holds_eye(solid, places, eye) for places in item.place_blocks(scene.folders, time_s)):
             held.append((float(np.ptp(world_corners(item, solid), axis=1).prod(axis=1).max()), number))
     if len(held) > _MOST_NESTED:
         raise InputError(f"camera.eye: lies in {len(held)} solids at once (allowed: {_MOST_NESTED} beside media)")

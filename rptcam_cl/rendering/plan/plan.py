@@ -49,13 +49,14 @@ from rptcam_cl.rendering.plan.emitters import (
 )
 from rptcam_cl.rendering.plan.environment import Surroundings
 from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
-from rptcam_cl.rendering.plan.media import Media, boundaries, pack_media
+from rptcam_cl.rendering.plan.media import Media, hidden_from, pack_media
 from rptcam_cl.rendering.plan.primitives import (
     ObjectMovements,
     Owners,
     PackedMeshes,
     PlanParts,
     Primitive,
+    Primitives,
     has_huge_sphere,
     owners_of,
     pack_movements,
@@ -318,7 +319,7 @@ class Caustics:
 
 def _pack_caustics(
     scene: Scene,
-    primitives: Sequence[Primitive],
+    primitives: Primitives,
     first_triangles: NDArray[np.int32],
     emitters: Emitters,
     *,
@@ -347,13 +348,14 @@ def _pack_caustics(
     wanted = scene.render.caustics
     if wanted == "off":
         return _without(None)
-    kinds = {(id(each.material), each.kind is Kind.PLANE): each for each in primitives}
-    role_of = {key: _role(primitive) for key, primitive in kinds.items()}
-    of_each = [0 if each.hidden else role_of[id(each.material), each.kind is Kind.PLANE] for each in primitives]
-    roles = np.array(of_each or [0], np.int32)
+    kinds = {(id(run.material), run.kind is Kind.PLANE): run for run in primitives.runs}
+    role_of = {key: _role(run) for key, run in kinds.items()}
+    roles = primitives.of_each(
+        0 if run.hidden else role_of[id(run.material), run.kind is Kind.PLANE] for run in primitives.runs
+    )
     if reason := _nothing_to_do(roles, emitters):
         return _without(reason if "caustics" in scene.render.model_fields_set else None)
-    if any(primitive.trajectory is not None for primitive in primitives):
+    if any(run.trajectory is not None for run in primitives.runs):
         if wanted == "on":
             raise InputError("render.caustics: objects that move have none (allowed: off or auto, or objects at rest)")
         return _without("objects move")
@@ -415,7 +417,7 @@ def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
 
 
 def _surfaces(
-    primitives: Sequence[Primitive],
+    primitives: Primitives,
     first_triangles: NDArray[np.int32],
     roles: NDArray[np.int32],
     eye: NDArray[np.float64],
@@ -485,7 +487,7 @@ def _area_of(kind: Kind, linear: NDArray[np.float64]) -> float:
 
 def _left_to_paths(
     scene: Scene,
-    primitives: Sequence[Primitive],
+    primitives: Primitives,
     emitters: Emitters,
     surfaces: NDArray[np.void],
     places: NDArray[np.float64],
@@ -507,7 +509,7 @@ def _left_to_paths(
 
 
 def _share_of_small_lamps(
-    primitives: Sequence[Primitive], lamps: NDArray[np.void], surfaces: NDArray[np.void], places: NDArray[np.float64]
+    primitives: Primitives, lamps: NDArray[np.void], surfaces: NDArray[np.void], places: NDArray[np.float64]
 ) -> float:
     """How much of the lamps' irradiance on glass and mirrors comes from lamps that are seen small from there."""
     suns = lamps["kind"] == EmitterKind.SUN
@@ -529,14 +531,16 @@ def _share_of_small_lamps(
     return float(small / every) if every > 0 else 0.0
 
 
-def _sizes(primitives: Sequence[Primitive], lamps: NDArray[np.void]) -> NDArray[np.float64]:
+def _sizes(primitives: Primitives, lamps: NDArray[np.void]) -> NDArray[np.float64]:
     """Return the area that lamps show [m²]; of suns their solid angle [sr]."""
     kinds, extents = lamps["kind"], lamps["a"][:, 3].astype(np.float64)
     sizes = np.where(np.isin(kinds, (EmitterKind.SPHERE, EmitterKind.SUN)), np.pi * extents, extents)
     sizes = np.where(kinds == EmitterKind.SPHERE, sizes * extents, sizes)
-    for k in np.flatnonzero(np.isin(kinds, list(SOLIDS.values()))):
-        solid = primitives[int(lamps["primitive"][k])]
-        sizes[k] = area_of_solid(solid.kind, solid.placement[:3, :3]) / 4  # what a convex body shows on average
+    solids = np.flatnonzero(np.isin(kinds, list(SOLIDS.values())))
+    lamp_of = dict(zip(lamps["primitive"][solids].tolist(), solids.tolist(), strict=True))
+    for index, solid in enumerate(primitives if lamp_of else ()):
+        if index in lamp_of:  # a convex body shows a quarter of its area on average
+            sizes[lamp_of[index]] = area_of_solid(solid.kind, solid.placement[:3, :3]) / 4
     return sizes
 
 
@@ -601,11 +605,12 @@ _LOBED = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_PLASTIC
 
 
 def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[str, Any]:
+    tables = [item.instances.matrices(scene.folders) for item in scene.objects if item.instances is not None]
     primitives, meshes = with_meshes(scene_primitives(scene, parts), scene, parts)
-    materials = {id(primitive.material): primitive.material for primitive in primitives}.values()
+    materials = {id(run.material): run.material for run in primitives.runs}.values()
     seen = parts.appearance(scene, materials, files)
     table, spectra, surroundings = seen.table, seen.spectra, seen.surroundings
-    media, shown = pack_media(scene, primitives, seen.shown, spectra)
+    media, shown = pack_media(scene, primitives.runs, seen.shown, spectra)
     first_triangles = meshes.first_triangles if meshes else np.zeros(0, np.int32)
     groups = light_groups(scene, primitives, has_glow=media.has_glow)
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings, groups, parts.held)
@@ -617,7 +622,8 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         caustics = _pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
     else:
         caustics = _without("photons take other kernels")
-    hidden = np.array([primitive.hidden for primitive in primitives] or [0], np.int32) | boundaries(primitives)
+    hidden = primitives.of_each(map(hidden_from, primitives.runs))
+    del tables  # until now they are read once
     facts = shown.facts | media.facts | caustics.facts | textures.facts | emitters.facts | movements.facts
     facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
         "ENVIRONMENT": int(surroundings.kind),
@@ -660,11 +666,11 @@ def _hides_sky(scene: Scene) -> bool:
 
 
 def _facts_of_shapes(
-    primitives: list[Primitive], meshes: PackedMeshes | None, materials: Mapping[str, int]
+    primitives: Primitives, meshes: PackedMeshes | None, materials: Mapping[str, int]
 ) -> dict[str, int]:
     """Find which kinds of primitives there are, and what their surfaces require beside positions and normals."""
-    kinds = {primitive.kind for primitive in primitives}
-    is_smooth = any(primitive.mesh is not None and primitive.mesh.normals is not None for primitive in primitives)
+    kinds = {run.kind for run in primitives.runs}
+    is_smooth = any(run.mesh is not None and run.mesh.normals is not None for run in primitives.runs)
     bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"] or materials["HAS_BUMP"]
     return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
         "HAS_TANGENT": int(any(materials[name] for name in ("HAS_ANISOTROPY", "HAS_HAIR", *FRAMED))),

@@ -6,13 +6,15 @@ import hashlib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import Rows, dataclass
+from rptcam_cl.core.files import Folders
 from rptcam_cl.core.records import HUGE_POWER, INSTANCE, MOTION_MARGIN, PRIMITIVE, SEGMENT, Kind, fill
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.model import CameraModel, turned
@@ -202,48 +204,102 @@ class PackedMeshes:
     groups : tuple of TriangleGroup
     boxes : (groups, 2, 3) float32 array
         Lowest and highest corner of the vertices of each group; empty where no instances are needed.
-    placements, origins : (i, 4, 4) and (i, 3) float64 arrays
-        Of instances: what takes them to the scene [m], and where the origin of their frame comes to lie by its turn.
-    instances : array of ``Instance`` records
-        Their roots are not known yet.
-    group_of_instance : (i,) int array
-    instanced : bool
-        Whether rays must be taken to the frames of instances: false where all triangles stand in the world.
-    order : int32 array
-        The placed meshes in the order in which their primitives must stand.
-    instance_of, first_triangles : int32 arrays
-        Per placed mesh, in that order: its instance and its first triangle in the pool.
+    order : tuple of int
+        The runs of placed meshes in the order in which their primitives must stand.
+    first_copied : tuple of int
+        First triangle of each mesh that stands in the world.
+    shared : Primitives
+        Meshes that are instances.
+    group_of_run : (runs,) int array
+        Of those.
+    first_primitive : int
+        Of all meshes.
+    eye : (3,) float64 array
+        About which rays meet them [m].
     """
 
     vertices: NDArray[np.float32]
     triangles: NDArray[np.int32]
     groups: tuple[TriangleGroup, ...]
     boxes: NDArray[np.float32]
-    placements: NDArray[np.float64]
-    origins: NDArray[np.float64]
-    instances: NDArray[np.void]
-    group_of_instance: NDArray[np.int64]
-    instanced: bool
-    order: NDArray[np.int32]
-    instance_of: NDArray[np.int32]
-    first_triangles: NDArray[np.int32]
+    order: tuple[int, ...]
+    first_copied: tuple[int, ...]
+    shared: Primitives
+    group_of_run: NDArray[np.int64]
+    first_primitive: int
+    eye: NDArray[np.float64]
+
+    @property
+    def instanced(self) -> bool:
+        """Whether rays must be taken to the frames of instances: false where all triangles stand in the world."""
+        return len(self.shared) > 0
+
+    @property
+    def group_of_instance(self) -> NDArray[np.int64]:
+        """The group of each instance; the first stands for all copied meshes, if any."""
+        groups = np.repeat(self.group_of_run, self.shared.counts)
+        return np.append(np.zeros(int(bool(self.first_copied)), np.int64), groups)
+
+    def group_of(self, instance: int) -> TriangleGroup:
+        """Return the group of an instance."""
+        place = instance - bool(self.first_copied)
+        run = int(np.searchsorted(self.shared.ends, place, side="right"))
+        return self.groups[0 if place < 0 else int(self.group_of_run[run])]
+
+    @property
+    def instance_of(self) -> NDArray[np.int32]:
+        """The instance of each placed mesh."""
+        copied = len(self.first_copied)
+        return np.append(np.zeros(copied), bool(copied) + np.arange(len(self.shared))).astype(np.int32)
+
+    @property
+    def first_triangles(self) -> NDArray[np.int32]:
+        """The first triangle of each placed mesh."""
+        of_runs = [self.groups[group].first_triangle for group in self.group_of_run]
+        return np.append(self.first_copied, np.repeat(of_runs, self.shared.counts)).astype(np.int32)
+
+    def has_places_of(self, other: PackedMeshes) -> bool:
+        """Return whether what stands in the scene stands where other meshes do."""
+        one, two = ((bool(each.first_copied), *(run.origin for run in each.shared.runs)) for each in (self, other))
+        return _are_same(one, two)
 
     def seen_from(self, eye: NDArray[np.float64]) -> PackedMeshes:
         """Return these as rays meet them about an eye, in the scene [m]; trees do not depend on it."""
         groups = tuple(
             group if group.centre is None else replace(group, shift=group.centre - eye) for group in self.groups
         )
-        instances = self.instances.copy()
-        copied = int(groups[0].centre is not None)  # the first stands for all copied meshes, if any
-        for first in range(0, len(instances), BLOCK):
-            block = slice(first, first + BLOCK)
-            world = self.placements[block].copy()
-            own = slice(copied if first == 0 else 0, None)
-            world[own, :3, 3] += self.origins[block][own] - eye
-            for name, rows in (("row", np.linalg.inv(world)), ("world", world)):
-                for place, axis in enumerate("xyz"):
-                    instances[f"{name}_{axis}"][block] = rows[:, place]
-        return replace(self, groups=groups, instances=instances)
+        return replace(self, groups=groups, eye=eye)
+
+    def placed(self) -> Iterator[tuple[slice, NDArray[np.int64], Matrix, Matrix]]:
+        """Yield shared meshes some at a time: where they stand among the instances, their groups, what takes them to
+        the scene [m], and where the origin of their frame comes to lie by its turn.
+        """
+        copied = int(bool(self.first_copied))
+        origins = np.array([_mesh_of(run).origin for run in self.shared.runs])
+        for part, runs, placements in self.shared.blocks():
+            turned = (placements[:, :3, :3] @ origins[runs][:, :, None])[:, :, 0]
+            yield slice(part.start + copied, part.stop + copied), self.group_of_run[runs], placements, turned
+
+    def instances(self) -> NDArray[np.void]:
+        """Work out the ``Instance`` records but for their roots: of the copied meshes, then of the others."""
+        copied = len(self.first_copied)
+        records = INSTANCE.zeros(len(self.shared) + bool(copied))
+        records["primitives"] = 1
+        records["first_primitive"][bool(copied) :] = self.first_primitive + copied + np.arange(len(self.shared))
+        if copied:
+            records["first_primitive"][0], records["primitives"][0] = self.first_primitive, copied
+            _write_places(records[:1], np.eye(4)[None])  # their triangles stand in the world
+        for part, _, placements, origins in self.placed():
+            world = placements.copy()
+            world[:, :3, 3] += origins - self.eye
+            _write_places(records[part], world)
+        return records
+
+
+def _write_places(records: NDArray[np.void], world: Matrix) -> None:
+    for name, rows in (("row", np.linalg.inv(world)), ("world", world)):
+        for place, axis in enumerate("xyz"):
+            records[f"{name}_{axis}"] = rows[:, place]
 
 
 def shift_points(points: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -313,41 +369,36 @@ def pack_meshes(placed: Sequence[Primitive], first_primitive: int, parts: PlanPa
     Parameters
     ----------
     placed
-        At least one.
+        Runs of them, at least one.
     first_primitive
         Index of the first primitive that is a mesh.
     parts
         Keeps the pools until others of these stand in the world, or other meshes are shared.
     """
-    uses = Counter(id(item.mesh) for item in placed if item.trajectory is None)
+    uses: Counter[int] = Counter()
+    for run in placed:
+        uses[id(run.mesh)] += len(run.places) if run.trajectory is None else 0
     is_shared = [
-        item.trajectory is not None or (uses[id(item.mesh)] - 1) * len(_mesh_of(item).faces) > MOST_COPIED
-        for item in placed
+        run.trajectory is not None or (uses[id(run.mesh)] - 1) * len(_mesh_of(run).faces) > MOST_COPIED
+        for run in placed
     ]
     copied = [i for i, share in enumerate(is_shared) if not share]
     shared = [i for i, share in enumerate(is_shared) if share]
-    in_world = [placed[i] for i in copied]
+    in_world = [*Primitives([placed[i] for i in copied])]
     meshes = {id(placed[i].mesh): _mesh_of(placed[i]) for i in shared}
     pools = parts.pools(in_world, meshes.values())
     group_of = {key: bool(copied) + place for place, key in enumerate(meshes)}
-    groups = [group_of[id(placed[i].mesh)] for i in shared]
-    placements = np.array([np.eye(4)] * bool(copied) + [placed[i].placement for i in shared])
-    origins = np.array([np.zeros(3)] * bool(copied) + [_mesh_of(placed[i]).origin for i in shared])
     return PackedMeshes(
         vertices=pools.vertices,
         triangles=pools.triangles,
         groups=tuple(pools.groups),
         boxes=pools.boxes() if shared else np.zeros((0, 2, 3), np.float32),
-        placements=placements,
-        origins=(placements[:, :3, :3] @ origins[:, :, None])[:, :, 0],
-        instances=_instances(len(shared), first_primitive, len(copied)),
-        group_of_instance=np.array([0] * bool(copied) + groups),
-        instanced=bool(shared),
-        order=np.array([*copied, *shared], np.int32),
-        instance_of=np.array([0] * len(copied) + [*range(bool(copied), bool(copied) + len(shared))], np.int32),
-        first_triangles=np.array(
-            [*pools.first_triangles, *(pools.groups[group].first_triangle for group in groups)], np.int32
-        ),
+        order=(*copied, *shared),
+        first_copied=tuple(pools.first_triangles),
+        shared=Primitives([placed[i] for i in shared]),
+        group_of_run=np.array([group_of[id(placed[i].mesh)] for i in shared], np.int64),
+        first_primitive=first_primitive,
+        eye=np.zeros(3),
     )
 
 
@@ -457,19 +508,26 @@ class _Pools:
 def _vertices(mesh: Mesh, matrix: Matrix) -> NDArray[np.float32]:
     out = np.zeros((len(mesh.positions), VERTEX_FLOATS), np.float32)
     linear, offset = matrix[:3, :3], matrix[:3, :3] @ mesh.origin + matrix[:3, 3]
-    step = 1 << 18  # float64 for a part at a time
+    turn = np.linalg.inv(linear).T
+    step = 1 << 14  # float64 for a part at a time
     for start in range(0, len(out), step):
         part = slice(start, start + step)
-        out[part, :3] = mesh.positions[part] @ linear.T + offset
+        for k, column in enumerate(_products(linear, mesh.positions[part])):
+            out[part, k] = column + offset[k]
         if mesh.normals is not None:
-            out[part, 3:6] = _unit(mesh.normals[part] @ np.linalg.inv(linear))
+            normals = _products(np.asarray(turn, np.float64), mesh.normals[part])
+            length = np.sqrt(normals[0] ** 2 + normals[1] ** 2 + normals[2] ** 2)
+            for k, column in enumerate(normals, 3):
+                out[part, k] = column / length
     if mesh.uvs is not None:
         out[:, 6:] = mesh.uvs
     return out
 
 
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+def _products(matrix: Matrix, rows: NDArray[np.floating[Any]]) -> list[NDArray[np.float64]]:
+    """Return the columns of vectors (n, 3) under a matrix; BLAS takes ten times as long for so narrow ones."""
+    x, y, z = rows.T.astype(np.float64)
+    return [a * x + b * y + c * z for a, b, c in matrix.tolist()]
 
 
 def _mesh_of(primitive: Primitive) -> Mesh:
@@ -490,48 +548,163 @@ def corners_of_box(low: NDArray[np.float64], high: NDArray[np.float64], matrix: 
     return np.asarray(corners @ linear + matrix[..., None, :3, 3])
 
 
-def _instances(shared: int, first_primitive: int, copied: int) -> NDArray[np.void]:
-    """Return instance records but for their places: one for the copied meshes, if any, then one for each shared."""
-    records = INSTANCE.zeros(shared + bool(copied))
-    records["primitives"] = 1
-    records["first_primitive"][bool(copied) :] = first_primitive + copied + np.arange(shared)
-    if copied:
-        records["first_primitive"][0], records["primitives"][0] = first_primitive, copied
-    return records
-
-
 MOST = float(np.finfo(np.float32).max)
 SPAN_BITS = 15  # of kernels/geometry/cubic_curve.h
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class TablePlaces:
+    """Placements by a table of instances, which are worked out each time: a million of them take 128 MB.
+
+    Attributes
+    ----------
+    item : PlacedObject
+        Has the table.
+    folders : Folders
+        Where it is read.
+    time_s : float
+        The moment of the places [s].
+    before, after : (4, 4) array
+        What a place is multiplied by from the left and from the right.
+    count : int
+        Of the table.
+    """
+
+    item: PlacedObject
+    folders: Folders
+    time_s: float
+    before: Matrix
+    after: Matrix
+    count: int
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, some: slice) -> Matrix:
+        return np.asarray(self.before @ self.item.places(self.folders, self.time_s, some) @ self.after)
+
+    @cached_property
+    def origin(self) -> tuple[Any, ...]:
+        """What the placements are made of, to be compared."""
+        assert self.item.instances is not None
+        trajectory = self.item.trajectory
+        moved = None if trajectory is None else trajectory.at(self.time_s)
+        content = self.item.instances.content(self.folders)
+        return content, self.item.world_from_object, moved, self.before, self.after
+
+
+@dataclass(frozen=True, eq=False)
 class Primitive:
-    """One primitive.
+    """A primitive, or some that differ in their places alone.
 
     Attributes
     ----------
     kind : Kind
-    placement : (4, 4) array
-        Maps the canonical shape of the kind (see ``kernels/geometry/primitives.h``) to the world [m], the eye at the
+    places : (n, 4, 4) array or TablePlaces
+        Map the canonical shape of the kind (see ``kernels/geometry/primitives.h``) to the world [m], the eye at the
         origin.
-        A mesh's placement: the scene [m], from the mesh's frame.
+        Those of a mesh: the scene [m], from the mesh's frame.
     material : Material
     object : int
         Index of the object of the scene that it belongs to.
     mesh : Mesh or None
     trajectory : Trajectory or None
-        Its way while the shutter is open, None where it stands still; the placement is that at the opening.
+        Its way while the shutter is open, None where it stands still; the places are those at the opening.
     hidden : int
         Rays that pass through it, a sum of `Hidden`.
     """
 
     kind: Kind
-    placement: Matrix
+    places: Matrix | TablePlaces
     material: Material
     object: int
     mesh: Mesh | None = None
     trajectory: Trajectory | None = None
     hidden: int = 0
+
+    @property
+    def placement(self) -> Matrix:
+        """The place of a single one (4, 4)."""
+        return np.asarray(self.places[:1][0])
+
+    @property
+    def origin(self) -> Any:
+        """What the places are made of, to be compared."""
+        return self.places.origin if isinstance(self.places, TablePlaces) else self.places
+
+
+class Primitives(Sequence[Primitive]):
+    """The primitives of a scene, of which `runs` differ in their places alone and stand one behind the other."""
+
+    def __init__(self, runs: Sequence[Primitive]) -> None:
+        self.runs = runs
+        self.counts = [len(run.places) for run in runs]
+        self.ends = np.cumsum(self.counts, dtype=np.int64)
+
+    def __len__(self) -> int:
+        return int(self.ends[-1]) if self.counts else 0
+
+    @overload
+    def __getitem__(self, index: int) -> Primitive: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Primitive]: ...
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return [self[each] for each in range(*index.indices(len(self)))]
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        number = int(np.searchsorted(self.ends, index, side="right"))
+        place = index - int(self.ends[number]) + self.counts[number]
+        return replace(self.runs[number], places=self.runs[number].places[place : place + 1])
+
+    def __iter__(self) -> Iterator[Primitive]:
+        for run, count in zip(self.runs, self.counts, strict=True):
+            if count == 1:
+                yield run
+                continue
+            for first in range(0, count, BLOCK):
+                yield from (replace(run, places=one[None]) for one in run.places[first : first + BLOCK])
+
+    def among(self, chosen: Callable[[Primitive], bool]) -> Iterator[tuple[int, Primitive]]:
+        """Yield index and primitive of those in the runs that a function chooses."""
+        for run, end, count in zip(self.runs, self.ends.tolist(), self.counts, strict=True):
+            if chosen(run):
+                yield from enumerate(Primitives([run]), start=end - count)
+
+    def of_each(self, of_runs: Iterable[int]) -> NDArray[np.int32]:
+        """Return numbers of runs for each primitive; at least one, as OpenCL has no empty buffers."""
+        values = np.fromiter(of_runs, np.int32, len(self.runs))
+        if not values.any():
+            return np.broadcast_to(np.int32(0), max(len(self), 1))  # takes no memory
+        return np.repeat(values, self.counts)
+
+    def blocks(self, runs: slice = slice(None)) -> Iterator[tuple[slice, NDArray[np.int64], Matrix]]:
+        """Yield some primitives at a time: where they stand among those of the runs, numbers of runs, placements."""
+        first = held = 0
+        numbers: list[NDArray[np.int64]] = []
+        stacks: list[Matrix] = []
+        for number, (run, count) in enumerate(zip(self.runs[runs], self.counts[runs], strict=True)):
+            for start in range(0, count, BLOCK):
+                stack = run.places[start : start + BLOCK]
+                if held + len(stack) > BLOCK:
+                    yield slice(first, first + held), np.concatenate(numbers), np.concatenate(stacks)
+                    first, held, numbers, stacks = first + held, 0, [], []
+                numbers.append(np.full(len(stack), number))
+                stacks.append(stack)
+                held += len(stack)
+        if stacks:
+            yield slice(first, first + held), np.concatenate(numbers), np.concatenate(stacks)
+
+    def by_kind(self) -> dict[Kind, tuple[slice, slice]]:
+        """Return the runs and the primitives of each kind but meshes; they are sorted by kind."""
+        kinds = np.array([run.kind for run in self.runs], np.int32)
+        ends = np.append(self.ends, 0)  # the last for no run before
+        found: dict[Kind, tuple[slice, slice]] = {}
+        for kind in Kind:
+            low, high = np.searchsorted(kinds, [kind, kind + 1]).tolist()
+            if kind is not Kind.MESH and low < high:
+                found[kind] = slice(low, high), slice(int(ends[low - 1]), int(ends[high - 1]))
+        return found
 
 
 def affine(columns: ArrayLike, origin: ArrayLike) -> Matrix:
@@ -600,7 +773,7 @@ def world_from_scene(scene: Scene) -> Matrix:
     return affine(scale * np.eye(3), -scale * np.array(scene.camera.eye))
 
 
-def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> list[Primitive]:
+def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> Primitives:
     """Return every primitive of the scene, sorted by kind and otherwise in the order of the scene.
 
     Those of meshes that are in ``parts`` are taken from there.
@@ -610,7 +783,7 @@ def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> list[Primi
     before = parts.placed[1] if parts.placed[0] == by else {}
     of_meshes: dict[int, _PlacedMesh] = {}
     parts.placed = by, of_meshes
-    primitives: list[Primitive] = []
+    runs: list[Primitive] = []
     for index, (item, solid) in enumerate(zip(scene.objects, scene.solids(), strict=True)):
         if isinstance(item, MeshObject | Board):
             placed = before.get(index)
@@ -618,27 +791,41 @@ def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> list[Primi
                 loaded = solid if isinstance(solid, LoadedMesh) else scene.load_mesh(item)
                 placed = _place_mesh(scene, item, index, loaded, placed)
             of_meshes[index] = placed
-            primitives += placed.primitives
+            runs += placed.runs
             continue
-        way, hidden = _trajectory(scene, item), item.visible.hidden
-        places = item.places(scene.folders, scene.shutter.open_s)
+        shapes: Iterable[tuple[Kind, Matrix | TablePlaces]]
         if isinstance(item, Curves):
-            primitives += [
-                Primitive(Kind.CURVE, placement, item.material, index, trajectory=way, hidden=hidden)
-                for placement in _place_curves(item, world @ places)
-            ]
-            continue
-        for kind, canonical in _canonical(item):
-            # a product of stacks rounds in another way than one of single matrices
-            placements = world @ places @ canonical if len(places) > 1 else (world @ places[0] @ canonical)[None]
-            kinds = [kind] * len(places)
-            if kind is Kind.SPHERE:
-                kinds = [kind if even else Kind.ELLIPSOID for even in _are_similarities(placements[:, :3, :3]).tolist()]
-            primitives += [
-                Primitive(each, placement, item.material, index, trajectory=way, hidden=hidden)
-                for each, placement in zip(kinds, placements, strict=True)
-            ]
-    return sorted(primitives, key=lambda primitive: primitive.kind)
+            shapes = [(Kind.CURVE, _place_curves(item, world @ item.places(scene.folders, scene.shutter.open_s)))]
+        else:
+            shapes = (each for shape in _canonical(item) for each in _placed_shapes(scene, item, *shape))
+        way, hidden = _trajectory(scene, item), item.visible.hidden
+        runs += [Primitive(*shape, item.material, index, trajectory=way, hidden=hidden) for shape in shapes]
+    return Primitives(sorted(runs, key=lambda run: run.kind))
+
+
+def _placed_shapes(
+    scene: Scene, item: Object, kind: Kind, canonical: Matrix
+) -> Iterator[tuple[Kind, Matrix | TablePlaces]]:
+    """Yield the places of a shape by the kinds that it has there: a stretched sphere is an ellipsoid."""
+    world, time_s = world_from_scene(scene), scene.shutter.open_s
+    table = None if item.instances is None else item.instances.matrices(scene.folders)
+    places: Matrix | TablePlaces
+    if table is None or len(table) == 1:
+        # a product of stacks rounds in another way than one of single matrices
+        places = (world @ item.places(scene.folders, time_s)[0] @ canonical)[None]
+    else:
+        places = TablePlaces(item, scene.folders, time_s, world, canonical, len(table))
+    if kind is not Kind.SPHERE:
+        yield kind, places
+        return
+    blocks = range(0, len(places), BLOCK)
+    even = np.concatenate([_are_similarities(places[first : first + BLOCK][:, :3, :3]) for first in blocks])
+    if even.all():
+        yield Kind.SPHERE, places
+        return
+    for each, chosen in ((Kind.SPHERE, even), (Kind.ELLIPSOID, ~even)):
+        if chosen.any():
+            yield each, places[:][chosen]
 
 
 def _place_curves(item: Curves, places: Matrix) -> Matrix:
@@ -668,48 +855,42 @@ def object_frame(item: Object, time_s: float) -> Matrix:
 
 
 class _PlacedMesh(NamedTuple):
-    """A mesh object and its primitives."""
+    """A mesh object and the primitives of its parts."""
 
     item: MeshObject | Board
-    primitives: list[Primitive]
+    runs: list[Primitive]
 
 
 def _place_mesh(
     scene: Scene, item: MeshObject | Board, index: int, loaded: LoadedMesh, before: _PlacedMesh | None
 ) -> _PlacedMesh:
     """Place a mesh object; where it only shows another material than before, its primitives keep their places."""
-    meshes = [id(part.mesh) for part in loaded.contents.parts]
+    parts = tuple(zip(loaded.contents.parts, loaded.materials, strict=True))
     if (
         before is not None
         and item.transform is before.item.transform
         and item.motion is before.item.motion
         and item.instances is before.item.instances is None
-        and meshes == [id(each.mesh) for each in before.primitives]
+        and [id(part.mesh) for part, _ in parts] == [id(each.mesh) for each in before.runs]
     ):
-        return _PlacedMesh(
-            item,
-            [
-                Primitive(Kind.MESH, one.placement, material, index, one.mesh, one.trajectory, item.visible.hidden)
-                for one, material in zip(before.primitives, loaded.materials, strict=True)
-            ],
-        )
+        pairs = zip(before.runs, loaded.materials, strict=True)
+        hidden = item.visible.hidden
+        return _PlacedMesh(item, [replace(run, material=each, object=index, hidden=hidden) for run, each in pairs])
     scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
-    trajectory = _trajectory(scene, item)
-    hidden = item.visible.hidden
-    if item.instances is not None:
-        places = item.places(scene.folders, scene.shutter.open_s)
-        stacks = [scale @ (places @ part.placement) for part in loaded.contents.parts]
-        meshed = [part.mesh for part in loaded.contents.parts]
-        return _PlacedMesh(item, [
-            Primitive(Kind.MESH, placement, material, index, mesh, trajectory, hidden)
-            for each in zip(*stacks, strict=True)
-            for placement, material, mesh in zip(each, loaded.materials, meshed, strict=True)
-        ])  # fmt: skip
-    primitives = [
-        Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, trajectory, hidden)
-        for part in mesh_parts(scene, item)
-    ]
-    return _PlacedMesh(item, primitives)
+    time_s = scene.shutter.open_s
+    places: list[Matrix | TablePlaces]
+    if item.instances is None:
+        places = [(scale @ part.placement)[None] for part in mesh_parts(scene, item)]
+    else:
+        count = len(item.instances.matrices(scene.folders))
+        places = [TablePlaces(item, scene.folders, time_s, scale, part.placement, count) for part, _ in parts]
+    return _PlacedMesh(
+        item,
+        [
+            Primitive(Kind.MESH, each, material, index, part.mesh, _trajectory(scene, item), item.visible.hidden)
+            for each, (part, material) in zip(places, parts, strict=True)
+        ],
+    )
 
 
 def _trajectory(scene: Scene, item: PlacedObject) -> Trajectory | None:
@@ -728,40 +909,36 @@ def _spheres_of(placements: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     That is its squared distance from the centre, less the square of the radius.
     """
     centers, radii = placements[:, :3, 3], np.cbrt(np.abs(np.linalg.det(placements[:, :3, :3])))
-    distances = np.array([np.linalg.norm(center) for center in centers])
+    distances = np.sqrt((centers[:, None, :] @ centers[:, :, None])[:, 0, 0])
     return centers, radii, (distances - radii) * (distances + radii)
 
 
-def has_huge_sphere(primitives: list[Primitive]) -> bool:
+def has_huge_sphere(primitives: Primitives) -> bool:
     """Return whether a sphere is so large beside its distance from the eye that kernels take the eye's power.
 
     In float32 centre and radius place its surface within 6e-8 of the radius: a globe of Earth's size within 0.4 m.
     """
-    spheres = [primitive.placement for primitive in primitives if primitive.kind is Kind.SPHERE]
-    if not spheres:
-        return False
-    _, radii, powers = _spheres_of(np.array(spheres))
-    return bool(np.any(np.abs(powers) < HUGE_POWER * radii**2))
+    runs, _ = primitives.by_kind().get(Kind.SPHERE, (slice(0), slice(0)))
+    spheres = (_spheres_of(placements) for _, _, placements in primitives.blocks(runs))
+    return any(bool(np.any(np.abs(powers) < HUGE_POWER * radii**2)) for _, radii, powers in spheres)
 
 
-def with_meshes(
-    primitives: list[Primitive], scene: Scene, parts: PlanParts
-) -> tuple[list[Primitive], PackedMeshes | None]:
+def with_meshes(primitives: Primitives, scene: Scene, parts: PlanParts) -> tuple[Primitives, PackedMeshes | None]:
     """Return the primitives with the meshes, which stand last, in the order that their pools need; and the pools."""
-    solid = [primitive for primitive in primitives if primitive.mesh is None]
-    meshes = [primitive for primitive in primitives if primitive.mesh is not None]
+    solid = [run for run in primitives.runs if run.mesh is None]
+    meshes = [run for run in primitives.runs if run.mesh is not None]
     if not meshes:
-        return solid, None
-    where = tuple((item.mesh, item.placement, item.trajectory is not None) for item in meshes)
-    pools = parts.part("meshes", (where, len(solid)), lambda: pack_meshes(meshes, len(solid), parts))
+        return primitives, None
+    first = sum(len(run.places) for run in solid)
+    where = tuple((run.mesh, run.origin, run.trajectory is not None) for run in meshes)
+    pools = parts.part("meshes", (where, first), lambda: pack_meshes(meshes, first, parts))
     eye = scene.metres_per_unit * np.array(scene.camera.eye)
-    return solid + [meshes[index] for index in pools.order], parts.part(
-        "seen", (pools, eye), lambda: pools.seen_from(eye)
-    )
+    seen = parts.part("seen", (pools, eye), lambda: pools.seen_from(eye))
+    return Primitives(solid + [meshes[index] for index in pools.order]), seen
 
 
 def pack_primitives(
-    primitives: list[Primitive], materials: dict[int, int], emitters: dict[int, int], meshes: PackedMeshes | None
+    primitives: Primitives, materials: dict[int, int], emitters: dict[int, int], meshes: PackedMeshes | None
 ) -> tuple[NDArray[np.void], NDArray[np.int32]]:
     """Return the records and, per kind, the index after its last one.
 
@@ -777,53 +954,50 @@ def pack_primitives(
         Where those of the primitives that are meshes have their triangles.
     """
     records = PRIMITIVE.zeros(len(primitives))
-    for kind, members in _by_kind(primitives).items():
-        placements = np.array([primitive.placement for primitive in primitives[members]])
-        if kind is Kind.SPHERE:
-            centers, radii, powers = _spheres_of(placements)
-            axes = placements[:, :3, :3] / radii[:, None, None]
-            columns = (
-                (centers, radii),
-                (axes[:, :, 0], np.sign(np.linalg.det(axes))),
-                (axes[:, :, 2], np.clip(powers, -MOST, MOST)),
-            )
-            rows = np.stack([np.column_stack(pair) for pair in columns], axis=1).astype(np.float32)
-        elif kind is Kind.CURVE:
-            rows = placements[:, :3].astype(np.float32)
-        else:
-            rows = np.linalg.inv(placements)[:, :3].astype(np.float32) + 0.0  # no -0: kernels test bits
-        for place, axis in enumerate("xyz"):
-            records[f"row_{axis}"][members] = rows[:, place]
-    if primitives:
-        records["material"] = [materials[id(primitive.material)] for primitive in primitives]
-        records["emitter"] = [emitters.get(index, -1) for index in range(len(primitives))]
+    for kind, (runs, members) in primitives.by_kind().items():
+        for part, _, placements in primitives.blocks(runs):
+            rows = _rows(kind, placements)
+            for place, axis in enumerate("xyz"):
+                records[f"row_{axis}"][members][part] = rows[:, place]
+    if len(primitives):
+        records["material"] = primitives.of_each(materials[id(run.material)] for run in primitives.runs)
+        records["emitter"] = -1
+        records["emitter"][[*emitters]] = [*emitters.values()]
         _fill_curves(primitives, records)
     _count_shared_planes(primitives, records)
     if meshes is not None:
-        records["instance"][-len(meshes.order) :] = meshes.instance_of
-        records["first_triangle"][-len(meshes.order) :] = meshes.first_triangles
-    kinds = np.array([primitive.kind for primitive in primitives], np.int32)
-    return records, np.searchsorted(kinds, list(Kind), side="right").astype(np.int32)
+        first_triangles = meshes.first_triangles
+        records["instance"][-len(first_triangles) :] = meshes.instance_of
+        records["first_triangle"][-len(first_triangles) :] = first_triangles
+    kinds, ends = [run.kind for run in primitives.runs], np.append(primitives.ends, 0)
+    return records, ends[np.searchsorted(kinds, list(Kind), side="right") - 1].astype(np.int32)
 
 
-def _fill_curves(primitives: list[Primitive], records: NDArray[np.void]) -> None:
+def _rows(kind: Kind, placements: Matrix) -> NDArray[np.float32]:
+    """Return the rows (n, 3, 4) of the records of primitives of a kind."""
+    if kind is Kind.CURVE:
+        return placements[:, :3].astype(np.float32)
+    if kind is not Kind.SPHERE:
+        return np.asarray(np.linalg.inv(placements)[:, :3].astype(np.float32) + 0.0)  # no -0: kernels test bits
+    centers, radii, powers = _spheres_of(placements)
+    axes = placements[:, :3, :3] / radii[:, None, None]
+    columns = (
+        (centers, radii),
+        (axes[:, :, 0], np.sign(np.linalg.det(axes))),
+        (axes[:, :, 2], np.clip(powers, -MOST, MOST)),
+    )
+    return np.stack([np.column_stack(pair) for pair in columns], axis=1).astype(np.float32)
+
+
+def _fill_curves(primitives: Primitives, records: NDArray[np.void]) -> None:
     """Write widths of curves and their places along strands where `kernels/geometry/cubic_curve.h` looks for them."""
-    members = _by_kind(primitives).get(Kind.CURVE)
-    if members is None:
-        return
-    ends = np.array([primitive.placement[3] for primitive in primitives[members]])
-    first, last = ends[:, :2].astype(np.float32).T.copy().view(np.int32)
-    records["instance"][members], records["first_triangle"][members] = first, last
+    runs, members = primitives.by_kind().get(Kind.CURVE, (slice(0), slice(0)))
     most = (1 << SPAN_BITS) - 1
-    begin, end = np.rint(most * ends[:, 2:]).astype(np.int32).T
-    records["emitter"][members] = -1 - (begin | end << SPAN_BITS)
-
-
-def _by_kind(primitives: Sequence[Primitive]) -> dict[Kind, slice]:
-    """Return where the primitives of each kind stand, without meshes; they are sorted by kind."""
-    kinds = np.array([primitive.kind for primitive in primitives], np.int32)
-    ends = {kind: np.searchsorted(kinds, [kind, kind + 1]).tolist() for kind in Kind if kind is not Kind.MESH}
-    return {kind: slice(*span) for kind, span in ends.items() if span[0] < span[1]}
+    for part, _, placements in primitives.blocks(runs):
+        ends, some = placements[:, 3], records[members][part]
+        some["instance"], some["first_triangle"] = ends[:, :2].astype(np.float32).T.copy().view(np.int32)
+        begin, end = np.rint(most * ends[:, 2:]).astype(np.int32).T
+        some["emitter"] = -1 - (begin | end << SPAN_BITS)
 
 
 @dataclass(frozen=True)
@@ -832,8 +1006,10 @@ class Owners:
 
     Attributes
     ----------
-    of_primitive : (n, 2) array
+    of_run : (runs, 2) array
         Identifier of the object, its index in the scene's list, and of the material.
+    counts : tuple
+        Primitives of each run.
     objects : tuple of str
         Name of each object; its place in the scene where it has none.
     materials : tuple of str
@@ -841,41 +1017,41 @@ class Owners:
         their place.
     """
 
-    of_primitive: NDArray[np.int32]
+    of_run: NDArray[np.int32]
+    counts: tuple[int, ...]
     objects: tuple[str, ...]
     materials: tuple[str, ...]
 
+    @property
+    def of_primitive(self) -> NDArray[np.int32]:
+        """Identifiers of object and material (n, 2) of each primitive."""
+        return np.repeat(self.of_run, self.counts, axis=0)
 
-def owners_of(scene: Scene, primitives: Sequence[Primitive]) -> Owners:
+
+def owners_of(scene: Scene, primitives: Primitives) -> Owners:
     """Return the owners of the primitives of a scene."""
     objects = tuple(item.name or f"objects.{index}" for index, item in enumerate(scene.objects))
     names = list(scene.materials)
     identifiers = {id(material): index for index, material in enumerate(scene.materials.values())}
-    rows = np.zeros((max(len(primitives), 1), 2), np.int32)  # as OpenCL has no empty buffers
-    for primitive in sorted(primitives, key=lambda primitive: primitive.object):
-        if id(primitive.material) not in identifiers:
-            identifiers[id(primitive.material)] = len(names)
-            names.append(f"objects.{primitive.object}.material")
-    if primitives:
-        rows[:, 0] = [primitive.object for primitive in primitives]
-        rows[:, 1] = [identifiers[id(primitive.material)] for primitive in primitives]
-    return Owners(rows, objects, tuple(names))
+    for run in sorted(primitives.runs, key=lambda run: run.object):
+        if id(run.material) not in identifiers:
+            identifiers[id(run.material)] = len(names)
+            names.append(f"objects.{run.object}.material")
+    rows = [(run.object, identifiers[id(run.material)]) for run in primitives.runs]
+    counts = primitives.counts if rows else (1,)  # as OpenCL has no empty buffers
+    return Owners(np.array(rows or [(0, 0)], np.int32), tuple(counts), objects, tuple(names))
 
 
-def _count_shared_planes(primitives: list[Primitive], records: NDArray[np.void]) -> None:
+def _count_shared_planes(primitives: Primitives, records: NDArray[np.void]) -> None:
     """Write, into the first of rectangles or disks that follow one another in a plane and stay there, their number."""
-    first = 0
-    for index, primitive in enumerate(primitives):
-        if primitive.kind is Kind.MESH:  # they stand last
-            break
-        if primitive.kind not in (Kind.RECTANGLE, Kind.DISK):
+    for kind, (runs, members) in primitives.by_kind().items():
+        if kind not in (Kind.RECTANGLE, Kind.DISK):
             continue
-        before = primitives[index - 1]
-        still = primitive.trajectory is None and before.trajectory is None
-        same = (records["row_z"][index] == records["row_z"][index - 1]).all()
-        if index == 0 or primitive.kind is not before.kind or not (still and same):
-            first = index
-        records["instance"][first] += 1
+        own = records[members]
+        still = np.repeat([run.trajectory is None for run in primitives.runs[runs]], primitives.counts[runs])
+        alike = (own["row_z"][1:] == own["row_z"][:-1]).all(axis=1) & still[1:] & still[:-1]
+        first = np.append(True, ~alike)
+        own["instance"][first] = np.diff(np.append(np.flatnonzero(first), len(own)))
 
 
 # Everything that moves while the shutter is open, in metres about the eye, as the device holds it.
@@ -970,21 +1146,20 @@ def _rotations(quaternions: NDArray[np.floating]) -> Array:
     return np.asarray(np.eye(3) + 2 * w[:, None, None] * cross + 2 * cross @ cross)
 
 
-def pack_movements(scene: Scene, primitives: Sequence[Primitive]) -> ObjectMovements:
+def pack_movements(scene: Scene, primitives: Primitives) -> ObjectMovements:
     """Return the segments of the primitives that move; those of one object share them."""
-    of_primitive = np.zeros((max(len(primitives), 1), 2), np.int32)
     segments: list[NDArray[np.void]] = []
     place_of: dict[int, tuple[int, int]] = {}
     count = 0
-    for index, primitive in enumerate(primitives):
-        if primitive.trajectory is None:
-            continue
-        if primitive.object not in place_of:
-            segments.append(_segments(primitive.trajectory, scene))
-            place_of[primitive.object] = count, len(segments[-1])
+    for run in primitives.runs:
+        if run.trajectory is not None and run.object not in place_of:
+            segments.append(_segments(run.trajectory, scene))
+            place_of[run.object] = count, len(segments[-1])
             count += len(segments[-1])
-        of_primitive[index] = place_of[primitive.object]
-    return ObjectMovements(np.concatenate(segments) if segments else SEGMENT.zeros(1), of_primitive)
+    if not segments:
+        return ObjectMovements(SEGMENT.zeros(1), np.broadcast_to(np.int32(0), (max(len(primitives), 1), 2)))
+    of_runs = [(0, 0) if run.trajectory is None else place_of[run.object] for run in primitives.runs]
+    return ObjectMovements(np.concatenate(segments), np.repeat(np.array(of_runs, np.int32), primitives.counts, axis=0))
 
 
 def _segments(trajectory: Trajectory, scene: Scene) -> NDArray[np.void]:

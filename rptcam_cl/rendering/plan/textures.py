@@ -36,7 +36,17 @@ from rptcam_cl.scene.base import FileReference
 from rptcam_cl.scene.materials import Dielectric, MetalSpectrum
 from rptcam_cl.scene.quantities import SpectralColour
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.textures import Dots, ImageTexture, Marble, Noise, Perlin, Texture
+from rptcam_cl.scene.textures import (
+    Dots,
+    ImageTexture,
+    Marble,
+    Mixture,
+    Noise,
+    Pattern,
+    Perlin,
+    SinglePattern,
+    Texture,
+)
 
 #
 # Spectra that the scene's colours are known by, constants of its metals, indices of its solids.
@@ -363,9 +373,23 @@ class TextureTable:
             return value, -1
         key = (id(value), limit)
         if key not in self._index:
-            self._index[key] = len(self._records)
-            self._records.append(self._record(value, limit))
+            self._index[key] = self._add(value, limit)
         return BLACK, self._index[key]
+
+    def _add(self, value: Texture | Colour, limit: float) -> int:
+        """Add the record of a texture and return its index; before that of a mixture stand those of its parts."""
+        if isinstance(value, Mixture):
+            parts = zip(value.parts, (limit, limit, 1.0), strict=True)
+            record = TEXTURE.one(kind=TextureKind.MIXTURE, first=len(self._records))[0]
+            first, second, amount = (self._means[self._add(*part)] for part in parts)
+            self._means.append((1 - amount) * first + amount * second)
+        elif isinstance(value, tuple):
+            record = TEXTURE.one(kind=TextureKind.PLAIN, a=value, b=value)[0]
+            self._means.append(np.array(value))
+        else:
+            record = self._record(value, limit)
+        self._records.append(record)
+        return len(self._records) - 1
 
     def mean(self, index: int) -> NDArray[np.float64]:
         """Return the mean colour over one repeat of the texture of an index."""
@@ -382,7 +406,9 @@ class TextureTable:
         records = TEXTURE.zeros(len(self._records))
         for index, record in enumerate(self._records):
             records[index] = record
-        kinds = {int(self._records[index]["kind"]) for index in self._index.values()}  # what materials show
+        mixtures = [index for index in self._index.values() if self._records[index]["kind"] == TextureKind.MIXTURE]
+        parts = (index for last in mixtures for index in range(int(self._records[last]["first"]), last))
+        kinds = {int(self._records[index]["kind"]) for index in (*self._index.values(), *parts)}  # what materials show
         facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in TextureKind} | {"HAS_TEXTURE": int(bool(kinds))}
         facts["HAS_MAPPING"] = int(np.any(records["mapping"] != Mapped.UV))
         words = np.concatenate([*self._words, np.zeros(4, np.uint32)])  # kernels load four at a time
@@ -446,7 +472,7 @@ class TextureTable:
                 raise InputError("the pictures of the scene are too large together (allowed: 16 GiB)")
         return self._places[colours.name]
 
-    def _record(self, texture: Texture, limit: float) -> np.void:
+    def _record(self, texture: SinglePattern, limit: float) -> np.void:
         row_u, row_v = _map_uv(texture)
         record: np.void = TEXTURE.one(row_u=row_u, row_v=row_v)[0]
         if texture.mapping is not None:
@@ -467,7 +493,8 @@ class TextureTable:
         if isinstance(texture, Perlin):
             fill(record, octaves=texture.octaves, form=PerlinForm[texture.form.upper()])
         if isinstance(texture, Marble):
-            fill(record, octaves=texture.octaves, variation=texture.variation, a=texture.tint)
+            last = 5 if texture.form == "pbrt-v4" else 1
+            fill(record, octaves=texture.octaves, variation=texture.variation, a=texture.tint, form=last)
         self._means.append((1 - texture.share) * np.array(first) + texture.share * np.array(second))
         return record
 
@@ -490,7 +517,7 @@ class TextureTable:
         }  # fmt: skip
 
 
-def _map_uv(texture: Texture) -> NDArray[np.float64]:
+def _map_uv(texture: Pattern) -> NDArray[np.float64]:
     """Return the two rows that take (u, v, 1) to the pattern: scaled, turned, shifted."""
     quarters, rest = divmod(texture.rotation_degrees, 90)
     angle = np.deg2rad(rest)

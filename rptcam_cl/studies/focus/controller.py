@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,9 @@ from pydantic import ValidationError
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.imaging.writers import MARKED
+from rptcam_cl.rendering.cameras.chief_rays import seen_places
+from rptcam_cl.rendering.cameras.ideal import bright_parts
+from rptcam_cl.rendering.ground_truth import Moments
 from rptcam_cl.scene.base import listed, near_name
 from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
 from rptcam_cl.scene.load import change_scene, input_error, load_scene
@@ -30,7 +34,7 @@ from rptcam_cl.studies.focus.contrast import (
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
 from rptcam_cl.studies.focus.phase import clearest_beside, focus_by_hybrid, focus_by_phase, half_view
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Probe, Zone
-from rptcam_cl.studies.focus.renderer import ProbeRenderer, Task
+from rptcam_cl.studies.focus.renderer import SIGHT_ACROSS, ProbeRenderer, Task
 
 # What can be wrong with a focus that was found: too uncertain, one of two distances, or one of two line focuses.
 
@@ -228,21 +232,98 @@ def zone_of_object(renderer: ProbeRenderer, name: str) -> Zone:
     InputError
         When no object has that name, or none of it is seen.
     """
-    names = [item.name for item in renderer.scene.objects]
-    if name not in names:
-        known = [item for item in names if item]
-        raise InputError(
-            f"camera.focus.auto.object: no object has this name{near_name(name, known)} (got {name};"
-            f" allowed: {listed(known) or 'a name, once an object has one'})"
-        )
-    seen = renderer.objects() == names.index(name)
+    seen = renderer.objects() == _index_of(renderer.scene, name)
     if not seen.any():
         raise InputError(f"camera.focus.auto.object: {name} is not in the picture")
+    return _zone_within(seen)
+
+
+def _index_of(scene: Scene, name: str) -> int:
+    names = [item.name for item in scene.objects]
+    if name in names:
+        return names.index(name)
+    known = [item for item in names if item]
+    raise InputError(
+        f"camera.focus.auto.object: no object has this name{near_name(name, known)} (got {name};"
+        f" allowed: {listed(known) or 'a name, once an object has one'})"
+    )
+
+
+def _zone_within(seen: NDArray[np.bool_]) -> Zone:
+    """Return the largest square that fits into a shape of the picture (height, width)."""
     row, column, half = _find_deepest(seen)
     height, width = seen.shape
     size = max(half, LEAST_HALF * min(height, width))
     left, top = max((column + 0.5 - size) / width, 0.0), max((row + 0.5 - size) / height, 0.0)
     return Zone(left, min((column + 0.5 + size) / width, 1.0), top, min((row + 0.5 + size) / height, 1.0))
+
+
+HIDDEN = 0.03  # of the distance of a point, by which what hides it is nearer at least
+HALVED = 0.5  # side of the zone round a point of the scene, in those of a point of the picture
+POINT_ROUNDS = 3  # in which focus and exposure of the place of a point follow from that place
+
+
+def zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | None) -> Zone:
+    """Return a zone round a point, and put the focus where the point is seen from.
+
+    Parameters
+    ----------
+    at
+        In the scene, or in the coordinates of the object of some name [scene units].
+
+    Raises
+    ------
+    InputError
+        When it is not in the picture, or something hides it.
+    """
+    scene, drive, where = renderer.scene, renderer.drive, "camera.focus.auto.at"
+    moments, size, zone = Moments(scene), np.array(scene.film.resolution), MIDDLE
+    index = None if name is None else _index_of(scene, name)
+    for _ in range(POINT_ROUNDS):
+        time = moments.middles(np.array([zone.centre]) * size)
+        placed = np.eye(4) if index is None else scene.objects[index].places(scene.folders, float(time[0]))[0]
+        world = np.append((placed @ [*at, 1.0])[:3] * scene.metres_per_unit, 1.0)
+        seen = np.linalg.solve(moments.poses(time)[0], world)
+        distance = -float(seen[2])
+        place = seen_places(drive.chief_rays(scene, renderer.state), seen[None])[0] / size
+        if not (np.all(place > 0) and np.all(place < 1)):
+            raise InputError(f"{where}: the point is not in the picture")
+        x, y = place.tolist()
+        zone = zone_at(scene, x, y, HALVED)
+        with suppress(InputError):  # out of reach, which the search will say
+            renderer.state = drive.state_for(distance, zone)
+    sight = renderer.sight(renderer.state, zone_at(scene, x, y, HALVED / SIGHT_ACROSS))
+    if not np.any(sight.depths >= (1 - HIDDEN) * distance):
+        first = int(np.bincount(sight.first_objects[sight.first_objects >= 0], minlength=1).argmax())
+        named = scene.objects[first].name if len(scene.objects) else None
+        raise InputError(f"{where}: the point is hidden{f' by {named}' if named else ''}")
+    return zone
+
+
+MASK_ACROSS = 240  # cells of a mask
+LEAST_PART = 5e-4  # of the picture: bright parts of a mask that are smaller are left out, but the largest
+MOST_PARTS = 50
+
+
+def zones_of_mask(bright: NDArray[np.bool_]) -> tuple[Zone, ...]:
+    """Return the largest square within each part of a mask (height, width), from the largest part on."""
+    step = -(-max(bright.shape) // MASK_ACROSS)
+    rows, columns = (-(-side // step) for side in bright.shape)
+    padded = np.pad(bright, [(0, rows * step - bright.shape[0]), (0, columns * step - bright.shape[1])])
+    left = padded.reshape(rows, step, columns, step).mean(axis=(1, 3)) >= 0.5
+    left = left if left.any() else padded.reshape(rows, step, columns, step).any(axis=(1, 3))
+    parts: list[NDArray[np.bool_]] = []
+    while left.any() and len(parts) < MOST_PARTS:
+        part = np.zeros_like(left)
+        part.flat[np.argmax(left)] = True
+        size = 0
+        while size < (count := np.count_nonzero(part)):
+            size, grown = int(count), np.pad(part, 1)
+            part = left & (grown[:-2, 1:-1] | grown[2:, 1:-1] | grown[1:-1, :-2] | grown[1:-1, 2:] | part)
+        parts.append(part)
+        left = left & ~part
+    parts.sort(key=np.count_nonzero, reverse=True)
+    return tuple(_zone_within(part) for k, part in enumerate(parts) if not k or part.mean() >= LEAST_PART)
 
 
 def _find_deepest(seen: NDArray[np.bool_]) -> tuple[int, int, float]:
@@ -269,7 +350,7 @@ METHODS: dict[str, Callable[[Task], FocusReport]] = {
     "hybrid": focus_by_hybrid,
 }
 MIDDLE = Zone(0.45, 0.55, 0.43, 0.57)  # 1.4 % of the picture
-PLACES = ("zones", "zones_from", "point", "object")
+PLACES = ("zones", "zones_from", "mask", "point", "object", "at")
 POINT_SIZE = 0.05  # of the diagonal: the side of the zone round a point
 
 
@@ -301,21 +382,23 @@ def focus_settings(scene: Scene, keys: Mapping[str, Any], where: Mapping[str, An
 
 
 def zones_of(scene: Scene, settings: AutoFocus) -> tuple[Zone, ...]:
-    """Return the zones that settings name; the zone of an object is found by a probe instead (`zone_of_object`)."""
+    """Return the zones that settings name; those of an object and of a point of the scene are found by probes."""
     if settings.zones is not None:
         return tuple(Zone(*zone) for zone in settings.zones)
     if settings.zones_from is not None:
         content = scene.content_of(settings.zones_from)
         return tuple(Zone(*zone) for zone in read_zones(content, settings.zones_from.place.rstrip(": ")))
+    if settings.mask is not None:
+        return zones_of_mask(bright_parts(scene.content_of(settings.mask), settings.mask.place.rstrip(": ")))
     if settings.point is not None:
         return (zone_at(scene, *settings.point),)
     return (MIDDLE,)
 
 
-def zone_at(scene: Scene, right: float, down: float) -> Zone:
+def zone_at(scene: Scene, right: float, down: float, share: float = 1.0) -> Zone:
     """Return a square zone round a point of the picture, moved inside where it would reach over the edge."""
     width, height = scene.film.size_m()
-    side = POINT_SIZE * scene.film.diagonal_m()
+    side = share * POINT_SIZE * scene.film.diagonal_m()
     across, tall = min(side / width, 1.0), min(side / height, 1.0)
     left = min(max(right - across / 2, 0.0), 1.0 - across)
     top = min(max(down - tall / 2, 0.0), 1.0 - tall)
@@ -357,6 +440,8 @@ def find_focus(
         When the camera has no focus, or a zone or object is not there.
     """
     renderer = ProbeRenderer(scene, session)
+    if zones is None and settings.at is not None:
+        zones = [zone_of_point(renderer, settings.at, settings.object)]
     if zones is None and settings.object is not None:
         zones = [zone_of_object(renderer, settings.object)]
     task = Task(
@@ -556,6 +641,8 @@ def autofocus(
     zones: Sequence[Sequence[float]] | None = None,
     point: tuple[float, float] | None = None,
     object: str | None = None,
+    at: tuple[float, float, float] | None = None,
+    mask: NDArray[Any] | None = None,
     policy: str | None = None,
     criterion: str | None = None,
     near: float | None = None,
@@ -578,6 +665,10 @@ def autofocus(
         A point [x, y] to focus on, in the same fractions.
     object
         Name of an object to focus on.
+    at
+        A point [x, y, z] to focus on, of the scene, or of `object` in its own coordinates [scene units].
+    mask
+        Picture (height, width) above 0 where to focus, as large as the whole picture in any resolution.
     policy
         Which of several zones decides: ``closest``, ``farthest``, ``centre`` or ``weighted``.
     criterion
@@ -607,7 +698,8 @@ def autofocus(
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     if seed is not None:
         scene = change_scene(scene, render={"seed": seed})
-    where = {"zones": zones, "point": point, "object": object}
+    held = None if mask is None else {"file": np.asarray(mask)}
+    where = {"zones": zones, "point": point, "object": object, "at": at, "mask": held}
     settings = focus_settings(scene, {"method": method, "policy": policy, "criterion": criterion}, where)
     session = device if isinstance(device, Session) else open_session(device)
     return find_focus(scene, session, settings, near=near, on_probe=on_probe, on_state=on_state)

@@ -40,7 +40,7 @@ export class Viewfinder {
     this.history = new History(this.link);
     this.things = new Things(this.link, this.stage, this.dials);
     this.time = new Time(this.link, this.dials);
-    this.out = new Out(this.link, this.toasts);
+    this.out = new Out(this.link, this.toasts, this.dials);
     this.help = helpSheet(root);
     this.gestures = new Gestures(this.stage, this.link, { pointed: (point) => this.pointed(point), clicked: (point) => this.clicked(point) });
     this.scopes = new Scopes(this.link, this.stage, histogramView(this.link));

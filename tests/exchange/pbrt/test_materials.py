@@ -295,6 +295,7 @@ def test_float_maps_are_written_anew(convert: Convert, tmp_path: Any, order: str
 
 
 CHECKS = 'Texture "t" "spectrum" "checkerboard" "rgb tex1" [.1 .2 .3] "rgb tex2" [.4 .5 .6] "float uscale" 4\n'
+CELLS = {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6], "scale": [4, 1]}
 TEXTURES: dict[str, tuple[Any, str]] = {
     CHECKS: ({"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6], "scale": [4, 1]}, ""),
     'Texture "t" "spectrum" "constant" "rgb value" [.1 .2 .3]': ([0.1, 0.2, 0.3], ""),
@@ -322,10 +323,15 @@ TEXTURES: dict[str, tuple[Any, str]] = {
         {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6], "offset": [0, 0.5]}, ""),
     'Texture "t" "spectrum" "checkerboard"': ({"kind": "checker", "even": [1.0] * 3, "odd": [0.0] * 3}, ""),
     CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "checkerboard" "texture tex2" "c"': (
-        {"kind": "checker", "even": [1.0] * 3, "odd": [0.25, 0.35, 0.45]}, "its textures as one colour each"),
+        {"kind": "mixture", "first": [1.0] * 3, "second": CELLS,
+         "amount": {"kind": "checker", "even": 0.0, "odd": 1.0}}, ""),
     CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "scale" "texture tex" "c" "texture scale" "c"': (
-        {"kind": "checker", "even": [0.025, 0.07, 0.135], "odd": [0.1, 0.175, 0.27], "scale": [4, 1]},
-        "the second texture as one colour"),
+        {"kind": "mixture", "first": [0.0] * 3, "second": CELLS, "amount": CELLS}, ""),
+    CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "mix" "texture tex1" "c" "texture tex2" "c"': (
+        {"kind": "mixture", "first": CELLS, "second": CELLS, "amount": [0.5] * 3}, ""),
+    CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "dots" "texture inside" "c" "rgb outside" [1 0 0]': (
+        {"kind": "mixture", "first": CELLS, "second": [1.0, 0.0, 0.0],
+         "amount": {"kind": "dots", "inside": 1.0, "outside": 0.0}}, ""),
     CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "scale" "rgb scale" [.5 .5 .5] "texture tex" "c"': (
         {"kind": "checker", "even": [0.05, 0.1, 0.15], "odd": [0.2, 0.25, 0.3], "scale": [4, 1]}, ""),
     CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "mix" "texture tex1" "c" "rgb tex2" [1 1 1]': (

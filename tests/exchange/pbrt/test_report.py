@@ -26,7 +26,6 @@ OPTIONS = {
     'PixelFilter "box" "float other" 1': 'ignored: PixelFilter "box": "float other"',
     'Accelerator "kdtree"': 'ignored: Accelerator "kdtree"',
     'Option "bool disablepixeljitter" true': "ignored: Option",
-    "TransformTimes 0 1": "ignored: TransformTimes",
     'Integrator "bdpt"': 'approximated: Integrator "bdpt": paths from the camera only',
     'Integrator "ao" "float maxdistance" 2': "another picture than paths of light give",
     'Integrator "path" "bool regularize" true': 'ignored: Integrator "path": "bool regularize"',
@@ -64,7 +63,6 @@ WORLD = {
     'LightSource "point" "xyz I" [0 1 0]': 'approximated: LightSource "point": "I" lies outside sRGB; cut at 0',
     'Material "mirror" "string normalmap" "a.png" Shape "sphere"': 'Material "mirror": the normal map a.png',
     'Material "diffuse" "string normalmap" "a.gif" Shape "sphere"': 'Material "diffuse": the normal map a.gif',
-    "ActiveTransform EndTime Translate 1 2 3": "ignored: Translate at the end time",
     'AreaLightSource "diffuse" "string filename" "a.exr" Shape "sphere"': "the picture that it shines with",
     'AreaLightSource "diffuse" Shape "sphere" "float alpha" .5': "alpha of a lamp",
 }

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import PIL.Image
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from rptcam_cl.core.errors import InputError
 from tests.exchange.pbrt import reference as pbrt
@@ -48,7 +49,7 @@ def corners_of(done: Any, index: int = 0) -> np.ndarray:
     item = done.scene.objects[index]
     (part,) = done.scene.load_mesh(item).contents.parts
     local = part.mesh.positions.astype(float) + part.mesh.origin
-    matrix = item.world_from_object @ part.placement
+    matrix = item.placed_at(0.0) @ part.placement
     return np.asarray(local @ matrix[:3, :3].T + matrix[:3, 3])
 
 
@@ -235,3 +236,75 @@ def test_flattened_shapes_are_left_out_where_ours_cannot_hold_them(convert: Conv
     done = convert(f'Scale 1 1 1e-7 Shape "sphere" {triangle}')
     assert [item["shape"] for item in done.objects] == ["mesh"]  # whose vertices are as flat as they are
     assert done.says('ignored: Shape "sphere": its transform flattens space')
+
+
+def between(start: np.ndarray, end: np.ndarray, share: float) -> np.ndarray:
+    """Matrix of pbrt's AnimatedTransform: the shift goes straight, the turn (polar decomposition) by slerp."""
+
+    def parts(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        u, s, v = np.linalg.svd(matrix[:3, :3])
+        sign = np.linalg.det(u @ v)  # a reflection belongs to the stretch
+        return sign * u @ v, sign * v.T @ np.diag(s) @ v
+
+    (first, stretch), (last, _) = parts(start), parts(end)
+    turn = Rotation.from_matrix(np.stack([first, last]))
+    now = np.eye(4)
+    now[:3, :3] = Slerp([0, 1], turn)(share).as_matrix() @ stretch
+    now[:3, 3] = (1 - share) * start[:3, 3] + share * end[:3, 3]
+    return now
+
+
+MOVING = "ActiveTransform EndTime Translate 3 0 1 Rotate 70 1 2 0 ActiveTransform All Translate .5 1 0 Scale 2 1 1 "
+
+
+def test_what_moves_goes_as_pbrt_has_it(convert: Convert) -> None:
+    """Turns are about the origin of the moving frame, of an instance its own, not that of the shape within."""
+    start = pbrt.translate(0.5, 1, 0) @ pbrt.scale(2, 1, 1)
+    axis = Rotation.from_rotvec(np.radians(70) * np.array([1, 2, 0]) / np.sqrt(5))
+    turn = np.eye(4)
+    turn[:3, :3] = axis.as_matrix()
+    end = pbrt.translate(3, 0, 1) @ turn @ start
+    times = "TransformTimes 0 2 " + HEAD.replace('"perspective"', '"perspective" "float shutterclose" 2')
+    done = convert("AttributeBegin " + MOVING + TRIANGLE + "AttributeEnd", times)
+    item = done.scene.objects[0]
+    assert (done.scene.shutter.open_s, done.scene.shutter.time_s) == (0, 2)
+    for share in (0, 0.3, 1):
+        placed = item.placed_at(2 * share) @ np.linalg.inv(item.placed_at(0))
+        found = corners_of(done) @ placed[:3, :3].T + placed[:3, 3]
+        matrix = between(start, end, share)
+        np.testing.assert_allclose(as_set(found), as_set(CORNERS @ matrix[:3, :3].T + matrix[:3, 3]), atol=1e-5)
+    assert done.report == []
+
+    within = (
+        'ObjectBegin "o" Translate 0 2 0 '
+        + TRIANGLE
+        + "ObjectEnd AttributeBegin "
+        + MOVING
+        + 'ObjectInstance "o" AttributeEnd'
+    )
+    done = convert(within, times)
+    matrix = between(start, end, 0.5) @ pbrt.translate(0, 2, 0)
+    placed = done.scene.objects[0].placed_at(1.0) @ np.linalg.inv(done.scene.objects[0].placed_at(0))
+    found = corners_of(done) @ placed[:3, :3].T + placed[:3, 3]
+    np.testing.assert_allclose(as_set(found), as_set(CORNERS @ matrix[:3, :3].T + matrix[:3, 3]), atol=1e-5)
+
+
+def test_what_stretches_over_time_stays_and_is_reported(convert: Convert) -> None:
+    done = convert("ActiveTransform EndTime Scale 2 2 2 ActiveTransform All " + TRIANGLE, HEAD)
+    assert done.scene.objects[0].motion == ()
+    assert done.says('Shape "trianglemesh": it stays as it is at the start')
+
+
+def test_cameras_move_about_themselves(convert: Convert) -> None:
+    head = "ActiveTransform EndTime Rotate -60 0 1 0 Translate 1 0 0 ActiveTransform All " + HEAD
+    done = convert(TRIANGLE, head)
+    camera = done.scene.camera
+    cameras = []
+    for matrix in (np.eye(4), pbrt.rotate_y(-60) @ pbrt.translate(1, 0, 0)):
+        cameras.append(np.linalg.inv(matrix @ pbrt.scale(-1, 1, 1) @ pbrt.look_at([0, 0, 5], [0, 0, 0], [0, 1, 0])))
+    for share in (0, 0.375, 1):
+        now = between(*cameras, share)
+        eye, target, _ = camera.pose_at(share)
+        forward = (target - eye) / np.linalg.norm(target - eye)
+        np.testing.assert_allclose(eye, now[:3, 3], atol=1e-5)
+        assert forward @ (now[:3, 2] / np.linalg.norm(now[:3, 2])) > 0.99999

@@ -3,7 +3,6 @@
 import contextlib
 import io
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +11,8 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.export import codev_text, zemax_text
-from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.files.export import codev_text, with_model_glasses, zemax_text
+from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration
 from rptcam_cl.optics.library import list_lenses, load_lens
 
 WRITERS = {".zmx": zemax_text, ".seq": codev_text}
@@ -125,7 +124,6 @@ def test_plates_with_an_opening_before_and_behind_a_lens_come_back(tmp_path: Pat
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_what_neither_can_say_is_refused_by_name(suffix: str) -> None:
     for lens, reason in [
-        (load_lens("zoom-70-200mm"), "it is a zoom lens"),
         (lens_with(clear={"half_plane_degrees": 90}), "only a part of it is there"),
         (load_lens({"object_medium": "water", "surfaces": [{"radius": 9, "diameter": 3}]}), "is water, not air"),
     ]:
@@ -141,7 +139,13 @@ def test_convert_writes_them(tmp_path: Path, suffix: str, capsys: pytest.Capture
     assert lens.first_order().f_number == pytest.approx(4)
     assert "N-BK7 0 0" in zemax_text(load_lens("achromat-100mm"))
     assert "NBK7_SCHOTT" in codev_text(load_lens("achromat-100mm"))
-    assert main(["lens", "convert", "zoom-70-200mm", "-o", str(path)]) == 2
+    assert main(["lens", "convert", "zoom-70-200mm", "-o", str(path)]) == 0
+    assert len(load_lens(path).configurations) == 3
+    assert main(["lens", "convert", "zoom-70-200mm", "-o", str(path.with_suffix(".dat"))]) == 2
+    assert main(["lens", "convert", "achromat-100mm", "--model-glasses", "-o", str(path)]) == 0
+    assert "N-BK7" not in path.read_text() and load_lens(path).first_order().focal_length_mm == pytest.approx(
+        load_lens("achromat-100mm").first_order().focal_length_mm, rel=1e-12
+    )
 
 
 def test_no_glass_is_written_with_an_abbe_number_of_0(tmp_path: Path) -> None:
@@ -194,7 +198,7 @@ EXPORTS = [(name, suffix) for name in list_lenses() for suffix in WRITERS if (na
 
 
 def exported(name: str, suffix: str, folder: Path) -> tuple[Lens, str]:
-    lens = replace(load_lens(name), configurations=())
+    lens = with_model_glasses(load_lens(name))  # catalogues of programs differ
     path = folder / f"lens{suffix}"
     path.write_text(WRITERS[suffix](lens))
     return lens, str(path)
@@ -208,7 +212,7 @@ def test_optiland_reads_every_lens_of_the_library(tmp_path: Path, name: str, suf
     lens, path = exported(name, suffix, tmp_path)
     read = (files.load_zemax_file if suffix == ".zmx" else files.load_codev_file)(path).paraxial
     first, index = lens.first_order(), float(lens.indices()[-1])  # behind a lens, its focal lengths are those in air
-    assert float(np.ravel(read.f2())[0]) == pytest.approx(first.focal_length_mm / index, rel=1e-4)
+    assert float(np.ravel(read.f2())[0]) == pytest.approx(first.focal_length_mm / index, rel=1e-6)
     assert float(np.ravel(read.EPD())[0]) == pytest.approx(first.entrance_pupil.diameter_mm, rel=1e-6)
 
 
@@ -222,5 +226,89 @@ def test_ray_optics_reads_every_lens_of_the_library(tmp_path: Path, name: str, s
         model = environment.open_model(path)
         model.update_model()
     read, first = model["analysis_results"]["parax_data"].fod, lens.first_order()
-    assert read.efl == pytest.approx(first.focal_length_mm, rel=2e-4)  # its catalogue has older glasses
+    assert read.efl == pytest.approx(first.focal_length_mm, rel=1e-6)
     assert 2 * read.enp_radius == pytest.approx(first.entrance_pupil.diameter_mm, rel=1e-6)
+
+
+def floating_zoom() -> Lens:
+    rows: list[dict[str, Any]] = [
+        {"radius": 60, "thickness": 4, "glass": {"nd": 1.6, "vd": 55}, "diameter": 20},
+        {"radius": -90, "thickness": 3, "diameter": 20},
+        {"radius": -70, "thickness": 2, "glass": {"nd": 1.7, "vd": 30}, "diameter": 18, "tilt_degrees": [0.1, 0]},
+        {"radius": 90, "thickness": 5, "diameter": 18},
+        {"stop": True, "thickness": 2, "diameter": 12},
+        {"radius": 40, "thickness": 4, "glass": {"nd": 1.6, "vd": 55}, "diameter": 18},
+        {"radius": -60, "diameter": 18},
+    ]
+    zoom = [
+        {"name": "wide", "gaps": {1: 3, 3: 9}, "floating": [
+            {"distance": 900, "gaps": {1: 4, 3: 8}}, {"distance": 600, "gaps": {1: 5, 3: 7}}]},
+        {"name": "long", "gaps": {1: 8, 3: 4}, "stop_diameter": 11, "floating": [
+            {"distance": 1200, "gaps": {1: 8.5, 3: 3.5}}, {"distance": 800, "gaps": {1: 9, 3: 3}}]},
+    ]  # fmt: skip
+    return load_lens({"name": "Zoom", "surfaces": rows, "configurations": zoom})
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_zoom_positions_and_near_states_are_read_back(tmp_path: Path, suffix: str) -> None:
+    lens = floating_zoom()
+    back = again(lens, suffix, tmp_path)
+    assert [each.name for each in back.configurations] == (["1", "2"] if suffix == ".zmx" else ["wide", "long"])
+    for ours, read in zip(lens.configurations, back.configurations, strict=True):
+        one, other = in_configuration(lens, ours.name), in_configuration(back, read.name)
+        pupil = one.first_order().entrance_pupil.diameter_mm
+        assert other.first_order().entrance_pupil.diameter_mm == pytest.approx(pupil, rel=1e-12)
+        assert len(read.floating) == len(ours.floating) == 2
+        for near, state in zip(ours.floating, read.floating, strict=True):
+            assert state.distance_mm == pytest.approx(near.distance_mm, rel=1e-12)
+            mine, film = brought_to_focus(one, near.distance_mm)
+            read_back, its_film = brought_to_focus(other, near.distance_mm)
+            assert its_film == pytest.approx(film, rel=1e-9)
+            assert read_back.first_order().focal_length_mm == pytest.approx(
+                mine.first_order().focal_length_mm, rel=1e-9
+            )
+
+
+ZOOMED = """RDM;LEN
+TITLE 'Two lenses'
+EPD 8
+DIM M
+SO 0 1E13
+S 60 4 1.6:55
+S -60 5
+S -90 2 1.7:30
+S 90 6
+STO
+SI 0 0
+ZOO 3
+{}
+GO
+"""
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "ZOO THI S2 5 9 7\nZOO THI S4 80 90 95\nZOO THI SO 1E13 1E13 1E13\nTIT Z2 'long'",
+        "THI S2 Z1 5; THI S2 Z2 9; THI S2 Z3 7; TIT Z2 'long'",
+    ],
+    ids=["in a row", "one by one"],
+)
+def test_positions_of_a_sequence_are_read_however_they_are_written(tmp_path: Path, lines: str) -> None:
+    path = tmp_path / "zoom.seq"
+    path.write_text(ZOOMED.format(lines))
+    lens = load_lens(path)
+    assert [(each.name, dict(each.gaps)) for each in lens.configurations] == [
+        ("1", {1: 5.0}), ("long", {1: 9.0}), ("3", {1: 7.0}),
+    ]  # fmt: skip
+    assert lens.surfaces[1].thickness == 5.0
+    assert [note.split(": ", 1)[1][:9] for note in lens.warnings] == ["diameters"]
+
+
+def test_what_positions_differ_in_beside_spaces_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "zoom.seq"
+    path.write_text(ZOOMED.format("ZOO THI S2 5 9 7\nCIR S1 Z2 4\nZOO YAN F1 3 2 1"))
+    notes = "; ".join(load_lens(path).warnings)
+    assert "zoom.seq:14: CIR of position Z2 is ignored" in notes and "zoom.seq:15: YAN of the positions" in notes
+    path.write_text(ZOOMED.format("ZOO THI S4 80 90 95"))
+    assert "its 3 positions move no surfaces: it is read as saved" in "; ".join(load_lens(path).warnings)

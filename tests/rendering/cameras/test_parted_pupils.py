@@ -100,3 +100,27 @@ def test_spread_points_fill_their_box_evenly():
     counts = np.histogram2d(*points.T, bins=(8, 8), range=[(-1, 3), (2, 4)])[0]
     assert counts.sum() == 4096
     assert counts.min() >= 58
+
+
+@pytest.mark.parametrize("f_number", [4.53, pytest.param(5.2, marks=pytest.mark.slow)])
+def test_slivers_between_nodes_are_traced_finer_and_not_given_up(f_number):
+    eye = load_lens("human-eye")  # of an eye stopped down, rims cut slivers at 54 degrees
+    eye = eye.with_stop_diameter(eye.stop_diameter_for(f_number))
+    back = back_distance(eye)
+    sampling = pupil_sampling(eye, back, (back, back), LINE_D_NM, "auto")
+    assert sampling.tier == "tight"
+
+
+@pytest.mark.parametrize(("f_number", "half"), [(7.0, 37.7), pytest.param(10.2, 15.3, marks=pytest.mark.slow)])
+def test_crescents_of_a_ring_are_held_with_their_hole(f_number, half):
+    lens = load_lens("mirror-500mm")
+    lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number))
+    back = back_distance(lens)
+    sampling, probe = pupil_sampling(lens, back, (half, half), LINE_D_NM, "auto"), FilmProbe(lens, back, LINE_D_NM)
+    assert sampling.ring
+    film = np.stack([np.linspace(0.0, 0.9 * half, 12), np.zeros(12)], axis=1)
+    points = spread_points(probe.windows(film), 4000).reshape(-1, 2)
+    film = np.repeat(film, 4000, axis=0)
+    passes, drawn = probe.passes(film, points), ~left_out(sampling, (half, half), film, points)
+    assert (passes & ~drawn).sum() <= 2e-3 * passes.sum()  # corners of crescents between the directions of a table
+    assert passes[drawn].mean() > 0.8

@@ -5,7 +5,14 @@ import pytest
 
 from rptcam_cl.rendering.film import MOST_CELLS, MOST_PHOTONS, PhotonPass, pass_of, within_passes
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.scene_buffers import FIRST_PHOTONS, PILOT_PHOTONS, first_radius, sorted_by_cell
+from rptcam_cl.rendering.scene_buffers import (
+    FIRST_PHOTONS,
+    NEIGHBOURS,
+    PILOT_PHOTONS,
+    first_radius,
+    neighbours2,
+    sorted_by_cell,
+)
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.caustics.test_photons import LAMP, ball, glasses, lamp, scene
 
@@ -76,6 +83,15 @@ def test_first_radius_holds_so_many_photons_of_a_pass():
     per_m2 = 2000 / 0.25 * PhotonPass(0, 0, 1).photons(10**4) / PILOT_PHOTONS  # of a pass of one sample
     assert first_radius(half, 10**4) == pytest.approx((FIRST_PHOTONS / per_m2 / np.pi) ** 0.5, rel=0.1)
     assert first_radius(half[:5], 10**4) == 1  # too few to tell
+
+
+@pytest.mark.parametrize("count", [9, 70, 1000])
+def test_neighbours_are_those_of_a_search_among_all(count):
+    places = np.random.default_rng(count).uniform(-1, 1, (3, count))
+    places[:, ::7] = places[:, :1]  # some are in one place
+    apart = ((places[:, :, None] - places[:, None]) ** 2).sum(axis=0)
+    every = np.partition(apart, NEIGHBOURS, axis=1)[:, NEIGHBOURS]
+    np.testing.assert_array_equal(np.sort(neighbours2(places)), np.sort(every))
 
 
 GREY_BALL = {"kind": "matte", "reflectance": 0.5}

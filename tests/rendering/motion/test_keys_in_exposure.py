@@ -7,6 +7,7 @@ import rptcam_cl
 from rptcam_cl.rendering.film import step_of
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import exposure_steps, load_scene, set_keys
+from tests.support.cases import fast
 
 BALL = {"name": "ball", "shape": "sphere", "center": [0, 0, 0], "radius": 1}
 SCENE = {
@@ -94,3 +95,33 @@ def test_keys_without_use_cost_nothing():
     plan = make_plan(load_scene(SCENE))
     assert plan.steps == ()
     assert exposure_steps(load_scene(SCENE)) == []
+
+
+QUAD = np.array([[-1.0, -9, 0], [1, -9, 0], [1, 9, 0], [-1, 9, 0]])
+WIDE = np.diag([3.0, 1, 1])
+DEFORMED = {
+    "vertices": {"objects.0.vertices": (QUAD, QUAD @ WIDE)},
+    "matrix": {"objects.0.transform.0.matrix": [np.eye(4)[:3].tolist(), np.hstack([WIDE, np.zeros((3, 1))]).tolist()]},
+}
+
+
+@pytest.mark.parametrize("kind", fast(["vertices"], DEFORMED))
+def test_what_is_deformed_covers_each_place_for_its_time(kind):
+    """A strip grows from 2 to 6 wide: a place at x is covered for (3 - x) / 2 of the exposure."""
+    strip = {
+        "shape": "mesh", "vertices": QUAD, "faces": [[0, 1, 2, 3]], "material": {"kind": "emissive", "radiance": 1},
+        "transform": [{"matrix": np.eye(4)[:3].tolist()}],
+    }  # fmt: skip
+    keys = {
+        name: [{"time_s": time, "value": value} for time, value in zip((0, 1), values, strict=True)]
+        for name, values in DEFORMED[kind].items()
+    }
+    scene = {
+        "film": {"resolution": [32, 2]},
+        "camera": {"kind": "orthographic", "eye": [0, 0, 5], "target": [0, 0, 0], "width_m": 8},
+        "objects": [strip],
+        "shutter": {"time_s": 1, "keys": keys, "steps": 16},
+    }
+    picture = rptcam_cl.render(scene, spp=128).pixels[0, :, 0]
+    middles = np.abs((np.arange(32) + 0.5) / 4 - 4)
+    assert np.abs(picture - np.clip((3 - middles) / 2, 0, 1)).max() < 0.06  # a step is 0.06 of the time

@@ -10,13 +10,14 @@ import pytest
 import yaml
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.as_built import Copies
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.image_quality import Setting, film_spots, mtf_table, setting, spot_table
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering import tolerance_run
 from rptcam_cl.rendering.tolerance_run import Scores, ToleranceRun, loosest_set, report, tolerance, tolerance_chart
-from rptcam_cl.rendering.tolerances import percentile, rank, share
+from rptcam_cl.rendering.tolerances import percentile, rank, share, specification
 
 TRIPLET = load_lens("cooke-triplet-50mm")
 D_NM = 587.5618
@@ -343,3 +344,60 @@ def test_loosest_set_costs_less_than_one_factor_for_all_and_other_copies_reach_i
     assert float(np.mean(1 / found.factors)) < 1 / low  # although that of all was given no interval
     with pytest.raises(InputError, match="the design itself has"):
         loosest_set(TRIPLET, given, 2.0, 80.0)
+
+
+@pytest.mark.parametrize("refocus", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_compensators_stand_where_no_neighbour_is_better(refocus: bool) -> None:
+    given = {"copies": 12, "refocus": refocus, "merit": FIELDS | {"rings": 4, "arms": 8}, "tolerances": [
+        {"radius_percent": 0.2}, {"spacing_mm": 0.05}, {"wedge_um": 50}, {"decentre_mm": 0.05}, {"index": 0.001},
+    ]}  # fmt: skip
+    adjust = [{"spacing_mm": 0.1, "surfaces": [1]}, {"decentre_mm": 0.2, "elements": [1]}]
+    run = tolerance(TRIPLET, given | {"compensators": adjust}, with_sensitivities=False)
+    free = tolerance(TRIPLET, given, with_sensitivities=False)
+    assert np.all(run.scores.spot_um <= free.scores.spot_um * (1 + 1e-9))
+    assert np.mean(run.scores.spot_um) < 0.96 * np.mean(free.scores.spot_um)
+    np.testing.assert_array_equal(run.copies.values[:, : len(run.limits)], free.copies.values)
+    (spacing, _, at_end), (decentre, _, _) = run.adjustments()
+    assert (spacing[:9], decentre[:8]) == ("air space", "decentre")
+    assert 0 < at_end < 1  # both what ends at its range and what does not is tried
+
+    judge, _, _ = tolerance_run._judge(specification(given), run.copies, math.inf, ())
+    settings = run.copies.values[:, len(run.limits) :].copy()
+    best = judge.scores(run.copies, refocus).spot_um
+    np.testing.assert_allclose(best, run.scores.spot_um, rtol=1e-12)
+    for column, axis, size in ((0, 0, 0.1), (1, 0, 0.2), (1, 1, 0.2)):
+        for step in (0.02, -0.02, 0.2, -0.2):
+            moved = settings.copy()
+            moved[:, column, axis] = np.clip(moved[:, column, axis] + step * size, -size, size)
+            values = np.concatenate([run.copies.values[:, : len(run.limits)], moved], axis=1)
+            there = judge.scores(Copies(run.lens, run.copies.deviations, values), refocus).spot_um
+            assert np.all(there >= best * (1 - 1e-3)), (column, axis)  # rays of a copy answer a little otherwise
+
+
+def test_copies_that_are_adjusted_are_lenses_too() -> None:
+    given = {"copies": 10, "merit": FIELDS, "tolerances": [{"decentre_mm": 0.1}],
+             "compensators": [{"decentre_mm": 0.5, "elements": [1]}]}  # fmt: skip
+    run = tolerance(TRIPLET, given, with_sensitivities=False)
+    (of_element,) = run.copies.values[:1, len(run.limits)]
+    drawn = run.copies.values[0, [k for k, one in enumerate(run.limits) if one.deviation.first == 2]].sum(axis=0)
+    pose = run.lens_of(0).surfaces[2].pose
+    assert pose is not None
+    np.testing.assert_allclose(pose.offset[:2], drawn + of_element, rtol=1e-12)
+    assert report(run)["compensators"][0]["at_end"] < 1
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ({"index": 0.001}, "cannot be adjusted"),
+        ({"decentre_mm": 0.1}, "needs one surface, element or group"),
+        ({"decentre_mm": 0.1, "elements": [0, 1]}, "needs one surface, element or group"),
+        ({"spacing_mm": 0.1, "surfaces": [0]}, "no air space is behind it"),
+        ({"tilt_um": 3, "elements": [7]}, "the lens has no element 7"),
+        ({"tilt_um": 3, "elements": [1], "sigmas": 2}, "a compensator is adjusted"),
+    ],
+)
+def test_what_cannot_be_adjusted_is_refused(entry: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        tolerance(TRIPLET, {"tolerances": [{"index": 0.001}], "compensators": [entry], "copies": 10})
+    assert "compensators[0]" in str(caught.value)

@@ -1,14 +1,18 @@
 """Zones from files, points and policies."""
 
+import math
+from dataclasses import astuple
+
+import numpy as np
 import pytest
 
 import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.scene.lens_settings import read_zones
-from rptcam_cl.studies.focus.controller import METHODS, zone_at
+from rptcam_cl.studies.focus.controller import METHODS, zone_at, zones_of_mask
 from rptcam_cl.studies.focus.probe import Policy, Zone, choose_zone
-from tests.studies.focus.scenes import lens_camera, scene_of
+from tests.studies.focus.scenes import lens_camera, noise, scene_of, target
 
 GOOD = {
     b".58 .64 .38 .46\n": ((0.58, 0.64, 0.38, 0.46),),
@@ -114,3 +118,74 @@ def test_zone_round_a_point_is_square_and_inside(point):
     assert (zone.right - zone.left) * 36 == pytest.approx((zone.bottom - zone.top) * 24)
     assert zone.left <= point[0] <= zone.right
     assert zone.top <= point[1] <= zone.bottom
+
+
+# Points of the scene, by a thin lens: a point at (x, y, -z) is seen at x f' / z on the film, whose distance is f' then.
+
+HEAD = {
+    "shape": "sphere", "name": "head", "radius": 0.1, "material": noise(60), "center": [0, 0, 0],
+    "transform": [{"rotate": {"axis": [0, 1, 0], "degrees": 30}}, {"translate": [0.05, 0.03, -1.2]}],
+}  # fmt: skip
+EYE = (-0.03, 0.02, math.sqrt(0.1**2 - 0.03**2 - 0.02**2))
+WALL = target(4.0, 4.0, noise(300))
+
+
+def thin_scene(*objects, auto, **camera):
+    pose = {"eye": [0, 0, 0], "target": [0, 0, -1]}
+    thin = {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 2, "focus": {"auto": auto}, **pose, **camera}
+    return scene_of(list(objects), thin)
+
+
+def place_of(point, distance):
+    """Where a thin lens of 50 mm shows a point when it is focused at a distance, in fractions of 36 x 24 mm."""
+    x, y, z = point
+    behind = 1 / (1 / 0.05 - 1 / distance)
+    return 0.5 + x / -z * behind / 0.036, 0.5 - y / -z * behind / 0.024
+
+
+def test_point_of_an_object_is_focused_on_where_the_object_is():
+    turn = math.radians(30)
+    x, y, z = EYE
+    world = (
+        0.05 + x * math.cos(turn) + z * math.sin(turn), 0.03 + y, -1.2 - x * math.sin(turn) + z * math.cos(turn)
+    )  # fmt: skip
+    scene = thin_scene(HEAD, WALL, auto={"method": "depth", "object": "head", "at": EYE})
+    report = rptcam_cl.autofocus(scene)
+    assert report.zone.centre == pytest.approx(place_of(world, -world[2]), abs=2e-4)
+    assert report.focus_distance_m == pytest.approx(-world[2], abs=0.003)  # a depth of field is 0.04 m
+    again = rptcam_cl.autofocus(thin_scene(HEAD, WALL, auto="depth"), at=world)
+    assert again.zone.centre == pytest.approx(report.zone.centre, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("objects", "auto", "message"),
+    [
+        ((HEAD, WALL), {"object": "head", "at": [0, 0, -0.1]}, "hidden by head"),
+        ((HEAD, WALL), {"at": [0.05, 0.03, -3.9]}, "hidden by head"),
+        ((HEAD, WALL), {"at": [0, 0, 3]}, "not in the picture"),
+        ((HEAD, WALL), {"at": [3, 0, -3]}, "not in the picture"),
+        ((HEAD, WALL), {"object": "haed", "at": [0, 0, 0]}, "did you mean head"),
+    ],
+)
+def test_point_that_is_not_seen_is_refused(objects, auto, message):
+    with pytest.raises(InputError, match=message):
+        rptcam_cl.autofocus(thin_scene(*objects, auto={"method": "depth", **auto}))
+
+
+def test_each_bright_part_of_a_mask_is_a_zone(tmp_path, capsys):
+    y, x = np.mgrid[:400, :600]
+    mask = (np.hypot(x - 149.5, y - 99.5) < 60) | ((abs(x - 450) < 40) & (abs(y - 300) < 20))
+    disk, bar = zones_of_mask(mask)
+    for zone, centre, half in ((disk, (0.25, 0.25), 60 / 2**0.5), (bar, (0.75, 0.75), 20)):
+        assert zone.centre == pytest.approx(centre, abs=0.06)  # within the part
+        x0, x1, y0, y1 = (round(share * side) for share, side in zip(astuple(zone), (600, 600, 400, 400), strict=True))
+        inside = mask[y0:y1, x0:x1]
+        assert inside.mean() > 0.97
+        assert 0.65 * half < (zone.bottom - zone.top) * 200 < half
+    scene = thin_scene(target(2.0, 0.3, noise(40), x=0.4), WALL, auto="depth")
+    left = np.zeros((40, 60))
+    left[15:25, 5:15] = 1
+    assert rptcam_cl.autofocus(scene, mask=left).focus_distance_m == pytest.approx(4.0, rel=1e-3)
+    assert rptcam_cl.autofocus(scene, mask=left[:, ::-1]).focus_distance_m == pytest.approx(2.0, rel=1e-3)
+    with pytest.raises(InputError, match=r"dark everywhere"):
+        rptcam_cl.autofocus(scene, mask=0 * left)
