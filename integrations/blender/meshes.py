@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,11 @@ class BlenderMesh:
     uvs: dict[str, NDArray[np.float32]]
     is_flat: bool = False
     colors: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+
+    @cached_property
+    def uv_size(self) -> float:
+        """Length that a unit of the active texture coordinates has on the mesh [units]; 1 where there are none."""
+        return _uv_size(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,8 +177,7 @@ def _coordinates(mesh: BlenderMesh, kind: str) -> NDArray[np.float32] | None:
     return next(iter(mesh.uvs.values()), None)
 
 
-def uv_size(mesh: BlenderMesh) -> float:
-    """Length that a unit of the active texture coordinates has on the mesh [units]; 1 where there are none."""
+def _uv_size(mesh: BlenderMesh) -> float:
     uvs = _coordinates(mesh, "uv")
     if uvs is None or not len(mesh.triangles):
         return 1.0

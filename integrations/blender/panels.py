@@ -140,6 +140,9 @@ class SceneProperties(bpy.types.PropertyGroup):
         items=[("auto", "Auto", "Photons where paths hardly find them"), ("on", "On", ""), ("off", "Off", "")],
     )
     denoise: BoolProperty(name="Denoise", description="Remove the noise that F12 leaves (biased); needs pyoidn")
+    bake_size: IntProperty(
+        name="Baked Pictures", description="Pixels across of each", default=1024, min=16, max=8192
+    )  # fmt: skip
     device: StringProperty(name="Device", description="Empty for the fastest; cpu, gpu, 0:0 or a part of its name")
     own_process: BoolProperty(
         name="Own Process",
@@ -255,6 +258,10 @@ class RPTCAM_PT_report(_Panel, bpy.types.Panel):
         sentences = REPORTS.get(context.scene.name)
         column = self.layout.column(align=True)
         column.operator("rptcam.check")
+        row = column.row(align=True)
+        row.operator("rptcam.bake")
+        row.prop(context.scene.rptcam, "bake_size", text="")
+        row.operator("rptcam.forget_baked", text="", icon="X")
         if sentences is None:
             column.label(text="Nothing has been rendered yet")
         elif not sentences:
@@ -454,9 +461,45 @@ class RPTCAM_OT_check(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class RPTCAM_OT_bake(bpy.types.Operator):
+    """Bake values of nodes that are not translated to pictures of each object that shows them, by Cycles."""
+
+    bl_idname = "rptcam.bake"
+    bl_label = "Bake What Is Left Out"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: Any) -> set[str]:
+        """Do it."""
+        from .bake import bake
+
+        if not hasattr(context.scene, "cycles"):
+            self.report({"ERROR"}, "Baking is done by Cycles: enable its add-on in the preferences")
+            return {"CANCELLED"}
+        items = [item for item in context.view_layer.objects if item.type == "MESH" and item.visible_get()]
+        count = bake(context.scene, items, context.scene.rptcam.bake_size)
+        self.report({"INFO"}, f"{count} pictures were baked, and are in the file; bake again when nodes change")
+        return {"FINISHED"}
+
+
+class RPTCAM_OT_forget_baked(bpy.types.Operator):
+    """Forget the baked pictures of all objects: their nodes count again."""
+
+    bl_idname = "rptcam.forget_baked"
+    bl_label = "Forget Baked Pictures"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: Any) -> set[str]:
+        """Do it."""
+        from .bake import forget
+
+        forget(list(context.view_layer.objects))
+        return {"FINISHED"}
+
+
 CLASSES = (
     CameraProperties, SceneProperties, RPTCAM_PT_sampling, RPTCAM_PT_exposure, RPTCAM_PT_report, RPTCAM_PT_lens,
     RPTCAM_OT_match_camera, RPTCAM_OT_autofocus, RPTCAM_OT_osl, RPTCAM_OT_check,
+    RPTCAM_OT_bake, RPTCAM_OT_forget_baked,
 )  # fmt: skip
 
 

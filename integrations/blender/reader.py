@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from .camera import BlenderCamera, Frame, LensChoice
 from .lights import BlenderLamp
 from .materials import BlenderMaterial
-from .meshes import BlenderMesh, Strands, uv_size, widths_of_particles
+from .meshes import BlenderMesh, Strands, widths_of_particles
 from .nodes import Link, Node
 from .report import Report
 from .scene import Builder, Export, Parts, Placed, Shutter
@@ -29,6 +30,9 @@ OF_NODES = (
     "projection", "sky_type", "sun_direction", "turbidity", "sun_elevation", "sun_rotation", "sun_disc", "dust_density",
     "aerosol_density", "model", "parametrization", "layer_name", "attribute_name", "attribute_type",
 )  # fmt: skip
+BAKED = "rptcam_baked"  # of an object: names of its pictures by material, node and input, as JSON
+BAKED_UV = "rptcam"  # the texture coordinates that they go by
+RAYS = ("camera", "shadow", "diffuse", "glossy", "transmission")
 DEFAULT_RADIUS = 0.005  # of curves without a radius, as Cycles has it
 SetTime = Callable[[int, float], None]
 
@@ -58,6 +62,16 @@ class Settings:
 
 
 @dataclass(frozen=True)
+class _Reading:
+    """What the last reading found, but for the camera: the builder with all objects, and the world."""
+
+    builder: Builder
+    world: dict[str, Any] | None
+    settings: Settings
+    scene: str
+
+
+@dataclass(frozen=True)
 class Eye:
     """A view in place of the scene's camera, as of the viewport."""
 
@@ -77,12 +91,27 @@ class Reader:
         self.parts = Parts()
         self._pictures: dict[str, NDArray[Any] | None] = {}
         self._strands: dict[str, Strands | None] = {}  # by the object that has them
+        self._last: _Reading | None = None
+        self._moved: set[str] = set()  # objects that have moved since, and done nothing else
+        self._instanced: set[str] = set()  # objects that others place as well
+        self._shaded: set[str] = set()  # objects of which a material, or how they are seen, is another since
+        self._renewed: set[str] = set()  # materials that are others since
+        self._looks: dict[str, Any] = {}  # of each object, as it was read
+        self._shown_by: dict[str, str] = {}  # the mesh by which a material was read
 
     def read(
         self, depsgraph: Any, settings: Settings, *, eye: Eye | None = None, set_time: SetTime | None = None
     ) -> Export:
-        """Read the scene of a dependency graph; ``set_time`` moves it in time for motion blur."""
+        """Read the scene of a dependency graph; ``set_time`` moves it in time for motion blur.
+
+        Without it, what `forget` has not been told of is taken to be as it was.
+        """
         scene, report = depsgraph.scene_eval, Report()
+        frame = eye.frame if eye else frame_of(scene)
+        if set_time is None and (last := self._still_valid(depsgraph, settings)) is not None:
+            camera = eye.camera if eye else camera_of(scene, report)
+            group = getattr(scene.world, "lightgroup", "")
+            return last.builder.export(camera, frame, settings.lens, last.world, settings.more, group)
         fps = scene.render.fps / scene.render.fps_base
         blurred = bool(scene.render.use_motion_blur and set_time is not None)
         shutter_s = settings.shutter_s or scene.render.motion_blur_shutter / fps
@@ -90,7 +119,6 @@ class Reader:
         units = scene.unit_settings
         scale = float(units.scale_length) if units.system != "NONE" else 1.0
         builder = Builder(self.parts, scale, report, shutter, settings.light_groups)
-        frame = eye.frame if eye else frame_of(scene)
         ends: dict[Any, NDArray[np.float64]] = {}
         shapes: dict[str, BlenderMesh] = {}
         restore: tuple[int, float] | None = None
@@ -107,6 +135,9 @@ class Reader:
         self._read_instances(depsgraph, builder, report, ends, shapes)
         world = self._read_world(scene, report)
         group = getattr(scene.world, "lightgroup", "")
+        self._last = None if set_time is not None else _Reading(builder, world, settings, scene.name_full)
+        for since in (self._moved, self._shaded, self._renewed):
+            since.clear()
         export = builder.export(camera, frame, settings.lens, world, settings.more, group)
         if restore is not None and set_time is not None:
             set_time(*restore)
@@ -116,9 +147,25 @@ class Reader:
         """Forget what an update of the dependency graph has changed."""
         for update in updates:
             name = update.id.name_full
+            what = getattr(update.id, "type", "") if isinstance(update.id, bpy.types.Object) else ""
+            if what == "CAMERA" or isinstance(update.id, bpy.types.Camera):
+                continue
+            if what and update.is_updated_transform and not (update.is_updated_geometry or update.is_updated_shading):
+                self._moved.add(name)
+                continue
+            is_shading = update.is_updated_shading and not (update.is_updated_geometry or update.is_updated_transform)
+            if isinstance(update.id, bpy.types.Material):
+                self._renewed.add(name)
+                continue
+            if what and is_shading:
+                self._shaded.add(name)
+                continue
+            if (isinstance(update.id, bpy.types.Mesh) and is_shading) or getattr(update.id, "is_embedded_data", False):
+                continue  # its object, material, world or lamp is in the list as well
+            self._last = None
             if isinstance(update.id, bpy.types.Image):
                 self._pictures.pop(name, None)
-            elif getattr(update, "is_updated_geometry", False) or isinstance(update.id, bpy.types.Mesh):
+            elif getattr(update, "is_updated_geometry", False):
                 for key in self.parts.held():
                     if key.startswith("instanced ") or key in (f"object {name}", f"data {name}"):
                         self.parts.drop(key)
@@ -127,6 +174,35 @@ class Reader:
                 data = getattr(update.id, "data", None)
                 if data is not None:
                     self.parts.drop(f"data {data.name_full}")
+
+    def _still_valid(self, depsgraph: Any, settings: Settings) -> _Reading | None:
+        """The last reading with what has only moved since then at its place; None where more is to be read."""
+        last, scene = self._last, depsgraph.scene_eval
+        if last is None or last.settings != settings or last.scene != scene.name_full:
+            return None
+        moved, self._moved = self._moved, set()
+        shaded, self._shaded, renewed, self._renewed = self._shaded, set(), self._renewed, set()
+        known = {item.name_full: item for item in bpy.data.objects} if shaded or moved else {}  # get() looks at each
+        for name in shaded:
+            item = known.get(name)
+            if item is None or _looks_of(item) != self._looks.get(name):
+                return None
+        for name in renewed:
+            material, report = bpy.data.materials.get(name), Report()
+            if material is None:
+                return None
+            key = self._shown_by.get(name, "")
+            mesh = self.parts.mesh(key) if key in self.parts else None
+            made = self.material_of(material, mesh, report)
+            if report or not last.builder.renew_material(made, material.pass_index):
+                return None
+        for name in moved:
+            item = known.get(name)
+            if name in self._instanced or item is None or item.type not in WITH_FACES or not _is_alone(item):
+                return None
+            if not last.builder.move(name, matrix_of(item.evaluated_get(depsgraph).matrix_world)):
+                return None
+        return last
 
     # Objects
 
@@ -147,8 +223,15 @@ class Reader:
         shapes: dict[str, BlenderMesh],
     ) -> None:
         is_final = depsgraph.mode == "RENDER"
+        self._instanced.clear()
+        self._looks.clear()
+        self._shown_by.clear()
         for each in depsgraph.object_instances:
             item = each.object
+            if item.name_full not in self._looks:
+                self._looks[item.name_full] = _looks_of(item)
+            if each.is_instance:
+                self._instanced.add(item.name_full)
             if each.show_particles and len(item.particle_systems):
                 self._read_particles(each, ends.get(_identity(each)), builder, report, is_final=is_final)
             if not each.show_self:
@@ -205,11 +288,21 @@ class Reader:
         """An object with its materials, which are added."""
         item, names = each.object, []
         mesh = self.parts.mesh(key) if key in self.parts else None
+        pictures = {tuple(json.loads(key)): name for key, name in json.loads(item.get(BAKED, "{}")).items()}
         for slot in item.material_slots:
             material = slot.material
-            names.append(material.name_full if material else "")
-            if material and not builder.has_material(material.name_full):
-                builder.add_material(self.material_of(material, mesh, report), material.pass_index)
+            if not material:
+                names.append("")
+                continue
+            baked = {(node, into): name for (of, node, into), name in pictures.items() if of == material.name_full}
+            name = f"{material.name_full} of {item.name_full}" if baked else material.name_full
+            names.append(name)
+            if baked:
+                report.add(f"Object {item.name}: {len(baked)} inputs of {material.name} are pictures that were baked.")
+            if not builder.has_material(name):
+                self._shown_by[name] = key
+                made = replace(self.material_of(material, mesh, report, baked), name=name)
+                builder.add_material(made, material.pass_index)
         visible, group = visibility(item, report), getattr(item, "lightgroup", "")
         return Placed(item.name_full, key, matrix, tuple(names), visible, item.pass_index, group, end)
 
@@ -235,9 +328,14 @@ class Reader:
 
     # Materials
 
-    def material_of(self, material: Any, mesh: BlenderMesh | None, report: Report) -> BlenderMaterial:
-        """A material's record; the mesh says how large its texture coordinates are."""
-        nodes = NodeReader(self, 1.0 if mesh is None else uv_size(mesh), report)
+    def material_of(
+        self, material: Any, mesh: BlenderMesh | None, report: Report, baked: dict[tuple[str, str], str] | None = None
+    ) -> BlenderMaterial:
+        """A material's record.
+
+        The mesh says how large its texture coordinates are, and `baked` which inputs of which nodes are pictures.
+        """
+        nodes = NodeReader(self, 1.0 if mesh is None else mesh.uv_size, report, baked)
         output = _output_of(material.node_tree) if material.use_nodes else None
         surface = nodes.linked(output, "Surface") if output is not None else None
         if output is not None and surface is None:
@@ -289,6 +387,19 @@ def _codes(image: Any) -> NDArray[Any] | None:
     if image.is_float:
         return np.ascontiguousarray(rows)
     return np.ascontiguousarray(np.clip(rows * 255 + 0.5, 0, 255).astype(np.uint8))
+
+
+def _looks_of(item: Any) -> Any:
+    """What an object's update of shading may mean, but for its materials themselves."""
+    names = tuple(slot.material.name_full if slot.material else "" for slot in item.material_slots)
+    seen = tuple(getattr(item, f"visible_{name}", True) for name in RAYS)
+    return names, seen, item.pass_index, getattr(item, "lightgroup", ""), item.hide_render, item.get(BAKED)
+
+
+def _is_alone(item: Any) -> bool:
+    """Whether nothing else is placed by an object, and its place is all that follows from its matrix."""
+    places_others = item.is_instancer or item.instance_type != "NONE" or len(item.particle_systems) > 0
+    return not places_others and not item.modifiers
 
 
 def _identity(each: Any) -> Any:
@@ -409,7 +520,7 @@ def _array(collection: Any, name: str, width: int, dtype: type) -> NDArray[Any]:
 
 def visibility(item: Any, report: Report) -> dict[str, bool]:
     """Which rays meet an object."""
-    rays = {name: getattr(item, f"visible_{name}", True) for name in ("diffuse", "glossy", "transmission")}
+    rays = {name: getattr(item, f"visible_{name}", True) for name in RAYS[2:]}
     if len(set(rays.values())) > 1:
         hidden = " and ".join(name for name, seen in rays.items() if not seen)
         report.add(f"Object {item.name}: hidden from {hidden} rays alone in Blender, from all reflections here.")
@@ -478,10 +589,23 @@ def _output_of(tree: Any) -> Any:
     return found
 
 
+def baked_node(codes: Any, *, is_normal: bool) -> Link:
+    """What stands in the place of a baked input's nodes."""
+    at = Link(Node("UVMAP", "baked", values={"uv_map": BAKED_UV}), "UV")
+    values = {"codes": codes, "color_space": "linear", "extension": "EXTEND", "uv_size": 1.0}
+    picture = Link(Node("TEX_IMAGE", "baked", {"Vector": at}, values), "Color")
+    if not is_normal:
+        return picture
+    return Link(Node("NORMAL_MAP", "baked", {"Color": picture, "Strength": 1.0}, {"space": "TANGENT"}), "Normal")
+
+
 class NodeReader:
     """Reads nodes into records; a group is opened wherever it is used."""
 
-    def __init__(self, reader: Reader, size: float, report: Report) -> None:
+    def __init__(
+        self, reader: Reader, size: float, report: Report, baked: dict[tuple[str, str], str] | None = None
+    ) -> None:
+        self._baked = baked or {}
         self._reader, self._uv_size, self._report = reader, size, report
         self._made: dict[tuple[Any, ...], Node] = {}
 
@@ -519,6 +643,11 @@ class NodeReader:
             return self._made[key]
         made = self._made[key] = Node(node.type, node.name)
         for socket in node.inputs:
+            image = None if stack else bpy.data.images.get(self._baked.get((node.name, socket.identifier), ""))
+            if image is not None:
+                codes, _ = self._reader.picture(image, self._report)
+                made.inputs[socket.identifier] = baked_node(codes, is_normal=socket.identifier == "Normal")
+                continue
             made.inputs[socket.identifier] = self._input(socket, stack)
         if node.type in ("RGB", "VALUE"):
             made.inputs["Color" if node.type == "RGB" else "Value"] = _value_of(node.outputs[0])

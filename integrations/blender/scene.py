@@ -149,11 +149,13 @@ class Builder:
         self._light_groups = light_groups
         self._materials: dict[str, Translated] = {}
         self._material_indices: dict[str, int] = {}
+        self._said: dict[str, list[str]] = {}  # in translating each
         self._of_colors: dict[str, BlenderMaterial] = {}
         self._meshes: dict[str, Any] = {}
         self._objects: list[dict[str, Any]] = []
         self._indices: list[int] = []
         self._deformed: dict[str, list[dict[str, Any]]] = {}  # keys of objects that move while the shutter is open
+        self._places: dict[str, list[int]] = {}  # of the objects of each name
         self._stepped: dict[str, None] = {}  # names of the objects that these are of
         self._lights: list[dict[str, Any]] = []
 
@@ -171,10 +173,25 @@ class Builder:
         report = Report()
         self._materials[material.name] = made = translate(material, report)
         self._material_indices[material.name] = index
+        self._said[material.name] = report.sentences
         if made.takes_colors:
             self._of_colors[material.name] = material
         else:
             self._report.extend(report)
+
+    def renew_material(self, material: BlenderMaterial, index: int) -> bool:
+        """Translate a material anew; return whether that is all that is to be done."""
+        name, report = material.name, Report()
+        if any(other.startswith((f"{name} on ", f"{name} of ")) for other in self._materials):
+            return False
+        before, made = self._materials.get(name), translate(material, report)
+        if before is None:
+            return True  # nothing shows it
+        same = made.coordinates == before.coordinates and report.sentences == self._said[name]
+        if not same or made.takes_colors or before.takes_colors or "hair" in (made.keys["kind"], before.keys["kind"]):
+            return False
+        self._materials[name], self._material_indices[name] = made, index
+        return True
 
     def _painted(self, material: str, mesh: str, slot: int) -> str:
         """The name of a material as the colours of a mesh make it."""
@@ -244,8 +261,20 @@ class Builder:
         }
         hidden = {key: False for key, seen in item.visible.items() if not seen}
         keys |= ({"visible": hidden} if hidden else {}) | ({"motion": motion} if motion else {})
+        self._places.setdefault(item.name, []).append(len(self._objects))
         self._objects.append(keys)
         self._indices.append(item.index)
+
+    def move(self, name: str, matrix: Matrix) -> bool:
+        """Place the objects of a name elsewhere; return whether that is all that is to be done."""
+        places = self._places.get(name, [])
+        if not places or not can_be_inverted(matrix):
+            return False
+        objects = list(self._objects)  # an earlier export has the other
+        for place in places:
+            objects[place] = objects[place] | {"transform": {"matrix": matrix[:3].tolist()}}
+        self._objects = objects
+        return True
 
     def _show(self, item: Placed, slot: int, material: str, motion: list[dict[str, Any]], grows: bool) -> None:
         if material in self._of_colors:
@@ -283,7 +312,7 @@ class Builder:
             frames = zip((0.0, self._shutter.time_s), values, strict=True)
             self._deformed[f"objects.{len(self._objects)}.{key}"] = [{"time_s": t, "value": v} for t, v in frames]
 
-    def _steps(self, keys: dict[str, Any]) -> None:
+    def _steps(self, keys: dict[str, Any], report: Report) -> None:
         """Cut the exposure into steps for what is deformed, where that goes with the rest."""
         camera, render = keys["camera"], keys.get("render", {})
         why = [
@@ -300,7 +329,7 @@ class Builder:
             why.append(f"{whole} triangles" if whole * LEAST_STEPS > MOST_STEPPED else "so few samples")
         if why:
             for name in self._stepped:
-                self._report.add(
+                report.add(
                     f"Object {name}: it is not deformed or grown beside {why[0]}; its motion as a whole blurs it."
                 )
             return
@@ -344,7 +373,9 @@ class Builder:
         keys: dict[str, Any] = {"metres_per_unit": self._units, "shutter": {"time_s": self._shutter.time_s}}
         if self._shutter.rolling_s > 0:
             keys["shutter"] |= {"kind": "rolling", "readout_s": self._shutter.rolling_s}
-        keys |= camera_keys(camera, frame, choice, self._units, self._report)
+        report = Report()
+        report.extend(self._report)
+        keys |= camera_keys(camera, frame, choice, self._units, report)
         motion = keyframes(camera, 0.0, self._shutter.time_s)
         if motion:
             keys["camera"]["motion"] = motion
@@ -359,5 +390,5 @@ class Builder:
         indices = [self._material_indices[name] for name in shown]
         keys |= more
         if self._deformed:
-            self._steps(keys)
-        return Export(keys, self._report, np.array(self._indices, np.int32), np.array(indices, np.int32))
+            self._steps(keys, report)
+        return Export(keys, report, np.array(self._indices, np.int32), np.array(indices, np.int32))

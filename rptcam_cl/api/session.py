@@ -33,6 +33,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError, out_of_range
 from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session, open_sessions
+from rptcam_cl.imaging.development import denoise
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
@@ -396,6 +397,22 @@ class RenderSession:
             self._denoiser = (width, height), Denoiser(self._device, width, height)
         assert isinstance(run.wavefront, Wavefront) and run.wavefront.layer_pass is not None, "it has `GUIDES`"
         return self._denoiser[1].clean(frame.pixels, run.wavefront.layer_pass, run.done, blur)
+
+    def denoised_later(self, frame: Frame) -> Callable[[], NDArray[np.float32]]:
+        """Read the layers of a frame of the film that `denoised` has made; return what has Open Image Denoise clean it.
+
+        That may be called in any thread; it takes a second, and raises an InputError where the package is missing.
+        """
+        wavefront = self._guides_of(self._shown, 1.0)[0].wavefront
+        assert isinstance(wavefront, Wavefront) and wavefront.layer_pass is not None, "it has `GUIDES`"
+        layers = wavefront.layer_pass
+        planes = layers.planes()
+
+        def clean() -> NDArray[np.float32]:
+            arrays = layers.arrays(planes)
+            return denoise(frame.pixels, arrays["albedo"], arrays["normal"])[0]
+
+        return clean
 
     def _add_guides(self, run: FilmRun, samples: int) -> None:
         """Add samples to layers until they have so many; where this can be cancelled, in short pieces."""

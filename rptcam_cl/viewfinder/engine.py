@@ -665,6 +665,10 @@ class Engine:
                 finish = slot.picture_later()
                 text = " and ".join(slot.comes_last) + (" of B" if name == "B" else "")
                 worker.start(BackgroundTask(text, lambda task, finish=finish: finish(), slot.show_finished))  # type: ignore[misc]
+            elif slot is not None and not worker.tasks and slot.wants_network:
+                self._finishing[name] = slot.film
+                clean = slot.network_later()
+                worker.start(BackgroundTask("", lambda task, clean=clean: clean(), slot.show_network))  # type: ignore[misc]
 
     def _tell_history(self, clients: list[messages.Client]) -> None:
         history = self._requests.history

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import itertools
 import math
 import time
@@ -107,6 +108,8 @@ _BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that t
 # 0.02 at 20 cycles per degree (Campbell and Robson, J. Physiol. 197, 1968).
 CLEAN = 0.02
 DARKEST = 0.01  # of white, below which a screen shows hardly any differences
+NETWORK_S = 1.0  # that a film rests before Open Image Denoise, which takes as long, takes both cores
+HAS_NETWORK = importlib.util.find_spec("pyoidn") is not None
 DENOISED_S = 5.0  # of a film whose picture has what comes last: that is added to the noisy one
 
 
@@ -197,6 +200,7 @@ class Slot:
         self._unread = False  # whether the film has samples that no picture was made of
         self.denoises = True
         self._clean: tuple[Frame | None, NDArray[np.float32] | None] = None, None  # a frame, and what was made of it
+        self._network_spp = 0  # of the frame that is shown as Open Image Denoise has cleaned it
         self._film_begun = time.monotonic()
         self._visible = 0.0, 0  # noise of the film that is seen, and its samples then
 
@@ -278,7 +282,7 @@ class Slot:
         self.wants_glance, self._last, self._stays_for = True, None, 0
         self.film, self.finished = next(_FILMS), None
         self._reaches_noise = self._unread = False
-        self._next_samples = 1
+        self._next_samples, self._network_spp = 1, 0
         self._film_begun, self._visible = time.monotonic(), (0.0, 0)
 
     @property
@@ -376,7 +380,8 @@ class Slot:
         if frame.spp < self._stays_for and not self._reaches_noise:
             return None
         self._last = frame
-        return None if self.finished is not None else self._last
+        stays = self.finished is not None or (self._network_spp > 0 and not self._is_clean(frame))
+        return None if stays else self._last
 
     def leave_unread(self) -> None:
         """Note that the picture of the last samples was given up before it was made."""
@@ -405,8 +410,35 @@ class Slot:
         else:
             clean = self._denoised(frame)
             image = self._plain_image(frame.pixels if clean is None else clean)
-        self._number += 1
-        self.shown = Shown(self._number, frame, codes_of(image), moving, stale, self._answers, None, lacks, clean)
+        codes = codes_of(image)
+        self._number, self._network_spp = self._number + 1, 0
+        self.shown = Shown(self._number, frame, codes, moving, stale, self._answers, None, lacks, clean)
+
+    @property
+    def wants_network(self) -> bool:
+        """Whether Open Image Denoise is to clean the picture at rest now: first, and as samples double."""
+        last, shown = self._last, self.shown
+        if not HAS_NETWORK or last is None or shown is None or shown.clean is None or self.rests_in() > 0:
+            return False
+        if self.compiling or self.wants_glance or self.wants_showing or shown.frame.scale < 1 or last.scale < 1:
+            return False
+        rests = time.monotonic() > self._film_begun + NETWORK_S
+        return rests and last.spp >= 2 * self._network_spp and not self._is_clean(last)
+
+    def network_later(self) -> Callable[[], tuple[int, Frame, NDArray[np.float32]]]:
+        """Read what `show_network` shows; return what makes it, in any thread."""
+        film, frame = self.film, self._last
+        assert frame is not None, "as `wants_network` says"
+        clean = self.session.denoised_later(frame)
+        return lambda: (film, frame, clean())
+
+    def show_network(self, made: tuple[int, Frame, NDArray[np.float32]]) -> None:
+        """Show a picture that was cleaned by the network, unless there is another film by now, or a clean one."""
+        film, frame, clean = made
+        if film == self.film and self.denoises and not self.wants_glance and not self._is_clean(self._last or frame):
+            self._clean = frame, clean
+            self.show(frame, False, self._answers)
+            self._network_spp = frame.spp
 
     @property
     def comes_last(self) -> tuple[str, ...]:

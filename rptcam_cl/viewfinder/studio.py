@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import contextlib
-import importlib.util
 import io
 import json
 import math
@@ -172,10 +171,12 @@ def _rewritten(path: Path, data: dict[str, Any]) -> str | None:
 
     None without the package that does it, for files of other formats, and where the text would not read back so.
     """
-    if path.suffix.lower() not in (".yaml", ".yml") or importlib.util.find_spec("ruamel.yaml") is None:
+    if path.suffix.lower() not in (".yaml", ".yml"):
         return None
-    from ruamel.yaml import YAML
-
+    try:
+        from ruamel.yaml import YAML
+    except ImportError:
+        return None
     written, text = YAML(), io.StringIO()
     written.preserve_quotes, written.width = True, 160
     written.indent(mapping=2, sequence=4, offset=2)

@@ -412,8 +412,21 @@ def test_live_edits_have_the_bits_of_a_fresh_export():
             ball.data.vertices[0].co.z += 0.5
             ball.data.update()
         elif number == 6:
+            cube.visible_shadow = False
+            colour.node_tree.nodes["Principled BSDF"].inputs["Roughness"].default_value = 0.3
+        elif number == 7:
+            trunk.location.z = 0.5
+        elif number == 8:
+            cube.material_slots[0].material = colour
+        elif number == 9:
             bpy.data.objects.remove(cube)
 
+    forest = bpy.data.collections.new("forest")  # an object that stands for itself and in an instance of its collection
+    trunk = cycles.add("cone", colour, radius1=0.3, location=(-1, 1, 0))
+    forest.objects.link(trunk)
+    holder = bpy.data.objects.new("holder", None)
+    holder.instance_type, holder.instance_collection, holder.location = "COLLECTION", forest, (0.5, 1, 0.5)
+    bpy.context.scene.collection.objects.link(holder)
     updates = []
     bpy.app.handlers.depsgraph_update_post.append(lambda scene, graph: updates.extend(graph.updates) or follow(graph))
 
@@ -421,7 +434,7 @@ def test_live_edits_have_the_bits_of_a_fresh_export():
         reader.forget(graph.updates)
 
     try:
-        for number in range(7):
+        for number in range(10):
             edit(number)
             bpy.context.view_layer.update()
             graph = bpy.context.evaluated_depsgraph_get()
@@ -590,6 +603,44 @@ def test_hair_looks_as_in_cycles(shape, surface, tmp_path):
     one, other = cycles.ours(128), cycles.of_cycles(tmp_path, 128)
     assert one.mean() == pytest.approx(other.mean(), rel=0.006)
     assert np.corrcoef(one.ravel(), other.ravel())[0, 1] > 0.99
+
+
+def test_what_is_not_translated_is_baked(tmp_path):
+    """A ball and a cube of one material whose colour, roughness and bumps are patterns in space."""
+    import bpy
+
+    from integrations.blender.bake import bake, forget
+    from tests.integrations import cycles
+
+    importlib.import_module("addon_utils").enable("cycles")  # is there once bpy is
+    scene = cycles.empty_scene()
+    cycles.world((0.6, 0.7, 1), 0.5)
+    cycles.add_lamp("SUN", (0, 0, 5), 3, rotation=(0.6, 0.3, 0))
+    marble = cycles.material("marble", Roughness=0.5)
+    tree = marble.node_tree
+    surface = tree.nodes["Principled BSDF"]
+    noise, cells, bump = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexNoise", "TexVoronoi", "Bump"))
+    noise.inputs["Scale"].default_value, cells.inputs["Scale"].default_value = 2, 3
+    bump.inputs["Distance"].default_value = 0.1
+    tree.links.new(noise.outputs["Color"], surface.inputs["Base Color"])
+    tree.links.new(cells.outputs["Distance"], surface.inputs["Roughness"])
+    tree.links.new(cells.outputs["Distance"], bump.inputs["Height"])
+    tree.links.new(bump.outputs["Normal"], surface.inputs["Normal"])
+    ball = cycles.add("uv_sphere", marble, radius=0.8, location=(-1, 0, 1.2))
+    bpy.ops.object.shade_smooth()
+    items = [ball, cycles.add("cube", marble, size=1.2, location=(1, 0, 1))]
+    before, nodes = cycles.ours(64), len(tree.nodes)
+    scene.render.engine = "CYCLES"
+    assert bake(scene, items, 512) == 6
+    assert len(tree.nodes) == nodes and tree.get_output_node("CYCLES").inputs[0].links[0].from_node == surface
+    sentences = cycles.exported().report.sentences
+    assert [sentence[:20] for sentence in sentences] == ["Object Sphere: 3 inp", "Object Cube: 3 input"]
+    after, other = cycles.ours(64), cycles.of_cycles(tmp_path, 64)
+    errors = [float(np.sqrt(np.mean((film - other) ** 2)) / other.mean()) for film in (before, after)]
+    assert after.mean(axis=(0, 1)) == pytest.approx(other.mean(axis=(0, 1)), rel=0.015)
+    assert errors[1] < 0.05 and errors[0] > 2 * errors[1]
+    forget(items)
+    assert any("Noise Texture is not translated" in sentence for sentence in cycles.exported().report.sentences)
 
 
 def interior(cycles):

@@ -15,7 +15,7 @@ from integrations.blender.fields import Field, Mapping, _looked_up, combine, con
 from integrations.blender.lights import BlenderLamp, lamp_keys
 from integrations.blender.live import LiveScene, differences, is_same
 from integrations.blender.materials import BlenderMaterial, translate
-from integrations.blender.meshes import BlenderMesh, movement, part, uv_size
+from integrations.blender.meshes import BlenderMesh, movement, part
 from integrations.blender.nodes import Link, Node, linear
 from integrations.blender.report import Report
 from integrations.blender.scene import Builder, Parts, Placed, Shutter
@@ -276,7 +276,7 @@ def test_mesh_is_parted_by_material_and_keeps_its_corners():
     assert one["faces"].tolist() == [[0, 1, 2]] and len(other["vertices"]) == 3
     assert np.array_equal(one["vertices"][one["faces"][0]], quad().points[[0, 1, 2]])
     assert np.array_equal(other["uvs"][other["faces"][0]], quad().uvs["UVMap"][[0, 2, 3]])
-    assert uv_size(quad()) == pytest.approx(4)
+    assert quad().uv_size == pytest.approx(4)
 
 
 def test_motion_is_a_turn_about_the_origin_after_the_placing():

@@ -14,6 +14,7 @@ from PIL import Image as Pillow
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.session import Frame, RenderSession
 from rptcam_cl.scene.load import load_scene
+from rptcam_cl.viewfinder import slot as module
 from rptcam_cl.viewfinder.slot import CLEAN, DARKEST, Slot, visible_noise
 from tests.viewfinder.page_client import ALIVE_WITHIN_S, SCENE, page, serving
 
@@ -138,3 +139,25 @@ def test_time_to_clean_falls_with_the_square_of_the_noise() -> None:
         assert slot.shown is not None and slot.shown.clean is not None
         assert found["noise"] == visible_noise(frame.pixels, slot.shown.clean)
         assert found["spp"] == pytest.approx(4 * (found["noise"] / CLEAN) ** 2)
+
+
+def test_the_network_cleans_the_picture_at_rest_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pyoidn")
+    monkeypatch.setattr(module, "NETWORK_S", 0.0)
+    with RenderSession(scene()) as session:
+        denoised(session, session.take(2))
+        slot = Slot("A", session, {})
+        slot.show(slot.glance(), False, {})
+        assert not slot.wants_network
+        slot.show(slot.refine(lambda: True) or session.frame(), False, {})
+        assert slot.wants_network
+        _, frame, clean = made = slot.network_later()()
+        slot.show_network(made)
+        assert slot.shown is not None
+        assert slot.shown.clean is clean
+        assert not slot.wants_network  # until the samples have doubled
+        assert error(clean, session.take(400).pixels) < 0.3 * error(frame.pixels, session.pixels())
+        slot.change({"camera.f_number": 5.6})
+        slot.show(slot.glance(), False, {})
+        slot.show_network(made)  # too late
+        assert slot.shown.frame.scale < 1 or slot.shown.clean is not clean

@@ -60,8 +60,10 @@ def some(dice: random.Random) -> tuple[str, dict[str, Any]]:
         ("lamp", {"name": "environment", "mute": dice.random() < 0.2}),
         ("history", {"do": dice.choice(["undo", "redo", "snap"])}),
         ("add", {"what": dice.choice(["lamp", "card", "backdrop"])}),
+        ("dial", {"name": "body", "value": dice.choice([None, "nikon_d850", "panasonic_gh5"])}),
+        ("stack", dice.choice([{}, {"near_m": 0.8, "far_m": 1.2, "steps": 3, "pictures": transient}])),
     ]  # fmt: skip
-    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1, 6, 1, 0.5, 0.2, 1, 3, 1, 2, 0.1]
+    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1, 6, 1, 0.5, 0.2, 1, 3, 1, 2, 0.1, 1, 0.2]
     return dice.choices(turns, weights)[0]
 
 
