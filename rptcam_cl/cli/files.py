@@ -161,13 +161,17 @@ SOURCES = (".pbrt", ".pbrt.gz", ".usd", ".usda", ".usdc", ".usdz")
 
 def add_convert(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    parser.add_argument("source", type=Path, metavar="SCENE", help="scene file of pbrt-v2, v3 or v4, or a stage of USD")
+    source_help = "scene file of pbrt-v2, v3 or v4, stage of USD, or a model"
+    parser.add_argument("source", type=Path, metavar="SCENE", help=source_help)
     parser.add_argument("target", type=Path, metavar="SCENE.yaml", help="scene file to write")
     parser.add_argument(
         "--root", type=Path, metavar="DIR", help="further folder inside which files of the scene may lie, as .."
     )
     parser.add_argument(
-        "--time-s", type=float, metavar="S", help="moment of a stage of USD, counted from its first time code [s]"
+        "--time-s",
+        type=float,
+        metavar="S",
+        help="moment of a stage of USD, from its first time code, or of a glTF file [s]",
     )
     parser.add_argument("--json", action="store_true", help="print the report as JSON, with the objects of each line")
     parser.add_argument("--quiet", action="store_true", help="print only errors")
@@ -176,11 +180,10 @@ def add_convert(parser: argparse.ArgumentParser) -> None:
 
 def _check_names(source: Path, target: Path) -> None:
 
-    if not source.name.lower().endswith(SOURCES):
-        hint = " (put a mesh into a scene as an object of shape mesh)" if source.suffix.lower() in MESHES else ""
+    if not source.name.lower().endswith((*SOURCES, *MESHES)):
         raise InputError(
-            f"{source}: only scenes of pbrt and stages of USD can be converted{hint}"
-            f" (got {source.suffix or 'no suffix'}; allowed: {', '.join(SOURCES)})"
+            f"{source}: only scenes of pbrt, stages of USD and models can be converted"
+            f" (got {source.suffix or 'no suffix'}; allowed: {', '.join((*SOURCES, *MESHES))})"
         )
     known_suffix(target, SCENES, NOT_SCENE)
     check_writable(target, [source])
@@ -190,10 +193,12 @@ MESHES = (".ply", ".obj", ".stl", ".gltf", ".glb")
 
 
 def run_convert(arguments: argparse.Namespace) -> int:
-    """Make a scene file from one of pbrt-v2, v3 or v4, or from a stage of USD. What is ignored or approximated is
-    listed; meshes and pictures go to folders beside the scene file.
+    """Make a scene file from one of pbrt-v2, v3 or v4, from a stage of USD, or round a model as `rptcam new` does. What
+    is ignored or approximated is listed; meshes and pictures go to folders beside the scene file.
     """
     _check_names(arguments.source, arguments.target)
+    if arguments.source.suffix.lower() in MESHES:
+        return _convert_model(arguments)
     done = _converted(arguments.source, arguments.target, arguments.missing, arguments.root, arguments.time_s)
     warnings = done.write(arguments.target)
     if arguments.json:
@@ -204,6 +209,21 @@ def run_convert(arguments: argparse.Namespace) -> int:
             print(message, file=sys.stderr)
         count = len(done.scene.get("objects", ()))
         print(f"wrote {arguments.target}: {count} object{'' if count == 1 else 's'}", file=sys.stderr)
+    return 0
+
+
+def _convert_model(arguments: argparse.Namespace) -> int:
+    """Write a scene round a model; what its file has and ours has not is the report."""
+    if arguments.root is not None:
+        raise InputError("--root: is for scenes of pbrt (allowed: without it for a model)")
+    said = write_new(arguments.target, {"model": arguments.source, "time_s": arguments.time_s})
+    if arguments.json:
+        warnings = [text.removeprefix("warning: ") for text in said if text.startswith("warning: ")]
+        notes = [{"effect": "note", "message": text, "lines": [], "objects": 1} for text in said
+                 if not text.startswith("warning: ")]  # fmt: skip
+        print(as_json({"objects": 1, "report": notes, "warnings": warnings}))
+    elif not arguments.quiet:
+        print(*said, f"wrote {arguments.target}", sep="\n", file=sys.stderr)
     return 0
 
 

@@ -42,6 +42,20 @@ def is_bearable(matrix: Matrix) -> bool:
     return bool(stretches[-1] > SMALLEST and max(stretches[0], np.abs(matrix[:3, 3]).max()) < LARGEST_COORDINATE)
 
 
+_RIGID = 1e-5  # by which what only turns may miss doing so
+
+
+def motion_between(start: Matrix, end: Matrix, times: tuple[float, float]) -> list[dict[str, Any]] | None:
+    """Return keyframes from the place of a frame to another, for what has its origin at 0; None where they stretch."""
+    turn = end[:3, :3] @ np.linalg.inv(start[:3, :3])
+    if not is_bearable(end) or np.abs(turn.T @ turn - np.eye(3)).max() > _RIGID or np.linalg.det(turn) < 0:
+        return None
+    axes = np.linalg.svd(turn)
+    rows = np.column_stack([axes[0] @ axes[2], end[:3, 3]])
+    first, last = times
+    return [{"time_s": first, "translate": tidy(start[:3, 3])}, {"time_s": last, "matrix": rows.tolist()}]
+
+
 def is_transform_of_ours(matrix: Matrix) -> bool:
     """Whether a scene of ours takes a matrix as the transform of an object; vertices may be flattened further."""
     stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)

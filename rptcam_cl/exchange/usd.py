@@ -17,7 +17,16 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import content_name
 from rptcam_cl.exchange.conversion import TABLED, Conversion, FileStore, Report
-from rptcam_cl.exchange.mesh_data import Array, Faces, MeshData, PolygonMesh, is_bearable, is_transform_of_ours, tidy
+from rptcam_cl.exchange.mesh_data import (
+    Array,
+    Faces,
+    MeshData,
+    PolygonMesh,
+    is_bearable,
+    is_transform_of_ours,
+    motion_between,
+    tidy,
+)
 from rptcam_cl.rendering.plan.environment import axes
 from rptcam_cl.scene.assets.pictures import SUFFIXES
 from rptcam_cl.scene.materials import LEAST_BEND, MOST_INDEX
@@ -28,6 +37,8 @@ Keys = dict[str, Any]
 _USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 _WIDTH_PX = 960
 _MOST_FACES = (400_000, 400_000, 10_000, 10_000)  # that each division of a subdivision surface may lead to
+_CAMERA_STEPS = 8  # keyframes of a camera go straight
+_MOST_COLOURS = 256  # of the faces of a mesh, each of which is an object then
 _SHARP = 10.0  # a crease of so much is one of every division (UsdGeomMesh, SHARPNESS_INFINITE)
 _MOST_PIXEL_ASPECT = 20.0
 
@@ -78,6 +89,10 @@ class Stage:
     objects : list of dict
     places : dict
         Matrices that an object stands at in tables, by its index.
+    ends : list of UsdGeom.XformCache
+        Where things are when the shutter opens and when it closes, at time `codes`; none where it has no time.
+    moves : bool
+        Whether something moves in between.
     """
 
     stage: Any
@@ -89,6 +104,10 @@ class Stage:
     materials: dict[str, Keys] = field(default_factory=dict)
     environment: Keys | None = None
     camera: Any = None
+    ends: list[Any] = field(default_factory=list)
+    codes: tuple[float, float] = (0.0, 0.0)
+    shutter_s: tuple[float, float] = (0.0, 0.0)
+    moves: bool = False
     _meshes: dict[str, list[tuple[str, Any]]] = field(default_factory=dict)
     _contents: dict[str, list[tuple[str, Any]]] = field(default_factory=dict)
     _names: dict[str, str] = field(default_factory=dict)
@@ -100,6 +119,7 @@ class Stage:
 
     def add_all(self) -> None:
         """Add everything that is shown."""
+        self._open_shutter()
         self._add_below(self.stage.GetPseudoRoot(), None, None)
 
     def _add_below(self, root: Any, frame: Any, table: str | None) -> None:
@@ -121,6 +141,43 @@ class Stage:
                 self._add_light(prim)
             elif prim.IsA(self.geom.Gprim):
                 self._add_shape(prim, self._placement(prim, frame), table)
+
+    def _open_shutter(self) -> None:
+        """Note from when to when the first camera's shutter is open, which it says in time codes about the moment."""
+        camera = next((prim for prim in self.stage.Traverse() if prim.IsA(self.geom.Camera)), None)
+        if camera is None or not self.time.IsNumeric():
+            return
+        shutter = self.geom.Camera(camera)
+        opens, closes = (float(each.Get(self.time) or 0.0) for each in (
+            shutter.GetShutterOpenAttr(), shutter.GetShutterCloseAttr()))  # fmt: skip
+        if closes > opens:
+            code, rate = self.time.GetValue(), self.stage.GetTimeCodesPerSecond()
+            self.codes = code + opens, code + closes
+            self.ends = [self.geom.XformCache(_module("Usd").TimeCode(each)) for each in self.codes]
+            self.shutter_s = self.codes[0] / rate, self.codes[1] / rate
+
+    def _motion(self, prim: Any) -> Keys:
+        """Return transform and keyframes of what turns or shifts while the shutter is open, nothing for all else."""
+        if not self.ends:
+            return {}
+        start, end = (np.array(cache.GetLocalToWorldTransform(prim)).T for cache in self.ends)
+        if prim.IsA(self.geom.PointBased) and self.geom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying():
+            self.report.say("approximated", "points that move by themselves stay while the shutter is open", prim)
+        if np.array_equal(start, end):
+            return {}
+        frames = motion_between(start, end, self.shutter_s) if _usable(start) else None
+        if frames is None:
+            self.report.say("approximated", "what stretches while the shutter is open stays", prim)
+            return {}
+        self.moves = True
+        rest = start.copy()
+        rest[:3, 3] = 0
+        return {"transform": {"matrix": tidy(rest[:3])}, "motion": frames}
+
+    def shutter_keys(self) -> Keys:
+        """Return the shutter of a scene in which something moves, nothing where nothing does."""
+        opens, closes = self.shutter_s
+        return {"shutter": {"open_s": opens, "time_s": closes - opens}} if self.moves else {}
 
     def _is_shown(self, prim: Any) -> bool:
         if not prim.IsActive() or prim.IsAbstract():
@@ -182,7 +239,8 @@ class Stage:
             material = self._material(bound, prim)
             if keys["shape"] == "curves":
                 material = self._material_of_curves(material, prim)
-            self.objects.append({**keys, **transform, **places, "material": material})
+            moving = {} if table else self._motion(prim)
+            self.objects.append({**keys, **transform, **moving, **places, "material": material})
 
     def _strands(self, prim: Any) -> Iterator[Keys]:
         """Yield the curves of a prim: linear ones and cubic ones of every basis, with their widths."""
@@ -238,7 +296,24 @@ class Stage:
         if key not in self._meshes:
             self._meshes[key] = self._write_mesh(prim)
         subsets = {str(bound.GetName()): bound for bound in prim.GetChildren() if bound.IsA(self.geom.Subset)}
-        return [(file, subsets.get(name, prim)) for file, name in self._meshes[key]]
+        colours = {name: keys for name, _, keys in self._face_colours(prim)}
+        return [(file, colours.get(name) or subsets.get(name, prim)) for file, name in self._meshes[key]]
+
+    def _face_colours(self, prim: Any) -> list[tuple[str, Faces, Keys]]:
+        """Return the colours that faces of a mesh without materials have, a name for each, and those faces."""
+        primvar = self.geom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
+        if not (primvar and primvar.HasValue()) or primvar.GetInterpolation() != self.geom.Tokens.uniform:
+            return []
+        values = _numbers(primvar.ComputeFlattened(self.time), 3)
+        material, _ = self.shade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+        counts = _numbers(self.geom.Mesh(prim).GetFaceVertexCountsAttr().Get(self.time), 1, np.int64)
+        if material or self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets() or len(values) != len(counts):
+            return []
+        colours, of_face = np.unique(np.clip(values, 0, 1), axis=0, return_inverse=True)
+        if not 1 < len(colours) <= _MOST_COLOURS:
+            return []
+        matte = [{"kind": "matte", "reflectance": colour.tolist()} for colour in colours]
+        return [(f"color-{k}", np.flatnonzero(of_face.ravel() == k), keys) for k, keys in enumerate(matte)]
 
     def _write_mesh(self, prim: Any) -> list[tuple[str, Any]]:
         mesh = self.geom.Mesh(prim)
@@ -248,7 +323,7 @@ class Stage:
         subsets = [
             (str(subset.GetPrim().GetName()), _numbers(subset.GetIndicesAttr().Get(self.time), 1, np.int64))
             for subset in self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-        ]
+        ] + [(name, faces) for name, faces, _ in self._face_colours(prim)]
         # what is copied about a stage without being instanced is written once
         content = content_name(caged, str(mesh.GetSubdivisionSchemeAttr().Get()), subsets)
         if content not in self._contents:
@@ -411,9 +486,10 @@ class Stage:
 
     def _material(self, bound: Any, prim: Any) -> str:
         """The name of the material that is bound to a prim; of one without, its colour."""
-        material, _ = self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()
+        is_colour = isinstance(bound, dict)
+        material = None if is_colour else self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
         if not material:
-            keys, name = self._display_colour(prim), "color"
+            keys, name = bound if is_colour else self._display_colour(prim), "color"
         else:
             name = str(material.GetPrim().GetName())
             path = str(material.GetPath())
@@ -592,10 +668,7 @@ class Stage:
         if self.camera is None:
             raise InputError("no camera")
         camera = self.geom.Camera(self.camera).GetCamera(self.time)
-        world = self._placement(self.camera, None)
-        _, up, back, eye = world[:3].T
-        pose: Keys = {"eye": tidy(eye), "target": tidy(eye - back / np.linalg.norm(back)),
-                      "up": tidy(up / np.linalg.norm(up))}  # fmt: skip
+        pose = _pose(self._placement(self.camera, None)) | self._camera_motion()
         width, height = camera.horizontalAperture, camera.verticalAperture
         if not (width > 0 and height > 0 and width / height < _MOST_PIXEL_ASPECT):
             width, height = 20.955, 15.2908
@@ -613,6 +686,17 @@ class Stage:
             keys |= {"kind": "thin_lens", "aperture_radius_m": radius, "focus_distance_m": focus}
         return keys, film
 
+    def _camera_motion(self) -> Keys:
+        """Return the keyframes of a camera that moves while the shutter is open, nothing for one at rest."""
+        codes = [_module("Usd").TimeCode(each) for each in np.linspace(*self.codes, _CAMERA_STEPS + 1).tolist()]
+        caches = [self.geom.XformCache(each) for each in codes if self.ends]
+        worlds = [np.array(cache.GetLocalToWorldTransform(self.camera)).T for cache in caches]
+        if all(np.array_equal(worlds[0], each) for each in worlds[1:]):
+            return {}
+        self.moves = True
+        times = np.linspace(*self.shutter_s, len(worlds)).tolist()
+        return {"motion": [{"time_s": at} | _pose(world) for at, world in zip(times, worlds, strict=True)]}
+
     def framed(self) -> tuple[Keys, Keys]:
         """Return the keys of a camera that sees everything, and of its film."""
         purposes = [self.geom.Tokens.default_, self.geom.Tokens.render]
@@ -629,6 +713,14 @@ class Stage:
         keys: Keys = {"kind": "pinhole", "eye": tidy(eye), "target": tidy(middle), "up": up.tolist(),
                       "fov_degrees": 40, "fov_axis": "vertical"}  # fmt: skip
         return keys, {"resolution": [_WIDTH_PX, _WIDTH_PX * 2 // 3]}
+
+
+def _pose(world: Array) -> Keys:
+    """Return the keys of where a camera stands and what it looks at."""
+    _, up, back, eye = world[:3].T
+    return {
+        "eye": tidy(eye), "target": tidy(eye - back / np.linalg.norm(back)), "up": tidy(up / np.linalg.norm(up)),
+    }  # fmt: skip
 
 
 class _Inputs:
@@ -800,7 +892,7 @@ def _merge_instances(stage: Stage) -> None:
     counts = Counter(keys)
     merged: list[Keys] = []
     for key, item in zip(keys, stage.objects, strict=True):
-        if counts[key] < TABLED or "instances" in item:
+        if counts[key] < TABLED or "instances" in item or "motion" in item:
             merged.append(item)
         elif counts[key]:
             alike = [other for k, other in zip(keys, stage.objects, strict=True) if k == key]
@@ -870,6 +962,7 @@ def convert_stage(source: Path, target: Path, *, time_s: float | None = None) ->
         report.say("note", "has no camera: one that sees everything", opened.GetPseudoRoot())
     scene: Keys = {"metres_per_unit": unit} if unit != 1 else {}
     scene |= {"film": film, "camera": camera, "materials": stage.materials, "objects": stage.objects}
+    scene |= stage.shutter_keys()
     if stage.lights:
         scene["lights"] = stage.lights
     lit = stage.lights or any(isinstance(item["material"], dict) for item in stage.objects)

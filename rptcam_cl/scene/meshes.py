@@ -31,14 +31,16 @@ from rptcam_cl.scene.assets.mesh import (
     Polygons,
     as_triangles,
     check_corners,
+    distinct_rows,
     make_contents,
     winding_number,
 )
-from rptcam_cl.scene.base import Alternatives, SceneModel, describe, number_at, refuse, unknown_name
+from rptcam_cl.scene.assets.pictures import read_picture
+from rptcam_cl.scene.base import Alternatives, FileReference, SceneModel, describe, number_at, refuse, unknown_name
 from rptcam_cl.scene.file_materials import FileMaterial, material_of
 from rptcam_cl.scene.materials import Material
 from rptcam_cl.scene.placement import MATERIAL_NAME, Bounds, PlacedObject
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, Moment, Vectors
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, WHOLE_NUMBER, Moment, TexturePair, Vectors
 
 # Mesh files by their suffix.
 
@@ -221,6 +223,110 @@ Normals = Annotated[
 ]
 
 
+# Displacement: triangles divided, and their corners moved along the normals by a picture of heights.
+
+MOST_DISPLACED = 1 << 26  # triangles of a mesh
+
+
+class Displacement(FileReference):
+    """Heights that move the surface itself: its triangles are divided when it is loaded."""
+
+    height: Annotated[float, Field(ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE), NUMBER]
+    """How far outwards a height of 1 lies beyond one of 0, in the coordinates of the mesh; below 0 inwards."""
+
+    middle: Annotated[float, Field(ge=-1e6, le=1e6), NUMBER] = 0.0
+    """Height that stays where the mesh is."""
+
+    steps: Annotated[int, Field(ge=1, le=1024), WHOLE_NUMBER] = 8
+    """Into how many parts each edge of the mesh is divided."""
+
+    scale: TexturePair = (1.0, 1.0)
+    """Repeats of the picture per unit of u and of v."""
+
+    offset: TexturePair = (0.0, 0.0)
+    """Shift of the scaled coordinates [repeats]."""
+
+    def heights(self, folders: Folders, uvs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the heights at texture coordinates (n, 2): the first channel as it is stored, bilinear, repeated."""
+        texels = read_picture(self.source(folders)).texels[::-1, :, 0]
+        rows = texels / 255 if texels.dtype == np.uint8 else texels.astype(np.float64)
+        height, width = rows.shape
+        x, y = ((uvs * self.scale + self.offset) * (width, height) - 0.5).T
+        left, low = np.floor(x), np.floor(y)
+        i, j = left.astype(np.int64) % width, low.astype(np.int64) % height
+        right, above = (i + 1) % width, (j + 1) % height
+        lower, upper = (rows[k, i] + (x - left) * (rows[k, right] - rows[k, i]) for k in (j, above))
+        return np.asarray(lower + (y - low) * (upper - lower))
+
+    def displace(self, mesh: Mesh, folders: Folders) -> Mesh:
+        """Return a mesh of smaller triangles, moved along its normals; where it has none, along the mean ones.
+
+        Corners at one place move together, so that no gap opens where texture coordinates agree. A mesh with normals
+        gets those of the moved surface, one without stays flat from triangle to triangle.
+
+        Raises
+        ------
+        InputError
+            When it has no texture coordinates, or gets too many triangles.
+        """
+        if mesh.uvs is None:
+            raise InputError("displacement: the mesh has no texture coordinates (allowed: a mesh with u and v)")
+        if (count := len(mesh.faces) * self.steps**2) > MOST_DISPLACED:
+            most = max(int((MOST_DISPLACED / len(mesh.faces)) ** 0.5), 1)
+            raise InputError(f"displacement.steps: {count} triangles are too many (allowed: at most {most} steps)")
+        normals = mesh.normals if mesh.normals is not None else _mean_normals(mesh.positions, mesh.faces)
+        corners = np.concatenate([mesh.positions, normals, mesh.uvs], axis=1).astype(np.float64)
+        points, faces = divide(corners, mesh.faces, self.steps)
+        moved = points[:, 3:6] / np.maximum(np.linalg.norm(points[:, 3:6], axis=1, keepdims=True), 1e-300)
+        lift = self.height * (self.heights(folders, points[:, 6:]) - self.middle)
+        positions = points[:, :3] + mesh.origin + lift[:, None] * moved
+        shown = None if mesh.normals is None else _mean_normals(positions, faces)
+        surface = MeshSurface(positions, faces, shown, points[:, 6:])
+        return make_contents(Draft([surface]), "displacement", painted=False).parts[0].mesh
+
+
+def divide(
+    corners: NDArray[np.float64], faces: NDArray[np.int32], steps: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Divide each edge of triangles into equal parts; return points and faces, neighbours sharing those on their edge.
+
+    Parameters
+    ----------
+    corners
+        Numbers of each vertex (n, k), which are linear within a triangle.
+    """
+    i, j = (grid.ravel() for grid in np.meshgrid(np.arange(steps + 1), np.arange(steps + 1), indexing="ij"))
+    i, j = i[i + j <= steps], j[i + j <= steps]
+    shares = np.stack([steps - i - j, i, j], axis=1)
+    place = np.full((steps + 2, steps + 2), -1)
+    place[i, j] = np.arange(len(i))
+    inner = i + j < steps
+    upright = np.stack([place[i, j], place[i + 1, j], place[i, j + 1]], axis=1)[inner]
+    turned = np.stack([place[i + 1, j], place[i + 1, j + 1], place[i, j + 1]], axis=1)[i + j < steps - 1]
+    within = np.concatenate([upright, turned])
+    points = np.einsum("pc,fck->fpk", shares / steps, corners[faces]).reshape(-1, corners.shape[1])
+    # A point is known by the vertices that it lies between and by how much; those on an edge have one of no weight.
+    weights = np.broadcast_to(shares, (len(faces), *shares.shape)).reshape(-1, 3)
+    names = np.where(weights > 0, np.repeat(faces, len(shares), axis=0), -1)
+    order = np.argsort(names, axis=1, kind="stable")
+    keys = np.concatenate([np.take_along_axis(each, order, axis=1) for each in (names, weights)], axis=1)
+    first, number = distinct_rows(keys.astype(np.float64))
+    starts = len(shares) * np.arange(len(faces))
+    return points[first], number[(within[None] + starts[:, None, None]).reshape(-1, 3)]
+
+
+def _mean_normals(positions: NDArray[Any], faces: NDArray[Any]) -> NDArray[np.float64]:
+    """Return normals of vertices by area, the same for all at one place."""
+    _, number = distinct_rows(positions.astype(np.float64))
+    a, b, c = (positions[faces[:, k]].astype(np.float64) for k in range(3))
+    area = np.cross(b - a, c - a)
+    sums = np.zeros((number.max() + 1, 3))
+    for k in range(3):
+        np.add.at(sums, number[faces[:, k]], area)
+    sums /= np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
+    return np.asarray(sums[number])
+
+
 class MeshLibrary:
     """Reads the meshes that objects name.
 
@@ -309,7 +415,14 @@ class MeshLibrary:
         if (key, mode, painted) not in self._known:
             plain = self._known[key, "auto", painted]
             self._known[key, mode, painted] = plain.with_normals(mode).sharing(self._meshes)
-        return self._known[key, mode, painted]
+        plain = self._known[key, mode, painted]
+        if (by := item.displacement) is None:
+            return plain
+        try:
+            moved = {part.mesh: by.displace(part.mesh, self._folders) for part in plain.parts}
+        except InputError as problem:
+            raise type(problem)(f"displacement: {str(problem).removeprefix('displacement: ')}") from None
+        return plain.with_meshes(moved)
 
     def _shown(self, item: MeshObject, contents: MeshContents) -> tuple[Material, ...]:
         """Return the material of each part: the object's, or those of the file."""
@@ -427,6 +540,9 @@ class MeshObject(MeshSource, PlacedObject):
     normals: Normals = "auto"
     """`auto` takes the normals of the file and is flat without them, `smooth` makes them, `flat` leaves them out;
     beside `vertices` also a list of vectors."""
+
+    displacement: Displacement | None = None
+    """Picture of heights by which the surface itself is moved."""
 
     material: Annotated[Material, MATERIAL_NAME] | None = None
     """Name of one of `materials`, or a material written out; without it, the materials of the file, or `colors`."""

@@ -65,6 +65,38 @@ def test_time_samples_are_read_at_a_moment(tmp_path: Path) -> None:
         np.testing.assert_allclose(middle_of(scene), [[x, 0, 0]], atol=1e-9)
 
 
+SHUTTER = """def Camera "c" { double shutter:open = 0 double shutter:close = 12
+    double3 xformOp:translate.timeSamples = { 1: (0, 0, 100), 25: (24, 0, 100) }
+    uniform token[] xformOpOrder = ["xformOp:translate"] }
+    """
+
+
+def test_what_moves_while_the_shutter_is_open_has_keyframes(tmp_path: Path) -> None:
+    text = """def Cube "b" { double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 25: (12, 0, 6) }
+        float xformOp:rotateY.timeSamples = { 1: 0, 25: 80 } float3 xformOp:scale = (1, 2, 1)
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY", "xformOp:scale"] }
+        def Sphere "still" { }"""
+    done, scene = convert(tmp_path, SHUTTER + text)
+    assert (scene.shutter.open_s, scene.shutter.time_s) == pytest.approx((1 / 24, 12 / 24))
+    box, still = scene.objects
+    assert still.motion == () and list(done.report)[-1:] == [line for line in done.report if "lights" in line]
+    for share in (0, 0.5, 1):  # of the shutter: half of the way in 24 codes
+        way, angle = share / 2, np.radians(share * 40)
+        turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+        expected = np.eye(4)
+        expected[:3, :3], expected[:3, 3] = turn @ np.diag([1, 2, 1]), [12 * way, 0, 6 * way]
+        np.testing.assert_allclose(box.placed_at(1 / 24 + share / 2), expected, atol=1e-6)
+        np.testing.assert_allclose(scene.camera.pose_at(1 / 24 + share / 2)[0], [24 * way, 0, 100], atol=1e-6)
+
+
+def test_what_stretches_while_the_shutter_is_open_stays(tmp_path: Path) -> None:
+    text = """def Cube "b" { float3 xformOp:scale.timeSamples = { 1: (1, 1, 1), 25: (2, 2, 2) }
+        uniform token[] xformOpOrder = ["xformOp:scale"] }"""
+    done, scene = convert(tmp_path, SHUTTER + text)
+    assert scene.objects[0].motion == ()
+    assert any("/b: approximated: what stretches while the shutter is open stays" in line for line in done.report)
+
+
 def test_point_instancers_become_tables(tmp_path: Path) -> None:
     text = """def PointInstancer "many" { double3 xformOp:translate = (0, 0, 10)
         uniform token[] xformOpOrder = ["xformOp:translate"]
@@ -115,6 +147,20 @@ def test_meshes_have_the_materials_of_their_faces(tmp_path: Path, hand: str) -> 
         normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])[:, 2]
         assert (normal > 0).all() if hand == "rightHanded" else (normal < 0).all()
         np.testing.assert_allclose(part.mesh.uvs[part.mesh.faces][..., 0], points[..., 0] - low, atol=1e-6)
+
+
+def test_faces_have_their_own_display_colours(tmp_path: Path) -> None:
+    sheet = """def Mesh "m" { int[] faceVertexCounts = [4, 4, 4]
+        int[] faceVertexIndices = [0, 1, 3, 2, 2, 3, 5, 4, 4, 5, 7, 6]
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0, 2, 0), (1, 2, 0), (0, 3, 0), (1, 3, 0)]
+        uniform token subdivisionScheme = "none"
+        color3f[] primvars:displayColor = [(1, 0, 0), (0, 0.5, 1), (1, 0, 0)] ( interpolation = "%s" ) }"""
+    done, scene = convert(tmp_path, sheet % "uniform")
+    found = {item.material.reflectance: scene.load_mesh(item).contents.parts[0].mesh for item in scene.objects}
+    assert {colour: len(mesh.faces) for colour, mesh in found.items()} == {(1, 0, 0): 4, (0, 0.5, 1): 2}
+    heights = (found[0, 0.5, 1].positions + found[0, 0.5, 1].origin)[:, 1]
+    assert (heights.min(), heights.max()) == (1, 2)
+    assert list(done.report) == [line for line in done.report if "camera" in line or "light" in line]
 
 
 def cube() -> PolygonMesh:

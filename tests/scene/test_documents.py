@@ -95,7 +95,7 @@ from rptcam_cl.scene.materials import (
     ThinGlass,
     Translucent,
 )
-from rptcam_cl.scene.meshes import MeshObject, MeshSource, NamedMesh
+from rptcam_cl.scene.meshes import Displacement, MeshObject, MeshSource, NamedMesh
 from rptcam_cl.scene.placement import (
     CameraKeyframe,
     CameraVisibility,
@@ -122,6 +122,7 @@ from rptcam_cl.scene.textures import (
     ImageTexture,
     Mapping,
     Marble,
+    Mixture,
     Noise,
     NormalMap,
     Pattern,
@@ -204,6 +205,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Perlin": (Perlin, "Every texture"),
     "Marble": (Marble, "Every texture"),
     "Dots": (Dots, "Every texture"),
+    "Mixture": (Mixture,),
+    "Displacement": (Displacement,),
     "Image": (ImageTexture, "Every texture"),
     "Instances": (Instances,),
     "Visibility": (Visibility, "Camera visibility"),
@@ -311,6 +314,7 @@ def test_reference_lists_every_key_with_default_and_bounds(tables: dict[str, dic
         rows = {key: row for name in (*shared, section) for key, row in tables[name].items()}
         assert rows.keys() == described.model_fields.keys(), section
         schema = described.model_json_schema()
+        schema = schema.get("$defs", {}).get(described.__name__, schema)  # of a model that has itself as a part
         for key, field in described.model_fields.items():
             _, span, default = rows[key]
             if field.is_required():

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.exchange.mesh_data import Array, Matrix, apply, is_bearable, is_invertible, mean_scale, tidy
+from rptcam_cl.exchange.mesh_data import Array, Matrix, apply, is_invertible, mean_scale, motion_between, tidy
 from rptcam_cl.exchange.pbrt.world import Context, Entity
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.assets.pictures import read_picture
@@ -28,7 +28,6 @@ _ROUNDING = 1e-4
 
 _MILLIMETRE = 1e-3  # metres
 
-_RIGID = 1e-5  # by which what only turns may miss doing so
 _CAMERA_STEPS = 8  # keyframes of a camera go straight: a turn of a right angle is within 0.5 degrees
 
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
@@ -105,17 +104,6 @@ def frame_of(camera: Entity) -> CameraFrame:
     forward, up = (world[:3, :3] @ (axis / np.linalg.norm(axis)) for axis in (forward, up))
     reach = max(1.0, float(np.abs(eye).max()) * 1e-3)  # so that eye + forward keeps its digits
     return CameraFrame(world, eye, forward * reach, up, 1.0 if abs(unit - 1) < _ROUNDING else unit, stretch)
-
-
-def motion_between(start: Matrix, end: Matrix, times: tuple[float, float]) -> list[dict[str, Any]] | None:
-    """Return keyframes from the place of a frame to another, for what has its origin at 0; None where they stretch."""
-    turn = end[:3, :3] @ np.linalg.inv(start[:3, :3])
-    if not is_bearable(end) or np.abs(turn.T @ turn - np.eye(3)).max() > _RIGID or np.linalg.det(turn) < 0:
-        return None
-    axes = np.linalg.svd(turn)
-    rows = np.column_stack([axes[0] @ axes[2], end[:3, 3]])
-    first, last = times
-    return [{"time_s": first, "translate": tidy(start[:3, 3])}, {"time_s": last, "matrix": rows.tolist()}]
 
 
 def camera_motion(context: Context, camera: Entity) -> dict[str, Any]:

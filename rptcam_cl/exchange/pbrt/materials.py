@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.colour import luminance
+from rptcam_cl.core.colour import luminance, srgb_from_reflectance
 from rptcam_cl.exchange.mesh_data import Array
 from rptcam_cl.exchange.pbrt.textures import (
     COLOURS,
@@ -27,11 +27,15 @@ from rptcam_cl.exchange.pbrt.textures import (
     value,
 )
 from rptcam_cl.exchange.pbrt.world import Context, Entity, MaterialName
+from rptcam_cl.rendering.plan.textures import metal_spectra
+from rptcam_cl.rendering.plan.textures import reflectance as metal_reflectance
 from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, MOST_ASYMMETRY, SMALLEST_INDEX, SUBSTANCES
 
 # Materials of ours as plain keys, and pbrt's roughness as GGX's alpha.
 
 Keys = dict[str, Any]
+
+_COAT_INDEX = 1.5  # of the clear coat of principled materials
 
 # A share of light that is too small to matter.
 _NOTHING = 1e-6
@@ -478,14 +482,45 @@ def _conductor(context: Context, material: Entity, roughness: float = 0.0) -> Ke
 
 
 def _coated_conductor(context: Context, material: Entity) -> Keys:
-    """Return the metal alone with the roughness that both faces have together."""
+    """Return a metal under a clear coat, in the colour that both have head-on."""
     _note_layer(context, material)
     metal = _metal_keys(context, material, "conductor.")
-    pairs = [alphas(context, material, 0.0, prefix) for prefix in ("interface.", "conductor.")]
-    _index_of(context, material, "interface.eta")
-    context.approximated(material, "the metal without its clear cover")
-    known = [pair for pair in pairs if pair is not None]
-    return conductor(metal, (max(pair[0] for pair in known), max(pair[1] for pair in known)) if known else None)
+    cover, base = (alphas(context, material, 0.0, prefix) for prefix in ("interface.", "conductor."))
+    index = _index_of(context, material, "interface.eta")
+    about = "" if abs(index - _COAT_INDEX) < 1e-3 else f" of index {_COAT_INDEX}"
+    context.approximated(material, f"a metal under a clear coat{about}; what goes to and fro between them as head-on")
+    colour = metal.get("reflectance")
+    keys: Keys = {
+        "kind": "principled", "metallic": 1.0, "clearcoat": 1.0, "roughness": _roughness_of(base),
+        "base_color": colour if isinstance(colour, dict) else _colour_below(metal, index),
+        "clearcoat_roughness": _roughness_of(cover),
+    }  # fmt: skip
+    return keys
+
+
+def _roughness_of(pair: tuple[float, float] | None) -> float:
+    """Return the roughness of the principled material with the mean of GGX's alphas."""
+    return math.sqrt(_cut(math.sqrt(max(pair[0] * pair[1], 0.0)))) if pair is not None else 0.0
+
+
+def _colour_below(metal: Keys, index: float) -> list[float]:
+    """Return the colour of a metal below a medium of an index, with the light that comes to it again from the cover.
+
+    It is that of smooth faces head-on.
+    """
+    constants = metal.get("metal")
+    if constants is None:  # pbrt takes n = 1 and the k that gives the colour in air
+        colour = np.minimum(np.broadcast_to(np.array(metal["reflectance"], np.float64), 3), 0.9999)
+        n, k = np.ones(3), 2 * np.sqrt(colour) / np.sqrt(1 - colour)
+    elif isinstance(constants, str):
+        n, k = metal_spectra(constants)
+    else:
+        n, k = np.array(constants["n"]), np.array(constants["k"])
+    below = metal_reflectance(np.asarray((n + 1j * k) / index, np.complex128))
+    once = srgb_from_reflectance(below) if isinstance(constants, str) else below
+    cover = ((_COAT_INDEX - 1) / (_COAT_INDEX + 1)) ** 2
+    colours: list[float] = np.clip(once / (1 - cover * once), 0, 1).tolist()
+    return colours
 
 
 def _dielectric(context: Context, material: Entity) -> Keys:
@@ -616,8 +651,6 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
     amount = _number_or_colour(context, material, "amount", 0.5)
     if not parameters.has("materials"):
         names.reverse()  # the share of the first material becomes that of the second
-        if amount.texture is not None:
-            context.approximated(material, "the textured amount is inverted")
     parts = [
         convert_material(context, context.scene.material_of(MaterialName(name, material.place)), depth + 1)
         for name in names

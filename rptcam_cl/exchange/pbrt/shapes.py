@@ -27,10 +27,11 @@ from rptcam_cl.exchange.mesh_data import (
     is_transform_of_ours,
     limit_of_loop,
     mean_scale,
+    motion_between,
     rectangle_of,
     tidy,
 )
-from rptcam_cl.exchange.pbrt.camera import CameraFrame, motion_between
+from rptcam_cl.exchange.pbrt.camera import CameraFrame
 from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, medium_keys, opacity_keys
 from rptcam_cl.exchange.pbrt.source import Parameters
 from rptcam_cl.exchange.pbrt.textures import lamp_radiance, number_shade

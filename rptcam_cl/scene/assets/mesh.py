@@ -776,14 +776,15 @@ class MeshContents:
         """Return the contents with the normals of a mode; parts that shared a mesh still do."""
         if mode == "auto":
             return self
-        return self._with_meshes({mesh: mesh.with_normals(mode) for mesh in {part.mesh for part in self.parts}})
+        return self.with_meshes({mesh: mesh.with_normals(mode) for mesh in {part.mesh for part in self.parts}})
 
     def sharing(self, known: dict[str, Mesh]) -> MeshContents:
         """Return the contents with meshes that are known by their hash in place of equal ones; others become known."""
         meshes = {part.mesh for part in self.parts}
-        return self._with_meshes({mesh: known.setdefault(mesh.content_hash, mesh) for mesh in meshes})
+        return self.with_meshes({mesh: known.setdefault(mesh.content_hash, mesh) for mesh in meshes})
 
-    def _with_meshes(self, changed: dict[Mesh, Mesh]) -> MeshContents:
+    def with_meshes(self, changed: dict[Mesh, Mesh]) -> MeshContents:
+        """Return the contents with other meshes in place of theirs."""
         return replace(self, parts=tuple(replace(part, mesh=changed[part.mesh]) for part in self.parts))
 
 

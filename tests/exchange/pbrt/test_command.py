@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from rptcam_cl.cli import main
+from rptcam_cl.scene.load import load_scene
 from tests.exchange.pbrt.conftest import HEAD
 
 
@@ -49,9 +50,8 @@ def test_quiet_says_nothing(source: Path, capsys: Any) -> None:
     [
         (
             ("in.blend", "out.yaml"),
-            "in.blend: only scenes of pbrt and stages of USD can be converted (got .blend; allowed: .pbrt",
+            "in.blend: only scenes of pbrt, stages of USD and models can be converted (got .blend; allowed: .pbrt",
         ),
-        (("in.obj", "out.yaml"), "put a mesh into a scene as an object of shape mesh"),
         (("in.pbrt", "out.json"), "out.json: a scene file is YAML (got .json; allowed: .yaml, .yml)"),
         (("in.pbrt", "no/out.yaml"), "there is no folder"),
         (("none.pbrt", "out.yaml"), "none.pbrt: no such file"),
@@ -107,3 +107,17 @@ def test_the_report_as_json_counts_objects(source: Path, capsys: Any) -> None:
     (item,) = [item for item in printed["report"] if item["message"].startswith("Material")]
     assert item == {"effect": "approximated", "message": 'Material "measured": matte grey 0.5', "lines": ["in.pbrt:6"],
                     "objects": 2}  # fmt: skip
+
+
+def test_models_become_scenes_with_a_report_of_the_same_form(source: Path, capsys: Any) -> None:
+    Path("a.mtl").write_text("newmtl red\nKd 1 0 0\nillum 42\n", "utf-8")
+    text = "mtllib a.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 1 0\nf 1 2 3\nf 3 3 4\n"
+    Path("a.obj").write_text(text, "utf-8")
+    assert main(["convert", "a.obj", "a.yaml", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said.keys() == {"objects", "report", "warnings"}
+    assert all(each.keys() == {"effect", "message", "lines", "objects"} for each in said["report"])
+    assert any(
+        "triangles dropped" in text for text in (*said["warnings"], *(each["message"] for each in said["report"]))
+    )
+    assert load_scene(Path("a.yaml")).objects[0].file == "a.obj"
