@@ -3,7 +3,9 @@
     python -m benchmarks.media [--scenes 12] [--seed 1] [--batches 8] [--spp 512] [--mitsuba-python PATH] [--json FILE]
 
 Each scene has media around all, in a box without a surface or in a ball of glass, of random coefficients, albedo and
-asymmetry; a lamp, perhaps a point of light, a floor and a ball. Both sides render it in batches by different seeds:
+asymmetry; a lamp, perhaps a point of light, a floor and a ball. From seed 101 on the medium in the box has its density
+on a grid, and from seed 201 on that round all lies in a layer, which Mitsuba takes as a fine grid in a black room.
+Both sides render it in batches by different seeds:
 the noise of the mean of each of 16 fields of the picture follows from those. A scene agrees where no field's difference
 is more noise than the largest of so many that chance allows once in a hundred times (Sidak), and where the noise of the
 whole picture's mean is small enough to show a difference of 0.3 %.
@@ -28,6 +30,9 @@ CHANCE = 0.01  # that equal pictures are called different, of all scenes togethe
 RESOLVED = 0.003  # relative difference of the means that noise must not hide
 MAX_DEPTH = 32
 Array = NDArray[np.float64]
+GRIDS, LAYERS = 101, 201  # first seeds
+SMOKE = np.array([[-1.3, -1.0, -1.4], [1.2, 0.9, 0.6]])
+ROOM = np.array([[-6.0, -1.45, -6.0], [6.0, 6.0, 6.0]])
 Pair = tuple[dict[str, Any], dict[str, Any]]  # a part of a scene in our words and in Mitsuba's
 
 
@@ -35,9 +40,10 @@ def _rgb(values: Any) -> dict[str, Any]:
     return {"type": "rgb", "value": [float(value) for value in values]}
 
 
-def medium(random: np.random.Generator, density: float) -> Pair:
-    """Return a medium of about a density [1/m]."""
+def medium(random: np.random.Generator, density: float, *, even: bool = False) -> Pair:
+    """Return a medium of about a density [1/m], the same in every channel where it is even."""
     extinction = density * random.uniform(0.5, 1.5, 3)
+    extinction[:] = extinction[0] if even else extinction
     albedo = random.uniform(0.3, 1.0, 3)
     g = float(random.uniform(-0.6, 0.85))
     ours = {
@@ -54,6 +60,37 @@ def medium(random: np.random.Generator, density: float) -> Pair:
         "phase": phase,
     }
     return ours | {"asymmetry": g}, theirs
+
+
+def grid(random: np.random.Generator, own: dict[str, Any], other: dict[str, Any], corners: Array) -> Pair:
+    """Return a medium whose density is random numbers on a grid within corners, a third of them nothing."""
+    shape = random.integers(2, 12, 3)
+    numbers = random.uniform(0.0, 2.0, shape) * (random.random(shape) < 2 / 3)
+    return own | {"density": _place(numbers, corners)}, _heterogeneous(other, numbers, corners)
+
+
+def layer(random: np.random.Generator, own: dict[str, Any], other: dict[str, Any]) -> Pair:
+    """Return a medium round all that thins out upwards, in Mitsuba's words a grid that fills the room."""
+    scale, base = float(random.uniform(0.3, 1.0)), float(random.uniform(-1.2, 0.2))
+    heights = ROOM[0, 1] + (np.arange(1600) + 0.5) / 1600 * np.ptp(ROOM[:, 1])
+    numbers = np.exp(-np.maximum(heights - base, 0) / scale)[None, :, None]
+    ours = own | {"layer": {"scale_height_m": scale, "base": base, "up": [0, 1, 0]}}
+    return ours, _heterogeneous(other, numbers, ROOM)
+
+
+def _place(numbers: Array, corners: Array) -> dict[str, Any]:
+    return {"file": numbers.astype(np.float32), "min": corners[0].tolist(), "max": corners[1].tolist()}
+
+
+def _heterogeneous(medium: dict[str, Any], numbers: Array, corners: Array) -> dict[str, Any]:
+    """Return a medium of Mitsuba's of one extinction, our first channel's: its grids have no colours."""
+    rows = np.diag([*np.ptp(corners, axis=0), 1.0])
+    rows[:3, 3] = corners[0]
+    voxels = {"voxels": numbers.transpose(2, 1, 0)[..., None].tolist()}
+    volume = {"type": "gridvolume", "grid": voxels, "raw": True, "to_world": {"matrix": rows.tolist()}}
+    return {name: medium[name] for name in ("albedo", "phase")} | {
+        "type": "heterogeneous", "sigma_t": volume, "scale": medium["scale"],
+    }  # fmt: skip
 
 
 def matte(random: np.random.Generator) -> Pair:
@@ -83,6 +120,7 @@ class Draw:
 
     def __init__(self, seed: int) -> None:
         self.random = random = np.random.default_rng(seed)
+        self.has_grid, self.has_layer = GRIDS <= seed < LAYERS, seed >= LAYERS
         film = {"type": "hdrfilm", "width": SIDE, "height": SIDE, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
         self.sensor: dict[str, Any] = {
             "type": "perspective", "fov": 50.0, "film": film | {"component_format": "float32"},
@@ -99,8 +137,13 @@ class Draw:
             "objects": self.objects, "lights": [],
         }  # fmt: skip
         self.outside: dict[str, Any] = {}
-        if random.random() < 0.5:
-            own, other = medium(random, float(random.uniform(0.05, 0.3)))
+        if random.random() < 0.5 or self.has_layer:
+            own, other = medium(random, float(random.uniform(0.05, 0.3)), even=self.has_layer)
+            if self.has_layer:
+                own, other = layer(random, own, other)
+                black = {"type": "diffuse", "reflectance": _rgb((0.0, 0.0, 0.0))}
+                black = {"bsdf": {"type": "twosided", "bsdf": black}}
+                self.add(cube(*ROOM), {"kind": "matte", "reflectance": 0.0}, black)
             self.ours["medium"], self.outside = own, {"exterior": other}
             self.sensor["medium"] = other
         self._fill()
@@ -115,9 +158,11 @@ class Draw:
         random = self.random
         self.add(cube([-6, -1.4, -6], [6, -1.2, 3]), *matte(random))
         self.add(ball(random.uniform([-1, -1, -1], [1, 0, 0]), 0.3), *matte(random))
-        if random.random() < 0.6 or not self.outside:
-            own, other = medium(random, float(random.uniform(0.3, 1.5)))
-            self.add(cube([-1.3, -1.0, -1.4], [1.2, 0.9, 0.6]), {"kind": "boundary", "interior": own},
+        if random.random() < 0.6 or not self.outside or self.has_grid:
+            own, other = medium(random, float(random.uniform(0.3, 1.5)), even=self.has_grid)
+            if self.has_grid:
+                own, other = grid(random, own, other, SMOKE)
+            self.add(cube(*SMOKE), {"kind": "boundary", "interior": own},
                      {"bsdf": {"type": "null"}, "interior": other} | self.outside)  # fmt: skip
         if random.random() < 0.6:
             own, other = medium(random, float(random.uniform(1.0, 4.0)))

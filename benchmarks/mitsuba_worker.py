@@ -63,10 +63,14 @@ def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:
 
 
 def _with_transforms(mitsuba: Any, description: dict[str, Any]) -> dict[str, Any]:
-    """Return a description with its ``{"matrix": rows}`` replaced by Mitsuba's transforms."""
+    """Return a description with its ``{"matrix": rows}`` and ``{"voxels": …}`` as Mitsuba has them."""
+    import numpy as np
+
     found = {}
     for key, value in description.items():
-        if isinstance(value, dict):
+        if isinstance(value, dict) and "voxels" in value:
+            found[key] = mitsuba.VolumeGrid(np.array(value["voxels"], np.float32))
+        elif isinstance(value, dict):
             matrix = value.get("matrix")
             found[key] = _with_transforms(mitsuba, value) if matrix is None else mitsuba.ScalarTransform4f(matrix)
         else:

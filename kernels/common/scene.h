@@ -76,6 +76,13 @@
 #define MEDIA_PARTS(EACH)
 #endif
 
+#if HAS_DENSITY
+#define DENSITY_PARTS(EACH) \
+    EACH(const __global float *, densities)             /* of voxels and blocks of them, kernels/integrator/density.h */
+#else
+#define DENSITY_PARTS(EACH)
+#endif
+
 #if FACET_SHARES
 #define FACET_PARTS(EACH) \
     EACH(const __global float *, facet_shares)          /* of light that facets scatter once, kernels/material/facet_shares.h */
@@ -103,7 +110,7 @@
     EACH(const __global float *, distribution)          /* curves of how light sampling picks, common/curve.h */ \
     EACH(int, emitter_count) \
     LIGHT_TREE_PARTS(EACH) CAUSTIC_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) HIDDEN_PARTS(EACH) TREE_PARTS(EACH) \
-    MESH_PARTS(EACH) MEDIA_PARTS(EACH) FACET_PARTS(EACH) GROUP_PARTS(EACH)
+    MESH_PARTS(EACH) MEDIA_PARTS(EACH) DENSITY_PARTS(EACH) FACET_PARTS(EACH) GROUP_PARTS(EACH)
 
 #define AS_MEMBER(type, name) type name;
 #define AS_PARAMETER(type, name) type name,

@@ -7,6 +7,7 @@
 #include "common/angles.h"
 #include "geometry/nearest.h"
 #include "integrator/column.h"
+#include "integrator/density.h"
 #include "integrator/path.h"
 
 #if LIGHT_GROUPS
@@ -16,6 +17,15 @@
 #endif
 #define MOST_BOUNDARIES 64u     // that a ray may pass on its way to a vertex or a lamp
 #define LEAST_ALBEDO    0.1f    // by which wavelengths count that a medium hardly scatters
+#if HAS_DENSITY
+// Dimensions of random numbers that go on without end, beside those of a stretch.
+#define TO_COLLIDE     0x10000000u
+#define TO_THE_POINT   0x10000001u
+#define TO_THE_LAMP    0x20000000u
+#define TO_GLOW        0x20000002u
+#define FROM_A_SURFACE 0x70000000u
+#define LEAST_LIKELY   1e-20f   // density by which ways to sample along a grid are weighed: its own is not known
+#endif
 #define SHORT_OF_LAMP   0.99999f    // share of the way to a lamp behind which is the lamp itself
 
 #if HAS_BOUNDARY
@@ -33,8 +43,25 @@ static I pass_boundary(Ray *ray, Hit hit, I *stack, I on, Scene scene)
 }
 #endif
 
+// What a medium leaves of light along a way.
+static F3 left_along(Ray ray, F way, Inside medium, I on, Scene scene WITH_CHANCE(Chance *chance))
+{
+    F3 left = transmittance_of(medium.extinction, column_of(medium, ray, way));
+#if HAS_DENSITY
+    I gridded = on & (medium.grid > 0) & has_extinction(medium);
+    if (ANY(gridded)) {
+        F guess = ZERO;
+        enter_grid(&ray, &way, medium.grid, gridded, scene);
+        F3 tracked = track_ratio(ray, way, medium.grid, medium.extinction, max3(medium.extinction), chance, gridded, &guess,
+                                 0, scene);
+        left = select3(gridded, tracked, left);
+    }
+#endif
+    return left;
+}
+
 // What media leave of the light of shadow rays that nothing blocks.
-static F3 shadow_transmittance(Ray ray, I stack, F reach, I on, Scene scene)
+static F3 shadow_transmittance(Ray ray, I stack, F reach, I on, Scene scene WITH_CHANCE(Chance chance))
 {
     F3 left = f3(ONE, ONE, ONE);
 #if HAS_BOUNDARY
@@ -46,7 +73,7 @@ static F3 shadow_transmittance(Ray ray, I stack, F reach, I on, Scene scene)
         I before = on & (hit.primitive >= 0) & (hit.t < reach - margin);
         F way = before ? hit.t : reach;
         Inside medium = inside_of(stack, on, scene);
-        left = select3(on, mul(left, transmittance_of(medium.extinction, column_of(medium, ray, way))), left);
+        left = select3(on, mul(left, left_along(ray, way, medium, on, scene WITH_CHANCE(&chance))), left);
         on = before;
         if (ANY(on))
             pass_boundary(&ray, hit, &stack, on, scene);    // or what shadow rays do not see
@@ -54,9 +81,41 @@ static F3 shadow_transmittance(Ray ray, I stack, F reach, I on, Scene scene)
     }
 #else
     Inside medium = inside_of(stack, on, scene);
-    left = transmittance_of(medium.extinction, column_of(medium, ray, MIN(reach, (F)(FARTHEST))));
+    left = left_along(ray, MIN(reach, (F)(FARTHEST)), medium, on, scene WITH_CHANCE(&chance));
 #endif
     return left;
+}
+
+// What a camera ray meets first but for boundaries, and what media leave of light on the way there.
+static Hit hit_through_media(Ray ray, F3 *left, I on, Scene scene WITH_CHANCE(Chance chance))
+{
+    I stack = (I)(scene.media_at_camera);
+    F behind = ZERO;
+    Hit hit = nearest_hit(ray, scene);
+    *left = f3(ONE, ONE, ONE);
+    for (uint step = 0u; step < MOST_BOUNDARIES && ANY(on); ++step) {
+        Inside medium = inside_of(stack, on, scene);
+        F3 there = left_along(ray, MIN(hit.t, (F)(FARTHEST)), medium, on, scene WITH_CHANCE(&chance));
+        *left = select3(on, mul(*left, there), *left);
+        on = on & (hit.primitive >= 0);
+#if HAS_BOUNDARY
+        if (ANY(on)) {
+            on = pass_boundary(&ray, hit, &stack, on, scene);
+            behind += on ? hit.t : ZERO;
+            ray.origin = on ? ray.origin : (I)(PATH_ENDED);
+            Hit next = nearest_hit(ray, scene);
+            hit.primitive = on ? next.primitive : hit.primitive;
+            hit.t = on ? next.t : hit.t;
+            hit.triangle = on ? next.triangle : hit.triangle;
+            hit.b1 = on ? next.b1 : hit.b1;
+            hit.b2 = on ? next.b2 : hit.b2;
+        }
+#else
+        on = FALSE;
+#endif
+    }
+    hit.t += behind;
+    return hit;
 }
 
 // A piece of a path's way, in one medium.
@@ -66,6 +125,9 @@ typedef struct {
     Inside medium;
     F3   shares;        // with which each wavelength chooses the distance
     U    dimension;     // of its random numbers
+#if HAS_DENSITY
+    I    gridded;       // whether its density is a grid's, within whose box it is then
+#endif
 } Stretch;
 
 // Density with which the transmittance chooses a column.
@@ -116,14 +178,28 @@ static F3 middle_of(const __global Emitter *es, I e, I *near)
     return middle;
 }
 
+#if HAS_DENSITY
+#define AT_MET_TYPE(type, name) , type name
+#define AT_MET(name) , name
+#else
+#define AT_MET_TYPE(type, name)
+#define AT_MET(name)
+#endif
+
 // Adds the light that the stretches of the lanes `on` scatter once towards their path: of a lamp picked where the
-// transmittance scatters the path, at `met` in the lanes `scatters`, and of one picked for the stretch as a whole.
-static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene scene, Rules rules)
+// transmittance scatters the path, at `met` in the lanes `scatters`, and of one picked for the stretch as a whole. Along grids
+// `scattered` is the weight of the former, and `guess` the column to there by which both ways are weighed.
+static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene scene, Rules rules
+                          AT_MET_TYPE(F3, scattered) AT_MET_TYPE(F, guess))
 {
     Receiver nowhere = all_round();
     F3 mean = s.medium.extinction;
     F middle = MIN(0.5f * column_of(s.medium, s.ray, s.length), 3.0f / (mean.x + mean.y + mean.z));
     F3 amid = along(s.ray.o, s.ray.d, distance_after(s.medium, s.ray, middle));
+#if HAS_DENSITY
+    amid = select3(s.gridded, along(s.ray.o, s.ray.d, 0.5f * s.length), amid);
+#endif
+    F3 droplets = droplets_in(path->medium & MEDIUM_MASK, scene);
     F g = GATHER(F, scene.media, path->medium & MEDIUM_MASK, .asymmetry);
     F3 per_metre = mul(path->beta, s.medium.scattering);
 #pragma nounroll
@@ -147,20 +223,47 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         F here = way == 0u ? first : other;         // probability of the lamp at the place itself
         F whole = way == 0u ? other : first;        // and for the stretch
         LightSample light = sample_picked(scene, e, here, p, u.b, u.c);
-        F phase = henyey_greenstein(g, dot3(s.ray.d, light.direction));
+        F phase = phase_of(g, droplets, dot3(s.ray.d, light.direction));
         F column = column_of(s.medium, s.ray, t);
+        F3 left = transmittance_of(s.medium.extinction, column);
+#if HAS_DENSITY
+        F density = ONE;
+        I gridded = wanted & s.gridded;
+        if (ANY(gridded)) {
+            density = gridded ? density_at_point(p, s.medium.grid, scene) : ONE;
+            F seen = guess;
+            if (way != 0u) {
+                Chance chance = chance_of(path->pixel, path->sample, s.dimension + TO_THE_POINT, rules.seed);
+                seen = ZERO;
+                F3 tracked = track_ratio(s.ray, t, s.medium.grid, s.medium.extinction, max3(s.medium.extinction), &chance,
+                                         gridded & (density > 0.0f), &seen, 0, scene);
+                left = select3(gridded, tracked, left);
+            }
+            column = gridded ? seen : column;
+        }
+#endif
+        F likely = density_at(s, column);
         F spread = near ? equiangular_density(view, t) : ZERO;
 #if HAS_LAYERED_FOG
         // Densities are per metre of the column, as what is scattered is.
         spread = MIN(spread / MAX(relative_density(s.medium, s.ray, t), (F)(SMALLEST)), (F)(LARGEST_DENSITY));
 #endif
-        F both_ways = density_at(s, column) * here + whole * spread;
+#if HAS_DENSITY
+        spread = gridded ? MIN(spread / MAX(density, (F)(SMALLEST)), (F)(LARGEST_DENSITY)) : spread;
+        likely = gridded ? MAX(likely, (F)(LEAST_LIKELY)) : likely;
+#endif
+        F both_ways = likely * here + whole * spread;
         F weight = phase * here / MAX(both_ways, (F)(SMALLEST));
 #if !LAMPS_BY_SAMPLES
         F rival = MIN(light.pdf, (F)(LARGEST_DENSITY));
         weight *= rival > 0.0f ? rival * rival / (rival * rival + phase * phase) : ONE;
 #endif
-        F3 added = scale(mul(mul(per_metre, transmittance_of(s.medium.extinction, column)), light.radiance), weight);
+        F3 added = scale(mul(mul(per_metre, left), light.radiance), weight);
+#if HAS_DENSITY
+        if (way == 0u)
+            added = select3(gridded, scale(mul(mul(path->beta, scattered), light.radiance), weight * likely), added);
+        wanted = wanted & (density > 0.0f);
+#endif
         F reach = (wanted & (max3(added) > 0.0f)) ? light.reach : ZERO;
         I lit = reach > 0.0f;
         if (!ANY(lit))
@@ -173,10 +276,33 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         ray.triangle = (I)(NO_TRIANGLE);
         lit = lit & NOT(any_hit(ray, reach, light.primitive, light.triangle, scene));
         if (ANY(lit)) {
-            added = mul(added, shadow_transmittance(ray, path->medium, light.reach, lit, scene));
+#if HAS_DENSITY
+            Chance chance = chance_of(path->pixel, path->sample, s.dimension + TO_THE_LAMP + way, rules.seed);
+#endif
+            added = mul(added, shadow_transmittance(ray, path->medium, light.reach, lit, scene WITH_CHANCE(chance)));
             gather_light(path, lit, added, group_of_emitter(scene, e));
         }
     }
+}
+#endif
+
+#if HAS_DENSITY
+// Weight of a path that delta tracking has taken to a collision or past all: what scatters there or is left at each wavelength,
+// over the probability with which any of them would have come there. Both have the densities met in common.
+static F3 weight_of(Collision c, Stretch s)
+{
+    F most = max3(s.medium.extinction);
+    F3 share = scale(s.medium.extinction, ONE / MAX(most, (F)(SMALLEST)));
+    F3 power = f3(c.tries * logarithm(MAX(share.x, (F)(1e-20f))) + (most - s.medium.extinction.x) * c.bound,
+                  c.tries * logarithm(MAX(share.y, (F)(1e-20f))) + (most - s.medium.extinction.y) * c.bound,
+                  c.tries * logarithm(MAX(share.z, (F)(1e-20f))) + (most - s.medium.extinction.z) * c.bound);
+    F top = max3(power);
+    F3 chance = f3(exponential(power.x - top), exponential(power.y - top), exponential(power.z - top));
+    F3 albedo = f3(s.medium.scattering.x / MAX(s.medium.extinction.x, (F)(SMALLEST)),
+                   s.medium.scattering.y / MAX(s.medium.extinction.y, (F)(SMALLEST)),
+                   s.medium.scattering.z / MAX(s.medium.extinction.z, (F)(SMALLEST)));
+    F3 value = scale(chance, ONE / MAX(dot3(s.shares, chance), (F)(SMALLEST)));
+    return select3(c.scatters, mul(value, albedo), value);
 }
 #endif
 
@@ -186,16 +312,42 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
 {
     F3 extinction = s.medium.extinction;
     F3 glow = s.medium.glow;
+#if HAS_DENSITY
+    F before = enter_grid(&s.ray, &s.length, s.medium.grid, on & s.gridded, scene);
+    on = on & (NOT(s.gridded) | (s.length > 0.0f));
+    s.gridded = s.gridded & on;
+    s.length = MAX(s.length, ZERO);
+#endif
     F whole = column_of(s.medium, s.ray, s.length);
     if (ANY(on & (max3(glow) > 0.0f))) {
         F3 all = scale(f3(mean_transmittance(extinction.x * whole), mean_transmittance(extinction.y * whole),
                           mean_transmittance(extinction.z * whole)), whole);
+#if HAS_DENSITY
+        I shines = s.gridded & (max3(glow) > 0.0f);
+        if (ANY(shines)) {
+            Chance chance = chance_of(path->pixel, path->sample, s.dimension + TO_GLOW, rules.seed);
+            F rate = MAX(max3(extinction), GATHER(F, scene.media, s.medium.grid, .glow_rate));
+            F guess = ZERO;
+            F3 seen = f3(ZERO, ZERO, ZERO);
+            track_ratio(s.ray, s.length, s.medium.grid, extinction, rate, &chance, shines, &guess, &seen, scene);
+            all = select3(s.gridded, scale(seen, ONE / rate), all);
+        }
+#endif
         gather_light(path, on, mul(path->beta, mul(glow, all)), (I)(GLOW_GROUP));
     }
     on = on & has_extinction(s.medium);
     I murky = on & (max3(s.medium.scattering) > 0.0f);
     I scatters = FALSE;
     F3 left = transmittance_of(extinction, whole);
+#if HAS_DENSITY
+    I dim = s.gridded & on & NOT(murky);
+    if (ANY(dim)) {
+        Chance chance = chance_of(path->pixel, path->sample, s.dimension + TO_THE_POINT, rules.seed);
+        F guess = ZERO;
+        F3 tracked = track_ratio(s.ray, s.length, s.medium.grid, extinction, max3(extinction), &chance, dim, &guess, 0, scene);
+        left = select3(dim, tracked, left);
+    }
+#endif
     if (ANY(murky)) {
         // Choose a distance by the transmittance of one of three.
         F3 albedo = f3(s.medium.scattering.x / MAX(extinction.x, (F)(SMALLEST)),
@@ -209,15 +361,32 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
         F column = -logarithm(MAX(1.0f - u.b, (F)(1e-9f))) / MAX(chosen, (F)(1e-20f));
         F t = MIN(distance_after(s.medium, s.ray, column), s.length);
         scatters = murky & (column < whole);
+#if HAS_DENSITY
+        I gridded = murky & s.gridded;
+        Collision c;
+        F3 tracked = f3(ZERO, ZERO, ZERO);
+        c.guess = ZERO;
+        if (ANY(gridded)) {
+            Chance chance = chance_of(path->pixel, path->sample, s.dimension + TO_COLLIDE, rules.seed);
+            c = collide(s.ray, s.length, s.medium.grid, MAX(chosen, (F)(1e-20f)), chance, gridded, scene);
+            t = gridded ? c.t : t;
+            scatters = gridded ? c.scatters : scatters;
+            tracked = weight_of(c, s);
+        }
+#endif
 #if HAS_EMITTERS
         I lightable = murky & (path->depth < rules.max_depth);
         if (ANY(lightable))
-            add_scattered(path, s, t, scatters & lightable, lightable, scene, rules);
+            add_scattered(path, s, t, scatters & lightable, lightable, scene, rules AT_MET(tracked) AT_MET(c.guess));
 #endif
         F3 over = transmittance_of(extinction, column);
         F3 scattered = scale(mul(s.medium.scattering, over), ONE / MAX(density_at(s, column), (F)(SMALLEST)));
         F3 passed = scale(left, ONE / MAX(dot3(s.shares, left), (F)(SMALLEST)));
         left = select3(scatters, scattered, select3(murky, passed, left));
+#if HAS_DENSITY
+        left = select3(gridded, tracked, left);
+        t += before;
+#endif
         *met = t;
     }
     path->beta = select3(on, mul(path->beta, left), path->beta);
@@ -245,6 +414,9 @@ static Hit travel_on(Path *path, Scene scene, Rules rules)
         s.medium = inside_of(path->medium, on, scene);
         s.dimension = 0x40000000u + 4u * (path->depth * MOST_BOUNDARIES + step);
         s.shares = f3(ZERO, ZERO, ZERO);
+#if HAS_DENSITY
+        s.gridded = on & (s.medium.grid > 0);
+#endif
         I foggy = on & (has_extinction(s.medium) | (max3(s.medium.glow) > 0.0f));
         I scatters = FALSE;
         F met = ZERO;

@@ -2,7 +2,7 @@
 // but for the fall of their density with height (integrator/column.h).
 // A path carries the media that it is in as a stack in one integer, five bits each, the innermost lowest, above them one bit
 // that marks the bottom: entering a solid puts the medium of its inside on top, leaving it takes that away again.
-// Facts: HAS_MEDIA, HAS_LAYERED_FOG, HAS_BOUNDARY (surfaces of nothing but a medium behind them).
+// Facts: HAS_MEDIA, HAS_LAYERED_FOG, HAS_DENSITY, HAS_DROPLETS, HAS_BOUNDARY (surfaces of nothing but a medium behind them).
 #ifndef MEDIUM_H
 #define MEDIUM_H
 #include "common/exponential.h"
@@ -22,6 +22,9 @@ typedef struct {
     F3 rise;
     F  base;
 #endif
+#if HAS_DENSITY
+    I  grid;    // the medium's number, 0 where its density is no grid's
+#endif
 } Inside;
 
 static inline I has_extinction(Inside m) { return max3(m.extinction) > 0.0f; }
@@ -34,6 +37,9 @@ static Inside inside_of(I stack, I on, Scene scene)
 #if HAS_LAYERED_FOG
     all.rise = f3(ZERO, ZERO, ZERO);
     all.base = ZERO;
+#endif
+#if HAS_DENSITY
+    all.grid = FALSE;
 #endif
     I number = stack & MEDIUM_MASK;
     I rest = on & (number != 0);
@@ -52,6 +58,9 @@ static Inside inside_of(I stack, I on, Scene scene)
 #if HAS_LAYERED_FOG
         all.rise = select3(mine, f3_of(medium->layer), all.rise);
         all.base = mine ? (F)(medium->layer.w) : all.base;
+#endif
+#if HAS_DENSITY
+        all.grid = (mine & (medium->voxels >= 0 ? (I)(-1) : FALSE)) != 0 ? (I)(index) : all.grid;
 #endif
         rest = rest & NOT(mine);
     }
@@ -84,7 +93,7 @@ static I stack_beyond(I stack, I primitive, F3 ng, F3 from, F3 to, Scene scene)
     return enters ? (stack << MEDIUM_BITS) | inside : (leaves ? stack >> MEDIUM_BITS : stack);
 }
 
-// How a medium scatters, as a BSDF of a vertex of this kind; vertex.parameter is the mean cosine.
+// How a medium scatters, as a BSDF of a vertex of this kind; vertex.parameter is the mean cosine, vertex.color its droplets.
 #define MATERIAL_PHASE 64
 
 static inline I phase_is(I kind) { return kind == MATERIAL_PHASE; }
@@ -95,10 +104,68 @@ static inline F henyey_greenstein(F g, F cosine)
     return 0.25f * INV_PI_F * (1.0f - g * g) / (squared * sqrt(squared));
 }
 
+#if HAS_DROPLETS
+// How droplets of fog scatter beside the part of Henyey and Greenstein: Draine's function with the parameters that Jendersie and
+// d'Eon (2023) give by their size; its weight is 0 for other media.
+typedef struct { F g, alpha, weight; } Droplets;
+
+static inline Droplets droplets_of(F3 c) { Droplets d; d.g = c.x; d.alpha = c.y; d.weight = c.z; return d; }
+
+static inline F draine(Droplets d, F cosine)
+{
+    return henyey_greenstein(d.g, cosine) * (1.0f + d.alpha * cosine * cosine)
+        / (1.0f + d.alpha * (1.0f + 2.0f * d.g * d.g) * 0.333333333f);
+}
+
+// The cosine below which a share u of Draine's function lies, by s = sqrt(1 + g^2 - 2 g cosine), over which its integral is
+// -a / s - b s + c s^3: Newton's steps, halved intervals where they leave the bracket.
+static F draine_cosine(Droplets d, F u)
+{
+    F g = MAX(d.g, (F)(1e-3f));
+    F middle = 1.0f + g * g;
+    F k = d.alpha / (4.0f * g * g);
+    F a = 1.0f + k * middle * middle, b = 2.0f * k * middle, c = k * 0.333333333f;
+    F low = 1.0f - g, high = 1.0f + g;
+    F last = -a / high - b * high + c * high * high * high;
+    F first = -a / low - b * low + c * low * low * low;
+    F wanted = last + u * (first - last);       // the share below a cosine lies above its s
+    F s = (1.0f - g * g) / (1.0f - g + 2.0f * g * u);
+    for (uint step = 0u; step < 10u; ++step) {
+        F error = -a / s - b * s + c * s * s * s - wanted;
+        high = error > 0.0f ? s : high;
+        low = error > 0.0f ? low : s;
+        F next = s - error / MAX(a / (s * s) - b + 3.0f * c * s * s, (F)(SMALLEST));
+        s = ((next > low) & (next < high)) ? next : 0.5f * (low + high);
+    }
+    return (middle - s * s) / (2.0f * g);
+}
+#endif
+
+// Density over directions with which a medium scatters; `droplets` are of a vertex, or of the medium of a number.
+static inline F phase_of(F g, F3 droplets, F cosine)
+{
+    F value = henyey_greenstein(g, cosine);
+#if HAS_DROPLETS
+    Droplets d = droplets_of(droplets);
+    value = d.weight > 0.0f ? value + d.weight * (draine(d, cosine) - value) : value;
+#endif
+    return value;
+}
+
+static inline F3 droplets_in(I number, Scene scene)
+{
+#if HAS_DROPLETS
+    return f3(GATHER(F, scene.media, number, .droplets.x), GATHER(F, scene.media, number, .droplets.y),
+              GATHER(F, scene.media, number, .droplets.z));
+#else
+    return f3(ONE, ONE, ONE);
+#endif
+}
+
 static inline F3 phase_eval(Vertex vertex, F3 d, Side side, F3 wo, F *pdf)
 {
-    *pdf = henyey_greenstein(vertex.parameter, dot3(d, wo));
-    return scale(vertex.color, *pdf);
+    *pdf = phase_of(vertex.parameter, vertex.color, dot3(d, wo));
+    return f3(*pdf, *pdf, *pdf);
 }
 
 static inline Scattered phase_sample(Vertex vertex, F3 d, Side side, F u, F v, F lobe)
@@ -106,6 +173,11 @@ static inline Scattered phase_sample(Vertex vertex, F3 d, Side side, F u, F v, F
     F g = vertex.parameter;
     F s = (1.0f - g * g) / (1.0f - g + 2.0f * g * v);
     F cosine = absolute(g) < 1e-3f ? 1.0f - 2.0f * v : (1.0f + g * g - s * s) / (2.0f * g);
+#if HAS_DROPLETS
+    I far = lobe < vertex.color.z;
+    if (ANY(far))
+        cosine = far ? draine_cosine(droplets_of(vertex.color), v) : cosine;
+#endif
     cosine = MIN(MAX(cosine, (F)(-1.0f)), ONE);
     F sn, cs;
     sincos_turns(u, &sn, &cs);
@@ -114,8 +186,8 @@ static inline Scattered phase_sample(Vertex vertex, F3 d, Side side, F u, F v, F
     frame(d, &x, &y);
     Scattered out;
     out.direction = from_frame(x, y, d, f3(sine * cs, sine * sn, cosine));
-    out.weight = vertex.color;
-    out.pdf = henyey_greenstein(g, cosine);
+    out.weight = f3(ONE, ONE, ONE);
+    out.pdf = phase_of(g, vertex.color, cosine);
     return out;
 }
 
@@ -125,7 +197,7 @@ static void take_phase(Vertex *vertex, I on, I stack, F3 d, Scene scene)
     F3 against = scale(d, -ONE);
     vertex->n = select3(on, against, vertex->n);
     vertex->ng = select3(on, against, vertex->ng);
-    vertex->color = select3(on, f3(ONE, ONE, ONE), vertex->color);
+    vertex->color = select3(on, droplets_in(stack & MEDIUM_MASK, scene), vertex->color);
     vertex->parameter = on ? GATHER(F, scene.media, stack & MEDIUM_MASK, .asymmetry) : vertex->parameter;
     vertex->kind = on ? (I)(MATERIAL_PHASE) : vertex->kind;
 }

@@ -1,5 +1,9 @@
 // Adds what a wave's camera rays meet first to the auxiliary layers: one work item owns VW pixels and takes their samples
 // in order. Reads the camera rays that generate wrote, before the paths go on from them. Facts: STREAM, LAYER_….
+#if HAS_MEDIA && LAYER_TRANSMITTANCE >= 0
+#define MEETS_BOUNDARIES
+#include "integrator/media.h"
+#endif
 #include "common/transpose.h"
 #include "geometry/nearest.h"
 #include "integrator/layers.h"
@@ -34,7 +38,7 @@ __kernel void layers(SCENE_PARAMETERS
     F3 up = f3_of(camera->up);
     F3 back = f3_of(camera->back);
 #endif
-#if HAS_MIX || LAYER_COC >= 0
+#if HAS_MIX || LAYER_COC >= 0 || LAYER_TRANSMITTANCE >= 0
     Lane lane = lane_of(first, wave, tiles);
 #endif
 #if LAYER_COC >= 0
@@ -70,7 +74,15 @@ __kernel void layers(SCENE_PARAMETERS
         if (!ANY(passed))
             continue;
         I fresh = passed & (sums.sum[SUM_OF_PASSED] == 0.0f);
+#if HAS_MEDIA && LAYER_TRANSMITTANCE >= 0
+        F3 left;
+#if HAS_DENSITY
+        Chance chance = chance_of(lane.pixel, (U)(wave.first_sample + k), (U)(FROM_A_SURFACE), wave.seed);
+#endif
+        Hit hit = hit_through_media(ray, &left, passed, scene WITH_CHANCE(chance));
+#else
         Hit hit = nearest_hit(ray, scene);
+#endif
         I on = passed & (hit.primitive >= 0);
         F met = on ? weight : ZERO;
         hit.t = on ? hit.t : ZERO;
@@ -109,6 +121,12 @@ __kernel void layers(SCENE_PARAMETERS
 #endif
 #if LAYER_ALBEDO >= 0
         add_weighted3(&sums, LAYER_ALBEDO, met, base_color(vertex));
+#endif
+#if LAYER_TRANSMITTANCE >= 0
+#if !HAS_MEDIA
+        F3 left = f3(ONE, ONE, ONE);
+#endif
+        add_weighted3(&sums, LAYER_TRANSMITTANCE, passed ? weight : ZERO, left);
 #endif
 #if LAYER_COC >= 0
         F away = view->by_depth ? depth + view->blur_origin_z

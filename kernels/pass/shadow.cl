@@ -9,7 +9,13 @@
 SIXTEEN_TOGETHER
 __kernel void shadow(SCENE_PARAMETERS
                      __global float *state,      // path state
-                     uint            capacity)   // slots in the state
+                     uint            capacity    // slots in the state
+#if HAS_DENSITY
+                   , Wave            wave,
+                     uint            depth,      // of the vertex that was lit, from 1
+                     const __global uint *tiles  // that are rendered
+#endif
+                     )
 {
     uint slot = get_global_id(0) * VW;
     F reach = READ_F(REACH, slot);
@@ -36,7 +42,11 @@ __kernel void shadow(SCENE_PARAMETERS
 #if SPECTRAL_COLOURS
     scene.spectral = spectral_colours_of(READ_F(WAVELENGTH_SAMPLE, slot), scene.colours);
 #endif
-    light = mul(light, shadow_transmittance(ray, READ_I(FROM_MEDIUM, slot), reach, lit, scene));
+#if HAS_DENSITY
+    Lane lane = lane_of(slot, wave, tiles);
+    Chance chance = chance_of(lane.pixel, lane.sample, (U)(FROM_A_SURFACE + depth), wave.seed);
+#endif
+    light = mul(light, shadow_transmittance(ray, READ_I(FROM_MEDIUM, slot), reach, lit, scene WITH_CHANCE(chance)));
 #endif
     WRITE_F3(L, slot, add(radiance, keep3(lit, light)));
 #if LIGHT_GROUPS

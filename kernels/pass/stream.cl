@@ -124,9 +124,12 @@ __kernel void stream(SCENE_PARAMETERS
         I wanted = shadow.reach > 0.0f;
         if (ANY(wanted)) {
             I dark = any_hit(shadow.ray, shadow.reach, shadow.target, shadow.target_triangle, scene);
+#if HAS_DENSITY
+            Chance chance = chance_of(path.pixel, path.sample, FROM_A_SURFACE + path.depth - 1u, rules.seed);
+#endif
 #if HAS_MEDIA
             shadow.light = mul(shadow.light, shadow_transmittance(shadow.ray, shadow.medium, shadow.reach,
-                                                                  wanted & NOT(dark), scene));
+                                                                  wanted & NOT(dark), scene WITH_CHANCE(chance)));
 #endif
 #if LIGHT_GROUPS
             I group = shadow.group;

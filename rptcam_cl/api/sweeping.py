@@ -33,7 +33,7 @@ from rptcam_cl.rendering.cameras.ideal import stop_shape
 from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.scene.load import at_rest, change_scene, set_keys
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.focus.drives import focus_drive
+from rptcam_cl.studies.focus.drives import Drive, WholeLens, focus_drive
 from rptcam_cl.studies.focus.probe import Zone, circle_of_confusion
 
 if TYPE_CHECKING:
@@ -614,16 +614,20 @@ def _distance(region: Plane) -> Plane | None:
 #
 # Focus stacking: pictures of one scene focused at many distances become one that is sharp throughout, and a depth map.
 #
-# The method is shape from focus: the sum-modified Laplacian of each picture, and a Gaussian through its greatest value
-# and the neighbours (S. Nayar, Y. Nakagawa, Shape from focus, IEEE PAMI 16, 824 (1994)). It needs texture: where there
-# is none, the depth is that of what lies around.
+# The method is shape from focus: the modified Laplacian of each picture, and a Gaussian through its greatest value and
+# the neighbours (S. Nayar, Y. Nakagawa, Shape from focus, IEEE PAMI 16, 824 (1994)). It needs texture: where there is
+# none, the depth is that of what lies around. Each picture consists of two with independent noise, whose Laplacians are
+# multiplied, so that noise adds nothing on the average; how far they are apart says what it adds by chance.
 
 MOST_PICTURES = 200
 CENTRE = Zone(0.49, 0.51, 0.49, 0.51)
 WINDOW = 4  # pixels to either side over which contrast is summed
-CLEAR = 1.5  # times the mean over all pictures, by which the greatest contrast says where a pixel is sharp
+CLEAR = 2.0  # times the mean over all pictures, by which the greatest contrast says where a pixel is sharp
+CERTAIN = 4.0  # standard errors of it by noise
+INDEPENDENT = 0.2  # of the pixels of a window: their Laplacians overlap
 SPREADS = (2, 4, 8, 16, 32, 64, 128, 256, 512)  # pixels to either side from which depth is taken where there is none
 LEAST_SHARE = 0.02  # of those pixels that must have one
+FRAME_NODES = 1025  # of the table from the focus of a film that was read to its state
 
 
 def focus_stack(
@@ -675,28 +679,96 @@ def focus_stack(
         allowed = f"3 to {MOST_PICTURES}; {needed} leave nothing unsharp between"
         raise InputError(f"steps: is out of range (got {count}; allowed: {allowed})")
     states = [drive.state_at(float(place)) for place in np.linspace(ends[0], ends[1], count)]
-    series = SeriesRenderer(device if isinstance(device, Session) else open_session(device))
     distances = [drive.object_distance(state) for state in states]
-    pictures: list[NDArray[np.float32]] = []
-    contrasts: list[NDArray[np.float32]] = []
-    for number, state in enumerate(states):
+
+    def say(number: int) -> None:
         if on_picture is not None:
             on_picture(number + 1, count, distances[number] or np.inf)
-        image = series.render(change_scene(scene, camera=drive.camera_keys(state)))
-        if number == 0 and (metered := image.metadata.get("metered_cd_m2")) is not None:
-            scene = set_keys(scene, {"exposure.lock_cd_m2": metered})
-        if on_image is not None:
-            on_image(number + 1, distances[number] or np.inf, image)
-        pixels = resized(image.pixels.astype(np.float64), drive.image_scale(states[-1], state))
-        pictures.append(pixels.astype(np.float32))
-        contrasts.append(_contrast(pixels).astype(np.float32))
-    pixels, place, known = _blend(np.stack(pictures), np.stack(contrasts).astype(np.float64))
-    depth = 1 / np.interp(place, np.arange(count), [1 / (distance or np.inf) for distance in distances])
-    about = {"pictures": count, "near_m": near_m, "far_m": far_m, "needed": needed, "known_share": float(known.mean())}
+
+    def taken() -> Iterator[tuple[Image, Image]]:
+        for number, pair in enumerate(_take_pairs(scene, drive, states, device, say)):
+            if on_image is not None:
+                mean = np.asarray((pair[0].pixels + pair[1].pixels) / 2, np.float32)
+                on_image(number + 1, distances[number] or np.inf, replace(pair[0], pixels=mean))
+            yield pair
+
+    about = {"pictures": count, "near_m": near_m, "far_m": far_m, "needed": needed}
+    return _stack(taken(), drive, states, about)
+
+
+def stack_frames(source: SceneSource, files: Sequence[str | Path]) -> Image:
+    """Return the same as `focus_stack` of films that were rendered before, by their focus in the files.
+
+    Two or more with the same focus and other seeds tell their noise; that of a single one is taken for texture.
+
+    Parameters
+    ----------
+    source
+        Their scene, whose focus and film's resolution do not matter.
+    files
+        Films, in any order.
+
+    Raises
+    ------
+    InputError
+        When there are fewer than three focuses, or a film does not say its own or has another size.
+    """
+    drive, groups = focus_drive(at_rest(read_scene(source))), dict[float, list[Image]]()
+    low, high = sorted(map(drive.coordinate, drive.limits))
+    places = np.linspace(low, high, FRAME_NODES)
+    vergences = np.array([drive.first_order_vergence(drive.state_at(float(place))) for place in places])
+    sense = 1 if vergences[-1] > vergences[0] else -1
+    size = None
+    for file in files:
+        image = read_film(Path(file))
+        state, distance = image.metadata.get("film_distance_mm"), image.metadata.get("focus_distance_m")
+        if not isinstance(drive, WholeLens) or state is None:
+            if distance is None:
+                raise InputError(f"{file}: does not say where it is focused (allowed: films that render wrote)")
+            state = drive.state_at(float(np.interp(1 / distance, vergences[::sense], places[::sense])))
+        if (size := size or image.pixels.shape) != image.pixels.shape:
+            raise InputError(f"{file}: is {image.width} x {image.height} pixels (allowed: as the others)")
+        groups.setdefault(round(float(state), 9), []).append(image)
+    if len(groups) < 3:
+        raise InputError(f"frames: are focused at {len(groups)} distances (allowed: at least 3)")
+    states = sorted(groups, key=lambda state: drive.nearer * drive.coordinate(state))
+    taken = ((_mean_image(groups[state][::2]), _mean_image(groups[state][1::2] or groups[state])) for state in states)
+    return _stack(taken, drive, states, {"pictures": len(states)})
+
+
+def _mean_image(images: Sequence[Image]) -> Image:
+    return replace(images[0], pixels=np.mean([image.pixels for image in images], axis=0, dtype=np.float32))
+
+
+def _stack(taken: Iterable[tuple[Image, Image]], drive: Drive, states: Sequence[float], about: dict[str, Any]) -> Image:
+    """Make the picture and the depth of pairs in states from far to near."""
+    image, pixels, place, known = _blend(taken, [drive.image_scale(states[-1], state) for state in states])
+    distances = [drive.object_distance(state) for state in states]
+    depth = 1 / np.interp(place, np.arange(len(states)), [1 / (distance or np.inf) for distance in distances])
+    about = {**about, "known_share": float(known.mean())}
     metadata = {**image.metadata, "focus_stack": about, "layers": ["depth"]}
     return replace(
         image, pixels=pixels.astype(np.float32), metadata=metadata, layers={"depth": depth.astype(np.float32)}
     )
+
+
+def _take_pairs(
+    scene: Scene,
+    drive: Drive,
+    states: Sequence[float],
+    device: str | Session | None,
+    on_picture: Callable[[int], object],
+) -> Iterator[tuple[Image, Image]]:
+    """Take two pictures with independent noise in each state, with half of the samples each."""
+    series = SeriesRenderer(device if isinstance(device, Session) else open_session(device))
+    scene = change_scene(scene, render={"spp": max(scene.render.spp // 2, 1)})
+    for number, state in enumerate(states):
+        on_picture(number)
+        there = change_scene(scene, camera=drive.camera_keys(state))
+        image = series.render(there)
+        if number == 0 and (metered := image.metadata.get("metered_cd_m2")) is not None:
+            scene, there = (set_keys(each, {"exposure.lock_cd_m2": metered}) for each in (scene, there))
+        yield image, series.render(change_scene(there, render={"seed": (scene.render.seed + 1) % 2**32}))
 
 
 def resized(pixels: Plane, scale: float) -> Plane:
@@ -730,25 +802,42 @@ def _box_mean(values: Plane, reach: int) -> Plane:
     return values
 
 
-def _contrast(pixels: Plane) -> Plane:
-    """Return the sum-modified Laplacian of a picture over its local brightness, summed over a window."""
-    light = pixels @ np.array([0.2126, 0.7152, 0.0722])
-    padded = np.pad(light, 1, mode="edge")
-    middle = padded[1:-1, 1:-1]
-    across = np.abs(2 * middle - padded[1:-1, :-2] - padded[1:-1, 2:])
-    down = np.abs(2 * middle - padded[:-2, 1:-1] - padded[2:, 1:-1])
-    return _box_mean(across + down, WINDOW) / np.maximum(_box_mean(light, 4 * WINDOW), 1e-12)
+def _contrast(pair: Sequence[Plane]) -> tuple[Plane, Plane]:
+    """Return the product of the Laplacians of two pictures over their local brightness, and its standard error.
+
+    Both are means over a window.
+    """
+    lights = [pixels @ np.array([0.2126, 0.7152, 0.0722]) for pixels in pair]
+    level = np.maximum(_box_mean((lights[0] + lights[1]) / 2, 4 * WINDOW), 1e-12)
+    padded = [np.pad(light, 1, mode="edge") for light in lights]
+    across, down = (
+        [2 * light - np.roll(light, 1, axis) - np.roll(light, -1, axis) for light in padded] for axis in (1, 0)
+    )
+    inner = (slice(1, -1), slice(1, -1))
+    product = (across[0] * across[1] + down[0] * down[1])[inner]
+    noise = ((across[0] - across[1]) ** 2 + (down[0] - down[1]) ** 2)[inner]  # four times the variance of a Laplacian
+    error = _box_mean(noise, WINDOW) / 4 * np.sqrt(2 / (INDEPENDENT * (2 * WINDOW + 1) ** 2))
+    return _box_mean(product, WINDOW) / level**2, error / level**2
 
 
-def _blend(pictures: NDArray[np.float32], contrasts: Plane) -> tuple[Plane, Plane, NDArray[np.bool_]]:
-    """Make one sharp picture of those of a stack by the contrasts of each.
+def _blend(
+    taken: Iterable[tuple[Image, Image]], scales: Sequence[float]
+) -> tuple[Image, Plane, Plane, NDArray[np.bool_]]:
+    """Make one sharp picture of those of a stack by the contrasts of each, drawn so many times larger.
 
     Returns
     -------
-    pixels, place, known : array
-        The picture, the place of each pixel in the stack, and which pixels tell theirs themselves.
+    image, pixels, place, known
+        The last image as it was, the picture, the place of each pixel in the stack, and which pixels tell theirs
+        themselves.
     """
-    count = len(pictures)
+    whole, measured = [], []
+    for (image, other), scale in zip(taken, scales, strict=True):
+        pair = [resized(each.pixels.astype(np.float64), scale) for each in (image, other)]
+        whole.append(((pair[0] + pair[1]) / 2).astype(np.float32))
+        measured.append(np.stack(_contrast(pair)).astype(np.float32))
+    pictures, count = np.stack(whole), len(whole)
+    contrasts, errors = np.moveaxis(np.stack(measured).astype(np.float64), 1, 0)
     best = np.argmax(contrasts, axis=0)
     middle = np.clip(best, 1, count - 2)
     before, at, after = (
@@ -757,12 +846,13 @@ def _blend(pictures: NDArray[np.float32], contrasts: Plane) -> tuple[Plane, Plan
     bend = before - 2 * at + after
     top = middle + np.where(bend < 0, (before - after) / (2 * np.where(bend < 0, bend, -1.0)), best - middle)
     place = np.clip(np.where(np.abs(top - best) <= 1, top, best), 0, count - 1)
-    known = contrasts.max(axis=0) > CLEAR * contrasts.mean(axis=0)
+    greatest, error = (np.take_along_axis(each, best[None], 0)[0] for each in (contrasts, errors))
+    known = (greatest > CLEAR * np.maximum(contrasts, 0).mean(axis=0)) & (greatest > CERTAIN * error)
     place = _filled(place, known)
     low = np.minimum(place.astype(int), count - 2)
     share = (place - low)[..., None]
     chosen = [np.take_along_axis(pictures, (low + side)[None, ..., None], 0)[0] for side in (0, 1)]
-    return (1 - share) * chosen[0] + share * chosen[1], place, known
+    return image, (1 - share) * chosen[0] + share * chosen[1], place, known
 
 
 def _filled(place: Plane, known: NDArray[np.bool_]) -> Plane:
@@ -790,6 +880,7 @@ WEDGE_F, EYE_F = 8.0, 16.0  # the cone of light at whose edge wedges look, and t
 SPLIT, COLLAR = 1 / 8, 5 / 24  # of the film's height: diameters of the split image and the microprisms round it
 FACET = 1 / 240  # of it: side of a microprism
 LEAST_FACET_PX = 4
+MOST_MORE = 64  # times the samples of the picture that a wedge takes at most
 HALVES = {"x": ((-1.0, 0.0), (1.0, 0.0)), "y": ((0.0, -1.0), (0.0, 1.0))}
 WEDGES = ((-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))
 
@@ -820,17 +911,30 @@ class _Openings:
         part = self._open & (side[0] * self._x + side[1] * self._y > 0)
         return self._through(part, float(part.sum()))
 
-    def disc(self, middle: tuple[float, float], radius: float) -> Image | None:
-        """Take the picture through a disc, in units of the opening's radius; None where it lies beside the opening."""
-        disc = np.hypot(self._x - middle[0], self._y - middle[1]) <= radius
-        part = self._open & disc
-        return self._through(part, np.pi * (radius * CELLS / 2) ** 2) if part.any() else None
+    def disc(self, middle: tuple[float, float], radius: float, crop: tuple[float, float, float, float]) -> Image | None:
+        """Take a part of the picture through a disc, in units of the opening's radius; None where it lies beside it.
 
-    def _through(self, part: NDArray[np.bool_], cells: float) -> Image:
+        It takes more samples, as few rays of a traced lens meet a small disc.
+        """
+        part = self._open & (np.hypot(self._x - middle[0], self._y - middle[1]) <= radius)
+        if not part.any():
+            return None
+        more = min(math.ceil(self._open.sum() / part.sum()), MOST_MORE)
+        return self._through(part, np.pi * (radius * CELLS / 2) ** 2, crop, more)
+
+    def _through(
+        self,
+        part: NDArray[np.bool_],
+        cells: float,
+        crop: tuple[float, float, float, float] | None = None,
+        more: int = 1,
+    ) -> Image:
         mask = {"shape": "image", "file": part.astype(np.uint8)}
-        image = self._series.render(change_scene(self.scene, camera={"aperture": mask}))
+        scene = change_scene(self.scene, camera={"aperture": mask}, render={"spp": more * self.scene.render.spp})
+        image = self._series.render(scene if crop is None else change_scene(scene, film={"crop": crop}))
         # modes of exposure that count light find less behind a smaller part
-        full = np.count_nonzero(part if self.scene.exposure.mode == "relative" else self._open)
+        counts = self.scene.exposure.mode in ("irradiance", "physical")
+        full = np.count_nonzero(self._open if counts else part)
         return replace(image, pixels=image.pixels * np.float32(full / cells), layers={})
 
 
@@ -905,6 +1009,8 @@ def focusing_screen(
         When the camera has no opening that a mask fits into.
     """
     openings = _Openings(source, RenderOptions(spp=spp, size=size, seed=seed), device)
+    if openings.scene.film.crop is not None:
+        raise InputError("film.crop: a focusing screen is of the whole picture (allowed: none)")
     image = openings.whole()
     drive = focus_drive(openings.scene)
     f_number = drive.sharp_mm / (2 * circle_of_confusion(openings.scene))
@@ -921,7 +1027,13 @@ def focusing_screen(
         collar & ~sideways & (down < 0),
         collar & ~sideways & (down >= 0),
     )
+    side_px = min(math.ceil(COLLAR * height / 2), width // 2)
+    rows, columns = (slice((side - 1) // 2 - side_px, side // 2 + side_px + 1) for side in (height, width))
+    rows, columns = slice(max(rows.start, 0), rows.stop), slice(max(columns.start, 0), min(columns.stop, width))
+    crop = columns.start / width, columns.stop / width, rows.start / height, rows.stop / height
+    within = pixels[rows, columns]
     for side, place in zip(WEDGES, places, strict=True):
-        seen = openings.disc((side[0] * f_number / WEDGE_F, side[1] * f_number / WEDGE_F), f_number / EYE_F)
-        pixels[place] = 0.0 if seen is None else seen.pixels[place]
+        towards = side[0] * f_number / WEDGE_F, side[1] * f_number / WEDGE_F
+        seen, here = openings.disc(towards, f_number / EYE_F, crop), place[rows, columns]
+        within[here] = 0.0 if seen is None else seen.pixels[here]
     return replace(image, pixels=pixels, layers={})

@@ -480,7 +480,11 @@ def add_stack(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     for name, text in (("--near-m", "nearest"), ("--far-m", "farthest")):
-        parser.add_argument(name, type=positive, required=True, metavar="D", help=f"{text} distance of focus [m]")
+        parser.add_argument(name, type=positive, metavar="D", help=f"{text} distance of focus [m]")
+    parser.add_argument(
+        "--films", nargs="+", type=Path, metavar="FILM",
+        help="films of the scene that are rendered already, in place of --near-m and --far-m; by their own focus",
+    )  # fmt: skip
     parser.add_argument("--steps", type=_count, metavar="N", help="pictures to take (default: as many as it needs)")
     parser.add_argument(
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
@@ -493,12 +497,15 @@ def add_stack(parser: argparse.ArgumentParser) -> None:
 
 def run_stack(arguments: argparse.Namespace) -> int:
     """Render a scene focused at many distances, and make one sharp picture and a depth map of them."""
-    from rptcam_cl.api.sweeping import focus_stack
+    from rptcam_cl.api.sweeping import focus_stack, stack_frames
     from rptcam_cl.imaging.writers import check_output
     from rptcam_cl.scene.load import load_scene
 
+    ends, films = (arguments.near_m, arguments.far_m), arguments.films
+    if (None in ends) if films is None else (ends != (None, None)):
+        raise InputError("rptcam stack: takes --near-m and --far-m, or --films in their place")
     for output in arguments.outputs:
-        check_output(output, [arguments.scene])
+        check_output(output, [arguments.scene, *(films or ())])
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
 
@@ -506,12 +513,15 @@ def run_stack(arguments: argparse.Namespace) -> int:
         if not arguments.quiet:
             print(f"picture {number} of {count}: focused at {distance_m:.4g} m", file=sys.stderr)
 
-    image = focus_stack(
-        scene, arguments.near_m, arguments.far_m, steps=arguments.steps, spp=arguments.spp, size=arguments.size,
-        seed=arguments.seed, device=arguments.device, on_picture=say,
-    )  # fmt: skip
+    if films is not None:
+        image = stack_frames(scene, films)
+    else:
+        image = focus_stack(
+            scene, *ends, steps=arguments.steps, spp=arguments.spp, size=arguments.size, seed=arguments.seed,
+            device=arguments.device, on_picture=say,
+        )  # fmt: skip
     about = image.metadata["focus_stack"]
-    if about["pictures"] < about["needed"]:
+    if about["pictures"] < about.get("needed", 0):
         print_warnings([f"what lies between the pictures is not sharp; {about['needed']} would leave nothing out"])
     if about["known_share"] < POOR:
         print_warnings([

@@ -689,12 +689,25 @@ MEDIUM = Record(
         ("float4", "scattering"),  # [1/m]
         ("float4", "emission"),  # radiance per metre
         ("float4", "layer"),  # up, and the height of the base above the eye; both over the scale height [1/m, 1]
-        ("float", "asymmetry"),  # mean cosine of scattering
+        ("float4", "droplets"),  # of fog: g and alpha of Draine's phase function, and its share
+        ("float4", "row_x"),  # of a grid of densities: from about the eye [m] to voxels
+        ("float4", "row_y"),
+        ("float4", "row_z"),
+        ("float", "asymmetry"),  # mean cosine of scattering; with droplets of the rest of it
+        ("float", "glow_rate"),  # of a grid: places where it shines per column, at least
+        ("int", "voxels"),  # of a grid: where its densities start, x first; else -1
+        ("int", "blocks"),  # and the least, greatest and mean density of blocks of them
+        ("int", "size_x"),
+        ("int", "size_y"),
+        ("int", "size_z"),
+        ("int", "blocks_x"),
+        ("int", "blocks_y"),
+        ("int", "blocks_z"),
         ("int", "reserved_0"),
         ("int", "reserved_1"),
-        ("int", "reserved_2"),
     ),
 )
+DENSITY_BLOCK = 8  # voxels along a side of a block of a grid of densities
 
 TEXTURE = Record(
     "Texture",
@@ -956,7 +969,7 @@ def device_declarations() -> str:
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
     lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
     lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
-    lines.append(f"#define ONCE_TERMS {ONCE_TERMS}")
+    lines += [f"#define ONCE_TERMS {ONCE_TERMS}", f"#define DENSITY_BLOCK {DENSITY_BLOCK}"]
     lines += [f"#define SHARE_{name} {count}" for name, count in SHARE_SIDES.items()]
     lines += [f"#define LOSS_TABLE_NM {LOSS_TABLE_NM}", f"#define LOSS_TABLE_LENGTH {LOSS_TABLE_LENGTH}"]
     lines += [f"#define {name} {value!r}f" for name, value in _CONSTANTS.items()]

@@ -318,6 +318,7 @@ CHANNELS: dict[str, tuple[str, ...]] = {
     "albedo": ("albedo.R", "albedo.G", "albedo.B"),
     "coverage": ("coverage.X",),
     "coc": ("coc.X",),
+    "transmittance": ("transmittance.R", "transmittance.G", "transmittance.B"),
     "object_id": ("object_id.X",),
     "material_id": ("material_id.X",),
     "uv": ("uv.U", "uv.V"),

@@ -248,6 +248,7 @@ def _is_clear(record: np.void, share: float, coat: bool) -> bool:
 # Planes of each layer: means over the rays, and values of the first ray.
 MEANS: dict[LayerName, int] = {
     "depth": 1, "distance": 1, "position": 3, "normal": 3, "geometric_normal": 3, "albedo": 3, "coc": 1,
+    "transmittance": 3,
 }  # fmt: skip
 FIRSTS: dict[LayerName, int] = {"object_id": 1, "material_id": 1, "uv": 2, "pupil": 2}
 _OWNERS: tuple[LayerName, ...] = ("crypto_object", "crypto_material")  # weights of each object or material apart
@@ -445,6 +446,8 @@ def layer_arrays(planes: LayerPlanes, values: NDArray[np.float32], eye_m: Array)
                 return mean(name, hits, np.inf)[..., 0].astype(np.float32)
             case "coc":
                 return mean(name, passed, np.nan)[..., 0].astype(np.float32)
+            case "transmittance":
+                return mean(name, passed, np.nan).astype(np.float32)
             case "position":
                 return mean(name, hits, np.nan) + eye_m
             case "normal" | "geometric_normal":

@@ -366,10 +366,13 @@ class DepthPasses:
         first = "travel" if has_media else "intersect"
         files = [f"pass/{first}.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
         program, scene = _tracing_program(session, plan, buffers, files), buffers.scene.scene
-        self._shadow = session.bind(program, "shadow", **scene, **buffers.slots) if plan.emitters.count else None
         depths = range(1, settings.max_depth + 1)
         own = {**scene, **buffers.slots}
-        of_depth = {"wave": _NO_WAVE, "limits": ALIKE.limits(settings), "tiles": buffers.tiles}
+        of_wave = {"wave": _NO_WAVE, "tiles": buffers.tiles}
+        of_depth = {**of_wave, "limits": ALIKE.limits(settings)}
+        self._tracks = plan.facts["HAS_DENSITY"] > 0  # whether shadow rays take random numbers
+        tracks = {**of_wave, "depth": np.uint32(1)} if self._tracks else {}
+        self._shadow = session.bind(program, "shadow", **own, **tracks) if plan.emitters.count else None
         self._shade = [
             session.bind(
                 program, "shade", **own, **of_depth, depth=np.uint32(depth), survival_scale=buffers.survival_scale
@@ -403,6 +406,8 @@ class DepthPasses:
             shade.set(wave=wave)
             run(shade, items)
             if self._shadow is not None and shade is not self._shade[-1]:
+                if self._tracks:
+                    self._shadow.set(wave=wave, depth=np.uint32(index + 1))
                 run(self._shadow, items)
         self._film.set(wave=wave)
         run(self._film, pixels // self._lanes)

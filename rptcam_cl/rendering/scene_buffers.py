@@ -498,6 +498,8 @@ def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
         arrays["light_nodes"] = plan.emitters.tree.nodes
     if plan.facts["HAS_MEDIA"]:
         arrays["media"] = plan.media.records
+    if plan.facts["HAS_DENSITY"]:
+        arrays["densities"] = plan.media.densities
     if plan.facts["FACET_SHARES"]:
         arrays["facet_shares"] = facet_shares(plan.materials)
     if plan.facts["LIGHT_GROUPS"]:

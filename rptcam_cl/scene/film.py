@@ -50,6 +50,7 @@ LayerName = Literal[
     "albedo",
     "coverage",
     "coc",
+    "transmittance",
     "object_id",
     "material_id",
     "uv",

@@ -193,6 +193,10 @@ class AutoFocus(SceneModel):
     """With `depth` and `phase`: what is called sharpest. `spot`, by default: the least rms spot. `mtf@30`: where 30
     line pairs per mm of the film keep most contrast. `pixel`: where details of four pixels of the picture do."""
 
+    adjustment: Annotated[float, Field(ge=-1000, le=1000), NUMBER] = 0.0
+    """AF micro-adjustment, or a fault that the camera has: how far the focus is set beside what is found [depths of
+    focus]; above 0 farther away."""
+
     draw_zones: Annotated[bool, Field(strict=True)] = False
     """Whether the zones are drawn into PNG files as white rectangles."""
 

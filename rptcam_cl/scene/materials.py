@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import (
@@ -49,7 +49,7 @@ from rptcam_cl.scene.quantities import (
     list_of,
     read_rows,
 )
-from rptcam_cl.scene.textures import AnisotropyMap, Bump, Emission, NormalMap, Reflectance, Share
+from rptcam_cl.scene.textures import AnisotropyMap, Bump, DensityGrid, Emission, NormalMap, Reflectance, Share
 
 # What fills the space around a scene or the inside of its solids: fog, smoke, water, milk.
 
@@ -93,8 +93,40 @@ def _albedo_for(colour: float) -> float:
     return 1.0 - min(max(s, 0.0), 1.0) ** 2
 
 
+# Fog by the size of its droplets: Jendersie and d'Eon, «An approximate Mie scattering function for fog and cloud
+# rendering», SIGGRAPH 2023 talks, eq. 4 to 7.
+Droplet = Annotated[float, Field(ge=5, le=50), NUMBER]
+
+
+class Droplets(NamedTuple):
+    """The phase function of droplets of water: means of Henyey and Greenstein's part, and of Draine's; its share."""
+
+    asymmetry: float
+    g: float
+    alpha: float
+    share: float
+
+    @classmethod
+    def of(cls, diameter_um: float) -> Droplets:
+        """Return the phase function of droplets of a diameter of 5 to 50 micrometres."""
+        d = diameter_um
+        return cls(
+            math.exp(-0.0990567 / (d - 1.67154)),
+            math.exp(-2.20679 / (d + 3.91029) - 0.428934),
+            math.exp(3.62489 - 8.29288 / (d + 5.52825)),
+            math.exp(-0.599085 / (d - 0.641583) - 0.665888),
+        )
+
+    @property
+    def mean_cosine(self) -> float:
+        """Mean cosine of the whole."""
+        g, alpha = self.g, self.alpha
+        draine = g * (1 + alpha * (3 + 2 * g * g) / 5) / (1 + alpha * (1 + 2 * g * g) / 3)
+        return (1 - self.share) * self.asymmetry + self.share * draine
+
+
 class ScatteringMedium(SceneModel):
-    """A homogeneous medium: it absorbs, scatters and emits light alike everywhere.
+    """A medium: it absorbs, scatters and emits light, alike everywhere unless its density lies on a grid.
 
     How dense it is, is said by its coefficients, by how far one sees in it, by the colour of a deep body, or by a name.
     """
@@ -114,6 +146,9 @@ class ScatteringMedium(SceneModel):
     asymmetry: Annotated[float, Field(ge=-MOST_ASYMMETRY, le=MOST_ASYMMETRY), NUMBER] = 0.0
     """Mean cosine of scattering (Henyey and Greenstein): above 0 forwards, as fog, some 0.8; 0 evenly."""
 
+    droplets_um: Droplet | None = None
+    """Diameter of droplets of water that scatter as in fog and clouds [micrometres], 5 to 50; in place of asymmetry."""
+
     substance: Substance | None = None
     """What it is, with the coefficients that Jensen et al. measured in 2001; in place of all these."""
 
@@ -126,7 +161,12 @@ class ScatteringMedium(SceneModel):
     emission_per_m: Radiance = _BLACK
     """Radiance that is emitted per metre [W/(m³ sr) per channel]; a colour."""
 
+    density: DensityGrid | None = None
+    """Grid of numbers by which all this is multiplied; without it the medium is the same everywhere."""
+
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("droplets_um", "asymmetry"), required=False),
+        Alternatives(("droplets_um", "substance"), required=False),
         Alternatives(("visibility_m", "absorption_per_m"), required=False),
         Alternatives(("visibility_m", "scattering_per_m"), required=False),
         Alternatives(("substance", "visibility_m", "free_path_mm"), required=False),
@@ -176,6 +216,8 @@ class ScatteringMedium(SceneModel):
     @property
     def mean_cosine(self) -> float:
         """The asymmetry, 0 where float32 takes it for even scattering."""
+        if self.droplets_um is not None:
+            return Droplets.of(self.droplets_um).mean_cosine
         return 0.0 if abs(self.asymmetry) < _LEAST_ASYMMETRY else self.asymmetry
 
     @property
@@ -209,6 +251,11 @@ class SurroundingMedium(ScatteringMedium):
 
     layer: FogLayer | None = None
     """How it thins out upwards; by default it is alike everywhere."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        *ScatteringMedium.alternatives,
+        Alternatives(("layer", "density"), required=False),
+    )
 
 
 def _scaled(colour: Colour, factor: float) -> Colour:

@@ -668,7 +668,13 @@ class Engine:
             elif slot is not None and not worker.tasks and slot.wants_network:
                 self._finishing[name] = slot.film
                 clean = slot.network_later()
-                worker.start(BackgroundTask("", lambda task, clean=clean: clean(), slot.show_network))  # type: ignore[misc]
+                failed = partial(self._leave_network, slot)
+                worker.start(BackgroundTask("", lambda task, clean=clean: clean(), slot.show_network, failed))  # type: ignore[misc]
+
+    def _leave_network(self, slot: Slot, problem: Exception) -> None:
+        """Do without Open Image Denoise, which is there and does not work."""
+        LOG.warning("Open Image Denoise is left out: %s", problem)
+        slot.has_network = False
 
     def _tell_history(self, clients: list[messages.Client]) -> None:
         history = self._requests.history

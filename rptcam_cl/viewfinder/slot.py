@@ -200,6 +200,7 @@ class Slot:
         self._unread = False  # whether the film has samples that no picture was made of
         self.denoises = True
         self._clean: tuple[Frame | None, NDArray[np.float32] | None] = None, None  # a frame, and what was made of it
+        self.has_network = HAS_NETWORK
         self._network_spp = 0  # of the frame that is shown as Open Image Denoise has cleaned it
         self._film_begun = time.monotonic()
         self._visible = 0.0, 0  # noise of the film that is seen, and its samples then
@@ -418,7 +419,7 @@ class Slot:
     def wants_network(self) -> bool:
         """Whether Open Image Denoise is to clean the picture at rest now: first, and as samples double."""
         last, shown = self._last, self.shown
-        if not HAS_NETWORK or last is None or shown is None or shown.clean is None or self.rests_in() > 0:
+        if not self.has_network or last is None or shown is None or shown.clean is None or self.rests_in() > 0:
             return False
         if self.compiling or self.wants_glance or self.wants_showing or shown.frame.scale < 1 or last.scale < 1:
             return False
@@ -433,9 +434,12 @@ class Slot:
         return lambda: (film, frame, clean())
 
     def show_network(self, made: tuple[int, Frame, NDArray[np.float32]]) -> None:
-        """Show a picture that was cleaned by the network, unless there is another film by now, or a clean one."""
+        """Show what the network has cleaned, unless there is another film by now, or one of twice its samples."""
         film, frame, clean = made
-        if film == self.film and self.denoises and not self.wants_glance and not self._is_clean(self._last or frame):
+        shown = self.shown.frame if self.shown is not None and self.film == film else None
+        if shown is None or self.wants_glance or not self.denoises or self._is_clean(self._last or frame):
+            return
+        if shown.scale < 1 or shown.spp < 2 * frame.spp:
             self._clean = frame, clean
             self.show(frame, False, self._answers)
             self._network_spp = frame.spp

@@ -453,16 +453,30 @@ class Studio:
             slot.close()
 
     def fail(self, problem: Exception) -> None:
-        """Say to all that the device or a frame failed, and free it.
+        """Say to all that the device or a frame failed, and free it; of a meter in the dark, go on without it.
 
         The next client or request takes it anew, with the changes that were shown last: others may be why it failed.
         """
-        self.tell({"type": "error", "id": None, "message": text_of(problem), "where": None, "source": "device"})
+        in_the_dark = isinstance(problem, InputError) and self._leave_meter()
+        source = "change" if in_the_dark else "device"
+        self.tell({"type": "error", "id": None, "message": text_of(problem), "where": None, "source": source})
+        if in_the_dark:
+            return
         if self.a is not None:
             self._kept = self.a.shown_changes
         self.compare = dict(NO_COMPARISON)
         with contextlib.suppress(Exception):  # what is broken may not close either
             self._let_go()
+
+    def _leave_meter(self) -> bool:
+        """Expose by the scene's own values where the meter was asked, as it finds no light; tell whether it was."""
+        metered = [slot for slot in self.slots if slot.scene.exposure.mode == "auto"]
+        try:
+            for slot in metered:
+                slot.change(WITHOUT_METER)
+        except InputError:
+            return False
+        return bool(metered)
 
     def tell(self, message: Mapping[str, Any]) -> None:
         """Say something to all clients."""

@@ -2,13 +2,14 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api.sweeping import focus_stack, focusing_screen, resized
+from rptcam_cl.api.sweeping import _blend, dual_pixels, focus_stack, focusing_screen, resized
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import read_film
 from rptcam_cl.scene.load import load_scene, set_keys
@@ -31,6 +32,12 @@ objects:
     material: {kind: matte, reflectance: {kind: checker, odd: 0.2, even: 0.8, scale: [140, 100]}}
 environment: {kind: constant, radiance: 1}
 """
+
+
+FLAT = {
+    "film": {"resolution": [90, 60]}, "render": {"spp": 1}, "environment": {"kind": "constant", "radiance": 1},
+    "camera": {"kind": "pinhole", "fov_degrees": 40, "eye": [0, 0, 0], "target": [0, 0, -1]},
+}  # fmt: skip
 
 
 def test_stack_is_as_sharp_as_a_pinhole_and_its_depth_is_that_of_rays(rptcam, tmp_path, monkeypatch):
@@ -60,6 +67,38 @@ def test_stack_is_as_sharp_as_a_pinhole_and_its_depth_is_that_of_rays(rptcam, tm
     assert missed(stack) < 0.3 * missed(once)
     assert steps(stack) == pytest.approx(steps(pinhole), rel=0.1)
     assert stack.metadata["focus_stack"]["pictures"] == stack.metadata["focus_stack"]["needed"]
+
+
+@pytest.mark.slow
+def test_films_that_are_rendered_already_are_stacked_by_their_own_focus(rptcam, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("floor.yaml").write_text(FLOOR, "utf-8")
+    scene = load_scene("floor.yaml")
+    distances = [2.0, 1.3, 1.5, 1.75, 2.4]
+    for distance, seed in [(each, seed) for each in distances for seed in (0, 1)]:
+        near = set_keys(scene, {"camera.focus_distance_m": distance, "render.spp": 16, "render.seed": seed})
+        rptcam_cl.render(near).save(f"{distance}-{seed}.exr")
+    films = sorted(map(str, Path().glob("*.exr")))
+    run = rptcam("stack", "floor.yaml", "-o", "sharp.npz", "--films", *films)
+    assert run.code == 0, run.err
+    near = set_keys(scene, {"camera.focus_distance_m": 1.3})
+    truth = rptcam_cl.render(near, spp=1, layers=("sharp_depth",))["sharp_depth"]
+    depth = np.load("sharp.npz")["depth"]
+    inner = (truth > 1.35) & (truth < 2.3)
+    assert np.median(np.abs(depth / truth - 1)[inner]) < 0.04  # half a pixel of blur
+    for words, message in (
+        (["--films", *films[:2]], "focused at 1 distances"),
+        (["--near-m", "1"], "takes --near-m and --far-m, or --films"),
+    ):
+        assert message in rptcam("stack", "floor.yaml", "-o", "sharp.npz", *words).err
+
+
+def test_noise_is_no_depth():
+    rng = np.random.default_rng(1)
+    flat = rptcam_cl.render(FLAT)
+    noisy = [replace(flat, pixels=rng.gamma(0.5, 2.0, flat.pixels.shape).astype(np.float32)) for _ in range(20)]
+    known = _blend(zip(noisy[::2], noisy[1::2], strict=True), [1.0] * 10)[3]
+    assert known.mean() < 0.02
 
 
 def test_pictures_are_drawn_larger_about_their_middle():
@@ -94,6 +133,13 @@ STRIP = {
     "render": {"spp": 32},
     "objects": [{"shape": "rectangle", "corner": [-0.005, -2, -1.5], "edge_u": [0.01, 0, 0], "edge_v": [0, 4, 0],
                  "material": {"kind": "emissive", "radiance": 1}}],
+}  # fmt: skip
+FLOOR_OF_LENS = {
+    "film": {"resolution": [120, 80], "size_mm": [36, 24]}, "render": {"spp": 16},
+    "environment": {"kind": "constant", "radiance": 1}, "objects": [
+        {"shape": "sphere", "center": [0, 0, -3], "radius": 0.3, "material": {"kind": "matte", "reflectance": 0.5}}],
+    "camera": {"kind": "realistic", "lens": "dgauss-50mm", "f_number": 2.8, "focus": {"distance_m": 4},
+               "aperture": {"shape": "polygon", "blades": 5}, "eye": [0, 0, 0], "target": [0, 0, -1]},
 }  # fmt: skip
 RADIUS_MM = 50 / 2.8
 V, W = (1 / (1 / 50 - 1 / distance) for distance in (4000, 1500))
@@ -135,3 +181,12 @@ def test_split_image_is_parted_by_the_cone_of_its_wedges_and_goes_dark_when_stop
     pinhole = {"kind": "pinhole", "fov_degrees": 40, "eye": [0, 0, 0], "target": [0, 0, -1]}
     with pytest.raises(InputError, match="no opening"):
         focusing_screen(set_keys(load_scene(STRIP), {"camera": pinhole}))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["irradiance", "physical", "auto"])
+def test_halves_are_as_bright_as_the_whole_in_every_mode_of_exposure(mode):
+    scene = load_scene(FLOOR_OF_LENS | {"exposure": {"mode": mode}})
+    whole = rptcam_cl.render(scene).luminance.mean()
+    for part in (*dual_pixels(scene), focusing_screen(scene)):
+        assert part.luminance.mean() == pytest.approx(whole, rel=0.01)

@@ -121,6 +121,17 @@ def layered_fog() -> None:
         shown(still_life() | {"medium": {"visibility_m": 50, "layer": {"scale_height_m": 0.5, "base": base}}})
 
 
+def smoke() -> None:
+    """Smoke and fire whose density lies on a grid, in fog of droplets; layers of what is seen through them."""
+    grid = np.random.default_rng(1).uniform(0, 3, (9, 3, 12)).astype(np.float32)
+    density = {"file": grid, "min": [-1, -1, 0], "max": [1, 1, 1]}
+    fire = {"kind": "boundary", "interior": {"scattering_per_m": 1, "emission_per_m": 0.1, "density": density}}
+    scene = still_life()
+    box = {"shape": "box", "min": [-1, -1, 0], "max": [1, 1, 1], "material": fire}
+    fog = {"visibility_m": 50, "droplets_um": 15}
+    shown(scene | {"medium": fog, "objects": [*scene["objects"], box]}, layers=["depth", "transmittance"])
+
+
 def hair() -> None:
     """Strands of hair and flat blades, in a tree over shapes; a lamp that only light samples find."""
     trees.BREAK_EVEN = 0
@@ -182,6 +193,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "everything": (everything, WAVE | {"photons"}),
     "media": (media, WAVE - {"intersect"} | {"travel"}),
     "layered fog": (layered_fog, WAVE - {"intersect"} | {"travel"}),
+    "smoke": (smoke, WAVE - {"intersect"} | {"travel", "layers"}),
     "hair": (hair, WAVE),
     "many lamps": (many_lamps, WAVE),
     "ring": (ring, WAVE),

@@ -200,7 +200,12 @@ def test_every_kind_of_shape_material_light_and_camera_has_its_picture(checkout:
             assert picture.width == 240
 
 
-SERVED_INSIDE = {"keep_for_next_frame", "is_carried_out", "relieve"}  # autofocus calls the first, the viewfinder others
+SERVED_INSIDE = {
+    "keep_for_next_frame",
+    "is_carried_out",
+    "relieve",
+    "denoised_later",
+}  # autofocus calls the first, the viewfinder others
 
 
 def test_programs_use_every_member_of_the_results_and_every_argument_of_render() -> None:

@@ -1,11 +1,14 @@
 """Light in media: closed forms and quadrature in float64 of what they absorb, emit and scatter, and furnaces."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering import tracer
+from rptcam_cl.scene.materials import Droplets
 from tests.rendering.pictures import WHITE, bits, flat_mean, looking, pixels, scene_of, seed_of
 from tests.support.statistics import assert_equivalent
 
@@ -119,18 +122,52 @@ def test_coloured_ball_that_only_scatters_vanishes_in_a_white_world(material, sp
     assert_equivalent(mean, error, 1.0, 0.015)
 
 
-def test_ball_scatters_the_sky_once_as_quadrature_does():
+def droplets(diameter):
+    """The phase function of droplets of 5 to 50 micrometres by Jendersie and d'Eon (2023)."""
+    g, alpha = np.exp(-2.20679 / (diameter + 3.91029) - 0.428934), np.exp(3.62489 - 8.29288 / (diameter + 5.52825))
+    share = np.exp(-0.599085 / (diameter - 0.641583) - 0.665888)
+
+    def phase(cosine):
+        draine = henyey_greenstein(g, cosine) * (1 + alpha * cosine**2) / (1 + alpha * (1 + 2 * g**2) / 3)
+        forwards = henyey_greenstein(np.exp(-0.0990567 / (diameter - 1.67154)), cosine)
+        return (1 - share) * forwards + share * draine
+
+    return phase
+
+
+def test_mean_cosine_of_droplets_is_that_of_their_phase_function():
+    nodes, weights = np.polynomial.legendre.leggauss(4000)
+    for diameter in (5.0, 12.0, 50.0):
+        phase = droplets(diameter)(nodes) * weights * 2 * np.pi
+        np.testing.assert_allclose([phase.sum(), phase @ nodes], [1, Droplets.of(diameter).mean_cosine], rtol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("diameter", [5, 20])
+def test_droplets_scatter_light_of_points_once_as_quadrature_does(diameter, monkeypatch):
+    monkeypatch.setattr("tests.rendering.test_media.henyey_greenstein", lambda g, cosine: droplets(diameter)(cosine))
+    expected = scattered_once(LAMPS, 1.0)
+    fog = {key: FOG[key] for key in ("absorption_per_m", "scattering_per_m")} | {"droplets_um": diameter}
+    mean = pixels(fog_of_points(LAMPS) | {"medium": fog}, seed=seed_of("droplets"), spp=512).mean(axis=(0, 1))
+    np.testing.assert_allclose(mean, expected, rtol=2 * NOISE)
+
+
+@pytest.mark.parametrize(
+    "diameter", [None, pytest.param(5, marks=pytest.mark.slow), pytest.param(20, marks=pytest.mark.slow)]
+)
+def test_ball_scatters_the_sky_once_as_quadrature_does(diameter):
     """Of a gradient of radiance z / 2 + 1 / 2 over directions, which phase sampling alone finds."""
-    medium = {"scattering_per_m": 0.4, "asymmetry": 0.6}
+    medium = {"scattering_per_m": 0.4} | ({"asymmetry": 0.6} if diameter is None else {"droplets_um": diameter})
+    phase = partial(henyey_greenstein, 0.6) if diameter is None else droplets(diameter)
     sky = {"kind": "gradient", "bottom": 0.0, "top": 1.0, "up": [0, 1, 0]}
     mean, error = flat_mean(ball_of(medium, environment=sky, depth=2), "sky in a ball", spp=16384)
     t_nodes, t_weights = np.polynomial.legendre.leggauss(60)
-    c_nodes, c_weights = np.polynomial.legendre.leggauss(200)
+    c_nodes, c_weights = np.polynomial.legendre.leggauss(200 if diameter is None else 2000)
     total = np.exp(-0.8) * 1.0  # straight on, towards +y
     for t, weight in zip(t_nodes + 1, t_weights, strict=True):
         at = t - 1  # on the axis
         way = -at * c_nodes + np.sqrt(1 - at**2 * (1 - c_nodes**2))
-        scattered = 2 * np.pi * henyey_greenstein(0.6, c_nodes) * np.exp(-0.4 * way) * (0.5 + 0.5 * c_nodes)
+        scattered = 2 * np.pi * phase(c_nodes) * np.exp(-0.4 * way) * (0.5 + 0.5 * c_nodes)
         total += weight * 0.4 * np.exp(-0.4 * t) * (scattered * c_weights).sum()
     assert_equivalent(mean, error, total, 4e-3)
 

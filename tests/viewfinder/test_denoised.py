@@ -157,6 +157,9 @@ def test_the_network_cleans_the_picture_at_rest_and_no_other(monkeypatch: pytest
         assert slot.shown.clean is clean
         assert not slot.wants_network  # until the samples have doubled
         assert error(clean, session.take(400).pixels) < 0.3 * error(frame.pixels, session.pixels())
+        slot.show(session.frame(), False, {})  # 400 samples
+        slot.show_network(made)
+        assert slot.shown.frame.spp >= 400
         slot.change({"camera.f_number": 5.6})
         slot.show(slot.glance(), False, {})
         slot.show_network(made)  # too late

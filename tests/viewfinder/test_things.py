@@ -213,6 +213,18 @@ def test_a_selected_thing_is_turned_and_a_lamp_muted_and_both_undone(client: Pag
     assert "no" in client.ask(18, "lamp", name="lights.9", mute=True).header["message"]
 
 
+def test_in_the_dark_the_camera_goes_on_without_its_meter(client: Page, server: Any) -> None:
+    client.ask(50, "dial", name="mode", value="A")
+    client.send("lamp", id=51, name="materials.warm", mute=True)
+    client.send("lamp", id=52, name="lights.0", mute=True)
+    client.send("lamp", id=53, name="environment", mute=True)
+    problem = client.wait(lambda m: m.type == "error").header
+    assert "finds no light" in problem["message"]
+    assert problem["source"] == "change"  # the device is not let go of
+    client.wait(lambda m: m.type == "state" and m.header["dials"][0]["value"] == "relative")
+    client.frame(lambda header: header["kind"] == "picture" and header["scale"] == 1 and header["spp"] >= 1)
+
+
 def test_a_lamp_is_added_selected_and_undone(client: Page) -> None:
     client.ask(40, "add", what="lamp")
     state = client.wait(lambda m: m.type == "state" and m.header["things"]["selected"] == "objects.3").header

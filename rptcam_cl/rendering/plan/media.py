@@ -1,22 +1,38 @@
-"""Media as the kernels read them: their records, the medium inside of each solid, and those around the camera."""
+"""Media as the kernels read them: records, grids of density, the medium in each solid, and those around the camera."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import MEDIUM, Hidden, fill
+from rptcam_cl.core.files import read_whole
+from rptcam_cl.core.records import DENSITY_BLOCK, MEDIUM, Hidden, fill
+from rptcam_cl.core.remember import Memory
 from rptcam_cl.rendering.plan.materials import Materials
 from rptcam_cl.rendering.plan.primitives import Primitive
 from rptcam_cl.rendering.plan.textures import KnownSpectra
-from rptcam_cl.scene.materials import Boundary, Dielectric, Material, Mix, Principled, ScatteringMedium, has_holes
+from rptcam_cl.scene.base import describe, listed, near_name
+from rptcam_cl.scene.materials import (
+    Boundary,
+    Dielectric,
+    Droplets,
+    Material,
+    Mix,
+    Principled,
+    ScatteringMedium,
+    has_holes,
+)
 from rptcam_cl.scene.scene import Scene, Solid, holds_eye, world_corners
 from rptcam_cl.scene.shapes import Plane
+from rptcam_cl.scene.textures import DensityGrid
 
 _MOST_MEDIA = 31  # whose numbers fit into MEDIUM_BITS of kernels/material/medium.h, 0 being empty space
 MEDIUM_BITS = 5
@@ -37,11 +53,14 @@ class Media:
         Those around the camera, as the stack of ``kernels/material/medium.h``.
     active : bool
         Whether there are any.
+    densities : array of float32
+        Of all grids: their voxels, x first, then the least, greatest and mean density of each block.
     """
 
     records: NDArray[np.void]
     at_camera: int = 1 << MEDIUM_BITS
     active: bool = False
+    densities: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
 
     @property
     def has_glow(self) -> bool:
@@ -50,8 +69,13 @@ class Media:
 
     @property
     def facts(self) -> dict[str, int]:
-        """Whether the kernels must know of media, and of one in a layer."""
-        return {"HAS_MEDIA": int(self.active), "HAS_LAYERED_FOG": int(self.records["layer"].any())}
+        """Whether the kernels must know of media, and of what kinds."""
+        return {
+            "HAS_MEDIA": int(self.active),
+            "HAS_LAYERED_FOG": int(self.records["layer"].any()),
+            "HAS_DENSITY": int(self.densities.size > 0),
+            "HAS_DROPLETS": int(self.records["droplets"].any()),
+        }
 
 
 def _interior_of(material: Material) -> ScatteringMedium | None:
@@ -87,11 +111,10 @@ def pack_media(
     if scene.medium is None and not any(each is not None for each in own):
         return Media(MEDIUM.zeros(1)), shown
     _check(scene, runs, materials.values())
-    numbers: dict[str, int] = {EMPTY.model_dump_json(exclude_none=True): 0}
-    found = [EMPTY]
+    found, numbers = [EMPTY], {_key_of(EMPTY, scene): 0}
 
     def number_of(medium: ScatteringMedium) -> int:
-        key = medium.model_dump_json(exclude_none=True)
+        key = _key_of(medium, scene)
         if key not in numbers:
             numbers[key] = len(found)
             found.append(medium)
@@ -110,7 +133,12 @@ def pack_media(
     for key, number in inside.items():
         records["interior"][shown.index[key]] = number
     shown = replace(shown, records=records, facts=shown.facts | {"HAS_ABSORPTION": 0})
-    return Media(_records(found, spectra, scene), _at_camera(scene, around, inside), active=True), shown
+    records, densities = _records(found, spectra, scene)
+    return Media(records, _at_camera(scene, around, inside), active=True, densities=densities), shown
+
+
+def _key_of(medium: ScatteringMedium, scene: Scene) -> str:
+    return str({name: value for name, value in describe(medium, scene.folders).items() if value is not None})
 
 
 def hidden_from(primitive: Primitive) -> int:
@@ -119,18 +147,178 @@ def hidden_from(primitive: Primitive) -> int:
     return primitive.hidden | is_boundary * (Hidden.FROM_SHADOW | Hidden.FROM_ALL_BUT_WAYS)
 
 
-def _records(media: Sequence[ScatteringMedium], spectra: KnownSpectra, scene: Scene) -> NDArray[np.void]:
-    records = MEDIUM.zeros(len(media))
+def _records(
+    media: Sequence[ScatteringMedium], spectra: KnownSpectra, scene: Scene
+) -> tuple[NDArray[np.void], NDArray[np.float32]]:
+    """Return the records of media, and the densities of their grids."""
+    records, densities, used = MEDIUM.zeros(len(media)), [np.zeros(0, np.float32)], 0
     for record, medium in zip(records, media, strict=True):
         absorption, scattering, emission = medium.absorption, medium.scattering, medium.emission_per_m
         fill(
             record, asymmetry=medium.mean_cosine, absorption=(*absorption, spectra.number(absorption)),
             scattering=(*scattering, spectra.number(scattering)),
-            emission=(*emission, spectra.number(emission, light=True)),
+            emission=(*emission, spectra.number(emission, light=True)), voxels=-1,
         )  # fmt: skip
+        if medium.droplets_um is not None:
+            asymmetry, *droplets = Droplets.of(medium.droplets_um)
+            fill(record, asymmetry=asymmetry, droplets=(*droplets, 0.0))
         if (layer := getattr(medium, "layer", None)) is not None:
             fill(record, layer=layer.scale_heights(scene.camera.eye, scene.metres_per_unit))
-    return records
+        if medium.density is not None:
+            volume = load_density(medium.density, scene)
+            _fill_grid(record, medium.density, volume, scene, used)
+            densities += [volume.voxels.reshape(-1), volume.blocks.reshape(-1)]
+            used += volume.voxels.size + volume.blocks.size
+    if used >= 1 << 31:
+        raise InputError(f"grids of density have {used} numbers in all (allowed: below {1 << 31})")
+    return records, np.concatenate(densities)
+
+
+# Grids of density.
+
+_MOST_VOXELS = 1 << 29  # 2 GiB
+_EVENTS_WHERE_IT_SHINES = 8.0  # along the longest side of a grid, at least
+_VOLUMES: Memory[Volume] = Memory(most_bytes=1 << 30)  # by content
+
+
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """Densities of a grid.
+
+    Attributes
+    ----------
+    voxels : (nz, ny, nx) array of float32
+    blocks : (bz, by, bx, 3) array of float32
+        The least, greatest and mean density in blocks of `DENSITY_BLOCK` voxels a side, between voxels as well.
+    box : (2, 3) array or None
+        Corners where the file says [scene units].
+    """
+
+    voxels: NDArray[np.float32]
+    blocks: NDArray[np.float32]
+    box: NDArray[np.float64] | None
+
+    @property
+    def nbytes(self) -> int:
+        """Size in memory."""
+        return self.voxels.nbytes + self.blocks.nbytes
+
+
+def load_density(density: DensityGrid, scene: Scene) -> Volume:
+    """Return the densities of a grid's file, remembered by its content.
+
+    Raises
+    ------
+    InputError
+        The file is no grid of densities; the message says where the scene names it.
+    """
+
+    def read() -> Volume:
+        try:
+            source = density.source(scene.folders)
+            is_vdb = not isinstance(source, bytes) and source.suffix.lower() == ".vdb"
+            voxels, box = _read_vdb(source, density.grid) if is_vdb else _read_array(source, density)
+            return Volume(*_with_blocks(voxels), box)
+        except InputError as problem:
+            raise InputError(f"{density.place}{problem}") from None
+
+    return _VOLUMES.find_or_make((scene.digest_of(density), density.grid), read)
+
+
+def _read_array(source: Path | bytes, density: DensityGrid) -> tuple[NDArray[Any], None]:
+    """Return the numbers of a `.npy` file as (x, y, z)."""
+    try:
+        numbers = np.load(io.BytesIO(read_whole(source, 4 * _MOST_VOXELS)), allow_pickle=False)
+    except (OSError, ValueError, EOFError) as problem:
+        reason = str(problem).splitlines()[0]
+        raise InputError(f"is no array of NumPy: {reason} (allowed: .npy or .vdb files, or an array)") from None
+    if not isinstance(numbers, np.ndarray) or numbers.ndim != 3 or numbers.dtype.kind not in "fiu":
+        shape = numbers.shape if isinstance(numbers, np.ndarray) else "several arrays"
+        raise InputError(f"is no grid of numbers along x, y and z (got {shape}; allowed: three axes)")
+    if density.grid is not None:
+        raise InputError("holds one grid, so that none is named (allowed: no key `grid`)")
+    if density.min is None:
+        raise InputError("says not where it lies (allowed: `min` and `max` beside it)")
+    return numbers, None
+
+
+def _read_vdb(path: Path | bytes, name: str | None) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """Return the active voxels of a grid of OpenVDB as (x, y, z), one of the background round them, and their box."""
+    try:
+        import tinyvdb
+    except ImportError:
+        raise InputError('is of OpenVDB, which needs the package tinyvdb (pip install "rptcam_cl[vdb]")') from None
+    try:
+        file = tinyvdb.open(str(path))
+        file.read_grids()
+        names = [str(file.grid_name(index)) for index in range(file.grid_count)]
+        wanted = name or ("density" if "density" in names or len(names) != 1 else names[0])
+        if wanted not in names:
+            raise InputError(f"has no grid {wanted}{near_name(wanted, names)} (allowed: {listed(names) or 'none'})")
+        grid = file.grid(names.index(wanted))
+        if not str(grid.type_name).startswith("Tree_float_"):
+            raise InputError(f"grid {wanted} is of the type {grid.type_name} (allowed: Tree_float)")
+        facts, placed = grid.metadata, grid.transform
+        low, high = np.array(facts["file_bbox_min"]) - 1, np.array(facts["file_bbox_max"]) + 2
+        if (high - low <= 2).any():
+            raise InputError(f"grid {wanted} has no active voxel")
+        _check_size(high - low)
+        dense = grid.materialize_dense(tuple(map(int, low)), tuple(map(int, high)))
+        voxels = np.frombuffer(dense.to_bytes(), np.float32).reshape(tuple(high - low), order="F")
+    except (tinyvdb.VDBError, KeyError) as problem:
+        raise InputError(f"cannot be read as OpenVDB: {problem}") from None
+    if not np.array_equal(placed["matrix"], np.eye(4)):
+        raise InputError(f"grid {wanted} lies turned in space (allowed: moved and scaled, or `min` and `max`)")
+    ends = np.stack([low, high]) - 0.5  # values lie at whole coordinates
+    return voxels, ends * placed["scale"] + placed["translation"]
+
+
+def _check_size(shape: Any) -> None:
+    if int(np.prod(np.asarray(shape, np.int64))) > _MOST_VOXELS:
+        said = " x ".join(map(str, shape))
+        raise InputError(f"has {said} voxels (allowed: {_MOST_VOXELS} in all)")
+
+
+def _with_blocks(given: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the voxels of an array (x, y, z), and what is known of blocks of them; refuse what is no density."""
+    _check_size(given.shape)
+    if 0 in given.shape:
+        raise InputError(f"has no voxels (got {' x '.join(map(str, given.shape))})")
+    voxels = np.ascontiguousarray(given.transpose(2, 1, 0), np.float32)
+    if not np.isfinite(voxels).all() or voxels.min() < 0 or voxels.max() > 1e18:
+        wrong = voxels[~(np.isfinite(voxels) & (voxels >= 0) & (voxels <= 1e18))][0]
+        raise InputError(f"holds what is no density (got {wrong:g}; allowed: 0 to 1e18)")
+    most, least, total = (_of_blocks(voxels, each) for each in (np.maximum, np.minimum, np.add))
+    count = _of_blocks(np.ones_like(voxels), np.add)
+    return voxels, np.stack([least, most, total / count], axis=-1)
+
+
+def _of_blocks(voxels: NDArray[np.float32], by: np.ufunc) -> NDArray[np.float32]:
+    """Combine the voxels of each block, and those beside it that densities within depend on."""
+    for axis in range(3):
+        size = voxels.shape[axis]
+        ends = [(max(at - 1, 0), min(at + DENSITY_BLOCK + 1, size)) for at in range(0, size, DENSITY_BLOCK)]
+        parts = [by.reduce(voxels.take(range(*each), axis), axis) for each in ends]
+        voxels = np.stack(parts, axis)
+    return voxels
+
+
+def _fill_grid(record: np.void, density: DensityGrid, volume: Volume, scene: Scene, start: int) -> None:
+    """Write where a grid lies about the eye, and where its numbers start."""
+    box = volume.box if density.min is None else np.array([density.min, density.max], np.float64)
+    assert box is not None
+    (nz, ny, nx), (bz, by, bx, _) = volume.voxels.shape, volume.blocks.shape
+    low, high = (box - np.array(scene.camera.eye)) * scene.metres_per_unit
+    per_m = np.array([nx, ny, nz]) / (high - low)
+    rows = {
+        f"row_{axis}": (*(per_m[k] * (np.arange(3) == k)).tolist(), float(-low[k] * per_m[k]))
+        for k, axis in enumerate("xyz")
+    }
+    column = float(volume.blocks[..., 1].mean()) * float((high - low).max())
+    fill(
+        record, **rows, voxels=start, blocks=start + volume.voxels.size, size_x=nx, size_y=ny, size_z=nz,
+        blocks_x=bx, blocks_y=by, blocks_z=bz, glow_rate=_EVENTS_WHERE_IT_SHINES / max(column, 1e-9),
+    )  # fmt: skip
 
 
 def _check(scene: Scene, runs: Sequence[Primitive], materials: Collection[Material]) -> None:
@@ -144,7 +332,7 @@ def _check(scene: Scene, runs: Sequence[Primitive], materials: Collection[Materi
         if wrong:
             raise InputError(f"{key}: does not go with media such as fog (allowed: {allowed})")
     medium = scene.medium
-    if medium is not None and max(medium.emission_per_m) > 0:
+    if medium is not None and max(medium.emission_per_m) > 0 and medium.density is None:
         thinnest = min(a + s for a, s in zip(medium.absorption, medium.scattering, strict=True))
         if thinnest <= 0:
             raise InputError("medium.emission_per_m: shines without end where nothing absorbs or scatters"

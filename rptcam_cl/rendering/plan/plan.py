@@ -574,7 +574,8 @@ FEW = 16  # primitives, as many as lanes that a processor permutes at once
 def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     """The fields of a `Plan` that no camera decides: as before, where what they are made of is the same."""
     far, named = (scene.lights, scene.environment), (tuple(scene.materials), tuple(scene.materials.values()))
-    solids, references = parts.part("solids", (scene.objects, named, far), lambda: _solids(scene, far))
+    shown = scene.objects, named, far, scene.medium
+    solids, references = parts.part("solids", shown, lambda: _solids(scene, far))
     files = tuple(map(scene.digest_of, references))
     light = (
         scene.medium,
@@ -594,7 +595,9 @@ def _solids(scene: Scene, far: tuple[Any, ...]) -> tuple[tuple[Solid, ...], tupl
     solids = scene.solids()
     shown = {id(material): material for solid in solids for material in solid.shown_materials()}
     tables = tuple(item.instances for item in scene.objects if item.instances is not None)
-    return solids, tuple(reference for _, reference in file_references((tuple(shown.values()), far, tables)))
+    return solids, tuple(
+        reference for _, reference in file_references((tuple(shown.values()), far, tables, scene.medium))
+    )
 
 
 # Whose facets reflect and pass nothing on: their lobe says which lamps of a light tree matter.
@@ -759,7 +762,7 @@ def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool, parts: P
 # Facts that are 1 where kernels know of something: those that know of it do for scenes without it, to the bit.
 # Not among them is what has arrays of its own, or chooses in which way light is found.
 _APART = {"HAS_MESH", "HAS_INSTANCES", "HAS_MOTION", "HAS_MEDIA", "HAS_BOUNDARY", "HAS_DISPERSION", "HAS_SPECTRA"}
-_APART |= {"HAS_LAYERED_FOG", "HAS_HIDDEN", "HAS_OPACITY", "HAS_CURVE", "HAS_HAIR"}
+_APART |= {"HAS_LAYERED_FOG", "HAS_DENSITY", "HAS_DROPLETS", "HAS_HIDDEN", "HAS_OPACITY", "HAS_CURVE", "HAS_HAIR"}
 _KNOWING = ("HAS_", "EMITTER_", "FACET_ENERGY", "ENVIRONMENT_SAMPLED", "TINY_LAMPS")
 
 

@@ -681,19 +681,24 @@ class Primitives(Sequence[Primitive]):
     def blocks(self, runs: slice = slice(None)) -> Iterator[tuple[slice, NDArray[np.int64], Matrix]]:
         """Yield some primitives at a time: where they stand among those of the runs, numbers of runs, placements."""
         first = held = 0
-        numbers: list[NDArray[np.int64]] = []
+        numbers: list[int] = []
         stacks: list[Matrix] = []
+
+        def joined() -> tuple[slice, NDArray[np.int64], Matrix]:
+            each = np.repeat(np.array(numbers, np.int64), np.fromiter(map(len, stacks), np.int64))
+            return slice(first, first + held), each, np.concatenate(stacks)
+
         for number, (run, count) in enumerate(zip(self.runs[runs], self.counts[runs], strict=True)):
             for start in range(0, count, BLOCK):
                 stack = run.places[start : start + BLOCK]
                 if held + len(stack) > BLOCK:
-                    yield slice(first, first + held), np.concatenate(numbers), np.concatenate(stacks)
+                    yield joined()
                     first, held, numbers, stacks = first + held, 0, [], []
-                numbers.append(np.full(len(stack), number))
+                numbers.append(number)
                 stacks.append(stack)
                 held += len(stack)
         if stacks:
-            yield slice(first, first + held), np.concatenate(numbers), np.concatenate(stacks)
+            yield joined()
 
     def by_kind(self) -> dict[Kind, tuple[slice, slice]]:
         """Return the runs and the primitives of each kind but meshes; they are sorted by kind."""

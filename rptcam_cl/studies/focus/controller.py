@@ -454,7 +454,20 @@ def find_focus(
         on_state=on_state,
         criterion=settings.criterion,
     )
-    return focus_of(task, settings.method)
+    report = focus_of(task, settings.method)
+    return _adjusted(task, report, settings.adjustment) if settings.adjustment else report
+
+
+def _adjusted(task: Task, report: FocusReport, farther: float) -> FocusReport:
+    """Return a report with the focus so many depths of focus farther away, as far as it goes."""
+    drive = task.drive
+    low, high = drive.limits
+    state = drive.state_at(drive.coordinate(report.state) - drive.nearer * farther * drive.depth_of_focus)
+    state = min(max(state, low), high)
+    return replace(
+        report, state=state, film_distance_mm=drive.film_distance(state),
+        focus_distance_m=drive.object_distance(state, report.zone), notes={**report.notes, "adjustment": farther},
+    )  # fmt: skip
 
 
 def focus_of(task: Task, method: str) -> FocusReport:
@@ -645,6 +658,7 @@ def autofocus(
     mask: NDArray[Any] | None = None,
     policy: str | None = None,
     criterion: str | None = None,
+    adjustment: float | None = None,
     near: float | None = None,
     seed: int | None = None,
     device: str | Session | None = None,
@@ -673,6 +687,8 @@ def autofocus(
         Which of several zones decides: ``closest``, ``farthest``, ``centre`` or ``weighted``.
     criterion
         What `depth` and `phase` call sharpest: ``spot``, ``pixel``, or ``mtf@30`` with line pairs per mm of the film.
+    adjustment
+        How far the focus is set beside what is found [depths of focus]; above 0 farther away.
     near
         Focus state near which the focus is expected, as `FocusReport.state` of a picture just before.
     seed
@@ -700,6 +716,7 @@ def autofocus(
         scene = change_scene(scene, render={"seed": seed})
     held = None if mask is None else {"file": np.asarray(mask)}
     where = {"zones": zones, "point": point, "object": object, "at": at, "mask": held}
-    settings = focus_settings(scene, {"method": method, "policy": policy, "criterion": criterion}, where)
+    keys = {"method": method, "policy": policy, "criterion": criterion, "adjustment": adjustment}
+    settings = focus_settings(scene, keys, where)
     session = device if isinstance(device, Session) else open_session(device)
     return find_focus(scene, session, settings, near=near, on_probe=on_probe, on_state=on_state)

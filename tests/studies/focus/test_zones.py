@@ -189,3 +189,12 @@ def test_each_bright_part_of_a_mask_is_a_zone(tmp_path, capsys):
     assert rptcam_cl.autofocus(scene, mask=left[:, ::-1]).focus_distance_m == pytest.approx(2.0, rel=1e-3)
     with pytest.raises(InputError, match=r"dark everywhere"):
         rptcam_cl.autofocus(scene, mask=0 * left)
+
+
+def test_adjustment_goes_so_many_depths_of_focus_farther_away():
+    scene = thin_scene(target(2.0, 0.6, noise(60)), auto={"method": "depth", "adjustment": 1.5})
+    found, right = rptcam_cl.autofocus(scene), rptcam_cl.autofocus(scene, adjustment=0)
+    film_mm = [1 / (1 / 50 - 1e-3 / report.focus_distance_m) for report in (right, found)]
+    depth_mm = 2 * 2 * math.hypot(36, 24) / 1500
+    assert right.focus_distance_m == pytest.approx(2.0, rel=1e-3)
+    assert film_mm[0] - film_mm[1] == pytest.approx(1.5 * depth_mm, rel=0.1)
