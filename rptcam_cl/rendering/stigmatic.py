@@ -124,7 +124,7 @@ def source_of(point: Array, film_z: float) -> Array:
 
 
 def _between(known: Mapping[float, PointWave], share: float) -> Callable[[float], PointWave]:
-    """Make a function that gives the light at a wavelength: a share of paths and places, polynomials in its inverse square."""
+    """Make a function of the wavelength: a share of paths and places, as polynomials in its inverse square."""
     x, waves = np.array(list(known)) ** -2.0, list(known.values())
 
     def at(nm: float) -> PointWave:
