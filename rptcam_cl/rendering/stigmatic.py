@@ -50,7 +50,7 @@ class Conjugates:
     vergence : float
         One over the distance ahead of the film of the plane of focus [1/m]; 0 at infinity.
     shares : (b, a) array
-        How much of the aberrations of the nodes waves bring; rays bring the rest.
+        How much of the aberrations of the nodes the rays leave out, for waves to bring.
     waves : list of mappings
         Light of the conjugate of each node by rows, by wavelength [nm]; none where no light comes from.
     nm : float
@@ -80,7 +80,7 @@ class Conjugates:
         return np.asarray(points * (self.share(places)[:, None] / (np.linalg.norm(far, axis=1)[:, None] * ahead)))
 
     def share(self, places: Array) -> Array:
-        """Return how much of the aberrations of places waves bring (n,), linear between nodes."""
+        """Return how much of the aberrations of places rays leave out (n,), linear between nodes."""
         along = np.array([np.interp(places[:, 0], self.columns, row) for row in self.shares])
         at, every = np.interp(places[:, 1], self.rows, np.arange(len(self.rows))), np.arange(len(places))
         low = at.astype(int)
@@ -100,7 +100,9 @@ class Conjugates:
             Whether the lens refracts each wavelength in its own way; otherwise all go as the camera's.
         """
         known = self.waves if splits else [{nm: each[nm] for nm in each if nm == self.nm} for each in self.waves]
-        shares = self.shares.ravel().tolist()
+        shares = (
+            np.sqrt(self.shares * (2 - self.shares)).ravel().tolist()
+        )  # with the rest by rays the same second moment
         return [_between(each, share) if each else None for each, share in zip(known, shares, strict=True)]
 
     def table(self) -> NDArray[np.float32]:

@@ -40,7 +40,8 @@ def cells(path: Path, kind: str) -> list[dict[str, Any]]:
 
 
 def test_there_are_notebooks_and_a_page_names_each(checkout: Path) -> None:
-    shipped = {"lens_bench", "speed_against_accuracy", "scene_to_raw", "calibrate_a_lens", "exact_depth_and_blur"}
+    shipped = {"lens_bench", "speed_against_accuracy", "scene_to_raw", "calibrate_a_lens", "exact_depth_and_blur",
+               "five_aberrations"}  # fmt: skip
     assert shipped <= {path.stem for path in NOTEBOOKS}
     page = (checkout / "docs" / "notebooks.md").read_text("utf-8")
     assert [path.name for path in NOTEBOOKS if f"examples/notebooks/{path.name}" not in page] == []
