@@ -41,7 +41,7 @@ class PackagePage(MetadataHookInterface):
     def update(self, metadata: dict[str, Any]) -> None:
         """Write both into the project's metadata."""
         root, address = Path(self.root), str(self.config.get("address", "")).rstrip("/")
-        version = re.search(r'__version__ = "([^"]+)"', (root / "rptcam_cl/core/constants.py").read_text("utf-8"))
+        version = re.search(r'__version__ = "([^"]+)"', (root / "rptcam_cl/core/__init__.py").read_text("utf-8"))
         assert version is not None
         text = with_absolute_links((root / "README.md").read_text("utf-8"), address, f"v{version[1]}")
         metadata["readme"] = {"content-type": "text/markdown", "text": text}

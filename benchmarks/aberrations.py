@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from benchmarks.report import print_table
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.api.interface import load_lens
-from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
+from rptcam_cl.core import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.optics import aberrations, image_quality, ray_trace
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.waves import ExitRays

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 import rptcam_cl
 from rptcam_cl.optics.beams import Beam
-from rptcam_cl.optics.lens import Lens, film_distance
-from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.waves import pupil_function, transfer
 from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.kinds import camera_of
@@ -32,14 +31,13 @@ SLANT = math.radians(5.0)
 
 def scene_of(lens: str, f_number: float, degrees: float, along: bool, diffraction: str) -> dict[str, object]:
     """A scene of an edge at a field angle, upright or, with ``along``, level."""
-    back = film_distance(load_lens(lens).with_stop_diameter(2), AWAY_M * 1e3)
     middle = AWAY_M * np.array([0.0, math.tan(math.radians(degrees)), -1.0])
     turn = SLANT + (math.pi / 2 if along else 0.0)
     side = 20.0 * np.array([math.cos(turn), math.sin(turn), 0.0])
     rise = 20.0 * np.array([-math.sin(turn), math.cos(turn), 0.0])
     lamp = {"shape": "rectangle", "corner": (middle - rise / 2).tolist(), "edge_u": side.tolist(),
             "edge_v": rise.tolist(), "material": {"kind": "emissive", "radiance": 1.0}}  # fmt: skip
-    camera = {"kind": "realistic", "lens": lens, "f_number": f_number, "focus": {"film_distance_mm": back},
+    camera = {"kind": "realistic", "lens": lens, "f_number": f_number, "focus": {"distance_m": AWAY_M},
               "diffraction": diffraction, "eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0]}  # fmt: skip
     pixels = [round(side / PIXEL_MM) for side in FILM_MM]
     film = {"width_mm": FILM_MM[0], "resolution": pixels}
@@ -75,19 +73,17 @@ def by_waves(lens: Lens, back: float, degrees: float, along: bool) -> Array:
     """The modulation of the full wave optics, over the wavelengths of green; all in one place of the film."""
     beam, shares = Beam(degrees, AWAY_M * 1e3), shares_of_white(WAVES_NM)[::2, 1]
     pupils = [pupil_function(lens, back, beam, nm, 96) for nm in WAVES_NM[::2]]
-    about = pupils[len(pupils) // 2].centre if hasattr(pupils[0], "centre") else (0.0, 0.0)
-    del about
     values = [transfer(pupil, PER_MM)[0 if along else 1] for pupil in pupils]
     return np.asarray(np.abs(np.tensordot(shares / shares.sum(), values, 1)))
 
 
 def errors(lens: str, f_number: float, degrees: float, along: bool, diffraction: str = "on") -> tuple[Array, Array]:
     """The modulation of a rendered edge, and of the waves."""
-    found = rptcam_cl.render(scene_of(lens, f_number, degrees, along, diffraction)).pixels[..., 1]
-    whole = load_lens(lens)
-    stopped = whole.with_stop_diameter(whole.stop_diameter_for(f_number))
-    back = film_distance(whole.with_stop_diameter(2), AWAY_M * 1e3)
-    return modulation(found.astype(np.float64), along), by_waves(stopped, back, degrees, along)
+    scene = rptcam_cl.load_scene(scene_of(lens, f_number, degrees, along, diffraction))
+    found, setting = rptcam_cl.render(scene).pixels[..., 1], camera_of(scene).setting
+    assert setting is not None
+    exact = by_waves(setting.lens, setting.film_distance_mm, degrees, along)
+    return modulation(found.astype(np.float64), along), exact
 
 
 def main() -> None:

@@ -21,7 +21,7 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.stopwatch import Times, cores, fastest
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.api.interface import load_lens
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session

@@ -13,7 +13,7 @@ from typing import Any
 from benchmarks.scenes import reference_scene, wavefront_of
 from benchmarks.stopwatch import timed_picture
 from benchmarks.worker import serve
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.progressive import render_plan

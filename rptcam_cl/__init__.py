@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 from rptcam_cl.core.errors import DeviceError, InputError, NumericError, RptcamError, StateError
 
 TYPE_CHECKING = False  # as of `typing`, which takes longer to import than an interrupt may go unheeded

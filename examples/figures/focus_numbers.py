@@ -7,7 +7,7 @@ import numpy as np
 from examples.figures.figure import ROOT
 from examples.figures.numbers import Numbers, Row
 from rptcam_cl.api.interface import load_lens
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.rendering.traceable_lens import TraceableLens
 from rptcam_cl.scene.load import load_scene

@@ -8,7 +8,7 @@ import numpy as np
 
 from examples.figures.numbers import Numbers, Row
 from rptcam_cl.api.interface import load_lens
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.optics.charts import Drawing
 from rptcam_cl.optics.design import GlassChoice, doublet_radii, image_distances
 from rptcam_cl.optics.drawing import View, draw_lens

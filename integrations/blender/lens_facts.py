@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import RptcamError
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.drawing import blades, glass, lines

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.api.options import SCENE_KEYS, excluded_by, part_numbers
-from rptcam_cl.core.constants import MAX_SPP
+from rptcam_cl.core import MAX_SPP
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, NumericError, out_of_range
 from rptcam_cl.core.files import plain

@@ -10,7 +10,7 @@ from dataclasses import field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rptcam_cl.core.constants import MAX_SEED, MAX_SPP
+from rptcam_cl.core import MAX_SEED, MAX_SPP
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import DEVELOPED_SUFFIXES, FILM_SUFFIXES, LAYER_SUFFIXES, RAW_SUFFIXES, listed

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.job import RenderOptions, SceneSource, SeriesRenderer, read_scene, resolve
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 from rptcam_cl.core.files import check_writable, kernels_dir, listed, make_folder, replacing, resolve_links

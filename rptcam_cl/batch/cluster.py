@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rptcam_cl.api.job import RenderJob, RenderOptions, plain_data
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError, out_of_range
 from rptcam_cl.core.files import (

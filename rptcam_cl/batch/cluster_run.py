@@ -29,7 +29,7 @@ from rptcam_cl.batch.cluster import (
     render_part,
     render_scene,
 )
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.files import scratch_folder

@@ -18,7 +18,7 @@ from typing import Any
 from rptcam_cl.api.interface import settle
 from rptcam_cl.api.job import SeriesRenderer
 from rptcam_cl.batch.specification import MOST_FRAMES, DatasetSpecification, number_errors, read_specification, whole
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import make_folder, replacing, resolve_links

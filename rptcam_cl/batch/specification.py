@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, out_of_range
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml

@@ -17,7 +17,7 @@ from functools import partial
 from typing import Any, TextIO, cast
 
 from rptcam_cl.cli.output import INTERRUPTED, Parser, add_command, run_nothing
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 
 DEBUG = "--debug"

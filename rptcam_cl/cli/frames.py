@@ -37,7 +37,7 @@ from rptcam_cl.cli.output import (
     save,
     stop_on_interrupt,
 )
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import LAYER_SUFFIXES, file_state, listed, named_files
 from rptcam_cl.core.remember import OneMaker, made_by

@@ -21,7 +21,7 @@ from rptcam_cl.cli.output import (
     print_warnings,
     run_nothing,
 )
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import known_suffix
 from rptcam_cl.optics.measures import FDC

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rptcam_cl.api.options import digits, number
 from rptcam_cl.cli import lens_options
 from rptcam_cl.cli.output import Commands, Parser, add_command, as_json, finite, positive, print_table
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.measures import MEASUREMENTS, MIDDLE_NM, Measurement, Option
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import digits, number
 from rptcam_cl.cli.output import finite, positive, print_warnings
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.optics.measures import STEEPEST
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from rptcam_cl.core.constants import BOLTZMANN, LIGHT_SPEED, PLANCK
+from rptcam_cl.core import BOLTZMANN, LIGHT_SPEED, PLANCK
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import response_curves_dir, spectra_dir

@@ -10,8 +10,8 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.colour import electrons_per_joule, srgb_from_xyz
-from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.film import Bayer

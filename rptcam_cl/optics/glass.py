@@ -9,7 +9,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
+from rptcam_cl.core import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM, __version__
+from rptcam_cl.core import LINE_C_NM, LINE_D_NM, LINE_F_NM, __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import Folders, References

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.constants import GOLDEN
+from rptcam_cl.core import GOLDEN
 from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import EmitterKind, PatchMap, device_declarations
 from rptcam_cl.core.remember import content_name, identity_of_code

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.colour import luminance
-from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.kinds import camera_model

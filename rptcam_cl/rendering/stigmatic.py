@@ -34,8 +34,8 @@ ACROSS = 129  # nodes of the table of conjugates each way: within 0.01 pixels of
 FARTHEST_M = 1e5  # of a point of the scene, beyond which focus is as at infinity
 # Root mean square of a wavefront [waves], in the plane of focus. Below the first, waves bring it. Above the second rays
 # do, as well as waves would and with the sign that tells curvature of the field from what is out of focus otherwise.
-BY_WAVES, BY_RAYS = 0.35, 0.6
-ENDS = 0.5  # of it, that counts at the ends of the spectrum
+BY_WAVES, BY_RAYS = 0.45, 0.7
+ENDS = 0.4  # of it, that counts at the ends of the spectrum, where a lens refracts each wavelength in its own way
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def conjugates_of(
             waves[number][nm] = point_wave(pupils, pupil, points[number], source, nm, FIT)
         except InputError:
             return None
-        for other in KNOWN_NM:
+        for other in KNOWN_NM if scene.spectrum.lens_colour != "off" else ():
             with suppress(InputError):  # the glass is not known there, or the rays are not: others say what it is
                 waves[number][other] = point_wave(pupils, pupil, points[number], source, other, FIT)
         off = max(wave.rms(other) * (1.0 if other == nm else ENDS) for other, wave in waves[number].items())

@@ -19,8 +19,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from rptcam_cl.core import MAX_SEED, MAX_SPP
 from rptcam_cl.core.colour import Primaries, blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
-from rptcam_cl.core.constants import MAX_SEED, MAX_SPP
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders
 from rptcam_cl.scene.base import (

@@ -23,8 +23,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.colour import WAVELENGTHS_NM, Spectrum, on_grid
-from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, References

@@ -22,7 +22,7 @@ from pydantic import (
     model_validator,
 )
 
-from rptcam_cl.core.constants import MAX_SPP
+from rptcam_cl.core import MAX_SPP
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, References, digest
 from rptcam_cl.core.strict_yaml import MAX_BYTES

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.constants import LINE_D_NM, __version__
+from rptcam_cl.core import LINE_D_NM, __version__
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.core.files import reference_dir
 from rptcam_cl.core.strict_yaml import read_yaml

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 from rptcam_cl.scene.film import COOLEST, HOTTEST, NO_BALANCE, SIDES_MM, TONES
 from rptcam_cl.scene.lens_settings import METHODS, Aperture, CircularAperture
 from rptcam_cl.scene.scene import Scene

@@ -15,7 +15,7 @@ from rptcam_cl.api import interface, options
 from rptcam_cl.api.job import RenderOptions
 from rptcam_cl.api.options import NOT_WITH, OF_A_CLUSTER, RENDER_OPTIONS, SCENE_KEYS
 from rptcam_cl.batch.cluster_run import render_on_cluster
-from rptcam_cl.core.constants import MAX_SPP
+from rptcam_cl.core import MAX_SPP
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.film import SINGLE_LAYERS
 from rptcam_cl.scene.load import load_scene

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from rptcam_cl.cli import COMMANDS, build_parser, output
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 from rptcam_cl.core.errors import DeviceError
 
 Command = Callable[..., Any]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.optics.library import list_lenses, load_lens
 from tests.optics.truth import CASES, NAMES, truth, truth_lens
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.pupils import FilmProbe, pupil_shapes

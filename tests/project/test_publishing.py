@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from rptcam_cl.cli import build_parser
-from rptcam_cl.core.constants import __version__
+from rptcam_cl.core import __version__
 
 
 def workflows(checkout: Path) -> list[Path]:

@@ -143,6 +143,6 @@ def test_extras_ask_only_for_what_has_a_wheel_there(
 
 
 def test_version_is_the_same_everywhere(wheel: Path) -> None:
-    from rptcam_cl.core.constants import __version__
+    from rptcam_cl.core import __version__
 
     assert wheel.name == f"rptcam_cl-{__version__}-py3-none-any.whl"

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.colour import LUMINANCE, luminance
-from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import Folders, plain
 from rptcam_cl.exchange.conversion import Conversion, FileStore, Place, Report

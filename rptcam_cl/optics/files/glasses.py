@@ -6,7 +6,7 @@ import difflib
 from dataclasses import replace
 from pathlib import Path
 
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.records import MOST_LAYERS
 from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, Fields, KeyPath, problem, rises, value_at

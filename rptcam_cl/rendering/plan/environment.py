@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.colour import (
     LUMINANCE,
     WAVELENGTHS_NM,
@@ -16,7 +17,6 @@ from rptcam_cl.core.colour import (
     srgb_from_spectrum,
     srgb_from_xyz,
 )
-from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import ENVIRONMENT, EnvironmentKind, TexelFormat, curves, fill
 from rptcam_cl.rendering.plan.textures import PICTURES, Colours, KnownSpectra, TextureTable, linear_codes, unpack_texels

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.constants import LUMENS_PER_WATT  # glTF counts candelas and lux, a scene watts
+from rptcam_cl.core import LUMENS_PER_WATT  # glTF counts candelas and lux, a scene watts
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.assets.gltf_data import (

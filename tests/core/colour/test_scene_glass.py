@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import yaml
 
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.plan.textures import dielectric_index, is_dispersive

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.optics.glass import AIR
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import Status

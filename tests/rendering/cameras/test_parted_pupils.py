@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.pupils import FilmProbe, spread_points

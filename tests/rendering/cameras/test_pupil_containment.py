@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.core.remember import forget
 from rptcam_cl.optics.design import image_circle

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.core.constants import LUMENS_PER_WATT
+from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.lights import read_luminaire

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
+from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.colour import LUMINANCE
-from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.rendering.plan.environment import COLUMNS, ROWS, SUN_RADIUS_DEGREES, bake_sky, sun_irradiance
 from rptcam_cl.scene.lights import SkyEnvironment
 from tests.rendering.light.pictures import irradiance
