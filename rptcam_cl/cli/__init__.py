@@ -36,7 +36,7 @@ COMMANDS = {
     "settle": ("files", "find focus, camera model and exposure, and write the scene so"),
     "sweep": ("frames", "render a scene with every combination of some values"),
     "stack": ("frames", "make one picture that is sharp throughout, by many focuses"),
-    "halves": ("frames", "take dual-pixel pairs, phase-detect pixels and focusing screens"),
+    "halves": ("frames", "see as dual pixels and focusing screens do"),
     "dataset": ("frames", "render many pictures whose keys are drawn from distributions"),
     "view": ("first_steps", "open a scene in the browser, with the dials of a camera"),
     "focus": ("camera", "find the focus of a scene's camera"),

@@ -312,7 +312,8 @@ def neighbours2(places: NDArray[np.float64]) -> NDArray[np.float64]:
         last = min(first + _ROW, len(here))
         own, near = slice(first, last), (max(first - _ROW, 0), min(last + _ROW, len(here)))
         reach = np.sqrt(among(own, *near).max()) * (1 + 1e-9)
-        found.append(among(own, *np.searchsorted(here, (here[first] - reach, here[last - 1] + reach))))
+        low, high = np.searchsorted(here, here[first] - reach), np.searchsorted(here, here[last - 1] + reach, "right")
+        found.append(among(own, min(low, near[0]), max(high, near[1])))
     return np.concatenate(found)
 
 

@@ -44,6 +44,7 @@ PATTERNS = {
     "perlin": {"kind": "perlin", "mapping": {"kind": "space"}},
     "marble": {"kind": "marble"},
     "dots": {"kind": "dots", "inside": 0.9, "outside": 0.1},
+    "mixture": {"kind": "mixture", "first": 0.1, "second": {"kind": "dots", "inside": 0.9, "outside": 0.1}},
     "image": {"kind": "image", "file": str(Path(__file__).parents[2] / "docs" / "images" / "boards.png")},
 }
 LIGHTS = [

@@ -115,7 +115,7 @@ def test_zemax_heads_that_change_the_lens_are_said(tmp_path):
 
     assert notes("ENVD 20 1 0\nMNUM 1 1\nSCBD 0 0 0 0 0 0 0 0") == ()
     assert "glass is taken at 20 degrees and 1 atmosphere, not at 35 and 1" in notes("ENVD 35 1 1")[0]
-    assert "only one of 3 configurations is read: that in which the file was saved" in notes("MNUM 3 2")[0]
+    assert "its 3 positions move no surfaces: it is read as saved" in notes("MNUM 3 2")[0]
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,8 @@ def looked_up(session, texture, folder, places=PLACES, lanes=8):
     count = places.shape[1]
     out = session.allocate(4 * 3 * count)
     run(session, "probe_texture", plan.facts | {"VW": lanes}, count // lanes, **SceneBuffers(session, plan).scene,
-        places=session.upload(places), colours=out, count=np.uint32(count))  # fmt: skip
+        places=session.upload(places), colours=out, count=np.uint32(count),
+        texture=np.int32(len(plan.textures.records) - 1))  # fmt: skip
     return session.read(out, np.float32, 3 * count).reshape(3, count).T.astype(np.float64)
 
 
