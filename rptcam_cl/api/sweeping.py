@@ -759,7 +759,7 @@ def _take_pairs(
     device: str | Session | None,
     on_picture: Callable[[int], object],
 ) -> Iterator[tuple[Image, Image]]:
-    """Take two pictures with independent noise in each state, with half of the samples each."""
+    """Take two pictures with independent noise in each state, with half of the samples each; the first names all."""
     series = SeriesRenderer(device if isinstance(device, Session) else open_session(device))
     scene = change_scene(scene, render={"spp": max(scene.render.spp // 2, 1)})
     for number, state in enumerate(states):
@@ -768,7 +768,8 @@ def _take_pairs(
         image = series.render(there)
         if number == 0 and (metered := image.metadata.get("metered_cd_m2")) is not None:
             scene, there = (set_keys(each, {"exposure.lock_cd_m2": metered}) for each in (scene, there))
-        yield image, series.render(change_scene(there, render={"seed": (scene.render.seed + 1) % 2**32}))
+        other = series.render(change_scene(there, render={"seed": (scene.render.seed + 1) % 2**32}))
+        yield replace(image, metadata=image.metadata | {"spp": image.metadata["spp"] + other.metadata["spp"]}), other
 
 
 def resized(pixels: Plane, scale: float) -> Plane:
