@@ -197,7 +197,7 @@ def test_one_of_a_bracket_is_exposed_by_so_many_stops_more(client: Page, tmp_pat
     client.frame(lambda header: header["kind"] == "picture" and header["spp"] == 8)
     plain = {ev: client.ask(6 + ev, "save", format="png", name="a", ev=ev).data for ev in (0, 1)}
     client.ask(10, "set", changes={"exposure.ev": 1.0})
-    client.frame(lambda header: header["kind"] == "picture" and header["spp"] == 8 and header["scale"] == 1)
+    client.frame(lambda header: header["kind"] == "picture" and header["spp"] == 8 and header["answers"] == 10)
     brighter = client.ask(11, "save", format="png", name="a").data
     one, other = (np.asarray(Pillow.open(io.BytesIO(data)), int) for data in (plain[1], brighter))
     assert np.array_equal(one, other)
