@@ -60,7 +60,7 @@ def quick(length: int) -> int:
 
 NEAR, REACH = 20.0, 64.0  # half width of a kernel with far light and without, in wavelength over twice the aperture
 LEAST_REACH, _MOST_REACH = 2, 256  # the same in pixels
-KNOWN = 1.02 * REACH  # from where the light is left out; an opening of 144 cells shows its image again 141 away
+KNOWN = 0.453  # of the cells across an opening, from where the light is left out: it shows its image again so many away
 FINE = 2.5  # points per wavelength over twice the numerical aperture; 2 resolve the light exactly
 SHARP, SMOOTH = 1.4, 2.0  # the same in pixels: below the first a pixel averages the light, above the second it samples
 MIDDLE_NM = 550.0
@@ -132,13 +132,14 @@ def of_wavelength(
     checkpoint()
     wave = pupil.coverage if wave is None else wave
     unit, size = unit_px(pupil, pixel_mm, nm), 2 * reach + 1
-    if KNOWN * unit + wide < 0.5:  # all of it in the middle one
+    far = KNOWN * len(pupil.cosines_x) * unit + wide
+    if far < 0.5:  # all of it in the middle one
         return np.pad(np.ones((1, 1)), reach)
     width = float(np.sqrt(np.clip((SMOOTH - unit) / (SMOOTH - SHARP), 0.0, 1.0)))  # of the square that is averaged
     finer = max(int(np.ceil(FINE / unit * width)), 1)
     within = ((np.arange(finer) + 0.5) / finer - 0.5) * width
     places = (np.arange(-reach, reach + 1)[:, None] + within).ravel()
-    known = np.abs(places) <= KNOWN * unit + wide
+    known = np.abs(places) <= far
     turn = 2j * np.pi * pupil.index / (nm * 1e-6)
     columns = np.exp(turn * pixel_mm[0] * np.outer(pupil.cosines_x - pupil.cosines_x.mean(), places[known]))
     rows = np.exp(turn * pixel_mm[1] * np.outer(places[known], pupil.cosines_y - pupil.cosines_y.mean()))
