@@ -213,7 +213,7 @@ class FilmSpread:
         if self.edges is not None and self.directions > FEW_ANGLES and not (bright.any() or by_lamps.any()):
             return self._of_plain_films.over(pixels, layout)
         if by_lamps.any():
-            planes = without_lamps(planes, offset, self.lamps, by_lamps)
+            planes, by_lamps = without_lamps(planes, offset, self.lamps, by_lamps)
             bright = np.where(bright > 0, planes, 0.0)
         nodes, kernels = self.kernels
         spread = blur(planes, bright, offset, nodes, kernels)
