@@ -41,6 +41,7 @@ from rptcam_cl.rendering.point_spread import (
     strew,
     wave_picture,
 )
+from rptcam_cl.rendering.stigmatic import stigmatic
 from rptcam_cl.scene.lens_settings import Dirt
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import scene_of
@@ -584,6 +585,21 @@ def test_lamps_on_pixels_too_large_for_their_rings_have_the_film_of_the_rays(wav
     scene = load_scene(lamp_scene(waves, 32)[0] | {"film": {"width_mm": 32 * pixel_mm, "resolution": [32, 32]}})
     found = replace(diffraction_of(scene), plan=make_plan(scene))
     assert len(found.spread.lamps) == shown
+
+
+@pytest.mark.parametrize(
+    ("lens", "f_number"),
+    [("double-gauss-50mm-f1.1", 8.0), pytest.param("fisheye-10mm", 8.0, marks=pytest.mark.slow),
+     pytest.param("phone-5.6mm", 8.0, marks=pytest.mark.slow)],
+)  # fmt: skip
+def test_even_light_stays_even_where_the_image_circle_ends(lens, f_number):
+    camera = {"kind": "realistic", "lens": lens, "f_number": f_number, "focus": {"distance_m": 3}, "diffraction": "on"}
+    scene = load_scene(scene_of([], {**camera, **POSE}, resolution=(192, 108)))
+    found = diffraction_of(scene)
+    found = replace(found, plan=stigmatic(make_plan(scene), found.conjugates))
+    assert "STIGMATIC" in found.plan.camera.facts
+    even = found.spread.over(np.ones((108, 192, 3), np.float32), FilmLayout.of(scene.film))
+    assert even == pytest.approx(1.0, abs=0.003)
 
 
 @pytest.mark.parametrize("columns", [3, 10])
