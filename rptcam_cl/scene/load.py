@@ -618,6 +618,8 @@ def _material_of(item: Any) -> Any:
 def _check_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tuple[Object, ...], list[str]]:
     """Return the objects without those whose mesh is missing, and what there is to say of these."""
     absent: list[str] = []
+    if not scene.new_objects() and not scene.holds_old_meshes():
+        return scene.objects, []
     scene.report_missing_pictures(absent)
     gone: set[int] = set()
     without: list[str] = []

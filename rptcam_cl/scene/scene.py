@@ -350,6 +350,7 @@ class Scene(SceneModel):
     _made_of: dict[str, Any] | None = PrivateAttr(default=None)
     _new: list[tuple[int, Object]] | None = PrivateAttr(default=None)
     _dyed: tuple[tuple[Object, ...], dict[int, Material]] = PrivateAttr(default=((), {}))  # see `new_materials`
+    _shown: tuple[tuple[Object, ...], tuple[Material, ...]] = PrivateAttr(default=((), ()))  # objects, their materials
 
     @field_validator("materials", mode="before")
     @classmethod
@@ -378,10 +379,13 @@ class Scene(SceneModel):
             return handler(objects)
         changed = {id(one): name for name, one in before.materials.items() if materials.get(name) is not one}
         if objects is before.objects and not changed:
-            context["dyed"] = before._dyed
+            context |= {"dyed": before._dyed, "shown": before.shown_materials()}
             return objects
         own = set(map(id, before.objects))
-        given, fresh = list(objects), {index for index, item in enumerate(objects) if id(item) not in own}
+        is_same = len(objects) == len(before.objects) and all(map(is_, objects, before.objects))
+        given, fresh = list(objects), set[int]()
+        if not is_same:
+            fresh = {index for index, item in enumerate(objects) if id(item) not in own}
         dyed = {key: materials[name] for key, name in changed.items() if name in materials}
         for index, item in enumerate(objects if changed else ()):
             key = id(getattr(item, "material", None))
@@ -398,8 +402,9 @@ class Scene(SceneModel):
         for index, item in zip(places, validated, strict=True):
             given[index] = item
         context["new"] = [(index, given[index]) for index in places]
-        if not places and len(objects) == len(before.objects) and all(map(is_, objects, before.objects)):
-            context["dyed"] = before.objects, dyed
+        if is_same and not places:
+            shown = tuple(dyed.get(id(material), material) for material in before.shown_materials())
+            context |= {"dyed": (before.objects, dyed), "shown": shown}
         return tuple(given)
 
     @field_validator("environment", mode="before")
@@ -443,6 +448,8 @@ class Scene(SceneModel):
         if given is not None:
             self._folders, self._library, self._stand_ins = given._folders, given._library, given._stand_ins
             self._new, self._dyed = context.get("new", []), context.get("dyed", ((), {}))
+            if "shown" in context:
+                self._shown = self.objects, context["shown"]
         else:
             self._folders = context.get("folders", self._folders)
             self._library = MeshLibrary(self._folders, self.meshes)
@@ -491,6 +498,10 @@ class Scene(SceneModel):
         scene._stand_ins, scene._made_of = stand_ins, None
         return scene
 
+    def holds_old_meshes(self) -> bool:
+        """Return whether as many meshes are loaded for objects of scenes before as for this one's."""
+        return self._library.count > 2 * len(self.objects)
+
     def new_objects(self) -> Iterable[tuple[int, Object]]:
         """Return index and object of those that the scene before, of which this was made, has not.
 
@@ -521,6 +532,11 @@ class Scene(SceneModel):
 
     def shown_materials(self) -> tuple[Material, ...]:
         """Return the materials that objects show."""
+        if self._shown[0] is not self.objects:
+            self._shown = self.objects, self._find_shown_materials()
+        return self._shown[1]
+
+    def _find_shown_materials(self) -> tuple[Material, ...]:
         own = {id(material): material for item in self.objects
                if (material := getattr(item, "material", None)) is not None}  # fmt: skip
         others = [item for item in self.objects if getattr(item, "material", None) is None]
@@ -674,9 +690,10 @@ def _hash(content: Any) -> str:
 
 def _with_material(item: Object, material: Material) -> Object:
     """Return an object with another material, as `model_copy` does: in a third of its time, for thousands of them."""
-    copy = object.__new__(type(item))
-    object.__setattr__(copy, "__dict__", item.__dict__ | {"material": material})
-    object.__setattr__(copy, "__pydantic_fields_set__", item.__pydantic_fields_set__ | {"material"})
+    copy, values = object.__new__(type(item)), item.__dict__.copy()
+    values["material"] = material
+    object.__setattr__(copy, "__dict__", values)
+    object.__setattr__(copy, "__pydantic_fields_set__", item.__pydantic_fields_set__)
     object.__setattr__(copy, "__pydantic_extra__", item.__pydantic_extra__)
     object.__setattr__(copy, "__pydantic_private__", item.__pydantic_private__)
     return copy
