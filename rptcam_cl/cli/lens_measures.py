@@ -478,6 +478,10 @@ def add_lens_tolerance(commands: Commands) -> None:
         help="find the loosest tolerances of these kinds with which P percent of the copies reach the limit",
     )  # fmt: skip
     parser.add_argument("--write", type=Path, metavar="FILE", help="write them as a specification, .yaml")
+    parser.add_argument(
+        "--device", metavar="SPEC",
+        help="trace the copies on a device: an index as 0:0, a part of a name, cpu, gpu or auto (default: on the host)",
+    )  # fmt: skip
     lens_options.add_plot(parser)
 
 
@@ -494,6 +498,7 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
         arguments.spec,
         copies=arguments.copies,
         seed=arguments.seed,
+        device=arguments.device,
     )
     if arguments.json:
         share = {} if arguments.limit is None else {"limit": arguments.limit} | asdict(run.yield_at(arguments.limit))
@@ -519,8 +524,9 @@ def _loosest(arguments: argparse.Namespace) -> int:
         check_writable(arguments.write, [arguments.spec])
     lens = lens_options.load(arguments.lens, arguments.catalogue)
     found = loosest_set(
-        lens, arguments.spec, arguments.limit, arguments.for_yield, copies=arguments.copies, seed=arguments.seed
-    )
+        lens, arguments.spec, arguments.limit, arguments.for_yield, copies=arguments.copies, seed=arguments.seed,
+        device=arguments.device,
+    )  # fmt: skip
     share = asdict(found.run.yield_at(arguments.limit))
     if arguments.json:
         facts = {"limit": arguments.limit, "yield_at": share, "specification": found.specification}

@@ -57,6 +57,9 @@ def lens() -> None:
     shown(still_life() | {"camera": LENS | {"rays": "fitted"}})
     rays = rptcam_cl.load_lens("dgauss-50mm").trace([[0, 0, 70]], [[0, 0, -1]], start="film", device=open_session())
     assert rays.passed.all()
+    merit = {"fields_degrees": [0, 5], "rings": 2, "arms": 4}
+    tolerances = {"copies": 10, "merit": merit, "tolerances": [{"radius_percent": 0.1}, {"decentre_mm": 0.02}]}
+    rptcam_cl.tolerance(rptcam_cl.load_lens("dgauss-50mm"), tolerances, device=open_session())
 
 
 def meshes() -> None:
@@ -186,7 +189,7 @@ def light_of_lamps() -> None:
 RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "passes": (passes, WAVE),
     "stream": (stream, {"stream"}),
-    "lens": (lens, WAVE | {"aim_rays", "trace_lens", "trace_rays"}),
+    "lens": (lens, WAVE | {"aim_rays", "trace_copies", "trace_lens", "trace_rays"}),
     "meshes": (meshes, WAVE | TREES | {"fill_blocks", "layers", "sharp"}),
     "denoised": (denoised, WAVE | {"layers", "guides", "denoise"}),
     "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),
