@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.image_quality import Setting
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.optics.ray_trace import Rays
+    from rptcam_cl.rendering.copy_scores import FilmPoints
     from rptcam_cl.rendering.tolerance_run import ToleranceRun
     from rptcam_cl.rendering.traceable_lens import Precision
 
@@ -498,7 +499,7 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
         arguments.spec,
         copies=arguments.copies,
         seed=arguments.seed,
-        device=arguments.device,
+        trace=_copies_tracer(arguments.device),
     )
     if arguments.json:
         share = {} if arguments.limit is None else {"limit": arguments.limit} | asdict(run.yield_at(arguments.limit))
@@ -508,6 +509,13 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         lens_options.write_picture(tolerance_chart(run), arguments.output)
     return 0
+
+
+def _copies_tracer(device: str | None) -> "FilmPoints":
+    from rptcam_cl.optics.as_built import film_points
+    from rptcam_cl.rendering.traceable_lens import CopiesTracer
+
+    return film_points if device is None else CopiesTracer(device).film_points
 
 
 def _loosest(arguments: argparse.Namespace) -> int:
@@ -525,7 +533,7 @@ def _loosest(arguments: argparse.Namespace) -> int:
     lens = lens_options.load(arguments.lens, arguments.catalogue)
     found = loosest_set(
         lens, arguments.spec, arguments.limit, arguments.for_yield, copies=arguments.copies, seed=arguments.seed,
-        device=arguments.device,
+        trace=_copies_tracer(arguments.device),
     )  # fmt: skip
     share = asdict(found.run.yield_at(arguments.limit))
     if arguments.json:

@@ -530,15 +530,15 @@ def judge_of(
     few, many = (_join([scores[k] for _, scores in enough]) for k in (0, 1))
     film += judge(rays, film).best_shift(lens)
     errors = _moves(few.spot_um, many.spot_um, many.spot_um), _moves(few.modulation, many.modulation, 1.0)
-    judged = judge(rays, film)
+    final = judge(rays, film)
     if trace is not film_points:  # what the arithmetic of a device changes counts as well
         exact = Judge(lens, [one for each in rays for one in each], merit, film)
-        ours, theirs = (one.scores(tried, given.tolerances.refocus) for one in (judged, exact))
+        ours, theirs = (one.scores(tried, given.tolerances.refocus) for one in (final, exact))
         errors = (
             errors[0] + _moves(ours.spot_um, theirs.spot_um, theirs.spot_um),
             errors[1] + _moves(ours.modulation, theirs.modulation, 1.0),
         )
-    return judged, degrees, errors
+    return final, degrees, errors
 
 
 def _enough(

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
-from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.optics.as_built import Copies, Deviation, check_copies, film_points
 from rptcam_cl.optics.charts import FAINT, INK, new_figure, series, styled
 from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration
@@ -33,7 +32,6 @@ from rptcam_cl.rendering.tolerances import (
     share,
     specification,
 )
-from rptcam_cl.rendering.traceable_lens import CopiesTracer
 from rptcam_cl.scene.lens_settings import Tolerances
 
 if TYPE_CHECKING:
@@ -194,7 +192,7 @@ def tolerance(
     copies: int | None = None,
     seed: int | None = None,
     with_sensitivities: bool = True,
-    device: str | Session | None = None,
+    trace: FilmPoints = film_points,
 ) -> ToleranceRun:
     """Find how copies of a lens turn out within tolerances.
 
@@ -208,9 +206,8 @@ def tolerance(
         In place of what the specification says.
     with_sensitivities : bool
         Whether each tolerance is taken alone to its limits as well.
-    device
-        What traces the copies: None for the host; else as ``--device`` on the command line, or a session. Its
-        arithmetic is float64 where it has that; errors of the result hold what it changes.
+    trace : FilmPoints
+        What traces the copies: the host, or the method of a `CopiesTracer` of `rptcam_cl.rendering.traceable_lens`.
 
     Raises
     ------
@@ -230,19 +227,12 @@ def tolerance(
     plain = Copies(state, deviations, np.zeros((1, len(within), 2)))
     tried = Copies(state, deviations, np.concatenate([plain.values, sample.values[:PROBES]]))
     adjusted = limits(lens, spec, "compensators")
-    judge, fields, errors = judge_of(spec, tried, front, adjusted, _tracer(device))
+    judge, fields, errors = judge_of(spec, tried, front, adjusted, trace)
     design = judge.scores(plain, wanted.refocus)
     rows = _sensitivities(state, within, judge, design, wanted.refocus) if with_sensitivities else ()
     sample = judge.adjusted(sample, wanted.refocus)
     scores = judge.scores(sample, wanted.refocus)
     return ToleranceRun(state, wanted, within, fields, judge.film, design, scores, sample, adjusted, rows, *errors)
-
-
-def _tracer(device: str | Session | None) -> FilmPoints:
-    """Return what traces copies: a device, or the host without one."""
-    if device is None:
-        return film_points
-    return CopiesTracer(device if isinstance(device, Session) else open_session(device)).film_points
 
 
 def _state(lens: Lens, given: Specification) -> tuple[Lens, float]:
@@ -360,7 +350,7 @@ def loosest_set(
     *,
     copies: int | None = None,
     seed: int | None = None,
-    device: str | Session | None = None,
+    trace: FilmPoints = film_points,
 ) -> LoosestSet:
     """Find the loosest tolerances of the kinds of a specification, so that this percent of the copies reach a limit.
 
@@ -375,7 +365,7 @@ def loosest_set(
         Rms spot [µm], or modulation where copies are ranked by it.
     percent : float
         Above 0 and below 100.
-    copies, seed, device
+    copies, seed, trace
         As of `tolerance`.
 
     Raises
@@ -384,7 +374,7 @@ def loosest_set(
         Where the design itself does not reach the limit.
     """
     spec = spec if isinstance(spec, Specification) else specification(spec)
-    run = tolerance(lens, spec, copies=copies, seed=seed, device=device)
+    run = tolerance(lens, spec, copies=copies, seed=seed, trace=trace)
     by_spot, design = run.rank_by == "spot", float(run.design.by(run.rank_by)[0])
     if not (design < limit if by_spot else design > limit):
         unit = " µm of rms spot" if by_spot else " of modulation"
@@ -397,7 +387,7 @@ def loosest_set(
     worst = adds[np.isfinite(adds)].max(initial=0.0) or 1.0
     shares = np.clip(np.where(np.isfinite(adds), adds, worst) / worst, _LEAST_COST, 1.0) ** (-1 / 3)
     front, adjusted = _state(lens, spec)[1], limits(lens, spec, "compensators")
-    judge, _, _ = judge_of(spec, run.copies, front, adjusted, _tracer(device))
+    judge, _, _ = judge_of(spec, run.copies, front, adjusted, trace)
     drawn, refocus = len(run.limits), run.tolerances.refocus
     made = Copies(run.copies.lens, run.copies.deviations[:drawn], run.copies.values[:, :drawn])
 
@@ -422,7 +412,7 @@ def loosest_set(
     written |= {key: given[key] for key in kept if key in given} | {"tolerances": entries}
     return LoosestSet(
         written, factors, tuple(one.label for one in run.limits),
-        tolerance(lens, written, copies=copies, seed=seed, with_sensitivities=False, device=device),
+        tolerance(lens, written, copies=copies, seed=seed, with_sensitivities=False, trace=trace),
     )  # fmt: skip
 
 

@@ -340,12 +340,14 @@ class CopiesTracer:
 
     Parameters
     ----------
-    session : Session
+    device
+        As ``--device`` on the command line, or a session.
     precision : "single" or "double", optional
         Arithmetic of the device; double by default where it has that.
     """
 
-    def __init__(self, session: Session, precision: Precision | None = None) -> None:
+    def __init__(self, device: str | Session, precision: Precision | None = None) -> None:
+        session = device if isinstance(device, Session) else open_session(device)
         precision = precision or ("double" if session.info.fp64 else "single")
         check_double(session, precision)
         self.session, self.double = session, precision == "double"

@@ -18,6 +18,7 @@ from rptcam_cl.device import devices, programs, session
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.rendering import passes as ways
 from rptcam_cl.rendering import tracer, tree_build, trees
+from rptcam_cl.rendering.traceable_lens import CopiesTracer
 from rptcam_cl.scene.film import SINGLE_LAYERS
 from tests.device.test_kernels import EVERY_MATERIAL, IMAGE
 from tests.rendering.test_bokeh import CASES
@@ -59,7 +60,7 @@ def lens() -> None:
     assert rays.passed.all()
     merit = {"fields_degrees": [0, 5], "rings": 2, "arms": 4}
     tolerances = {"copies": 10, "merit": merit, "tolerances": [{"radius_percent": 0.1}, {"decentre_mm": 0.02}]}
-    rptcam_cl.tolerance(rptcam_cl.load_lens("dgauss-50mm"), tolerances, device=open_session())
+    rptcam_cl.tolerance(rptcam_cl.load_lens("dgauss-50mm"), tolerances, trace=CopiesTracer(open_session()).film_points)
 
 
 def meshes() -> None:

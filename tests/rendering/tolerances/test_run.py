@@ -20,6 +20,7 @@ from rptcam_cl.rendering import copy_scores
 from rptcam_cl.rendering.copy_scores import Scores
 from rptcam_cl.rendering.tolerance_run import ToleranceRun, loosest_set, report, tolerance, tolerance_chart
 from rptcam_cl.rendering.tolerances import percentile, rank, share, specification
+from rptcam_cl.rendering.traceable_lens import CopiesTracer
 
 TRIPLET = load_lens("cooke-triplet-50mm")
 D_NM = 587.5618
@@ -69,7 +70,7 @@ def test_sensitivities_are_those_of_another_program(monkeypatch: pytest.MonkeyPa
 
 def test_run_on_a_device_is_that_of_the_host(run: ToleranceRun, session: Session) -> None:
     given = {"refocus": False, "copies": 50, "merit": FIELDS, "tolerances": TOLERANCES}
-    found = tolerance(TRIPLET, given, device=session, with_sensitivities=False)
+    found = tolerance(TRIPLET, given, trace=CopiesTracer(session).film_points, with_sensitivities=False)
     np.testing.assert_allclose(found.scores.spot_um, run.scores.spot_um[:50], rtol=1e-9)
     np.testing.assert_allclose(found.scores.mtf, run.scores.mtf[:50], atol=1e-9)
     assert (found.spot_error, found.mtf_error) == pytest.approx((run.spot_error, run.mtf_error), rel=1e-6)
