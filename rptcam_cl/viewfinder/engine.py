@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from rptcam_cl.api.sweeping import focus_stack
+from rptcam_cl.api.focus_stack import focus_stack
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
 from rptcam_cl.core.files import give_back
 from rptcam_cl.core.remember import CancelledError, cancellable
