@@ -274,7 +274,7 @@ class _WebSocketHandler:
 
 
 async def _send_all(socket: WebSocket, outbox: Any, ready: asyncio.Event) -> None:
-    """Send what an outbox has, as fast as the client takes it; end the connection, which comes back, where that fails."""
+    """Send what an outbox has, as fast as the client takes it; end the connection where that fails: it comes back."""
     try:
         while True:
             await ready.wait()

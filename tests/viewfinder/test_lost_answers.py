@@ -15,7 +15,7 @@ from rptcam_cl.viewfinder import engine, messages
 from rptcam_cl.viewfinder.slot import Slot
 from tests.viewfinder.page_client import SCENE, Page, at_rest, page, serving
 
-WITHIN_S = 20.0
+WITHIN_S = 60.0
 
 
 @pytest.fixture(scope="module")
