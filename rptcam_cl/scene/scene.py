@@ -510,7 +510,7 @@ class Scene(SceneModel):
         return enumerate(self.objects) if self._new is None else self._new
 
     def new_materials(self, objects: tuple[Object, ...]) -> Mapping[int, Material] | None:
-        """Return the new materials by the identity of those before, where nothing else has made these objects of others.
+        """Return the new materials by the identity of those before, where they alone have made these objects of others.
 
         None where more has changed.
         """
