@@ -653,7 +653,7 @@ Barrel = Annotated[str | float, BeforeValidator(_check_barrel), WithJsonSchema(_
 
 
 def _heat(temperature_c: float, pressure_hpa: float, barrel: str | float) -> Heat | None:
-    """Return what a lens is exposed to; None at 20 degrees and standard pressure."""
+    """Return the heat of a lens; None at 20 degrees and standard pressure."""
     heat = Heat(temperature_c, pressure_hpa, barrel if isinstance(barrel, float) else BARRELS[barrel])
     return None if (heat.celsius, heat.pressure_hpa) == (STANDARD_C, STANDARD_HPA) else heat
 
