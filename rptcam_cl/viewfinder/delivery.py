@@ -21,7 +21,7 @@ from rptcam_cl.viewfinder.moves import field_at_one
 from rptcam_cl.viewfinder.panel import BODIES, EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Panel, ev_text
 from rptcam_cl.viewfinder.slot import Shown, Slot
 from rptcam_cl.viewfinder.studio import Studio
-from rptcam_cl.viewfinder.things import fields_of, things_message
+from rptcam_cl.viewfinder.things import fields_of, mix_entries, things_message
 from rptcam_cl.viewfinder.timeline import follows_anew, time_message
 
 # Frames of the picture, and what lies over it.
@@ -432,7 +432,8 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
 def _dials_of(studio: Studio, slot: Slot) -> list[Entry]:
     """The dials of the camera, and of the thing that is selected."""
     fields = [] if studio.selected is None else fields_of(slot.panel, studio.selected)
-    return [*dial_list(slot.panel), *(each.entry for each in fields)]
+    mix = mix_entries(slot.panel, slot.session.light_groups)
+    return [*dial_list(slot.panel), *(each.entry for each in fields), *mix]
 
 
 def _left_out(slot: Slot) -> list[str]:

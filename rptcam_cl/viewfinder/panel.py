@@ -474,6 +474,10 @@ class Dials:
         Lamps that a hand has muted, and those that shine alone.
     body : str or None
         One of `BODIES`, whose speeds limit the ISO.
+    mix : mapping
+        Factors on the light of groups of lamps, whose light the film keeps apart.
+    unmixed : mapping
+        What the scene said before its lamps were kept apart, by key path.
     """
 
     mode: Mode
@@ -491,6 +495,8 @@ class Dials:
     mute: frozenset[str] = frozenset()
     solo: frozenset[str] = frozenset()
     body: str | None = None
+    mix: Mapping[str, float] = field(default_factory=dict)
+    unmixed: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def meter(self) -> Exposure:
@@ -635,7 +641,7 @@ def read_dials(scene: Scene, before: Dials | None = None) -> Dials:
     common: dict[str, Any] = {"ev": exposure.ev, "written": exposure, "whole_mm": whole, "cropped_mm": size}
     common["clock"] = Clock.of(scene) if before is None else before.clock
     if before is not None:
-        common |= {name: getattr(before, name) for name in ("dark", "mute", "solo", "body")}
+        common |= {name: getattr(before, name) for name in ("dark", "mute", "solo", "body", "mix", "unmixed")}
     if exposure.mode == "auto":
         common |= {"target": exposure.target, "metering": exposure.metering, "spot_at": exposure.spot_at}
         common["locked_cd_m2"] = exposure.lock_cd_m2

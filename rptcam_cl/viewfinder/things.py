@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any, Literal
 
@@ -379,6 +379,67 @@ def switch_lamp(panel: Panel, thing: str, mute: bool | None, solo: bool | None) 
         elif own and not wanted_dark:
             changes |= {path: dark.pop(path) for path in own}
     return Turn(replace(dials, dark=dark, mute=muted, solo=alone), changes)
+
+
+# The light of each lamp apart: how bright each group is shown, of one film.
+
+GAINS = [0.0, *(2.0 ** (step / 3) for step in range(-18, 19))]  # thirds of a stop, and none
+APART, GROUP = "mix", "mix_"  # the dial that keeps lamps apart; those of groups are mix_a, mix_b, in their order
+
+
+def mix_entries(panel: Panel, groups: Sequence[str]) -> list[dict[str, Any]]:
+    """The dials that keep the light of lamps apart and mix it, as pages draw them."""
+    on = "lights" in panel.scene.render.layers
+    common: dict[str, Any] = {"enabled": True, "linked": None, "unit": ""}
+    entries: list[dict[str, Any]] = [{"name": APART, "label": "keep lamps apart", "kind": "bool", "value": on, "text": "", **common}]
+    for place, group in enumerate(groups):
+        gain = panel.dials.mix.get(group, 1.0)
+        entries.append({
+            "name": f"{GROUP}{chr(ord('a') + place)}", "label": group.replace("_", " "), "kind": "number",
+            "value": gain, "text": f"× {gain:.3g}", "min": 0.0, "max": GAINS[-1], "steps": GAINS, **common,
+        })  # fmt: skip
+    return entries
+
+
+def turn_mix(panel: Panel, groups: Sequence[str], name: str, value: Any, together: Sequence[str]) -> Turn:
+    """Keep the light of lamps apart, or no longer, or choose how bright a group of them is shown.
+
+    Parameters
+    ----------
+    groups
+        Whose light is kept apart by now.
+    together
+        What the picture has of all lamps together, which is left out meanwhile: diffraction, ghosts.
+
+    Raises
+    ------
+    InputError
+        There is no such group, or the value is not one of its kind.
+    """
+    scene, dials, layers = panel.scene, panel.dials, panel.scene.render.layers
+    if name == APART:
+        if not isinstance(value, bool):
+            raise InputError(f"{name}: must be true or false (got {str(value)[:40]!r})")
+        if value == ("lights" in layers):
+            return panel.same()
+        if not value:
+            before = dials.unmixed or {"render.layers": [each for each in layers if each != "lights"]}
+            return Turn(replace(dials, mix={}, unmixed={}), before)
+        keys = {"render.layers": [*layers, "lights"], **{f"camera.{what}": "off" for what in together}}
+        unmixed = {}
+        for path in keys:
+            section, _, key = path.partition(".")
+            unmixed[path] = _data(scene, section).get(key) if scene.made_of.get(section) is not None else None
+        left_out = (f"left out while lamps are kept apart: {' and '.join(together)}",) if together else ()
+        return Turn(replace(dials, mix={}, unmixed=unmixed), keys, left_out)
+    place = ord(name.removeprefix(GROUP)[:1] or "a") - ord("a")
+    if len(name) != len(GROUP) + 1 or not 0 <= place < len(groups):
+        raise InputError(f"{name}: there is no such group of lamps (allowed: {len(groups)} kept apart)")
+    if together:
+        raise InputError(f"{name}: {together[0]} is light of all lamps together (allowed: camera.{together[0]}: off)")
+    gain = min(max(number(name, value), 0.0), GAINS[-1])
+    messages = () if gain == value else (f"lamps are mixed from 0 to {GAINS[-1]:g} times their light",)
+    return Turn(replace(dials, mix={**dials.mix, groups[place]: gain}), {}, messages)
 
 
 def _switched(names: frozenset[str], name: str, on: bool | None) -> frozenset[str]:
