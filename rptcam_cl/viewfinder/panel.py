@@ -404,6 +404,17 @@ BODIES: dict[str, Body] = {
     "arri_alexa_mini": Body("ARRI Alexa Mini, open gate", (28.25, 18.17), (160, 3200)),
     "arri_alexa_lf": Body("ARRI Alexa LF, open gate", (36.70, 25.54), (160, 3200)),
 }
+# Usual lenses of bodies: those of the library whose image circle covers the sensor.
+_USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
+    "reportage": ("nikon_z6", ("retrofocus-28mm", "double-gauss-50mm-f1.8", "biotar-58mm", "zoom-70-200mm")),
+    "nature": ("canon_eos_r5", ("wide-22mm", "macro-55mm", "telephoto-400mm", "mirror-500mm")),
+    "small": ("fujifilm_x_t3", ("wide-22mm", "retrofocus-35mm", "double-gauss-50mm-f1.4")),
+    "studio": ("hasselblad_x1d_ii", ("zoom-35-51mm", "tessar-102mm", "double-gauss-100mm-f1.35", "telephoto-250mm")),
+    "cinema": ("arri_alexa_mini", ("retrofocus-35mm", "speed-panchro-50mm", "dgauss-100mm")),
+}
+KITS = {f"{kit}: {lens}": (body, lens) for kit, (body, lenses) in _USUAL.items() for lens in lenses}
+"""A body with one of its usual lenses, by the name of the kit and the lens."""
+
 DIAGONAL_35_MM = math.hypot(36.0, 24.0)
 AS_RADIANCE = Exposure()
 OF_NO_LENS = 8.0  # f-number that a camera without an opening is first exposed by

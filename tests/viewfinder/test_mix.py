@@ -14,6 +14,7 @@ from PIL import Image as Pillow
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import read_film, relit
+from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import load_scene, set_keys
 from rptcam_cl.viewfinder.panel import Dials, Panel
 from rptcam_cl.viewfinder.things import mix_entries, turn_mix
@@ -36,6 +37,17 @@ def test_lamps_are_kept_apart_without_what_is_of_all_together_and_all_is_as_befo
     back = turn_mix(there, ("key", "environment"), "mix", False, [])
     assert set_keys(there.scene, back.changes).content_hash() == here.scene.content_hash()
     assert (back.dials.mix, back.dials.unmixed) == ({}, {})
+
+
+def test_objects_of_a_material_that_several_have_are_one_group() -> None:
+    lamps = "".join(f"  - {{shape: sphere, center: [{x}, 0, 0], radius: 0.01, material: bulb}}\n" for x in range(1, 21))
+    text = SCENE.replace("materials:\n", "materials:\n  bulb: {kind: emissive, radiance: [1, 1, 1]}\n")
+    here = panel(text.replace("environment:", f"{lamps}environment:"))
+    turned = turn_mix(here, (), "mix", True, [])
+    there = Panel(turned.dials, set_keys(here.scene, turned.changes), here.resolved, None)
+    assert make_plan(there.scene).light_groups.names == ("bulb", "environment")
+    back = turn_mix(there, ("bulb", "environment"), "mix", False, [])
+    assert set_keys(there.scene, back.changes).content_hash() == here.scene.content_hash()
 
 
 def test_dials_of_groups_turn_within_their_limits() -> None:
