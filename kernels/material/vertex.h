@@ -330,10 +330,10 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
         int is_mix = material->kind == MATERIAL_MIX;
         I second = is_mix ? second_of_mix(&vertex, mine, material, point, scene) : FALSE;
 #pragma nounroll    // programs have the code of materials once
-        for (int part = 0; part <= is_mix; ++part) {
-            I own = mine & (part ? second : NOT(second));
+        for (int which = 0; which <= is_mix; ++which) {
+            I own = mine & (which ? second : NOT(second));
             if (ANY(own))
-                take_material(&vertex, own, is_mix ? scene.materials + (part ? material->second : material->first) : material,
+                take_material(&vertex, own, is_mix ? scene.materials + (which ? material->second : material->first) : material,
                               point, ray.d, scene);
         }
 #else
