@@ -112,6 +112,7 @@ LIMITS = {
     "shadow": Limit(64, 0, 8),
     "sharp": Limit(72, 0, 8),
     "subtree": Limit(168, 2976, 16),
+    "trace_copies": Limit(80, 0, 0),
     "trace_lens": Limit(80, 0, 0),
     "trace_rays": Limit(64, 0, 16),
     "travel": Limit(128, 0, 8),
