@@ -20,7 +20,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session
-from rptcam_cl.imaging.sensor import MOST_ELECTRONS, binned_exposure, pixel_area_m2, sensor_of
+from rptcam_cl.imaging.sensor import binned_exposure, pixel_area_m2, sensor_of
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.model import CameraModel, exposed
 from rptcam_cl.rendering.film import TILE, FilmLayout
@@ -273,7 +273,7 @@ class ProbeRenderer:
     samples, seconds : int, float
         What the probes so far have taken: camera samples, and time from their start to their end [s].
     fault : str or None
-        What about the exposure of the sensor hides what the clearest probe shows.
+        What about the exposure of the sensor hides what the brightest probe shows.
     """
 
     def __init__(self, scene: Scene, session: Session, state: float | None = None, *, sensor: bool = False) -> None:
@@ -282,7 +282,7 @@ class ProbeRenderer:
         self.state = self.drive.start if state is None else state
         self.samples, self.seconds = 0, 0.0
         self.fault: str | None = None
-        self._least_noise = math.inf
+        self._most_light = 0.0
         self._view: ZoneView | None = None
         self._plan: Plan | None = None
         self._buffers: SceneBuffers | None = None
@@ -377,7 +377,7 @@ class ProbeRenderer:
             self.samples += both[0].camera_rays
             light, weights = (wavefront.picture(count) for wavefront in both)
             if self._has_sensor:
-                light = self._sensed(light, camera, seed * PARTS + part)
+                light = self._sensed(light, weights > 0, camera, seed * PARTS + part)
             pictures.append(_mean_light(light, weights))
         self.seconds += time.perf_counter() - begun
         parts, ranges = np.stack(pictures), [view.in_layout(view.shown(zone)) for zone in view.zones]
@@ -389,7 +389,9 @@ class ProbeRenderer:
         focused = change_scene(self.scene, camera=self.drive.camera_keys(self.state))
         return resolve_exposure(focused, self.session)[0]
 
-    def _sensed(self, light: NDArray[np.float32], camera: CameraModel, seed: int) -> NDArray[np.float32]:
+    def _sensed(
+        self, light: NDArray[np.float32], is_lit: NDArray[np.bool_], camera: CameraModel, seed: int
+    ) -> NDArray[np.float32]:
         """Return what the scene's sensor makes of the light of a probe, by as many of its pixels as lie on each.
 
         Its noise is that of an exposure of its own for each camera: only what is random in rendering is shared.
@@ -400,11 +402,14 @@ class ProbeRenderer:
         width, height = scene.film.size_m()
         pixels = width * height / math.prod(view.resolution) / pixel_area_m2(scene)
         seen = binned_exposure(light, sensor, pixels, zlib.crc32(camera.record.tobytes(), seed))
-        white_e = (sensor.white_level_dn - sensor.dark_level_dn) / sensor.system_gain_dn_per_e
-        white, mean = float(np.mean(light @ sensor.electrons >= white_e)), float(light.mean())
-        noise = float(np.sqrt(np.mean((seen - light) ** 2))) / mean if mean > 0 else MOST_ELECTRONS
-        if noise < self._least_noise:
-            self._least_noise, self.fault = noise, None
+        shown = light[is_lit.any(axis=2)]
+        mean = float(shown.mean()) if len(shown) else 0.0
+        if mean >= self._most_light:  # those through smaller openings are dark on purpose
+            white_e = (sensor.white_level_dn - sensor.dark_level_dn) / sensor.system_gain_dn_per_e
+            white = float(np.mean((shown @ sensor.electrons >= white_e).any(axis=1))) if len(shown) else 0.0
+            off = seen[is_lit.any(axis=2)] - shown
+            noise = float(np.sqrt(np.mean(off**2))) / mean if mean > 0 else math.inf
+            self._most_light, self.fault = mean, None
             if white >= MOST_WHITE:
                 self.fault = f"{white:.0%} of it is white in this exposure"
             elif noise > MOST_NOISE:
