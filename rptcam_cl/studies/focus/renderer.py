@@ -392,7 +392,7 @@ class ProbeRenderer:
     def _sensed(
         self, light: NDArray[np.float32], is_lit: NDArray[np.bool_], camera: CameraModel, seed: int
     ) -> NDArray[np.float32]:
-        """Return what the scene's sensor makes of the light of a probe, by as many of its pixels as lie on each.
+        """Expose the scene's sensor to the light of a probe, on each of whose pixels lie as many of its as fit.
 
         Its noise is that of an exposure of its own for each camera: only what is random in rendering is shared.
         """
