@@ -346,12 +346,12 @@ def read_optical_bench(text: str, path: str) -> Lens:
 
 
 def _distances(sections: dict[str, list[tuple[int, list[str]]]]) -> dict[str, list[str]]:
-    """Return the variable distances: a column for each object distance, and as Bf the gap of the last surface.
+    """Return the variable distances, as many columns as there are states, and as Bf the gap of the last surface.
 
     Columns behind hold differences. Behind a cover glass the row Bf of a file is the back focus without it.
     """
     distances = {words[0]: words[1:] for _, words in sections.get("variable distances", [])}
-    columns = len(distances.get("d0", []))
+    columns = max(len(distances.get(name, [])) for name in ("d0", "Focal Length"))
     if columns:
         distances = {name: words[:columns] for name, words in distances.items()}
     last = sections["lens data"][-1][1] if sections.get("lens data") else []
