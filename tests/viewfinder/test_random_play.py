@@ -61,9 +61,13 @@ def some(dice: random.Random) -> tuple[str, dict[str, Any]]:
         ("history", {"do": dice.choice(["undo", "redo", "snap"])}),
         ("add", {"what": dice.choice(["lamp", "card", "backdrop"])}),
         ("dial", {"name": "body", "value": dice.choice([None, "nikon_d850", "panasonic_gh5"])}),
+        ("dial", {"name": "kit", "value": dice.choice([None, "cinema: retrofocus-35mm"])}),
+        ("dial", {"name": "mix", "value": dice.random() < 0.5}),
+        ("dial", {"name": dice.choice(["mix_a", "mix_b"]), "value": dice.uniform(0, 2), "transient": transient}),
         ("stack", dice.choice([{}, {"near_m": 0.8, "far_m": 1.2, "steps": 3, "pictures": transient}])),
     ]  # fmt: skip
-    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1, 6, 1, 0.5, 0.2, 1, 3, 1, 2, 0.1, 1, 0.2]
+    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1, 6, 1, 0.5, 0.2, 1, 3, 1, 2, 0.1, 1]
+    weights += [0.1, 0.3, 3, 0.2]  # kits, lamps apart and mixed, stacks
     return dice.choices(turns, weights)[0]
 
 
@@ -71,17 +75,22 @@ def play(client: Page, dice: random.Random, until: float, number: int) -> int:
     """Send messages as a hand does until a moment; every one is answered. Return the next number."""
     while time.monotonic() < until:
         batch = range(number, number + dice.randint(1, 20))
-        waiting = set()
+        waiting: dict[int, Any] = {}
         for number in batch:
             kind, keys = some(dice)
             client.send(kind, id=number, **keys)
-            waiting |= {number} if kind not in ("pointer", "magnify") else set()
+            if kind not in ("pointer", "magnify"):
+                waiting[number] = (kind, keys)
         number += 1
         while waiting:
-            message = client.receive()
+            try:
+                message = client.receive()
+            except TimeoutError:
+                last = [each.header for each in client.seen if each.type in ("busy", "compiling")][-2:]
+                raise AssertionError(f"no word any more; without an answer: {waiting}; last signs: {last}") from None
             assert message.header.get("source") != "device", message.header
             assert "unexpected" not in message.header.get("message", ""), message.header
-            waiting.discard(message.header.get("id", -1))
+            waiting.pop(message.header.get("id", -1), None)
         client.seen.clear()
         if dice.random() < 0.2:
             client.send("view", quality=80)  # a picture is due then, also where the last messages have changed nothing

@@ -17,7 +17,7 @@ from rptcam_cl.core.files import read_whole
 from rptcam_cl.core.records import DENSITY_BLOCK, MEDIUM, Hidden, fill
 from rptcam_cl.core.remember import Memory
 from rptcam_cl.rendering.plan.materials import Materials
-from rptcam_cl.rendering.plan.primitives import Primitive
+from rptcam_cl.rendering.plan.primitives import Primitives, Prototype
 from rptcam_cl.rendering.plan.textures import KnownSpectra
 from rptcam_cl.scene.base import describe, listed, near_name
 from rptcam_cl.scene.materials import (
@@ -55,12 +55,15 @@ class Media:
         Whether there are any.
     densities : array of float32
         Of all grids: their voxels, x first, then the least, greatest and mean density of each block.
+    steps : float
+        That a ray takes through all grids, in the mean over random numbers, where it takes most.
     """
 
     records: NDArray[np.void]
     at_camera: int = 1 << MEDIUM_BITS
     active: bool = False
     densities: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    steps: float = 0.0
 
     @property
     def has_glow(self) -> bool:
@@ -92,7 +95,7 @@ def _interior_of(material: Material) -> ScatteringMedium | None:
 
 
 def pack_media(
-    scene: Scene, runs: Sequence[Primitive], shown: Materials, spectra: KnownSpectra
+    scene: Scene, primitives: Primitives, shown: Materials, spectra: KnownSpectra
 ) -> tuple[Media, Materials]:
     """Return the media of a scene and its materials, which know the media inside of solids.
 
@@ -103,14 +106,14 @@ def pack_media(
     InputError
         For what does not go with media.
     """
-    materials = {id(run.material): run.material for run in runs}
+    materials = {id(each.material): each.material for each in primitives.prototypes}
     for material in [*materials.values()]:
         if isinstance(material, Mix):
             materials |= {id(part): part for part in material.materials}
     own = [getattr(material, "interior", None) for material in materials.values()]
     if scene.medium is None and not any(each is not None for each in own):
         return Media(MEDIUM.zeros(1)), shown
-    _check(scene, runs, materials.values())
+    _check(scene, primitives, materials.values())
     found, numbers = [EMPTY], {_key_of(EMPTY, scene): 0}
 
     def number_of(medium: ScatteringMedium) -> int:
@@ -133,25 +136,26 @@ def pack_media(
     for key, number in inside.items():
         records["interior"][shown.index[key]] = number
     shown = replace(shown, records=records, facts=shown.facts | {"HAS_ABSORPTION": 0})
-    records, densities = _records(found, spectra, scene)
-    return Media(records, _at_camera(scene, around, inside), active=True, densities=densities), shown
+    records, densities, steps = _records(found, spectra, scene)
+    at_camera = _at_camera(scene, around, inside)
+    return Media(records, at_camera, active=True, densities=densities, steps=steps), shown
 
 
 def _key_of(medium: ScatteringMedium, scene: Scene) -> str:
     return str({name: value for name, value in describe(medium, scene.folders).items() if value is not None})
 
 
-def hidden_from(primitive: Primitive) -> int:
-    """Return the rays that a primitive is hidden from, also as one that is nothing but the boundary of a medium."""
-    is_boundary = isinstance(primitive.material, Boundary)
-    return primitive.hidden | is_boundary * (Hidden.FROM_SHADOW | Hidden.FROM_ALL_BUT_WAYS)
+def hidden_from(prototype: Prototype) -> int:
+    """Return the rays that primitives are hidden from, also as those that are nothing but the boundary of a medium."""
+    is_boundary = isinstance(prototype.material, Boundary)
+    return prototype.hidden | is_boundary * (Hidden.FROM_SHADOW | Hidden.FROM_ALL_BUT_WAYS)
 
 
 def _records(
     media: Sequence[ScatteringMedium], spectra: KnownSpectra, scene: Scene
-) -> tuple[NDArray[np.void], NDArray[np.float32]]:
-    """Return the records of media, and the densities of their grids."""
-    records, densities, used = MEDIUM.zeros(len(media)), [np.zeros(0, np.float32)], 0
+) -> tuple[NDArray[np.void], NDArray[np.float32], float]:
+    """Return the records of media, the densities of their grids, and `Media.steps`."""
+    records, densities, used, steps = MEDIUM.zeros(len(media)), [np.zeros(0, np.float32)], 0, 0.0
     for record, medium in zip(records, media, strict=True):
         absorption, scattering, emission = medium.absorption, medium.scattering, medium.emission_per_m
         fill(
@@ -169,9 +173,10 @@ def _records(
             _fill_grid(record, medium.density, volume, scene, used)
             densities += [volume.voxels.reshape(-1), volume.blocks.reshape(-1)]
             used += volume.voxels.size + volume.blocks.size
+            steps += _steps_through(record, volume)
     if used >= 1 << 31:
         raise InputError(f"grids of density have {used} numbers in all (allowed: below {1 << 31})")
-    return records, np.concatenate(densities)
+    return records, np.concatenate(densities), steps
 
 
 # Grids of density.
@@ -321,7 +326,28 @@ def _fill_grid(record: np.void, density: DensityGrid, volume: Volume, scene: Sce
     )  # fmt: skip
 
 
-def _check(scene: Scene, runs: Sequence[Primitive], materials: Collection[Material]) -> None:
+def _steps_through(record: np.void, volume: Volume) -> float:
+    """Return how many blocks and events a ray meets on its way through a grid, along the axis where it meets most.
+
+    Events come by the greatest density of each block, while light is left at the wavelength of which most is left.
+    """
+    extinction = record["absorption"][:3] + record["scattering"][:3]
+    rate, slowest = float(extinction.max()), float(extinction.min())
+    if record["emission"][:3].any():
+        rate = max(rate, float(record["glow_rate"]))
+    most = 0.0
+    for axis, row in ((2, "row_x"), (1, "row_y"), (0, "row_z")):
+        side_m = DENSITY_BLOCK / float(np.abs(record[row][:3]).max())
+        blocks = volume.blocks if axis == 2 else np.swapaxes(volume.blocks, axis, 2)
+        for ahead in (blocks, blocks[:, :, ::-1]):
+            columns = slowest * side_m * ahead[..., 2].astype(np.float64)
+            left = np.exp(columns - np.cumsum(columns, axis=2))  # of light that enters each block
+            steps = 1.0 + rate * side_m * ahead[..., 1] * left
+            most = max(most, float(steps.sum(axis=2).max()))
+    return most
+
+
+def _check(scene: Scene, primitives: Primitives, materials: Collection[Material]) -> None:
     """Refuse what does not go with media."""
     faults = {
         "film.transparent": (scene.film.transparent, "false"),
@@ -341,12 +367,12 @@ def _check(scene: Scene, runs: Sequence[Primitive], materials: Collection[Materi
         raise InputError("opacity: solids with holes do not go with media such as fog (allowed: 1)")
     partly = Hidden.FROM_CAMERA | Hidden.FROM_REFLECTION
     bounded = any(isinstance(material, Boundary) for material in materials)
-    for primitive in runs:
-        if bounded and primitive.hidden & partly not in (0, partly):
-            raise InputError(
-                f"objects.{primitive.object}.visible: a boundary of a medium makes no difference between camera and"
-                " reflection (allowed: both or neither)"
-            )
+    wrong = primitives.runs_of(lambda each: bounded and each.hidden & partly not in (0, partly))
+    if len(wrong):
+        raise InputError(
+            f"objects.{primitives.objects[wrong[0]]}.visible: a boundary of a medium makes no difference between camera"
+            " and reflection (allowed: both or neither)"
+        )
 
 
 def _of_mix(mix: Mix, inside: dict[int, int]) -> int:
