@@ -110,7 +110,8 @@ def media() -> None:
     scene = still_life()
     smoke = {"kind": "boundary", "interior": {"scattering_per_m": 1.0, "absorption_per_m": 0.5, "asymmetry": 0.5}}
     box = {"shape": "box", "min": [-1, -1, 0], "max": [1, 1, 1], "material": smoke}
-    wax = {"kind": "dielectric", "index": 1.45, "interior": {"color": [0.9, 0.8, 0.6], "free_path_mm": 100}}
+    colour = {"kind": "checker", "even": [0.9, 0.8, 0.6], "odd": [0.5, 0.2, 0.1]}
+    wax = {"kind": "dielectric", "index": 1.45, "interior": {"color": colour, "free_path_mm": 100}}
     ball = {"shape": "sphere", "center": [-2, -1, 0.5], "radius": 0.5, "material": wax}
     shown(scene | {"medium": {"visibility_m": 50, "emission_per_m": 0.01}, "objects": [*scene["objects"], box, ball]})
 
