@@ -38,9 +38,9 @@ static F slope_in_space(const __global Texture *t, F3 direction, float step, Sce
 }
 #endif
 
-// The slope of a texture's heights on the surface: by how much they grow per metre, along where they grow most. Derivatives are
+// The slope of a pattern's heights on the surface: by how much they grow per metre, along where they grow most. Derivatives are
 // central differences, of pictures over one texel: between the centres of texels they change evenly.
-static F3 height_slope(const __global Texture *t, int lengths, SurfacePoint point, F3 n, Scene scene)
+static F3 pattern_slope(const __global Texture *t, int lengths, SurfacePoint point, F3 n, Scene scene)
 {
     F3 x, y;
 #if HAS_MAPPING
@@ -76,9 +76,36 @@ static F3 height_slope(const __global Texture *t, int lengths, SurfacePoint poin
     return keep3(known, scale(along(scale(lean_u, by_u), lean_v, by_v), share));
 }
 
+// The same of any texture: a mixture has the slopes of its parts by the rule of products.
+static F3 height_slope(int texture, int lengths, SurfacePoint point, F3 n, Scene scene)
+{
+    const __global Texture *t = scene.textures + texture;
+#if HAS_MIXTURE
+    if (t->kind == TEXTURE_MIXTURE) {
+        F height[MIXTURE_HELD];
+        F3 slope[MIXTURE_HELD];
+        int count = 0;
+        for (int i = (int)t->first; i <= texture; ++i) {
+            const __global Texture *each = scene.textures + i;
+            if (each->kind == TEXTURE_MIXTURE) {
+                count -= 2;
+                int a = count - 1, b = count, k = count + 1;
+                slope[a] = along(along(scale(slope[a], ONE - height[k]), slope[b], height[k]), slope[k], height[b] - height[a]);
+                height[a] += height[k] * (height[b] - height[a]);
+            } else {
+                height[count] = pattern_height(each, pattern_point(each, point.u, point.v, scene), scene);
+                slope[count++] = pattern_slope(each, lengths, point, n, scene);
+            }
+        }
+        return slope[0];
+    }
+#endif
+    return pattern_slope(t, lengths, point, n, scene);
+}
+
 static F3 bumped_normal(const __global Material *material, SurfacePoint point, F3 n, Scene scene)
 {
-    F3 slope = height_slope(scene.textures + material->bump_texture, material->bump_lengths, point, n, scene);
+    F3 slope = height_slope(material->bump_texture, material->bump_lengths, point, n, scene);
     return normalized(along(n, slope, (F)(-material->bump_height)));
 }
 #endif

@@ -161,9 +161,9 @@ static F3 marble_at(const __global uint *table, F3 p, const __global Texture *t)
     for (int i = 0; i < 4; ++i)
         c = along(c, f3(marble_point(table, first + 3 * i), marble_point(table, first + 3 * i + 1),
                         marble_point(table, first + 3 * i + 2)), share[i]);
-    if (t->form < 5)
-        c = f3(MIN(MAX(c.x, ZERO), ONE), MIN(MAX(c.y, ZERO), ONE), MIN(MAX(c.z, ZERO), ONE));
-    return mul(c, f3_of(t->a));
+    c = mul(c, f3_of(t->a));
+    F most = (F)(t->limit);
+    return t->form < 5 ? f3(MIN(MAX(c.x, ZERO), most), MIN(MAX(c.y, ZERO), most), MIN(MAX(c.z, ZERO), most)) : c;
 }
 #endif
 

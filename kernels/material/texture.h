@@ -132,7 +132,8 @@ static F3 mixture_color(int texture, F u, F v, Scene scene)
             held[count++] = pattern_color(t, at.x, at.y, at.z, scene.texels);
         }
     }
-    return held[0];
+    F most = (F)(scene.textures[texture].limit);        // what is mixed may exceed it
+    return f3(MIN(held[0].x, most), MIN(held[0].y, most), MIN(held[0].z, most));
 }
 #endif
 

@@ -446,11 +446,10 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
     """Print where continuous autofocus has the focus in each frame, and draw it; returns the exit code."""
     from dataclasses import astuple
 
-    from rptcam_cl.api.sweeping import FrameTracker
     from rptcam_cl.device.session import open_session
     from rptcam_cl.scene.load import change_scene, set_keys
     from rptcam_cl.studies.focus.controller import focus_settings, zones_of
-    from rptcam_cl.studies.focus.servo import FrameFocus, doubts_of, servo_plot, summary_of
+    from rptcam_cl.studies.focus.servo import FrameFocus, FrameTracker, doubts_of, servo_plot, summary_of
 
     where = _where(arguments)
     if (mask := where.pop("mask")) is not None:

@@ -156,12 +156,12 @@ def run_settle(arguments: argparse.Namespace) -> int:
 
 # ``rptcam convert``: a scene file of another renderer becomes one of ours.
 
-SOURCES = (".pbrt", ".pbrt.gz", ".usd", ".usda", ".usdc", ".usdz")
+SOURCES = (".pbrt", ".pbrt.gz", ".usd", ".usda", ".usdc", ".usdz", ".mtlx")
 
 
 def add_convert(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    source_help = "scene file of pbrt-v2, v3 or v4, stage of USD, or a model"
+    source_help = "scene file of pbrt-v2, v3 or v4, stage of USD, materials of MaterialX, or a model"
     parser.add_argument("source", type=Path, metavar="SCENE", help=source_help)
     parser.add_argument("target", type=Path, metavar="SCENE.yaml", help="scene file to write")
     parser.add_argument(

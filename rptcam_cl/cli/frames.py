@@ -87,7 +87,7 @@ def track_frames(
 ) -> Callable[[int], tuple["Scene", dict[str, Any]]] | None:
     """A function of a frame with focus and exposure that follow from those before; None where each stands alone."""
     from rptcam_cl.api.job import RenderOptions
-    from rptcam_cl.api.sweeping import FrameTracker, needs_tracking
+    from rptcam_cl.studies.focus.servo import FrameTracker, needs_tracking
 
     if not needs_tracking(scene):
         return None
@@ -497,7 +497,7 @@ def add_stack(parser: argparse.ArgumentParser) -> None:
 
 def run_stack(arguments: argparse.Namespace) -> int:
     """Render a scene focused at many distances, and make one sharp picture and a depth map of them."""
-    from rptcam_cl.api.sweeping import focus_stack, stack_frames
+    from rptcam_cl.api.focus_stack import focus_stack, stack_frames
     from rptcam_cl.imaging.writers import check_output
     from rptcam_cl.scene.load import load_scene
 
@@ -558,7 +558,7 @@ def add_halves(parser: argparse.ArgumentParser) -> None:
 
 def run_halves(arguments: argparse.Namespace) -> int:
     """Take the pictures that the two halves of the opening give: a dual-pixel pair, and what is made of such."""
-    from rptcam_cl.api.sweeping import dual_pixels, focusing_screen, with_phase_pixels
+    from rptcam_cl.api.part_openings import dual_pixels, focusing_screen, with_phase_pixels
     from rptcam_cl.imaging.writers import check_output
     from rptcam_cl.scene.load import load_scene
 

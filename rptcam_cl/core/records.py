@@ -730,7 +730,7 @@ TEXTURE = Record(
         ("float", "contrast"),  # of noise
         ("int", "octaves"),
         ("int", "seed"),
-        ("float", "limit"),  # largest value of an image
+        ("float", "limit"),  # largest value of an image, a mixture, or marble that goes on
         ("uint", "first"),  # word of the texels where an image starts; of a mixture its first part
         ("int", "width"),
         ("int", "height"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import re
 from collections import Counter
@@ -16,7 +15,7 @@ import numpy as np
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import content_name
-from rptcam_cl.exchange.conversion import TABLED, Conversion, FileStore, Report
+from rptcam_cl.exchange.conversion import TABLED, Conversion, FileStore
 from rptcam_cl.exchange.mesh_data import (
     Array,
     Faces,
@@ -27,54 +26,19 @@ from rptcam_cl.exchange.mesh_data import (
     motion_between,
     tidy,
 )
+from rptcam_cl.exchange.usd_materials import PrimReport, Shading, materialx_layer, pxr
 from rptcam_cl.rendering.plan.environment import axes
-from rptcam_cl.scene.assets.pictures import SUFFIXES
-from rptcam_cl.scene.materials import LEAST_BEND, MOST_INDEX
 from rptcam_cl.scene.shapes import bezier_pieces
 
 Keys = dict[str, Any]
 
-_USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 _WIDTH_PX = 960
 _MOST_FACES = (400_000, 400_000, 10_000, 10_000)  # that each division of a subdivision surface may lead to
 _CAMERA_STEPS = 8  # keyframes of a camera go straight
 _MOST_COLOURS = 256  # of the faces of a mesh, each of which is an object then
 _SHARP = 10.0  # a crease of so much is one of every division (UsdGeomMesh, SHARPNESS_INFINITE)
 _MOST_PIXEL_ASPECT = 20.0
-
-
-def _module(name: str) -> Any:
-    try:
-        return importlib.import_module(f"pxr.{name}")
-    except ImportError:
-        raise InputError("stages of USD need usd-core: pip install 'rptcam_cl[usd]'") from None
-
-
-class _PrimReport(Report):
-    """What became of prims: messages with the paths that they concern."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.prims: dict[tuple[str, str], list[str]] = {}
-
-    def say(self, effect: str, what: str, prim: Any) -> None:
-        """Note that something of a prim is ``ignored`` or ``approximated``."""
-        self.prims.setdefault((effect, what), []).append(str(prim.GetPath()))
-
-    def described(self) -> list[dict[str, Any]]:
-        """List the messages as plain data: what becomes of what, of which prims, and of how many objects."""
-        return [
-            {"effect": effect, "message": what, "prims": paths, "objects": len(paths)}
-            for (effect, what), paths in self.prims.items()
-        ]
-
-    def __iter__(self) -> Iterator[str]:
-        for (effect, what), paths in self.prims.items():
-            more = f" (and {len(paths) - 1} more)" if len(paths) > 1 else ""
-            yield f"{paths[0]}: {effect}: {what}{more}"
-
-    def __len__(self) -> int:
-        return len(self.prims)
+_MOST_DISPLACED, _MOST_STEPS = 1_000_000, 256  # triangles of a displaced mesh, parts of each edge
 
 
 # A stage, prim by prim.
@@ -97,7 +61,7 @@ class Stage:
 
     stage: Any
     time: Any
-    report: _PrimReport
+    report: PrimReport
     files: FileStore
     objects: list[Keys] = field(default_factory=list)
     lights: list[Keys] = field(default_factory=list)
@@ -111,11 +75,14 @@ class Stage:
     _meshes: dict[str, list[tuple[str, Any]]] = field(default_factory=dict)
     _contents: dict[str, list[tuple[str, Any]]] = field(default_factory=dict)
     _names: dict[str, str] = field(default_factory=dict)
-    _pictures: dict[str, str] = field(default_factory=dict)
+    _heights: dict[str, Keys | None] = field(default_factory=dict)
+    _sizes: dict[str, tuple[int, bool]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.geom, self.shade, self.lux = _module("UsdGeom"), _module("UsdShade"), _module("UsdLux")
+        self.geom, self.shade, self.lux = pxr("UsdGeom"), pxr("UsdShade"), pxr("UsdLux")
         self.cache = self.geom.XformCache(self.time)
+        unit = float(self.geom.GetStageMetersPerUnit(self.stage))
+        self.shading = Shading(self.time, self.report, self.files, unit)
 
     def add_all(self) -> None:
         """Add everything that is shown."""
@@ -124,7 +91,7 @@ class Stage:
 
     def _add_below(self, root: Any, frame: Any, table: str | None) -> None:
         """Add the prims below one; with a frame, relative to it, at the places of a table."""
-        usd = _module("Usd")
+        usd = pxr("Usd")
         walk = iter(usd.PrimRange(root, usd.TraverseInstanceProxies()))
         for prim in walk:
             if prim == self.stage.GetPseudoRoot():
@@ -138,7 +105,7 @@ class Stage:
             elif prim.IsA(self.geom.Camera):
                 self.camera = self.camera or prim
             elif prim.HasAPI(self.lux.LightAPI):
-                self._add_light(prim)
+                self._add_light(prim, frame, table)
             elif prim.IsA(self.geom.Gprim):
                 self._add_shape(prim, self._placement(prim, frame), table)
 
@@ -153,14 +120,23 @@ class Stage:
         if closes > opens:
             code, rate = self.time.GetValue(), self.stage.GetTimeCodesPerSecond()
             self.codes = code + opens, code + closes
-            self.ends = [self.geom.XformCache(_module("Usd").TimeCode(each)) for each in self.codes]
+            self.ends = [self.geom.XformCache(pxr("Usd").TimeCode(each)) for each in self.codes]
             self.shutter_s = self.codes[0] / rate, self.codes[1] / rate
+
+    def _ends_of(self, prim: Any) -> tuple[Array, Array]:
+        """Return the 4x4 matrices of a prim when the shutter opens and when it closes."""
+        start, end = (np.array(cache.GetLocalToWorldTransform(prim)).T for cache in self.ends)
+        return start, end
+
+    def _moves(self, prim: Any) -> bool:
+        """Return whether a prim moves while the shutter is open."""
+        return bool(self.ends) and not np.array_equal(*self._ends_of(prim))
 
     def _motion(self, prim: Any) -> Keys:
         """Return transform and keyframes of what turns or shifts while the shutter is open, nothing for all else."""
         if not self.ends:
             return {}
-        start, end = (np.array(cache.GetLocalToWorldTransform(prim)).T for cache in self.ends)
+        start, end = self._ends_of(prim)
         if prim.IsA(self.geom.PointBased) and self.geom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying():
             self.report.say("approximated", "points that move by themselves stay while the shutter is open", prim)
         if np.array_equal(start, end):
@@ -202,6 +178,8 @@ class Stage:
         own = instancer.ComputeInstanceTransformsAtTime(
             self.time, self.time, instancer.ExcludeProtoXform, instancer.ApplyMask
         )
+        if self._moves(prim) or self._has_moving_places(prim, instancer):
+            self.report.say("approximated", "an instancer that moves while the shutter is open stays", prim)
         numbers = np.array(instancer.GetProtoIndicesAttr().Get(self.time))
         mask = instancer.ComputeMaskAtTime(self.time)
         numbers = numbers[np.array(mask, bool)] if len(mask) else numbers
@@ -214,6 +192,20 @@ class Stage:
             if len(places) and root:
                 table = self._table(f"{prim.GetName()}-{number}", places)
                 self._add_below(root, root, table)
+
+    def _has_moving_places(self, prim: Any, instancer: Any) -> bool:
+        """Return whether the places of an instancer, or what stands there, move while the shutter is open."""
+        if not self.ends:
+            return False
+        codes = [pxr("Usd").TimeCode(each) for each in self.codes]
+        start, end = (np.array(instancer.ComputeInstanceTransformsAtTime(
+            code, codes[0], instancer.ExcludeProtoXform, instancer.ApplyMask)) for code in codes)  # fmt: skip
+        return not np.array_equal(start, end) or any(
+            each.IsA(self.geom.Xformable) and self.geom.Xformable(each).TransformMightBeTimeVarying()
+            for path in instancer.GetPrototypesRel().GetForwardedTargets()
+            if self.stage.GetPrimAtPath(path)
+            for each in pxr("Usd").PrimRange(self.stage.GetPrimAtPath(path))
+        )
 
     def _table(self, name: str, places: Array) -> str:
         return self.files.add("places", f"{name}.npz", lambda path: np.savez(path, matrices=places))
@@ -240,7 +232,27 @@ class Stage:
             if keys["shape"] == "curves":
                 material = self._material_of_curves(material, prim)
             moving = {} if table else self._motion(prim)
-            self.objects.append({**keys, **transform, **moving, **places, "material": material})
+            moved = self._displacement(bound, prim, keys)
+            self.objects.append({**keys, **transform, **moving, **places, **moved, "material": material})
+
+    def _displacement(self, bound: Any, prim: Any, shape: Keys) -> Keys:
+        """Return the displacement of an object by its material, with as many triangles as a million allows."""
+        is_colour = isinstance(bound, dict)
+        material = None if is_colour else self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
+        if not material:
+            return {}
+        path = str(material.GetPath())
+        if path not in self._heights:
+            self._heights[path] = self.shading.displacement(material)
+        if (heights := self._heights[path]) is None:
+            return {}
+        count, mapped = self._sizes.get(shape.get("file", ""), (0, False))
+        if not mapped:
+            self.report.say("ignored", "displacement of what is no mesh with texture coordinates", prim)
+            return {}
+        steps = min(max(math.isqrt(_MOST_DISPLACED // count), 1), _MOST_STEPS)
+        self.report.say("approximated", f"displacement, with each edge in {steps} parts", prim)
+        return {"displacement": {**heights, "steps": steps}}
 
     def _strands(self, prim: Any) -> Iterator[Keys]:
         """Yield the curves of a prim: linear ones and cubic ones of every basis, with their widths."""
@@ -349,6 +361,7 @@ class Stage:
             data = MeshData(data.vertices, data.faces[data.areas() > 0], data.normals, data.uvs)
             if len(data.faces):
                 file = self.files.add("meshes", f"{prim.GetName()}{name and '-'}{name}.ply", data.write_ply)
+                self._sizes[file] = len(data.faces), data.uvs is not None
                 written.append((file, name))
         if not written:
             self.report.say("ignored", "a mesh without faces of any area", prim)
@@ -495,7 +508,7 @@ class Stage:
             path = str(material.GetPath())
             if path in self._names:
                 return self._names[path]
-            keys = self._surface(material, prim)
+            keys = self.shading.surface(material) or self._display_colour(prim)
         content = repr(keys)
         if content not in self._names:
             count, free = 1, name
@@ -516,96 +529,9 @@ class Stage:
             self.report.say("approximated", "colours of vertices or faces as their mean", prim)
         return {"kind": "matte", "reflectance": np.clip(np.mean(values, axis=0), 0, 1).tolist()}
 
-    def _surface(self, material: Any, prim: Any) -> Keys:
-        shader, _, _ = material.ComputeSurfaceSource()
-        if not shader:
-            shader, _, _ = material.ComputeSurfaceSource("mtlx")
-        kind = str(shader.GetIdAttr().Get() or "") if shader else ""
-        if kind == "UsdPreviewSurface":
-            return self._preview(shader)
-        if "standard_surface" in kind or "open_pbr_surface" in kind:
-            return self._standard(shader, "open_pbr" in kind)
-        self.report.say(
-            "approximated", f"the colour of the prim, as its shader is {kind or 'none'}", material.GetPrim()
-        )
-        return self._display_colour(prim)
-
-    def _preview(self, shader: Any) -> Keys:
-        keys: Keys = {"kind": "principled"}
-        get = _Inputs(self, shader)
-        keys["base_color"] = get.colour("diffuseColor", (0.18, 0.18, 0.18))
-        keys["roughness"] = get.number("roughness", 0.5)
-        keys["index"] = min(max(float(get.plain("ior", 1.5)), 1.0), MOST_INDEX)
-        if get.plain("useSpecularWorkflow", 0):
-            tint = np.array(get.plain("specularColor", (0, 0, 0)), np.float64)
-            keys["index"], keys["specular_color"] = _of_reflectance(tint)
-            get.textured("specularColor", "a specular colour that is a texture")
-        else:
-            keys["metallic"] = get.number("metallic", 0.0)
-        for name, key, default in (
-            ("clearcoat", "clearcoat", 0.0),
-            ("clearcoatRoughness", "clearcoat_roughness", 0.01),
-        ):
-            keys[key] = get.number(name, default)
-        keys["emission"] = get.colour("emissiveColor", (0.0, 0.0, 0.0), most=math.inf)
-        keys |= get.opacity("opacity", get.plain("opacityThreshold", 0.0))
-        if (normal := get.texture("normal")) is not None:
-            keys["normal_map"] = {
-                name: value for name, value in normal.items() if name not in ("kind", "gain", "channel")
-            }
-            keys["normal_map"]["color_space"] = "linear"
-        get.ignored("displacement", "displacement of the surface", 0.0)
-        return keys
-
-    def _standard(self, shader: Any, open_pbr: bool) -> Keys:
-        """Return standard_surface of Autodesk or OpenPBR, as far as the principled material goes."""
-        get = _Inputs(self, shader)
-        of_pbr = {"weight": "base_weight", "metal": "base_metalness", "index": "specular_ior", "coat": "coat_weight",
-                  "clear": "transmission_weight", "glow": "emission_luminance", "opacity": "geometry_opacity",
-                  "below": "subsurface_weight"}  # fmt: skip
-        of_standard = {"weight": "base", "metal": "metalness", "index": "specular_IOR", "coat": "coat",
-                       "clear": "transmission", "glow": "emission", "opacity": "opacity",
-                       "below": "subsurface"}  # fmt: skip
-        names = of_pbr if open_pbr else of_standard
-        colour = get.colour("base_color", (0.8, 0.8, 0.8))
-        weight = float(get.plain(names["weight"], 1.0 if open_pbr else 0.8))
-        if isinstance(colour, list):
-            colour = [channel * weight for channel in colour]
-        clear = get.number(names["clear"], 0.0)
-        index = float(get.plain(names["index"], 1.5))
-        glow = np.array(get.plain("emission_color", (1, 1, 1)), np.float64) * float(get.plain(names["glow"], 0.0))
-        if open_pbr:
-            glow = glow / 1000.0  # nits; a radiance of 1 stands for 1000
-        for name, what in ((names["below"], "subsurface scattering"), ("thin_film_thickness", "thin films")):
-            get.ignored(name, what, 0.0)
-        if clear == 1.0 and isinstance(colour, list):
-            colour = np.clip(get.plain("transmission_color", (1, 1, 1)), 0, 1).tolist()
-        return {
-            "kind": "principled", "base_color": colour, "metallic": get.number(names["metal"], 0.0),
-            "roughness": get.number("specular_roughness", 0.3 if open_pbr else 0.2),
-            "index": min(max(index, 1 + LEAST_BEND), 5.0), "transmission": clear,
-            "clearcoat": get.number(names["coat"], 0.0), "clearcoat_roughness": get.number("coat_roughness", 0.1),
-            "emission": np.maximum(glow, 0).tolist(), **get.opacity(names["opacity"], 0.0),
-        }  # fmt: skip
-
-    def picture(self, asset: Any) -> str | None:
-        """The name of a picture beside the scene, copied there also out of a .usdz; None where there is none."""
-        ar = _module("Ar")
-        path = asset.resolvedPath or asset.path
-        if not path or "<UDIM>" in path:
-            return None
-        if path not in self._pictures:
-            content = ar.GetResolver().OpenAsset(ar.ResolvedPath(path)) if asset.resolvedPath else None
-            name = Path(path.rstrip("]").replace("[", "/")).name
-            if content is None or Path(name).suffix.lower() not in SUFFIXES:
-                return None
-            raw = bytes(content.GetBuffer())
-            self._pictures[path] = self.files.add("files", name, lambda target: target.write_bytes(raw))
-        return self._pictures[path]
-
-    def _add_light(self, prim: Any) -> None:
+    def _add_light(self, prim: Any, frame: Any, table: str | None) -> None:
         api = self.lux.LightAPI(prim)
-        placement = self._placement(prim, None)
+        placement = self._placement(prim, frame)
 
         def number(name: str, default: float) -> float:
             value = prim.GetAttribute(f"inputs:{name}").Get(self.time)
@@ -618,6 +544,12 @@ class Stage:
         strength = number("intensity", 50000.0 if kind == "DistantLight" else 1.0) * 2 ** number("exposure", 0.0)
         radiance = np.maximum(colour * strength, 0)
         normalize = bool(api.GetNormalizeAttr().Get(self.time))
+        if kind in ("DistantLight", "DomeLight", "DomeLight_1"):
+            if self._moves(prim):
+                self.report.say("approximated", "a sun or sky that turns while the shutter is open stays", prim)
+            if table:
+                self.report.say("ignored", "a sun or sky as an instance", prim)
+                return
         if kind == "DistantLight":
             self._add_distant(placement, radiance, number("angle", 0.53), normalize)
         elif kind in ("DomeLight", "DomeLight_1"):
@@ -634,7 +566,8 @@ class Stage:
                 self.report.say("ignored", "the cone that a lamp is shaped to", prim)
             material = {"kind": "emissive", "radiance": radiance.tolist()}
             transform = {"transform": {"matrix": tidy(placement[:3])}}
-            self.objects.append({**keys, **transform, "name": str(prim.GetPath()), "material": material})
+            moving = {"instances": {"file": table}} if table else self._motion(prim)
+            self.objects.append({**keys, **transform, **moving, "name": str(prim.GetPath()), "material": material})
 
     def _add_distant(self, placement: Array, radiance: Array, degrees: float, normalize: bool) -> None:
         sine = math.sin(math.radians(degrees) / 2)
@@ -648,7 +581,7 @@ class Stage:
             self.report.say("ignored", "a second dome", prim)
             return
         asset = prim.GetAttribute("inputs:texture:file").Get(self.time)
-        file = self.picture(asset) if asset else None
+        file = self.shading.picture(asset) if asset else None
         if asset and file is None:
             self.report.say("approximated", f"an even sky, as its picture cannot be read: {asset.path}", prim)
         if file is None:
@@ -688,7 +621,7 @@ class Stage:
 
     def _camera_motion(self) -> Keys:
         """Return the keyframes of a camera that moves while the shutter is open, nothing for one at rest."""
-        codes = [_module("Usd").TimeCode(each) for each in np.linspace(*self.codes, _CAMERA_STEPS + 1).tolist()]
+        codes = [pxr("Usd").TimeCode(each) for each in np.linspace(*self.codes, _CAMERA_STEPS + 1).tolist()]
         caches = [self.geom.XformCache(each) for each in codes if self.ends]
         worlds = [np.array(cache.GetLocalToWorldTransform(self.camera)).T for cache in caches]
         if all(np.array_equal(worlds[0], each) for each in worlds[1:]):
@@ -723,107 +656,6 @@ def _pose(world: Array) -> Keys:
     }  # fmt: skip
 
 
-class _Inputs:
-    """The inputs of a shader: constants, or textures of ours."""
-
-    def __init__(self, stage: Stage, shader: Any) -> None:
-        self.stage, self.shader = stage, shader
-
-    def _source(self, name: str, shader: Any = None) -> Any:
-        """Return the attribute that gives an input its value: of a shader's output, or of a constant; None without."""
-        given = (shader or self.shader).GetInput(name)
-        found = self.stage.shade.Utils.GetValueProducingAttributes(given) if given else ()
-        return found[0] if found else None
-
-    def plain(self, name: str, default: Any, shader: Any = None) -> Any:
-        """Return a constant; the default where something else gives the value."""
-        source = self._source(name, shader)
-        if source is None or self.stage.shade.Output.IsOutput(source):
-            return default
-        value = source.Get(self.stage.time)
-        return default if value is None else value
-
-    def colour(self, name: str, default: tuple[float, ...], most: float = 1.0) -> Any:
-        """Return a colour or a texture."""
-        if (texture := self.texture(name)) is not None:
-            return texture
-        return np.clip(np.array(self.plain(name, default), np.float64), 0, most).tolist()
-
-    def number(self, name: str, default: float) -> Any:
-        """Return a number from 0 to 1, or a texture."""
-        if (texture := self.texture(name)) is not None:
-            return texture
-        return float(np.clip(np.mean(self.plain(name, default)), 0, 1))
-
-    def opacity(self, name: str, threshold: Any) -> Keys:
-        """Return the keys of holes."""
-        share = self.number(name, 1.0)
-        if share == 1.0:
-            return {}
-        mask = {"opacity_mode": "mask", "opacity_cutoff": min(float(threshold), 1.0)} if threshold else {}
-        return {"opacity": share, **mask}
-
-    def ignored(self, name: str, what: str, nothing: float) -> None:
-        """Report an input that has no counterpart."""
-        source = self._source(name)
-        if source is not None and (self.stage.shade.Output.IsOutput(source) or source.Get(self.stage.time) != nothing):
-            self.stage.report.say("ignored", what, self.shader.GetPrim())
-
-    def textured(self, name: str, what: str) -> None:
-        """Report an input that is a texture where ours takes none."""
-        if self.texture(name) is not None:
-            self.stage.report.say("ignored", what, self.shader.GetPrim())
-
-    def texture(self, name: str) -> Keys | None:
-        """Return the picture that gives an input its value; None where none does."""
-        source = self._source(name)
-        if source is None or not self.stage.shade.Output.IsOutput(source):
-            return None
-        shader = self.stage.shade.Shader(source.GetPrim())
-        kind = str(shader.GetIdAttr().Get() or "")
-        asset = self.plain("file", None, shader)
-        if kind.startswith(("ND_normalmap", "ND_separate", "ND_convert")):
-            return _Inputs(self.stage, shader).texture("in")
-        file = self.stage.picture(asset) if asset else None
-        if file is None:
-            what = f"the picture {asset.path}" if asset else f"the shader {kind}"
-            self.stage.report.say("ignored", f"{what}, which gives {name}", self.shader.GetPrim())
-            return None
-        keys: Keys = {"kind": "image", "file": file, **self._layout(shader, kind)}
-        output = source.GetName().rsplit(":", 1)[-1]
-        if output in ("r", "g", "b", "a"):
-            keys["channel"] = output
-        space = str(self.plain("sourceColorSpace", "auto", shader))
-        if space != "auto":
-            keys["color_space"] = "srgb" if space == "sRGB" else "linear"
-        gain = np.array(self.plain("scale", (1, 1, 1, 1), shader), np.float64).ravel()[:3]
-        if name != "normal" and len(gain) == 3 and not np.all(gain == 1):
-            keys["gain"] = np.maximum(gain, 0).tolist()
-        bias = np.array(self.plain("bias", (0, 0, 0, 0), shader), np.float64)
-        if name != "normal" and bias.any():
-            self.stage.report.say("ignored", "the bias of a texture", shader.GetPrim())
-        return keys
-
-    def _layout(self, shader: Any, kind: str) -> Keys:
-        """Return how a picture lies on the surface."""
-        keys: Keys = {}
-        wraps = {str(self.plain(name, "useMetadata", shader)) for name in ("wrapS", "wrapT")}
-        if wraps & {"clamp", "black"}:
-            keys["wrap"] = "clamp"
-        elif wraps & {"mirror"}:
-            keys["wrap"] = "mirror"
-        if kind.startswith("ND_tiledimage"):
-            keys["scale"] = np.array(self.plain("uvtiling", (1, 1), shader), np.float64).tolist()
-            return keys
-        source = self._source("st", shader)
-        placed = self.stage.shade.Shader(source.GetPrim()) if source is not None else None
-        if placed and str(placed.GetIdAttr().Get()) == "UsdTransform2d":
-            keys["scale"] = np.array(self.plain("scale", (1, 1), placed), np.float64).tolist()
-            keys["rotation_degrees"] = float(self.plain("rotation", 0.0, placed))
-            keys["offset"] = np.array(self.plain("translation", (0, 0), placed), np.float64).tolist()
-        return keys
-
-
 def _numbers(values: Any, width: int, kind: Any = np.float64) -> Any:
     """Return an array of a stage, (n, width) or of single numbers; an empty one for what is none."""
     try:
@@ -851,13 +683,6 @@ def _widths_of(given: Array, counts: Faces) -> Array:
 
 def _usable(placement: Array) -> bool:
     return is_bearable(placement) and is_transform_of_ours(placement)
-
-
-def _of_reflectance(tint: Array) -> tuple[float, list[float]]:
-    """Return index and specular colour of a reflectance at normal incidence."""
-    most = float(np.clip(tint, 0, 0.99).max())
-    root = math.sqrt(most)
-    return max((1 + root) / (1 - root), 1.0), (np.clip(tint, 0, 1) / most if most > 0 else np.zeros(3)).tolist()
 
 
 def _lamp_shape(kind: str, number: Any) -> tuple[Keys, Any] | None:
@@ -903,9 +728,9 @@ def _merge_instances(stage: Stage) -> None:
     stage.objects = merged
 
 
-def _pose_skeletons(stage: Any, code: float, report: _PrimReport) -> None:
+def _pose_skeletons(stage: Any, code: float, report: PrimReport) -> None:
     """Move the points of meshes to where their skeletons and blend shapes put them at a time code."""
-    skel, usd = _module("UsdSkel"), _module("Usd")
+    skel, usd = pxr("UsdSkel"), pxr("Usd")
     walk = usd.PrimRange(stage.GetPseudoRoot(), usd.TraverseInstanceProxies())
     skinned = [prim for prim in walk if prim.IsA(skel.Root)]
     for prim in skinned:
@@ -913,7 +738,55 @@ def _pose_skeletons(stage: Any, code: float, report: _PrimReport) -> None:
             report.say("approximated", "instanced meshes with a skeleton in their pose at rest", prim)
     if skinned:
         stage.SetEditTarget(stage.GetSessionLayer())  # the files stay as they are
-        skel.BakeSkinning(stage.Traverse(), _module("Gf").Interval(code, code))
+        skel.BakeSkinning(stage.Traverse(), pxr("Gf").Interval(code, code))
+
+
+def _open_stage(source: Path, report: PrimReport) -> Any:
+    """Return the stage of a file, with what it takes from files of MaterialX; such a file alone as a row of balls."""
+    usd = pxr("Usd")
+    if not source.is_file():
+        raise InputError(f"{source}: no such file")
+    heard = pxr("UsdUtils").CoalescingDiagnosticDelegate()  # else the library prints what it has to say
+    if source.suffix.lower() == ".mtlx":
+        return _materials_on_balls(materialx_layer(str(source.resolve()), report), source)
+    try:
+        opened = usd.Stage.Open(str(source))
+    except Exception as problem:
+        said = re.findall(r" : '(.*)", str(problem)) or [str(problem)]
+        raise InputError(f"{source}: is no stage of USD ({said[0][:200]})") from None
+    made = set()
+    for layer in opened.GetUsedLayers():
+        for name in layer.GetCompositionAssetDependencies():
+            if not name.lower().endswith(".mtlx"):
+                continue
+            path = layer.ComputeAbsolutePath(name)
+            try:
+                below = materialx_layer(path, report)
+            except InputError as problem:
+                report.say("ignored", str(problem), opened.GetPseudoRoot())
+                continue
+            layer.UpdateCompositionAssetDependency(name, below.identifier)  # in memory; the file stays as it is
+            made |= {name, path}
+    for warning in heard.TakeUncoalescedDiagnostics():
+        missing = re.search(r"Could not open asset @([^@]*)@", warning.commentary)
+        if missing and missing[1] not in made:
+            report.say("ignored", f"{missing[1]} cannot be read", opened.GetPseudoRoot())
+    return opened
+
+
+def _materials_on_balls(layer: Any, source: Path) -> Any:
+    """Return a stage with a ball for each material of a layer, in a row."""
+    geom, shade = pxr("UsdGeom"), pxr("UsdShade")
+    stage = pxr("Usd").Stage.CreateInMemory("balls.usda")
+    stage.GetRootLayer().subLayerPaths.append(layer.identifier)
+    materials = stage.GetPrimAtPath("/MaterialX/Materials").GetChildren()
+    if not materials:
+        raise InputError(f"{source}: has no materials (allowed: surfacematerial with a surfaceshader)")
+    for place, prim in enumerate(materials):
+        ball = geom.Sphere.Define(stage, f"/Balls/{prim.GetName()}")
+        geom.XformCommonAPI(ball).SetTranslate((2.5 * place, 0.0, 0.0))
+        shade.MaterialBindingAPI.Apply(ball.GetPrim()).Bind(shade.Material(prim))
+    return stage
 
 
 def convert_stage(source: Path, target: Path, *, time_s: float | None = None) -> Conversion:
@@ -922,7 +795,7 @@ def convert_stage(source: Path, target: Path, *, time_s: float | None = None) ->
     Parameters
     ----------
     source
-        A .usd, .usda, .usdc or .usdz file.
+        A .usd, .usda, .usdc or .usdz file, or one of MaterialX (.mtlx), whose materials are shown on balls.
     target
         Where the scene of ours is to go; files that it names lie beside it.
     time_s
@@ -933,19 +806,9 @@ def convert_stage(source: Path, target: Path, *, time_s: float | None = None) ->
     InputError
         When there is no such stage, or nothing in it can be shown.
     """
-    usd, geom = _module("Usd"), _module("UsdGeom")
-    if not source.is_file():
-        raise InputError(f"{source}: no such file")
-    heard = _module("UsdUtils").CoalescingDiagnosticDelegate()  # else the library prints what it has to say
-    try:
-        opened = usd.Stage.Open(str(source))
-    except Exception as problem:
-        said = re.findall(r" : '(.*)", str(problem)) or [str(problem)]
-        raise InputError(f"{source}: is no stage of USD ({said[0][:200]})") from None
-    report = _PrimReport()
-    for warning in heard.TakeUncoalescedDiagnostics():
-        if missing := re.search(r"Could not open asset @([^@]*)@", warning.commentary):
-            report.say("ignored", f"{missing[1]} cannot be read", opened.GetPseudoRoot())
+    usd, geom = pxr("Usd"), pxr("UsdGeom")
+    report = PrimReport()
+    opened = _open_stage(source, report)
     start = opened.GetStartTimeCode() if opened.HasAuthoredTimeCodeRange() else 0.0
     is_timed = opened.HasAuthoredTimeCodeRange() or time_s is not None
     code = start + (time_s or 0.0) * opened.GetTimeCodesPerSecond()

@@ -222,7 +222,8 @@ class Marble(Blend):
     """Factor on the colours; channels 0 to 1."""
 
     form: Literal["pbrt-v4", "pbrt-v3"] = "pbrt-v4"
-    """Which pbrt's colours: those of v3 go on beyond the second of their six pieces, here within 0 to 1."""
+    """Which pbrt's colours: those of v3 go on beyond the second of their six pieces, up to 40; a reflectance is cut to
+    1, in a mixture once it is mixed."""
 
     @property
     def colours(self) -> tuple[Colour, Colour]:
@@ -394,7 +395,7 @@ class AnisotropyMap(ImageTexture):
 class Bump(SceneModel):
     """Heights by which a surface is shaded as if it were uneven; its outline stays as it is (Blinn 1978)."""
 
-    texture: Annotated[_Pattern, Discriminator(_texture_form)]
+    texture: Annotated[Textured, Discriminator(_texture_form)]
     """Heights: the first channel of a texture, linear."""
 
     height: Annotated[float, Field(ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE), NUMBER] = 1.0

@@ -16,7 +16,6 @@ Who owns what:
 
 from __future__ import annotations
 
-import logging
 import queue
 import threading
 import time
@@ -24,8 +23,6 @@ from collections.abc import Callable, Hashable
 from typing import Any
 
 from rptcam_cl.core.remember import CancelledError, cancellable
-
-LOG = logging.getLogger("rptcam_cl.viewfinder")
 
 
 def _raise(problem: Exception) -> None:
@@ -45,9 +42,11 @@ class BackgroundTask:
     done
         Called by the engine with the result.
     failed
-        Called by the engine with an exception, which it takes for its own by default.
+        Called by the engine with an exception, of the work or of ``done``, which it takes for its own by default.
     key
         A task that is started ends those of its key; None ends none.
+    ended
+        Called where the task is ended before it is done, to tell who waits for it.
     """
 
     def __init__(
@@ -57,8 +56,9 @@ class BackgroundTask:
         done: Callable[[Any], None],
         failed: Callable[[Exception], None] = _raise,
         key: Hashable = None,
+        ended: Callable[[], None] = lambda: None,
     ) -> None:
-        self.text, self.work, self.done, self.failed, self.key = text, work, done, failed, key
+        self.text, self.work, self.done, self.failed, self.key, self.ended = text, work, done, failed, key, ended
         self.is_ended = False
         self._background: Background | None = None
 
@@ -90,9 +90,11 @@ class BackgroundThread:
 
     def end(self, key: Hashable = None) -> None:
         """End all tasks, or those of a key."""
-        for task in self.tasks:
-            task.is_ended = task.is_ended or key is None or task.key == key
-        self.tasks = [task for task in self.tasks if not task.is_ended]
+        ending = [task for task in self.tasks if key is None or task.key == key]
+        self.tasks = [task for task in self.tasks if task not in ending]
+        for task in ending:
+            task.is_ended = True
+            task.ended()
 
     def close(self) -> None:
         """End all tasks, and the thread after the one under way."""
@@ -116,23 +118,28 @@ class BackgroundThread:
             if task.is_ended:
                 raise CancelledError
 
-        take: Callable[[], None]
+        result, failure = None, None
         try:
             with cancellable(check):
                 check()
                 result = task.work(task)
-            take = lambda: task.done(result)  # noqa: E731 -- called by the engine
         except CancelledError:
             return
         except Exception as problem:
             failure = problem
-            take = lambda: task.failed(failure)  # noqa: E731
-        self._background.post(lambda: self._take(task, take))
+        self._background.post(lambda: self._take(task, result, failure))
 
-    def _take(self, task: BackgroundTask, take: Callable[[], None]) -> None:
-        if not task.is_ended:
-            self.tasks.remove(task)
-            take()
+    def _take(self, task: BackgroundTask, result: Any, failure: Exception | None) -> None:
+        if task.is_ended:
+            return
+        self.tasks.remove(task)
+        if failure is None:
+            try:
+                task.done(result)
+            except Exception as problem:  # who waits for the result is to hear of it as well
+                failure = problem
+        if failure is not None:
+            task.failed(failure)
 
 
 class Background:

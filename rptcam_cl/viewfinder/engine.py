@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from rptcam_cl.api.sweeping import focus_stack
+from rptcam_cl.api.focus_stack import focus_stack
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
 from rptcam_cl.core.files import give_back
 from rptcam_cl.core.remember import CancelledError, cancellable
@@ -21,7 +21,7 @@ from rptcam_cl.imaging.image import Image
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.probe import FocusReport, Probe
 from rptcam_cl.viewfinder import messages, timeline
-from rptcam_cl.viewfinder.background import Background, BackgroundTask, BackgroundThread
+from rptcam_cl.viewfinder.background import Background, BackgroundTask
 from rptcam_cl.viewfinder.delivery import MOST_CLIENTS, Delivery, Reports
 from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, turn_focus, zoom_by
 from rptcam_cl.viewfinder.moves import (
@@ -127,11 +127,31 @@ class Requests:
 
     def leave_search(self) -> None:
         """End the search for focus, where one runs or waits."""
-        under_way = [task.key[1] for task in self._searching.tasks if isinstance(task.key, tuple)]
-        for client, message in (*under_way, *self._waiting):
-            client.done(message.id, self._studio.generation, superseded=True)
         self._searching.end()
+        for request in self._waiting:
+            self._supersede(*request)
         self._waiting.clear()
+
+    def give_up(self, requests: list[messages.Request | Scene], problem: Exception) -> list[Scene]:
+        """Say of requests that a problem has left them undone, and of those that wait for a device that is let go of.
+
+        Returns
+        -------
+        list of Scene
+            The scenes among them, which are still to be shown.
+        """
+        undone = [request for request in requests if not isinstance(request, Scene)]
+        if self._studio.is_closed:
+            undone += self._waiting
+            self._waiting.clear()
+        for client, message in undone:
+            if message.id is not None:
+                client.error(f"left undone: {text_of(problem)}", message.id, "change")
+        return [request for request in requests if isinstance(request, Scene)]
+
+    def _supersede(self, client: messages.Client, message: messages.AnyMessage) -> None:
+        """Say of a request that something else has taken its place."""
+        client.done(message.id, self._studio.generation, superseded=True)
 
     @property
     def is_searching(self) -> bool:
@@ -237,12 +257,8 @@ class Requests:
             )
 
         def done(report: FocusReport) -> None:
-            try:
-                self._studio.change("A", self._found(scene, report))
-            except InputError as problem:
-                failed(problem)
-            else:
-                client.outbox.answer({"type": "focused", "id": message.id, **describe_focus(report)})
+            self._studio.change("A", self._found(scene, report))
+            client.outbox.answer({"type": "focused", "id": message.id, **describe_focus(report)})
 
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "change", place_of(str(problem)))
@@ -251,7 +267,8 @@ class Requests:
             if followed:
                 self._studio.change("A", values_before(scene, followed))
 
-        self._searching.start(BackgroundTask("focus search", work, done, failed, ("focus", (client, message))))
+        ended = partial(self._supersede, client, message)
+        self._searching.start(BackgroundTask("focus search", work, done, failed, ended=ended))
 
     def _found(self, scene: Scene, report: FocusReport) -> Mapping[str, Any]:
         """Return the changes that set the focus that was found: where it has keys, by its distance, as these are."""
@@ -305,21 +322,17 @@ class Requests:
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "save")
 
+        def ended() -> None:
+            client.error(f"{name} is not saved: the device was let go of", message.id, "save")
+
         def work(task: BackgroundTask) -> bytes:
             return messages.file_bytes(messages.exposed_longer(later(), message.ev), message.format)
 
-        self._saving.start(BackgroundTask(f"saving {name}", work, done, failed))
-
-    def _supersede(self, worker: BackgroundThread) -> None:
-        """End the tasks of a worker whose keys are requests, and say so to their clients."""
-        for task in worker.tasks:
-            if isinstance(task.key, tuple):
-                task.key[0].done(task.key[1].id, self._studio.generation, superseded=True)
-        worker.end()
+        self._saving.start(BackgroundTask(f"saving {name}", work, done, failed, ended=ended))
 
     def _stack(self, client: messages.Client, message: messages.Stack) -> None:
         """Render many focuses of the scene that is shown, with the samples that it has, beside the picture."""
-        self._supersede(self._stacking)
+        self._stacking.end()
         slot, near_m, far_m = self._studio.slot("A"), message.near_m, message.far_m
         if near_m is None or far_m is None:
             client.done(message.id, self._studio.generation)
@@ -329,7 +342,8 @@ class Requests:
 
         def work(task: BackgroundTask) -> tuple[str, str, bytes]:
             def say(number: int, count: int, _: float) -> None:
-                task.text = f"focus stack, picture {number} of {count}"
+                text = f"focus stack, picture {number} of {count}"
+                task.post(lambda: setattr(task, "text", text))  # by which the engine wakes, and tells it
 
             def keep(number: int, distance_m: float, image: Image) -> None:
                 name = messages.file_name(f"{message.name} {number} at {distance_m:.4g} m", message.format)
@@ -352,7 +366,8 @@ class Requests:
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "save", place_of(str(problem)))
 
-        self._stacking.start(BackgroundTask("focus stack", work, done, failed, (client, message)))
+        ended = partial(self._supersede, client, message)
+        self._stacking.start(BackgroundTask("focus stack", work, done, failed, ended=ended))
 
     def _text(self, client: messages.Client, message: messages.TextRequest) -> None:
         slot, origin = self._studio.slot(message.slot), self._studio.origin
@@ -403,12 +418,13 @@ class Requests:
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "change")
 
-        self._supersede(self._selecting)
+        self._selecting.end()
         if message.x is None or message.y is None:
             select(message.name)
         else:
             find = slot.session.object_later(message.x, message.y)
-            self._selecting.start(BackgroundTask("selecting", lambda task: find(), done, failed, (client, message)))
+            ended = partial(self._supersede, client, message)
+            self._selecting.start(BackgroundTask("selecting", lambda task: find(), done, failed, ended=ended))
 
     def _lamp(self, client: messages.Client, message: messages.Lamp) -> None:
         slot = self._studio.slot("A")
@@ -545,9 +561,10 @@ class Engine:
         OverflowError
             Too many requests wait.
         """
+        if message.type in _CHANGES:  # before the engine can have done it, after which nothing would let workers go on
+            self._background.hold(True)
         older = self._inbox.put((client, message))
         if message.type in _CHANGES:
-            self._background.hold(True)
             self._interrupt()
         if isinstance(older, tuple):
             older[0].done(older[1].id, self._studio.generation, superseded=True)
@@ -585,17 +602,17 @@ class Engine:
             requests = self._inbox.take(timeout)
             try:
                 timeout = self._turn(requests)
-            except RptcamError as problem:
-                self._studio.fail(problem)
-                timeout = None
             except Exception as problem:
-                LOG.exception("the viewfinder met an unexpected error")
+                if not isinstance(problem, RptcamError):
+                    LOG.exception("the viewfinder met an unexpected error")
                 self._studio.fail(problem)
-                timeout = None
+                for scene in self._requests.give_up(requests, problem):
+                    self._inbox.put(scene)
+                timeout = None if self._studio.is_closed else 0.0
         self._studio.close()
 
     def _turn(self, requests: list[messages.Request | Scene]) -> float | None:
-        """Do what is asked and one piece of rendering; return how long there is nothing to do [s]."""
+        """Do what is asked, taking it out, and one piece of rendering; return how long there is nothing to do [s]."""
         clients = list(self._clients())
         if (idle := self._leave(clients)) is not None and not requests:
             return idle
@@ -604,8 +621,8 @@ class Engine:
         for client in clients:
             self._reports.greet(client)
         self._background.take()
-        for request in requests:
-            self._requests.answer(request)
+        while requests:
+            self._requests.answer(requests.pop(0))
         self._requests.answer_waiting()
         if self._studio.is_closed:
             return None
@@ -645,8 +662,10 @@ class Engine:
 
     def _let_workers_go_on(self, timeout: float | None) -> float | None:
         """Have workers wait while a hand moves something; return when to look again."""
-        rests_in = max((slot.rests_in() for slot in self._studio.slots), default=0.0)
-        if not self._inbox.is_empty or any(slot.wants_glance for slot in self._studio.slots):
+        slots = self._studio.slots
+        rests_in = max((slot.rests_in() for slot in slots), default=0.0)
+        glances = timeout == 0.0 and any(slot.wants_glance for slot in slots)  # now: neither paused nor without a page
+        if not self._inbox.is_empty or glances:
             return timeout
         self._background.hold(rests_in > 0)
         if rests_in <= 0:

@@ -680,7 +680,7 @@ class Inbox:
         Raises
         ------
         OverflowError
-            Too many wait.
+            Too many wait; a scene comes in all the same.
         """
         with self._changed:
             key = None if isinstance(request, Scene) else _key(request)
@@ -688,7 +688,7 @@ class Inbox:
                 self._count += 1
                 key = self._count
             older = self._requests.pop(key, None)
-            if older is None and len(self._requests) >= MOST_WAITING:
+            if older is None and len(self._requests) >= MOST_WAITING and not isinstance(request, Scene):
                 raise OverflowError
             self._requests[key] = request if older is None else _join(older, request)
             self._woken = True

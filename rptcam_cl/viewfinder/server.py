@@ -10,6 +10,7 @@ import contextlib
 import hmac
 import ipaddress
 import json
+import logging
 import os
 import secrets
 import signal
@@ -37,6 +38,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+
+LOG = logging.getLogger("rptcam_cl.viewfinder")
 
 # Who may come in: the token, the names that the server answers to, and pages of its own alone.
 
@@ -142,7 +145,7 @@ def is_loopback(host: str) -> bool:
 
 HELLO_TIMEOUT_S = 5.0  # until the first message
 MOST_UNAUTHENTICATED = 8  # connections that have not said who they are
-BAD_HELLO, WRONG_TOKEN, NO_HELLO, TOO_MANY, TOO_SLOW, NOT_TEXT = 4400, 4401, 4408, 4429, 4413, 1003
+BAD_HELLO, WRONG_TOKEN, NO_HELLO, TOO_MANY, TOO_SLOW, NOT_TEXT, NOT_SENT = 4400, 4401, 4408, 4429, 4413, 1003, 1011
 _MEDIA = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
@@ -271,18 +274,24 @@ class _WebSocketHandler:
 
 
 async def _send_all(socket: WebSocket, outbox: Any, ready: asyncio.Event) -> None:
-    """Send what an outbox has, as fast as the client takes it."""
-    while True:
-        await ready.wait()
-        ready.clear()
-        for message in outbox.take():
-            if isinstance(message, bytes):
-                await socket.send_bytes(message)
-            else:
-                await socket.send_text(message)
-        if outbox.overflowed:
-            await _close(socket, TOO_SLOW, "too many messages wait")
-            return
+    """Send what an outbox has, as fast as the client takes it; end the connection where that fails: it comes back."""
+    try:
+        while True:
+            await ready.wait()
+            ready.clear()
+            for message in outbox.take():
+                if isinstance(message, bytes):
+                    await socket.send_bytes(message)
+                else:
+                    await socket.send_text(message)
+            if outbox.overflowed:
+                await _close(socket, TOO_SLOW, "too many messages wait")
+                return
+    except (WebSocketDisconnect, RuntimeError):  # gone
+        pass
+    except Exception:
+        LOG.exception("a message of the viewfinder could not be sent")
+        await _close(socket, NOT_SENT, "a message could not be sent")
 
 
 async def _close(socket: WebSocket, code: int, why: str) -> None:

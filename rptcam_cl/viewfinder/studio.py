@@ -6,6 +6,7 @@ import base64
 import contextlib
 import io
 import json
+import logging
 import math
 import re
 import shlex
@@ -33,6 +34,8 @@ from rptcam_cl.viewfinder.panel import Clock, Dials, read_dials
 from rptcam_cl.viewfinder.slot import Slot, with_changes
 from rptcam_cl.viewfinder.things import is_there
 from rptcam_cl.viewfinder.timeline import Recorder
+
+LOG = logging.getLogger("rptcam_cl.viewfinder")
 
 # The first picture of a scene, by hand where its camera finds no focus or no light by itself.
 
@@ -474,7 +477,8 @@ class Studio:
         try:
             for slot in metered:
                 slot.change(WITHOUT_METER)
-        except InputError:
+        except Exception as problem:  # the first problem is the one to report
+            LOG.warning("the meter cannot be left: %s", problem)
             return False
         return bool(metered)
 

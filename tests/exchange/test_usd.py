@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
 
 from rptcam_cl.cli import main
@@ -28,7 +29,7 @@ HEAD = """#usda 1.0
 )
 """
 # each statement begins a line, which the texts below spare
-TYPES = r"def|over|uniform|double3?|float[23]?|color3f|point3f|texCoord2f|token|asset|int|bool|rel"
+TYPES = r"def|over|uniform|double3?|float[234]?|color3f|point3f|texCoord2f|token|asset|int|bool|rel"
 STATEMENT = re.compile(rf"(?<!uniform) +(?=({TYPES})[\[ ])| +(?=}})")
 BALL = 'def Sphere "ball" { double radius = 2 }\n'
 
@@ -339,3 +340,87 @@ def test_basis_curves_become_strands(tmp_path: Path) -> None:
     assert (item.counts, item.basis, item.form) == ((4, 5), "bspline", "tube")
     np.testing.assert_allclose(item.rows[[0, -1]], [[0, 0, 0, 0.5], [4, 1, 0, 0.25]])
     np.testing.assert_allclose(item.pieces[0][-1][[0, -1]], [[2, 1, 0], [3, 1, 0]], atol=1e-12)
+
+
+STILL_MOVING = """def PointInstancer "many" { int[] protoIndices = [0] rel prototypes = [</many/p>]
+        point3f[] positions.timeSamples = { 1: [(0, 0, 0)], 25: [(5, 0, 0)] }
+        def Scope "p" { def Sphere "ball" { } def DiskLight "spot" { float inputs:radius = 2 } } }
+    def DomeLight "sky" { float xformOp:rotateY.timeSamples = { 1: 0, 25: 90 }
+        uniform token[] xformOpOrder = ["xformOp:rotateY"] }
+    """
+
+
+def test_instancers_and_skies_that_move_are_reported_and_lamps_that_move_have_keyframes(tmp_path: Path) -> None:
+    lamp = """def RectLight "lamp" { double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 25: (12, 0, 0) }
+        uniform token[] xformOpOrder = ["xformOp:translate"] }"""
+    done, scene = convert(tmp_path, SHUTTER + STILL_MOVING + lamp)
+    said = "\n".join(done.report)
+    assert "/many: approximated: an instancer that moves while the shutter is open stays" in said
+    assert "/sky: approximated: a sun or sky that turns" in said
+    ball, spot, moving = scene.objects  # lamps of an instancer stand at its places, too
+    assert ball.motion == spot.motion == () and spot.instances is not None
+    np.testing.assert_allclose(moving.placed_at(13 / 24)[:3, 3], [6, 0, 0], atol=1e-6)
+
+
+def test_displacement_of_a_preview_surface_moves_the_mesh(tmp_path: Path) -> None:
+    rows = np.tile([0, 255], (4, 2)).astype(np.uint8)  # of u; the middle of each texel is its place
+    PIL.Image.fromarray(rows).save(tmp_path / "h.png")
+    text = """def Mesh "m" { int[] faceVertexCounts = [4] int[] faceVertexIndices = [0, 1, 2, 3]
+            rel material:binding = </a> uniform token subdivisionScheme = "none"
+            point3f[] points = [(0,0,0),(1,0,0),(1,1,0),(0,1,0)]
+            texCoord2f[] primvars:st = [(0,0),(1,0),(1,1),(0,1)] (interpolation = "faceVarying") }
+        def Material "a" { token outputs:surface.connect = </a/s.outputs:surface>
+            def Shader "s" { uniform token info:id = "UsdPreviewSurface" token outputs:surface
+                float inputs:displacement.connect = </a/t.outputs:r> }
+            def Shader "t" { uniform token info:id = "UsdUVTexture" asset inputs:file = @h.png@ float outputs:r
+                float4 inputs:scale = (0.5, 1, 1, 1) float4 inputs:bias = (0.1, 0, 0, 0) } }"""
+    done, scene = convert(tmp_path, text)
+    assert any("/m: approximated: displacement, with each edge in 256 parts" in line for line in done.report)
+    heights = done.scene["objects"][0]["displacement"]
+    assert (heights["height"], heights["middle"], heights["file"]) == (0.5, pytest.approx(-0.2), "out_files/h.png")
+    low, high = scene.solids()[0].bounds()
+    np.testing.assert_allclose([low[2], high[2]], [0.1, 0.6], atol=2e-3)  # 0.5 h + 0.1
+
+
+MTLX = """<materialx version="1.38" colorspace="lin_rec709"><nodegraph name="g" fileprefix="t/">
+    <image name="i" type="color3"><input name="file" type="filename" value="a.png" colorspace="srgb_texture"/>
+      <input name="texcoord" type="vector2" nodename="p"/></image>
+    <place2d name="p" type="vector2"><input name="scale" type="vector2" value="0.5, 0.25"/>
+      <input name="offset" type="vector2" value="0.1, 0"/></place2d>
+    <multiply name="m" type="color3"><input name="in1" type="color3" nodename="i"/>
+      <input name="in2" type="color3" value="0.5, 1, 1"/></multiply>
+    <output name="o" type="color3" nodename="m"/></nodegraph>
+  <standard_surface name="s" type="surfaceshader"><input name="base_color" type="color3" nodegraph="g" output="o"/>
+    <input name="base" type="float" value="0.5"/><input name="metalness" type="float" value="0.25"/>
+    <input name="thin_film_thickness" type="float" value="400"/></standard_surface>
+  <surfacematerial name="A" type="material"><input name="surfaceshader" type="surfaceshader" nodename="s"/>
+  </surfacematerial>
+  <open_pbr_surface name="o" type="surfaceshader"><input name="transmission_weight" type="float" value="1"/>
+    <input name="transmission_color" type="color3" value="0.5, 0.5, 1" colorspace="srgb_texture"/>
+  </open_pbr_surface>
+  <surfacematerial name="B" type="material"><input name="surfaceshader" type="surfaceshader" nodename="o"/>
+  </surfacematerial></materialx>"""
+
+
+def test_materials_of_materialx_files_are_read_alone_and_in_stages(tmp_path: Path) -> None:
+    (tmp_path / "t").mkdir()
+    PIL.Image.new("RGB", (2, 2), (200, 100, 50)).save(tmp_path / "t" / "a.png")
+    (tmp_path / "m.mtlx").write_text(MTLX)
+    alone = convert_stage(tmp_path / "m.mtlx", tmp_path / "balls.yaml")
+    alone.write(tmp_path / "balls.yaml")
+    first, second = alone.scene["materials"]["A"], alone.scene["materials"]["B"]
+    assert first["base_color"] == {
+        "kind": "image", "file": "balls_files/a.png", "color_space": "srgb", "gain": [0.25, 0.5, 0.5],
+        "scale": [2, 4], "offset": pytest.approx([-0.1, 0]),
+    }  # fmt: skip
+    assert (first["metallic"], second["transmission"]) == (0.25, 1.0)
+    np.testing.assert_allclose(second["base_color"], [0.2140, 0.2140, 1], atol=1e-4)  # sRGB of 0.5
+    assert any("ignored: thin_film_thickness" in line for line in alone.report)
+    text = """def "M" ( references = @m.mtlx@</MaterialX/Materials> ) { }
+        def Sphere "b" { rel material:binding = </M/A> }"""
+    done, _ = convert(tmp_path, text)
+    assert done.scene["materials"]["A"]["base_color"]["gain"] == [0.25, 0.5, 0.5]
+    assert not any("cannot be read" in line for line in done.report)
+    (tmp_path / "m.mtlx").write_text("<materialx><input></materialx>")
+    with pytest.raises(InputError, match=r"m\.mtlx: is no MaterialX file \(mismatched tag"):
+        convert_stage(tmp_path / "m.mtlx", tmp_path / "balls.yaml")

@@ -308,3 +308,20 @@ def test_bumps_of_instances_have_the_lengths_of_their_places():
     ]
     assert np.ptp(pictures[1][pictures[1] > 0]) > 0.2
     np.testing.assert_allclose(*pictures, atol=3e-3)
+
+
+def test_bumps_of_a_product_lean_by_the_rule_of_products():
+    along_u = {"kind": "gradient", "start": 0, "end": 1}
+    along_v = along_u | {"rotation_degrees": -90}
+    sheet = {"shape": "rectangle", "corner": [-2, -1, 2], "edge_u": [4, 0, 0], "edge_v": [0, 0, -4]}
+    bump = {"texture": {"kind": "mixture", "first": 0.25, "second": along_u, "amount": along_v}, "height": 1.5}
+    image = under_sun([sheet], {"bump": bump})
+    seen = image["object_id"] == 0
+    u, v = (image["uv"][seen][:, k].astype(np.float64) for k in range(2))
+    # heights 1.5 (0.25 (1 - v) + u v), over 4 units along x and along -z
+    normals = np.stack([-1.5 * v / 4, np.ones_like(u), 1.5 * (u - 0.25) / 4], axis=1)
+    within = np.zeros_like(seen)
+    within[seen] = np.maximum(np.abs(u - 0.5), np.abs(v - 0.5)) < 0.49  # beyond 0 and 1 a gradient stays
+    bent = (normals / np.linalg.norm(normals, axis=1, keepdims=True))[within[seen]]
+    towards = EYE - image["position"][within]
+    assert_lit(image, within, towards, bent, np.broadcast_to([0.0, 1.0, 0.0], bent.shape))

@@ -235,7 +235,8 @@ def test_workers_wait_at_their_checkpoints_while_they_are_held(background: Backg
         (1.0, 0.25, False, False, 0.25, [True]),
         (1.0, -0.1, False, False, 1.0, [False]),
         (None, 0.0, False, False, None, [False]),
-        (1.0, 0.25, True, False, 1.0, []),  # a glance, or a message, comes first
+        (0.0, 0.25, True, False, 0.0, []),  # a glance, or a message, comes first
+        (1.0, 0.25, True, False, 0.25, [True]),  # a glance is wanted, and cannot come: paused, or no page takes it
         (None, 0.25, False, True, None, []),
     ],
 )

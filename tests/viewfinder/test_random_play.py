@@ -71,17 +71,22 @@ def play(client: Page, dice: random.Random, until: float, number: int) -> int:
     """Send messages as a hand does until a moment; every one is answered. Return the next number."""
     while time.monotonic() < until:
         batch = range(number, number + dice.randint(1, 20))
-        waiting = set()
+        waiting: dict[int, Any] = {}
         for number in batch:
             kind, keys = some(dice)
             client.send(kind, id=number, **keys)
-            waiting |= {number} if kind not in ("pointer", "magnify") else set()
+            if kind not in ("pointer", "magnify"):
+                waiting[number] = (kind, keys)
         number += 1
         while waiting:
-            message = client.receive()
+            try:
+                message = client.receive()
+            except TimeoutError:
+                last = [each.header for each in client.seen if each.type in ("busy", "compiling")][-2:]
+                raise AssertionError(f"no word any more; without an answer: {waiting}; last signs: {last}") from None
             assert message.header.get("source") != "device", message.header
             assert "unexpected" not in message.header.get("message", ""), message.header
-            waiting.discard(message.header.get("id", -1))
+            waiting.pop(message.header.get("id", -1), None)
         client.seen.clear()
         if dice.random() < 0.2:
             client.send("view", quality=80)  # a picture is due then, also where the last messages have changed nothing

@@ -12,9 +12,9 @@ import pytest
 import yaml
 from PIL import Image as Pillow
 
+from rptcam_cl.api.focus_stack import focus_stack
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.session import RenderSession
-from rptcam_cl.api.sweeping import focus_stack
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.fork_server import CompileServer
 from rptcam_cl.device.session import open_session

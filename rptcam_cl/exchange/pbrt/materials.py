@@ -18,6 +18,7 @@ from rptcam_cl.exchange.pbrt.textures import (
     heights,
     is_readable,
     light,
+    nested,
     number_shade,
     picture_name,
     reflectance_srgb,
@@ -30,6 +31,7 @@ from rptcam_cl.exchange.pbrt.world import Context, Entity, MaterialName
 from rptcam_cl.rendering.plan.textures import metal_spectra
 from rptcam_cl.rendering.plan.textures import reflectance as metal_reflectance
 from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, MOST_ASYMMETRY, SMALLEST_INDEX, SUBSTANCES
+from rptcam_cl.scene.textures import MOST_NESTED
 
 # Materials of ours as plain keys, and pbrt's roughness as GGX's alpha.
 
@@ -661,7 +663,8 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
     mixed = [{key: value for key, value in part.items() if key != "opacity"} for part in (first, second)]
     if mixed != [first, second]:
         context.ignored(material, "the opacity of its materials")
-    if amount.texture is None and np.ptp(amount.colour) > 0 and (blend := _blend(mixed, amount.colour)) is not None:
+    varied = np.ptp(amount.colour) > 0 or any(isinstance(part.get("reflectance"), dict) for part in mixed)
+    if amount.texture is None and varied and (blend := _blend(mixed, amount.colour)) is not None:
         return blend
     factor: Any = amount.texture
     if factor is None:
@@ -670,10 +673,11 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
 
 
 def _blend(parts: list[Keys], amount: Array) -> Keys | None:
-    """Return two matte colours mixed channel by channel, which is exact; None for other materials."""
+    """Return two matte colours or textures mixed channel by channel, which is exact; None for other materials."""
     if any(part.keys() != {"kind", "reflectance"} or part["kind"] != "matte" for part in parts):
         return None
     first, second = (part["reflectance"] for part in parts)
-    if isinstance(first, dict) or isinstance(second, dict):
-        return None
-    return matte((1 - amount) * np.array(first) + amount * np.array(second))
+    if not isinstance(first, dict) and not isinstance(second, dict):
+        return matte((1 - amount) * np.array(first) + amount * np.array(second))
+    keys: Keys = {"kind": "mixture", "first": first, "second": second, "amount": amount.tolist()}
+    return {"kind": "matte", "reflectance": keys} if nested(keys) <= MOST_NESTED else None

@@ -397,17 +397,17 @@ def _mixture(context: Context, texture: Entity, first: Shade, second: Shade, amo
     mean = _mixed(first.colour, second.colour, amount.colour)
     parts = {"first": first, "second": second, "amount": amount}
     keys: Keys = {"kind": "mixture", **{name: part.keys() for name, part in parts.items()}}
-    if _nested(keys) > MOST_NESTED:
+    if nested(keys) > MOST_NESTED:
         context.approximated(texture, "its textures as one colour each")
         return Shade(mean)
     return Shade(mean, keys)
 
 
-def _nested(keys: Any) -> int:
+def nested(keys: Any) -> int:
     """Return how many mixtures stand in each other."""
     if not isinstance(keys, dict) or keys["kind"] != "mixture":
         return 0
-    return 1 + max(_nested(keys[name]) for name in ("first", "second", "amount"))
+    return 1 + max(nested(keys[name]) for name in ("first", "second", "amount") if name in keys)
 
 
 def shade(context: Context, entity: Entity, name: str, default: float, depth: int = 0) -> Shade:
@@ -476,6 +476,9 @@ def heights(context: Context, entity: Entity, name: str, depth: int = 0) -> tupl
         return known.texture, 1.0 if known.texture is not None else float(known.colour.mean())
     (first, one), (second, two) = (heights(context, texture, key, depth + 1) for key in _factor_names(texture))
     if first is not None and second is not None:
+        product: Keys = {"kind": "mixture", "second": first, "amount": second}
+        if nested(product) <= MOST_NESTED:
+            return product, one * two
         context.approximated(texture, "the second texture as 0.5")
         two *= 0.5
     return first if first is not None else second, one * two
@@ -702,7 +705,7 @@ def _marble(context: Context, texture: Entity, depth: int) -> Shade:
     keys: Keys = {"kind": "marble", "octaves": octaves, "gain": gain, "variation": variation, **lying}
     if context.scene.version == 4:
         return Shade(np.array([0.805, 0.803, 0.84]), keys)
-    context.approximated(texture, "its colours cut to 0 … 1, beyond which those of pbrt-v3 go")
+    context.approximated(texture, "its colours, which go beyond 1 in pbrt-v3, cut to 1 once they are mixed")
     return Shade(np.full(3, 0.94), keys | {"form": "pbrt-v3"})
 
 

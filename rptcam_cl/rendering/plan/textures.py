@@ -379,8 +379,8 @@ class TextureTable:
     def _add(self, value: Texture | Colour, limit: float) -> int:
         """Add the record of a texture and return its index; before that of a mixture stand those of its parts."""
         if isinstance(value, Mixture):
-            parts = zip(value.parts, (limit, limit, 1.0), strict=True)
-            record = TEXTURE.one(kind=TextureKind.MIXTURE, first=len(self._records))[0]
+            parts = zip(value.parts, (UNLIMITED, UNLIMITED, 1.0), strict=True)  # cut where they are mixed
+            record = TEXTURE.one(kind=TextureKind.MIXTURE, first=len(self._records), limit=limit)[0]
             first, second, amount = (self._means[self._add(*part)] for part in parts)
             self._means.append((1 - amount) * first + amount * second)
         elif isinstance(value, tuple):
@@ -494,7 +494,7 @@ class TextureTable:
             fill(record, octaves=texture.octaves, form=PerlinForm[texture.form.upper()])
         if isinstance(texture, Marble):
             last = 5 if texture.form == "pbrt-v4" else 1
-            fill(record, octaves=texture.octaves, variation=texture.variation, a=texture.tint, form=last)
+            fill(record, octaves=texture.octaves, variation=texture.variation, a=texture.tint, form=last, limit=limit)
         self._means.append((1 - texture.share) * np.array(first) + texture.share * np.array(second))
         return record
 

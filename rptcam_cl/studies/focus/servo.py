@@ -1,4 +1,4 @@
-"""Continuous autofocus (AF-C) as a servo: where the focus stands in each frame of a sequence.
+"""Continuous autofocus (AF-C) as a servo: where the focus stands, and which exposure is set, in each frame.
 
 What is measured in a frame is known later, so where the subject is by now is predicted from its motion, and a drive of
 limited speed and acceleration follows the prediction. Measurements come in as coordinates of focus; the motion is one
@@ -11,19 +11,30 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import kernels_dir
+from rptcam_cl.core.remember import Disk
+from rptcam_cl.device.session import Session
 from rptcam_cl.optics.charts import FAINT, INK, add_key, new_figure, series, styled
+from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.scene.exposure import ContinuousFocus
+from rptcam_cl.scene.load import at_rest, change_scene, set_keys
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.controller import find_focus, in_focus
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
+from rptcam_cl.studies.focus.probe import NoContrast, OutOfReach
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+Found = TypeVar("Found")
 
 #
 # The motion of the subject: an extended Kalman filter of vergence and its rate of change.
@@ -458,3 +469,151 @@ def servo_plot(frames: Sequence[FrameFocus], title: str) -> Figure:
     errors.set_xlabel("time [s]")
     add_key(figure, handles)
     return figure
+
+
+#
+# Focus and exposure that follow from all frames before: each frame is measured alone, and a policy goes over them.
+#
+# What is measured in a frame does not depend on other frames, so that it is kept on disk: a frame that is rendered
+# alone, anywhere, has the focus and exposure that it has in its sequence, and finds what another run has measured
+# already.
+
+KIND = "frames"
+# All code of these rooms and all kernels decide a measurement.
+ROOMS = ("core", "device", "optics", "scene", "rendering", "studies")
+
+
+def needs_tracking(scene: Scene) -> bool:
+    """Whether focus or exposure of a frame follow from the frames before."""
+    return scene.sequence is not None and (
+        scene.sequence.continuous_focus is not None or scene.sequence.exposure_time_constant_s is not None
+    )
+
+
+class FrameTracker:
+    """The frames of a sequence with their focus and exposure, from the first one on.
+
+    Parameters
+    ----------
+    scene
+        With a sequence that `needs_tracking`.
+    open_session
+        Returns the device; called where something is to be measured, or was by its driver and is kept.
+
+    Attributes
+    ----------
+    measured : int
+        Frames that were measured here.
+    """
+
+    def __init__(self, scene: Scene, open_session: Callable[[], Session]) -> None:
+        assert scene.sequence is not None, "of a scene with frames"
+        self._scene, self._sequence, self._open = scene, scene.sequence, open_session
+        self._session: Session | None = None
+        self._number = 0
+        self._frame: tuple[Scene, dict[str, Any]] | None = None
+        self._servo: Servo | None = None
+        self._lens: Any = None
+        self._reading: float | None = None
+        self.measured = 0
+
+    def frame(self, number: int) -> tuple[Scene, dict[str, Any]]:
+        """Return the scene of a frame in focus and exposed, and metadata of how it came about.
+
+        Raises
+        ------
+        InputError
+            When the first frame has nothing to focus on, or a frame no light to meter.
+        """
+        if number < self._number:
+            self._number, self._servo, self._reading = 0, None, None
+        while self._number < number or self._frame is None:
+            self._number += 1
+            self._frame = self._next(self._number)
+        return self._frame
+
+    def _next(self, number: int) -> tuple[Scene, dict[str, Any]]:
+        still = set_keys(self._scene, self._sequence.changes(self._scene.shutter.open_s, number))
+        metadata: dict[str, Any] = {}
+        try:
+            if self._sequence.continuous_focus is not None and at_rest(still).requested_autofocus is not None:
+                still, metadata = self._focus(still)
+            if self._sequence.exposure_time_constant_s is not None and _is_metered(still):
+                still = self._expose(still, self._sequence.exposure_time_constant_s)
+        except InputError as problem:
+            raise type(problem)(f"frame {number}: {problem}") from None
+        return still, metadata
+
+    def _focus(self, still: Scene) -> tuple[Scene, dict[str, Any]]:
+        settings, frame_s = self._sequence.continuous_focus, 1 / self._sequence.frames_per_second
+        assert settings is not None
+        scene = at_rest(still)
+        found = self._measure_once("focus", scene, lambda session: _focus_of(scene, session))
+        drive, lens = focus_drive(scene), _lens_of(scene)
+        state, error = found or (None, 0.0)
+        measured, sharp = None if state is None else drive.coordinate(state), drive.depth_of_focus
+        metadata: dict[str, Any] = {"measured": state}
+        if self._servo is None or (lens != self._lens and measured is not None):
+            if state is None or measured is None:
+                raise InputError("camera.focus.auto: nothing to focus on in the first frame")
+            self._servo, place, where = servo_of(drive, measured, settings), measured, state
+            metadata |= {"state": state, "expected": state, "speed": 0.0, "at_greatest_speed": False}
+        else:
+            frame = self._servo.next_frame(frame_s, sharp)
+            place, where = frame.place, drive.state_at(frame.place)
+            metadata |= {"state": where, "expected": drive.state_at(frame.expected), "speed": frame.speed / sharp}
+            metadata["at_greatest_speed"] = frame.is_limited
+        metadata["off"] = None if measured is None else (place - measured) / sharp
+        self._servo.measure(measured, error)
+        self._lens = lens
+        return change_scene(still, camera=drive.camera_keys(where)), {"continuous_focus": metadata}
+
+    def _expose(self, still: Scene, time_constant_s: float) -> Scene:
+        read = self._measure_once("meter", still, lambda session: _reading_of(still, session))
+        assert read is not None, "auto exposure is metered"
+        if self._reading is None:
+            self._reading = read
+        else:
+            share = -math.expm1(-1 / (self._sequence.frames_per_second * time_constant_s))
+            self._reading *= (read / self._reading) ** share
+        return set_keys(still, {"exposure.lock_cd_m2": self._reading})
+
+    def _measure_once(self, what: str, scene: Scene, measure: Callable[[Session], Found]) -> Found:
+        """The measurement of a frame, made here or by an earlier run."""
+        session = self._session = self._session or self._open()
+
+        def measure_here() -> Found:
+            self.measured += 1
+            return measure(session)
+
+        disk = Disk(KIND, ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
+        return disk.find_or_make((__version__, session.info.driver, what, scene.content_hash()), measure_here)
+
+
+def _is_metered(scene: Scene) -> bool:
+    return scene.exposure.mode == "auto" and scene.exposure.lock_cd_m2 is None
+
+
+def _reading_of(scene: Scene, session: Session) -> float | None:
+    """The reading of the exposure meter [cd/m²]; a scene with autofocus is metered in focus."""
+    if at_rest(scene).requested_autofocus is not None:
+        scene = in_focus(at_rest(scene), session)[0]
+    return resolve_exposure(scene, session)[1]
+
+
+def _focus_of(scene: Scene, session: Session) -> tuple[float, float] | None:
+    """The focus state that autofocus finds, and the standard error of its coordinate [mm]; None where it finds none."""
+    settings = scene.requested_autofocus
+    assert settings is not None, "of a scene with autofocus"
+    try:
+        report = find_focus(scene, session, settings)
+        sharp = report.depth_of_focus_mm
+        return report.state, report.error if report.failure is None else max(min(report.error, 10 * sharp), sharp)
+    except (NoContrast, OutOfReach):
+        return None
+
+
+def _lens_of(scene: Scene) -> tuple[Any, ...]:
+    """The lens and its zoom, which give the coordinate of focus its meaning."""
+    camera = scene.camera
+    return tuple(getattr(camera, name, None) for name in ("kind", "lens", "zoom", "focal_length_mm", "fov_degrees"))

@@ -10,6 +10,8 @@ export class Frames {
     this.link = link;
     this.draw = draw;
     this.ready = new Map();
+    this.newest = new Map(); // numbers of those that were ready last
+    link.on("hello", () => this.newest.clear());
     link.on("frame", (header, bytes) => this.receive(header, bytes));
   }
 
@@ -23,7 +25,7 @@ export class Frames {
     }
     const key = keyOf(header);
     const before = this.ready.get(key);
-    if (before && before.header.frame > header.frame) {
+    if (this.newest.get(key) > header.frame) { // it took longer to decode
       bitmap.close();
       this.acknowledge(header);
       return;
@@ -33,6 +35,7 @@ export class Frames {
       this.acknowledge(before.header);
     }
     this.ready.set(key, { header, bitmap });
+    this.newest.set(key, header.frame);
     if (!this.due) this.due = requestAnimationFrame(() => this.paint());
   }
 

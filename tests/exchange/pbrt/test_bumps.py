@@ -72,6 +72,26 @@ def test_textures_in_space_lie_where_the_transform_before_them_puts_them(convert
     np.testing.assert_allclose(matrix @ [-(1 + 2 * 0.25), 2 + 2 * 0.5, 3 - 2 * 0.75, 1], [1, 2, -3], atol=1e-6)
 
 
+def test_heights_of_two_textures_are_their_product(convert: Convert) -> None:
+    text = HEIGHTS + 'Texture "n" "float" "fbm" Texture "p" "float" "scale" "texture tex1" "h" "texture tex2" "n" '
+    bump = convert(text + 'Material "matte" "texture bumpmap" "p"' + BALL, V3, **{"a.png": png()}).material()["bump"]
+    assert [bump["texture"][part]["kind"] for part in ("second", "amount")] == ["image", "perlin"]
+    assert (bump["texture"]["kind"], "first" in bump["texture"], bump["height"]) == ("mixture", False, 0.2)
+
+
+def test_matte_textures_mixed_as_materials_are_mixed_before_they_are_cut(convert: Convert) -> None:
+    text = (
+        'Texture "t" "color" "marble" MakeNamedMaterial "m" "string type" "matte" "texture Kd" "t" '
+        'MakeNamedMaterial "c" "string type" "matte" "rgb Kd" [.01 .04 .17] Material "mix" "rgb amount" [.1 .1 .1] '
+        '"string namedmaterial1" "m" "string namedmaterial2" "c"'
+    )
+    found = convert(text + BALL, V3).material()
+    assert found["kind"] == "matte"
+    assert found["reflectance"]["first"] == [0.01, 0.04, 0.17]
+    assert found["reflectance"]["amount"] == [0.1, 0.1, 0.1]
+    assert found["reflectance"]["second"]["form"] == "pbrt-v3"
+
+
 @pytest.mark.parametrize(("kind", "form"), [("fbm", None), ("wrinkled", "turbulence"), ("windy", "wind")])
 def test_noise_of_pbrt_is_perlins(convert: Convert, kind: str, form: str | None) -> None:
     text = f'Texture "n" "float" "{kind}" Material "diffuse" "texture displacement" "n"'

@@ -244,10 +244,17 @@ def test_marble_is_a_sine_along_y_in_six_cubic_pieces(session, tmp_path, form, l
     points = np.array([stone, stone, stone, dull, warm, stone, stone, vein, stone])
     first, second, third = ((1 - after) * points[piece + k] + after * points[piece + k + 1] for k in range(3))
     first, second = (1 - after) * first + after * second, (1 - after) * second + after * third
-    expected = np.clip(1.5 * ((1 - after) * first + after * second), 0, 1) * [1, 0.5, 1]
+    uncut = 1.5 * ((1 - after) * first + after * second) * [1, 0.5, 1]
+    expected = np.clip(uncut, 0, 1)
     assert np.ptp(expected[:, 0]) > 0.2
     # the pieces do not join: on their edges rounding may pick the next
     off = np.abs(found - expected).max(axis=1) > 1e-3
+    assert off.mean() < 2e-3
+    ground = np.array([0.01, 0.04, 0.17])
+    mixed = looked_up(
+        session, {"kind": "mixture", "first": ground.tolist(), "second": texture, "amount": 0.1}, tmp_path
+    )
+    off = np.abs(mixed - np.clip(0.9 * ground + 0.1 * uncut, 0, 1)).max(axis=1) > 1e-3
     assert off.mean() < 2e-3
 
 
