@@ -200,6 +200,7 @@ def test_pass_with_media_and_everything_compiles_alone_without_a_warning(session
 @pytest.mark.parametrize("file", ["pass/travel.cl", "pass/shadow.cl", "pass/stream.cl"])
 def test_pass_with_media_alone_compiles_without_a_warning(session, file, bounded, layered, gridded):
     facts = {"HAS_BOUNDARY": bounded, "HAS_LAYERED_FOG": layered, "HAS_DENSITY": gridded, "HAS_DROPLETS": 0, "VW": 8}
+    facts |= {"HAS_ENTRIES": 0}  # whose colours are textures
     without_warnings(session, [file], least_facts() | READ | MEDIA | facts)
 
 
