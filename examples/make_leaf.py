@@ -1,4 +1,4 @@
-"""Make the leaf of leaf.yaml from formulas: leaf.ply, a card that is folded and curled, and leaf.png, its colour and outline.
+"""Make the leaf of leaf.yaml from formulas: leaf.ply, a folded and curled card, and leaf.png, its colour and outline.
 
 Run in the folder above: python examples/make_leaf.py
 """
@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).with_name("studio")))
-import files  # noqa: E402
-import pictures  # noqa: E402
-import shapes  # noqa: E402
+import files
+import pictures
+import shapes
 
 WIDTH, HEIGHT = 450, 800
 PAIRS = 11  # of side veins
