@@ -197,6 +197,10 @@ class AutoFocus(SceneModel):
     """AF micro-adjustment, or a fault that the camera has: how far the focus is set beside what is found [depths of
     focus]; above 0 farther away."""
 
+    sensor: Annotated[bool, Field(strict=True)] = False
+    """Whether probes have the noise and the white of the scene's `sensor`, in the exposure of the picture; not with
+    `depth`, whose rays need no light."""
+
     draw_zones: Annotated[bool, Field(strict=True)] = False
     """Whether the zones are drawn into PNG files as white rectangles."""
 
@@ -208,6 +212,16 @@ class AutoFocus(SceneModel):
                 got=self.criterion,
                 allowed="method: depth or phase beside it",
                 path=("criterion",),
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_sensor(self) -> Self:
+        if self.sensor and self.method == "depth":
+            raise refuse(
+                "gives probes noise, and depth takes none: its rays need no light",
+                allowed="another method beside it",
+                path=("sensor",),
             )
         return self
 
