@@ -134,7 +134,7 @@ def input_error(error: ValidationError, data: Any, where: Where) -> InputError:
     lines = [_line(item, data, where) for item in error.errors(include_url=False)[:_MAX_REPORTED]]
     if error.error_count() > _MAX_REPORTED:
         lines.append(f"and {error.error_count() - _MAX_REPORTED} more problems")
-    return InputError("\n".join(lines))
+    return InputError("\n".join(dict.fromkeys(lines)))  # a number that stands for three channels is wrong once
 
 
 def _line(item: Any, data: Any, where: Where) -> str:
@@ -759,8 +759,8 @@ def _context(scene: Scene, touched: set[str]) -> dict[str, Any]:
     """Make the context in which a changed scene is validated.
 
     It has the ``folders``, and the ``scene``, whose objects need no check again and whose meshes are loaded already,
-    unless other ones have their names. The validator of objects adds what is ``new`` of them, and what is ``dyed``, for
-    the validators after it.
+    unless other ones have their names. The validator of objects adds what is ``new`` of them, and which materials
+    are ``replaced``, for the validators after it.
     """
     return {"folders": scene.folders} | ({} if "meshes" in touched else {"scene": scene})
 

@@ -349,7 +349,7 @@ class Scene(SceneModel):
     _stand_ins: tuple[str, ...] = PrivateAttr(default=())
     _made_of: dict[str, Any] | None = PrivateAttr(default=None)
     _new: list[tuple[int, Object]] | None = PrivateAttr(default=None)
-    _dyed: tuple[tuple[Object, ...], dict[int, Material]] = PrivateAttr(default=((), {}))  # see `new_materials`
+    _replaced: tuple[tuple[Object, ...], dict[int, Material]] = PrivateAttr(default=((), {}))  # see `new_materials`
     _shown: tuple[tuple[Object, ...], tuple[Material, ...]] = PrivateAttr(default=((), ()))  # objects, their materials
 
     @field_validator("materials", mode="before")
@@ -379,18 +379,18 @@ class Scene(SceneModel):
             return handler(objects)
         changed = {id(one): name for name, one in before.materials.items() if materials.get(name) is not one}
         if objects is before.objects and not changed:
-            context |= {"dyed": before._dyed, "shown": before.shown_materials()}
+            context |= {"replaced": before._replaced, "shown": before.shown_materials()}
             return objects
         own = set(map(id, before.objects))
         is_same = len(objects) == len(before.objects) and all(map(is_, objects, before.objects))
         given, fresh = list(objects), set[int]()
         if not is_same:
             fresh = {index for index, item in enumerate(objects) if id(item) not in own}
-        dyed = {key: materials[name] for key, name in changed.items() if name in materials}
+        replaced = {key: materials[name] for key, name in changed.items() if name in materials}
         for index, item in enumerate(objects if changed else ()):
             key = id(getattr(item, "material", None))
-            if key in dyed and index not in fresh:
-                given[index] = _with_material(item, dyed[key])
+            if key in replaced and index not in fresh:
+                given[index] = _with_material(item, replaced[key])
             elif key in changed and index not in fresh:
                 given[index] = {key: getattr(item, key) for key in item.model_fields_set} | {"material": changed[key]}
                 fresh.add(index)
@@ -403,8 +403,8 @@ class Scene(SceneModel):
             given[index] = item
         context["new"] = [(index, given[index]) for index in places]
         if is_same and not places:
-            shown = tuple(dyed.get(id(material), material) for material in before.shown_materials())
-            context |= {"dyed": (before.objects, dyed), "shown": shown}
+            shown = tuple(replaced.get(id(material), material) for material in before.shown_materials())
+            context |= {"replaced": (before.objects, replaced), "shown": shown}
         return tuple(given)
 
     @field_validator("environment", mode="before")
@@ -447,7 +447,7 @@ class Scene(SceneModel):
         given = context.get("scene")
         if given is not None:
             self._folders, self._library, self._stand_ins = given._folders, given._library, given._stand_ins
-            self._new, self._dyed = context.get("new", []), context.get("dyed", ((), {}))
+            self._new, self._replaced = context.get("new", []), context.get("replaced", ((), {}))
             if "shown" in context:
                 self._shown = self.objects, context["shown"]
         else:
@@ -517,7 +517,7 @@ class Scene(SceneModel):
 
         None where more has changed.
         """
-        return self._dyed[1] if self._dyed[0] is objects else None
+        return self._replaced[1] if self._replaced[0] is objects else None
 
     def load_mesh(self, item: MeshObject | Board) -> LoadedMesh:
         """Return the parts and materials of one of the scene's mesh objects; they are read once.

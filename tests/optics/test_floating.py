@@ -57,6 +57,18 @@ def test_close_focus_columns_are_focus_and_not_zoom(tmp_path):
     assert [lens.surfaces[k].thickness for k in (1, 4)] == [8, 4]
 
 
+def test_film_stands_behind_a_cover_glass_whatever_the_back_focus_without_it(tmp_path):
+    covered = BENCH.replace("7\t-70\tBf\t\t18\n", "7\t-70\td7\t\t18\n8\tCG\t1.5\t1.5168\t18\t64.2\n9\tCG\t1.0\t\t18\n")
+    covered = covered.replace(
+        "Bf\t40.0\t46.0", "d7\t37.5\t43.5\t+6.0\nBf\t40.0\t46.0"
+    )  # a third column has differences
+    lens = bench(tmp_path, covered)
+    assert lens.configurations == ()
+    (state,) = lens.floating
+    assert state.distance_mm == pytest.approx(NEAR_MM - 46.0 + 43.5 + 1.5 + 1.0)
+    assert state.gaps == ((1, 6.0), (4, 5.0), (6, 43.5))
+
+
 def test_gaps_go_by_the_inverse_of_the_distance(tmp_path):
     lens = bench(tmp_path)
     assert float_groups(lens, np.inf).surfaces == lens.surfaces

@@ -66,7 +66,8 @@ def some(dice: random.Random) -> tuple[str, dict[str, Any]]:
         ("dial", {"name": dice.choice(["mix_a", "mix_b"]), "value": dice.uniform(0, 2), "transient": transient}),
         ("stack", dice.choice([{}, {"near_m": 0.8, "far_m": 1.2, "steps": 3, "pictures": transient}])),
     ]  # fmt: skip
-    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1, 6, 1, 0.5, 0.2, 1, 3, 1, 2, 0.1, 1, 0.1, 0.3, 3, 0.2]
+    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1, 6, 1, 0.5, 0.2, 1, 3, 1, 2, 0.1, 1]
+    weights += [0.1, 0.3, 3, 0.2]  # kits, lamps apart and mixed, stacks
     return dice.choices(turns, weights)[0]
 
 

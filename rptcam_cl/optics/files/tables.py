@@ -334,7 +334,7 @@ def read_optical_bench(text: str, path: str) -> Lens:
     for _, words in sections.get("descriptive data", []):
         if words[0].lower() == "title" and len(words) > 1:
             table.name = words[1]
-    distances = {words[0]: words[1:] for _, words in sections.get("variable distances", [])}
+    distances = _distances(sections)
     table.f_number = _value(distances.get("F-Number", []), 0)
     gaps = _surfaces(table, sections.get("lens data", []), distances)
     constants = {words[0].lower(): words[1:] for _, words in sections.get("constants", [])}
@@ -343,6 +343,22 @@ def read_optical_bench(text: str, path: str) -> Lens:
     table.keys["published"] = {key: value for key, value in published.items() if value}
     _configurations(table, gaps, distances)
     return with_sharp_states(table.lens(), path)
+
+
+def _distances(sections: dict[str, list[tuple[int, list[str]]]]) -> dict[str, list[str]]:
+    """Return the variable distances, as many columns as there are states, and as Bf the gap of the last surface.
+
+    Columns behind hold differences. Behind a cover glass the row Bf of a file is the back focus without it.
+    """
+    distances = {words[0]: words[1:] for _, words in sections.get("variable distances", [])}
+    columns = max(len(distances.get(name, [])) for name in ("d0", "Focal Length"))
+    if columns:
+        distances = {name: words[:columns] for name, words in distances.items()}
+    last = sections["lens data"][-1][1] if sections.get("lens data") else []
+    gap = last[2] if len(last) > 2 else ""
+    if gap and gap != "Bf":
+        distances["Bf"] = distances.get(gap) or [gap] * max(columns, 1)
+    return distances
 
 
 def with_sharp_states(lens: Lens, path: str) -> Lens:

@@ -716,10 +716,10 @@ def _place_changed(scene: Scene, before: PlacedMeshes) -> PlacedMeshes | None:
     known, objects = before.primitives, scene.objects
     if objects is before.objects:
         return before
-    if (dyed := scene.new_materials(before.objects)) is not None:
-        shown = [each._replace(material=dyed.get(id(each.material), each.material)) for each in known.prototypes]
-        dyed_meshes = Primitives(shown, known.prototype_of, known.objects, known.places)
-        return before._replace(objects=objects, primitives=dyed_meshes)
+    if (replaced := scene.new_materials(before.objects)) is not None:
+        shown = [each._replace(material=replaced.get(id(each.material), each.material)) for each in known.prototypes]
+        primitives = Primitives(shown, known.prototype_of, known.objects, known.places)
+        return before._replace(objects=objects, primitives=primitives)
     prototypes, prototype_of = [*known.prototypes], known.prototype_of.copy()
     number = {prototype.key: place for place, prototype in enumerate(prototypes)}
     places: dict[int, Matrix | TablePlaces] = {}
