@@ -134,6 +134,7 @@ NODES, MORE_NODES = (5, 3), (9, 7)  # along the longer and the shorter side of t
 GOOD = 0.9  # Strehl ratio at all nodes from which the few are enough
 ALL_CELLS, NEAR_CELLS = 144, 72  # across an opening whose kernels reach 64 wavelengths over twice its aperture, and 20
 _NODE_PX = 16  # least distance between nodes
+_SLIVER = 0.05  # of the widest opening, below which a node says nothing of the brighter places about it
 
 
 def lamps_of(planes: Array) -> Array:
@@ -213,7 +214,7 @@ class FilmSpread:
         if self.edges is not None and self.directions > FEW_ANGLES and not (bright.any() or by_lamps.any()):
             return self._of_plain_films.over(pixels, layout)
         if by_lamps.any():
-            planes = without_lamps(planes, offset, self.lamps, by_lamps)
+            planes, by_lamps = without_lamps(planes, offset, self.lamps, by_lamps)
             bright = np.where(bright > 0, planes, 0.0)
         nodes, kernels = self.kernels
         spread = blur(planes, bright, offset, nodes, kernels)
@@ -370,8 +371,10 @@ class FilmOpenings:
 
     @cached_property
     def seen(self) -> list[FilmPupil | None]:
-        """The opening that each node sees; None where no light comes from."""
-        return [self._seen(point) for point in self.points]
+        """The opening that each node sees; None where no light comes from, or a sliver of it as at an image circle."""
+        openings = [self._seen(point) for point in self.points]
+        least = _SLIVER * max((each.aperture**2 for each in openings if each is not None), default=0.0)
+        return [each if each is not None and each.aperture**2 > least else None for each in openings]
 
     def _seen(self, point: Array) -> FilmPupil | None:
         checkpoint()

@@ -7,6 +7,7 @@ picture by waves of as much light takes its place.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -20,7 +21,8 @@ from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_points
 from rptcam_cl.rendering.cameras.kinds import camera_of
-from rptcam_cl.rendering.lamps import lattice, patches_of
+from rptcam_cl.rendering.cameras.lamp_aim import Polynomial
+from rptcam_cl.rendering.lamps import Patches, lattice, patches_of
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_spread import (
     FINE,
@@ -42,8 +44,10 @@ from rptcam_cl.scene.scene import Scene
 Array = NDArray[np.float64]
 
 MOST_LAMPS = 64
-_LAMP_POINTS = 16  # of each patch of a lamp
+_LAMP_POINTS = 16  # of each patch of a lamp whose places are traced
+_POINTS_A_PIXEL = 16  # of a lamp's sharp image, which lies between those
 _WIDEST_PX = 64.0  # sharp image of a lamp that is treated as one
+_FRINGES = 2.0  # of the width of a ring, from which on a lamp's sharp image washes its rings out
 _LARGEST_PX = 256  # half width of a picture of a lamp
 BEYOND = 1.8  # radii of the rays that it reaches, and as far as the kernel of a sharp point
 MOST_ACROSS = 768  # points across a picture by waves: of finer ones, pixels show what rays do
@@ -129,6 +133,7 @@ def lamp_images(
         As in `_LampFilm`.
     """
     scene, lamps = at_opening(scene), list(_lamps(plan))
+    points = [_points(patches, distance, _LAMP_POINTS) for patches, distance in lamps]
     if not lamps:
         return []
     camera, lens = camera_of(scene), scene.camera.lens_camera
@@ -136,20 +141,24 @@ def lamp_images(
     splits = bool(plan.facts.get("LENS_SPLITS"))
     nm = MIDDLE_NM if lens is None else lens.wavelength_nm
     film = _LampFilm(pupils, seen, pixel_mm(scene), splits, nm, units, conjugates)
-    points, turn = np.concatenate(lamps), scene.camera.world_from_camera()[:3, :3]
-    there = np.column_stack([points[:, :3] @ turn, points[:, 3]])
-    counts, chief = [len(lamp) for lamp in lamps], camera.chief_rays()
-    every = np.split(there, np.cumsum(counts)[:-1])
+    turn, chief = np.eye(4), camera.chief_rays()
+    turn[:3, :3] = scene.camera.world_from_camera()[:3, :3]
+    every, counts = [own @ turn for own in points], [len(own) for own in points]
+    there = np.concatenate(every)
     middles = seen_places(chief, np.array([own.mean(axis=0) for own in every]))
     all_places = seen_places(chief, there, np.repeat(middles, counts, axis=0))
     images = []
-    for own, places in zip(every, np.split(all_places, np.cumsum(counts)[:-1]), strict=True):
+    for own, places, (patches, w) in zip(every, np.split(all_places, np.cumsum(counts)[:-1]), lamps, strict=True):
         checkpoint()
         middle = places.mean(axis=0)
         if not np.isfinite(places).all() or np.ptp(places, axis=0).max() > _WIDEST_PX:
             continue
         if ((middle > -0.5) & (middle < np.array(scene.film.resolution) + 0.5)).all():
             point = film_points(scene, middle[None])[0, :2]
+            more = math.ceil(_POINTS_A_PIXEL * float(np.prod(np.ptp(places, axis=0))) / len(patches.cell))
+            if more > _LAMP_POINTS:
+                among = Polynomial(_directions(own), places, 2)
+                places = among.at(_directions(_points(patches, w, more) @ turn))
             images.append(_image(film, places, point, source_of(own.mean(axis=0), film_z)))
     return [image for image in images if image is not None]
 
@@ -161,8 +170,24 @@ def pixel_mm(scene: Scene) -> tuple[float, float]:
     return sense * width / columns, -sense * height / rows
 
 
-def _lamps(plan: Plan) -> Iterator[Array]:
-    """Yield points (n, 4) of each lamp that the camera may see, about the eye, homogeneous [m]; brightest first."""
+def _points(patches: Patches, w: float, count: int) -> Array:
+    """Return so many points of each patch (n, 4), homogeneous: with 1 of places, with 0 of directions."""
+    s, t = lattice(count)
+    patch = np.repeat(np.arange(len(patches.cell)), count)
+    points = patches[patch].at(np.tile(s, len(patches.cell)), np.tile(t, len(patches.cell)))
+    return np.column_stack([points, np.full(len(points), w)])
+
+
+def _directions(points: Array) -> Array:
+    """Return x and y of points (n, 4) of the camera over their depth."""
+    return np.asarray(points[:, :2] / points[:, 2:3])
+
+
+def _lamps(plan: Plan) -> Iterator[tuple[Patches, float]]:
+    """Yield the patches of each lamp that the camera may see, about the eye [m], and 1, or 0 of directions.
+
+    The brightest is the first.
+    """
     records = plan.emitters.shining
     bright = np.argsort([-float(max(record["radiance"][:3])) for record in records], kind="stable")
     left = MOST_LAMPS
@@ -177,12 +202,8 @@ def _lamps(plan: Plan) -> Iterator[Array]:
             continue
         left -= 1
         (at, light, _), patches = known
-        s, t = lattice(_LAMP_POINTS)
-        points = np.concatenate(
-            [patches.at(np.full(len(at), x), np.full(len(at), y)) for x, y in zip(s, t, strict=True)]
-        )
         if light.any():
-            yield np.column_stack([points, np.tile(at[:, 3], _LAMP_POINTS)])
+            yield patches, float(at[0, 3])
 
 
 def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampImage | None:
@@ -193,7 +214,10 @@ def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampI
         opening = point_opening(film.pupils, near, point, source, film.nm)
         unit = 550e-6 / opening.index / (2 * opening.aperture) / pixel
         radius = opening.radius_mm / pixel
-        wide = max(BEYOND * radius + film.units * unit, 2.0) + np.ptp(places, axis=0).max() / 2
+        size = np.ptp(places, axis=0)
+        if size.min() > _FRINGES * max(np.sqrt(2 * unit * radius), 2 * unit):  # Fresnel's, or Airy's
+            return None
+        wide = max(BEYOND * radius + film.units * unit, 2.0) + size.max() / 2
         reach = min(int(np.ceil(wide)), _LARGEST_PX)
         if (2 * reach + 1) * _finer(unit, 550.0) > MOST_ACROSS:
             return None
@@ -378,25 +402,29 @@ def _together(shape: tuple[int, ...], placed: Sequence[Placed], light: Array) ->
     return planes
 
 
-def without_lamps(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
-    """Return planes (3, height, width) of a film without lamps of some light (n, 3), as their rays show them.
+def without_lamps(
+    planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage], light: Array
+) -> tuple[Array, Array]:
+    """Return planes (3, height, width) of a film without lamps of some light (n, 3), and the light that is taken.
 
-    What is left there is noise of the lamp and what stands about it; it is kept between none and the brightest pixel
-    beside the lamp.
+    What is left where their rays are is noise of the lamp and what stands about it; it is kept between none and the
+    brightest pixel beside the lamp. What goes beyond is the lamp's, so that all light is kept.
     """
-    placed = [
-        (lamp, *_on_film(planes.shape[1:], offset, lamp)) for lamp, own in zip(lamps, light, strict=True) if own.any()
-    ]
-    left = planes - _together(planes.shape, placed, light[light.any(axis=1)])
+    light = light.copy()
+    shining = np.flatnonzero(light.any(axis=1)).tolist()
+    placed = [(lamps[k], *_on_film(planes.shape[1:], offset, lamps[k])) for k in shining]
+    left = planes - _together(planes.shape, placed, light[shining])
     lit = np.zeros(planes.shape[1:], np.bool_)
     for lamp, film, part in placed:
         lit[film] |= _lit(lamp, part)
-    for lamp, film, part in placed:
+    for k, (lamp, film, part) in zip(shining, placed, strict=True):
         inside, dark = _lit(lamp, part), ~lit[film]
-        for plane in left:
+        for channel, plane in enumerate(left):
             window = plane[film]
-            window[inside] = np.clip(window[inside], 0.0, window[dark].max() if dark.any() else np.inf)
-    return left
+            kept = np.clip(window[inside], 0.0, window[dark].max() if dark.any() else np.inf)
+            light[k, channel] += (window[inside] - kept).sum() / lamp.rays[channel][part][inside].sum()
+            window[inside] = kept
+    return left, np.maximum(light, 0.0)
 
 
 def _lit(lamp: LampImage, part: Window) -> NDArray[np.bool_]:

@@ -466,6 +466,16 @@ class PointWave:
         """Distance from the point of the film of the farthest ray."""
         return float(np.hypot(*self.places[self.flux > 0].T).max())
 
+    @property
+    def middle_mm(self) -> Array:
+        """Mean place of the rays, from the point of the film (2,)."""
+        return np.asarray(np.tensordot(self.flux, self.places, 2))
+
+    @property
+    def spot_mm(self) -> float:
+        """Root mean square distance of the rays from there."""
+        return float(np.sqrt(np.sum(self.flux * np.sum((self.places - self.middle_mm) ** 2, axis=-1))))
+
     def rms(self, nm: float) -> float:
         """Return the root mean square of the wavefront [waves], without what moves the image."""
         lit = self.flux > 0

@@ -35,6 +35,10 @@ FARTHEST_M = 1e5  # of a point of the scene, beyond which focus is as at infinit
 # Root mean square of a wavefront [waves], in the plane of focus. Below the first, waves bring it. Above the second rays
 # do, as well as waves would and with the sign that tells curvature of the field from what is out of focus otherwise.
 BY_WAVES, BY_RAYS = 0.45, 0.7
+# Beside the image circle a sliver of the pupil may show a point of the scene far from where its chief ray leads, which
+# would crowd even light between two nodes, or too few rays say how its wavefront goes on.
+MOST_MOVED = 0.004  # of the way to the next node, up to which waves may move the image
+WIDEST_SPOT = 20.0  # wavelengths over twice the aperture: rays of no wavefront that waves bring are farther apart
 ENDS = 0.4  # of it, that counts at the ends of the spectrum, where a lens refracts each wavelength in its own way
 
 
@@ -158,7 +162,9 @@ def conjugates_of(
     vergence = 0.0 if not setting.focus_distance_mm else max(1e3 / setting.focus_distance_mm, 0.0)
     nm = setting.camera.wavelength_nm
 
-    shares: Array = np.ones(len(points))
+    shares: Array = np.zeros(len(points))
+    apart = np.linalg.norm(points - points[:, None], axis=-1)
+    next_mm = float(apart[apart > 0].min(initial=np.inf))
     waves: list[dict[float, PointWave]] = [{} for _ in points]
     for number, place in enumerate(np.stack(np.meshgrid(*nodes), axis=-1).reshape(-1, 2)):
         checkpoint()
@@ -173,8 +179,15 @@ def conjugates_of(
         for other in KNOWN_NM if scene.spectrum.lens_colour != "off" else ():
             with suppress(InputError):  # the glass is not known there, or the rays are not: others say what it is
                 waves[number][other] = point_wave(pupils, pupil, points[number], source, other, FIT)
+        wave = waves[number][nm]
+        if wave.spot_mm > WIDEST_SPOT * nm * 1e-6 / (2 * pupil.index * pupil.aperture):
+            waves[number] = {}
+            continue
         off = max(wave.rms(other) * (1.0 if other == nm else ENDS) for other, wave in waves[number].items())
-        shares[number] = np.clip((BY_RAYS - off) / (BY_RAYS - BY_WAVES), 0.0, 1.0)
+        moved = float(np.linalg.norm(wave.middle_mm)) / next_mm
+        shares[number] = np.clip((BY_RAYS - off) / (BY_RAYS - BY_WAVES), 0.0, 1.0) * np.clip(
+            2 - moved / MOST_MOVED, 0, 1
+        )
     if not shares.any():
         return None
     by_rows = shares.reshape(len(nodes[1]), len(nodes[0]))

@@ -134,7 +134,7 @@ def input_error(error: ValidationError, data: Any, where: Where) -> InputError:
     lines = [_line(item, data, where) for item in error.errors(include_url=False)[:_MAX_REPORTED]]
     if error.error_count() > _MAX_REPORTED:
         lines.append(f"and {error.error_count() - _MAX_REPORTED} more problems")
-    return InputError("\n".join(lines))
+    return InputError("\n".join(dict.fromkeys(lines)))  # a number that stands for three channels is wrong once
 
 
 def _line(item: Any, data: Any, where: Where) -> str:

@@ -9,6 +9,7 @@ from scipy.special import j0, j1
 
 import rptcam_cl
 from benchmarks.edges import errors
+from rptcam_cl.core.colour import LUMINANCE
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.lens import film_distance
@@ -40,6 +41,7 @@ from rptcam_cl.rendering.point_spread import (
     strew,
     wave_picture,
 )
+from rptcam_cl.rendering.stigmatic import stigmatic
 from rptcam_cl.scene.lens_settings import Dirt
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import scene_of
@@ -569,7 +571,11 @@ def test_lamps_are_as_bright_as_their_film_and_those_half_hidden_are_left():
     noisy = film * (1 + 0.2 * np.random.default_rng(5).standard_normal(film.shape))
     assert brightness(film, (0, 0), lamps) == pytest.approx(light, rel=1e-6)
     assert brightness(noisy, (0, 0), lamps) == pytest.approx(light, rel=0.12)
-    np.testing.assert_allclose(without_lamps(film, (0, 0), lamps, light), 0.2, rtol=1e-5)
+    left, taken = without_lamps(film, (0, 0), lamps, light)
+    np.testing.assert_allclose(left, 0.2, rtol=1e-5)
+    assert taken == pytest.approx(light, rel=1e-5)
+    left, taken = without_lamps(noisy, (0, 0), lamps, light)  # a film keeps its light, whatever of it is noise
+    assert left.sum(axis=(1, 2)) + taken.sum(axis=0) == pytest.approx(noisy.sum(axis=(1, 2)), rel=1e-6)
     film[:, :, 71:] = 0.2  # the last is half behind something
     assert brightness(film, (0, 0), lamps) == pytest.approx(light * [[1], [1], [0]], rel=1e-6)
 
@@ -579,6 +585,39 @@ def test_lamps_on_pixels_too_large_for_their_rings_have_the_film_of_the_rays(wav
     scene = load_scene(lamp_scene(waves, 32)[0] | {"film": {"width_mm": 32 * pixel_mm, "resolution": [32, 32]}})
     found = replace(diffraction_of(scene), plan=make_plan(scene))
     assert len(found.spread.lamps) == shown
+
+
+@pytest.mark.parametrize(
+    ("lens", "f_number"),
+    [("double-gauss-50mm-f1.1", 8.0), pytest.param("fisheye-10mm", 8.0, marks=pytest.mark.slow),
+     pytest.param("phone-5.6mm", 8.0, marks=pytest.mark.slow)],
+)  # fmt: skip
+def test_even_light_stays_even_where_the_image_circle_ends(lens, f_number):
+    camera = {"kind": "realistic", "lens": lens, "f_number": f_number, "focus": {"distance_m": 3}, "diffraction": "on"}
+    scene = load_scene(scene_of([], {**camera, **POSE}, resolution=(192, 108)))
+    found = diffraction_of(scene)
+    found = replace(found, plan=stigmatic(make_plan(scene), found.conjugates))
+    assert "STIGMATIC" in found.plan.camera.facts
+    even = found.spread.over(np.ones((108, 192, 3), np.float32), FilmLayout.of(scene.film))
+    assert even == pytest.approx(1.0, abs=0.003)
+
+
+@pytest.mark.parametrize("columns", [3, 10])
+def test_a_window_in_focus_is_even_and_keeps_its_light(columns):
+    pixel = 10 / 50 * 0.018  # of 18 um, at 10 m
+    width, height = (columns + 0.4) * pixel, 40.3 * pixel
+    window = {"shape": "rectangle", "corner": [0.3 * pixel - width / 2, -height / 2, -10], "edge_u": [width, 0, 0]}
+    window |= {"edge_v": [0, height, 0], "material": {"kind": "emissive", "radiance": 200.0}}
+    scene = {
+        "film": {"resolution": [96, 64], "width_mm": 96 * 0.018}, "objects": [window],
+        "camera": {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 16, "focus_distance_m": 10,
+                   "eye": [0, 0, 0], "target": [0, 0, -1], "diffraction": "on"},
+        "environment": {"kind": "constant", "radiance": 0.05}, "render": {"spp": 64, "max_depth": 1},
+    }  # fmt: skip
+    image = rptcam_cl.render(scene, layers=["direct"])
+    inside = image.luminance[20:44, 47:50]
+    assert inside.std(axis=0).max() < 0.003 * inside.mean()
+    assert image.luminance.sum() == pytest.approx(image["direct"].sum(axis=(0, 1)) @ LUMINANCE, rel=0.005)
 
 
 @pytest.mark.slow

@@ -124,3 +124,6 @@ def test_media_by_colour_or_name_have_coefficients():
     assert np.array(wax.scattering) == pytest.approx([0, 1000 * (1 - 0.2971**2), 1000], rel=1e-3, abs=0.01)
     milk = material("{kind: dielectric, interior: {substance: whole_milk}}").interior
     assert (milk.scattering, milk.absorption) == ((2550.0, 3210.0, 3770.0), (1.1, 2.4, 14.0))
+    with pytest.raises(InputError) as problem:
+        material("{kind: boundary, interior: {color: 0.5, free_path_mm: 0}}")
+    assert str(problem.value).count("out of range") == 1

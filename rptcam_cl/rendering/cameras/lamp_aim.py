@@ -80,6 +80,11 @@ class Polynomial:
         powers[:, 1:] = ((places - self._middle[axis]) / self._scale[axis])[:, None]
         return np.asarray(np.multiply.accumulate(powers, axis=1))
 
+    def at(self, points: Array) -> Array:
+        """Return its values (n, k) at points (n, 2)."""
+        x, y = self._powers(0, points[:, 0]), self._powers(1, points[:, 1])
+        return np.asarray(np.einsum("ni,nj,ijk->nk", x, y, self._coefficients))
+
     def on_grid(self, x: Array, y: Array) -> Array:
         """Return its values (y, x, k) at all points of a grid."""
         along = np.tensordot(self._powers(0, x), self._coefficients, 1)
