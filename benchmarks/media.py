@@ -1,6 +1,6 @@
 """Random scenes with fog, smoke and milk beside Mitsuba 3 (its volpath): pictures must be the same but for noise.
 
-    python -m benchmarks.media [--scenes 12] [--seed 1] [--batches 8] [--spp 512] [--mitsuba-python PATH] [--json FILE]
+    python -m benchmarks.media [--scenes 12] [--seed 1] [--batches 32] [--spp 128] [--mitsuba-python PATH] [--json FILE]
 
 Each scene has media around all, in a box without a surface or in a ball of glass, of random coefficients, albedo and
 asymmetry; a lamp, perhaps a point of light, a floor and a ball. From seed 101 on the medium in the box has its density
@@ -8,7 +8,8 @@ on a grid, and from seed 201 on that round all lies in a layer, which Mitsuba ta
 Both sides render it in batches by different seeds:
 the noise of the mean of each of 16 fields of the picture follows from those. A scene agrees where no field's difference
 is more noise than the largest of so many that chance allows once in a hundred times (Sidak), and where the noise of the
-whole picture's mean is small enough to show a difference of 0.3 %.
+whole picture's mean is small enough to show a difference of 0.3 %. Of few batches, rare bright samples make that noise
+too small now and then, and z too large: with 8 of 256 samples scene 7 once had 6.4, with 200 of 128 it has 2.8.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from rptcam_cl.device.devices import choose_device
 
 SIDE, FIELDS = 48, 4
 CHANCE = 0.01  # that equal pictures are called different, of all scenes together
+ROUNDING = 1e-5  # relative, of means in float32: fields of sky alone have no noise
 RESOLVED = 0.003  # relative difference of the means that noise must not hide
 MAX_DEPTH = 32
 Array = NDArray[np.float64]
@@ -198,7 +200,7 @@ def fields(picture: Array) -> Array:
 def compare(ours: Array, theirs: Array) -> dict[str, float]:
     """Return how two stacks of batches (batches, fields + 1, 3) differ, in noise and in parts of the mean."""
     means = [side.mean(axis=0) for side in (ours, theirs)]
-    noise = np.sqrt(sum(side.var(axis=0, ddof=1) / len(side) for side in (ours, theirs)))
+    noise = np.sqrt(sum(side.var(axis=0, ddof=1) / len(side) for side in (ours, theirs)) + (ROUNDING * means[1]) ** 2)
     difference = means[0] - means[1]
     return {
         "z": float(np.abs(difference / noise).max()),
@@ -220,8 +222,8 @@ def main() -> None:
     parser = arguments(str(__doc__).partition("\n")[0])
     parser.add_argument("--scenes", type=int, default=12)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--batches", type=int, default=8)
-    parser.add_argument("--spp", type=int, default=512)
+    parser.add_argument("--batches", type=int, default=32)
+    parser.add_argument("--spp", type=int, default=128)
     parser.add_argument("--mitsuba-python", default=sys.executable, metavar="PATH")
     options = parser.parse_args()
     if options.quick:

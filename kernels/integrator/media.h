@@ -412,6 +412,9 @@ static Hit travel_on(Path *path, Scene scene, Rules rules)
         s.ray = ray;
         s.length = MIN(hit.t, (F)(FARTHEST));
         s.medium = inside_of(path->medium, on, scene);
+#if HAS_ENTRIES
+        s.medium.scattering = select3(s.medium.by_entry, mul(s.medium.extinction, path->entry), s.medium.scattering);
+#endif
         s.dimension = 0x40000000u + 4u * (path->depth * MOST_BOUNDARIES + step);
         s.shares = f3(ZERO, ZERO, ZERO);
 #if HAS_DENSITY

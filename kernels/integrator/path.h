@@ -50,6 +50,9 @@ typedef struct {
     U   pixel, sample, depth;
 #if HAS_MEDIA
     I   medium;         // stack of the media around, material/medium.h
+#if HAS_ENTRIES
+    F3  entry;          // share of light that a medium scatters whose colour is a texture, by where the path entered it
+#endif
 #endif
 #if CAUSTICS
     I   since_receiver;     // 1 on the way from one, 2 if smooth glass and mirrors alone were met since; else 0
@@ -391,7 +394,12 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     path->receiver = receiver_of(vertex, path->ray.d);
 #endif
 #if HAS_MEDIA
-    path->medium = stack_beyond(path->medium, hit.primitive, vertex.ng, path->ray.d, next.direction, scene);
+    I stack = stack_beyond(path->medium, hit.primitive, vertex.ng, path->ray.d, next.direction, scene);
+#if HAS_ENTRIES
+    I enters = (stack > path->medium) & (GATHER(I, scene.media, stack & MEDIUM_MASK, .by_entry) != 0);
+    path->entry = select3(enters, albedos_for(vertex.closure.inside), path->entry);
+#endif
+    path->medium = stack;
 #endif
     path->ray.o = departure(vertex, next.direction);
     path->ray.d = next.direction;

@@ -47,7 +47,7 @@
 #define HAS_BRUSHED_SHARE 0
 #endif
 #define HAS_LAMPS       (HAS_EMISSIVE || HAS_GLOW)
-#define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_PASSED || HAS_ABSORPTION || HAS_GLOW || HAS_HAIR) // any row below
+#define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_PASSED || HAS_ABSORPTION || HAS_GLOW || HAS_HAIR || HAS_ENTRIES) // any row below
 
 #include "material/ggx.h"
 #include "material/facet_shares.h"
@@ -88,6 +88,7 @@
     WHEN(HAS_HAIR,         EACH(F,     hair_depth,   ONE,              (F)(material->hair.w))) \
     WHEN(HAS_THIN_GLASS,   EACH(F3,    depth,        BLACK_3,          coefficient(material->absorption, scene))) \
     WHEN(HAS_PASSED,       EACH(F3,    passed,       WHITE_3,          COLOR(HAS_PASSED_TEXTURE, passed))) \
+    WHEN(HAS_ENTRIES,      EACH(F3,    inside,       WHITE_3,          COLOR(HAS_ENTRIES, inside))) /* of its medium, deep */ \
     WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             NUMBER(HAS_METALLIC_TEXTURE, metallic))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             NUMBER(HAS_SPECULAR_TEXTURE, specular))) \
     WHEN(HAS_SPECULAR_COLOR, EACH(F3,  specular_color, WHITE_3,        COLOR(HAS_SPECULAR_COLOR_TEXTURE, specular_color))) \

@@ -2,7 +2,8 @@
 // but for the fall of their density with height (integrator/column.h).
 // A path carries the media that it is in as a stack in one integer, five bits each, the innermost lowest, above them one bit
 // that marks the bottom: entering a solid puts the medium of its inside on top, leaving it takes that away again.
-// Facts: HAS_MEDIA, HAS_LAYERED_FOG, HAS_DENSITY, HAS_DROPLETS, HAS_BOUNDARY (surfaces of nothing but a medium behind them).
+// Where the colour of a medium is a texture, that of the place where a path enters it says how much it scatters.
+// Facts: HAS_MEDIA, HAS_ENTRIES, HAS_LAYERED_FOG, HAS_DENSITY, HAS_DROPLETS, HAS_BOUNDARY (of nothing but a medium behind).
 #ifndef MEDIUM_H
 #define MEDIUM_H
 #include "common/exponential.h"
@@ -25,6 +26,9 @@ typedef struct {
 #if HAS_DENSITY
     I  grid;    // the medium's number, 0 where its density is no grid's
 #endif
+#if HAS_ENTRIES
+    I  by_entry;
+#endif
 } Inside;
 
 static inline I has_extinction(Inside m) { return max3(m.extinction) > 0.0f; }
@@ -40,6 +44,9 @@ static Inside inside_of(I stack, I on, Scene scene)
 #endif
 #if HAS_DENSITY
     all.grid = FALSE;
+#endif
+#if HAS_ENTRIES
+    all.by_entry = FALSE;
 #endif
     I number = stack & MEDIUM_MASK;
     I rest = on & (number != 0);
@@ -62,10 +69,26 @@ static Inside inside_of(I stack, I on, Scene scene)
 #if HAS_DENSITY
         all.grid = (mine & (medium->voxels >= 0 ? (I)(-1) : FALSE)) != 0 ? (I)(index) : all.grid;
 #endif
+#if HAS_ENTRIES
+        all.by_entry = (mine & (medium->by_entry ? (I)(-1) : FALSE)) != 0 ? (I)(-1) : all.by_entry;
+#endif
         rest = rest & NOT(mine);
     }
     return all;
 }
+
+#if HAS_ENTRIES
+// The share of light that a medium must scatter evenly so that a deep body of it gives back a share of even light (Kulla and
+// Conty 2017), as albedo_for in rptcam_cl/scene/materials.py.
+static inline F albedo_for(F colour)
+{
+    F s = 4.09712f + 4.20863f * colour - sqrt(9.59217f + colour * (41.6808f + 17.7126f * colour));
+    s = MIN(MAX(s, ZERO), ONE);
+    return 1.0f - s * s;
+}
+
+static inline F3 albedos_for(F3 c) { return f3(albedo_for(c.x), albedo_for(c.y), albedo_for(c.z)); }
+#endif
 
 static inline F3 transmittance_of(F3 extinction, F length)
 {

@@ -62,6 +62,9 @@ __kernel void shade(SCENE_PARAMETERS
 #endif
 #if HAS_MEDIA
     path.medium = READ_I(MEDIUM, slot);
+#if HAS_ENTRIES
+    path.entry = READ_F3(ENTRY, slot);
+#endif
 #endif
 #if HAS_EMITTERS
     path.pdf = READ_F(PDF, slot);
@@ -104,6 +107,9 @@ __kernel void shade(SCENE_PARAMETERS
 #endif
 #if HAS_MEDIA
     WRITE_I(MEDIUM, slot, path.medium);
+#if HAS_ENTRIES
+    WRITE_F3(ENTRY, slot, path.entry);
+#endif
 #endif
 #if HAS_EMITTERS
     WRITE_F(PDF, slot, path.pdf);

@@ -62,6 +62,9 @@ __kernel void stream(SCENE_PARAMETERS
 #endif
 #if HAS_MEDIA
     path.medium = (I)(scene.media_at_camera);
+#if HAS_ENTRIES
+    path.entry = f3(ZERO, ZERO, ZERO);
+#endif
 #endif
     path.depth = (U)(1u);
     path.pixel = camera_rays.lane.pixel;

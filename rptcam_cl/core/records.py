@@ -607,6 +607,7 @@ MATERIAL = Record(
             "float4",
             "passed",
         ),  # of glass the factor on what it refracts, of a leaf the share that it passes
+        ("float4", "inside"),  # colour of the medium that light enters, where a texture gives it
         ("float4", "hair"),  # variance along a fibre, scale round it, sine of the tilt, depth of its colour
         ("int", "kind"),
         ("int", "textured"),  # whether texture coordinates are wanted
@@ -656,6 +657,7 @@ MATERIAL = Record(
         ("int", "coat_flat"),  # whether the coat has the normals of the shape, and not those of `normal_texture`
         ("int", "transmission_texture"),
         ("int", "passed_texture"),
+        ("int", "inside_texture"),
         ("int", "bump_texture"),
         ("float", "bump_height"),  # of a texture of 1 [m]; of bumps over u and v in scene units [scene units]
         ("int", "bump_lengths"),
@@ -663,6 +665,9 @@ MATERIAL = Record(
         ("int", "share_table"),  # of rough glass: where its table starts, kernels/material/facet_shares.h
         ("int", "share_levels"),  # of the alphas of a texture, 1 without one; 0 without a table
         ("int", "share_turns"),
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
     ),
     facts=(
         ("HAS_ROUGHNESS_TEXTURE", "roughness_texture"),
@@ -674,6 +679,7 @@ MATERIAL = Record(
         ("HAS_SPECULAR_COLOR_TEXTURE", "specular_color_texture"),
         ("HAS_TRANSMISSION_TEXTURE", "transmission_texture"),
         ("HAS_PASSED_TEXTURE", "passed_texture"),
+        ("HAS_ENTRIES", "inside_texture"),
         ("HAS_NORMAL_MAP", "normal_texture"),
         ("HAS_ANISOTROPY_MAP", "anisotropy_texture"),
         ("HAS_BUMP", "bump_texture"),
@@ -695,6 +701,7 @@ MEDIUM = Record(
         ("float4", "row_z"),
         ("float", "asymmetry"),  # mean cosine of scattering; with droplets of the rest of it
         ("float", "glow_rate"),  # of a grid: places where it shines per column, at least
+        ("int", "by_entry"),  # whether the path's entry says what of the extinction is scattering
         ("int", "voxels"),  # of a grid: where its densities start, x first; else -1
         ("int", "blocks"),  # and the least, greatest and mean density of blocks of them
         ("int", "size_x"),
@@ -704,7 +711,6 @@ MEDIUM = Record(
         ("int", "blocks_y"),
         ("int", "blocks_z"),
         ("int", "reserved_0"),
-        ("int", "reserved_1"),
     ),
 )
 DENSITY_BLOCK = 8  # voxels along a side of a block of a grid of densities
@@ -887,6 +893,7 @@ LIGHT_TREE_FIELDS = ("NX", "NY", "NZ")
 LIGHT_LOBE_FIELDS = ("MIRROREDX", "MIRROREDY", "MIRROREDZ", "LOBE_WIDTH", "LOBE_SHARE")
 CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
 MEDIA_FIELDS = ("MEDIUM", "FROM_MEDIUM")
+ENTRY_FIELDS = ("ENTRYX", "ENTRYY", "ENTRYZ")
 GROUP_FIELDS = ("LIT_BY",)  # behind it the light of each group, three numbers
 STATE_FIELDS = (
     PATH_FIELDS
@@ -898,6 +905,7 @@ STATE_FIELDS = (
     + LIGHT_LOBE_FIELDS
     + CAUSTIC_FIELDS
     + MEDIA_FIELDS
+    + ENTRY_FIELDS
     + GROUP_FIELDS
 )
 
@@ -913,6 +921,7 @@ def floats_per_slot(
     light_lobes: bool = False,
     caustics: bool = False,
     media: bool = False,
+    entries: bool = False,
     light_groups: int = 0,
 ) -> int:
     """Return how many 4-byte numbers a slot holds.
@@ -920,13 +929,14 @@ def floats_per_slot(
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
     triangles where it has meshes, with the time where something moves, with the wavelength sample where paths have a
     wavelength, with a normal where the scene has a light tree and a lobe where facets reflect its lamps, with their
-    past where photons bring caustics, with the media around them where it has any, and with the light of each group of
-    lamps where it is kept apart.
+    past where photons bring caustics, with the media around them where it has any, with what they took
+    where they entered one whose colour is a texture, and with the light of each group of lamps where it is kept apart.
     """
     if stream:
         return CAMERA_RAY_FLOATS
     last = {
         GROUP_FIELDS: light_groups > 0,
+        ENTRY_FIELDS: entries,
         MEDIA_FIELDS: media,
         CAUSTIC_FIELDS: caustics,
         LIGHT_LOBE_FIELDS: light_lobes,

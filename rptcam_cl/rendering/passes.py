@@ -199,6 +199,7 @@ def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
         light_lobes=plan.facts["LIGHT_LOBES"] > 0,
         caustics=plan.facts["CAUSTICS"] > 0,
         media=plan.facts["HAS_MEDIA"] > 0,
+        entries=plan.facts["HAS_ENTRIES"] > 0,
         light_groups=plan.facts["LIGHT_GROUPS"],
     )
     return 4 * floats * capacity

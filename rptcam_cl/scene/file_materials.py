@@ -20,10 +20,12 @@ from rptcam_cl.scene.base import GREY, one_pixel
 from rptcam_cl.scene.materials import (
     LARGEST_INDEX,
     LEAST_BEND,
+    MOST_ASYMMETRY,
     MOST_BEND,
     MOST_INDEX,
     SMALLEST_ALPHA,
     SMALLEST_INDEX,
+    AbsorbingMaterial,
     Attenuation,
     Dielectric,
     Emissive,
@@ -31,8 +33,10 @@ from rptcam_cl.scene.materials import (
     Matte,
     Mix,
     Principled,
+    ScatteringMedium,
     ThinGlass,
     Translucent,
+    albedo_for,
 )
 from rptcam_cl.scene.quantities import LARGEST_GAIN, LARGEST_RADIANCE, Colour
 from rptcam_cl.scene.textures import AnisotropyMap, Bump, ImageTexture, NormalMap
@@ -109,6 +113,9 @@ class FileMaterial:
         Whether what is transparent is a solid that refracts, and not a pane without thickness.
     attenuation : (colour, distance) or None
         What a transparent solid leaves of white light after a distance [m].
+    scattering : (colour, asymmetry) or None
+        Colour of a deep body of what is in such a solid, linear, 0 to 1, and the mean cosine of scattering. What
+        attenuation takes away on straight ways is then scattered in part.
     clearcoat, clearcoat_roughness : float
         0 to 1; the paintings are read in the channels r and g.
     clearcoat_normals : FileTexture or None
@@ -158,6 +165,8 @@ class FileMaterial:
     transmission_texture: FileTexture | None = None
     solid: bool = False
     attenuation: tuple[Colour, float] | None = None
+    scattering: tuple[Colour, float] | None = None
+    scattering_texture: FileTexture | None = None
     clearcoat: float = 0.0
     clearcoat_texture: FileTexture | None = None
     clearcoat_roughness: float = 0.0
@@ -388,7 +397,22 @@ class _Translation:
             return {}
         colour, distance = self._given.attenuation
         left = Attenuation(color=_clip_colour(colour, 1.0), distance_m=_clip(distance, 1e-9, 1e9))
+        if self._given.scattering is not None:
+            return {"interior": self._interior(left, *self._given.scattering)}
         return {"attenuation": left}
+
+    def _interior(self, left: Attenuation, deep: Colour, asymmetry: float) -> ScatteringMedium:
+        """Return a medium of the extinction that attenuation says and the colour of a deep body of it."""
+        asymmetry = _clip(asymmetry, -MOST_ASYMMETRY, MOST_ASYMMETRY)
+        extinction = AbsorbingMaterial(attenuation=left).absorption
+        shares = [albedo_for(channel) for channel in deep]
+        # of all scattering, that which is left were it even is what a colour says
+        ways = [(1 - asymmetry * (1 - a)) / (1 - asymmetry) for a in shares]
+        free_path_mm = [
+            _clip(1e3 * way / max(rate, 1e-9), 1e-6, 1e9) for way, rate in zip(ways, extinction, strict=True)
+        ]
+        color = self._colour(deep, self._given.scattering_texture)
+        return ScatteringMedium(color=color, free_path_mm=free_path_mm, asymmetry=asymmetry)
 
     def _covering(self) -> dict[str, Any]:
         given = self._given

@@ -57,6 +57,7 @@ _LEFT_AT_VISIBILITY = 0.05  # of light, by which the World Meteorological Organi
 MOST_ASYMMETRY = 0.99
 _LEAST_ASYMMETRY = 1e-3  # below it float32 does not tell scattering from even scattering
 _BLACK: Colour = (0.0, 0.0, 0.0)
+_STAND_IN: Colour = (0.5, 0.5, 0.5)
 FreePath = Annotated[float, Field(ge=1e-6, le=1e9), NUMBER]
 _FREE_PATHS = BeforeValidator(
     lambda value: [value] * 3 if isinstance(value, (int, float)) and not isinstance(value, bool) else value
@@ -84,7 +85,7 @@ SUBSTANCES: dict[str, tuple[tuple[float, float, float], tuple[float, float, floa
 }
 
 
-def _albedo_for(colour: float) -> float:
+def albedo_for(colour: float) -> float:
     """Return the share of light that an even medium must scatter so that a deep body of it gives back ``colour``.
 
     Of light from all sides, without a surface that reflects (Kulla and Conty 2017, inverting van de Hulst's fit).
@@ -152,8 +153,9 @@ class ScatteringMedium(SceneModel):
     substance: Substance | None = None
     """What it is, with the coefficients that Jensen et al. measured in 2001; in place of all these."""
 
-    color: Albedo | None = None
-    """With `free_path_mm`: colour of a deep body of it in light from all sides, of what enters the surface."""
+    color: Reflectance | None = None
+    """With `free_path_mm`: colour of a deep body of it in light from all sides, of what enters the surface. In a solid
+    with a surface also a texture, of which light takes the colour where it enters."""
 
     free_path_mm: Annotated[tuple[FreePath, FreePath, FreePath], _FREE_PATHS] | None = None
     """With `color`: mean way of light between two events [mm], were scattering even; a number, or one a channel."""
@@ -181,7 +183,16 @@ class ScatteringMedium(SceneModel):
         if (self.color is None) != (self.free_path_mm is None):
             missing = "free_path_mm" if self.free_path_mm is None else "color"
             raise refuse(f"is needed beside {'color' if missing != 'color' else 'free_path_mm'}", path=(missing,))
+        if self.by_entry and self.mean_cosine != 0:
+            key = "asymmetry" if self.droplets_um is None else "droplets_um"
+            allowed = "even scattering, or one colour"
+            raise refuse("does not go with a color from a texture", allowed=allowed, path=(key,))
         return self
+
+    @property
+    def by_entry(self) -> bool:
+        """Whether its colour is that of a texture where a path enters it."""
+        return self.color is not None and not isinstance(self.color, tuple)
 
     @property
     def _reduced(self) -> tuple[Colour, Colour] | None:
@@ -192,7 +203,8 @@ class ScatteringMedium(SceneModel):
         if self.color is None or self.free_path_mm is None:
             return None
         per_m = [1e3 / way for way in self.free_path_mm]
-        red, green, blue = (_albedo_for(channel) * rate for channel, rate in zip(self.color, per_m, strict=True))
+        colour = self.color if isinstance(self.color, tuple) else _STAND_IN  # paths take the texture's where they enter
+        red, green, blue = (albedo_for(channel) * rate for channel, rate in zip(colour, per_m, strict=True))
         return (red, green, blue), (per_m[0] - red, per_m[1] - green, per_m[2] - blue)
 
     @property
@@ -226,6 +238,13 @@ class ScatteringMedium(SceneModel):
         return float(-np.log(_LEFT_AT_VISIBILITY) / self.visibility_m)
 
 
+def _refuse_texture(medium: ScatteringMedium, path: tuple[str, ...]) -> None:
+    """Refuse a colour that paths could not take where they enter a medium."""
+    if medium.by_entry:
+        allowed = "one colour; a texture in `interior` of dielectric or principled"
+        raise refuse("is a texture, but paths do not enter here by a surface", allowed=allowed, path=path)
+
+
 class FogLayer(SceneModel):
     """How a medium thins out upwards: even below a height, and above it less and less, exponentially."""
 
@@ -256,6 +275,11 @@ class SurroundingMedium(ScatteringMedium):
         *ScatteringMedium.alternatives,
         Alternatives(("layer", "density"), required=False),
     )
+
+    @model_validator(mode="after")
+    def _check_color(self) -> SurroundingMedium:
+        _refuse_texture(self, ("color",))
+        return self
 
 
 def _scaled(colour: Colour, factor: float) -> Colour:
@@ -941,6 +965,11 @@ class Boundary(SceneModel):
 
     interior: ScatteringMedium
     """What is behind it, in a closed shape."""
+
+    @model_validator(mode="after")
+    def _check_interior(self) -> Boundary:
+        _refuse_texture(self.interior, ("interior", "color"))
+        return self
 
 
 class Emissive(SceneModel):

@@ -18,7 +18,7 @@ import rptcam_cl
 from rptcam_cl.api import compiling
 from rptcam_cl.device import devices, programs, session
 from rptcam_cl.device.session import Session, open_session
-from rptcam_cl.rendering import film, scene_buffers, tracer, tree_build, trees
+from rptcam_cl.rendering import film, ghosts, scene_buffers, tracer, tree_build, trees
 from rptcam_cl.rendering import passes as ways
 from rptcam_cl.rendering.traceable_lens import CopiesTracer
 from rptcam_cl.scene.film import SINGLE_LAYERS
@@ -123,7 +123,8 @@ def media() -> None:
     scene = still_life()
     smoke = {"kind": "boundary", "interior": {"scattering_per_m": 1.0, "absorption_per_m": 0.5, "asymmetry": 0.5}}
     box = {"shape": "box", "min": [-1, -1, 0], "max": [1, 1, 1], "material": smoke}
-    wax = {"kind": "dielectric", "index": 1.45, "interior": {"color": [0.9, 0.8, 0.6], "free_path_mm": 100}}
+    colour = {"kind": "checker", "even": [0.9, 0.8, 0.6], "odd": [0.5, 0.2, 0.1]}
+    wax = {"kind": "dielectric", "index": 1.45, "interior": {"color": colour, "free_path_mm": 100}}
     ball = {"shape": "sphere", "center": [-2, -1, 0.5], "radius": 0.5, "material": wax}
     shown(scene | {"medium": {"visibility_m": 50, "emission_per_m": 0.01}, "objects": [*scene["objects"], box, ball]})
 
@@ -266,6 +267,9 @@ def heed_oclgrind() -> None:
 
     # 16,384 photons of the first pass and 4096 of each later take it half an hour
     scene_buffers.PILOT_PHOTONS = film._LEAST_PHOTONS = 512
+
+    # and the four million rays of ghosts an hour
+    ghosts._LEAST_RAYS, ghosts.PER_PIXEL, ghosts.SCOUTS, ghosts._SECOND_SCOUTS = 1 << 12, 1.0, 64, 128
 
     # and it crashes where another thread than the first writes to its memory
     compiling.ThreadPoolExecutor = AtOnce  # type: ignore[assignment,misc]

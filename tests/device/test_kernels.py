@@ -82,7 +82,7 @@ SURFACES = ("LENS_POSE", "LENS_MIRROR", "LENS_REGION", "LENS_GENERAL", "LENS_CON
 GLASS = {"LENS_SPLITS": 1}
 PHOTONS = {"CAUSTICS": 1}
 GHOSTS = {"GHOST_PATCHES": 1, "GHOST_PENCILS": 1}
-MEDIA = {"HAS_MEDIA": 1, "HAS_BOUNDARY": 1, "HAS_LAYERED_FOG": 1, "HAS_DENSITY": 1, "HAS_DROPLETS": 1}
+MEDIA = {"HAS_MEDIA": 1, "HAS_BOUNDARY": 1, "HAS_LAYERED_FOG": 1, "HAS_DENSITY": 1, "HAS_DROPLETS": 1, "HAS_ENTRIES": 1}
 GROUPS = {"LIGHT_GROUPS": 3}
 READ = {"RAYS_FILE": "integrator/read_rays.h"}  # by the stream, or made there
 KEPT = {"RAYS_FILE": "integrator/kept_rays.h", "CAMERA_HAS_LENS": 1, "SAMPLER_LATTICE": 1}
@@ -206,6 +206,7 @@ def test_pass_with_media_and_everything_compiles_alone_without_a_warning(session
 @pytest.mark.parametrize("file", ["pass/travel.cl", "pass/shadow.cl", "pass/stream.cl"])
 def test_pass_with_media_alone_compiles_without_a_warning(session, file, bounded, layered, gridded):
     facts = {"HAS_BOUNDARY": bounded, "HAS_LAYERED_FOG": layered, "HAS_DENSITY": gridded, "HAS_DROPLETS": 0, "VW": 8}
+    facts |= {"HAS_ENTRIES": 0}  # whose colours are textures
     without_warnings(session, [file], least_facts() | READ | MEDIA | facts)
 
 

@@ -104,6 +104,34 @@ def test_ball_emits_what_its_thickness_lets_out():
     np.testing.assert_allclose(film.mean(axis=(0, 1)), emission * thickness, rtol=2e-4)
 
 
+WAX = {"color": [0.2, 0.5, 0.8], "free_path_mm": [2, 4, 8]}
+
+
+def wax_of(color):
+    """A ball of a medium of a colour, hardly of glass, in a white world."""
+    ball = BALL | {"radius": 0.3, "material": {"kind": "dielectric", "index": 1.01, "interior": WAX | {"color": color}}}
+    return scene_of([ball], looking([0, -3, 0], [0, 0, 0], fov=14), environment=WHITE, depth=60)
+
+
+def checker(first, second):
+    """A pattern of quarters round a ball."""
+    return {"kind": "checker", "even": first, "odd": second, "scale": [4, 1]}
+
+
+def test_medium_takes_its_colour_from_the_texture_where_light_enters(monkeypatch):
+    """Of one colour the texture is that colour; of two each quarter of a ball looks as if all of it had its own."""
+    one, other = WAX["color"], [0.8, 0.1, 0.4]
+    plain, same, second = (pixels(wax_of(color), spp=16, seed=4) for color in (one, checker(one, one), other))
+    np.testing.assert_allclose(same, plain, rtol=1e-5, atol=1e-5)
+    film = pixels(wax_of(checker(one, other)), spp=16, seed=4)
+    left, right = np.s_[10:22, 8:13], np.s_[10:22, 19:24]
+    first_side, second_side = (left, right) if film[left][..., 0].mean() < film[right][..., 0].mean() else (right, left)
+    np.testing.assert_allclose(film[first_side], plain[first_side], rtol=1e-5)
+    np.testing.assert_allclose(film[second_side], second[second_side], rtol=1e-5)
+    monkeypatch.setattr(tracer, "ORGANISATION", dict.fromkeys(tracer.ORGANISATION, "passes"))
+    np.testing.assert_array_equal(pixels(wax_of(checker(one, other)), spp=16, seed=4), film)
+
+
 @pytest.mark.parametrize("asymmetry", [0.0, 0.8])
 def test_ball_that_only_scatters_vanishes_in_a_white_world(asymmetry):
     scene = ball_of({"scattering_per_m": 3.0, "asymmetry": asymmetry}, environment=WHITE, depth=400)
@@ -222,6 +250,8 @@ def test_camera_in_a_ball_looks_through_what_fills_it():
         ({"medium": {"emission_per_m": 1}}, "medium.emission_per_m: shines without end"),
         ({"medium": {"visibility_m": 10, "scattering_per_m": 1}}, "visibility_m"),
         ({"medium": {"albedo": 0.5}}, "needs visibility_m"),
+        ({"medium": WAX | {"color": checker(0.1, 0.2)}}, "medium.color: is a texture, but paths do not enter here"),
+        (wax_of(checker(0.1, 0.2)) | {"camera": EYE}, "camera.eye: lies in a medium whose color is a texture"),
         ({"medium": FOG, "objects": [BALL | {"material": {"kind": "dielectric", "opacity": 0.5}}]}, "holes"),
     ],
 )

@@ -591,12 +591,11 @@ def _subsurface(context: Context, material: Entity) -> Keys:
     context.approximated(material, "light walks at random below the surface")
     if colour is None:
         return keys | {"interior": medium_keys(context, material, "name")}
-    mean = shade(context, material, colour, 0.5)
-    if mean.texture is not None:
-        context.approximated(material, "its colour below the surface is the mean of the texture")
+    deep = shade(context, material, colour, 0.5)
     way = 1e3 * context.metres_per_unit * _coefficient(context, material, "mfp", (1.0, 1.0, 1.0))
     parameters.skip("sigma_a", "sigma_s", "g", "scale")
-    inside = {"color": np.clip(mean.colour, 0, 1).tolist(), "free_path_mm": np.maximum(way, 1e-6).tolist()}
+    color = np.clip(deep.colour, 0, 1).tolist() if deep.texture is None else deep.texture
+    inside = {"color": color, "free_path_mm": np.maximum(way, 1e-6).tolist()}
     return keys | {"interior": inside}
 
 

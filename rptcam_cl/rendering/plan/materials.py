@@ -636,6 +636,9 @@ class _Filler:
             self._metal(record, material.metal)
         if isinstance(material, Plastic):
             _cover(record, material)
+        interior = material.interior if isinstance(material, AbsorbingMaterial) else None
+        if interior is not None and interior.color is not None and interior.by_entry:
+            self._colour(record, "inside", "inside_texture", interior.color, 1.0)
         if isinstance(material, AbsorbingMaterial | ThinGlass):
             depth = material.depth if isinstance(material, ThinGlass) else material.absorption
             fill(record, absorption=(*depth, self._spectra.number(depth)))

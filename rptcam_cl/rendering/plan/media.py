@@ -138,7 +138,15 @@ def pack_media(
     shown = replace(shown, records=records, facts=shown.facts | {"HAS_ABSORPTION": 0})
     records, densities, steps = _records(found, spectra, scene)
     at_camera = _at_camera(scene, around, inside)
+    _check_entry(records, at_camera)
     return Media(records, at_camera, active=True, densities=densities, steps=steps), shown
+
+
+def _check_entry(records: NDArray[np.void], at_camera: int) -> None:
+    depths = range(0, at_camera.bit_length() - 1, MEDIUM_BITS)  # below the bit that marks the bottom
+    if any(records["by_entry"][at_camera >> depth & _MOST_MEDIA] for depth in depths):
+        raise InputError("camera.eye: lies in a medium whose color is a texture, which light takes where it enters"
+                         " (allowed: outside of it, or a medium of one colour)")  # fmt: skip
 
 
 def _key_of(medium: ScatteringMedium, scene: Scene) -> str:
@@ -160,7 +168,7 @@ def _records(
         absorption, scattering, emission = medium.absorption, medium.scattering, medium.emission_per_m
         fill(
             record, asymmetry=medium.mean_cosine, absorption=(*absorption, spectra.number(absorption)),
-            scattering=(*scattering, spectra.number(scattering)),
+            scattering=(*scattering, spectra.number(scattering)), by_entry=medium.by_entry,
             emission=(*emission, spectra.number(emission, light=True)), voxels=-1,
         )  # fmt: skip
         if medium.droplets_um is not None:

@@ -41,7 +41,7 @@ _FOLLOWED = (
     "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_diffuse_transmission",
     "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen", "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit",
-    "KHR_materials_volume",
+    "KHR_materials_volume", "KHR_materials_volume_scatter",
 )  # fmt: skip
 
 
@@ -139,6 +139,8 @@ class _GltfMaterials:
                 material = replace(material, transmission_texture=texture)
         for gloss in part.extensions("KHR_materials_pbrSpecularGlossiness"):
             material = self._specular_gloss(gloss, material, part.text("alphaMode", "OPAQUE") == "OPAQUE")
+        for scatter in part.extensions("KHR_materials_volume_scatter"):
+            material = self._scatter(scatter, material)
         for diffuse in part.extensions("KHR_materials_diffuse_transmission"):
             material = self._diffuse_transmission(diffuse, material)
         for _ in part.extensions("KHR_materials_unlit"):
@@ -176,6 +178,21 @@ class _GltfMaterials:
             opacity=1.0 if opaque else alpha,
             opacity_texture=None if opaque else base,
         )
+
+    def _scatter(self, scatter: JsonNode, material: FileMaterial) -> FileMaterial:
+        """Return a material whose inside scatters, where light gets there as by glass."""
+        key = "multiscatterColorFactor" if scatter.has("multiscatterColorFactor") else "multiscatterColor"
+        colour = _colour([min(1.0, max(0.0, value)) for value in scatter.numbers(key, (0.0,) * 3)])
+        asymmetry = scatter.number("scatterAnisotropy", 0.0, -1, 1)
+        texture = self._texture(scatter, "multiscatterColorTexture")
+        if not material.solid or material.attenuation is None or material.transmission == 0:
+            reason = "without thickness, attenuationDistance and transmission"
+            self.notes.append(f"{scatter.place} is left out {reason}")
+            return material
+        if texture is not None and asymmetry != 0:
+            self.notes.append(f"{scatter.place}: scatterAnisotropy is left out beside a texture")
+            asymmetry = 0.0
+        return replace(material, scattering=(colour, asymmetry), scattering_texture=texture)
 
     def _diffuse_transmission(self, diffuse: JsonNode, material: FileMaterial) -> FileMaterial:
         """Return a material with what passes a thin sheet evenly."""

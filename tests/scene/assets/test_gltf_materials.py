@@ -167,6 +167,28 @@ def test_a_volume_without_a_distance_absorbs_nothing(read: Read) -> None:
     assert (found.solid, found.attenuation) == (True, None)
 
 
+def test_scattering_of_a_volume_leaves_its_extinction(read: Read) -> None:
+    """Of a colour c, s and the albedo (1 - s^2) / (1 - g s^2) are those of the extension."""
+    deep, g = np.array([0.1, 0.5, 0.9]), 0.6
+    scatter = {"multiscatterColorFactor": deep.tolist(), "scatterAnisotropy": g}
+    volume = {"thicknessFactor": 1, "attenuationDistance": 0.02, "attenuationColor": [0.5, 0.2, 0.9]}
+    names = {"volume": volume, "volume_scatter": scatter, "transmission": {"transmissionFactor": 1}}
+    extensions = {f"KHR_materials_{name}": keys for name, keys in names.items()}
+    inside = scene_material(material_of(read, {"extensions": extensions}), Folders()).interior
+    s = 4.09712 + 4.20863 * deep - np.sqrt(9.59217 + 41.6808 * deep + 17.7126 * deep**2)
+    extinction = -np.log([0.5, 0.2, 0.9]) / 0.02
+    albedo = (1 - s**2) / (1 - g * s**2)
+    np.testing.assert_allclose(inside.scattering, extinction * albedo)
+    np.testing.assert_allclose(inside.absorption, extinction * (1 - albedo))
+    assert inside.asymmetry == g
+    sheet = contents_of(read, {"extensions": {"KHR_materials_volume_scatter": scatter}})
+    assert any("KHR_materials_volume_scatter is left out without thickness" in note for note in sheet.notes)
+    painted = extensions | {"KHR_materials_volume_scatter": scatter | {"multiscatterColorTexture": {"index": 0}}}
+    found = contents_of(read, {"extensions": painted})
+    assert any("scatterAnisotropy is left out beside a texture" in note for note in found.notes)
+    assert found.parts[0].material.scattering_texture is not None
+
+
 def test_alpha_counts_only_where_the_mode_says_so(read: Read) -> None:
     surface = {"baseColorFactor": [1, 1, 1, 0.5], "baseColorTexture": {"index": 0}}
     opaque = material_of(read, {"pbrMetallicRoughness": surface})
