@@ -54,19 +54,21 @@ from rptcam_cl.rendering.stigmatic import Conjugates, conjugates_of
 from rptcam_cl.scene.scene import Scene
 
 #
-# A picture blurred by a kernel that varies over it: each pixel spreads its light by the kernels of the nearest nodes.
+# A picture blurred by a kernel that varies over it.
 #
 # Nodes lie on a grid over the whole film. A pixel's kernel is that of the four about it, weighted linearly, and the
-# weights sum to 1. What leaves the picture is lost. What lies beside it is not known; it is taken to be as bright as
-# the border, lamps apart.
+# weights sum to 1. Lamps spread their light by the kernel of their own place, so that it stays as much. All else
+# gathers its light by the kernel of the pixel that receives it, so that even light stays even where kernels widen fast,
+# as at the end of an image circle. What leaves the picture is lost. What lies beside it is not known; it is taken to be
+# as bright as the border, lamps apart.
 
 Array = NDArray[np.float64]
 
 
 def blur(
-    planes: Array, lamps: Array, offset: tuple[int, int], nodes: tuple[Array, Array], kernels: Sequence[Array | None]
+    planes: Array, lamps: Array, offset: tuple[int, int], nodes: tuple[Array, Array], kernels: Sequence[Array]
 ) -> Array:
-    """Return planes (3, height, width) after each pixel has spread its light.
+    """Return planes (3, height, width) with their light spread.
 
     Parameters
     ----------
@@ -79,25 +81,28 @@ def blur(
     nodes
         Columns and rows of the nodes on the whole film, rising.
     kernels
-        One (3, k, k) for each node, by rows; k is odd, and may differ. None spreads nothing.
+        One (3, k, k) for each node, by rows; k is odd, and may differ.
     """
-    reach = max((part.shape[-1] // 2 for part in kernels if part is not None), default=0)
-    margin = ((0, 0), (reach, reach), (reach, reach))
-    source = np.pad(planes - lamps, margin, mode="edge") + np.pad(lamps, margin)
-    out = np.zeros((3, source.shape[1] + 2 * reach, source.shape[2] + 2 * reach))
-    weights = [_hats(axis, start - reach + np.arange(length)) for axis, start, length in
-               zip(nodes, offset, source.shape[:0:-1], strict=True)]  # fmt: skip
+    height, width = planes.shape[1:]
+    reach = max(part.shape[-1] // 2 for part in kernels)
+    even = np.pad(planes - lamps, ((0, 0), (reach, reach), (reach, reach)), mode="edge")
+    out = np.zeros((3, height + 2 * reach, width + 2 * reach))
+    weights = [_hats(axis, start + np.arange(length)) for axis, start, length in
+               zip(nodes, offset, (width, height), strict=True)]  # fmt: skip
     for (row, column), kernel in zip(_places(nodes), kernels, strict=True):
         columns, rows = np.flatnonzero(weights[0][column]), np.flatnonzero(weights[1][row])
-        if kernel is None or not len(columns) or not len(rows):
+        if not len(columns) or not len(rows):
             continue
         left, right, top, bottom = columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
         share, own = weights[1][row, top:bottom, None] * weights[0][column, left:right], kernel.shape[-1] // 2
-        for plane, part, target in zip(source, kernel, out, strict=True):
+        on_film = slice(reach + top, reach + bottom), slice(reach + left, reach + right)
+        about = slice(reach - own + top, reach + own + bottom), slice(reach - own + left, reach + own + right)
+        for plane, bright, part, target in zip(even, lamps[:, top:bottom, left:right], kernel, out, strict=True):
             checkpoint()
-            spread = _convolve(plane[top:bottom, left:right] * share, part)
-            target[reach - own + top : reach + own + bottom, reach - own + left : reach + own + right] += spread
-    return out[:, 2 * reach : 2 * reach + planes.shape[1], 2 * reach : 2 * reach + planes.shape[2]]
+            target[on_film] += share * _convolve(plane[about], part, within=True)
+            if bright.any():
+                target[about] += _convolve(bright * share, part)
+    return out[:, reach : reach + height, reach : reach + width]
 
 
 def _places(nodes: tuple[Array, Array]) -> Iterator[tuple[int, int]]:
@@ -113,12 +118,15 @@ def _hats(nodes: Array, places: Array) -> Array:
     return np.array([np.interp(places, nodes, unit) for unit in np.eye(len(nodes))])
 
 
-def _convolve(plane: Array, kernel: Array) -> Array:
-    """Return the full convolution; of what is nowhere negative, nothing is negative."""
-    shape = tuple(quick(a + b - 1) for a, b in zip(plane.shape, kernel.shape, strict=True))
-    product = np.fft.rfft2(plane, shape) * np.fft.rfft2(kernel, shape)
-    height, width = (a + b - 1 for a, b in zip(plane.shape, kernel.shape, strict=True))
-    spread = np.fft.irfft2(product, shape)[:height, :width]
+def _convolve(plane: Array, kernel: Array, *, within: bool = False) -> Array:
+    """Return the full convolution, or the part within it that knows all about itself.
+
+    Of what is nowhere negative, nothing is negative.
+    """
+    height, width = plane.shape if within else (a + b - 1 for a, b in zip(plane.shape, kernel.shape, strict=True))
+    shape = quick(height), quick(width)
+    spread = np.fft.irfft2(np.fft.rfft2(plane, shape) * np.fft.rfft2(kernel, shape), shape)[:height, :width]
+    spread = spread[kernel.shape[0] - 1 :, kernel.shape[1] - 1 :] if within else spread  # what comes round lies before
     return np.maximum(spread, 0.0) if plane.min() >= 0 and kernel.min() >= 0 else spread
 
 
