@@ -74,7 +74,7 @@ def test_autofocus_is_asked_for_what_the_options_say(
     assert read.render.seed == (9 if "--set" in words else load_scene(scene).render.seed)
     if "zones" in given:
         options["zones"] = [tuple(zone) for zone in options["zones"]]
-    keys = ("method", "zones", "mask", "point", "object", "at", "policy", "seed", "device", "criterion")
+    keys = ("method", "zones", "mask", "point", "object", "at", "policy", "seed", "device", "criterion", "sensor")
     nothing = dict.fromkeys(keys)
     assert options == nothing | given
 

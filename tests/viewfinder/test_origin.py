@@ -66,7 +66,7 @@ def test_yaml_of_what_is_shown_is_the_same_scene(path: Path) -> None:
 def test_command_of_what_is_shown_renders_the_same_scene(path: Path) -> None:
     origin = Origin(path, ["render.seed=3"])
     shown = set_keys(origin.load(), {"camera.f_number": 4.1, "camera.focus": {"point": [0, 0, 0.1]}})
-    words = shlex.split(origin.command(shown, 7))
+    words = shlex.split(origin.command(shown, 7, {}))
     assert words[:3] == ["rptcam", "render", str(path)]
     assert words[-4:] == ["--spp", "7", "-o", "scene.png"]
     overrides = [after for word, after in pairwise(words) if word == "--set"]

@@ -198,8 +198,6 @@ def test_tolerances_that_do_not_suit_the_lens_are_refused_with_their_place(folde
     (folder / "shop.yaml").write_text(SPEC.replace("{index: 0.001}", "{index: 0.001, elements: [7]}"))
     with pytest.raises(InputError, match=r"shop.yaml:5:31: tolerances\[1\].elements\[0\]: the lens has no element 7"):
         camera_model(scene(folder, built("90%")))
-    with pytest.raises(InputError, match=r"camera.lens.as_built: .*has mirrors"):
-        camera_model(scene(folder, built("90%", "commercial", "mirror-500mm"), {"distance_m": 8.0}))
 
 
 @pytest.mark.slow
