@@ -72,7 +72,7 @@ def slopes(state: Array, t: float) -> Array:
     vergence, rate, _ = state.tolist()
     of_distance = np.array([[1, t, t * t / 2], [0, 1, t], [0, 0, math.exp(-t / AGILE_S)]])
     if vergence <= 0:
-        return of_distance * np.array([[1, 1, 0], [1, 1, 0], [1, 1, 1]])
+        return np.asarray(of_distance * np.array([[1, 1, 0], [1, 1, 0], [1, 1, 1]]))
     later, later_rate, _ = moved(state, t).tolist()
     before = np.array([[-1 / vergence**2, 0, 0], [2 * rate / vergence**3, -1 / vergence**2, 0], [0, 0, 1]])
     after = np.array([[-(later**2), 0, 0], [-2 * later_rate * later, -(later**2), 0], [0, 0, 1]])
@@ -114,7 +114,7 @@ class Track:
 
     @property
     def sure(self) -> Track:
-        """The track with its motion as far as that is more than chance: at rest, noise alone seems to move a subject."""
+        """The track with its motion as far as it is more than chance: at rest, noise alone seems to move a subject."""
         doubt = CERTAIN**2 * float(self.covariances[0, 1, 1])
         share = max(1 - doubt / self.rate**2, 0.0) if self.rate else 0.0
         return replace(self, states=self.states * [1, share, share])
