@@ -37,91 +37,109 @@ if TYPE_CHECKING:
 Found = TypeVar("Found")
 
 #
-# The motion of the subject: an extended Kalman filter of vergence and its rate of change.
+# The motion of the subject: two extended Kalman filters of vergence, its rate of change and the subject's acceleration.
 #
-# At constant speed the distance 1 / w changes evenly, so that w(t) = w / (1 - k) and u(t) = u / (1 - k)^2 with
-# k = u t / w. What changes the speed is noise of the filter: little as a rule, and as much as feet and brakes can do
-# once a measurement is off by more than chance. (Y. Bar-Shalom, X. Li, T. Kirubarajan, Estimation with Applications to
-# Tracking and Navigation, 2001: 6.3.2 the noise, 11.2.2 its adjustment.)
+# At an even acceleration a away from the camera the distance 1 / w becomes 1 / w - u t / w^2 + a t^2 / 2. A calm
+# subject keeps its speed but for a little noise. The acceleration of an agile one, as feet and brakes can do, fades
+# away after a while, as another takes its place (Singer's model). Which of both it is follows from how well they
+# predict, and each is corrected from what both knew. (Y. Bar-Shalom, X. Li, T. Kirubarajan, Estimation with
+# Applications to Tracking and Navigation, 2001: 8.2.3 Singer's model, 11.6.6 interacting models.)
 
-CALM, AGILE = 1.5, 10.0  # accelerations of subjects: as a rule, and at a turn [m/s^2]
+CALM = 1.5  # acceleration of a calm subject [m/s^2]
+AGILE, AGILE_S = 8.0, 0.25  # standard deviation of that of an agile one [m/s^2], and how long it lasts [s]
+STAYS = 0.98  # chance that a subject is as calm or agile as at the measurement before
 FAST = 10.0  # speeds that a subject has when it is first seen [m/s]
-SURPRISE = 2.0  # standard errors from which on a measurement tells of a turn
 FAR_DRIFT = 1.0  # depths of focus per second^2 that count as acceleration of whatever is far away
 LEAST_ERROR = 0.05  # depths of focus that a measurement is off at least
 NEARLY = 0.9  # of the way to the camera, as far as a prediction goes
 CERTAIN = 1.5  # standard errors of the rate at which a subject is taken to move
 JUMP, CHANCE = 0.5, 5.0  # depths of focus and standard errors beyond which another subject is measured
+Array = NDArray[np.float64]
+
+
+def moved(state: Array, t: float) -> Array:
+    """Return vergence [1/m], its rate [1/(m s)] and the acceleration [m/s^2] (3,) some seconds later."""
+    vergence, rate, acceleration = state.tolist()
+    left = acceleration * math.exp(-t / AGILE_S)
+    if vergence <= 0:
+        return np.array([vergence + rate * t, rate, left])
+    later = vergence / (1 - min(rate * t / vergence - acceleration * vergence * t * t / 2, NEARLY))
+    return np.array([later, (rate / vergence**2 - acceleration * t) * later**2, left])
+
+
+def slopes(state: Array, t: float) -> Array:
+    """Return the derivatives (3, 3) of the moved state."""
+    vergence, rate, _ = state.tolist()
+    of_distance = np.array([[1, t, t * t / 2], [0, 1, t], [0, 0, math.exp(-t / AGILE_S)]])
+    if vergence <= 0:
+        return np.asarray(of_distance * np.array([[1, 1, 0], [1, 1, 0], [1, 1, 1]]))
+    later, later_rate, _ = moved(state, t).tolist()
+    before = np.array([[-1 / vergence**2, 0, 0], [2 * rate / vergence**3, -1 / vergence**2, 0], [0, 0, 1]])
+    after = np.array([[-(later**2), 0, 0], [-2 * later_rate * later, -(later**2), 0], [0, 0, 1]])
+    return np.asarray(after @ of_distance @ before)
 
 
 @dataclass(frozen=True)
 class Track:
-    """What is known of a subject's motion.
+    """What is known of a subject's motion, taken for calm and for agile.
 
     Attributes
     ----------
     time_s : float
         Of the last measurement.
-    vergence, rate : float
-        1 / distance [1/m] and its change [1/(m s)].
-    variances : tuple of float
-        Of the vergence, of both together, and of the rate.
+    states : (2, 3) array
+        As `moved` has them.
+    covariances : (2, 3, 3) array
+        Of the states.
+    chances : (2,) array
+        That the subject is calm, and agile.
     """
 
     time_s: float
-    vergence: float
-    rate: float
-    variances: tuple[float, float, float]
+    states: Array
+    covariances: Array
+    chances: Array
 
     @classmethod
     def start(cls, time_s: float, vergence: float, error: float) -> Track:
         """Return the track of a subject just seen."""
-        return cls(time_s, vergence, 0.0, (error**2, 0.0, (FAST * vergence**2) ** 2))
+        known = np.diag([error**2, (FAST * vergence**2) ** 2, 0.0])
+        agile = known + np.diag([0.0, 0.0, AGILE**2])
+        return cls(time_s, np.array([[vergence, 0.0, 0.0]] * 2), np.stack([known, agile]), np.array([0.5, 0.5]))
 
-    def _share(self, time_s: float) -> float:
-        """Return how much of the way to the camera the subject goes until some moment."""
-        return min(self.rate * (time_s - self.time_s) / self.vergence, NEARLY) if self.vergence > 0 else 0.0
-
-    def vergence_at(self, time_s: float) -> float:
-        """Return the vergence at a later moment at constant speed [1/m]."""
-        if self.vergence > 0:
-            return self.vergence / (1 - self._share(time_s))
-        return self.vergence + self.rate * (time_s - self.time_s)
-
-    def at(self, time_s: float, acceleration: float, drift: float) -> Track:
-        """Return the expected track at a later moment.
-
-        Parameters
-        ----------
-        acceleration
-            Of the subject [m/s^2].
-        drift
-            Change of the rate that there may be at any distance [1/(m s^2)].
-        """
-        t, k = time_s - self.time_s, self._share(time_s)
-        left, vergence, rate = 1 - k, self.vergence_at(time_s), self.rate / (1 - k) ** 2
-        of_vergence = (1 - 2 * k) / left**2, t / left**2
-        slopes = np.array([of_vergence, (-2 * k * k / (t or 1.0) / left**3, (1 + k) / left**3)])
-        before = np.array([self.variances[:2], self.variances[1:]])
-        pushed = np.array([t * t / 2, t]) * math.hypot(acceleration * max(vergence, 0.0) ** 2, drift)
-        after = slopes @ before @ slopes.T + np.outer(pushed, pushed)
-        return Track(time_s, vergence, rate, (after[0, 0], after[0, 1], after[1, 1]))
+    @property
+    def rate(self) -> float:
+        """Change of the vergence [1/(m s)]."""
+        return float(self.chances @ self.states[:, 1])
 
     @property
     def sure(self) -> Track:
-        """The track with its rate as far as that is more than chance: at rest, noise alone seems to move a subject."""
-        doubt = CERTAIN**2 * self.variances[2]
-        return self if self.rate == 0 else replace(self, rate=self.rate * max(1 - doubt / self.rate**2, 0.0))
+        """The track with its motion as far as it is more than chance: at rest, noise alone seems to move a subject."""
+        doubt = CERTAIN**2 * float(self.covariances[0, 1, 1])
+        share = max(1 - doubt / self.rate**2, 0.0) if self.rate else 0.0
+        return replace(self, states=self.states * [1, share, share])
 
-    def corrected(self, vergence: float, error: float) -> Track:
-        """Return the track corrected by a measurement of this moment."""
-        own, both, of_rate = self.variances
-        gain, gain_of_rate = own / (own + error**2), both / (own + error**2)
-        off = vergence - self.vergence
-        variances = (1 - gain) * own, (1 - gain) * both, of_rate - gain_of_rate * both
-        return replace(
-            self, vergence=self.vergence + gain * off, rate=self.rate + gain_of_rate * off, variances=variances
-        )
+    def vergence_at(self, time_s: float) -> float:
+        """Return the vergence at a later moment [1/m]."""
+        return float(self.chances @ [moved(state, time_s - self.time_s)[0] for state in self.states])
+
+    def at(self, time_s: float, sharp: float) -> Track:
+        """Return the expected track at a later moment, where a depth of focus is worth so much [1/m]."""
+        joint = self.chances[:, None] * np.array([[STAYS, 1 - STAYS], [1 - STAYS, STAYS]])
+        chances, t = joint.sum(axis=0), time_s - self.time_s
+        states, covariances = [], []
+        for kind, shares in enumerate((joint / chances).T):
+            mean = shares @ self.states
+            away = self.states - mean
+            spread = np.einsum("k,kij->ij", shares, self.covariances + away[:, :, None] * away[:, None])
+            if kind == 0:
+                mean, spread = mean * [1, 1, 0], spread * np.outer([1, 1, 0], [1, 1, 0])
+            state, by = moved(mean, t), slopes(mean, t)
+            pushed = np.array([t * t / 2, t, 0]) * math.hypot(CALM * max(state[0], 0.0) ** 2, FAR_DRIFT * sharp)
+            new = kind * AGILE**2 * -math.expm1(-2 * t / AGILE_S)
+            states.append(state)
+            covariances.append(by @ spread @ by.T + np.outer(pushed, pushed) + np.diag([0.0, 0.0, new]))
+        return Track(time_s, np.array(states), np.array(covariances), chances)
 
     def follow(self, time_s: float, vergence: float, error: float, sharp: float) -> Track | None:
         """Return the track after a measurement; None where another subject must have been measured.
@@ -133,14 +151,19 @@ class Track:
         sharp
             What a depth of focus is worth [1/m].
         """
-        drift = FAR_DRIFT * sharp
-        agile = self.at(time_s, AGILE, drift)
-        off = abs(vergence - agile.vergence)
-        if off > JUMP * sharp + CHANCE * math.hypot(math.sqrt(agile.variances[0]), error):
+        expected = self.at(time_s, sharp)
+        off, variances = vergence - expected.states[:, 0], expected.covariances[:, 0, 0] + error**2
+        if abs(off[1]) > JUMP * sharp + CHANCE * math.sqrt(variances[1]):
             return None
-        calm = self.at(time_s, CALM, drift)
-        turns = off > SURPRISE * math.hypot(math.sqrt(calm.variances[0]), error)
-        return (agile if turns else calm).corrected(vergence, error)
+        gains = expected.covariances[:, :, 0] / variances[:, None]
+        fit = -0.5 * (off**2 / variances + np.log(variances))
+        chances = expected.chances * np.exp(fit - fit.max())
+        return replace(
+            expected,
+            states=expected.states + gains * off[:, None],
+            covariances=expected.covariances - gains[:, :, None] * expected.covariances[:, None, 0],
+            chances=chances / chances.sum(),
+        )
 
 
 #

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from rptcam_cl.scene.exposure import ContinuousFocus
-from rptcam_cl.studies.focus.servo import DriveLimits, FrameFocus, Servo, Track, doubts_of, push, servo_plot, summary_of
+from rptcam_cl.studies.focus.servo import (
+    DriveLimits,
+    FrameFocus,
+    Servo,
+    doubts_of,
+    moved,
+    push,
+    servo_plot,
+    slopes,
+    summary_of,
+)
 
 FPS, FOCAL_M = 24, 0.05
 SHARP_MM = 2 * 2 * math.hypot(36, 24) / 1500  # 2 N c at f/2
@@ -49,6 +59,7 @@ def test_subjects_that_speed_up_brake_and_turn_are_sharp_in_19_of_20_frames():
         (lambda t: 20 - 3 * t * t, 2.4),  # 6 m/s^2
         (lambda t: 3 + 2.5 * (2 - min(t, 2)) ** 2, 3),  # 5 m/s^2, then at rest
         (lambda t: 3 + math.cos(2 * t), 6),  # to and fro, up to 4 m/s^2 at 2 m
+        (lambda t: 2.5 + 0.6 * math.cos(4 * t), 6),  # up to 10 m/s^2 at 1.9 m
     )
     for motion, seconds in motions:
         _, errors, _, _ = follow(motion, seconds, 0.05)
@@ -121,22 +132,13 @@ def test_drive_keeps_its_limits_and_comes_to_rest_in_its_time(away, speed):
         assert arrived == pytest.approx(5 / 30 + 30 / 600, abs=0.02)
 
 
-def test_motion_is_that_of_constant_speed_and_its_errors_go_by_the_slopes():
-    track = Track(1.0, 1 / 6, 4 / 36, (1e-6, 2e-6, 3e-4))  # 6 m away, 4 m/s nearer
-    later = track.at(1.5, 0.0, 0.0)
-    assert 1 / later.vergence == pytest.approx(4.0, rel=1e-12)
-    assert later.rate == pytest.approx(4 / 16, rel=1e-12)
-
-    def moved(vergence, rate):
-        there = Track(1.0, vergence, rate, (0, 0, 0)).at(1.5, 0.0, 0.0)
-        return np.array([there.vergence, there.rate])
-
-    h = 1e-6
-    slopes = np.stack([
-        (moved(1 / 6 + h, 4 / 36) - moved(1 / 6 - h, 4 / 36)) / (2 * h),
-        (moved(1 / 6, 4 / 36 + h) - moved(1 / 6, 4 / 36 - h)) / (2 * h),
-    ], axis=1)  # fmt: skip
-    expected = slopes @ np.array([[1e-6, 2e-6], [2e-6, 3e-4]]) @ slopes.T
-    assert later.variances == pytest.approx([expected[0, 0], expected[0, 1], expected[1, 1]], rel=1e-6)
-    away = Track(0.0, 1e-3, -1.0, (1e-6, 0.0, 1.0)).at(5.0, 1.0, 0.1)  # nonsense ends in numbers
-    assert np.isfinite([away.vergence, away.rate, *away.variances]).all()
+@pytest.mark.parametrize("acceleration", [0.0, -3.0])
+def test_motion_is_that_of_even_acceleration_and_its_errors_go_by_the_slopes(acceleration):
+    state = np.array([1 / 6, 4 / 36, acceleration])  # 6 m away, 4 m/s nearer
+    vergence, rate, _ = moved(state, 0.5)
+    assert 1 / vergence == pytest.approx(4.0 + acceleration / 8, rel=1e-12)
+    assert rate == pytest.approx((4 - acceleration / 2) * vergence**2, rel=1e-12)
+    for start in (state, np.array([-0.01, 0.02, acceleration])):  # beyond infinity, too
+        found = [(moved(start + step, 0.5) - moved(start - step, 0.5)) / 2e-6 for step in 1e-6 * np.eye(3)]
+        assert slopes(start, 0.5) == pytest.approx(np.stack(found, axis=1), rel=1e-5, abs=1e-8)
+    assert np.isfinite(moved(np.array([1e-3, -1.0, 9.0]), 5.0)).all()  # nonsense ends in numbers
