@@ -133,7 +133,7 @@ def lamp_images(
         As in `_LampFilm`.
     """
     scene, lamps = at_opening(scene), list(_lamps(plan))
-    points = [_points(patches, distance, _LAMP_POINTS) for patches, distance in lamps]
+    points = [_points(patches, w, _LAMP_POINTS) for patches, w in lamps]
     if not lamps:
         return []
     camera, lens = camera_of(scene), scene.camera.lens_camera
