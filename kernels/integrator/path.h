@@ -34,6 +34,14 @@ static inline Rules rules_of(Wave wave, Limits limits)
     return r;
 }
 
+#if LAMPS_BEHIND_GLASS
+// Where a path was scattered last, and went on to a lamp by clear glass alone: what a light sample may have done as well.
+typedef struct {
+    F3 o, d;        // the way it took
+    F  pdf;         // its density; 0: it came by something else
+} Departure;
+#endif
+
 typedef struct {
     Ray ray;
     F   weight;     // of the camera ray, multiplied in on the film: roulette must not depend on the exposure
@@ -44,6 +52,9 @@ typedef struct {
     GroupLight groups;      // the same by groups of lamps
 #endif
     F   pdf;        // density of the last direction; 0 where light sampling cannot compete
+#if LAMPS_BEHIND_GLASS
+    Departure scattered;
+#endif
 #if LIGHT_TREE
     Receiver receiver;  // the surface where the ray starts, as light sampling takes it
 #endif
@@ -68,6 +79,9 @@ typedef struct {
     F   reach;      // distance to the emitter; 0: no light sample
     I   target;     // the emitter's primitive
     I   target_triangle;    // and its triangle
+#if LAMPS_BEHIND_GLASS
+    F3  share;      // of the radiance of the emitter that glass lets pass; 0: the ray does not follow glass
+#endif
 #if LIGHT_GROUPS
     I   group;
 #endif
@@ -197,6 +211,15 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
         F other = emitter_pdf(scene.emitters, e, pick, path.ray.o, path.ray.d, t, absolute(cos_i));
         weight = rival ? against_lights(path.pdf, other) : weight;
     }
+#if LAMPS_BEHIND_GLASS
+    I by_glass = shines & (path.pdf == 0.0f) & (path.scattered.pdf > 0.0f) & (vertex.emitter >= 0);
+    if (ANY(by_glass)) {
+        I e = MAX(vertex.emitter, FALSE);
+        F pick = emitter_pick(scene, e, path.scattered.o, receiver_behind(path));
+        F other = aim_pdf(scene.emitters, e, pick, path.scattered.o, path.scattered.d);
+        weight = by_glass ? against_lights(path.scattered.pdf, other) : weight;
+    }
+#endif
 #endif
 #if CAUSTICS
     I sampled = shines & lit_by_photons(path, scene) & (vertex.emitter >= 0);
@@ -245,7 +268,12 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
 #if LIGHT_GROUPS
     shadow.group = light.group;
 #endif
-    shadow.reach = (on & (max3(shadow.light) > 0.0f)) ? light.reach : ZERO;
+    F brightest = max3(shadow.light);
+#if LAMPS_BEHIND_GLASS
+    shadow.share = scale(through, light.weight * mis);
+    brightest = MAX(brightest, max3(shadow.share));     // the place aimed at may be dark, and that which is met not
+#endif
+    shadow.reach = (on & (brightest > 0.0f)) ? light.reach : ZERO;
     return shadow;
 }
 #endif
@@ -390,7 +418,15 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         path->beta = scale(path->beta, ONE / survive);
     }
     // Continue the path, or end it.
+#if LAMPS_BEHIND_GLASS
+    I passes = is_clear(vertex) & (dot3(vertex.ng, path->ray.d) * dot3(vertex.ng, next.direction) > 0.0f);
 #if LIGHT_TREE
+    path->receiver = select_receiver(passes, path->receiver, receiver_of(vertex, path->ray.d));
+#endif
+    path->scattered.o = select3(passes, path->scattered.o, departure(vertex, next.direction));
+    path->scattered.d = select3(passes, path->scattered.d, next.direction);
+    path->scattered.pdf = passes ? path->scattered.pdf : next.pdf;
+#elif LIGHT_TREE
     path->receiver = receiver_of(vertex, path->ray.d);
 #endif
 #if HAS_MEDIA

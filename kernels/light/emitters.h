@@ -97,6 +97,62 @@ static inline void sample_flat(const __global Emitter *es, I e, F pick, I flat, 
 }
 #endif
 
+#if LAMPS_BEHIND_GLASS
+// Lanes whose light sample follows glass to the lamp.
+static inline I follows_glass(I kind)
+{
+    I follows = FALSE;
+#if EMITTER_SPHERES
+    follows |= kind == EMITTER_SPHERE;
+#endif
+#if EMITTER_FLATS
+    follows |= is_flat(kind);
+#endif
+    return follows;
+}
+
+// Density with which sample_picked chooses the direction d at o where glass stands in the way: d leads straight to the lamp.
+static F aim_pdf(const __global Emitter *es, I e, F pick, F3 o, F3 d)
+{
+    I kind = OF_EMITTER(I, kind);
+    F3 to = sub(THREE_OF_EMITTER(a), o);
+    F t = ONE, cos_there = ONE;
+    I meets = FALSE;
+#if EMITTER_SPHERES
+    F extent = OF_EMITTER(F, a.w);
+    F3 off = cross3(to, d);
+    meets = (kind == EMITTER_SPHERE) & (dot3(off, off) <= extent * extent) & (dot3(to, d) > 0.0f);
+#endif
+#if EMITTER_FLATS
+    I flat = is_flat(kind);
+    if (ANY(flat)) {
+        F3 normal = THREE_OF_EMITTER(normal);
+        F3 u = THREE_OF_EMITTER(u);
+        F3 v = THREE_OF_EMITTER(v);
+        F facing = -dot3(normal, d);
+        F way = -dot3(normal, to) / facing;
+        F3 at = sub(scale(d, way), to);
+        F uu = dot3(u, u), uv = dot3(u, v), vv = dot3(v, v), au = dot3(at, u), av = dot3(at, v);
+        F all = uu * vv - uv * uv;
+        F x = (vv * au - uv * av) / all;
+        F y = (uu * av - uv * au) / all;
+        I inside = (x >= 0.0f) & (y >= 0.0f) & (x <= 1.0f) & (y <= 1.0f);
+#if EMITTER_DISKS
+        inside = kind == EMITTER_DISK ? x * x + y * y <= 1.0f : inside;
+#endif
+#if EMITTER_TRIANGLES
+        inside &= (kind != EMITTER_TRIANGLE) | (x + y <= 1.0f);
+#endif
+        inside &= (way > 0.0f) & ((facing > 0.0f) | (OF_EMITTER(I, two_sided) != 0));
+        meets = flat ? inside : meets;
+        t = flat ? way : t;
+        cos_there = flat ? absolute(facing) : cos_there;
+    }
+#endif
+    return meets ? emitter_pdf(es, e, pick, o, d, t, cos_there) : ZERO;
+}
+#endif
+
 #if EMITTER_SPHERES || EMITTER_SUNS
 // A direction within the cone of a sphere or a sun, whose axis is s->direction; the centre is `distance` away.
 static void sample_round(const __global Emitter *es, I e, F pick, I kind, F distance, F d2, F u, F v, LightSample *s,
@@ -272,6 +328,9 @@ static LightSample sample_picked(Scene scene, I e, F pick, F3 p, F u, F v)
     // Take the radiance at the wavelengths of the path.
 #if SPECTRAL_COLOURS
     s.radiance = lamp_colour(scene.spectral, s.radiance, OF_EMITTER(F, radiance.w), scene.colours);
+#endif
+#if LAMPS_BEHIND_GLASS
+    s.weight = follows_glass(kind) ? weight : ZERO;
 #endif
     s.radiance = scale(s.radiance, weight);
     return s;

@@ -3,7 +3,7 @@
 #define INFINITY_H
 #include "light/environment.h"
 #include "light/groups.h"
-#include "light/receiver.h"
+#include "light/emitter.h"
 #if LIGHT_TREE
 #include "light/light_tree.h"
 #endif

@@ -94,4 +94,34 @@ static Scattered scatter_sample(Vertex vertex, F3 d, F u, F v, F lobe)
     return out;
 }
 
+#if LAMPS_BEHIND_GLASS
+// Smooth glass, through which light samples follow the ray to a lamp.
+static inline I is_clear(Vertex vertex)
+{
+    return (vertex.kind == MATERIAL_DIELECTRIC) | (vertex.kind == MATERIAL_THIN_GLASS);
+}
+
+// What smooth glass lets pass of a path along d, and the way on; nothing where the surface is of something else.
+static F3 passed_by_glass(Vertex vertex, F3 d, F3 *onward)
+{
+    Side side = side_of(vertex, d);
+    F3 passed = f3(ZERO, ZERO, ZERO);
+    *onward = d;
+#define PASSED(name) \
+    { \
+        I mine = name##_is(vertex.kind); \
+        F3 way; \
+        F3 share = name##_passed(vertex, d, side, &way); \
+        passed = select3(mine, share, passed); \
+        *onward = select3(mine, way, *onward); \
+    }
+    WHEN(HAS_DIELECTRIC, PASSED(dielectric))
+    WHEN(HAS_THIN_GLASS, PASSED(thin_glass))
+#if HAS_SHADING_NORMAL
+    passed = keep3(consistent(vertex, side, *onward), passed);
+#endif
+    return passed;
+}
+#endif
+
 #endif

@@ -69,6 +69,11 @@ __kernel void shade(SCENE_PARAMETERS
 #if HAS_EMITTERS
     path.pdf = READ_F(PDF, slot);
 #endif
+#if LAMPS_BEHIND_GLASS
+    path.scattered.o = READ_F3(LAST, slot);
+    path.scattered.d = READ_F3(LAST_W, slot);
+    path.scattered.pdf = depth == 1u ? ZERO : READ_F(LAST_PDF, slot);
+#endif
 #if LIGHT_TREE
     path.receiver = depth == 1u ? all_round() : read_receiver(state, capacity, slot);
 #endif
@@ -99,6 +104,11 @@ __kernel void shade(SCENE_PARAMETERS
     WRITE_F3(O, slot, path.ray.o);
     WRITE_F3(D, slot, path.ray.d);
     WRITE_F3(B, slot, path.beta);
+#if LAMPS_BEHIND_GLASS
+    WRITE_F3(LAST, slot, path.scattered.o);
+    WRITE_F3(LAST_W, slot, path.scattered.d);
+    WRITE_F(LAST_PDF, slot, path.scattered.pdf);
+#endif
 #if LIGHT_TREE
     write_receiver(state, capacity, slot, path.receiver);
 #endif
@@ -122,6 +132,9 @@ __kernel void shade(SCENE_PARAMETERS
         WRITE_F3(S, slot, shadow.ray.o);
         WRITE_F3(W, slot, shadow.ray.d);
         WRITE_F3(C, slot, shadow.light);
+#if LAMPS_BEHIND_GLASS
+        WRITE_F3(SHARE, slot, shadow.share);
+#endif
 #if LIGHT_GROUPS
         WRITE_I(LIT_BY, slot, shadow.group);
 #endif

@@ -5,6 +5,10 @@
 #endif
 #include "geometry/nearest.h"
 #include "integrator/state.h"
+#if LAMPS_BEHIND_GLASS
+#define GROUPS_IN_STATE
+#include "integrator/glass.h"
+#endif
 
 SIXTEEN_TOGETHER
 __kernel void shadow(SCENE_PARAMETERS
@@ -14,6 +18,9 @@ __kernel void shadow(SCENE_PARAMETERS
                    , Wave            wave,
                      uint            depth,      // of the vertex that was lit, from 1
                      const __global uint *tiles  // that are rendered
+#endif
+#if LAMPS_BEHIND_GLASS
+                   , int             left        // edges that the paths may have from there on
 #endif
                      )
 {
@@ -34,10 +41,31 @@ __kernel void shadow(SCENE_PARAMETERS
     I blocked = any_hit(ray, reach, READ_I(TARGET, slot), READ_TRIANGLE(TARGET_TRIANGLE, slot), scene);
     I lit = wanted & NOT(blocked);
     WRITE_F(REACH, slot, ZERO);
+#if LAMPS_BEHIND_GLASS
+    lit = wanted;
+#endif
     if (!ANY(lit))
         return;
     F3 radiance = READ_F3(L, slot);
     F3 light = READ_F3(C, slot);
+#if LAMPS_BEHIND_GLASS
+    I bent = wanted & blocked;
+    if (ANY(bent)) {
+#if SPECTRAL_COLOURS
+        scene.spectral = spectral_colours_of(READ_F(WAVELENGTH_SAMPLE, slot), scene.colours);
+#endif
+#if HAS_DISPERSION
+        scene.inverse = inverse_wavelength(READ_F(WAVELENGTH_SAMPLE, slot), scene.colours);
+#endif
+        ShadowRay aimed;
+        aimed.ray = ray;
+        aimed.share = READ_F3(SHARE, slot);
+        aimed.target = READ_I(TARGET, slot);
+        aimed.target_triangle = READ_TRIANGLE(TARGET_TRIANGLE, slot);
+        F wavelength_sample = GLASS_WAVELENGTH(READ_F(WAVELENGTH_SAMPLE, slot));
+        light = select3(bent, light_through_glass(aimed, bent, (I)(left), wavelength_sample, scene), light);
+    }
+#endif
 #if HAS_MEDIA
 #if SPECTRAL_COLOURS
     scene.spectral = spectral_colours_of(READ_F(WAVELENGTH_SAMPLE, slot), scene.colours);

@@ -10,6 +10,9 @@
 #include "integrator/media.h"
 #endif
 #include "geometry/nearest.h"
+#if LAMPS_BEHIND_GLASS
+#include "integrator/glass.h"
+#endif
 #include RAYS_FILE
 
 #define MOST_IDLE  (VW / 4u)      // lanes that wait for others before all of them take camera rays together
@@ -54,6 +57,10 @@ __kernel void stream(SCENE_PARAMETERS
     path.groups = no_group_light();
 #endif
     path.pdf = ZERO;
+#if LAMPS_BEHIND_GLASS
+    path.scattered.o = path.scattered.d = path.ray.d;
+    path.scattered.pdf = ZERO;
+#endif
 #if LIGHT_TREE
     path.receiver = all_round();
 #endif
@@ -101,6 +108,9 @@ __kernel void stream(SCENE_PARAMETERS
             path.ray.origin = started ? (I)(NO_PRIMITIVE) : path.ray.origin;
             path.ray.triangle = started ? (I)(NO_TRIANGLE) : path.ray.triangle;
             path.pdf = started ? ZERO : path.pdf;
+#if LAMPS_BEHIND_GLASS
+            path.scattered.pdf = started ? ZERO : path.scattered.pdf;
+#endif
 #if CAUSTICS
             path.since_receiver = started ? FALSE : path.since_receiver;
 #endif
@@ -140,6 +150,14 @@ __kernel void stream(SCENE_PARAMETERS
             I group = FALSE;
 #endif
             gather_light(&path, wanted & NOT(dark), shadow.light, group);
+#if LAMPS_BEHIND_GLASS
+            I bent = wanted & dark & (max3(shadow.share) > 0.0f);
+            if (ANY(bent)) {
+                I left = AS_I((U)(rules.max_depth + 1u) - path.depth);
+                gather_light(&path, bent, light_through_glass(shadow, bent, left, GLASS_WAVELENGTH(path.wavelength_sample),
+                                                              scene), group);
+            }
+#endif
         }
 #endif
         // Add paths that ended to the film.

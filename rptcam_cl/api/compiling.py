@@ -32,7 +32,7 @@ from rptcam_cl.scene.scene import Scene
 ChangeKind = Literal["none", "picture", "camera", "scene", "program"]
 """Kinds of change, as `Change` says them."""
 
-_WAYS = ("LIGHT_TREE", "CAUSTICS", "TINY_LAMPS")  # facts that choose how light is found
+_WAYS = ("LIGHT_TREE", "CAUSTICS", "TINY_LAMPS", "LAMPS_BEHIND_GLASS")  # facts that choose how light is found
 _ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
 MOST_GUIDES = 8  # samples of the layers that guide denoising
 OF_DEVELOPMENT = {"picture", "sequence"}  # parts of a scene that change no film: a sequence is of frames

@@ -894,6 +894,7 @@ LIGHT_LOBE_FIELDS = ("MIRROREDX", "MIRROREDY", "MIRROREDZ", "LOBE_WIDTH", "LOBE_
 CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
 MEDIA_FIELDS = ("MEDIUM", "FROM_MEDIUM")
 ENTRY_FIELDS = ("ENTRYX", "ENTRYY", "ENTRYZ")
+GLASS_FIELDS = ("LASTX", "LASTY", "LASTZ", "LAST_WX", "LAST_WY", "LAST_WZ", "LAST_PDF", "SHAREX", "SHAREY", "SHAREZ")
 GROUP_FIELDS = ("LIT_BY",)  # behind it the light of each group, three numbers
 STATE_FIELDS = (
     PATH_FIELDS
@@ -906,6 +907,7 @@ STATE_FIELDS = (
     + CAUSTIC_FIELDS
     + MEDIA_FIELDS
     + ENTRY_FIELDS
+    + GLASS_FIELDS
     + GROUP_FIELDS
 )
 
@@ -922,6 +924,7 @@ def floats_per_slot(
     caustics: bool = False,
     media: bool = False,
     entries: bool = False,
+    lamps_behind_glass: bool = False,
     light_groups: int = 0,
 ) -> int:
     """Return how many 4-byte numbers a slot holds.
@@ -930,12 +933,14 @@ def floats_per_slot(
     triangles where it has meshes, with the time where something moves, with the wavelength sample where paths have a
     wavelength, with a normal where the scene has a light tree and a lobe where facets reflect its lamps, with their
     past where photons bring caustics, with the media around them where it has any, with what they took
-    where they entered one whose colour is a texture, and with the light of each group of lamps where it is kept apart.
+    where they entered one whose colour is a texture, with where they were scattered last where light samples follow
+    glass to lamps, and with the light of each group of lamps where it is kept apart.
     """
     if stream:
         return CAMERA_RAY_FLOATS
     last = {
         GROUP_FIELDS: light_groups > 0,
+        GLASS_FIELDS: lamps_behind_glass,
         ENTRY_FIELDS: entries,
         MEDIA_FIELDS: media,
         CAUSTIC_FIELDS: caustics,

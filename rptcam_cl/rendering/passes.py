@@ -200,6 +200,7 @@ def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
         caustics=plan.facts["CAUSTICS"] > 0,
         media=plan.facts["HAS_MEDIA"] > 0,
         entries=plan.facts["HAS_ENTRIES"] > 0,
+        lamps_behind_glass=plan.facts["LAMPS_BEHIND_GLASS"] > 0,
         light_groups=plan.facts["LIGHT_GROUPS"],
     )
     return 4 * floats * capacity
@@ -381,7 +382,9 @@ class DepthPasses:
         of_wave = {"wave": _NO_WAVE, "tiles": buffers.tiles}
         of_depth = {**of_wave, "limits": ALIKE.limits(settings)}
         self._tracks = plan.facts["HAS_DENSITY"] > 0  # whether shadow rays take random numbers
-        tracks = {**of_wave, "depth": np.uint32(1)} if self._tracks else {}
+        tracks: dict[str, Any] = {**of_wave, "depth": np.uint32(1)} if self._tracks else {}
+        self._follows, self._max_depth = plan.facts["LAMPS_BEHIND_GLASS"] > 0, settings.max_depth
+        tracks |= {"left": np.int32(0)} if self._follows else {}
         self._shadow = session.bind(program, "shadow", **own, **tracks) if plan.emitters.count else None
         self._shade = [
             session.bind(
@@ -422,6 +425,8 @@ class DepthPasses:
             if self._shadow is not None and shade is not self._shade[-1]:
                 if self._tracks:
                     self._shadow.set(wave=wave, depth=np.uint32(index + 1))
+                if self._follows:
+                    self._shadow.set(left=np.int32(self._max_depth - index - 1))
                 run(self._shadow, items)
         self._film.set(wave=wave)
         run(self._film, pixels // self._lanes)

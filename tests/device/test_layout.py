@@ -72,10 +72,11 @@ def test_zeroed_buffer_is_zero(session):
     ("needed", "last"),
     [((), "T"), (("emitters",), "CZ"), (("meshes",), "TARGET_TRIANGLE"), (("emitters", "moves"), "TIME"),
      (("colours", "meshes"), "WAVELENGTH_SAMPLE"), (("light_tree",), "NZ"),
-     (("light_tree", "light_lobes"), "LOBE_SHARE"), (("caustics",), "SINCE_RECEIVER")],
+     (("light_tree", "light_lobes"), "LOBE_SHARE"), (("caustics",), "SINCE_RECEIVER"),
+     (("lamps_behind_glass",), "SHAREZ")],
 )  # fmt: skip
 def test_slot_of_a_path_ends_with_the_last_field_that_a_scene_needs(needed: tuple[str, ...], last: str) -> None:
-    names = ("emitters", "meshes", "moves", "colours", "light_tree", "light_lobes", "caustics")
+    names = ("emitters", "meshes", "moves", "colours", "light_tree", "light_lobes", "caustics", "lamps_behind_glass")
     floats = floats_per_slot(stream=False, **{name: name in needed for name in names})
     assert STATE_FIELDS[:floats][-1] == last
 

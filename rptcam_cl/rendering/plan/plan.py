@@ -402,6 +402,47 @@ def _role(prototype: Prototype) -> int:
     return SURFACE if smooth else 0
 
 
+# What lies behind clear glass: light samples follow it to the lamps, where paths would find them by chance alone.
+
+_FOLLOWED = (EmitterKind.SPHERE, EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE)
+_MOST_LAMPS = 64  # the most likely ones, that are looked for within glass
+_THIN = 0.1  # of the next side of a box of glass: a pane
+_CUBE, _TUBE, _SQUARE = ((-1, -1, -1), (1, 1, 1)), ((-1, -1, 0), (1, 1, 1)), ((-1, -1, 0), (1, 1, 0))
+# Boxes about the canonical shapes.
+_BOXES = {Kind.SPHERE: _CUBE, Kind.ELLIPSOID: _CUBE, Kind.BOX: _CUBE, Kind.CYLINDER: _TUBE, Kind.CONE: _TUBE}
+_BOXES |= {Kind.RECTANGLE: ((0, 0, 0), (1, 1, 0)), Kind.DISK: _SQUARE}
+
+
+def _stand_behind_glass(primitives: Primitives, emitters: Emitters, eye: NDArray[np.float64]) -> bool:
+    """Return whether lamps stand within clear glass, by the box about it, or there are panes of it."""
+    lamps = emitters.shining[np.isin(emitters.shining["kind"], _FOLLOWED)]
+    mixes = [each.material for each in primitives.prototypes if isinstance(each.material, Mix)]
+    if not len(lamps) or any(_is_clear(part) for mix in mixes for part in mix.materials):
+        return False
+    glass = primitives.chosen(primitives.runs_of(_is_glass_body))
+    boxes = np.array([_BOXES[each.kind] if each.mesh is None else each.mesh.bounds() for each in glass.prototypes])
+    places = lamps["a"][np.argsort(-lamps["pick"], kind="stable")[:_MOST_LAMPS], :3].astype(np.float64)
+    for _, runs, placements in glass.places.blocks():
+        low, high = boxes[glass.prototype_of[runs]].transpose(1, 0, 2)[:, :, None]
+        about = np.where(glass.kinds[runs] == Kind.MESH, 1.0, 0.0)[:, None, None] * eye  # meshes stand about the scene
+        inverse = np.linalg.inv(placements)
+        within = (places + about) @ np.swapaxes(inverse[:, :3, :3], 1, 2) + inverse[:, None, :3, 3]
+        sides = np.sort((high - low)[:, 0] * np.linalg.norm(placements[:, :3, :3], axis=1), axis=1)
+        if ((within > low) & (within < high)).all(axis=2).any() or (sides[:, 0] < _THIN * sides[:, 1]).any():
+            return True
+    return False
+
+
+def _is_glass_body(prototype: Prototype) -> bool:
+    is_flat = prototype.kind in (Kind.RECTANGLE, Kind.DISK)  # of solid glass one face of something
+    known = prototype.mesh is not None or prototype.kind in _BOXES
+    return known and (isinstance(prototype.material, ThinGlass) or (_is_clear(prototype.material) and not is_flat))
+
+
+def _is_clear(material: Material) -> bool:
+    return _is_smooth(material) and not isinstance(material, Mirror)
+
+
 def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
     if not set(emitters.kinds) - {EmitterKind.ENVIRONMENT}:
         return "no lamp that light sampling knows"
@@ -617,6 +658,10 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         caustics = _pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
     else:
         caustics = _without("photons take other kernels")
+    by_samples = by_samples_alone(primitives, emitters)
+    ways_alone = caustics.active or media.active or by_samples
+    if parts.held is not None:
+        ways_alone |= not parts.held["LAMPS_BEHIND_GLASS"]
     hidden = primitives.of_each(hidden_from)
     del tables  # until now they are read once
     facts = shown.facts | media.facts | caustics.facts | textures.facts | emitters.facts | movements.facts
@@ -628,7 +673,8 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "FACET_ENERGY": shown.facts["FACET_ENERGY"] * scene.render.multiple_scattering,
         "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
         "HIDDEN_SKY": int(_hides_sky(scene)),
-        "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
+        "LAMPS_BY_SAMPLES": int(by_samples),
+        "LAMPS_BEHIND_GLASS": int(not ways_alone and _stand_behind_glass(primitives, emitters, eye_m)),
         "LIGHT_GROUPS": len(groups.names),
         "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in _LOBED)),
     }

@@ -1,0 +1,71 @@
+// Light of a lamp behind clear glass: the ray of a light sample that something blocks goes on through smooth glass, bent and
+// weakened and never mirrored, and brings what it meets of the lamp that it was aimed at. Paths that go the same way from where
+// they were scattered last are weighted against it (emission of integrator/path.h), so that every way of light counts once.
+#ifndef GLASS_H
+#define GLASS_H
+#include "integrator/path.h"
+#include "geometry/nearest.h"
+
+// What the lamp shows at a vertex met along d; 0 where that is none.
+static inline F3 radiance_of_lamp(Vertex vertex, F3 d)
+{
+    F front = -dot3(vertex.ng, d);
+    F3 light = f3(ZERO, ZERO, ZERO);
+#if HAS_EMISSIVE
+    light = keep3((vertex.kind == MATERIAL_EMISSIVE) & ((front > 0.0f) | (vertex.parameter != 0.0f)), vertex.color);
+#endif
+#if HAS_GLOW
+    light = add(light, keep3(front > 0.0f, vertex.closure.glow));
+#endif
+    return light;
+}
+
+#if SPECTRUM
+#define GLASS_WAVELENGTH(sample) (sample)
+#else
+#define GLASS_WAVELENGTH(sample) ZERO
+#endif
+
+// Of lanes `on`, whose ray left a path that may have `left` edges more.
+static F3 light_through_glass(ShadowRay shadow, I on, I left, F wavelength_sample, Scene scene)
+{
+    Path way;
+    way.ray = shadow.ray;
+    way.beta = shadow.share;
+#if SPECTRUM
+    way.wavelength_sample = wavelength_sample;
+#endif
+    F3 light = f3(ZERO, ZERO, ZERO);
+    on = on & (max3(way.beta) > 0.0f);
+    for (int edges = 1; ANY(on); ++edges) {
+        way.ray.origin = on ? way.ray.origin : (I)(PATH_ENDED);
+        Hit hit = nearest_hit(way.ray, scene);
+        on = on & (hit.primitive >= 0) & (left >= edges);
+        if (!ANY(on))
+            break;
+        Vertex vertex = vertex_of(way.ray, hit, on, ZERO, scene);
+#if HAS_DISPERSION && !LENS_SPLITS
+        leave_one_wavelength(&way, vertex, on, scene);
+#endif
+#if HAS_ABSORPTION
+        way.beta = mul(way.beta, transmittance(vertex, way.ray.d, hit.t));
+#endif
+        I met = on & (hit.primitive == shadow.target);
+#if EMITTER_TRIANGLES
+        met = met & (hit.triangle == shadow.target_triangle);
+#endif
+        if (edges > 1 && ANY(met))      // the first edge is that of the shadow ray itself
+            light = select3(met, mul(way.beta, radiance_of_lamp(vertex, way.ray.d)), light);
+        F3 onward;
+        F3 passed = passed_by_glass(vertex, way.ray.d, &onward);
+        way.beta = mul(way.beta, passed);
+        on = on & NOT(met) & (max3(way.beta) > 0.0f);
+        way.ray.o = departure(vertex, onward);
+        way.ray.d = onward;
+        way.ray.triangle = hit.triangle;
+        way.ray.origin = hit.primitive;
+    }
+    return light;
+}
+
+#endif

@@ -1,0 +1,138 @@
+"""Lamps behind clear glass: closed forms of their light, and the pictures of paths that find them by chance."""
+
+import numpy as np
+import pytest
+
+from rptcam_cl.rendering import tracer
+from rptcam_cl.rendering.plan import plan as plans
+from rptcam_cl.scene.load import load_scene
+from tests.rendering.light.pictures import save_exr
+from tests.rendering.pictures import batches, looking, pixels, scene_of, seed_of
+from tests.support.cases import slow
+from tests.support.statistics import assert_equivalent, assert_same_tiles, overall
+
+WHITE = {"kind": "matte", "reflectance": 1.0}
+FLOOR = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": WHITE}
+DOWN = looking([0.9, 0, 0.5], [0.9, 0, 0], fov=1.0, up=(0, 1, 0))
+LAMP = {"kind": "emissive", "radiance": [9.0, 6.0, 3.0]}
+GLASS = {"kind": "dielectric", "index": 1.5}
+CENTRE, OUTER, INNER, LAMP_RADIUS = np.array([0.0, 0.0, 1.0]), 0.4, 0.36, 0.2
+
+
+def ball(radius, material, center=CENTRE):
+    return {"shape": "sphere", "center": [*map(float, center)], "radius": radius, "material": material}
+
+
+def pane(height, material):
+    return {"shape": "rectangle", "corner": [-3, -3, height], "edge_u": [6, 0, 0], "edge_v": [0, 6, 0],
+            "material": material}  # fmt: skip
+
+
+GLOBE = [FLOOR, ball(OUTER, GLASS), ball(INNER, {"kind": "dielectric", "index": 1 / 1.5}), ball(LAMP_RADIUS, LAMP)]
+CEILING_LAMP = {"shape": "rectangle", "corner": [-0.3, -0.2, 1.4], "edge_u": [0, 0.4, 0], "edge_v": [0.6, 0, 0],
+                "material": LAMP}  # fmt: skip
+
+
+def transmitted(sine, index=1.5):
+    """Share of light that one surface of glass lets pass, by the sine outside."""
+    cosine, inside = np.sqrt(1 - sine**2), np.sqrt(1 - (sine / index) ** 2)
+    across = (cosine - index * inside) / (cosine + index * inside)
+    along = (index * cosine - inside) / (index * cosine + inside)
+    return 1 - (across**2 + along**2) / 2
+
+
+def radiosity_under_globe(place):
+    """Irradiance over pi: a ray keeps its distance from the centre of concentric spheres, by Bouguer's formula."""
+    to = CENTRE - place
+    distance = np.linalg.norm(to)
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    sine = LAMP_RADIUS / distance * (nodes + 1) / 2
+    passed = distance * sine
+    share = transmitted(passed / OUTER) * transmitted(passed / INNER)
+    # the mean of the cosine to the floor over a circle about the axis is that of the axis times that to the axis
+    ring = 2 * np.pi * sine * to[2] / distance * share  # d(omega) cos = 2 pi sin d(sin)
+    return float((ring * weights).sum() * LAMP_RADIUS / distance / 2 / np.pi)
+
+
+def radiosity_under_pane(place):
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    x, y = np.meshgrid(0.3 * nodes, 0.2 * nodes)
+    to = np.stack([x, y, np.full_like(x, 1.4)], axis=-1) - place
+    d2 = (to**2).sum(axis=-1)
+    cosine = 1.4 / np.sqrt(d2)
+    once = transmitted(np.sqrt(1 - cosine**2))
+    share = once / (2 - once)  # both faces and all reflections between them
+    return float((cosine**2 / d2 * share * np.outer(weights, weights)).sum() * 0.3 * 0.2 / np.pi)
+
+
+PANED = [FLOOR, pane(0.8, {"kind": "thin_glass", "index": 1.5}), CEILING_LAMP]
+
+
+@pytest.mark.parametrize(
+    ("objects", "edges", "expected"),
+    [(GLOBE, 4, radiosity_under_globe), slow(PANED, 3, radiosity_under_pane)],
+)
+def test_floor_has_the_light_that_glass_lets_pass(objects, edges, expected):
+    scene = scene_of(objects, DOWN, depth=edges, resolution=(16, 16))
+    assert plans.make_plan(load_scene(scene)).facts["LAMPS_BEHIND_GLASS"] == 1
+    light = batches(scene, "floor under glass", 4, spp=64)
+    mean, error = light.mean.mean(axis=(0, 1)), np.sqrt(light.variance.mean(axis=(0, 1)) / light.mean[..., 0].size)
+    wanted = expected(np.array([0.9, 0.0, 0.0])) * np.array(LAMP["radiance"])
+    assert_equivalent(mean, error, wanted, 2e-3 * wanted)  # three standard errors, and the width of the picture
+
+
+def test_no_light_comes_by_paths_that_are_too_long():
+    assert pixels(scene_of(GLOBE, DOWN, depth=3, resolution=(16, 16)), spp=16).max() == 0
+
+
+TINTED = {"kind": "dielectric", "index": 1.5, "transmittance": [0.9, 0.6, 0.3]}
+SMOKED = {"kind": "dielectric", "index": 1.5, "absorption_per_m": [1.0, 3.0, 9.0]}
+FLINT = {"kind": "dielectric", "glass": "SF6"}
+BOWL = [FLOOR, ball(OUTER, GLASS)]
+FILAMENT = {
+    "shape": "mesh", "vertices": [[-0.2, -0.2, 0.9], [0.2, -0.2, 0.9], [0.2, 0.2, 0.9], [-0.2, 0.2, 1.1]],
+    "faces": [[0, 2, 1], [0, 3, 2]], "material": LAMP,
+}  # fmt: skip
+DISK = {"shape": "disk", "center": [0.1, 0, 1], "normal": [0.3, 0, -1], "radius": 0.2, "material": LAMP}
+BOX = {"shape": "box", "min": [-1, -1, 0.5], "max": [1, 1, 0.6], "material": SMOKED}
+PLASTIC = FLOOR | {"material": {"kind": "plastic", "reflectance": 0.5, "alpha": 0.2}}
+PAINTED = LAMP | {"radiance": {"kind": "image", "file": "glow.exr"}}
+SEEN = looking([2.4, -1.0, 1.2], [0, 0, 0.4], fov=50)
+CASES = {
+    "globe": (GLOBE, {}),
+    "solid": ([*BOWL, ball(LAMP_RADIUS, LAMP)], {}),
+    "tinted": ([PLASTIC, ball(OUTER, TINTED), ball(LAMP_RADIUS, LAMP)], {}),
+    "smoked box": ([FLOOR, BOX, CEILING_LAMP, ball(0.3, LAMP, (1, 0, 1.2))], {}),
+    "filament": ([*BOWL, ball(INNER, {"kind": "dielectric", "index": 1 / 1.5}), FILAMENT], {}),
+    "disk": ([*BOWL, DISK], {}),
+    "panes": ([*PANED[:2], ball(0.3, PAINTED, (1, 0, 1.2)), CEILING_LAMP | {"material": PAINTED}], {}),
+    "flint": ([FLOOR, ball(OUTER, FLINT), ball(LAMP_RADIUS, LAMP)], {}),
+    "spectral": ([FLOOR, ball(OUTER, FLINT), ball(LAMP_RADIUS, LAMP)], {"spectrum": {"mode": "spectral"}}),
+    "many": ([*GLOBE, *(ball(0.1, LAMP, (x, 1, z)) for x in (-1, 0, 1) for z in (0.5, 1.0, 1.5))], {}),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_picture_is_that_of_paths_that_find_lamps_by_chance(name, monkeypatch, tmp_path):
+    save_exr(tmp_path / "glow.exr", 8.0 * (np.random.default_rng(5).random((4, 6, 3)) > 0.5))
+    objects, rest = CASES[name]
+    scene = load_scene(scene_of(objects, SEEN, depth=8, resolution=(24, 16), **rest), base_dir=tmp_path)
+    assert plans.make_plan(scene).facts["LAMPS_BEHIND_GLASS"] == 1
+    followed = batches(scene, name, 8, spp=2048)
+    monkeypatch.setattr(plans, "_stand_behind_glass", lambda *_: False)
+    assert plans.make_plan(scene).facts["LAMPS_BEHIND_GLASS"] == 0
+    by_chance = batches(scene, name, 8, spp=12288)
+    assert_same_tiles(followed, by_chance)
+    one, other = overall(followed), overall(by_chance)
+    assert_equivalent(one.mean / other.mean, np.sqrt(one.variance + other.variance) / other.mean, 1.0, 1e-2)
+
+
+@pytest.mark.parametrize("name", [slow("globe"), "spectral", *map(slow, ("filament", "many"))])
+def test_both_organisations_render_the_same(name, monkeypatch):
+    films = []
+    for organisation in ("stream", "passes"):
+        monkeypatch.setattr(tracer, "ORGANISATION", dict.fromkeys(tracer.ORGANISATION, organisation))
+        objects, rest = CASES[name]
+        films.append(pixels(scene_of(objects, SEEN, resolution=(16, 16), **rest), spp=16, seed=seed_of(name)))
+    np.testing.assert_array_equal(*films)
