@@ -63,7 +63,7 @@ __kernel void shade(SCENE_PARAMETERS
 #if HAS_MEDIA
     path.medium = READ_I(MEDIUM, slot);
 #if HAS_ENTRIES
-    path.entry = READ_F3(ENTRY, slot);
+    path.entry = depth == 1u ? f3(ZERO, ZERO, ZERO) : READ_F3(ENTRY, slot);
 #endif
 #endif
 #if HAS_EMITTERS
