@@ -96,7 +96,8 @@ def test_orthographic_camera_shows_as_much_as_in_blender_and_is_moved_by_the_shi
 
 
 @pytest.mark.parametrize(("fit", "size", "expected"), [
-    ("AUTO", (200, 100), 4.0), ("VERTICAL", (200, 100), 8.0), ("HORIZONTAL", (100, 200), 4.0), ("AUTO", (100, 200), 2.0),
+    ("AUTO", (200, 100), 4.0), ("VERTICAL", (200, 100), 8.0),
+    ("HORIZONTAL", (100, 200), 4.0), ("AUTO", (100, 200), 2.0),
 ])  # fmt: skip
 def test_orthographic_scale_spans_the_side_of_the_sensor_fit(fit, size, expected):
     camera = BlenderCamera(EYE, kind="ORTHO", ortho_scale=4.0, sensor_fit=fit)
