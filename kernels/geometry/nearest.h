@@ -79,11 +79,13 @@ static F past_holes(I lanes, Ray ray, F t, int i, Scene scene)
 #endif
 
 #if HAS_CURVE
-#define PLACE_ON_CURVE  F on_curve = ZERO;      // where along the curve that was looked at last
-#define KEEP_PLACE      hit.b1 = closer ? on_curve : hit.b1;
+#define PLACE_ON_CURVE  F on_curve = ZERO, on_nearest = ZERO;   // where along the curve that was looked at last, and the nearest
+#define KEEP_PLACE      on_nearest = closer ? on_curve : on_nearest;
+#define PLACE           on_nearest
 #else
 #define PLACE_ON_CURVE
 #define KEEP_PLACE
+#define PLACE           ZERO
 #endif
 
 // What the ray meets first.
@@ -93,10 +95,6 @@ static Hit nearest_hit(Ray ray, Scene scene)
     const __global int *kind_end = scene.kind_end;
     F best = (F)(NEVER);
     I index = (I)(NO_PRIMITIVE);
-    Hit hit;
-    hit.triangle = (I)(NO_TRIANGLE);
-    hit.b1 = ZERO;
-    hit.b2 = ZERO;
     PLACE_ON_CURVE
 #if HAS_HIDDEN
     I kind = KIND_OF_RAY(I, ray.origin);
@@ -123,8 +121,12 @@ static Hit nearest_hit(Ray ray, Scene scene)
         index = closer ? (I)(i) : index;
         KEEP_PLACE)
 #endif
+    Hit hit;
     hit.t = best;
     hit.primitive = index;
+    hit.triangle = (I)(NO_TRIANGLE);
+    hit.b1 = PLACE;
+    hit.b2 = ZERO;
 #if HAS_MESH
     nearest_in_meshes(ray, ray.origin != PATH_ENDED, scene, &hit);
 #endif
