@@ -213,7 +213,7 @@ _DIFFRACTION = Option(
 )  # fmt: skip
 
 SPOT = Measurement(
-    "spot", "spot", "image_quality",
+    "spot", "spot", "spots",
     "spots on the film: centroid and rms size for fields and wavelengths",
     'Return the size of the spot of each field and wavelength; `about["points"]` has where the rays land [mm].',
     (_wavelengths(FDC), _RAYS, _fields("steep angles")),
