@@ -506,7 +506,11 @@ class RPTCAM_OT_osl(bpy.types.Operator):
         made.matrix_world = item.matrix_world @ Matrix.Translation((0, 0, behind))  # its film
         context.scene.collection.objects.link(made)
         made.data.type, made.data.custom_mode, made.data.custom_shader = "CUSTOM", "INTERNAL", block
-        importlib.import_module("cycles.osl").update_custom_camera_shader(made.data, self.report)
+        try:
+            importlib.import_module("cycles.osl").update_custom_camera_shader(made.data, self.report)
+        except ImportError as problem:
+            self.report({"ERROR"}, f"Text {block.name} has the shader, but this Blender cannot use it: {problem}")
+            return {"FINISHED"}
         self.report({"INFO"}, f"{name} is a camera of Cycles; its shading system has to be Open Shading Language")
         return {"FINISHED"}
 

@@ -302,10 +302,11 @@ class Reader:
             if not builder.has_material(name):
                 self._shown_by[name] = key
                 made = replace(self.material_of(material, mesh, report, baked), name=name)
-                builder.add_material(made, material.pass_index)
+                builder.add_material(made, material.pass_index, material.name)
         group = getattr(item, "lightgroup", "")
+        visible, own_name = self._visible(each, report), item.name if item.name != item.name_full else ""
         return Placed(
-            item.name_full, key, matrix, tuple(names), self._visible(each, report), item.pass_index, group, end
+            item.name_full, key, matrix, tuple(names), visible, item.pass_index, group, end, own_name=own_name
         )
 
     def _visible(self, each: Any, report: Report) -> dict[str, bool]:

@@ -278,9 +278,13 @@ def test_alpha_of_pictures_counts_as_in_cycles(room, tmp_path):
     from PIL import Image
 
     cycles, _ = room
-    Image.fromarray(four_colours(alpha=(1, 0, 0.5, 1))).save(tmp_path / "alpha.png")
+    codes = four_colours(alpha=(1, 0, 0.5, 1))
+    Image.fromarray(codes).save(tmp_path / "STRAIGHT.png")
+    codes[..., :3] = codes[..., :3] * (codes[..., 3:] / 255)
+    Image.fromarray(codes).save(tmp_path / "PREMUL.png")
     for number, mode in enumerate(("STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE")):
-        image = bpy.data.images.load(str(tmp_path / "alpha.png"), check_existing=False)
+        file = tmp_path / ("PREMUL.png" if mode == "PREMUL" else "STRAIGHT.png")
+        image = bpy.data.images.load(str(file), check_existing=False)
         image.alpha_mode, image.name = mode, mode
         image.pack()
         surface, _ = textured(image)
@@ -334,6 +338,37 @@ def test_picture_of_a_sequence_is_that_of_the_frame(frame, room, tmp_path):
     scene.frame_set(frame)
     assert_alike(tmp_path)
     assert not said()
+
+
+def test_cryptomatte_has_the_identifiers_of_cycles(room, tmp_path):
+    """Of names with a dot too, and of what a library brings."""
+    import bpy
+
+    from tests.integrations.test_blender import rendered_layers
+
+    cycles, scene = room
+    box = cycles.add("cube", matte("Wood.001", 0.9, 0.6, 0.1), size=1.5)
+    box.name = "Box.001"
+    bpy.data.libraries.write(str(tmp_path / "library.blend"), {box})
+    bpy.data.materials.remove(box.active_material)
+    bpy.data.objects.remove(box)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, linked):
+        linked.objects = ["Box.001"]
+    scene.collection.objects.link(linked.objects[0])
+    layer = scene.view_layers[0]
+    layer.use_pass_cryptomatte_object = layer.use_pass_cryptomatte_material = True
+    scene.render.engine, scene.rptcam.samples = "RPTCAM", 16
+    seen = []
+    for _ in range(2):
+        channels, _ = rendered_layers(tmp_path)
+        for name in ("CryptoObject00", "CryptoMaterial00"):
+            found = next(
+                pixels for key, pixels in channels.items() if key.startswith(name) and key[-2:] in ("00", ".r")
+            )
+            first = np.ascontiguousarray(found if found.ndim == 2 else found[..., 0])
+            seen.append(set(first.view(np.uint32).ravel().tolist()))
+        cycles.of_cycles(tmp_path, 16)
+    assert seen[:2] == seen[2:] and all(len(each) == 5 for each in seen)
 
 
 @pytest.mark.parametrize("how", ["none", "dark", "unseen"])
