@@ -24,9 +24,9 @@ from rptcam_cl.core.records import (
 )
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.as_built import Copies
+from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame
 from rptcam_cl.optics.ghosts import steps
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.pupils import UNMOVED, FilmFrame
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, is_tinted, known_nm, passed_rays
 from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
 from rptcam_cl.rendering.cameras.ideal import shaped
