@@ -47,7 +47,7 @@
 #define HAS_BRUSHED_SHARE 0
 #endif
 #define HAS_LAMPS       (HAS_EMISSIVE || HAS_GLOW)
-#define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_PASSED || HAS_ABSORPTION || HAS_GLOW || HAS_HAIR) // any row below
+#define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_PASSED || HAS_ABSORPTION || HAS_GLOW || HAS_HAIR || HAS_MEASURED) // any row below
 
 #include "material/ggx.h"
 #include "material/facet_shares.h"
@@ -86,6 +86,9 @@
     WHEN(HAS_HAIR,         EACH(F,     hair_scale,   ONE,              (F)(material->hair.y))) \
     WHEN(HAS_HAIR,         EACH(F,     hair_tilt,    ZERO,             (F)(material->hair.z))) \
     WHEN(HAS_HAIR,         EACH(F,     hair_depth,   ONE,              (F)(material->hair.w))) \
+    WHEN(HAS_MEASURED,     EACH(I,     measured,     FALSE,            (I)(material->first))) /* where its table starts */ \
+    WHEN(HAS_MEASURED,     EACH(F,     measured_alpha, ONE,            (F)(material->alpha))) \
+    WHEN(HAS_MEASURED,     EACH(F,     measured_gloss, ZERO,           (F)(material->factor))) \
     WHEN(HAS_THIN_GLASS,   EACH(F3,    depth,        BLACK_3,          coefficient(material->absorption, scene))) \
     WHEN(HAS_PASSED,       EACH(F3,    passed,       WHITE_3,          COLOR(HAS_PASSED_TEXTURE, passed))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             NUMBER(HAS_METALLIC_TEXTURE, metallic))) \
@@ -178,6 +181,7 @@ static inline F3 glow_of(const __global Material *material, F u, F v, Scene scen
 
 #if HAS_CLOSURE
 #define select_F(mine, a, b) ((mine) ? (a) : (b))
+#define select_I(mine, a, b) ((mine) ? (a) : (b))
 #define select_F3            select3
 
 #define AS_CLOSURE_MEMBER(type, member, without, given) type member;

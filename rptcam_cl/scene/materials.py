@@ -32,7 +32,7 @@ from rptcam_cl.core.strict_yaml import Document, FieldError
 from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.keys import GLASS, glass_json_schema
 from rptcam_cl.optics.glass import Medium, held_index, known_range
-from rptcam_cl.scene.base import Alternatives, FileName, SceneModel, read_number, refuse, unknown_name
+from rptcam_cl.scene.base import Alternatives, FileName, FileReference, SceneModel, read_number, refuse, unknown_name
 from rptcam_cl.scene.quantities import (
     NUMBER,
     Albedo,
@@ -822,6 +822,13 @@ class Translucent(BumpyMaterial):
         return self
 
 
+class Measured(FileReference, BumpyMaterial):
+    """A surface whose reflection was measured: a table of MERL (`.binary`) or of RGL (`.bsdf`)."""
+
+    kind: Literal["measured"]
+    """Kind of material."""
+
+
 class Mirror(CoveringMaterial):
     """A perfectly smooth reflector."""
 
@@ -962,7 +969,7 @@ class Emissive(SceneModel):
 
 
 Leaf = Annotated[
-    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Hair,
+    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Hair | Measured,
     Field(discriminator="kind"),
 ]
 
@@ -1002,7 +1009,8 @@ Material = Annotated[
     | Mix
     | Emissive
     | Boundary
-    | Hair,
+    | Hair
+    | Measured,
     Field(discriminator="kind"),
 ]
 

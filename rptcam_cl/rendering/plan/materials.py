@@ -30,6 +30,7 @@ from rptcam_cl.scene.materials import (
     Hair,
     Material,
     Matte,
+    Measured,
     MetalSpectrum,
     Mirror,
     Mix,
@@ -506,7 +507,7 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     if kind in (MaterialKind.MIRROR, MaterialKind.THIN_GLASS, MaterialKind.DIELECTRIC, MaterialKind.PLASTIC):
         alpha = 0.0
     elif kind in (MaterialKind.MATTE, MaterialKind.TRANSLUCENT, MaterialKind.EMISSIVE, MaterialKind.BOUNDARY,
-                  MaterialKind.HAIR):  # fmt: skip
+                  MaterialKind.HAIR, MaterialKind.MEASURED):  # fmt: skip
         return
     coloured = record["texture"] >= 0 and kind in (
         MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED, *_COVERS[:2]
@@ -623,6 +624,10 @@ class _Filler:
                 self._principled(record, material)
             case Mix():
                 self._number(record, "factor", material.factor)
+            case Measured():
+                table = self._textures.measured(material)
+                fill(record, color=(*table.albedo, 0.0), alpha=table.alpha, factor=table.gloss)
+                record["first"] = self._textures.add_table(f"measured {id(table)}", table.words)
         if isinstance(material, (Conductor, Dielectric, Plastic)):
             _facets(record, material, material.alphas or (0.0, 0.0))
         if isinstance(material, Dielectric):

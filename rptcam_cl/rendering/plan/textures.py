@@ -31,9 +31,10 @@ from rptcam_cl.core.records import (
 from rptcam_cl.core.remember import Memory
 from rptcam_cl.optics.glass import held_index, known_range
 from rptcam_cl.rendering.cameras.lens_records import fewest_terms, fit_nodes
+from rptcam_cl.scene.assets.measured import MeasuredTable, read_measured
 from rptcam_cl.scene.assets.pictures import Picture, read_picture
 from rptcam_cl.scene.base import FileReference
-from rptcam_cl.scene.materials import Dielectric, MetalSpectrum
+from rptcam_cl.scene.materials import Dielectric, Measured, MetalSpectrum
 from rptcam_cl.scene.quantities import SpectralColour
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.textures import (
@@ -500,12 +501,32 @@ class TextureTable:
 
     def _table(self) -> int:
         """Return the word where the permutation of Perlin's noise and the colours of marble start."""
-        if "Perlin" not in self._places:
-            self._places["Perlin"] = self._word_count
-            permutation = np.frombuffer(2 * PERMUTATION, np.uint8).astype(np.uint32)
-            self._words.append(np.concatenate([permutation, MARBLE.view(np.uint32).ravel()]))
-            self._word_count += len(self._words[-1])
-        return self._places["Perlin"]
+        permutation = np.frombuffer(2 * PERMUTATION, np.uint8).astype(np.uint32)
+        return self.add_table("Perlin", np.concatenate([permutation, MARBLE.view(np.uint32).ravel()]))
+
+    def add_table(self, name: str, words: NDArray[np.uint32]) -> int:
+        """Return the word where a table starts among the texels."""
+        if name not in self._places:
+            self._places[name] = self._word_count
+            self._words.append(words)
+            self._word_count += len(words)
+        return self._places[name]
+
+    def measured(self, material: Measured) -> MeasuredTable:
+        """Return the table of a measured material.
+
+        Raises
+        ------
+        InputError
+            When its file is none, with the place in the scene.
+        """
+        content = self._scene.digest_of(material)
+        try:
+            source = self._scene.content_of(material)
+            table: MeasuredTable = PICTURES.find_or_make(f"measured {content}", lambda: read_measured(source))
+        except InputError as problem:
+            raise InputError(f"{material.place}{problem}") from None
+        return table
 
     def _image(self, colours: Colours, gain: float | tuple[float, float, float]) -> dict[str, Any]:
         """The members of an image's record that say its picture, whose mean is noted."""
