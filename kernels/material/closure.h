@@ -93,6 +93,7 @@
     WHEN(HAS_PASSED,       EACH(F3,    passed,       WHITE_3,          COLOR(HAS_PASSED_TEXTURE, passed))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             NUMBER(HAS_METALLIC_TEXTURE, metallic))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             NUMBER(HAS_SPECULAR_TEXTURE, specular))) \
+    WHEN(HAS_THIN_FILM,    EACH(I,     film,         FALSE,            (I)(material->film))) /* where its table starts, and 1 */ \
     WHEN(HAS_SPECULAR_COLOR, EACH(F3,  specular_color, WHITE_3,        COLOR(HAS_SPECULAR_COLOR_TEXTURE, specular_color))) \
     WHEN(HAS_TRANSMISSION, EACH(F,     transmission, ZERO,             NUMBER(HAS_TRANSMISSION_TEXTURE, transmission))) \
     WHEN(HAS_CLEARCOAT,    EACH(F,     coat,         ZERO,             NUMBER(HAS_COAT_TEXTURE, coat))) \

@@ -24,9 +24,10 @@ static inline F cells_at(F place, I count, I *before, I *after)
 static F3 measured_brdf(Vertex vertex, F3 wi, F3 wo)
 {
     const __global uint *texels = vertex.scene.texels;
-    I start = vertex.closure.measured;
-    I halves = AS_I(GATHER(U, texels, start, )), differences = AS_I(GATHER(U, texels, start + 1, ));
-    I turns = AS_I(GATHER(U, texels, start + 2, ));
+    I mine = measured_is(vertex.kind), start = vertex.closure.measured, single = (I)(1);
+    I halves = mine ? AS_I(GATHER(U, texels, start, )) : single;        // of other lanes there is no table
+    I differences = mine ? AS_I(GATHER(U, texels, start + 1, )) : single;
+    I turns = mine ? AS_I(GATHER(U, texels, start + 2, )) : single;
     F3 h = normalized(add(wi, wo));
     F side = sqrt(h.x * h.x + h.y * h.y);
     F c = side > SMALLEST ? h.x / side : ONE, s = side > SMALLEST ? h.y / side : ZERO;
@@ -38,8 +39,8 @@ static F3 measured_brdf(Vertex vertex, F3 wi, F3 wo)
     around = (around - FLOOR(around)) * TO_F(turns) - 0.5f;        // half a circle: both directions may be exchanged
     F k = around - FLOOR(around);
     I turn[2];
-    turn[0] = TO_I(FLOOR(around));
-    turn[0] = turn[0] < 0 ? turn[0] + turns : turn[0];
+    turn[0] = TO_I(MAX(FLOOR(around), (F)(-1.0f)));
+    turn[0] = MIN(turn[0] < 0 ? turn[0] + turns : turn[0], turns - 1);
     turn[1] = turn[0] + 1 < turns ? turn[0] + 1 : FALSE;
     I half_cell[2], difference[2];
     F a = cells_at(sqrt(MAX(4.0f * turns_of(MAX(h.z, ZERO), side), ZERO)), halves, half_cell, half_cell + 1);

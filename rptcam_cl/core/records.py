@@ -660,6 +660,7 @@ MATERIAL = Record(
         ("int", "bump_texture"),
         ("float", "bump_height"),  # of a texture of 1 [m]; of bumps over u and v in scene units [scene units]
         ("int", "bump_lengths"),
+        ("int", "film"),  # of a thin film: one more than the word where its table starts among texels; 0 without one
         ("int", "interior"),  # number of the medium in a solid that light enters, in a scene with media; else -1
         ("int", "share_table"),  # of rough glass: where its table starts, kernels/material/facet_shares.h
         ("int", "share_levels"),  # of the alphas of a texture, 1 without one; 0 without a table

@@ -93,6 +93,7 @@ from rptcam_cl.scene.materials import (
     RoughMaterial,
     ScatteringMedium,
     SurroundingMedium,
+    ThinFilm,
     ThinGlass,
     Translucent,
 )
@@ -181,6 +182,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Normal map": (NormalMap, "Every texture"),
     "Bump": (Bump,),
     "Mapping": (Mapping,),
+    "Thin film": (ThinFilm,),
     "Anisotropy map": (AnisotropyMap, "Every texture"),
     "Attenuation": (Attenuation,),
     "Matte": (Matte, "Holes", "Normals"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Iterator
 from functools import lru_cache
 from itertools import product
@@ -10,8 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.colour import WAVELENGTHS_NM, srgb_from_reflectance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, ONCE_TERMS, SHARE_SIDES, BumpLengths, MaterialKind, fill
+from rptcam_cl.core.remember import content_name
 from rptcam_cl.rendering.plan.textures import (
     UNLIMITED,
     KnownSpectra,
@@ -37,6 +40,7 @@ from rptcam_cl.scene.materials import (
     OpticalConstants,
     Plastic,
     Principled,
+    ThinFilm,
     ThinGlass,
     Translucent,
     alpha_pair,
@@ -691,10 +695,68 @@ class _Filler:
         record["coat_alpha"] = alpha_pair(coat_roughness, 0.0)[0]
         if not isinstance(material.sheen, tuple) or max(material.sheen) > 0:
             self._sheen(record, material)
+        if material.thin_film is not None and material.thin_film.share > 0:
+            self._film(record, material, material.thin_film)
+
+    def _film(self, record: np.void, material: Principled, film: ThinFilm) -> None:
+        """Write the reflectance by the cosine, and one at normal incidence by which the base gets what it leaves."""
+        colours = film_colours(material, film)
+        name = f"film {content_name(colours)}"
+        record["film"] = 1 + self._textures.add_table(name, colours.astype(np.float32).ravel().view(np.uint32))
+        if material.metallic == 0:
+            # the mean over angles of even light is that of Schlick's rise from f0 to 1
+            cosine = np.linspace(0, 1, len(colours))
+            mean = float(np.trapezoid(2 * cosine * colours.max(axis=1), cosine))
+            root = math.sqrt(min(max((mean - SCHLICK_MEAN) / (1 - SCHLICK_MEAN), 0.0), 0.99))
+            record["parameter"], record["specular"] = (1 + root) / (1 - root), 1.0
+            record["specular_color"][:3] = 1.0
 
     def _sheen(self, record: np.void, material: Principled) -> None:
         self._colour(record, "sheen", "sheen_texture", material.sheen, 1.0)
         fill(record, **sheen_lobe(alpha_pair(material.sheen_roughness, 0.0)[0])[1])
+
+
+FILM_COSINES = 128
+SCHLICK_MEAN = 1 / 21  # of (1 - cos)^5 over even light
+
+
+def film_reflectance(cosine: Array, thickness_nm: float, index: float, base: Array) -> Array:
+    """Return the reflectance of a film on a base of real index, wavelengths last (Airy; Born and Wolf 7.6)."""
+    sine2 = (1 - cosine**2)[..., None]
+    first = np.broadcast_to(cosine[..., None], (*cosine.shape, len(WAVELENGTHS_NM)))
+    inside, behind = np.sqrt(index**2 - sine2 + 0j), np.sqrt(base**2 - sine2 + 0j)  # n cos of each medium
+    phase = np.exp(4j * np.pi * thickness_nm * inside / WAVELENGTHS_NM)
+    total = np.zeros(first.shape)
+    for a, b, c in ((first, inside, behind), (1 / first, index**2 / inside, base**2 / behind)):  # s and p admittances
+        upper, lower = (a - b) / (a + b), (b - c) / (b + c)
+        total = total + 0.5 * np.abs((upper + lower * phase) / (1 + upper * lower * phase)) ** 2
+    return np.asarray(total)
+
+
+def film_colours(material: Principled, film: ThinFilm) -> Array:
+    """Return what a principled surface with a thin film reflects (cosines, 3), cosines from 0 to 1, linear sRGB.
+
+    A metal is a base of the index that its colour has head-on, in each channel, as glTF has it.
+    """
+    cosine = np.maximum(np.linspace(0, 1, FILM_COSINES), 1e-6)
+    steep = (1 - cosine[:, None]) ** 5
+    metallic, specular = float(np.mean(material.metallic)), float(np.mean(material.specular))
+    tint = np.array(material.specular_color, np.float64)
+    f0 = specular * tint * ((material.index - 1) / (material.index + 1)) ** 2
+    parts = [(1 - metallic, f0, specular)]
+    if metallic > 0:
+        parts.append((metallic, np.array(material.base_color, np.float64), 1.0))
+    total = np.zeros((FILM_COSINES, 3))
+    for share, normal, most in parts:
+        bare = normal + (most - normal) * steep
+        root = np.sqrt(np.clip(normal / max(most, 1e-9), 0, 0.9999))
+        coloured = np.empty_like(bare)
+        for value in np.unique(root):
+            spectra = film_reflectance(cosine, film.thickness_nm, film.index, (1 + value) / (1 - value))
+            rgb = np.clip(most * srgb_from_reflectance(spectra), 0, 1)
+            coloured[:, root == value] = rgb[:, root == value]
+        total += share * ((1 - film.share) * bare + film.share * coloured)
+    return total
 
 
 def _facets(record: np.void, material: _Faceted, alphas: tuple[float, float]) -> None:
@@ -743,6 +805,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_COAT_NORMAL": np.any(coated & ((records["coat_normal_texture"] >= 0) | flat)),
         "HAS_SHEEN": np.any(records["sheen"][principled] > 0) or np.any(records["sheen_texture"] >= 0),
         "HAS_ABSORPTION": np.any(records["absorption"][clear] > 0),
+        "HAS_THIN_FILM": np.any(records["film"] > 0),
         "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),
         "HAS_SPECULAR_COLOR": np.any(tinted) or np.any(records["specular_color_texture"] >= 0),
         "HAS_DISPERSION": np.any(records["dispersion_terms"] > 0),
