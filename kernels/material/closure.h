@@ -93,7 +93,7 @@
     WHEN(HAS_PASSED,       EACH(F3,    passed,       WHITE_3,          COLOR(HAS_PASSED_TEXTURE, passed))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             NUMBER(HAS_METALLIC_TEXTURE, metallic))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             NUMBER(HAS_SPECULAR_TEXTURE, specular))) \
-    WHEN(HAS_THIN_FILM,    EACH(I,     film,         FALSE,            (I)(material->film))) /* where its table starts, and 1 */ \
+    WHEN(HAS_THIN_FILM,    EACH(I,     film,         FALSE,            film_of(material))) /* where its table starts, and 1 */ \
     WHEN(HAS_SPECULAR_COLOR, EACH(F3,  specular_color, WHITE_3,        COLOR(HAS_SPECULAR_COLOR_TEXTURE, specular_color))) \
     WHEN(HAS_TRANSMISSION, EACH(F,     transmission, ZERO,             NUMBER(HAS_TRANSMISSION_TEXTURE, transmission))) \
     WHEN(HAS_CLEARCOAT,    EACH(F,     coat,         ZERO,             NUMBER(HAS_COAT_TEXTURE, coat))) \
@@ -132,6 +132,13 @@ static inline F squared_roughness(int texture, F u, F v, Scene scene)
 {
     F roughness = texture_scalar(texture, u, v, scene);
     return MAX(roughness * roughness, (F)(SMALLEST_ALPHA));
+}
+#endif
+
+#if HAS_THIN_FILM
+static inline I film_of(const __global Material *material)
+{
+    return (I)(material->kind == MATERIAL_PRINCIPLED ? material->first : 0);
 }
 #endif
 

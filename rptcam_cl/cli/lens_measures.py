@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.image_quality import Setting
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.optics.ray_trace import Rays
+    from rptcam_cl.rendering.copy_scores import FilmPoints
     from rptcam_cl.rendering.tolerance_run import ToleranceRun
     from rptcam_cl.rendering.traceable_lens import Precision
 
@@ -478,6 +479,10 @@ def add_lens_tolerance(commands: Commands) -> None:
         help="find the loosest tolerances of these kinds with which P percent of the copies reach the limit",
     )  # fmt: skip
     parser.add_argument("--write", type=Path, metavar="FILE", help="write them as a specification, .yaml")
+    parser.add_argument(
+        "--device", metavar="SPEC",
+        help="trace the copies on a device: an index as 0:0, a part of a name, cpu, gpu or auto (default: on the host)",
+    )  # fmt: skip
     lens_options.add_plot(parser)
 
 
@@ -494,6 +499,7 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
         arguments.spec,
         copies=arguments.copies,
         seed=arguments.seed,
+        trace=_copies_tracer(arguments.device),
     )
     if arguments.json:
         share = {} if arguments.limit is None else {"limit": arguments.limit} | asdict(run.yield_at(arguments.limit))
@@ -503,6 +509,13 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         lens_options.write_picture(tolerance_chart(run), arguments.output)
     return 0
+
+
+def _copies_tracer(device: str | None) -> "FilmPoints":
+    from rptcam_cl.optics.as_built import film_points
+    from rptcam_cl.rendering.traceable_lens import CopiesTracer
+
+    return film_points if device is None else CopiesTracer(device).film_points
 
 
 def _loosest(arguments: argparse.Namespace) -> int:
@@ -519,8 +532,9 @@ def _loosest(arguments: argparse.Namespace) -> int:
         check_writable(arguments.write, [arguments.spec])
     lens = lens_options.load(arguments.lens, arguments.catalogue)
     found = loosest_set(
-        lens, arguments.spec, arguments.limit, arguments.for_yield, copies=arguments.copies, seed=arguments.seed
-    )
+        lens, arguments.spec, arguments.limit, arguments.for_yield, copies=arguments.copies, seed=arguments.seed,
+        trace=_copies_tracer(arguments.device),
+    )  # fmt: skip
     share = asdict(found.run.yield_at(arguments.limit))
     if arguments.json:
         facts = {"limit": arguments.limit, "yield_at": share, "specification": found.specification}

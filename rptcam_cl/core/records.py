@@ -628,7 +628,7 @@ MATERIAL = Record(
         ("float", "opacity"),
         ("float", "cutoff"),  # of an opacity mask; 0 where rays pass with a probability
         ("float", "factor"),  # of a mix: share of the second material; of a measured one of facets in sampling
-        ("int", "first"),  # of a mix: the two materials; of a measured one: where its table starts among texels
+        ("int", "first"),  # of a mix: the two materials; of a measured one: where its table starts among texels; of a thin film 1 more
         ("int", "second"),
         ("int", "texture"),  # indices of the textures that replace values, or -1: of the colour
         ("int", "glow_texture"),
@@ -660,7 +660,6 @@ MATERIAL = Record(
         ("int", "bump_texture"),
         ("float", "bump_height"),  # of a texture of 1 [m]; of bumps over u and v in scene units [scene units]
         ("int", "bump_lengths"),
-        ("int", "film"),  # of a thin film: one more than the word where its table starts among texels; 0 without one
         ("int", "interior"),  # number of the medium in a solid that light enters, in a scene with media; else -1
         ("int", "share_table"),  # of rough glass: where its table starts, kernels/material/facet_shares.h
         ("int", "share_levels"),  # of the alphas of a texture, 1 without one; 0 without a table

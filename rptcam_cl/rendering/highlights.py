@@ -17,7 +17,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.lamps import FLAT, POINTS, Points, lattice, occluded, points_of
 from rptcam_cl.rendering.plan.materials import SPREADING_ALPHA, Lobe, lobes_of
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.plan.primitives import PackedMeshes
+from rptcam_cl.rendering.plan.triangles import PackedMeshes
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 
 Array = NDArray[np.float64]

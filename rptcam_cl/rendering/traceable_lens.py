@@ -13,6 +13,7 @@ from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.optics.as_built import Copies
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.measures import Measurable
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, Rays
@@ -122,10 +123,7 @@ def trace_on_device(
     """Return rays traced by the device; see `TraceableLens.trace`."""
     if start not in ("film", "scene"):
         raise InputError(f'start must be "film" or "scene" (got {start!r})')
-    if precision not in ("single", "double"):
-        raise InputError(f'precision must be "single" or "double" (got {precision!r})')
-    if precision == "double" and not session.info.fp64:
-        raise DeviceError(f'device {session.info.id} {session.info.name} has no float64; use precision="single"')
+    check_double(session, precision)
     points, vectors = np.broadcast_arrays(np.atleast_2d(np.asarray(origins, float)), np.atleast_2d(directions))
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"rays need origins and directions of shape (n, 3) (got {points.shape})")
@@ -145,6 +143,14 @@ def trace_on_device(
         else:
             tracer.trace(points, vectors, rays, np.flatnonzero(np.broadcast_to(wavelengths, (count,)) == wavelength))
     return rays
+
+
+def check_double(session: Session, precision: Precision) -> None:
+    """Refuse an arithmetic that there is not, or that a device lacks."""
+    if precision not in ("single", "double"):
+        raise InputError(f'precision must be "single" or "double" (got {precision!r})')
+    if precision == "double" and not session.info.fp64:
+        raise DeviceError(f'device {session.info.id} {session.info.name} has no float64; use precision="single"')
 
 
 def _has_polynomials(lens: Lens, wavelengths_nm: Array) -> bool:
@@ -327,3 +333,58 @@ class LensTracer:
             rays.transmittance[part] = np.where(out[6] == 0, out[ROWS], 0.0)
         failed = out[7].astype(np.int32)
         rays.surface[part] = np.where(failed >= 0, self.last_surface - failed, -1) if self.backwards else failed
+
+
+class CopiesTracer:
+    """Traces rays through copies of a lens on a device, as `rptcam_cl.optics.as_built.film_points` does on the host.
+
+    Parameters
+    ----------
+    device
+        As ``--device`` on the command line, or a session.
+    precision : "single" or "double", optional
+        Arithmetic of the device; double by default where it has that.
+    """
+
+    def __init__(self, device: str | Session, precision: Precision | None = None) -> None:
+        session = device if isinstance(device, Session) else open_session(device)
+        precision = precision or ("double" if session.info.fp64 else "single")
+        check_double(session, precision)
+        self.session, self.double = session, precision == "double"
+        self.real = np.float64 if self.double else np.float32
+        self.lanes = DOUBLE_LANES if self.double else session.lanes
+
+    def film_points(
+        self, copies: Copies, origins: Array, directions: Array, wavelength_nm: float, film_distance_mm: float
+    ) -> tuple[Array, Array]:
+        """Return where rays from the scene meet the films of all copies, and their slopes there (copies, rays, 2).
+
+        They are not a number for rays that miss a surface or are totally reflected.
+        """
+        from rptcam_cl.rendering.cameras.lens_records import copy_records
+
+        session, rays, packet = self.session, len(origins), PACKETS * self.lanes
+        capacity = -(-rays // packet) * packet
+        table = np.zeros((5, capacity), self.real)
+        table[4] = 1.0
+        at = origins - directions * (origins[:, 2:] / directions[:, 2:])
+        table[:2, :rays], table[2:, :rays] = at[:, :2].T, directions.T
+        items = capacity // packet * copies.count
+        group = min(session.group, GROUP)
+        padded = -(-items // group) * group
+        more = -(-padded * packet // capacity) - copies.count  # copies that fill the last group
+        records = copy_records(copies, wavelength_nm, double=self.double)
+        surfaces = np.concatenate([records.surfaces, np.repeat(records.surfaces[:1], more, axis=0)])
+        facts = records.facts | {"VW": self.lanes, "DOUBLE": int(self.double)}
+        program = session.program(["pass/trace_copies.cl"], facts, device_declarations())
+        size = (copies.count + more) * 4 * capacity
+        points = session.allocate(size * table.itemsize)
+        launch = session.bind(
+            program, "trace_copies", surfaces=session.upload(surfaces), count=np.int32(surfaces.shape[1]),
+            stop=session.upload(records.stop), rays=session.upload(table), points=points,
+            capacity=np.uint32(capacity), film=self.real(film_distance_mm),
+        )  # fmt: skip
+        launch.enqueue(padded, group)
+        out = session.read(points, self.real, size).reshape(-1, 4, capacity)[: copies.count, :, :rays]
+        across = np.moveaxis(out.astype(np.float64), 1, -1)
+        return across[..., :2], across[..., 2:]

@@ -19,13 +19,10 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tree_build
 from rptcam_cl.rendering.plan.primitives import (
     BLOCK,
-    VERTEX_FLOATS,
     ObjectMovements,
-    PackedMeshes,
     Places,
-    TriangleGroup,
-    shift_points,
 )
+from rptcam_cl.rendering.plan.triangles import VERTEX_FLOATS, PackedMeshes, TriangleGroup, shift_points
 
 #
 # Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.

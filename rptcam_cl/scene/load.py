@@ -583,8 +583,12 @@ def _new_references(scene: Scene, before: Scene | None) -> Iterator[tuple[KeyPat
         section, earlier = getattr(scene, name), getattr(before, name)
         if section is earlier:
             continue
-        known = scene.checked if name == "objects" else {id(part) for _, part in _items(earlier)}
-        for path, part in [each for each in _items(section) if id(each[1]) not in known]:
+        if name == "objects":
+            new: Iterable[tuple[KeyPath, Any]] = (((index,), item) for index, item in scene.new_objects())
+        else:
+            known = {id(part) for _, part in _items(earlier)}
+            new = [each for each in _items(section) if id(each[1]) not in known]
+        for path, part in new:
             yield from file_references(part, (name, *path))
 
 
@@ -614,12 +618,12 @@ def _material_of(item: Any) -> Any:
 def _check_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tuple[Object, ...], list[str]]:
     """Return the objects without those whose mesh is missing, and what there is to say of these."""
     absent: list[str] = []
+    if not scene.new_objects() and not scene.holds_old_meshes():
+        return scene.objects, []
     scene.report_missing_pictures(absent)
     gone: set[int] = set()
     without: list[str] = []
-    checked = scene.checked
-    new = [each for each in enumerate(scene.objects) if id(each[1]) not in checked]
-    for index, item in new:
+    for index, item in scene.new_objects():
         if not isinstance(item, MeshObject):
             continue
         try:
@@ -755,10 +759,10 @@ def _context(scene: Scene, touched: set[str]) -> dict[str, Any]:
     """Make the context in which a changed scene is validated.
 
     It has the ``folders``, and the ``scene``, whose objects need no check again and whose meshes are loaded already,
-    unless other ones have their names. In ``checked`` the validator of objects puts the identities of those that stay,
-    for the validators after it.
+    unless other ones have their names. The validator of objects adds what is ``new`` of them, and what is ``dyed``, for
+    the validators after it.
     """
-    return {"folders": scene.folders} | ({} if "meshes" in touched else {"scene": scene, "checked": set()})
+    return {"folders": scene.folders} | ({} if "meshes" in touched else {"scene": scene})
 
 
 def _touched_materials(paths: Iterable[KeyPath], data: Mapping[str, Any]) -> set[str] | None:
@@ -807,9 +811,9 @@ def _objects(scene: Scene, before: Mapping[str, Any], data: Mapping[str, Any], t
     names = {id(material): name for name, material in scene.materials.items()}
     if touched is None:
         return [_with_material_name(plain, names) for plain in wanted]
-    known = {id(plain): item for plain, item in zip(listed, scene.objects, strict=False)}
+    known = dict(zip(map(id, listed), scene.objects, strict=False))
     objects = [known.get(id(plain), plain) for plain in wanted]
-    if touched:
+    if touched and any(map(_is_mix, scene.shown_materials())):
         for index, item in enumerate(objects):
             if item is not wanted[index] and _mixes_its_own(item, names):
                 objects[index] = _with_material_name(wanted[index], names)

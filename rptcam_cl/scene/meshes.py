@@ -368,6 +368,11 @@ class MeshLibrary:
             contents.sharing(library._meshes)
         return library
 
+    @property
+    def count(self) -> int:
+        """The number of objects that something is loaded for."""
+        return len(self._loaded)
+
     def _source(self, item: MeshObject) -> MeshSource:
         return item if item.mesh is None else self._named[item.mesh]
 

@@ -18,6 +18,7 @@ from rptcam_cl.device import devices, programs, session
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.rendering import passes as ways
 from rptcam_cl.rendering import tracer, tree_build, trees
+from rptcam_cl.rendering.traceable_lens import CopiesTracer
 from rptcam_cl.scene.film import SINGLE_LAYERS
 from tests.device.test_kernels import EVERY_MATERIAL, IMAGE
 from tests.rendering.test_bokeh import CASES
@@ -57,6 +58,9 @@ def lens() -> None:
     shown(still_life() | {"camera": LENS | {"rays": "fitted"}})
     rays = rptcam_cl.load_lens("dgauss-50mm").trace([[0, 0, 70]], [[0, 0, -1]], start="film", device=open_session())
     assert rays.passed.all()
+    merit = {"fields_degrees": [0, 5], "rings": 2, "arms": 4}
+    tolerances = {"copies": 10, "merit": merit, "tolerances": [{"radius_percent": 0.1}, {"decentre_mm": 0.02}]}
+    rptcam_cl.tolerance(rptcam_cl.load_lens("dgauss-50mm"), tolerances, trace=CopiesTracer(open_session()).film_points)
 
 
 def meshes() -> None:
@@ -186,7 +190,7 @@ def light_of_lamps() -> None:
 RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "passes": (passes, WAVE),
     "stream": (stream, {"stream"}),
-    "lens": (lens, WAVE | {"aim_rays", "trace_lens", "trace_rays"}),
+    "lens": (lens, WAVE | {"aim_rays", "trace_copies", "trace_lens", "trace_rays"}),
     "meshes": (meshes, WAVE | TREES | {"fill_blocks", "layers", "sharp"}),
     "denoised": (denoised, WAVE | {"layers", "guides", "denoise"}),
     "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),

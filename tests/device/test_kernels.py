@@ -161,7 +161,13 @@ def test_scene_with_everything_turns_every_fact_on():
 
 # What widths differ in is the same few macros in every pass: the fast tests have each pass at one of them.
 ONE_LANE_TOO = [pytest.param(1, marks=pytest.mark.slow), 8]
-LENS_PASSES = ("pass/generate.cl", "pass/trace_rays.cl", "pass/aim_rays.cl", "pass/trace_lens.cl")
+LENS_PASSES = (
+    "pass/generate.cl",
+    "pass/trace_rays.cl",
+    "pass/trace_copies.cl",
+    "pass/aim_rays.cl",
+    "pass/trace_lens.cl",
+)
 SCENE_PASSES = [name for name in PASSES if name not in (*LENS_PASSES, "pass/denoise.cl", "pass/travel.cl")]
 MEDIA_PASSES = [
     "pass/travel.cl",
@@ -282,6 +288,8 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
 def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes})
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes, **dict.fromkeys(LOSSES, 1)})
+    for pose in (0, 1):
+        without_warnings(session, ["pass/trace_copies.cl"], {"VW": lanes, "LENS_POSE": pose, "LENS_MIRROR": pose})
 
 
 @pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, pytest.param(16, marks=pytest.mark.slow)])

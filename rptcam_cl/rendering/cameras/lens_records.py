@@ -22,6 +22,7 @@ from rptcam_cl.core.records import (
     StopKind,
     SurfaceKind,
 )
+from rptcam_cl.optics.as_built import Copies
 from rptcam_cl.optics.ghosts import steps
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame
@@ -291,6 +292,27 @@ def lens_records(
     facts = filler.fill(records, lens, backwards) | {"LENS_DISPERSION": terms}
     stop = np.concatenate([stop, *filler.tables]).astype(real)
     return LensRecords(records, stop, _facts(lens, records) | facts)
+
+
+def copy_records(copies: Copies, wavelength_nm: float, *, double: bool = False) -> LensRecords:
+    """Return the records (copies, surfaces) of copies of a lens for rays from the scene; no rim takes any of them."""
+    lens = copies.lens
+    design = lens_records(lens, wavelength_nm, "scene", 0.0, double=double)
+    records = np.repeat(design.surfaces[None], copies.count, axis=0)
+    senses, indices = np.array(lens.senses[:-1]), copies.indices(wavelength_nm)
+    records["curvature"] = senses * copies.curvatures
+    records["gap"][:, 1:] = senses[1:] * np.diff(copies.vertices)
+    records["eta"] = indices[:, :-1] / indices[:, 1:]
+    records["refracts"] = np.where(design.surfaces["refracts"] < 0, -1.0, indices[:, :-1] != indices[:, 1:])
+    records["semi_diameter2"], records["inner_semi_diameter2"] = float(np.finfo(np.float32).max), 0.0
+    records["stop_shape"] = 0
+    for k, (rotation, offset) in copies.poses.items():
+        mirror = np.array([1.0, 1.0, senses[k]])
+        records["posed"][:, k] = 1
+        records["offset"][:, k, :3] = offset * mirror
+        records["rotation"][:, k, :9] = (mirror[:, None] * rotation * mirror).reshape(copies.count, 9)
+    rims = {"LENS_OUTLINE": 0, "LENS_MASK": 0, "LENS_RING": 0}
+    return LensRecords(records, design.stop, design.facts | rims | {"LENS_POSE": int(bool(copies.poses))})
 
 
 def _fill_shape(record: np.void, surface: Surface, sense: float, where: str) -> None:

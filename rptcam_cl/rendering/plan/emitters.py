@@ -470,7 +470,8 @@ def light_groups(scene: Scene, primitives: Primitives, *, has_glow: bool) -> Lig
     lights = [light.group or f"light_{place}" for place, light in enumerate(scene.lights)]
     sky = [] if scene.environment is None else [scene.environment.group or "environment"]
     objects: dict[int, str] = {}
-    for index in sorted({run.object for run in primitives.runs if _is_shining(run.material)}):
+    shining = primitives.objects[primitives.runs_of(lambda each: _is_shining(each.material))]
+    for index in sorted(set(shining.tolist())):
         item = scene.objects[index]
         objects[index] = item.group or re.sub(r"[^A-Za-z0-9_-]", "_", item.name or f"object_{index}")
     names = tuple(dict.fromkeys((*objects.values(), *lights, *sky, *(("media",) if has_glow else ()))))
@@ -482,9 +483,8 @@ def light_groups(scene: Scene, primitives: Primitives, *, has_glow: bool) -> Lig
             f" at most {MOST_GROUPS} groups; give lamps that belong together the same `group`)"
         )
     number = {name: place for place, name in enumerate(names or ("none",))}
-    of_primitive = primitives.of_each(
-        number[objects[run.object]] if run.object in objects else 0 for run in primitives.runs
-    )
+    of_objects = np.array([number[objects[index]] if index in objects else 0 for index in range(len(scene.objects))])
+    of_primitive = primitives.spread(of_objects.astype(np.int32)[primitives.objects])
     of_light = tuple(number[name] for name in lights)
     return LightGroups(tuple(number), of_primitive, of_light, number[sky[0]] if sky else 0)
 
@@ -621,12 +621,13 @@ def _scene_reach(primitives: Primitives, eye: NDArray[np.float64]) -> float:
     reach = 0.0
     for kind, (runs, _) in primitives.by_kind().items():
         if kind is not Kind.PLANE:
-            sizes = (np.linalg.norm(some[:, :3], ord=2, axis=(1, 2)) for *_, some in primitives.blocks(runs))
+            sizes = (np.linalg.norm(some[:, :3], ord=2, axis=(1, 2)) for *_, some in primitives.places.blocks(runs))
             reach = max(reach, *(float(each.max()) for each in sizes))
-    meshes = [run for run in primitives.runs if run.mesh is not None]
-    boxes = np.array([run.mesh.bounds() for run in meshes if run.mesh is not None])
-    for _, numbers, placements in Primitives(meshes).blocks():
-        low, high = boxes[numbers].transpose(1, 0, 2)[:, :, None]
+    placed = primitives.of_meshes()
+    meshes, mesh_of = placed.meshes()
+    boxes = np.array([mesh.bounds() for mesh in meshes])
+    for _, numbers, placements in placed.places.blocks():
+        low, high = boxes[mesh_of[numbers]].transpose(1, 0, 2)[:, :, None]
         corners = corners_of_box(low, high, placements)
         reach = max(reach, float(np.linalg.norm(corners - eye, axis=-1).max()))
     return reach or 1.0
@@ -772,12 +773,12 @@ def _surface_emitters(
     count = 0
     first_mesh = len(primitives) - len(first_triangles)
     shining = {}
-    for material in {id(run.material): run.material for run in primitives.runs}.values():
+    for material in {id(each.material): each.material for each in primitives.prototypes}.values():
         glow = glow_of(material, textures, spectra)
         # A sample would have to ask whether it lies in a hole, or follow what moves; paths find what shines there.
         if glow.strength > 0 and not has_holes(material):
             shining[id(material)] = glow
-    for index, primitive in primitives.among(lambda run: id(run.material) in shining and run.trajectory is None):
+    for index, primitive in primitives.among(lambda each: id(each.material) in shining and each.trajectory is None):
         glow = shining[id(primitive.material)]
         if primitive.mesh is None:
             emitter = _surface_emitter(index, primitive, glow)
@@ -804,7 +805,7 @@ def by_samples_alone(primitives: Primitives, emitters: Emitters) -> bool:
     """
     either = Hidden.FROM_SHADOW | Hidden.FROM_REFLECTION
     alone = False
-    for index, primitive in primitives.among(lambda run: run.hidden & either != 0):
+    for index, primitive in primitives.among(lambda each: each.hidden & either != 0):
         kinds = primitive.hidden & either
         is_sampled, material = index in emitters.of_primitive, primitive.material
         shines = isinstance(material, Emissive) or (isinstance(material, Principled) and material.emission != BLACK)
@@ -828,15 +829,15 @@ def visible_lamps(primitives: Primitives, eye: Array, textures: TextureTable) ->
 
     Planes, lamps around the eye and those that turn their back to it are left out.
     """
-    materials = {id(run.material): run.material for run in primitives.runs}
+    materials = {id(each.material): each.material for each in primitives.prototypes}
     glows = {key: glow_of(material, textures, KnownSpectra()) for key, material in materials.items()}
     shining = {key: glow for key, glow in glows.items() if glow.strength > 0}
     seen = primitives.among(
-        lambda run: (
-            id(run.material) in shining
-            and run.trajectory is None
-            and run.kind is not Kind.PLANE
-            and not run.hidden & Hidden.FROM_CAMERA
+        lambda each: (
+            id(each.material) in shining
+            and each.trajectory is None
+            and each.kind is not Kind.PLANE
+            and not each.hidden & Hidden.FROM_CAMERA
         )
     )
     lamps = (_see_lamp(primitive, eye, shining[id(primitive.material)]) for _, primitive in seen)

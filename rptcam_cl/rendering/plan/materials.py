@@ -702,7 +702,7 @@ class _Filler:
         """Write the reflectance by the cosine, and one at normal incidence by which the base gets what it leaves."""
         colours = film_colours(material, film)
         name = f"film {content_name(colours)}"
-        record["film"] = 1 + self._textures.add_table(name, colours.astype(np.float32).ravel().view(np.uint32))
+        record["first"] = 1 + self._textures.add_table(name, colours.astype(np.float32).ravel().view(np.uint32))
         if material.metallic == 0:
             # the mean over angles of even light is that of Schlick's rise from f0 to 1
             cosine = np.linspace(0, 1, len(colours))
@@ -805,7 +805,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_COAT_NORMAL": np.any(coated & ((records["coat_normal_texture"] >= 0) | flat)),
         "HAS_SHEEN": np.any(records["sheen"][principled] > 0) or np.any(records["sheen_texture"] >= 0),
         "HAS_ABSORPTION": np.any(records["absorption"][clear] > 0),
-        "HAS_THIN_FILM": np.any(records["film"] > 0),
+        "HAS_THIN_FILM": np.any(records["first"][principled] > 0),
         "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),
         "HAS_SPECULAR_COLOR": np.any(tinted) or np.any(records["specular_color_texture"] >= 0),
         "HAS_DISPERSION": np.any(records["dispersion_terms"] > 0),

@@ -17,7 +17,7 @@ from rptcam_cl.core.files import read_whole
 from rptcam_cl.core.records import DENSITY_BLOCK, MEDIUM, Hidden, fill
 from rptcam_cl.core.remember import Memory
 from rptcam_cl.rendering.plan.materials import Materials
-from rptcam_cl.rendering.plan.primitives import Primitive
+from rptcam_cl.rendering.plan.primitives import Primitives, Prototype
 from rptcam_cl.rendering.plan.textures import KnownSpectra
 from rptcam_cl.scene.base import describe, listed, near_name
 from rptcam_cl.scene.materials import (
@@ -92,7 +92,7 @@ def _interior_of(material: Material) -> ScatteringMedium | None:
 
 
 def pack_media(
-    scene: Scene, runs: Sequence[Primitive], shown: Materials, spectra: KnownSpectra
+    scene: Scene, primitives: Primitives, shown: Materials, spectra: KnownSpectra
 ) -> tuple[Media, Materials]:
     """Return the media of a scene and its materials, which know the media inside of solids.
 
@@ -103,14 +103,14 @@ def pack_media(
     InputError
         For what does not go with media.
     """
-    materials = {id(run.material): run.material for run in runs}
+    materials = {id(each.material): each.material for each in primitives.prototypes}
     for material in [*materials.values()]:
         if isinstance(material, Mix):
             materials |= {id(part): part for part in material.materials}
     own = [getattr(material, "interior", None) for material in materials.values()]
     if scene.medium is None and not any(each is not None for each in own):
         return Media(MEDIUM.zeros(1)), shown
-    _check(scene, runs, materials.values())
+    _check(scene, primitives, materials.values())
     found, numbers = [EMPTY], {_key_of(EMPTY, scene): 0}
 
     def number_of(medium: ScatteringMedium) -> int:
@@ -141,10 +141,10 @@ def _key_of(medium: ScatteringMedium, scene: Scene) -> str:
     return str({name: value for name, value in describe(medium, scene.folders).items() if value is not None})
 
 
-def hidden_from(primitive: Primitive) -> int:
-    """Return the rays that a primitive is hidden from, also as one that is nothing but the boundary of a medium."""
-    is_boundary = isinstance(primitive.material, Boundary)
-    return primitive.hidden | is_boundary * (Hidden.FROM_SHADOW | Hidden.FROM_ALL_BUT_WAYS)
+def hidden_from(prototype: Prototype) -> int:
+    """Return the rays that primitives are hidden from, also as those that are nothing but the boundary of a medium."""
+    is_boundary = isinstance(prototype.material, Boundary)
+    return prototype.hidden | is_boundary * (Hidden.FROM_SHADOW | Hidden.FROM_ALL_BUT_WAYS)
 
 
 def _records(
@@ -321,7 +321,7 @@ def _fill_grid(record: np.void, density: DensityGrid, volume: Volume, scene: Sce
     )  # fmt: skip
 
 
-def _check(scene: Scene, runs: Sequence[Primitive], materials: Collection[Material]) -> None:
+def _check(scene: Scene, primitives: Primitives, materials: Collection[Material]) -> None:
     """Refuse what does not go with media."""
     faults = {
         "film.transparent": (scene.film.transparent, "false"),
@@ -341,12 +341,12 @@ def _check(scene: Scene, runs: Sequence[Primitive], materials: Collection[Materi
         raise InputError("opacity: solids with holes do not go with media such as fog (allowed: 1)")
     partly = Hidden.FROM_CAMERA | Hidden.FROM_REFLECTION
     bounded = any(isinstance(material, Boundary) for material in materials)
-    for primitive in runs:
-        if bounded and primitive.hidden & partly not in (0, partly):
-            raise InputError(
-                f"objects.{primitive.object}.visible: a boundary of a medium makes no difference between camera and"
-                " reflection (allowed: both or neither)"
-            )
+    wrong = primitives.runs_of(lambda each: bounded and each.hidden & partly not in (0, partly))
+    if len(wrong):
+        raise InputError(
+            f"objects.{primitives.objects[wrong[0]]}.visible: a boundary of a medium makes no difference between camera"
+            " and reflection (allowed: both or neither)"
+        )
 
 
 def _of_mix(mix: Mix, inside: dict[int, int]) -> int:

@@ -53,18 +53,18 @@ from rptcam_cl.rendering.plan.media import Media, hidden_from, pack_media
 from rptcam_cl.rendering.plan.primitives import (
     ObjectMovements,
     Owners,
-    PackedMeshes,
     PlanParts,
     Primitive,
     Primitives,
+    Prototype,
     has_huge_sphere,
     owners_of,
     pack_movements,
     pack_primitives,
     scene_primitives,
-    with_meshes,
 )
 from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures
+from rptcam_cl.rendering.plan.triangles import PackedMeshes, with_meshes
 from rptcam_cl.scene.base import FileReference, file_references
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.load import at_opening, exposure_steps
@@ -80,7 +80,7 @@ from rptcam_cl.scene.materials import (
     Translucent,
     has_holes,
 )
-from rptcam_cl.scene.scene import Scene, Solid
+from rptcam_cl.scene.scene import Scene
 
 # What the numbers of a path's light are, and which wavelengths paths have.
 
@@ -348,14 +348,10 @@ def _pack_caustics(
     wanted = scene.render.caustics
     if wanted == "off":
         return _without(None)
-    kinds = {(id(run.material), run.kind is Kind.PLANE): run for run in primitives.runs}
-    role_of = {key: _role(run) for key, run in kinds.items()}
-    roles = primitives.of_each(
-        0 if run.hidden else role_of[id(run.material), run.kind is Kind.PLANE] for run in primitives.runs
-    )
+    roles = primitives.of_each(lambda each: 0 if each.hidden else _role(each))
     if reason := _nothing_to_do(roles, emitters):
         return _without(reason if "caustics" in scene.render.model_fields_set else None)
-    if any(run.trajectory is not None for run in primitives.runs):
+    if any(each.trajectory is not None for each in primitives.prototypes):
         if wanted == "on":
             raise InputError("render.caustics: objects that move have none (allowed: off or auto, or objects at rest)")
         return _without("objects move")
@@ -397,12 +393,12 @@ def _receives(material: Material) -> bool:
     return isinstance(material, Matte | Translucent)
 
 
-def _role(primitive: Primitive) -> int:
-    material = primitive.material
+def _role(prototype: Prototype) -> int:
+    material = prototype.material
     parts: Sequence[Material] = material.materials if isinstance(material, Mix) else (material,)
     if any(map(_receives, parts)):
         return _RECEIVER
-    smooth = any(map(_is_smooth, parts)) and primitive.kind is not Kind.PLANE and not has_holes(primitive.material)
+    smooth = any(map(_is_smooth, parts)) and prototype.kind is not Kind.PLANE and not has_holes(material)
     return SURFACE if smooth else 0
 
 
@@ -425,9 +421,8 @@ def _surfaces(
     """Return the records of smooth glass and mirrors, their areas [m²], and of triangles the middles about the eye."""
     records, areas, places = [], [], []
     first_mesh = len(primitives) - len(first_triangles)
-    for index, primitive in enumerate(primitives):
-        if roles[index] != SURFACE:
-            continue
+    for index in np.flatnonzero(roles == SURFACE).tolist():
+        primitive = primitives[index]
         if primitive.mesh is not None:
             triangles, area = triangle_emitters(primitive.mesh, primitive.placement, eye)
             place = (triangles["a"] + (triangles["u"] + triangles["v"]) / 3)[:, :3]
@@ -538,9 +533,9 @@ def _sizes(primitives: Primitives, lamps: NDArray[np.void]) -> NDArray[np.float6
     sizes = np.where(kinds == EmitterKind.SPHERE, sizes * extents, sizes)
     solids = np.flatnonzero(np.isin(kinds, list(SOLIDS.values())))
     lamp_of = dict(zip(lamps["primitive"][solids].tolist(), solids.tolist(), strict=True))
-    for index, solid in enumerate(primitives if lamp_of else ()):
-        if index in lamp_of:  # a convex body shows a quarter of its area on average
-            sizes[lamp_of[index]] = area_of_solid(solid.kind, solid.placement[:3, :3]) / 4
+    for index, lamp in lamp_of.items():
+        solid = primitives[index]
+        sizes[lamp] = area_of_solid(solid.kind, solid.placement[:3, :3]) / 4  # what a convex body shows on average
     return sizes
 
 
@@ -575,7 +570,7 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     """The fields of a `Plan` that no camera decides: as before, where what they are made of is the same."""
     far, named = (scene.lights, scene.environment), (tuple(scene.materials), tuple(scene.materials.values()))
     shown = scene.objects, named, far, scene.medium
-    solids, references = parts.part("solids", shown, lambda: _solids(scene, far))
+    references = parts.part("references", shown, lambda: _references(scene, far))
     files = tuple(map(scene.digest_of, references))
     light = (
         scene.medium,
@@ -586,18 +581,15 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
     about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent, light
     held = () if parts.held is None else tuple(parts.held.items())
-    of = scene.objects, solids, named, far, files, about, held
+    of = scene.objects, named, far, files, about, held
     return parts.part("held world" if held else "world", of, lambda: _pack_world(scene, parts, files))
 
 
-def _solids(scene: Scene, far: tuple[Any, ...]) -> tuple[tuple[Solid, ...], tuple[FileReference, ...]]:
-    """Return the objects with what their files hold, and every part that is shown and names a file."""
-    solids = scene.solids()
-    shown = {id(material): material for solid in solids for material in solid.shown_materials()}
+def _references(scene: Scene, far: tuple[Any, ...]) -> tuple[FileReference, ...]:
+    """Return every part of a scene that is shown and names a file."""
     tables = tuple(item.instances for item in scene.objects if item.instances is not None)
-    return solids, tuple(
-        reference for _, reference in file_references((tuple(shown.values()), far, tables, scene.medium))
-    )
+    named = scene.shown_materials(), far, tables, scene.medium
+    return tuple(reference for _, reference in file_references(named))
 
 
 # Whose facets reflect and pass nothing on: their lobe says which lamps of a light tree matter.
@@ -607,22 +599,25 @@ _LOBED = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_PLASTIC
 def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[str, Any]:
     tables = [item.instances.matrices(scene.folders) for item in scene.objects if item.instances is not None]
     primitives, meshes = with_meshes(scene_primitives(scene, parts), scene, parts)
-    materials = {id(run.material): run.material for run in primitives.runs}.values()
+    materials = {id(each.material): each.material for each in primitives.prototypes}.values()
     seen = parts.appearance(scene, materials, files)
     table, spectra, surroundings = seen.table, seen.spectra, seen.surroundings
-    media, shown = pack_media(scene, primitives.runs, seen.shown, spectra)
+    media, shown = pack_media(scene, primitives, seen.shown, spectra)
     first_triangles = meshes.first_triangles if meshes else np.zeros(0, np.int32)
     groups = light_groups(scene, primitives, has_glow=media.has_glow)
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings, groups, parts.held)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     textures = parts.textures(seen).seen_from(scene.camera.eye)
-    records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
+    records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive)
+    if meshes is not None:
+        records["instance"][-len(first_triangles) :] = meshes.instance_of
+        records["first_triangle"][-len(first_triangles) :] = first_triangles
     movements = pack_movements(scene, primitives)
     if parts.held is None or parts.held["CAUSTICS"]:
         caustics = _pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
     else:
         caustics = _without("photons take other kernels")
-    hidden = primitives.of_each(map(hidden_from, primitives.runs))
+    hidden = primitives.of_each(hidden_from)
     del tables  # until now they are read once
     facts = shown.facts | media.facts | caustics.facts | textures.facts | emitters.facts | movements.facts
     facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
@@ -653,7 +648,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "caustics": caustics,
         "media": media,
         "meshes": meshes,
-        "owners": owners_of(scene, primitives),
+        "owners": owners_of(scene, primitives, parts),
         "eye_m": eye_m,
         "albedo": "media scatter light on and on" if media.active else largest_albedo(materials),
         "lamps": visible_lamps(primitives, eye_m, table),
@@ -669,8 +664,8 @@ def _facts_of_shapes(
     primitives: Primitives, meshes: PackedMeshes | None, materials: Mapping[str, int]
 ) -> dict[str, int]:
     """Find which kinds of primitives there are, and what their surfaces require beside positions and normals."""
-    kinds = {run.kind for run in primitives.runs}
-    is_smooth = any(run.mesh is not None and run.mesh.normals is not None for run in primitives.runs)
+    kinds = {each.kind for each in primitives.prototypes}
+    is_smooth = any(each.mesh is not None and each.mesh.normals is not None for each in primitives.prototypes)
     bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"] or materials["HAS_BUMP"]
     return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
         "HAS_TANGENT": int(any(materials[name] for name in ("HAS_ANISOTROPY", "HAS_HAIR", *FRAMED))),

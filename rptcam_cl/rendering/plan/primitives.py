@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
+from operator import is_
 from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.files import Folders
-from rptcam_cl.core.records import HUGE_POWER, INSTANCE, MOTION_MARGIN, PRIMITIVE, SEGMENT, Kind, fill
+from rptcam_cl.core.records import HUGE_POWER, MOTION_MARGIN, PRIMITIVE, SEGMENT, Kind, fill
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.model import CameraModel, turned
 from rptcam_cl.rendering.plan.environment import Surroundings, pack_environment
@@ -27,7 +26,7 @@ from rptcam_cl.scene.camera import CameraKind
 from rptcam_cl.scene.exposure import Exposure, Shutter
 from rptcam_cl.scene.film import Film, SpectrumSettings
 from rptcam_cl.scene.materials import Material
-from rptcam_cl.scene.meshes import LoadedMesh, MeshObject
+from rptcam_cl.scene.meshes import MeshObject
 from rptcam_cl.scene.placement import PlacedObject, Trajectory, moments, quaternion_of
 from rptcam_cl.scene.quantities import cross
 from rptcam_cl.scene.scene import Scene
@@ -70,7 +69,8 @@ class PlanParts:
         self.rough = False
         self.held: dict[str, int] | None = None
         self._known: dict[str, tuple[tuple[Any, ...], Any]] = {}
-        self.placed: tuple[Any, dict[int, _PlacedMesh]] = None, {}  # unit and shutter; by the index of the object
+        self.placed: PlacedMeshes | None = None
+        self.rough_parts: tuple[str, ...] = ()  # names of those that were made roughly
 
     def part(self, name: str, of: tuple[Any, ...], make: Callable[[], Part]) -> Part:
         """Return the part of a name that is made of the same as before, else what ``make`` returns; not to be changed.
@@ -81,23 +81,21 @@ class PlanParts:
             Instances that do not change, or what compares by its content; tuples of them.
         """
         known = self._known.get(name)
-        if known is None or not _are_same(known[0], of):
+        if known is None or not are_same(known[0], of):
             known = self._known[name] = of, make()
         part: Part = known[1]
         return part
 
-    def pools(self, in_world: Sequence[Primitive], shared: Collection[Mesh]) -> _Pools:
-        """Return the pools of meshes; see `pack_meshes`."""
-        before: _Pools | None = self._known["pools"][1] if "pools" in self._known else None
-        of = tuple((item.mesh, item.placement) for item in in_world), tuple(shared)
-        return self.part("pools", of, lambda: _Pools(in_world, shared, before, keep_centre=self.rough))
+    def last(self, name: str) -> Any:
+        """Return the part of a name as it was made last, None where it has not been."""
+        return self._known[name][1] if name in self._known else None
 
     def drop_rough(self) -> None:
         """Make what was made roughly anew from now on."""
         self.rough = False
-        if "pools" in self._known and not self._known["pools"][1].is_exact:
-            for name in ("pools", "meshes", "world", "held world"):
-                self._known.pop(name, None)
+        for name in self.rough_parts:
+            self._known.pop(name, None)
+        self.rough_parts = ()
 
     def appearance(self, scene: Scene, materials: Collection[Material], files: tuple[str, ...]) -> Appearance:
         """Pack the look of the materials of primitives and of the environment of a scene; it can be added to.
@@ -148,174 +146,18 @@ def _is_portable(scene: Scene) -> bool:
     return not any(file_references(camera))
 
 
-def _are_same(one: Any, other: Any) -> bool:
+def are_same(one: Any, other: Any) -> bool:
     """Return whether two things are: the same instances, but for numbers, texts, arrays and how a camera is set."""
     if one is other:
         return True
     if isinstance(one, tuple) and type(one) is type(other):
-        return len(one) == len(other) and all(map(_are_same, one, other))
+        return len(one) == len(other) and (all(map(is_, one, other)) or all(map(are_same, one, other)))
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
         return np.array_equal(one, other)
     return isinstance(one, _BY_VALUE) and type(one) is type(other) and bool(one == other)
 
 
-# Triangles of a scene as the device holds them: pools of vertices and triangles, and who uses them.
-
-VERTEX_FLOATS = 8  # position, normal (zero: none), texture coordinates
-
-
-@dataclass(frozen=True, eq=False)
-class TriangleGroup:
-    """Triangles that share a tree.
-
-    Attributes
-    ----------
-    key : str
-        Hash of its corners in the frame of the group.
-    first_triangle, triangles : int
-        Where it lies in the pool of triangles.
-    first_vertex, vertices : int
-        Where it lies in the pool of vertices.
-    centre : (3,) float64 array or None
-        Where its frame stands in the scene [m]; None for a mesh that instances share.
-    shift : (3,) float64 array
-        What takes the group's frame to that in which rays meet it [m]: zero for a mesh that instances share.
-    """
-
-    key: str
-    first_triangle: int
-    triangles: int
-    first_vertex: int
-    vertices: int
-    centre: NDArray[np.float64] | None
-    shift: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class PackedMeshes:
-    """All meshes of a scene.
-
-    Attributes
-    ----------
-    vertices : (n, 8) float32 array
-        Position, normal, texture coordinates; positions in the frame of their group, not shifted.
-    triangles : (m, 4) int32 array
-        Corners in the pool of vertices, and the place of the triangle's primitive among those of its instance.
-    groups : tuple of TriangleGroup
-    boxes : (groups, 2, 3) float32 array
-        Lowest and highest corner of the vertices of each group; empty where no instances are needed.
-    order : tuple of int
-        The runs of placed meshes in the order in which their primitives must stand.
-    first_copied : tuple of int
-        First triangle of each mesh that stands in the world.
-    shared : Primitives
-        Meshes that are instances.
-    group_of_run : (runs,) int array
-        Of those.
-    first_primitive : int
-        Of all meshes.
-    eye : (3,) float64 array
-        About which rays meet them [m].
-    """
-
-    vertices: NDArray[np.float32]
-    triangles: NDArray[np.int32]
-    groups: tuple[TriangleGroup, ...]
-    boxes: NDArray[np.float32]
-    order: tuple[int, ...]
-    first_copied: tuple[int, ...]
-    shared: Primitives
-    group_of_run: NDArray[np.int64]
-    first_primitive: int
-    eye: NDArray[np.float64]
-
-    @property
-    def instanced(self) -> bool:
-        """Whether rays must be taken to the frames of instances: false where all triangles stand in the world."""
-        return len(self.shared) > 0
-
-    @property
-    def group_of_instance(self) -> NDArray[np.int64]:
-        """The group of each instance; the first stands for all copied meshes, if any."""
-        groups = np.repeat(self.group_of_run, self.shared.counts)
-        return np.append(np.zeros(int(bool(self.first_copied)), np.int64), groups)
-
-    def group_of(self, instance: int) -> TriangleGroup:
-        """Return the group of an instance."""
-        place = instance - bool(self.first_copied)
-        run = int(np.searchsorted(self.shared.ends, place, side="right"))
-        return self.groups[0 if place < 0 else int(self.group_of_run[run])]
-
-    @property
-    def instance_of(self) -> NDArray[np.int32]:
-        """The instance of each placed mesh."""
-        copied = len(self.first_copied)
-        return np.append(np.zeros(copied), bool(copied) + np.arange(len(self.shared))).astype(np.int32)
-
-    @property
-    def first_triangles(self) -> NDArray[np.int32]:
-        """The first triangle of each placed mesh."""
-        of_runs = [self.groups[group].first_triangle for group in self.group_of_run]
-        return np.append(self.first_copied, np.repeat(of_runs, self.shared.counts)).astype(np.int32)
-
-    def has_places_of(self, other: PackedMeshes) -> bool:
-        """Return whether what stands in the scene stands where other meshes do."""
-        one, two = ((bool(each.first_copied), *(run.origin for run in each.shared.runs)) for each in (self, other))
-        return _are_same(one, two)
-
-    def seen_from(self, eye: NDArray[np.float64]) -> PackedMeshes:
-        """Return these as rays meet them about an eye, in the scene [m]; trees do not depend on it."""
-        groups = tuple(
-            group if group.centre is None else replace(group, shift=group.centre - eye) for group in self.groups
-        )
-        return replace(self, groups=groups, eye=eye)
-
-    def placed(self) -> Iterator[tuple[slice, NDArray[np.int64], Matrix, Matrix]]:
-        """Yield shared meshes some at a time: where they stand among the instances, their groups, what takes them to
-        the scene [m], and where the origin of their frame comes to lie by its turn.
-        """
-        copied = int(bool(self.first_copied))
-        origins = np.array([_mesh_of(run).origin for run in self.shared.runs])
-        for part, runs, placements in self.shared.blocks():
-            turned = (placements[:, :3, :3] @ origins[runs][:, :, None])[:, :, 0]
-            yield slice(part.start + copied, part.stop + copied), self.group_of_run[runs], placements, turned
-
-    def instances(self) -> NDArray[np.void]:
-        """Work out the ``Instance`` records but for their roots: of the copied meshes, then of the others."""
-        copied = len(self.first_copied)
-        records = INSTANCE.zeros(len(self.shared) + bool(copied))
-        records["primitives"] = 1
-        records["first_primitive"][bool(copied) :] = self.first_primitive + copied + np.arange(len(self.shared))
-        if copied:
-            records["first_primitive"][0], records["primitives"][0] = self.first_primitive, copied
-            _write_places(records[:1], np.eye(4)[None])  # their triangles stand in the world
-        for part, _, placements, origins in self.placed():
-            world = placements.copy()
-            world[:, :3, 3] += origins - self.eye
-            _write_places(records[part], world)
-        return records
-
-
-def _write_places(records: NDArray[np.void], world: Matrix) -> None:
-    for name, rows in (("row", np.linalg.inv(world)), ("world", world)):
-        for place, axis in enumerate("xyz"):
-            records[f"{name}_{axis}"] = rows[:, place]
-
-
-def shift_points(points: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return points or box corners (..., 3) moved by ``shift``, rounded once.
-
-    Rounding keeps order, so a box that held points before holds them afterwards.
-    """
-    return (points + shift).astype(np.float32)
-
-
-#
-# Meshes of the scene as pools of vertices and triangles, in metres, each with its material.
-#
-# A mesh that stands in the scene once is taken to the world, where all such meshes share one tree. One that several
-# objects use is held once, in its own frame, with a tree that its instances share; small ones are copied all the
-# same, as each instance on its way costs a ray more than a few triangles do. What moves is an instance always.
+Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,189 +199,6 @@ def mesh_parts(scene: Scene, item: MeshObject | Board) -> tuple[MeshPart, ...]:
     )
 
 
-BLOCK = 1 << 14  # instances that are inverted at a time
-MOST_COPIED = 1 << 14  # triangles that copies of one mesh may add to the common tree
-
-Matrix = NDArray[np.float64]
-
-
-def pack_meshes(placed: Sequence[Primitive], first_primitive: int, parts: PlanParts) -> PackedMeshes:
-    """Return some primitives that are meshes, as rays from the origin of the scene meet them.
-
-    Parameters
-    ----------
-    placed
-        Runs of them, at least one.
-    first_primitive
-        Index of the first primitive that is a mesh.
-    parts
-        Keeps the pools until others of these stand in the world, or other meshes are shared.
-    """
-    uses: Counter[int] = Counter()
-    for run in placed:
-        uses[id(run.mesh)] += len(run.places) if run.trajectory is None else 0
-    is_shared = [
-        run.trajectory is not None or (uses[id(run.mesh)] - 1) * len(_mesh_of(run).faces) > MOST_COPIED
-        for run in placed
-    ]
-    copied = [i for i, share in enumerate(is_shared) if not share]
-    shared = [i for i, share in enumerate(is_shared) if share]
-    in_world = [*Primitives([placed[i] for i in copied])]
-    meshes = {id(placed[i].mesh): _mesh_of(placed[i]) for i in shared}
-    pools = parts.pools(in_world, meshes.values())
-    group_of = {key: bool(copied) + place for place, key in enumerate(meshes)}
-    return PackedMeshes(
-        vertices=pools.vertices,
-        triangles=pools.triangles,
-        groups=tuple(pools.groups),
-        boxes=pools.boxes() if shared else np.zeros((0, 2, 3), np.float32),
-        order=(*copied, *shared),
-        first_copied=tuple(pools.first_triangles),
-        shared=Primitives([placed[i] for i in shared]),
-        group_of_run=np.array([group_of[id(placed[i].mesh)] for i in shared], np.int64),
-        first_primitive=first_primitive,
-        eye=np.zeros(3),
-    )
-
-
-class _Pools:
-    """Vertices and triangles of meshes: those in the world as one group, each that instances share as one of its own.
-
-    Parameters
-    ----------
-    in_world, shared
-        The meshes.
-    before
-        Pools of perhaps the same meshes, from which what has not moved is taken.
-    keep_centre
-        Whether the world's group may stand about the centre before.
-
-    Attributes
-    ----------
-    vertices, triangles
-        As of `PackedMeshes`; ``triangles`` are the same array as before where they are the same.
-    groups : list of TriangleGroup
-    first_triangles : list of int
-        Of each mesh in the world.
-    is_exact : bool
-        Whether the world's group stands about its own centre.
-    """
-
-    def __init__(
-        self, in_world: Sequence[Primitive], shared: Iterable[Mesh], before: _Pools | None, *, keep_centre: bool
-    ) -> None:
-        self.groups: list[TriangleGroup] = []
-        self.is_exact = True
-        self._placed: list[tuple[Mesh, Matrix]] = []
-        self._slots: list[int] = []  # of each mesh, among the primitives of its instance
-        self._ends = np.zeros((1, 2), np.int64)  # of the triangles and vertices of the meshes so far
-        if in_world:
-            self._add_world(in_world, before.groups[0].centre if keep_centre and before is not None else None)
-        for mesh in shared:
-            self._add([(mesh, affine(np.eye(3), -mesh.origin))], f"shared {mesh.content_hash}", None)
-        self.first_triangles: list[int] = self._ends[: len(in_world), 0].tolist()
-        self._reflects = [bool(np.linalg.det(matrix[:3, :3]) <= 0) for _, matrix in self._placed]
-        if before is not None and not self._has_meshes_of(before):
-            before = None
-        self.triangles: NDArray[np.int32] = (
-            np.concatenate(list(self._corners())) if before is None else before.triangles
-        )
-        self.vertices: NDArray[np.float32] = np.concatenate(list(self._points(before)))
-
-    def boxes(self) -> NDArray[np.float32]:
-        """Return lowest and highest corner of each group (groups, 2, 3)."""
-        spans = [slice(group.first_vertex, group.first_vertex + group.vertices) for group in self.groups]
-        points = [self.vertices[span, :3] for span in spans]
-        return np.array([(each.min(axis=0), each.max(axis=0)) for each in points])
-
-    def _add_world(self, placed: Sequence[Primitive], given: NDArray[np.float64] | None) -> None:
-        """Add meshes taken to the world as one group, about a given centre or its own."""
-        own = _centre(placed)
-        centre = own if given is None else given
-        self.is_exact = np.array_equal(own, centre)
-        key, meshes = hashlib.sha256(), []
-        for item in placed:
-            local = item.placement.copy()
-            local[:3, 3] -= centre
-            key.update(_mesh_of(item).content_hash.encode() + local.tobytes())
-            meshes.append((_mesh_of(item), local))
-        self._add(meshes, key.hexdigest(), centre)
-
-    def _add(self, placed: list[tuple[Mesh, Matrix]], key: str, centre: NDArray[np.float64] | None) -> None:
-        """Add a group of meshes, each with the matrix that takes it to the frame of the group."""
-        self._placed += placed
-        self._slots += range(len(placed))
-        sizes = np.array([(len(mesh.faces), len(mesh.positions)) for mesh, _ in placed])
-        first_triangle, first_vertex = self._ends[-1].tolist()
-        self._ends = np.vstack([self._ends, self._ends[-1] + np.cumsum(sizes, axis=0)])
-        triangles, vertices = sizes.sum(axis=0).tolist()
-        shift = np.zeros(3) if centre is None else centre
-        self.groups.append(TriangleGroup(key, first_triangle, triangles, first_vertex, vertices, centre, shift))
-
-    def _has_meshes_of(self, other: _Pools) -> bool:
-        """Return whether the meshes are the same in all but their places."""
-        one, two = (
-            [(id(mesh), *rest) for (mesh, _), *rest in zip(each._placed, each._slots, each._reflects, strict=True)]
-            for each in (self, other)
-        )
-        return one == two
-
-    def _corners(self) -> Iterator[NDArray[np.int32]]:
-        """Yield the triangles of each mesh."""
-        for (mesh, _), slot, (_, first), reflects in zip(
-            self._placed, self._slots, self._ends, self._reflects, strict=False
-        ):
-            corners = np.empty((len(mesh.faces), 4), np.int32)
-            # A reflection turns the front of a triangle round; exchanging two corners turns it back.
-            order = [0, 2, 1] if reflects else [0, 1, 2]
-            np.add(mesh.faces[:, order], first, out=corners[:, :3], casting="unsafe")
-            corners[:, 3] = slot
-            yield corners
-
-    def _points(self, before: _Pools | None) -> Iterator[NDArray[np.float32]]:
-        """Yield the vertices of each mesh."""
-        for place, (mesh, matrix) in enumerate(self._placed):
-            if before is not None and np.array_equal(before._placed[place][1], matrix):
-                yield before.vertices[slice(*self._ends[place : place + 2, 1])]
-            else:
-                yield _vertices(mesh, matrix)
-
-
-def _vertices(mesh: Mesh, matrix: Matrix) -> NDArray[np.float32]:
-    out = np.zeros((len(mesh.positions), VERTEX_FLOATS), np.float32)
-    linear, offset = matrix[:3, :3], matrix[:3, :3] @ mesh.origin + matrix[:3, 3]
-    turn = np.linalg.inv(linear).T
-    step = 1 << 14  # float64 for a part at a time
-    for start in range(0, len(out), step):
-        part = slice(start, start + step)
-        for k, column in enumerate(_products(linear, mesh.positions[part])):
-            out[part, k] = column + offset[k]
-        if mesh.normals is not None:
-            normals = _products(np.asarray(turn, np.float64), mesh.normals[part])
-            length = np.sqrt(normals[0] ** 2 + normals[1] ** 2 + normals[2] ** 2)
-            for k, column in enumerate(normals, 3):
-                out[part, k] = column / length
-    if mesh.uvs is not None:
-        out[:, 6:] = mesh.uvs
-    return out
-
-
-def _products(matrix: Matrix, rows: NDArray[np.floating[Any]]) -> list[NDArray[np.float64]]:
-    """Return the columns of vectors (n, 3) under a matrix; BLAS takes ten times as long for so narrow ones."""
-    x, y, z = rows.T.astype(np.float64)
-    return [a * x + b * y + c * z for a, b, c in matrix.tolist()]
-
-
-def _mesh_of(primitive: Primitive) -> Mesh:
-    assert primitive.mesh is not None
-    return primitive.mesh
-
-
-def _centre(placed: Sequence[Primitive]) -> NDArray[np.float64]:
-    corners = np.concatenate([corners_of_box(*_mesh_of(item).bounds(), item.placement) for item in placed])
-    return np.asarray((corners.min(axis=0) + corners.max(axis=0)) / 2)
-
-
 def corners_of_box(low: NDArray[np.float64], high: NDArray[np.float64], matrix: Matrix) -> NDArray[np.float64]:
     """Return the eight corners of a box (..., 8, 3) under matrices (..., 4, 4)."""
     choice = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
@@ -548,6 +207,7 @@ def corners_of_box(low: NDArray[np.float64], high: NDArray[np.float64], matrix: 
     return np.asarray(corners @ linear + matrix[..., None, :3, 3])
 
 
+BLOCK = 1 << 14  # placements that are worked out at a time
 MOST = float(np.finfo(np.float32).max)
 SPAN_BITS = 15  # of kernels/geometry/cubic_curve.h
 
@@ -593,56 +253,206 @@ class TablePlaces:
         return content, self.item.world_from_object, moved, self.before, self.after
 
 
-@dataclass(frozen=True, eq=False)
-class Primitive:
-    """A primitive, or some that differ in their places alone.
+class Prototype(NamedTuple):
+    """What is the same of primitives that differ in their places and objects alone.
 
     Attributes
     ----------
     kind : Kind
-    places : (n, 4, 4) array or TablePlaces
-        Map the canonical shape of the kind (see ``kernels/geometry/primitives.h``) to the world [m], the eye at the
-        origin.
-        Those of a mesh: the scene [m], from the mesh's frame.
     material : Material
-    object : int
-        Index of the object of the scene that it belongs to.
     mesh : Mesh or None
     trajectory : Trajectory or None
-        Its way while the shutter is open, None where it stands still; the places are those at the opening.
+        Their way while the shutter is open, None where they stand still; the places are those at the opening.
     hidden : int
-        Rays that pass through it, a sum of `Hidden`.
+        Rays that pass through them, a sum of `Hidden`.
     """
 
     kind: Kind
-    places: Matrix | TablePlaces
     material: Material
-    object: int
     mesh: Mesh | None = None
     trajectory: Trajectory | None = None
     hidden: int = 0
 
     @property
-    def placement(self) -> Matrix:
-        """The place of a single one (4, 4)."""
-        return np.asarray(self.places[:1][0])
+    def key(self) -> tuple[int, ...]:
+        """What tells it from others, by identity."""
+        return self.kind, id(self.material), id(self.mesh), id(self.trajectory), self.hidden
+
+
+class Primitive(NamedTuple):
+    """One primitive: the index of its object in the scene, its place, and what its `Prototype` says."""
+
+    object: int
+    placement: Matrix
+    kind: Kind
+    material: Material
+    mesh: Mesh | None
+    trajectory: Trajectory | None
+    hidden: int
+
+
+@dataclass(frozen=True, eq=False)
+class Placements:
+    """Where the primitives of runs stand: those of a run one behind the other.
+
+    A matrix takes the canonical shape of a kind (see ``kernels/geometry/primitives.h``) to the world [m], the eye at
+    the origin; the frame of a mesh to the scene [m].
+
+    Attributes
+    ----------
+    rows : (n, 4, 4) array
+        Of the runs that are written out.
+    tables : dict
+        Those of the other runs, by the number of the run.
+    counts : (runs,) int array
+        Primitives of each run.
+    """
+
+    rows: Matrix
+    tables: dict[int, TablePlaces]
+    counts: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, places: Sequence[Matrix | TablePlaces]) -> Placements:
+        """Return the places (n, 4, 4) of each run as one."""
+        rows = [each for each in places if not isinstance(each, TablePlaces)]
+        tables = {run: each for run, each in enumerate(places) if isinstance(each, TablePlaces)}
+        counts = np.fromiter(map(len, places), np.int64, len(places))
+        return cls(np.concatenate(rows) if rows else np.zeros((0, 4, 4)), tables, counts)
+
+    @cached_property
+    def ends(self) -> NDArray[np.int64]:
+        """The number of primitives up to each run and with it."""
+        return np.cumsum(self.counts)
+
+    @cached_property
+    def _starts(self) -> NDArray[np.int64]:
+        """Where the rows of each run begin, and where the last end."""
+        written = self.counts.copy()
+        written[[*self.tables]] = 0
+        return np.append(0, np.cumsum(written))
+
+    def __len__(self) -> int:
+        return int(self.ends[-1]) if len(self.counts) else 0
 
     @property
-    def origin(self) -> Any:
-        """What the places are made of, to be compared."""
-        return self.places.origin if isinstance(self.places, TablePlaces) else self.places
+    def content(self) -> tuple[Any, ...]:
+        """What the placements are made of, to be compared."""
+        return self.rows, self.counts, tuple((run, table.origin) for run, table in self.tables.items())
+
+    def of_run(self, run: int) -> Matrix | TablePlaces:
+        """Return the places of a run."""
+        return self.tables[run] if run in self.tables else self.rows[self._starts[run] : self._starts[run + 1]]
+
+    def chosen(self, runs: NDArray[np.int64]) -> Placements:
+        """Return those of some runs, in the order given."""
+        if np.array_equal(runs, np.arange(len(self.counts))):
+            return self
+        starts, lengths = self._starts[runs], self._starts[runs + 1] - self._starts[runs]
+        at = np.repeat(starts - np.cumsum(lengths) + lengths, lengths) + np.arange(lengths.sum())
+        tables = {place: self.tables[run] for place, run in enumerate(runs.tolist()) if run in self.tables}
+        return Placements(self.rows[at], tables if self.tables else {}, self.counts[runs])
+
+    def changed(self, places: Mapping[int, Matrix | TablePlaces]) -> Placements | None:
+        """Return these with those of some runs in other places; None where the numbers differ."""
+        if any(len(each) != self.counts[run] or (run in self.tables) != isinstance(each, TablePlaces)
+               for run, each in places.items()):  # fmt: skip
+            return None
+        rows, tables = self.rows.copy() if places else self.rows, dict(self.tables)
+        for run, each in places.items():
+            if isinstance(each, TablePlaces):
+                tables[run] = each
+            else:
+                rows[self._starts[run] : self._starts[run + 1]] = each
+        return Placements(rows, tables, self.counts)
+
+    def joined(self, after: Placements) -> Placements:
+        """Return these and others, whose runs come after."""
+        tables = self.tables | {run + len(self.counts): table for run, table in after.tables.items()}
+        return Placements(np.concatenate([self.rows, after.rows]), tables, np.concatenate([self.counts, after.counts]))
+
+    def blocks(self, runs: slice = slice(None)) -> Iterator[tuple[slice, NDArray[np.int64], Matrix]]:
+        """Yield some at a time: where they stand among the primitives of the runs, numbers of runs, matrices."""
+        low, high, _ = runs.indices(len(self.counts))
+        before = int(self.ends[low] - self.counts[low]) if low < high else 0
+        first = held = 0
+        stacks: list[Matrix] = []
+
+        def together() -> tuple[slice, NDArray[np.int64], Matrix]:
+            numbers = np.searchsorted(self.ends, np.arange(before + first, before + first + held), side="right")
+            return slice(first, first + held), numbers, np.concatenate(stacks)
+
+        for stack in self._stacks(low, high):
+            if stacks and held + len(stack) > BLOCK:
+                yield together()
+                first, held, stacks = first + held, 0, []
+            stacks.append(stack)
+            held += len(stack)
+        if stacks:
+            yield together()
+
+    def _stacks(self, low: int, high: int) -> Iterator[Matrix]:
+        """Yield the matrices of runs, no more than a block at a time."""
+        for run in (*(run for run in sorted(self.tables) if low <= run < high), high):
+            stretches: list[Matrix | TablePlaces] = [self.rows[self._starts[low] : self._starts[run]]]
+            stretches += [self.tables[run]] if run < high else []
+            for places in stretches:
+                yield from (places[first : first + BLOCK] for first in range(0, len(places), BLOCK))
+            low = run + 1
 
 
 class Primitives(Sequence[Primitive]):
-    """The primitives of a scene, of which `runs` differ in their places alone and stand one behind the other."""
+    """The primitives of a scene in runs: those of a run have one prototype and one object.
 
-    def __init__(self, runs: Sequence[Primitive]) -> None:
-        self.runs = runs
-        self.counts = [len(run.places) for run in runs]
-        self.ends = np.cumsum(self.counts, dtype=np.int64)
+    Attributes
+    ----------
+    prototypes : tuple of Prototype
+        In the order of their first runs.
+    prototype_of, objects : (runs,) int array
+        Of each run: which of them it has, and the index of its object in the scene.
+    places : Placements
+    """
+
+    def __init__(
+        self,
+        prototypes: Sequence[Prototype],
+        prototype_of: NDArray[np.int64],
+        objects: NDArray[np.int64],
+        places: Placements,
+    ) -> None:
+        first = np.full(len(prototypes), len(objects))
+        first[prototype_of[::-1]] = np.arange(len(objects))[::-1]
+        order = np.argsort(first, kind="stable")[: np.count_nonzero(first < len(objects))]
+        number = np.zeros(len(prototypes), np.int64)
+        number[order] = np.arange(len(order))
+        self.prototypes = tuple(prototypes[each] for each in order.tolist())
+        self.prototype_of, self.objects, self.places = number[prototype_of], objects, places
+
+    @classmethod
+    def of(cls, runs: Sequence[tuple[Prototype, int, Matrix | TablePlaces]]) -> Primitives:
+        """Return primitives of prototype, object and places of each run."""
+        number: dict[tuple[int, ...], int] = {}
+        of_runs = [number.setdefault(prototype.key, len(number)) for prototype, *_ in runs]
+        prototypes = {prototype.key: prototype for prototype, *_ in runs}
+        objects = np.array([index for _, index, _ in runs], np.int64)
+        places = Placements.of([places for *_, places in runs])
+        return cls(tuple(prototypes.values()), np.array(of_runs, np.int64), objects, places)
+
+    def joined(self, after: Primitives) -> Primitives:
+        """Return these and others, which have none of their prototypes, and come after."""
+        return Primitives(
+            self.prototypes + after.prototypes,
+            np.concatenate([self.prototype_of, len(self.prototypes) + after.prototype_of]),
+            np.concatenate([self.objects, after.objects]),
+            self.places.joined(after.places),
+        )
+
+    def chosen(self, runs: NDArray[np.int64]) -> Primitives:
+        """Return those of some runs, in the order given."""
+        return Primitives(self.prototypes, self.prototype_of[runs], self.objects[runs], self.places.chosen(runs))
 
     def __len__(self) -> int:
-        return int(self.ends[-1]) if self.counts else 0
+        return len(self.places)
 
     @overload
     def __getitem__(self, index: int) -> Primitive: ...
@@ -653,63 +463,69 @@ class Primitives(Sequence[Primitive]):
             return [self[each] for each in range(*index.indices(len(self)))]
         if not 0 <= index < len(self):
             raise IndexError(index)
-        number = int(np.searchsorted(self.ends, index, side="right"))
-        place = index - int(self.ends[number]) + self.counts[number]
-        return replace(self.runs[number], places=self.runs[number].places[place : place + 1])
+        run = int(np.searchsorted(self.places.ends, index, side="right"))
+        place = index - int(self.places.ends[run] - self.places.counts[run])
+        return self._primitive(run, self.places.of_run(run)[place : place + 1][0])
 
     def __iter__(self) -> Iterator[Primitive]:
-        for run, count in zip(self.runs, self.counts, strict=True):
-            if count == 1:
-                yield run
-                continue
-            for first in range(0, count, BLOCK):
-                yield from (replace(run, places=one[None]) for one in run.places[first : first + BLOCK])
+        return (primitive for run in range(len(self.objects)) for primitive in self._of_run(run))
 
-    def among(self, chosen: Callable[[Primitive], bool]) -> Iterator[tuple[int, Primitive]]:
-        """Yield index and primitive of those in the runs that a function chooses."""
-        for run, end, count in zip(self.runs, self.ends.tolist(), self.counts, strict=True):
-            if chosen(run):
-                yield from enumerate(Primitives([run]), start=end - count)
+    def _of_run(self, run: int) -> Iterator[Primitive]:
+        places = self.places.of_run(run)
+        for first in range(0, len(places), BLOCK):
+            yield from (self._primitive(run, place) for place in places[first : first + BLOCK])
 
-    def of_each(self, of_runs: Iterable[int]) -> NDArray[np.int32]:
+    def _primitive(self, run: int, place: Matrix) -> Primitive:
+        return Primitive(int(self.objects[run]), place, *self.prototypes[self.prototype_of[run]])
+
+    def runs_of(self, chosen: Callable[[Prototype], bool]) -> NDArray[np.int64]:
+        """Return the runs of the prototypes that a function chooses."""
+        return np.flatnonzero(self.of_runs(np.array([chosen(each) for each in self.prototypes], np.bool_)))
+
+    def among(self, chosen: Callable[[Prototype], bool]) -> Iterator[tuple[int, Primitive]]:
+        """Yield index and primitive of those whose prototype a function chooses."""
+        for run in self.runs_of(chosen).tolist():
+            yield from enumerate(self._of_run(run), start=int(self.places.ends[run] - self.places.counts[run]))
+
+    def of_runs(self, of_prototypes: NDArray[Any]) -> NDArray[Any]:
+        """Return numbers of prototypes for each run."""
+        return of_prototypes[self.prototype_of] if len(self.objects) else of_prototypes[:0]
+
+    def of_each(self, number: Callable[[Prototype], int]) -> NDArray[np.int32]:
+        """Return a number of the prototype of each primitive; at least one, as OpenCL has no empty buffers."""
+        return self.spread(self.of_runs(np.array([number(each) for each in self.prototypes], np.int32)))
+
+    def spread(self, of_runs: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return numbers of runs for each primitive; at least one, as OpenCL has no empty buffers."""
-        values = np.fromiter(of_runs, np.int32, len(self.runs))
-        if not values.any():
+        if not of_runs.any():
             return np.broadcast_to(np.int32(0), max(len(self), 1))  # takes no memory
-        return np.repeat(values, self.counts)
+        return np.repeat(of_runs, self.places.counts)
 
-    def blocks(self, runs: slice = slice(None)) -> Iterator[tuple[slice, NDArray[np.int64], Matrix]]:
-        """Yield some primitives at a time: where they stand among those of the runs, numbers of runs, placements."""
-        first = held = 0
-        numbers: list[int] = []
-        stacks: list[Matrix] = []
-
-        def joined() -> tuple[slice, NDArray[np.int64], Matrix]:
-            each = np.repeat(np.array(numbers, np.int64), np.fromiter(map(len, stacks), np.int64))
-            return slice(first, first + held), each, np.concatenate(stacks)
-
-        for number, (run, count) in enumerate(zip(self.runs[runs], self.counts[runs], strict=True)):
-            for start in range(0, count, BLOCK):
-                stack = run.places[start : start + BLOCK]
-                if held + len(stack) > BLOCK:
-                    yield joined()
-                    first, held, numbers, stacks = first + held, 0, [], []
-                numbers.append(number)
-                stacks.append(stack)
-                held += len(stack)
-        if stacks:
-            yield joined()
+    @cached_property
+    def kinds(self) -> NDArray[np.int32]:
+        """The kind of each run; they are sorted by it."""
+        return self.of_runs(np.array([each.kind for each in self.prototypes], np.int32))
 
     def by_kind(self) -> dict[Kind, tuple[slice, slice]]:
-        """Return the runs and the primitives of each kind but meshes; they are sorted by kind."""
-        kinds = np.array([run.kind for run in self.runs], np.int32)
-        ends = np.append(self.ends, 0)  # the last for no run before
+        """Return the runs and the primitives of each kind but meshes."""
+        ends = np.append(self.places.ends, 0)  # the last for no run before
         found: dict[Kind, tuple[slice, slice]] = {}
         for kind in Kind:
-            low, high = np.searchsorted(kinds, [kind, kind + 1]).tolist()
+            low, high = np.searchsorted(self.kinds, [kind, kind + 1]).tolist()
             if kind is not Kind.MESH and low < high:
                 found[kind] = slice(low, high), slice(int(ends[low - 1]), int(ends[high - 1]))
         return found
+
+    def of_meshes(self) -> Primitives:
+        """Return those that are meshes."""
+        return self.chosen(np.flatnonzero(self.kinds == Kind.MESH))
+
+    def meshes(self) -> tuple[tuple[Mesh, ...], NDArray[np.int64]]:
+        """Return the meshes in the order of their first runs, and which of them each run has; none has none."""
+        meshes = {id(each.mesh): each.mesh for each in self.prototypes if each.mesh is not None}
+        number = {key: place for place, key in enumerate(meshes)}
+        of_prototypes = np.array([number[id(each.mesh)] for each in self.prototypes], np.int64)
+        return (*meshes.values(),), self.of_runs(of_prototypes)
 
 
 def affine(columns: ArrayLike, origin: ArrayLike) -> Matrix:
@@ -778,34 +594,32 @@ def world_from_scene(scene: Scene) -> Matrix:
     return affine(scale * np.eye(3), -scale * np.array(scene.camera.eye))
 
 
+Run = tuple[Prototype, int, Matrix | TablePlaces]
+"""A prototype, the index of the object, and the places."""
+
+
 def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> Primitives:
     """Return every primitive of the scene, sorted by kind and otherwise in the order of the scene.
 
     Those of meshes that are in ``parts`` are taken from there.
     """
-    world, parts = world_from_scene(scene), parts or PlanParts()
-    by = scene.metres_per_unit, scene.shutter.open_s, scene.shutter.span_s
-    before = parts.placed[1] if parts.placed[0] == by else {}
-    of_meshes: dict[int, _PlacedMesh] = {}
-    parts.placed = by, of_meshes
-    runs: list[Primitive] = []
-    for index, (item, solid) in enumerate(zip(scene.objects, scene.solids(), strict=True)):
-        if isinstance(item, MeshObject | Board):
-            placed = before.get(index)
-            if placed is None or placed.item is not item:
-                loaded = solid if isinstance(solid, LoadedMesh) else scene.load_mesh(item)
-                placed = _place_mesh(scene, item, index, loaded, placed)
-            of_meshes[index] = placed
-            runs += placed.runs
-            continue
-        shapes: Iterable[tuple[Kind, Matrix | TablePlaces]]
-        if isinstance(item, Curves):
-            shapes = [(Kind.CURVE, _place_curves(item, world @ item.places(scene.folders, scene.shutter.open_s)))]
-        else:
-            shapes = (each for shape in _canonical(item) for each in _placed_shapes(scene, item, *shape))
-        way, hidden = _trajectory(scene, item), item.visible.hidden
-        runs += [Primitive(*shape, item.material, index, trajectory=way, hidden=hidden) for shape in shapes]
-    return Primitives(sorted(runs, key=lambda run: run.kind))
+    shapes = [each for each in enumerate(scene.objects) if not isinstance(each[1], (MeshObject, Board))]
+    runs = [run for index, item in shapes for run in _shape_runs(scene, index, item)]
+    solid = Primitives.of(sorted(runs, key=lambda run: run[0].kind))
+    return solid.joined(_place_meshes(scene, parts or PlanParts()))
+
+
+def _shape_runs(scene: Scene, index: int, item: Any) -> Iterator[Run]:
+    """Yield the primitives of an object that is no mesh."""
+    shapes: Iterable[tuple[Kind, Matrix | TablePlaces]]
+    if isinstance(item, Curves):
+        places = world_from_scene(scene) @ item.places(scene.folders, scene.shutter.open_s)
+        shapes = [(Kind.CURVE, _place_curves(item, places))]
+    else:
+        shapes = (each for shape in _canonical(item) for each in _placed_shapes(scene, item, *shape))
+    way = _trajectory(scene, item)
+    for kind, where in shapes:
+        yield Prototype(kind, item.material, None, way, item.visible.hidden), index, where
 
 
 def _placed_shapes(
@@ -859,43 +673,97 @@ def object_frame(item: Object, time_s: float) -> Matrix:
     return placed if isinstance(item, MeshObject | Board | Curves) else np.asarray(placed @ next(_canonical(item))[1])
 
 
-class _PlacedMesh(NamedTuple):
-    """A mesh object and the primitives of its parts."""
+class PlacedMeshes(NamedTuple):
+    """The meshes of a scene as primitives.
 
-    item: MeshObject | Board
-    runs: list[Primitive]
+    Attributes
+    ----------
+    of : tuple
+        Unit and shutter of the scene.
+    objects : tuple
+        All of the scene.
+    first : list of int
+        The first run of each object, and the number of all runs.
+    primitives : Primitives
+    """
+
+    of: tuple[Any, ...]
+    objects: tuple[Object, ...]
+    first: list[int]
+    primitives: Primitives
 
 
-def _place_mesh(
-    scene: Scene, item: MeshObject | Board, index: int, loaded: LoadedMesh, before: _PlacedMesh | None
-) -> _PlacedMesh:
-    """Place a mesh object; where it only shows another material than before, its primitives keep their places."""
-    parts = tuple(zip(loaded.contents.parts, loaded.materials, strict=True))
-    if (
-        before is not None
-        and item.transform is before.item.transform
-        and item.motion is before.item.motion
-        and item.instances is before.item.instances is None
-        and [id(part.mesh) for part, _ in parts] == [id(each.mesh) for each in before.runs]
-    ):
-        pairs = zip(before.runs, loaded.materials, strict=True)
-        hidden = item.visible.hidden
-        return _PlacedMesh(item, [replace(run, material=each, object=index, hidden=hidden) for run, each in pairs])
-    scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
-    time_s = scene.shutter.open_s
-    places: list[Matrix | TablePlaces]
-    if item.instances is None:
-        places = [(scale @ part.placement)[None] for part in mesh_parts(scene, item)]
-    else:
-        count = len(item.instances.matrices(scene.folders))
-        places = [TablePlaces(item, scene.folders, time_s, scale, part.placement, count) for part, _ in parts]
-    return _PlacedMesh(
-        item,
-        [
-            Primitive(Kind.MESH, each, material, index, part.mesh, _trajectory(scene, item), item.visible.hidden)
-            for each, (part, material) in zip(places, parts, strict=True)
-        ],
+def _place_meshes(scene: Scene, parts: PlanParts) -> Primitives:
+    """Return the meshes of a scene, of which those that stay are taken from the last plan."""
+    of = scene.metres_per_unit, scene.shutter.open_s, scene.shutter.span_s
+    before, made = parts.placed, None
+    if before is not None and before.of == of and len(before.objects) == len(scene.objects):
+        made = _place_changed(scene, before)
+    if made is None:
+        runs, first = list[Run](), [0]
+        for index, item in enumerate(scene.objects):
+            if isinstance(item, (MeshObject, Board)):
+                pairs = zip(_mesh_prototypes(scene, item), _mesh_places(scene, item), strict=True)
+                runs += [(prototype, index, places) for prototype, places in pairs]
+            first.append(len(runs))
+        made = PlacedMeshes(of, scene.objects, first, Primitives.of(runs))
+    parts.placed = made
+    return made.primitives
+
+
+def _place_changed(scene: Scene, before: PlacedMeshes) -> PlacedMeshes | None:
+    """Return the meshes of a scene with as many objects; None where one of them has more or fewer runs."""
+    known, objects = before.primitives, scene.objects
+    if objects is before.objects:
+        return before
+    if (dyed := scene.new_materials(before.objects)) is not None:
+        shown = [each._replace(material=dyed.get(id(each.material), each.material)) for each in known.prototypes]
+        dyed_meshes = Primitives(shown, known.prototype_of, known.objects, known.places)
+        return before._replace(objects=objects, primitives=dyed_meshes)
+    prototypes, prototype_of = [*known.prototypes], known.prototype_of.copy()
+    number = {prototype.key: place for place, prototype in enumerate(prototypes)}
+    places: dict[int, Matrix | TablePlaces] = {}
+    for index in [index for index, stays in enumerate(map(is_, objects, before.objects)) if not stays]:
+        item, runs = objects[index], range(*before.first[index : index + 2])
+        is_mesh = isinstance(item, (MeshObject, Board))
+        made = _mesh_prototypes(scene, item) if is_mesh else []
+        if len(made) != len(runs):
+            return None
+        same = _stands_alike(item, before.objects[index])
+        for run, prototype in zip(runs, made, strict=True):
+            same = same and known.prototypes[known.prototype_of[run]].mesh is prototype.mesh
+            prototype_of[run] = number.setdefault(prototype.key, len(number))
+            prototypes += [prototype] if len(number) > len(prototypes) else []
+        if is_mesh and not same:
+            places |= zip(runs, _mesh_places(scene, item), strict=True)
+    placed = known.places.changed(places)
+    if placed is None:
+        return None
+    return before._replace(objects=objects, primitives=Primitives(prototypes, prototype_of, known.objects, placed))
+
+
+def _stands_alike(item: PlacedObject, other: PlacedObject) -> bool:
+    """Return whether two objects of the same meshes have the same place, as far as instances say."""
+    return (
+        item.transform is other.transform and item.motion is other.motion and item.instances is other.instances is None
     )
+
+
+def _mesh_prototypes(scene: Scene, item: Any) -> list[Prototype]:
+    """Return the prototype of each part of an object's mesh."""
+    loaded, way = scene.load_mesh(item), _trajectory(scene, item)
+    pairs = zip(loaded.contents.parts, loaded.materials, strict=True)
+    return [Prototype(Kind.MESH, material, part.mesh, way, item.visible.hidden) for part, material in pairs]
+
+
+def _mesh_places(scene: Scene, item: Any) -> list[Matrix | TablePlaces]:
+    """Return the places of each part of an object's mesh."""
+    scale, time_s = affine(scene.metres_per_unit * np.eye(3), np.zeros(3)), scene.shutter.open_s
+    if item.instances is None:
+        return [(scale @ part.placement)[None] for part in mesh_parts(scene, item)]
+    count = len(item.instances.matrices(scene.folders))
+    parts = scene.load_mesh(item).contents.parts
+    return [TablePlaces(item, scene.folders, time_s, scale, part.placement, count) for part in parts]
 
 
 def _trajectory(scene: Scene, item: PlacedObject) -> Trajectory | None:
@@ -924,26 +792,12 @@ def has_huge_sphere(primitives: Primitives) -> bool:
     In float32 centre and radius place its surface within 6e-8 of the radius: a globe of Earth's size within 0.4 m.
     """
     runs, _ = primitives.by_kind().get(Kind.SPHERE, (slice(0), slice(0)))
-    spheres = (_spheres_of(placements) for _, _, placements in primitives.blocks(runs))
+    spheres = (_spheres_of(placements) for _, _, placements in primitives.places.blocks(runs))
     return any(bool(np.any(np.abs(powers) < HUGE_POWER * radii**2)) for _, radii, powers in spheres)
 
 
-def with_meshes(primitives: Primitives, scene: Scene, parts: PlanParts) -> tuple[Primitives, PackedMeshes | None]:
-    """Return the primitives with the meshes, which stand last, in the order that their pools need; and the pools."""
-    solid = [run for run in primitives.runs if run.mesh is None]
-    meshes = [run for run in primitives.runs if run.mesh is not None]
-    if not meshes:
-        return primitives, None
-    first = sum(len(run.places) for run in solid)
-    where = tuple((run.mesh, run.origin, run.trajectory is not None) for run in meshes)
-    pools = parts.part("meshes", (where, first), lambda: pack_meshes(meshes, first, parts))
-    eye = scene.metres_per_unit * np.array(scene.camera.eye)
-    seen = parts.part("seen", (pools, eye), lambda: pools.seen_from(eye))
-    return Primitives(solid + [meshes[index] for index in pools.order]), seen
-
-
 def pack_primitives(
-    primitives: Primitives, materials: dict[int, int], emitters: dict[int, int], meshes: PackedMeshes | None
+    primitives: Primitives, materials: dict[int, int], emitters: dict[int, int]
 ) -> tuple[NDArray[np.void], NDArray[np.int32]]:
     """Return the records and, per kind, the index after its last one.
 
@@ -955,27 +809,21 @@ def pack_primitives(
         Record index of each material, by ``id``.
     emitters
         Index of the sampled emitter, by index of the primitive.
-    meshes
-        Where those of the primitives that are meshes have their triangles.
     """
     records = PRIMITIVE.zeros(len(primitives))
     for kind, (runs, members) in primitives.by_kind().items():
-        for part, _, placements in primitives.blocks(runs):
+        for part, _, placements in primitives.places.blocks(runs):
             rows = _rows(kind, placements)
             for place, axis in enumerate("xyz"):
                 records[f"row_{axis}"][members][part] = rows[:, place]
     if len(primitives):
-        records["material"] = primitives.of_each(materials[id(run.material)] for run in primitives.runs)
+        records["material"] = primitives.of_each(lambda each: materials[id(each.material)])
         records["emitter"] = -1
         records["emitter"][[*emitters]] = [*emitters.values()]
         _fill_curves(primitives, records)
     _count_shared_planes(primitives, records)
-    if meshes is not None:
-        first_triangles = meshes.first_triangles
-        records["instance"][-len(first_triangles) :] = meshes.instance_of
-        records["first_triangle"][-len(first_triangles) :] = first_triangles
-    kinds, ends = [run.kind for run in primitives.runs], np.append(primitives.ends, 0)
-    return records, ends[np.searchsorted(kinds, list(Kind), side="right") - 1].astype(np.int32)
+    ends = np.append(primitives.places.ends, 0)
+    return records, ends[np.searchsorted(primitives.kinds, list(Kind), side="right") - 1].astype(np.int32)
 
 
 def _rows(kind: Kind, placements: Matrix) -> NDArray[np.float32]:
@@ -998,7 +846,7 @@ def _fill_curves(primitives: Primitives, records: NDArray[np.void]) -> None:
     """Write widths of curves and their places along strands where `kernels/geometry/cubic_curve.h` looks for them."""
     runs, members = primitives.by_kind().get(Kind.CURVE, (slice(0), slice(0)))
     most = (1 << SPAN_BITS) - 1
-    for part, _, placements in primitives.blocks(runs):
+    for part, _, placements in primitives.places.blocks(runs):
         ends, some = placements[:, 3], records[members][part]
         some["instance"], some["first_triangle"] = ends[:, :2].astype(np.float32).T.copy().view(np.int32)
         begin, end = np.rint(most * ends[:, 2:]).astype(np.int32).T
@@ -1013,7 +861,7 @@ class Owners:
     ----------
     of_run : (runs, 2) array
         Identifier of the object, its index in the scene's list, and of the material.
-    counts : tuple
+    counts : (runs,) array
         Primitives of each run.
     objects : tuple of str
         Name of each object; its place in the scene where it has none.
@@ -1023,7 +871,7 @@ class Owners:
     """
 
     of_run: NDArray[np.int32]
-    counts: tuple[int, ...]
+    counts: NDArray[np.int64]
     objects: tuple[str, ...]
     materials: tuple[str, ...]
 
@@ -1033,18 +881,26 @@ class Owners:
         return np.repeat(self.of_run, self.counts, axis=0)
 
 
-def owners_of(scene: Scene, primitives: Primitives) -> Owners:
+def owners_of(scene: Scene, primitives: Primitives, parts: PlanParts) -> Owners:
     """Return the owners of the primitives of a scene."""
-    objects = tuple(item.name or f"objects.{index}" for index, item in enumerate(scene.objects))
+
+    def names_of_objects() -> tuple[str, ...]:
+        return tuple(item.name or f"objects.{index}" for index, item in enumerate(scene.objects))
+
+    objects = parts.part("names of objects", (scene.objects,), names_of_objects)
     names = list(scene.materials)
     identifiers = {id(material): index for index, material in enumerate(scene.materials.values())}
-    for run in sorted(primitives.runs, key=lambda run: run.object):
-        if id(run.material) not in identifiers:
-            identifiers[id(run.material)] = len(names)
-            names.append(f"objects.{run.object}.material")
-    rows = [(run.object, identifiers[id(run.material)]) for run in primitives.runs]
-    counts = primitives.counts if rows else (1,)  # as OpenCL has no empty buffers
-    return Owners(np.array(rows or [(0, 0)], np.int32), tuple(counts), objects, tuple(names))
+    unnamed = primitives.runs_of(lambda each: id(each.material) not in identifiers)
+    for run in unnamed[np.argsort(primitives.objects[unnamed], kind="stable")].tolist():
+        material = primitives.prototypes[primitives.prototype_of[run]].material
+        if id(material) not in identifiers:
+            identifiers[id(material)] = len(names)
+            names.append(f"objects.{primitives.objects[run]}.material")
+    if not len(primitives):  # as OpenCL has no empty buffers
+        return Owners(np.zeros((1, 2), np.int32), np.ones(1, np.int64), objects, tuple(names))
+    shown = primitives.of_runs(np.array([identifiers[id(each.material)] for each in primitives.prototypes]))
+    of_run = np.stack([primitives.objects, shown], axis=1).astype(np.int32)
+    return Owners(of_run, primitives.places.counts, objects, tuple(names))
 
 
 def _count_shared_planes(primitives: Primitives, records: NDArray[np.void]) -> None:
@@ -1053,7 +909,8 @@ def _count_shared_planes(primitives: Primitives, records: NDArray[np.void]) -> N
         if kind not in (Kind.RECTANGLE, Kind.DISK):
             continue
         own = records[members]
-        still = np.repeat([run.trajectory is None for run in primitives.runs[runs]], primitives.counts[runs])
+        stands = primitives.of_runs(np.array([each.trajectory is None for each in primitives.prototypes]))
+        still = np.repeat(stands[runs], primitives.places.counts[runs])
         alike = (own["row_z"][1:] == own["row_z"][:-1]).all(axis=1) & still[1:] & still[:-1]
         first = np.append(True, ~alike)
         own["instance"][first] = np.diff(np.append(np.flatnonzero(first), len(own)))
@@ -1156,15 +1013,18 @@ def pack_movements(scene: Scene, primitives: Primitives) -> ObjectMovements:
     segments: list[NDArray[np.void]] = []
     place_of: dict[int, tuple[int, int]] = {}
     count = 0
-    for run in primitives.runs:
-        if run.trajectory is not None and run.object not in place_of:
-            segments.append(_segments(run.trajectory, scene))
-            place_of[run.object] = count, len(segments[-1])
+    moving = primitives.runs_of(lambda each: each.trajectory is not None)
+    of_runs = np.zeros((len(primitives.objects), 2), np.int32)
+    for run in moving.tolist():
+        index, trajectory = int(primitives.objects[run]), primitives.prototypes[primitives.prototype_of[run]].trajectory
+        if trajectory is not None and index not in place_of:
+            segments.append(_segments(trajectory, scene))
+            place_of[index] = count, len(segments[-1])
             count += len(segments[-1])
+        of_runs[run] = place_of[index]
     if not segments:
         return ObjectMovements(SEGMENT.zeros(1), np.broadcast_to(np.int32(0), (max(len(primitives), 1), 2)))
-    of_runs = [(0, 0) if run.trajectory is None else place_of[run.object] for run in primitives.runs]
-    return ObjectMovements(np.concatenate(segments), np.repeat(np.array(of_runs, np.int32), primitives.counts, axis=0))
+    return ObjectMovements(np.concatenate(segments), np.repeat(of_runs, primitives.places.counts, axis=0))
 
 
 def _segments(trajectory: Trajectory, scene: Scene) -> NDArray[np.void]:

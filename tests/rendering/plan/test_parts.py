@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from rptcam_cl.rendering.plan import primitives
+from rptcam_cl.rendering.plan import primitives, triangles
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.scene.load import load_scene, set_keys
@@ -86,6 +86,40 @@ def test_a_picture_written_anew_is_seen(scene: Scene) -> None:
     after = make_plan(scene, parts=kept)
     assert_same(after, make_plan(scene))
     assert after.textures.texels.tobytes() != before.textures.texels.tobytes()
+
+
+TENT = {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.5]], "faces": [[0, 2, 1], [0, 1, 3], [1, 2, 3]]}
+EDITS: tuple[dict[str, Any], ...] = (
+    {"materials.grey.reflectance": 0.2},
+    {"camera.eye": [0.5, -5, 1.5]},
+    {"objects.2.transform": [{"translate": [0, 1, 0.2]}], "objects.1.material": "red"},
+    {"materials.red": {"kind": "emissive", "radiance": 3}, "materials.grey.reflectance": 0.4},
+    {"objects.3.visible": {"camera": False}, "objects.4.material": "grey"},
+    {"objects.4.instances": {"file": np.tile(np.eye(3, 4), (3, 1, 1)) * 0.5}},
+    {"objects.1.mesh": "board", "objects.5.motion": [{"time_s": 0}, {"time_s": 1, "translate": [0, 2, 0]}]},
+    {"materials.red": {"kind": "matte", "reflectance": 0.6}},
+    {"objects.1.transform": None, "objects.0.radius": 0.4},
+    {"objects.2": None},
+)
+
+
+def test_meshes_placed_one_after_the_other_are_those_of_their_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(triangles, "MOST_COPIED", 0)
+    meshes = [{"shape": "mesh", "mesh": "tent", "material": name} for name in ("grey", "red", "grey", "grey", "red")]
+    meshes[3]["instances"] = {"file": np.tile(np.eye(3, 4), (4, 1, 1))}  # type: ignore[assignment]
+    scene = load_scene({
+        "camera": SCENE["camera"], "film": SCENE["film"], "lights": SCENE["lights"], "shutter": {"time_s": 0.5},
+        "materials": {"grey": {"kind": "matte", "reflectance": 0.3}, "red": {"kind": "mirror"}},
+        "meshes": {"tent": TENT, "board": TENT | {"faces": [[0, 1, 2]]}},
+        "objects": [SCENE["objects"][0] | {"material": "red"}, *meshes],
+    })  # fmt: skip
+    kept = PlanParts()
+    make_plan(scene, parts=kept)
+    for number, changes in enumerate(EDITS):
+        scene = set_keys(scene, changes)
+        fresh = load_scene(scene.made_of)
+        assert_same(make_plan(scene, parts=kept), make_plan(scene), str(number))
+        assert make_plan(scene).primitives.tobytes() == make_plan(fresh).primitives.tobytes(), number
 
 
 @pytest.mark.parametrize("name", ["pose", "light", "material", "object", "nothing"])

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.device.session import Session
 from rptcam_cl.optics.as_built import Copies, Deviation, check_copies, film_points
 from rptcam_cl.optics.beams import Beam, passing_beam
 from rptcam_cl.optics.glass import Melt
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
+from rptcam_cl.rendering.traceable_lens import CopiesTracer
 
 SIZES = {
     "radius": 2e-3,
@@ -51,6 +53,25 @@ def test_rays_through_all_copies_are_those_through_each(name: str) -> None:
         assert rays.passed.sum() > 50
         np.testing.assert_allclose(found[number][rays.passed], at[rays.passed], atol=1e-12)  # roundings of millimetres
         np.testing.assert_allclose(slopes[number][rays.passed], slope[rays.passed], atol=1e-13)
+
+
+LARGER = [pytest.param(name, marks=pytest.mark.slow) for name in ("phone-5.6mm", "cylinder-pair", "human-eye")]
+
+
+@pytest.mark.parametrize("name", ["cooke-triplet-50mm", *LARGER])
+def test_device_traces_copies_as_the_host_does(session: Session, name: str) -> None:
+    lens = load_lens(name)
+    copies = copies_of(lens, 5)
+    beam = Beam(3.0, azimuth_degrees=30.0)
+    points, _, _ = passing_beam(lens, beam, 550.0, 12)
+    origins, directions = (np.array(rays) for rays in beam.rays(0.8 * points))
+    directions /= np.sqrt(np.sum(directions**2, axis=1, keepdims=True))
+    expected, slopes = film_points(copies, origins, directions, 486.0, 20.0)
+    for precision, enough in (("single", 2e-5), ("double", 1e-12)):  # some roundings of 20 mm
+        found, its_slopes = CopiesTracer(session, precision).film_points(copies, origins, directions, 486.0, 20.0)
+        assert np.isfinite(found).mean() > 0.9
+        np.testing.assert_allclose(found, expected, atol=enough)
+        np.testing.assert_allclose(its_slopes, slopes, atol=enough)
 
 
 def test_copy_without_errors_is_the_design() -> None:

@@ -10,14 +10,17 @@ import pytest
 import yaml
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.device.session import Session
 from rptcam_cl.optics.as_built import Copies
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.image_quality import Setting, film_spots, mtf_table, setting, spot_table
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering import tolerance_run
-from rptcam_cl.rendering.tolerance_run import Scores, ToleranceRun, loosest_set, report, tolerance, tolerance_chart
+from rptcam_cl.rendering import copy_scores
+from rptcam_cl.rendering.copy_scores import Scores
+from rptcam_cl.rendering.tolerance_run import ToleranceRun, loosest_set, report, tolerance, tolerance_chart
 from rptcam_cl.rendering.tolerances import percentile, rank, share, specification
+from rptcam_cl.rendering.traceable_lens import CopiesTracer
 
 TRIPLET = load_lens("cooke-triplet-50mm")
 D_NM = 587.5618
@@ -54,7 +57,7 @@ def run() -> ToleranceRun:
 
 
 def test_sensitivities_are_those_of_another_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rptcam_cl.rendering.tolerance_run._corners", lambda *_: np.zeros(0))  # its arms lay even
+    monkeypatch.setattr("rptcam_cl.rendering.copy_scores._corners", lambda *_: np.zeros(0))  # its arms lay even
     merit = FIELDS | {"rings": 6, "arms": 12}
     run = tolerance(TRIPLET, {"refocus": False, "copies": 10, "merit": merit, "tolerances": TOLERANCES})
     found = {(one.label, one.direction): one.spot_change_um for one in run.sensitivities}
@@ -63,6 +66,14 @@ def test_sensitivities_are_those_of_another_program(monkeypatch: pytest.MonkeyPa
             key
         )  # 1 % is wanted; figures have five decimals
     assert run.design.spot_um[0] == pytest.approx(11.08486, rel=1e-4)  # optiland 0.6.3
+
+
+def test_run_on_a_device_is_that_of_the_host(run: ToleranceRun, session: Session) -> None:
+    given = {"refocus": False, "copies": 50, "merit": FIELDS, "tolerances": TOLERANCES}
+    found = tolerance(TRIPLET, given, trace=CopiesTracer(session).film_points, with_sensitivities=False)
+    np.testing.assert_allclose(found.scores.spot_um, run.scores.spot_um[:50], rtol=1e-9)
+    np.testing.assert_allclose(found.scores.mtf, run.scores.mtf[:50], atol=1e-9)
+    assert (found.spot_error, found.mtf_error) == pytest.approx((run.spot_error, run.mtf_error), rel=1e-6)
 
 
 def at_film(run: ToleranceRun) -> Setting:
@@ -308,15 +319,15 @@ def test_rays_are_enough_where_the_most_find_the_same_modulation(
             return Rays(f"{self}, filled in")
 
     class Judge:
-        def __init__(self, lens: Any, rays: list[Rays], merit: Any, film: float) -> None:
+        def __init__(self, lens: Any, rays: list[Rays], *_: Any) -> None:
             self.scored = Scores(np.full((2, 1), 7.0), np.full((2, 1), modulations[rays[0]]), np.zeros(2))
 
         def scores(self, *_: Any) -> Scores:
             return self.scored
 
-    monkeypatch.setattr(tolerance_run, "Judge", Judge)
+    monkeypatch.setattr(copy_scores, "Judge", Judge)
     given = SimpleNamespace(rings=None, arms=None), 20.0, SimpleNamespace(lens=TRIPLET), np.zeros(2)
-    rays, (few, many) = tolerance_run._enough(lambda rings, arms: [Rays(rings)], *given)
+    rays, (few, many) = copy_scores._enough(lambda rings, arms: [Rays(rings)], *given)
     assert rays == [enough]
     assert (few.modulation[0], many.modulation[0]) == (modulations[enough], 0.604)
 
@@ -361,7 +372,7 @@ def test_compensators_stand_where_no_neighbour_is_better(refocus: bool) -> None:
     assert (spacing[:9], decentre[:8]) == ("air space", "decentre")
     assert 0 < at_end < 1  # both what ends at its range and what does not is tried
 
-    judge, _, _ = tolerance_run._judge(specification(given), run.copies, math.inf, ())
+    judge, _, _ = copy_scores.judge_of(specification(given), run.copies, math.inf, ())
     settings = run.copies.values[:, len(run.limits) :].copy()
     best = judge.scores(run.copies, refocus).spot_um
     np.testing.assert_allclose(best, run.scores.spot_um, rtol=1e-12)
