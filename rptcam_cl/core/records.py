@@ -628,7 +628,10 @@ MATERIAL = Record(
         ("float", "opacity"),
         ("float", "cutoff"),  # of an opacity mask; 0 where rays pass with a probability
         ("float", "factor"),  # of a mix: share of the second material; of a measured one of facets in sampling
-        ("int", "first"),  # of a mix: the two materials; of a measured one: where its table starts among texels; of a thin film 1 more
+        (
+            "int",
+            "first",
+        ),  # of a mix: the two materials; of a measured one the word where its table starts; of a film 1 more
         ("int", "second"),
         ("int", "texture"),  # indices of the textures that replace values, or -1: of the colour
         ("int", "glow_texture"),

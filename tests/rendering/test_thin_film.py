@@ -53,4 +53,6 @@ def test_a_film_reflects_as_its_characteristic_matrix_says(keys, bases):
     )
     expected = np.clip(expected, 0, 1)
     assert np.ptp(expected[:, 2]) > 0.1
-    np.testing.assert_allclose(np.asarray(image)[seen][clear], expected, atol=6e-3)
+    off = np.abs(np.asarray(image)[seen][clear] - expected)
+    # facets of alpha 0.001 stand askew by chance, one ray in a thousand by far more than that
+    assert off.mean() < 5e-4 and np.quantile(off, 0.99) < 4e-3, (off.mean(), np.quantile(off, 0.99), off.max())

@@ -734,7 +734,7 @@ def film_reflectance(cosine: Array, thickness_nm: float, index: float, base: Arr
 
 
 def film_colours(material: Principled, film: ThinFilm) -> Array:
-    """Return what a principled surface with a thin film reflects (cosines, 3), cosines from 0 to 1, linear sRGB.
+    """Return the reflectance of a principled surface with a thin film (cosines, 3), cosines from 0 to 1, linear sRGB.
 
     A metal is a base of the index that its colour has head-on, in each channel, as glTF has it.
     """
