@@ -1,6 +1,7 @@
 """Autofocus on 500 random targets of all kinds: how often each method ends in focus, refuses, or errs in silence.
 
-    python -m benchmarks.focus_success [--cases 60] [--kinds textured,mirror] [--methods hybrid] [--quick] [--json FILE]
+    python -m benchmarks.focus_success [--cases 60] [--kinds textured,mirror] [--methods hybrid] [--electrons 200]
+        [--quick] [--json FILE]
 
 A run that was ended goes on with `--json FILE --resume`, from what the file holds.
 
@@ -29,7 +30,7 @@ from rptcam_cl.api.interface import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.load import change_scene, load_scene, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import BY_DETAILS, focus_of
 from rptcam_cl.studies.focus.phase import DETAILS, half_view
@@ -53,6 +54,7 @@ PHONE = "phone-5.6mm"
 WELL_CORRECTED = ("dgauss-50mm", "wide-22mm", "tessar-100mm", "double-gauss-50mm-f1.8", "thin lens")
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
 FILM = {"resolution": [640, 427], "size_mm": [36, 24]}
+SENSOR = {"pixel_pitch_um": 4.4, "read_noise_e": 3.0, "bit_depth": 14}
 PHONE_FILM = {"resolution": [640, 480], "size_mm": [5.6, 4.2]}
 BLANK_EVERY = 10
 EXAMPLES = (
@@ -344,10 +346,13 @@ def case_of(number: int) -> Case:
     return list(KINDS.values())[number % len(KINDS)](number // len(KINDS))
 
 
-def outcome(case: Case, method: str, session: Session) -> dict[str, Any]:
-    """Return how a method ends in a case."""
+def outcome(case: Case, method: str, session: Session, electrons: float | None = None) -> dict[str, Any]:
+    """Return how a method ends in a case; with the noise of a sensor of so many electrons for white, if given."""
+    scene = case.scene
+    if electrons is not None:
+        scene = set_keys(scene, {"sensor": {**SENSOR, "full_well_e": electrons}})
     begun, used = time.perf_counter(), time.process_time()
-    probe = ProbeRenderer(case.scene, session)
+    probe = ProbeRenderer(scene, session, sensor=electrons is not None)
     if case.start:
         low, high = (probe.drive.coordinate(limit) for limit in probe.drive.limits)
         far, near = (low, high) if probe.drive.nearer > 0 else (high, low)
@@ -430,6 +435,9 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=CASES, help="how many of the 500, from the first on")
     parser.add_argument("--kinds", help="only these, with commas between them")
     parser.add_argument("--methods", default=",".join(METHODS), help="several with commas between them")
+    parser.add_argument(
+        "--electrons", type=float, metavar="N", help="probe as a sensor of 4.4 µm whose pixels are white at N electrons"
+    )
     parser.add_argument("--resume", action="store_true", help="keep what the file of --json holds, and go on")
     given = parser.parse_args()
     if given.resume and given.json is None:
@@ -450,7 +458,7 @@ def main() -> None:
             continue
         case = case_of(number)
         for method in left:
-            row = outcome(case, method, session) | {"number": number}
+            row = outcome(case, method, session, given.electrons) | {"number": number}
             found.append(row)
             if row["silent"] or not row["good"]:
                 end = row["reason"] or f"{row['miss']:.2f} depths of focus off, {row['failure'] or 'IN SILENCE'}"

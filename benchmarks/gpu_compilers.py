@@ -45,6 +45,10 @@ OTHERS = (
     "hair",
     "many lamps",
     "ring",
+    "layered fog",
+    "smoke",
+    "conjugates",
+    "mixtures",
 )  # of tests.device.every_kernel
 
 
@@ -108,12 +112,16 @@ LIMITS = {
     "shadow": Limit(64, 0, 8),
     "sharp": Limit(72, 0, 8),
     "subtree": Limit(168, 2976, 16),
+    "trace_copies": Limit(80, 0, 0),
     "trace_lens": Limit(80, 0, 0),
     "trace_rays": Limit(64, 0, 16),
     "travel": Limit(128, 0, 8),
     "C: intersect": Limit(64, 0, 16),
     "C: shadow": Limit(64, 0, 16),
     "media: shadow": Limit(72, 0, 8),  # with the light that media let through
+    "smoke: travel": Limit(176, 0, 8),  # which walks through grids at five places
+    "smoke: shadow": Limit(104, 0, 8),
+    "conjugates: generate": Limit(56, 0, 8),
     "hair: intersect": Limit(96, 0, 8),  # of a curve alone: eighteen numbers, and where on it
     "hair: shadow": Limit(96, 0, 8),
     "everything: intersect": Limit(104, 0, 8),  # with holes by every texture

@@ -168,6 +168,47 @@ def light(page: Page) -> None:
     point(page, 0.565, 0.62)
 
 
+def body(page: Page) -> None:
+    """A kit, a body with one of its usual lenses, and a table of colours that lies beside the scene."""
+    page.click("[data-tab=camera]")
+    page.select_option("[data-dial=kit]", "reportage: biotar-58mm")
+    until(page, "document.querySelector('[data-dial=body]').value === 'nikon_z6'")
+    page.select_option("[data-dial=lut]", "evening.cube")
+    page.wait_for_timeout(2000)
+    page.locator("[data-dial=lut]").scroll_into_view_if_needed()
+    page.evaluate("document.activeElement.blur()")
+
+
+def stack(page: Page) -> None:
+    """A focus stack that is rendered between two marks, and a bracket."""
+    page.click("[data-tab=out]")
+    page.check("[data-name=bracket] input[value='3x1']")
+    page.click("[data-name=stack-near]")
+    for _ in range(8):
+        press(page, "k")
+    page.wait_for_timeout(3000)
+    page.click("[data-name=stack-far]")
+    rest(page)
+    page.click("[data-name=stack]")
+    until(page, "document.querySelector('.vf-busy').textContent.includes('picture')")
+
+
+def mix(page: Page) -> None:
+    """Lamps that are kept apart, the key at a quarter and the candles four times as bright."""
+    page.click("[data-tab=things]")
+    page.click("[data-dial=mix]")
+    page.wait_for_selector("[data-dial=mix_a]:visible", timeout=180_000)
+    rest(page)
+    for label, gain in (("Key", "0.25"), ("Candle", "4")):
+        page.locator("[data-dial^=mix_]", has_text=label).first.focus()
+        page.keyboard.press("Enter")
+        page.keyboard.type(gain)
+        page.keyboard.press("Enter")
+        page.wait_for_timeout(1500)
+    page.locator("[data-dial=mix]").scroll_into_view_if_needed()
+    page.evaluate("document.activeElement.blur()")
+
+
 def scopes(page: Page) -> None:
     """The parade, and the lights that photographers name."""
     page.check("[data-name=scope] input[value=parade]")
@@ -232,6 +273,9 @@ SHOTS: dict[str, Callable[[Page], None]] = {
         history,
         time_bar,
         light,
+        mix,
+        body,
+        stack,
         scopes,
         vectorscope,
         level,
@@ -241,6 +285,8 @@ SHOTS: dict[str, Callable[[Page], None]] = {
         error,
     )
 }
+# A table of colours: shadows a little bluer, lights a little warmer.
+TABLE = "LUT_1D_SIZE 3\n0 0 0.06\n0.5 0.48 0.47\n1 0.96 0.84\n"
 MORE = {"raw": "exposure: {mode: auto}\nsensor: {}\n"}  # of the scene
 
 
@@ -248,6 +294,7 @@ def shoot(browser: Browser, name: str, folder: Path) -> None:
     """Take one screenshot."""
     file = folder / SCENE.name
     file.write_text(SCENE.read_text("utf-8") + MORE.get(name, ""), "utf-8")
+    (folder / "evening.cube").write_text(TABLE, "utf-8")
     with Viewfinder(file, size=SIZE) as finder:
         server = ViewServer(finder)
         thread = threading.Thread(target=server.run, daemon=True)

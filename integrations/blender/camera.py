@@ -88,8 +88,8 @@ class LensChoice:
 
     Attributes
     ----------
-    lens : str
-        Name in the library, or a file; empty for none.
+    lens : str or dict
+        Name in the library, or a file, or the keys of a copy of one; empty for none.
     f_number : float or None
         None leaves the stop as the lens file has it.
     match_field : bool
@@ -102,7 +102,7 @@ class LensChoice:
         Further keys of the camera, as ``diffraction`` and ``ghosts``.
     """
 
-    lens: str = ""
+    lens: str | dict[str, Any] = ""
     f_number: float | None = None
     match_field: bool = False
     focal_length_mm: float = 50.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from .viewport import view_of
 
 SECONDS_BETWEEN_PICTURES = 1.0
 VIEW_SECONDS = 0.08  # that a redraw of the viewport may render
+PREVIEW_SAMPLES = 32
 FARTHEST = 1e10  # depth where there is nothing, as Cycles has it
 
 Array = NDArray[Any]
@@ -99,18 +101,32 @@ PASSES = (
     ),
 )  # fmt: skip
 WITHOUT = {
-    "use_pass_mist": "Mist", "use_pass_shadow": "Shadow", "use_pass_emit": "Emission",
+    "use_pass_shadow": "Shadow", "use_pass_emit": "Emission",
     "use_pass_environment": "Environment", "use_pass_ambient_occlusion": "Ambient Occlusion",
     "use_pass_diffuse_direct": "Diffuse Light", "use_pass_glossy_direct": "Glossy Light",
     "use_pass_transmission_direct": "Transmission Light", "use_pass_cryptomatte_asset": "Cryptomatte Asset",
 }  # fmt: skip
 VECTOR = "Vector"  # is made of two layers, and of the frames beside
 GHOSTS = Pass("Ghosts", "RGB", "COLOR", "", "ghosts", lambda layer, export: layer)
+FALLOFF = {"LINEAR": 1.0, "QUADRATIC": 2.0, "INVERSE_QUADRATIC": 0.5}
+
+
+def mist(world: Any) -> Pass:
+    """The pass Mist of a world: from 0 where it starts to 1 at its depth, by the mean distance of a pixel."""
+    given = world.mist_settings
+    start, depth, power = float(given.start), max(float(given.depth), 1e-6), FALLOFF[given.falloff]
+
+    def made(layer: Array, export: Export) -> Array:
+        return np.clip((layer / _units(export) - start) / depth, 0.0, 1.0)[..., None] ** power
+
+    return Pass("Mist", "Z", "VALUE", "use_pass_mist", "distance", made)
 
 
 def passes_of(view_layer: Any, scene: Any) -> list[Pass]:
     """The passes that a view layer asks for."""
     found = [each for each in PASSES if getattr(view_layer, each.flag, False)]
+    if view_layer.use_pass_mist and scene.world is not None:
+        found.append(mist(scene.world))
     camera = scene.camera
     if camera is not None and getattr(camera.data, "rptcam", None) and camera.data.rptcam.shows_ghosts:
         found.append(GHOSTS)
@@ -126,7 +142,8 @@ def light_groups_of(view_layer: Any) -> tuple[str, ...]:
     return tuple(group.name for group in getattr(view_layer, "lightgroups", ()))
 
 
-kept = LiveScene()
+kept, previews = LiveScene(), LiveScene()
+one_preview = threading.Lock()
 
 
 class RptcamEngine(bpy.types.RenderEngine):
@@ -134,7 +151,8 @@ class RptcamEngine(bpy.types.RenderEngine):
 
     bl_idname = "RPTCAM"
     bl_label = "rptcam"
-    bl_use_preview = False
+    bl_use_preview = True  # of materials, in their panel and as icons
+    bl_use_eevee_viewport = True  # for the viewport's shading "Material Preview"
     bl_use_shading_nodes_custom = False
     bl_use_postprocess = True
 
@@ -155,10 +173,26 @@ class RptcamEngine(bpy.types.RenderEngine):
     def render(self, depsgraph: Any) -> None:
         """Render a frame."""
         try:
-            self._render(depsgraph)
+            if self.is_preview:
+                self._preview(depsgraph)
+            else:
+                self._render(depsgraph)
         except RptcamError as problem:
             self.report({"ERROR"}, str(problem))
             self.error_set(str(problem))
+
+    def _preview(self, depsgraph: Any) -> None:
+        """Render the ball, or what else a material is shown on."""
+        settings = settings_of(depsgraph.scene, [], through_lens=False)
+        settings.more["render"]["spp"] = PREVIEW_SAMPLES
+        export = Reader().read(depsgraph, settings)
+        with one_preview:  # Blender may ask for several at once
+            session = previews.show(export.keys)
+            session.add(PREVIEW_SAMPLES, self.is_given_up)
+            if session.spp:
+                result = self.begin_result(0, 0, *session.resolution)
+                write(result.layers[0].passes["Combined"], with_alpha(session.pixels()))
+                self.end_result(result)
 
     def _render(self, depsgraph: Any) -> None:
         scene, view_layer = depsgraph.scene, depsgraph.view_layer
@@ -377,4 +411,5 @@ def register() -> None:
 def unregister() -> None:
     """Remove it."""
     kept.close()
+    previews.close()
     bpy.utils.unregister_class(RptcamEngine)

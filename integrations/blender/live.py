@@ -92,12 +92,12 @@ class LiveScene:
             self.session = None
 
 
-def focused(keys: dict[str, Any], method: str, *, apart: bool) -> Any:
-    """What autofocus finds, in a process of its own if wanted."""
+def focused(keys: dict[str, Any], method: str, point: tuple[float, float] | None = None, *, apart: bool) -> Any:
+    """What autofocus finds at a point of the picture, else in its middle; in a process of its own if wanted."""
     if not apart:
-        return rptcam_cl.autofocus(keys, method)
+        return rptcam_cl.autofocus(keys, method, point=point)
     session = SessionApart(None, None)
     try:
-        return session.call("autofocus", keys, {"method": method})
+        return session.call("autofocus", keys, {"method": method, "point": point})
     finally:
         session.close()

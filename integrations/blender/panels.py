@@ -9,7 +9,15 @@ from typing import Any
 
 import bpy
 import bpy.utils.previews
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 from mathutils import Matrix
 
 from rptcam_cl.core.errors import RptcamError
@@ -30,6 +38,7 @@ OF_EEVEE = {
     "EEVEE_MATERIAL_PT_surface", "EEVEE_WORLD_PT_surface", "DATA_PT_EEVEE_light", "DATA_PT_EEVEE_light_distance",
     "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "VIEWLAYER_PT_eevee_layer_passes_data",
     "VIEWLAYER_PT_eevee_next_layer_passes_data", "VIEWLAYER_PT_layer_passes_cryptomatte", "RENDER_PT_eevee_motion_blur",
+    "EEVEE_WORLD_PT_mist",
 }  # fmt: skip
 
 _items: list[tuple[str, str, str]] = []  # Blender keeps no reference to the texts of a menu
@@ -84,6 +93,21 @@ class CameraProperties(bpy.types.PropertyGroup):
         ],
     )
     ghosts: BoolProperty(name="Ghosts", description="Lamps and suns make ghosts (with glass that reflects)")
+    made: EnumProperty(
+        name="Made",
+        description="The lens as it is designed, or one of many copies that are made within tolerances",
+        items=[
+            (NONE, "As Designed", "No faults"),
+            ("commercial", "Commercial", "A copy within tolerances as they are common"),
+            ("precision", "Precision", "A copy within closer ones"),
+            ("high_precision", "High Precision", "A copy within the closest ones"),
+        ],
+    )
+    percentile: FloatProperty(
+        name="Copy",
+        description="So many of a hundred copies are as sharp or sharper: 90 is one of the worse",
+        subtype="PERCENTAGE", default=50.0, min=1.0, max=99.0, precision=0,
+    )  # fmt: skip
 
     @property
     def reference(self) -> str:
@@ -117,6 +141,8 @@ class CameraProperties(bpy.types.PropertyGroup):
         if self.shows_ghosts:
             keys["ghosts"] = "on"
         lens: Any = self.reference
+        if self.made != NONE:
+            lens = {"design": lens, "as_built": {"percentile": f"{self.percentile:g}%", "spec": self.made}}
         autofocus = "" if self.autofocus == "DISTANCE" else self.autofocus
         stop = max(self.f_number, facts.f_number)
         return LensChoice(lens, stop, self.match_field, facts.focal_length_mm, autofocus, keys)
@@ -313,7 +339,12 @@ class RPTCAM_PT_lens(_Panel, bpy.types.Panel):
             column.prop(camera.dof, "focus_object")
             if camera.dof.focus_object is None:
                 column.prop(camera.dof, "focus_distance")
-        column.operator("rptcam.autofocus")
+        row = column.row(align=True)
+        row.operator("rptcam.autofocus")
+        row.operator("rptcam.focus_at_click", text="", icon="EYEDROPPER")
+        column.prop(given, "made")
+        if given.made != NONE:
+            column.prop(given, "percentile", slider=True)
         column.prop(given, "diffraction")
         column.prop(given, "transmission")
         if given.transmission != "ideal":
@@ -382,6 +413,11 @@ class RPTCAM_OT_autofocus(bpy.types.Operator):
     bl_label = "Focus Now"
     bl_options = {"REGISTER", "UNDO"}
 
+    point: FloatVectorProperty(
+        name="Point", description="Of the picture, in fractions from its left and top edges",
+        size=2, default=(0.5, 0.5), min=0.0, max=1.0, options={"SKIP_SAVE"},
+    )  # fmt: skip
+
     def execute(self, context: Any) -> set[str]:
         """Do it."""
         from .live import focused
@@ -395,8 +431,12 @@ class RPTCAM_OT_autofocus(bpy.types.Operator):
         data.rptcam.autofocus = method = "depth" if before == "DISTANCE" else before
         export = Reader().read(context.evaluated_depsgraph_get(), settings_of(scene, []))
         data.rptcam.autofocus = before
+        keys, point = export.keys, None
+        if self.properties.is_property_set("point"):
+            film = {name: value for name, value in keys["film"].items() if name != "crop"}
+            keys, point = keys | {"film": film}, tuple(self.point)
         try:
-            found = focused(export.keys, method, apart=scene.rptcam.own_process)
+            found = focused(keys, method, point, apart=scene.rptcam.own_process)
         except RptcamError as problem:
             self.report({"ERROR"}, str(problem))
             return {"CANCELLED"}
@@ -406,6 +446,35 @@ class RPTCAM_OT_autofocus(bpy.types.Operator):
         data.dof.focus_distance = distance
         data.rptcam.autofocus = "DISTANCE"
         self.report({"INFO"}, f"Focused at {distance:.3f} units; confidence {found.confidence:.0%}")
+        return {"FINISHED"}
+
+
+class RPTCAM_OT_focus_at_click(bpy.types.Operator):
+    """Focus on what a click shows in a viewport that looks through the camera, as Focus Now does."""
+
+    bl_idname = "rptcam.focus_at_click"
+    bl_label = "Focus at a Click"
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        """Wait for the click."""
+        context.window.cursor_modal_set("EYEDROPPER")
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        """Focus once there is a click; another key or button gives it up."""
+        from .viewport import point_at
+
+        if event.type not in {"LEFTMOUSE", "RIGHTMOUSE", "ESC"} or event.value != "PRESS":
+            return {"RUNNING_MODAL"}
+        context.window.cursor_modal_restore()
+        if event.type != "LEFTMOUSE":
+            return {"CANCELLED"}
+        point = point_at(context.screen, context.scene, event.mouse_x, event.mouse_y)
+        if point is None:
+            self.report({"ERROR"}, "Click within the frame of a viewport that looks through the camera")
+            return {"CANCELLED"}
+        bpy.ops.rptcam.autofocus(point=point)
         return {"FINISHED"}
 
 
@@ -498,7 +567,7 @@ class RPTCAM_OT_forget_baked(bpy.types.Operator):
 
 CLASSES = (
     CameraProperties, SceneProperties, RPTCAM_PT_sampling, RPTCAM_PT_exposure, RPTCAM_PT_report, RPTCAM_PT_lens,
-    RPTCAM_OT_match_camera, RPTCAM_OT_autofocus, RPTCAM_OT_osl, RPTCAM_OT_check,
+    RPTCAM_OT_match_camera, RPTCAM_OT_autofocus, RPTCAM_OT_focus_at_click, RPTCAM_OT_osl, RPTCAM_OT_check,
     RPTCAM_OT_bake, RPTCAM_OT_forget_baked,
 )  # fmt: skip
 

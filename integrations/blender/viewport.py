@@ -55,16 +55,39 @@ def view_of(context: Any) -> View:
 
 
 def _through_camera(context: Any) -> View:
-    region, space, item = context.region, context.region_data, context.scene.camera
+    left, bottom, width, height = frame_in(context.region, context.region_data, context.scene)
     render = context.scene.render
-    corners = item.data.view_frame(scene=context.scene)
+    aspect = (render.pixel_aspect_x, render.pixel_aspect_y)
+    frame = Frame(_fitted(round(width), round(height)), aspect if aspect[0] != aspect[1] else (1.0, 1.0))
+    return View(Eye(record_of(context.scene.camera), frame), (left, bottom, width, height), True)
+
+
+def frame_in(region: Any, space: Any, scene: Any) -> tuple[float, float, float, float]:
+    """Left, bottom, width and height [pixels] of the camera's frame in a region that looks through it."""
+    item = scene.camera
+    corners = item.data.view_frame(scene=scene)
     world = item.matrix_world @ Matrix.Diagonal((*(1 / s for s in item.matrix_world.to_scale()), 1.0))
     places = [location_3d_to_region_2d(region, space, world @ corner, default=(0, 0)) for corner in corners]
     x0, y0 = (min(place[i] for place in places) for i in range(2))
     x1, y1 = (max(place[i] for place in places) for i in range(2))
-    aspect = (render.pixel_aspect_x, render.pixel_aspect_y)
-    frame = Frame(_fitted(round(x1 - x0), round(y1 - y0)), aspect if aspect[0] != aspect[1] else (1.0, 1.0))
-    return View(Eye(record_of(item), frame), (x0, y0, x1 - x0, y1 - y0), True)
+    return x0, y0, x1 - x0, y1 - y0
+
+
+def point_at(screen: Any, scene: Any, x: int, y: int) -> tuple[float, float] | None:
+    """The point of the picture, in fractions from its left and top edges, that shows at a pixel of the window.
+
+    None where no viewport looks through the camera there, or beside its frame.
+    """
+    for area in screen.areas:
+        for region in area.regions if area.type == "VIEW_3D" else ():
+            inside = 0 <= x - region.x < region.width and 0 <= y - region.y < region.height
+            space = area.spaces.active.region_3d
+            if not inside or region.type != "WINDOW" or space.view_perspective != "CAMERA" or scene.camera is None:
+                continue
+            left, bottom, width, height = frame_in(region, space, scene)
+            u, v = (x + 0.5 - region.x - left) / width, 1 - (y + 0.5 - region.y - bottom) / height
+            return (u, v) if 0 <= u <= 1 and 0 <= v <= 1 else None
+    return None
 
 
 def _fitted(width: int, height: int) -> tuple[int, int]:

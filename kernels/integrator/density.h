@@ -14,6 +14,14 @@
 #define STAKE       0.25f   // by this chance
 
 // Random numbers without end, of which each follows from the last.
+// The part of a scene that holds grids.
+typedef struct {
+    const __global Medium *media;
+    const __global float  *densities;
+} Grids;
+
+static inline Grids grids_of(Scene scene) { return (Grids){scene.media, scene.densities}; }
+
 typedef U4 Chance;
 
 static inline Chance chance_of(U pixel, U sample, U dimension, uint2 seed) { return hash4(pixel, sample, dimension, seed); }
@@ -41,10 +49,10 @@ typedef struct {
     I  inside;
 } Walk;
 
-#define OF_GRID(T, member) GATHER(T, scene.media, grid, .member)
-#define VOXEL(i) GATHER(F, scene.densities, i, )
+#define OF_GRID(T, member) GATHER(T, grids.media, grid, .member)
+#define VOXEL(i) GATHER(F, grids.densities, i, )
 
-static inline F3 in_voxels(F3 p, I grid, Scene scene, int is_point)
+static inline F3 in_voxels(F3 p, I grid, Grids grids, int is_point)
 {
     F3 q = f3(OF_GRID(F, row_x.x) * p.x + OF_GRID(F, row_x.y) * p.y + OF_GRID(F, row_x.z) * p.z,
               OF_GRID(F, row_y.x) * p.x + OF_GRID(F, row_y.y) * p.y + OF_GRID(F, row_y.z) * p.z,
@@ -53,7 +61,7 @@ static inline F3 in_voxels(F3 p, I grid, Scene scene, int is_point)
 }
 
 // Density at a place, in voxels.
-static F density_in(F3 q, I grid, Scene scene)
+static F density_in(F3 q, I grid, Grids grids)
 {
     I nx = OF_GRID(I, size_x), ny = OF_GRID(I, size_y), nz = OF_GRID(I, size_z);
     F3 c = f3(MIN(MAX(q.x - 0.5f, ZERO), TO_F(nx - 1)), MIN(MAX(q.y - 0.5f, ZERO), TO_F(ny - 1)),
@@ -73,7 +81,7 @@ static F density_in(F3 q, I grid, Scene scene)
     return sides[0] + f.z * (sides[1] - sides[0]);
 }
 
-static inline F density_at_point(F3 p, I grid, Scene scene) { return density_in(in_voxels(p, grid, scene, 1), grid, scene); }
+static inline F density_at_point(F3 p, I grid, Grids grids) { return density_in(in_voxels(p, grid, grids, 1), grid, grids); }
 
 // Where a coordinate enters and leaves 0 ... size.
 static inline void clip_axis(F o, F d, F size, F *enters, F *leaves)
@@ -86,9 +94,9 @@ static inline void clip_axis(F o, F d, F size, F *enters, F *leaves)
 
 // Moves the start of rays of a length to where they enter the box of the grid; returns how far that is, and what is left of the
 // length within the box, 0 or less where they miss it.
-static F enter_grid(Ray *ray, F *length, I grid, I on, Scene scene)
+static F enter_grid(Ray *ray, F *length, I grid, I on, Grids grids)
 {
-    F3 o = in_voxels(ray->o, grid, scene, 1), d = in_voxels(ray->d, grid, scene, 0);
+    F3 o = in_voxels(ray->o, grid, grids, 1), d = in_voxels(ray->d, grid, grids, 0);
     F enters = ZERO, leaves = *length;
     clip_axis(o.x, d.x, TO_F(OF_GRID(I, size_x)), &enters, &leaves);
     clip_axis(o.y, d.y, TO_F(OF_GRID(I, size_y)), &enters, &leaves);
@@ -106,7 +114,7 @@ static inline F end_of_block(F o, F d, I block)
 }
 
 // Reads what the block has that the walk is in.
-static void enter_block(Walk *w, Scene scene)
+static void enter_block(Walk *w, Grids grids)
 {
     I grid = w->grid;
     I nx = OF_GRID(I, blocks_x), ny = OF_GRID(I, blocks_y), nz = OF_GRID(I, blocks_z);
@@ -120,12 +128,12 @@ static void enter_block(Walk *w, Scene scene)
 }
 
 // A walk along rays that start in the box of the grid.
-static Walk start_walk(Ray ray, F length, I grid, I on, Scene scene)
+static Walk start_walk(Ray ray, F length, I grid, I on, Grids grids)
 {
     Walk w;
     w.grid = grid;
-    w.o = in_voxels(ray.o, grid, scene, 1);
-    w.d = in_voxels(ray.d, grid, scene, 0);
+    w.o = in_voxels(ray.o, grid, grids, 1);
+    w.d = in_voxels(ray.d, grid, grids, 0);
     F size = 1.0f / DENSITY_BLOCK;
     w.x = MIN(MAX(TO_I(w.o.x * size), FALSE), OF_GRID(I, blocks_x) - 1);
     w.y = MIN(MAX(TO_I(w.o.y * size), FALSE), OF_GRID(I, blocks_y) - 1);
@@ -133,12 +141,12 @@ static Walk start_walk(Ray ray, F length, I grid, I on, Scene scene)
     w.t = ZERO;
     w.end = length;
     w.inside = on & (length > 0.0f);
-    enter_block(&w, scene);
+    enter_block(&w, grids);
     return w;
 }
 
 // Takes the walks of the lanes `on` into the next block, or out of the box.
-static void next_block(Walk *w, I on, Scene scene)
+static void next_block(Walk *w, I on, Grids grids)
 {
     F ex = end_of_block(w->o.x, w->d.x, w->x), ey = end_of_block(w->o.y, w->d.y, w->y);
     F ez = end_of_block(w->o.z, w->d.z, w->z);
@@ -149,7 +157,7 @@ static void next_block(Walk *w, I on, Scene scene)
     w->y += (on & by_y) ? (w->d.y > 0.0f ? one : -one) : FALSE;
     w->z += (on & NOT(by_x | by_y)) ? (w->d.z > 0.0f ? one : -one) : FALSE;
     w->inside = on ? w->inside & (w->leaves < w->end) : w->inside;
-    enter_block(w, scene);
+    enter_block(w, grids);
 }
 
 // Where delta tracking with a rate per column ends: whether at a scattering, and what its probability follows from.
@@ -160,9 +168,9 @@ typedef struct {
     I scatters;
 } Collision;
 
-static Collision collide(Ray ray, F length, I grid, F rate, Chance chance, I on, Scene scene)
+static Collision collide(Ray ray, F length, I grid, F rate, Chance chance, I on, Grids grids)
 {
-    Walk w = start_walk(ray, length, grid, on, scene);
+    Walk w = start_walk(ray, length, grid, on, grids);
     Collision c;
     c.bound = c.tries = c.guess = ZERO;
     c.scatters = FALSE;
@@ -177,7 +185,7 @@ static Collision collide(Ray ray, F length, I grid, F rate, Chance chance, I on,
         c.guess += w.mean * step;
         rest -= w.most * step;
         if (ANY(tries)) {
-            F density = density_in(along(w.o, w.d, w.t), grid, scene);
+            F density = density_in(along(w.o, w.d, w.t), grid, grids);
             u = next_of(&chance, tries);
             c.tries += tries ? ONE : ZERO;
             I real = tries & (u.a * w.most < density);
@@ -185,7 +193,7 @@ static Collision collide(Ray ray, F length, I grid, F rate, Chance chance, I on,
             w.inside = w.inside & NOT(real);
             rest = tries ? column_to_next(u.b, rate) : rest;
         }
-        next_block(&w, w.inside & NOT(tries), scene);
+        next_block(&w, w.inside & NOT(tries), grids);
     }
     c.t = w.t;
     return c;
@@ -193,9 +201,9 @@ static Collision collide(Ray ray, F length, I grid, F rate, Chance chance, I on,
 
 // What a medium leaves of light along a way, in the mean: ratio tracking with a rate per column above the least density of each
 // block; of all density where `glow` is wanted, the mean of density times what is left, added up. Adds to *guess as above.
-static F3 track_ratio(Ray ray, F length, I grid, F3 extinction, F rate, Chance *chance, I on, F *guess, F3 *glow, Scene scene)
+static F3 track_ratio(Ray ray, F length, I grid, F3 extinction, F rate, Chance *chance, I on, F *guess, F3 *glow, Grids grids)
 {
-    Walk w = start_walk(ray, length, grid, on, scene);
+    Walk w = start_walk(ray, length, grid, on, grids);
     F3 left = f3(ONE, ONE, ONE);
     F3 share = scale(extinction, ONE / MAX(rate, (F)(SMALLEST)));
     F certain = ZERO;
@@ -212,7 +220,7 @@ static F3 track_ratio(Ray ray, F length, I grid, F3 extinction, F rate, Chance *
         *guess += w.mean * step;
         rest -= span * step;
         if (ANY(tries)) {
-            F density = density_in(along(w.o, w.d, w.t), grid, scene);
+            F density = density_in(along(w.o, w.d, w.t), grid, grids);
             F met = tries ? MIN(MAX((density - least) / MAX(span, (F)(SMALLEST)), ZERO), ONE) : ZERO;
             if (glow)
                 *glow = add(*glow, scale(left, met));
@@ -224,7 +232,7 @@ static F3 track_ratio(Ray ray, F length, I grid, F3 extinction, F rate, Chance *
             left = scale(left, dull ? stake : ONE);
             w.inside = w.inside & (max3(left) > 0.0f);
         }
-        next_block(&w, w.inside & NOT(tries), scene);
+        next_block(&w, w.inside & NOT(tries), grids);
     }
     return mul(left, transmittance_of(extinction, certain));
 }

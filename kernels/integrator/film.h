@@ -95,16 +95,19 @@ static PixelSum add_sample(PixelSum s, I lanes, F3 value, __global uint *counter
 #define GROUP_PLANES 6
 #endif
 
-// Adds what a group has of a sample of the lanes, which is dropped and limited as the whole sample is.
-static void add_of_group(__global float *sums, uint pixel, uint pixels, int group, I lanes, F3 whole, F3 value)
+static inline __global float *planes_of_group(__global float *sums, uint pixels, int group)
 {
-    __global float *planes = sums + (size_t)(GROUP_PLANES + 6 * group) * pixels;
+    return sums + (size_t)(GROUP_PLANES + 6 * group) * pixels;
+}
+
+// Adds what a group has of a sample of the lanes, which is dropped and limited as the whole sample is.
+static PixelSum add_of_group(PixelSum s, I lanes, F3 whole, F3 value)
+{
 #if CLAMP
     F most = largest_of(whole);
     value = scale(value, most > as_float(CLAMP) ? as_float(CLAMP) / most : ONE);
 #endif
-    PixelSum s = read_sums(planes, pixel, pixels);
-    write_sums(planes, pixel, pixels, add_compensated(s, lanes & NOT(bad_value(whole)), value));
+    return add_compensated(s, lanes & NOT(bad_value(whole)), value);
 }
 #endif
 

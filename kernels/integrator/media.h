@@ -51,9 +51,9 @@ static F3 left_along(Ray ray, F way, Inside medium, I on, Scene scene WITH_CHANC
     I gridded = on & (medium.grid > 0) & has_extinction(medium);
     if (ANY(gridded)) {
         F guess = ZERO;
-        enter_grid(&ray, &way, medium.grid, gridded, scene);
+        enter_grid(&ray, &way, medium.grid, gridded, grids_of(scene));
         F3 tracked = track_ratio(ray, way, medium.grid, medium.extinction, max3(medium.extinction), chance, gridded, &guess,
-                                 0, scene);
+                                 0, grids_of(scene));
         left = select3(gridded, tracked, left);
     }
 #endif
@@ -230,13 +230,13 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         F density = ONE;
         I gridded = wanted & s.gridded;
         if (ANY(gridded)) {
-            density = gridded ? density_at_point(p, s.medium.grid, scene) : ONE;
+            density = gridded ? density_at_point(p, s.medium.grid, grids_of(scene)) : ONE;
             F seen = guess;
             if (way != 0u) {
                 Chance chance = chance_of(path->pixel, path->sample, s.dimension + TO_THE_POINT, rules.seed);
                 seen = ZERO;
                 F3 tracked = track_ratio(s.ray, t, s.medium.grid, s.medium.extinction, max3(s.medium.extinction), &chance,
-                                         gridded & (density > 0.0f), &seen, 0, scene);
+                                         gridded & (density > 0.0f), &seen, 0, grids_of(scene));
                 left = select3(gridded, tracked, left);
             }
             column = gridded ? seen : column;
@@ -313,7 +313,7 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
     F3 extinction = s.medium.extinction;
     F3 glow = s.medium.glow;
 #if HAS_DENSITY
-    F before = enter_grid(&s.ray, &s.length, s.medium.grid, on & s.gridded, scene);
+    F before = enter_grid(&s.ray, &s.length, s.medium.grid, on & s.gridded, grids_of(scene));
     on = on & (NOT(s.gridded) | (s.length > 0.0f));
     s.gridded = s.gridded & on;
     s.length = MAX(s.length, ZERO);
@@ -329,7 +329,7 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
             F rate = MAX(max3(extinction), GATHER(F, scene.media, s.medium.grid, .glow_rate));
             F guess = ZERO;
             F3 seen = f3(ZERO, ZERO, ZERO);
-            track_ratio(s.ray, s.length, s.medium.grid, extinction, rate, &chance, shines, &guess, &seen, scene);
+            track_ratio(s.ray, s.length, s.medium.grid, extinction, rate, &chance, shines, &guess, &seen, grids_of(scene));
             all = select3(s.gridded, scale(seen, ONE / rate), all);
         }
 #endif
@@ -344,7 +344,7 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
     if (ANY(dim)) {
         Chance chance = chance_of(path->pixel, path->sample, s.dimension + TO_THE_POINT, rules.seed);
         F guess = ZERO;
-        F3 tracked = track_ratio(s.ray, s.length, s.medium.grid, extinction, max3(extinction), &chance, dim, &guess, 0, scene);
+        F3 tracked = track_ratio(s.ray, s.length, s.medium.grid, extinction, max3(extinction), &chance, dim, &guess, 0, grids_of(scene));
         left = select3(dim, tracked, left);
     }
 #endif
@@ -368,7 +368,7 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
         c.guess = ZERO;
         if (ANY(gridded)) {
             Chance chance = chance_of(path->pixel, path->sample, s.dimension + TO_COLLIDE, rules.seed);
-            c = collide(s.ray, s.length, s.medium.grid, MAX(chosen, (F)(1e-20f)), chance, gridded, scene);
+            c = collide(s.ray, s.length, s.medium.grid, MAX(chosen, (F)(1e-20f)), chance, gridded, grids_of(scene));
             t = gridded ? c.t : t;
             scatters = gridded ? c.scatters : scatters;
             tracked = weight_of(c, s);

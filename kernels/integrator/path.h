@@ -286,6 +286,9 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
                                        EVERY_GROUP, scene);
         path->radiance = add(path->radiance, keep3(escaped, mul(path->beta, light)));
 #if LIGHT_GROUPS
+#if VW == 1
+#pragma nounroll
+#endif
         for (int g = 0; g < LIGHT_GROUPS; ++g) {
             light = light_from_infinity(path->ray.o, receiver_behind(*path), path->ray.d, path->pdf, sunless, kind, g, scene);
             add_to_group(&path->groups, (I)(g), escaped, mul(path->beta, light));

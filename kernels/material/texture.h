@@ -113,23 +113,30 @@ SHARED static F3 pattern_color(const __global Texture *t, F x, F y, F z, const _
 }
 
 #if HAS_MIXTURE
-#define MIXTURE_HELD 7      // colours at a time, of as many mixtures in mixtures as scenes may have
+#define MIXTURE_HELD (2 * HAS_MIXTURE + 1)      // colours at a time that the mixtures of the scene need
 
-// The colours of the parts, one after the other; each mixture takes the last three.
+// The colours of the parts, the last in front; each mixture takes three. They move, so that registers hold them.
 static F3 mixture_color(int texture, F u, F v, Scene scene)
 {
     F3 held[MIXTURE_HELD];
-    int count = 0;
+#pragma unroll
+    for (int k = 0; k < MIXTURE_HELD; ++k)
+        held[k] = f3(ZERO, ZERO, ZERO);
     for (int i = (int)scene.textures[texture].first; i <= texture; ++i) {
         const __global Texture *t = scene.textures + i;
         if (t->kind == TEXTURE_MIXTURE) {
-            count -= 2;
-            F3 low = held[count - 1], high = held[count], k = held[count + 1];
-            held[count - 1] = f3((1.0f - k.x) * low.x + k.x * high.x, (1.0f - k.y) * low.y + k.y * high.y,
-                                 (1.0f - k.z) * low.z + k.z * high.z);
+            F3 low = held[2], high = held[1], k = held[0];
+#pragma unroll
+            for (int n = 1; n < MIXTURE_HELD - 2; ++n)
+                held[n] = held[n + 2];
+            held[0] = f3((1.0f - k.x) * low.x + k.x * high.x, (1.0f - k.y) * low.y + k.y * high.y,
+                         (1.0f - k.z) * low.z + k.z * high.z);
         } else {
             F3 at = pattern_point(t, u, v, scene);
-            held[count++] = pattern_color(t, at.x, at.y, at.z, scene.texels);
+#pragma unroll
+            for (int n = MIXTURE_HELD - 1; n > 0; --n)
+                held[n] = held[n - 1];
+            held[0] = pattern_color(t, at.x, at.y, at.z, scene.texels);
         }
     }
     F most = (F)(scene.textures[texture].limit);        // what is mixed may exceed it

@@ -212,8 +212,8 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 }
 
 #if HAS_MIX
-// Each lane takes one of the two materials of a mix, by the random number in vertex->lobe.
-static void take_mix(Vertex *vertex, I mine, const __global Material *mix, SurfacePoint point, F3 d, Scene scene)
+// Whether lanes take the second of the two materials of a mix, by the random number in vertex->lobe.
+static I second_of_mix(Vertex *vertex, I mine, const __global Material *mix, SurfacePoint point, Scene scene)
 {
     F factor = (F)(mix->factor);
 #if HAS_TEXTURE
@@ -224,10 +224,7 @@ static void take_mix(Vertex *vertex, I mine, const __global Material *mix, Surfa
     I second = choice < factor;
     F rest = second ? choice / factor : (choice - factor) / (1.0f - factor);
     vertex->lobe = mine ? rest : choice;
-    if (ANY(mine & NOT(second)))
-        take_material(vertex, mine & NOT(second), scene.materials + mix->first, point, d, scene);
-    if (ANY(mine & second))
-        take_material(vertex, mine & second, scene.materials + mix->second, point, d, scene);
+    return second;
 }
 #endif
 
@@ -336,11 +333,18 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
 #endif
         // Take the material, and the emitter that light sampling knows the primitive by.
 #if HAS_MIX
-        if (material->kind == MATERIAL_MIX)
-            take_mix(&vertex, mine, material, point, ray.d, scene);
-        else
+        int is_mix = material->kind == MATERIAL_MIX;
+        I second = is_mix ? second_of_mix(&vertex, mine, material, point, scene) : FALSE;
+#pragma nounroll    // programs have the code of materials once
+        for (int which = 0; which <= is_mix; ++which) {
+            I own = mine & (which ? second : NOT(second));
+            if (ANY(own))
+                take_material(&vertex, own, is_mix ? scene.materials + (which ? material->second : material->first) : material,
+                              point, ray.d, scene);
+        }
+#else
+        take_material(&vertex, mine, material, point, ray.d, scene);
 #endif
-            take_material(&vertex, mine, material, point, ray.d, scene);
 #if HAS_EMITTERS
 #if EMITTER_TRIANGLES
         vertex.emitter = mine ? (index >= first_mesh ? hit.triangle - primitive->first_triangle : FALSE)

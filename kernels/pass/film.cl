@@ -26,13 +26,21 @@ __kernel void film(__global const float *state,      // path state: L
     PixelSum sum = read_pixels(sums, pixel, pixels);
     for (uint k = 0; k < wave.samples; ++k) {
         uint slot = first + k * wave.pixels;
-        F3 value = scale(ON_FILM(READ_F3(L, slot), slot), READ_F(WEIGHT, slot));
-#if LIGHT_GROUPS
-        for (int g = 0; g < LIGHT_GROUPS; ++g)
-            add_of_group(sums, pixel, pixels, g, TRUE, value,
-                         scale(ON_FILM(read_group(state, capacity, slot, g), slot), READ_F(WEIGHT, slot)));
-#endif
-        sum = add_sample(sum, TRUE, value, counters);
+        sum = add_sample(sum, TRUE, scale(ON_FILM(READ_F3(L, slot), slot), READ_F(WEIGHT, slot)), counters);
     }
     write_pixels(sums, pixel, pixels, sum);
+#if LIGHT_GROUPS
+#pragma nounroll
+    for (int g = 0; g < LIGHT_GROUPS; ++g) {
+        __global float *planes = planes_of_group(sums, pixels, g);
+        sum = read_sums(planes, pixel, pixels);
+        for (uint k = 0; k < wave.samples; ++k) {
+            uint slot = first + k * wave.pixels;
+            F weight = READ_F(WEIGHT, slot);
+            sum = add_of_group(sum, TRUE, scale(ON_FILM(READ_F3(L, slot), slot), weight),
+                               scale(ON_FILM(read_group(state, capacity, slot, g), slot), weight));
+        }
+        write_sums(planes, pixel, pixels, sum);
+    }
+#endif
 }

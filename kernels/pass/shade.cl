@@ -1,6 +1,7 @@
 // One vertex of every living path: emission and environment, a light sample for the shadow pass, the next direction,
 // Russian roulette. Reads the path, HIT and T; writes the path and the shadow ray.
 // Facts: HAS_<material>, HAS_TEXTURE, HAS_EMITTERS, ENVIRONMENT, SPECTRUM.
+#define GROUPS_IN_STATE
 #include "integrator/path.h"
 #include "integrator/state.h"
 
@@ -54,8 +55,7 @@ __kernel void shade(SCENE_PARAMETERS
 #endif
     path.radiance = READ_F3(L, slot);
 #if LIGHT_GROUPS
-    for (int g = 0; g < LIGHT_GROUPS; ++g)
-        path.groups.of[g] = read_group(state, capacity, slot, g);
+    path.groups = (GroupLight){state, capacity, slot};
 #endif
 #if CAUSTICS
     path.since_receiver = depth == 1u ? FALSE : READ_I(SINCE_RECEIVER, slot);
@@ -91,10 +91,6 @@ __kernel void shade(SCENE_PARAMETERS
     WRITE_F(WAVELENGTH_SAMPLE, slot, path.wavelength_sample);
 #endif
     WRITE_F3(L, slot, path.radiance);
-#if LIGHT_GROUPS
-    for (int g = 0; g < LIGHT_GROUPS; ++g)
-        write_group(state, capacity, slot, g, path.groups.of[g]);
-#endif
     WRITE_I(ORIGIN, slot, path.ray.origin);
     WRITE_TRIANGLE(TRIANGLE, slot, path.ray.triangle);
     WRITE_F3(O, slot, path.ray.o);

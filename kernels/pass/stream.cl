@@ -149,9 +149,12 @@ __kernel void stream(SCENE_PARAMETERS
 #endif
             F3 value = ON_FILM(path.radiance);
 #if LIGHT_GROUPS
-            for (int g = 0; g < LIGHT_GROUPS; ++g)
-                add_of_group(sums, place, pixels, g, ended, scale(value, path.weight),
-                             scale(ON_FILM(path.groups.of[g]), path.weight));
+            for (int g = 0; g < LIGHT_GROUPS; ++g) {
+                __global float *planes = planes_of_group(sums, pixels, g);
+                PixelSum of = add_of_group(read_sums(planes, place, pixels), ended, scale(value, path.weight),
+                                           scale(ON_FILM(path.groups.of[g]), path.weight));
+                write_sums(planes, place, pixels, of);
+            }
 #endif
             film = add_sample(film, ended, scale(value, path.weight), counters);
             running = running & NOT(ended);

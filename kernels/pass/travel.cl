@@ -1,6 +1,7 @@
 // Takes each path through media to what it meets first, and adds the light that they emit and scatter towards it on the way:
 // in place of intersect where a scene has media. Reads the path; writes HIT and T, B, L and MEDIUM.
 // Facts: HAS_MEDIA, HAS_BOUNDARY, HAS_EMITTERS, SPECTRUM.
+#define GROUPS_IN_STATE
 #define MEETS_BOUNDARIES
 #include "integrator/media.h"
 #include "integrator/state.h"
@@ -26,8 +27,7 @@ __kernel void travel(SCENE_PARAMETERS
     path.beta = READ_F3(B, slot);
     path.radiance = READ_F3(L, slot);
 #if LIGHT_GROUPS
-    for (int g = 0; g < LIGHT_GROUPS; ++g)
-        path.groups.of[g] = read_group(state, capacity, slot, g);
+    path.groups = (GroupLight){state, capacity, slot};
 #endif
     Scene scene = SCENE;
     path.medium = depth == 1u ? (I)(scene.media_at_camera) : READ_I(MEDIUM, slot);
@@ -40,10 +40,6 @@ __kernel void travel(SCENE_PARAMETERS
     WRITE_I(ORIGIN, slot, path.ray.origin);
     WRITE_F3(B, slot, path.beta);
     WRITE_F3(L, slot, path.radiance);
-#if LIGHT_GROUPS
-    for (int g = 0; g < LIGHT_GROUPS; ++g)
-        write_group(state, capacity, slot, g, path.groups.of[g]);
-#endif
     WRITE_I(MEDIUM, slot, path.medium);
     write_hit(state, capacity, slot, hit);
 }

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import replace
+from functools import cache
 from types import TracebackType
 from typing import Any, Self
 
@@ -38,7 +39,7 @@ from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.kinds import camera_of
-from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.film import FilmLayout, group_pictures
 from rptcam_cl.rendering.ghosts import Ghosting
 from rptcam_cl.rendering.ground_truth import object_at
 from rptcam_cl.rendering.layers import Denoiser
@@ -98,6 +99,9 @@ class Frame:
         Share of the film's resolution.
     generation : int
         Counts the changes that are shown.
+    lights : callable
+        Returns the light of each group of lamps, (height, width, 3) by the name of its layer, where the scene has the
+        layer ``lights``.
     """
 
     pixels: NDArray[np.float32]
@@ -107,6 +111,7 @@ class Frame:
     noise: float | None
     scale: float
     generation: int
+    lights: Callable[[], dict[str, NDArray[np.float32]]] = dict
 
 
 class QueueLimit:
@@ -135,6 +140,16 @@ class QueueLimit:
             return should_stop()
 
         return count
+
+
+def _lights_of(run: FilmRun) -> Callable[[], dict[str, NDArray[np.float32]]]:
+    """Read the light of the groups of lamps of a film, where there are any; return what makes pictures of it, once."""
+    wavefront = run.wavefront
+    names, layout = wavefront.light_groups, wavefront.layout
+    if not names:
+        return dict
+    planes, tiles = wavefront.planes(), run.samples_of_tiles()
+    return cache(lambda: group_pictures(layout, planes, tiles, names))
 
 
 class RenderSession:
@@ -233,6 +248,11 @@ class RenderSession:
     def generation(self) -> int:
         """Counts the changes that are shown."""
         return self._generation
+
+    @property
+    def light_groups(self) -> tuple[str, ...]:
+        """The groups of lamps whose light frames keep apart, where the scene has the layer ``lights``."""
+        return self._shown.plan.light_groups.names
 
     @property
     def spp(self) -> int:
@@ -352,9 +372,9 @@ class RenderSession:
         begun, run = time.perf_counter(), self._film()
         sums = run.wavefront.sums()
         pixels = run.wavefront.layout.picture(sums, run.samples_of_tiles())
-        noise = self._noise_of(run, sums)
+        noise, lights = self._noise_of(run, sums), _lights_of(run)
         seconds = self._added_s + time.perf_counter() - begun
-        return Frame(pixels, run.done, self._complete, seconds, noise, 1.0, self._generation)
+        return Frame(pixels, run.done, self._complete, seconds, noise, 1.0, self._generation, lights)
 
     def glance(self, scale: float = 0.25) -> Frame:
         """Return one sample per pixel of the same view at a share of its resolution; the film stays as it is.
@@ -377,7 +397,8 @@ class RenderSession:
         pixels = run.pixels()
         if complete and state.resolved.metered_cd_m2 is not None:
             self._reading = reading_of(pixels, plan, state, film) or self._reading
-        return Frame(pixels, run.done, complete, time.perf_counter() - begun, None, scale, self._generation)
+        lights = _lights_of(run)
+        return Frame(pixels, run.done, complete, time.perf_counter() - begun, None, scale, self._generation, lights)
 
     def denoised(self, frame: Frame) -> NDArray[np.float32] | None:
         """Return a frame of what is shown without its noise: biased, and less so with every sample.

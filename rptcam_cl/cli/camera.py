@@ -393,6 +393,10 @@ def add_focus(parser: argparse.ArgumentParser) -> None:
         "--criterion", metavar="NAME",
         help="what depth and phase call sharpest: spot (default), pixel, or mtf@30 with line pairs per mm of the film",
     )  # fmt: skip
+    parser.add_argument(
+        "--sensor", action="store_const", const=True,
+        help="probe with the noise and the white of the scene's sensor, in the exposure of the picture",
+    )  # fmt: skip
     add_options(parser, "seed")
     add_device(parser)
     add_options(parser, "overrides")
@@ -429,6 +433,7 @@ def run_focus(arguments: argparse.Namespace) -> int:
         **_where(arguments),
         policy=arguments.policy,
         criterion=arguments.criterion,
+        sensor=arguments.sensor,
         seed=arguments.seed,
         device=arguments.device,
     )
@@ -454,7 +459,7 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
     where = _where(arguments)
     if (mask := where.pop("mask")) is not None:
         where["mask"] = {"file": mask}
-    keys = {"method": arguments.method, "policy": arguments.policy, "criterion": arguments.criterion}
+    keys = {name: getattr(arguments, name) for name in ("method", "policy", "criterion", "sensor")}
     if scene.requested_autofocus is None or any(value is not None for value in (*where.values(), *keys.values())):
         settings = focus_settings(scene, keys, where)
         data = settings.model_dump(exclude_unset=True, exclude={"zones_from", "mask"})

@@ -71,6 +71,11 @@ class Launch:
     arguments : dict
         A buffer, a numpy scalar or a record's bytes for every parameter of the kernel, by its name.
 
+    Attributes
+    ----------
+    steps : float
+        That a work item takes, where it may take many: GPUs get such work in several launches.
+
     Raises
     ------
     DeviceError
@@ -82,7 +87,7 @@ class Launch:
     def __init__(self, session: Session, program: Program, name: str, arguments: Mapping[str, Any]) -> None:
         import pyopencl as cl
 
-        self.name = name
+        self.name, self.steps = name, 1.0
         self._session, self._program = session, program
         self._enqueue = cl.enqueue_nd_range_kernel
         try:
@@ -121,12 +126,12 @@ class Launch:
                 self._kernel.set_arg(self._index[name], value)
         self._arguments |= arguments
 
-    def enqueue(self, items: int, group: int) -> Any:
-        """Run over ``items`` work items in groups of ``group``; return the event."""
+    def enqueue(self, items: int, group: int, first: int = 0) -> Any:
+        """Run over ``items`` work items from the ``first`` on, in groups of ``group``; return the event."""
         import pyopencl as cl
 
         try:
-            event = self._enqueue(self._session.queue, self._kernel, (items,), (group,))
+            event = self._enqueue(self._session.queue, self._kernel, (items,), (group,), (first,))
         except cl.Error as error:
             raise DeviceError(f"kernel {self.name} failed on device {self._session.info.id}: {error}") from error
         if not self._program.is_noted:

@@ -13,6 +13,7 @@ from dataclasses import field, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import IO, Any
 
 import numpy as np
@@ -505,7 +506,6 @@ def relit(image: Image, factors: Mapping[str, float | Sequence[float]]) -> Image
     known = [name.removeprefix(LIGHT_LAYER) for name in image.layers if name.startswith(LIGHT_LAYER)]
     if not known:
         raise InputError("lights: the film does not keep the light of its lamps apart (render it with --layers lights)")
-    pixels = image.pixels.astype(np.float64)
     for name, factor in factors.items():
         if name not in known:
             raise InputError(f"lights.{name}: no such group{near_name(name, known)} (allowed: {', '.join(known)})")
@@ -514,9 +514,25 @@ def relit(image: Image, factors: Mapping[str, float | Sequence[float]]) -> Image
             raise InputError(
                 f"lights.{name}: is no factor (got {factor}; allowed: 0 to {_MOST_FACTOR:g}, or three such)"
             )
-        pixels += (wanted - before.get(name, 1.0)) * image.layers[f"{LIGHT_LAYER}{name}"]
+    pixels = mixed(image.pixels, image.layers, factors, before)
     kept = {name: np.asarray(factor, np.float64).tolist() for name, factor in factors.items()}
-    return replace(image, pixels=pixels.astype(np.float32), metadata=image.metadata | {RELIT: before | kept})
+    return replace(image, pixels=pixels, metadata=image.metadata | {RELIT: before | kept})
+
+
+def mixed(
+    pixels: NDArray[np.float32],
+    layers: Mapping[str, NDArray[Any]],
+    factors: Mapping[str, Any],
+    before: Mapping[str, Any] = MappingProxyType({}),
+) -> NDArray[np.float32]:
+    """Return a film (height, width, 3) with the light of groups of lamps, which layers hold, times factors.
+
+    ``before`` are factors that the film has already.
+    """
+    exact = pixels.astype(np.float64)
+    for name, factor in factors.items():
+        exact += (np.asarray(factor, np.float64) - before.get(name, 1.0)) * layers[f"{LIGHT_LAYER}{name}"]
+    return exact.astype(np.float32)
 
 
 def _factor_of(text: str) -> tuple[str, Any]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, get_args
 
 import numpy as np
@@ -353,7 +354,7 @@ def _pattern(stream: int, shape: tuple[int, ...], sensor: SensorModel) -> Array:
     return rows if depth == 3 else rows[..., 0]
 
 
-def linear_picture(numbers: NDArray[np.uint16], sensor: SensorModel) -> NDArray[np.float32]:
+def linear_picture(numbers: NDArray[Any], sensor: SensorModel) -> NDArray[np.float32]:
     """The linear picture (height, width, 3) of raw numbers, in the scale of the film and in linear sRGB.
 
     Highlights stay neutral: all channels end where, after white balance, the first of them saturates.
@@ -370,6 +371,37 @@ def linear_picture(numbers: NDArray[np.uint16], sensor: SensorModel) -> NDArray[
         return np.repeat(balanced[..., None], 3, axis=2).astype(np.float32)
     colours = interpolate_colours(balanced, sensor.pattern, sensor.demosaic) if is_mosaic(sensor.bayer) else balanced
     return np.asarray(colours @ rgb_from_balanced(sensor).T, np.float32)
+
+
+def binned_exposure(film: NDArray[np.floating], sensor: SensorModel, pixels: float, seed: int) -> NDArray[np.float32]:
+    """Return the linear picture (height, width, 3) of a film each of whose pixels so many of the sensor share.
+
+    The colours of a mosaic have their shares of them. The noise is that of photons, dark current, reading and rounding,
+    and what fills a pixel is white. The fixed pattern, which cameras take off, is left out.
+
+    Parameters
+    ----------
+    film : (height, width, 3) array
+        As for `expose`.
+    sensor : SensorModel
+    pixels : float
+        Of the sensor, for one of the film; may be less than 1.
+    seed : int
+        In place of the sensor's.
+    """
+    plain, count = sensor, np.array([pixels])
+    if is_mosaic(sensor.bayer):
+        plain = replace(sensor, bayer="none")
+        count = pixels * np.array([sensor.bayer.count(colour) / len(sensor.bayer) for colour in CHANNELS])
+    if plain.bayer == "monochrome":
+        count = count[0]
+    light = np.clip(mean_electrons(film, plain) + sensor.dark_e, 0.0, MOST_ELECTRONS)
+    random = _generator(_PHOTONS, seed)
+    charge = np.minimum(random.poisson(np.minimum(light * count, MOST_ELECTRONS)) / count, sensor.full_well_e)
+    rounded_e = 1 / (math.sqrt(12) * sensor.system_gain_dn_per_e)
+    charge += np.hypot(sensor.read_noise_e, rounded_e) / np.sqrt(count) * random.standard_normal(charge.shape)
+    numbers = sensor.black_level_dn + sensor.system_gain_dn_per_e * charge
+    return linear_picture(np.clip(numbers, 0.0, sensor.top_dn), plain)
 
 
 # The sensor that a scene describes, behind the film that a render made.
@@ -395,7 +427,7 @@ def sensor_of(scene: Scene, metadata: Mapping[str, Any]) -> SensorModel | None:
         return None
     per_joule = electrons_per_joule(settings.response, settings.quantum_efficiency)
     white_per_joule = float(electrons_of_white(per_joule, settings.bayer).max())
-    area = _pixel_area_m2(scene)
+    area = pixel_area_m2(scene)
     well = settings.full_well_e or max(1.0, WELL_E_PER_UM2 * area * 1e12)
     saturation = well
     if (iso := metadata.get("iso")) is not None:
@@ -454,7 +486,7 @@ def check_sensor(scene: Scene, width: int, height: int) -> None:
         check_size(scene.sensor.bayer, width, height)
 
 
-def _pixel_area_m2(scene: Scene) -> float:
+def pixel_area_m2(scene: Scene) -> float:
     """Return the area on which a pixel gathers light [m²]."""
     if scene.sensor is not None and scene.sensor.pixel_pitch_um is not None:
         return float(scene.sensor.pixel_pitch_um * 1e-6) ** 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -16,7 +17,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_catalogues import bundled_thermal
 from rptcam_cl.optics.glass import AIR, STANDARD_C, STANDARD_HPA, Heated, Medium, Melt, Thermal
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.ray_trace import refract
+from rptcam_cl.optics.ray_trace import reflect, refract
 from rptcam_cl.optics.shapes import ITERATIONS, LAST_STEP, Biconic, Hits, Iterated, Toroid, on_vertex_plane
 from rptcam_cl.optics.surface import IN_PLACE, Configuration, FocusState, Surface, SurfacePose
 
@@ -198,17 +199,55 @@ class Deviation:
         the Abbe number, ``decentre`` along x and y [mm], or ``tilt`` about x and y [radians].
     first, last : int
         Surfaces that move together about the vertex of the first; of the other kinds the one surface, which has the
-        radius or is followed by the gap or the glass.
+        radius or is followed by the gap or the glass. Where light meets one of them again, it is off there too.
+    others : tuple of int
+        Surfaces that move with them, cemented to one that light has met before.
     """
 
     kind: DeviationKind
     first: int
     last: int
+    others: tuple[int, ...] = ()
 
     @property
     def is_pair(self) -> bool:
         """Whether it has an x and a y."""
         return self.kind in PAIRS
+
+
+ONE_PLACE_MM = 1e-6  # how near each other the vertices of one surface lie that a lens has twice
+_NEARLY = 1e-3  # of the length of the lens, within which two alike are neither one surface nor clearly two
+
+
+def first_met(lens: Lens) -> tuple[int, ...]:
+    """Return the number of each surface, or that of the one which light has met there before: between mirrors.
+
+    Raises
+    ------
+    InputError
+        When two surfaces are alike and lie nearly in one place.
+    """
+    numbers = list(range(len(lens.surfaces)))
+    for k, surface in enumerate(lens.surfaces if lens.has_mirrors else ()):
+        for j in range(k):
+            apart, other = abs(float(lens.vertices[k] - lens.vertices[j])), lens.surfaces[j]
+            alike = (surface.curvature, surface.conic, surface.aspheric, surface.cylinder, surface.form, surface.pose)
+            of_other = (other.curvature, other.conic, other.aspheric, other.cylinder, other.form, other.pose)
+            if numbers[j] != j or alike != of_other or apart > _NEARLY * float(np.ptp(lens.vertices)):
+                continue
+            if apart > ONE_PLACE_MM:
+                raise InputError(
+                    f"{lens.name}: surfaces {j} and {k} have one shape and lie {apart:.3g} mm apart: are they one"
+                    " surface, whose errors are the same both times? (give thicknesses by which it lies in one place)"
+                )
+            numbers[k] = j
+            break
+    return tuple(numbers)
+
+
+def is_free_gap(lens: Lens, k: int) -> bool:
+    """Return whether the space behind a surface places the next one: light has not met that before."""
+    return k < len(lens.surfaces) - 1 and first_met(lens)[k + 1] == k + 1
 
 
 @dataclass(frozen=True)
@@ -239,27 +278,46 @@ class Copies:
         return Copies(self.lens, self.deviations, self.values[low:high])
 
     @cached_property
+    def first_met(self) -> tuple[int, ...]:
+        """As the function of this name has it of the design."""
+        return first_met(self.lens)
+
+    @cached_property
     def curvatures(self) -> Array:
         """Curvature of each surface (copies, surfaces) [1/mm]."""
         of_design = self._rows([surface.curvature for surface in self.lens.surfaces])
-        return of_design / (1.0 + self._sums("radius")) + self._sums("curvature")
+        radius, more = (self._sums(kind)[:, self.first_met] for kind in ("radius", "curvature"))
+        return of_design / (1.0 + radius) + more
 
     @cached_property
     def thicknesses(self) -> Array:
         """Thickness behind each surface (copies, surfaces) [mm]."""
-        return self._rows([surface.thickness for surface in self.lens.surfaces]) + self._sums("thickness")
+        of_design = self._rows([surface.thickness for surface in self.lens.surfaces])
+        if not self.lens.has_mirrors:
+            return of_design + self._sums("thickness")
+        return np.concatenate([np.diff(self.vertices, axis=1), of_design[:, -1:]], axis=1)
 
     @cached_property
     def vertices(self) -> Array:
-        """Position z of each vertex (copies, surfaces) [mm]."""
-        places = np.zeros_like(self.thicknesses)
-        np.cumsum(self.thicknesses[:, :-1], axis=1, out=places[:, 1:])
+        """Position z of each vertex (copies, surfaces) [mm].
+
+        Each surface stands where the one before it, along the light, places it; met again, it stays there.
+        """
+        if not self.lens.has_mirrors:
+            places = np.zeros_like(self.thicknesses)
+            np.cumsum(self.thicknesses[:, :-1], axis=1, out=places[:, 1:])
+            return places
+        off, places = self._sums("thickness"), self._rows(self.lens.vertices)
+        for k, first in enumerate(self.first_met[1:], start=1):
+            gap = self.lens.vertices[k] - self.lens.vertices[k - 1]
+            new = places[:, k - 1] + gap + self.lens.senses[k] * off[:, k - 1]
+            places[:, k] = new if first == k else places[:, first]
         return places
 
     def indices(self, wavelength_nm: float) -> Array:
         """Return the index before the first surface and after each one (copies, surfaces + 1)."""
         values = self._rows(self.lens.indices(wavelength_nm))
-        shift, share = self._sums("index"), self._sums("abbe")
+        shift, share = self._melts()
         values[:, 1:] += shift
         for k in np.flatnonzero(np.any(share != 0, axis=0)).tolist():
             glass = self.lens.surfaces[k].glass
@@ -278,9 +336,10 @@ class Copies:
             if not deviation.is_pair:
                 continue
             value = self.values[:, number]
-            for k in range(deviation.first, deviation.last + 1):
+            moved = {self.first_met[k] for k in (*range(deviation.first, deviation.last + 1), *deviation.others)}
+            for k in np.flatnonzero([first in moved for first in self.first_met]).tolist():
                 start = (self._rows(np.eye(3)), np.zeros((self.count, 3)))
-                arm = float(self.lens.vertices[k] - self.lens.vertices[deviation.first])
+                arm = float(self.lens.vertices[self.first_met[k]] - self.lens.vertices[deviation.first])
                 poses[k] = _move_pose(*poses.get(k, start), deviation, value, arm)
         return poses
 
@@ -288,7 +347,7 @@ class Copies:
         """Return one of the copies as a lens."""
         one = self.part(number, number + 1)
         surfaces = list(self.lens.surfaces)
-        shift, share = one._sums("index")[0], one._sums("abbe")[0]
+        shift, share = (values[0] for values in one._melts())
         for k, surface in enumerate(surfaces):
             if shift[k] or share[k]:
                 surface = replace(surface, glass=Melt.of(surface.glass, float(shift[k]), float(share[k])))
@@ -303,6 +362,12 @@ class Copies:
         rotation, offset = self.poses[k][0][0], self.poses[k][1][0]
         pose = SurfacePose(tuple(offset.tolist()), tuple(tuple(row) for row in rotation.tolist()))  # type: ignore[arg-type]
         return None if pose == IN_PLACE and self.lens.surfaces[k].pose is None else pose
+
+    def _melts(self) -> tuple[Array, Array]:
+        """By how much the index behind each surface is off, and the Abbe number as a share (copies, surfaces)."""
+        spaces = [frozenset(pair) for pair in itertools.pairwise((*self.first_met, len(self.first_met)))]
+        first = [spaces.index(space) for space in spaces]  # light crosses one glass again behind a mirror
+        return self._sums("index")[:, first], self._sums("abbe")[:, first]
 
     def _rows(self, of_lens: ArrayLike) -> Array:
         """Return numbers of the design for each copy."""
@@ -352,13 +417,9 @@ def check_copies(lens: Lens) -> None:
     Raises
     ------
     InputError
-        For mirrors, whose surfaces light may meet twice, and parts of lenses that light passes beside.
+        For folded axes, parts of lenses that light passes beside, and surfaces that may be one or two.
     """
-    if lens.has_mirrors:
-        raise InputError(
-            f"{lens.name}: has mirrors, so light may meet a surface twice, whose errors are the same both times;"
-            " tolerances are for lenses without"
-        )
+    first_met(lens)
     if lens.fold is not None:
         raise InputError(
             f"{lens.name}: its axis is folded; tolerances are for lenses whose film stands across one axis"
@@ -384,7 +445,8 @@ def film_points(
     Returns
     -------
     points, slopes : (copies, rays, 2) arrays
-        x and y [mm], and dx/dz and dy/dz; NaN for rays that miss a surface or are totally reflected.
+        x and y [mm], and how far they change along 1 mm of the axis, with the light; NaN for rays that miss a surface
+        or are totally reflected.
     """
     rays = len(origins)
     points, slopes = np.empty((2, copies.count, rays, 2))
@@ -393,8 +455,10 @@ def film_points(
         for low in range(0, copies.count, step):
             some = copies.part(low, low + step)
             p, d = _through(some, origins, directions, wavelength_nm)
-            slope = d[:2] / d[2]
-            at = p[:2] + slope * (np.repeat(some.vertices[:, -1], rays) + film_distance_mm - p[2])
+            sense = copies.lens.sense
+            slope = sense * d[:2] / d[2]
+            film = sense * np.repeat(some.vertices[:, -1], rays) + film_distance_mm
+            at = p[:2] + slope * (film - sense * p[2])
             shape = (2, some.count, rays)
             points[low : low + step] = np.moveaxis(at.reshape(shape), 0, -1)
             slopes[low : low + step] = np.moveaxis(slope.reshape(shape), 0, -1)
@@ -410,8 +474,10 @@ def _through(copies: Copies, origins: Array, directions: Array, wavelength_nm: f
         pose = copies.poses.get(k)
         q, v = (p - shift, d) if pose is None else _inward(pose, p - shift, d, rays)
         hits = _meet(surface, np.repeat(copies.curvatures[:, k], rays), q, v)
-        good = hits.met & np.isfinite(hits.distances) & (v[2] > 0)
-        if not np.array_equal(indices[:, k], indices[:, k + 1]):
+        good = hits.met & np.isfinite(hits.distances) & (v[2] * copies.lens.senses[k] > 0)
+        if surface.is_mirror:
+            v = reflect(v, hits.normals, hits.cosines)
+        elif not np.array_equal(indices[:, k], indices[:, k + 1]):
             v, through = refract(v, hits.normals, hits.cosines, np.repeat(indices[:, k] / indices[:, k + 1], rays))
             good &= through
         q = np.where(good, hits.points, np.nan)

@@ -41,6 +41,7 @@ CONVERGED = 1e-11  # of the film distance, between two rounds
 CONVERGED_AT_A_POINT = 1e-6  # the same where the rays that pass are counted, not integrated
 FEW_ACROSS, FEW_COARSE, FEW_AIMS = 48, 32, 24  # rays for a place that need not be exact: off by 0.004 of 2 N c, at most
 FEW_AIMED = 2  # by 0.035 (27 points of 9 lenses, the most where aberrations are many times that)
+AIMED_WITHIN = 10.0  # times as near as is enough: a direction aimed at from farther off is not that of the place itself
 
 
 def best_film_distance(
@@ -109,7 +110,7 @@ def best_film_distance_at(
         When no light arrives there, or the search does not end.
     """
     film_distance_mm = start_mm or film_distance(lens, object_distance_mm, measured_from, wavelength_nm)
-    beam, few = Beam(), within_mm > 0
+    beam, few, shift = Beam(), within_mm > 0, 0.0
     across, coarse, aimed = (FEW_ACROSS, FEW_COARSE, FEW_AIMED) if few else (ACROSS, COARSE, AIMED)
     for number in range(ROUNDS):
         front = (
@@ -118,7 +119,7 @@ def best_film_distance_at(
             else object_distance_mm - lens.length - lens.sense * film_distance_mm
         )
         beam = replace(beam, object_distance_mm=front)
-        if number < aimed:
+        if number < aimed or (few and abs(shift) > AIMED_WITHIN * within_mm):
             beam = _beam_to(lens, film_point_mm, film_distance_mm, front, wavelength_nm, few=few)
         shift = spot(lens, film_distance_mm, beam, wavelength_nm, across, coarse).best_shift
         film_distance_mm += shift

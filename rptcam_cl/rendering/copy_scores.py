@@ -162,11 +162,12 @@ def _beam_rays(
     middle, limit, corners = outline
     angles, turns = _directions(corners, arms)
     outward = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    edge = _edge(lens, beam, wavelength_nm, middle, outward, limit)
+    inner, edge = _edges(lens, beam, wavelength_nm, middle, outward, limit)
     nodes, shares = np.polynomial.legendre.leggauss(rings)
-    radii = np.sqrt((1 + nodes) / 2)
-    places = middle + (radii[:, None, None] * (edge[:, None] * outward)).reshape(-1, 2)
-    weights = (shares[:, None] * (turns * edge**2)).ravel()
+    hole = inner / edge
+    radii = np.sqrt(hole**2 + (1 - hole**2) * (1 + nodes[:, None]) / 2)
+    places = middle + (radii[..., None] * (edge[:, None] * outward)).reshape(-1, 2)
+    weights = (shares[:, None] * (turns * (edge**2 - inner**2))).ravel()
     origins, directions = beam.rays(places)
     directions = directions / np.sqrt(np.sum(directions * directions, axis=1, keepdims=True))
     weights = np.where(lens.trace(origins, directions, wavelength_nm, "scene").passed, weights, 0.0)
@@ -212,12 +213,32 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
 
 def _edge(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, outward: Array, limit: float) -> Array:
     """How far from the middle of a beam its rays pass, along each direction (n, 2)."""
-    low, high = np.zeros(len(outward)), np.full(len(outward), limit)
-    for _ in range(BISECTIONS):
-        trial = (low + high) / 2
-        passed = lens.trace(*beam.rays(middle + trial[:, None] * outward), wavelength_nm, "scene").passed
-        low, high = np.where(passed, trial, low), np.where(passed, high, trial)
-    return low
+    return _edges(lens, beam, wavelength_nm, middle, outward, limit)[1]
+
+
+def _edges(
+    lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, outward: Array, limit: float
+) -> tuple[Array, Array]:
+    """How far from the middle of a beam rays begin to pass, and how far they do, along each direction (n, 2)."""
+
+    def passes(radii: Array) -> NDArray[np.bool_]:
+        return lens.trace(*beam.rays(middle + radii[:, None] * outward), wavelength_nm, "scene").passed
+
+    def bisected(inside: Array, outside: Array) -> Array:
+        for _ in range(BISECTIONS):
+            trial = (inside + outside) / 2
+            passed = passes(trial)
+            inside, outside = np.where(passed, trial, inside), np.where(passed, outside, trial)
+        return inside
+
+    none = np.zeros(len(outward))
+    if not lens.is_obstructed:
+        return none, bisected(none, np.full(len(outward), limit))
+    steps = limit * np.arange(COARSE + 1) / COARSE
+    passed = np.stack([passes(np.full(len(outward), radius)) for radius in steps])
+    first, last = np.argmax(passed, axis=0), COARSE - np.argmax(passed[::-1], axis=0)
+    outer = bisected(steps[last], steps[np.minimum(last + 1, COARSE)])
+    return np.where(first > 0, bisected(steps[first], steps[np.maximum(first - 1, 0)]), 0.0), outer
 
 
 # How good copies of a lens are: spots and modulation over fields, with the film where it is or at its best.

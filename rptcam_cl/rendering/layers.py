@@ -369,6 +369,7 @@ class LayerPass:
     def _of_plan(self, plan: Plan, buffers: SceneBuffers) -> dict[str, Any]:
         """Return the arguments that a plan has."""
         self._eye_m = plan.eye_m
+        self._steps = plan.media.steps if "transmittance" in self._planes.names else 1.0
         view, blur = plan.camera.view.packed(with_blur="coc" in self._planes.names)
         own = {"owners": plan.owners.of_primitive, "blur": blur, "view": view}
         for name, array in own.items():
@@ -394,6 +395,7 @@ class LayerPass:
     def set_wave(self, wave: bytes, seen: int) -> None:
         """Choose the wave whose rays are added next, and how many of its samples count."""
         self.launch.set(wave=wave, seen=np.uint32(seen))
+        self.launch.steps = max(self._steps * seen, 1.0)
 
     def clear(self) -> None:
         """Empty the layers."""

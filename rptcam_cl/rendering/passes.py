@@ -209,6 +209,10 @@ def bytes_of_lens_rays(plan: Plan, capacity: int) -> int:
     return _BYTES_PER_SLOT * capacity if traces_in_float64(plan.camera) else 0
 
 
+STEPS_OF_LAUNCH = 1 << 25  # 0.3 s of a laptop's GPU: docs/devices.md, "How long a launch takes"
+_TRACKED = 5  # ways through grids of density at a vertex: where it is, what shines, to a point, and from two to lamps
+
+
 class Launches:
     """Enqueues launches, in groups that suit the device.
 
@@ -227,11 +231,16 @@ class Launches:
         self.count = 0
 
     def run(self, launch: Launch, items: int) -> None:
-        """Enqueue a launch over ``items`` work items."""
-        self.count += 1
-        event = launch.enqueue(items, min(self._group, items))
-        if self._session.profiling:
-            self._events.append((launch.name, event))
+        """Enqueue a launch over ``items`` work items, in pieces where a GPU would take too long for all."""
+        group = min(self._group, items)
+        most = items
+        if self._session.kind == "gpu":
+            most = max(int(STEPS_OF_LAUNCH / launch.steps) // group, 1) * group
+        for first in range(0, items, most):
+            self.count += 1
+            event = launch.enqueue(min(most, items - first), group, first)
+            if self._session.profiling:
+                self._events.append((launch.name, event))
 
     def finish(self) -> None:
         """Wait for everything enqueued."""
@@ -383,6 +392,10 @@ class DepthPasses:
             session.bind(program, "travel", **own, **of_depth, depth=np.uint32(depth)) for depth in depths if has_media
         ]
         self._intersect = None if has_media else session.bind(program, "intersect", **own)
+        for launch in self._travel:
+            launch.steps = max(_TRACKED * plan.media.steps, 1.0)
+        if self._shadow is not None:
+            self._shadow.steps = max(plan.media.steps, 1.0)
         self._film = session.bind(
             program, "film", **buffers.slots, sums=buffers.film.sums, counters=buffers.film.counters, wave=_NO_WAVE,
             pixels=np.uint32(buffers.film.pixels), tiles=buffers.tiles,

@@ -240,6 +240,8 @@ def _state(lens: Lens, given: Specification) -> tuple[Lens, float]:
     wanted = given.tolerances
     if wanted.zoom is not None:
         lens = in_configuration(lens, wanted.zoom)
+    if wanted.heat is not None:
+        lens = wanted.heat.lens(lens)
     wave = wanted.merit.wavelengths_nm[len(wanted.merit.wavelengths_nm) // 2]
     if wanted.f_number is not None:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(wanted.f_number, wave))
@@ -290,10 +292,12 @@ def spot_of_copies(problem: Problem) -> Callable[[Lens, float], float]:
     """
     given = specification(problem.tolerances)
     beams = {"fields_degrees": problem.fields_degrees, "wavelengths_nm": problem.wavelengths_nm}
-    merit = given.tolerances.merit.model_copy(update=beams)
+    merit, heat = given.tolerances.merit.model_copy(update=beams), given.tolerances.heat
 
     def spot_um(lens: Lens, film_distance_mm: float) -> float:
         try:
+            if heat is not None:
+                lens, film_distance_mm = heat.lens(lens), heat.film(film_distance_mm)
             within = limits(lens, given)
             copies = Copies(
                 lens, tuple(limit.deviation for limit in within), draw_values(within, COPIES, given.tolerances.seed)
@@ -407,7 +411,7 @@ def loosest_set(
     entries = [alone(lens, spec, one, factor) for one, factor in zip(run.limits, factors.tolist(), strict=True)]
     given = spec.tolerances.model_dump(mode="json", exclude_none=True, exclude={"tolerances", "source"})
     kept = ("compensators", "distribution", "sigmas", "copies", "seed", "refocus", "f_number", "focus_distance_m",
-            "zoom", "merit")  # fmt: skip
+            "zoom", "temperature_c", "pressure_hpa", "barrel", "merit")  # fmt: skip
     written = {"name": f"{given.get('name') or 'tolerances'}, {percent:g} % of {lens.name} at {limit:g}"}
     written |= {key: given[key] for key in kept if key in given} | {"tolerances": entries}
     return LoosestSet(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -15,7 +16,7 @@ from pydantic import ValidationError
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
-from rptcam_cl.optics.as_built import Deviation
+from rptcam_cl.optics.as_built import Deviation, first_met, is_free_gap
 from rptcam_cl.optics.glass import AIR, abbe_number
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.scene.lens_settings import GRADES, OF_EITHER, Distribution, Tolerance, Tolerances, grade
@@ -121,24 +122,25 @@ class Limit:
 
 
 Key = Literal["tolerances", "compensators"]
-_Item = tuple[int, int, str]
-"""First and last surface that a tolerance concerns, and what they are called."""
+_Item = tuple[tuple[int, ...], str]
+"""The surfaces that a tolerance concerns, and what they are called."""
 
 
 def elements(lens: Lens) -> list[int]:
-    """Return the first surface of each element: those with glass behind them."""
-    return [k for k in range(len(lens.surfaces) - 1) if lens.surfaces[k].glass != AIR]
+    """Return the first surface of each element: those with glass behind them that light has not crossed before."""
+    spaces = [frozenset(pair) for pair in itertools.pairwise(first_met(lens))]
+    return [k for k, space in enumerate(spaces) if lens.surfaces[k].glass != AIR and space not in spaces[:k]]
 
 
-def components(lens: Lens) -> list[tuple[int, int]]:
-    """Return first and last surface of each element, or of elements that are cemented."""
-    ends: list[tuple[int, int]] = []
+def components(lens: Lens) -> list[tuple[int, ...]]:
+    """Return the surfaces of each element, or of elements that are cemented."""
+    met, parts = first_met(lens), list[tuple[int, ...]]()
     for k in elements(lens):
-        if ends and ends[-1][1] == k:
-            ends[-1] = (ends[-1][0], k + 1)
-        else:
-            ends.append((k, k + 1))
-    return ends
+        joined = {met[k], met[k + 1]}
+        touching = [part for part in parts if joined & {met[j] for j in part}]
+        parts = [part for part in parts if part not in touching]
+        parts.append(tuple(sorted({k, k + 1}.union(*touching))))
+    return sorted(parts)
 
 
 def limits(lens: Lens, specification: Specification, key: Key = "tolerances") -> list[Limit]:
@@ -161,7 +163,7 @@ def limits(lens: Lens, specification: Specification, key: Key = "tolerances") ->
         for number, item in enumerate(_items(lens, specification, entry, key)):
             deviation, size, text = _deviation(lens, tolerance, item)
             if size is not None:
-                label = f"{text} {'behind' if tolerance.quantity == 'spacing_mm' else 'of'} {item[2]}"
+                label = f"{text} {'behind' if tolerance.quantity == 'spacing_mm' else 'of'} {item[1]}"
                 ranked.append((rank, Limit(deviation, size, label, distribution, sigmas, (entry, number))))
     if not ranked and key == "tolerances":
         raise InputError(f"{lens.name}: none of the tolerances concerns anything of this lens")
@@ -176,25 +178,35 @@ def _items(lens: Lens, specification: Specification, entry: int, key: Key = "tol
     if tolerance.group is not None:
         first, last = tolerance.group
         _check(specification, (*path, "group"), "surface", last, len(lens.surfaces))
-        yield (first, last, f"surfaces {first} to {last}")
+        yield (tuple(range(first, last + 1)), f"surfaces {first} to {last}")
     elif quantity.startswith(("decentre", "tilt")) and tolerance.of == "element" and tolerance.surfaces is None:
         every = components(lens)
         for k in _chosen(specification, path, "elements", "element", len(every)):
-            first, last = every[k]
-            yield (first, last, f"element {k} (surfaces {first} to {last})")
+            yield (every[k], f"element {k} ({_words(every[k])})")
     elif quantity.startswith(("radius", "spacing", "decentre", "tilt")):
         chosen = _chosen(specification, path, "surfaces", "surface", len(lens.surfaces))
         for k in chosen:
             if _concerns(lens, quantity, k):
-                yield (k, k, f"surface {k}")
+                yield ((k,), f"surface {k}")
             elif tolerance.surfaces is not None:
                 place = (*path, "surfaces", tolerance.surfaces.index(k))
                 what = "no air space is behind it" if quantity == "spacing_mm" else "light does not bend there"
+                if (met := first_met(lens)[k]) != k:
+                    what = f"light meets surface {met} there once more, whose errors it has"
                 raise specification.problem(place, f"{what} (got {k})")
     else:
         glasses = elements(lens)
         for k in _chosen(specification, path, "elements", "element", len(glasses)):
-            yield (glasses[k], glasses[k] + 1, f"element {k} (surfaces {glasses[k]} to {glasses[k] + 1})")
+            item = (glasses[k], glasses[k] + 1)
+            yield (item, f"element {k} ({_words(item)})")
+
+
+def _words(surfaces: tuple[int, ...]) -> str:
+    """Name the surfaces of an element; of those in a row the ends."""
+    first, last = surfaces[0], surfaces[-1]
+    if surfaces == tuple(range(first, last + 1)):
+        return f"surfaces {first} to {last}"
+    return f"surfaces {', '.join(map(str, surfaces))}"
 
 
 def alone(lens: Lens, specification: Specification, limit: Limit, factor: float) -> dict[str, Any]:
@@ -207,17 +219,18 @@ def alone(lens: Lens, specification: Specification, limit: Limit, factor: float)
     written: dict[str, Any] = {quantity: float(f"{math.floor(size / digit * (1 + 1e-12)) * digit:.2g}")}
     if tolerance.group is not None:
         return written | {"group": list(tolerance.group)}
-    if item[2].startswith("element"):
-        return written | {"elements": [int(item[2].split()[1])]}
-    return written | {"surfaces": [item[0]]} | ({"of": "surface"} if quantity in OF_EITHER else {})
+    if item[1].startswith("element"):
+        return written | {"elements": [int(item[1].split()[1])]}
+    return written | {"surfaces": [item[0][0]]} | ({"of": "surface"} if quantity in OF_EITHER else {})
 
 
 def _concerns(lens: Lens, quantity: str, k: int) -> bool:
     """Return whether a surface has what a tolerance is of."""
     if quantity == "spacing_mm":
-        return k < len(lens.surfaces) - 1 and lens.surfaces[k].glass == AIR
+        return lens.surfaces[k].glass == AIR and is_free_gap(lens, k)
     has_radius = lens.surfaces[k].curvature != 0 or quantity not in ("radius_percent", "radius_mm")
-    return lens.media[k] != lens.media[k + 1] and has_radius
+    bends = lens.media[k] != lens.media[k + 1] or lens.surfaces[k].is_mirror
+    return first_met(lens)[k] == k and bends and has_radius
 
 
 def _chosen(specification: Specification, path: KeyPath, key: str, noun: str, count: int) -> list[int]:
@@ -238,9 +251,12 @@ def _check(specification: Specification, path: KeyPath, noun: str, number: int, 
 
 def _deviation(lens: Lens, tolerance: Tolerance, item: _Item) -> tuple[Deviation, float | None, str]:
     """The deviation that a tolerance of one item limits, its size, and its words; no size where it is of no effect."""
-    quantity, (k, last, _) = tolerance.quantity, item
+    quantity, (k, *more) = tolerance.quantity, item[0]
+    last = next((j for j in range(k, len(lens.surfaces)) if j + 1 not in more), k)
+    others = tuple(j for j in more if j > last)
     value = float(getattr(tolerance, quantity))
     surface = lens.surfaces[k]
+    size: float | None
     match quantity:
         case "radius_percent":
             return Deviation("radius", k, k), value / 100, f"radius ±{value:g} %"
@@ -253,9 +269,11 @@ def _deviation(lens: Lens, tolerance: Tolerance, item: _Item) -> tuple[Deviation
             size = min(value, abs(surface.thickness))
             return Deviation("thickness", k, k), size or None, f"air space ±{value:g} mm"
         case "thickness_mm":
-            return Deviation("thickness", k, k), min(value, surface.thickness), f"thickness ±{value:g} mm"
+            size = min(value, abs(surface.thickness)) if is_free_gap(lens, k) else None
+            return Deviation("thickness", k, k), size, f"thickness ±{value:g} mm"
         case "thickness_percent":
-            return Deviation("thickness", k, k), value / 100 * surface.thickness, f"thickness ±{value:g} %"
+            size = value / 100 * abs(surface.thickness) if is_free_gap(lens, k) else None
+            return Deviation("thickness", k, k), size, f"thickness ±{value:g} %"
         case "index":
             return Deviation("index", k, k), value, f"index ±{value:g}"
         case "abbe_percent":
@@ -267,10 +285,10 @@ def _deviation(lens: Lens, tolerance: Tolerance, item: _Item) -> tuple[Deviation
             angle = 1e-3 * value / (2 * lens.surfaces[k + 1].semi_diameter)
             return Deviation("tilt", k + 1, k + 1), angle, f"wedge {value:g} µm"
         case "decentre_mm":
-            return Deviation("decentre", k, last), value, f"decentre {value:g} mm"
+            return Deviation("decentre", k, last, others), value, f"decentre {value:g} mm"
         case "tilt_arcmin":
-            return Deviation("tilt", k, last), value * _ARCMIN, f"tilt {value:g}′"
-    return Deviation("tilt", k, last), 1e-3 * value / (2 * surface.semi_diameter), f"tilt {value:g} µm"
+            return Deviation("tilt", k, last, others), value * _ARCMIN, f"tilt {value:g}′"
+    return Deviation("tilt", k, last, others), 1e-3 * value / (2 * surface.semi_diameter), f"tilt {value:g} µm"
 
 
 #

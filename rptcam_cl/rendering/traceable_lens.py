@@ -195,7 +195,7 @@ class LensTracer:
         double = precision == "double"
         self.session, self.surfaces_of = session, lens
         self.real = np.float64 if double else np.float32
-        self.lanes = DOUBLE_LANES if double else session.lanes
+        self.lanes = DOUBLE_LANES if double and session.lanes > 1 else session.lanes
         self.backwards = start == "film"
         self.last_surface = len(lens.surfaces) - 1
         ends = (-lens.sense, -1.0) if self.backwards else (1.0, lens.sense)
@@ -352,7 +352,7 @@ class CopiesTracer:
         check_double(session, precision)
         self.session, self.double = session, precision == "double"
         self.real = np.float64 if self.double else np.float32
-        self.lanes = DOUBLE_LANES if self.double else session.lanes
+        self.lanes = DOUBLE_LANES if self.double and session.lanes > 1 else session.lanes
 
     def film_points(
         self, copies: Copies, origins: Array, directions: Array, wavelength_nm: float, film_distance_mm: float

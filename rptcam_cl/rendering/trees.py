@@ -476,10 +476,11 @@ def _refit_group(
     moved = np.zeros(len(meshes.vertices), np.bool_)
     moved[own] = np.logical_or.reduce([before.vertices[own, k] != meshes.vertices[own, k] for k in range(3)])
     corners = [np.ascontiguousarray(faces[:, k]) for k in range(3)]
-    changed = np.append(
-        np.logical_or.reduce([moved.take(corner, mode="clip") for corner in corners]), False
-    )  # the last for -1, no triangle
-    touched = np.flatnonzero(np.logical_or.reduce([changed.take(column, mode="wrap") for column in tree.blocks.T]))
+    touched = np.arange(len(tree.blocks))
+    if 2 * np.count_nonzero(moved) < group.vertices:  # else to look for those that have not moved is no gain
+        changed = np.logical_or.reduce([moved.take(corner, mode="clip") for corner in corners])
+        changed = np.append(changed, False)  # the last for -1, no triangle
+        touched = np.flatnonzero(np.logical_or.reduce([changed.take(column, mode="wrap") for column in tree.blocks.T]))
     boxes = tree_build.leaf_boxes(tree)
     axes = [np.ascontiguousarray(meshes.vertices[:, k]) for k in range(3)]
     for some in np.array_split(touched, -(-len(touched) // (1 << 12)) or 1):

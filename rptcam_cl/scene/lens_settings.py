@@ -197,6 +197,10 @@ class AutoFocus(SceneModel):
     """AF micro-adjustment, or a fault that the camera has: how far the focus is set beside what is found [depths of
     focus]; above 0 farther away."""
 
+    sensor: Annotated[bool, Field(strict=True)] = False
+    """Whether probes have the noise and the white of the scene's `sensor`, in the exposure of the picture; not with
+    `depth`, whose rays need no light."""
+
     draw_zones: Annotated[bool, Field(strict=True)] = False
     """Whether the zones are drawn into PNG files as white rectangles."""
 
@@ -208,6 +212,16 @@ class AutoFocus(SceneModel):
                 got=self.criterion,
                 allowed="method: depth or phase beside it",
                 path=("criterion",),
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_sensor(self) -> Self:
+        if self.sensor and self.method == "depth":
+            raise refuse(
+                "gives probes noise, and depth takes none: its rays need no light",
+                allowed="another method beside it",
+                path=("sensor",),
             )
         return self
 
@@ -647,6 +661,17 @@ _BARREL_FORMS = {
 }
 
 
+Temperature = Annotated[float, Field(ge=-100, le=140), NUMBER]
+Pressure = Annotated[float, Field(ge=0, le=2000), NUMBER]
+Barrel = Annotated[str | float, BeforeValidator(_check_barrel), WithJsonSchema(_BARREL_FORMS)]
+
+
+def _heat(temperature_c: float, pressure_hpa: float, barrel: str | float) -> Heat | None:
+    """Return the heat of a lens; None at 20 degrees and standard pressure."""
+    heat = Heat(temperature_c, pressure_hpa, barrel if isinstance(barrel, float) else BARRELS[barrel])
+    return None if (heat.celsius, heat.pressure_hpa) == (STANDARD_C, STANDARD_HPA) else heat
+
+
 class RealLens(SceneModel):
     """A lens as it is made, or as heat has it."""
 
@@ -656,21 +681,19 @@ class RealLens(SceneModel):
     as_built: Annotated[AsBuilt, BeforeValidator(_from_percentile), AlsoAccepts(_PERCENTAGE)] | None = None
     """Which copy of it; the design itself by default."""
 
-    temperature_c: Annotated[float, Field(ge=-100, le=140), NUMBER] = 20.0
+    temperature_c: Temperature = 20.0
     """Temperature of the lens and the air around it [degrees Celsius]."""
 
-    pressure_hpa: Annotated[float, Field(ge=0, le=2000), NUMBER] = 1013.25
+    pressure_hpa: Pressure = 1013.25
     """Pressure of that air [hPa]."""
 
-    barrel: Annotated[str | float, BeforeValidator(_check_barrel), WithJsonSchema(_BARREL_FORMS)] = "aluminium"
+    barrel: Barrel = "aluminium"
     """What holds elements and film: a material, or its linear expansion [1/K]."""
 
     @property
     def heat(self) -> Heat | None:
         """What it is exposed to; None at 20 degrees and standard pressure."""
-        barrel = self.barrel if isinstance(self.barrel, float) else BARRELS[self.barrel]
-        heat = Heat(self.temperature_c, self.pressure_hpa, barrel)
-        return None if (heat.celsius, heat.pressure_hpa) == (STANDARD_C, STANDARD_HPA) else heat
+        return _heat(self.temperature_c, self.pressure_hpa, self.barrel)
 
 
 def _form(value: Any) -> str:
@@ -864,8 +887,22 @@ class Tolerances(SceneModel):
     zoom: Annotated[str, Field(max_length=200)] | None = None
     """Position of a zoom lens, by its name; the first by default."""
 
+    temperature_c: Temperature = 20.0
+    """Temperature of the copies and the air around them [degrees Celsius]."""
+
+    pressure_hpa: Pressure = 1013.25
+    """Pressure of that air [hPa]."""
+
+    barrel: Barrel = "aluminium"
+    """What holds elements and film: a material, or its linear expansion [1/K]."""
+
     merit: Merit = Merit()
     """By what copies are judged."""
+
+    @property
+    def heat(self) -> Heat | None:
+        """What copies are exposed to; None at 20 degrees and standard pressure."""
+        return _heat(self.temperature_c, self.pressure_hpa, self.barrel)
 
     @model_validator(mode="after")
     def _check_compensators(self) -> Self:

@@ -461,6 +461,9 @@ class Scene(SceneModel):
         check_exposure(self.exposure, self.camera)
         self.picture.check_crop(self.film.crop)
         _check_focus(self.camera, self.shutter)
+        if self.sensor is None and self.requested_autofocus is not None and self.requested_autofocus.sensor:
+            path = ("camera", "focus", "auto", "sensor")
+            raise refuse("the scene has none", got=True, allowed="sensor: {} in the scene, or without", path=path)
         _check_sequence(self.sequence, self.shutter, self.exposure, self.requested_autofocus is not None)
         _check_followed(self.camera, self.objects)
         _check_keys_of_shutter(self.shutter, self.camera, self.render)

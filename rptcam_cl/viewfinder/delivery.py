@@ -18,10 +18,10 @@ from rptcam_cl.viewfinder import instruments, messages
 from rptcam_cl.viewfinder.background import BackgroundTask, BackgroundThread
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, LensPanel, focus_scale, nearest_focus_m, perspective
 from rptcam_cl.viewfinder.moves import field_at_one
-from rptcam_cl.viewfinder.panel import BODIES, EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Panel, ev_text
+from rptcam_cl.viewfinder.panel import BODIES, EV_STEPS, F_NUMBERS, KITS, SPEEDS, TIMES, Panel, ev_text
 from rptcam_cl.viewfinder.slot import Shown, Slot
 from rptcam_cl.viewfinder.studio import Studio
-from rptcam_cl.viewfinder.things import fields_of, things_message
+from rptcam_cl.viewfinder.things import fields_of, mix_entries, things_message
 from rptcam_cl.viewfinder.timeline import follows_anew, time_message
 
 # Frames of the picture, and what lies over it.
@@ -306,6 +306,8 @@ def _optics(panel: Panel) -> list[Entry]:
     if own is not None and own not in lenses:
         lenses = {own: own} | lenses
     film_format = scene.film.format
+    kits = {name: f"{name.split(':')[0]}: {BODIES[body].label}, {lens}" for name, (body, lens) in KITS.items()}
+    kit = next((name for name, each in KITS.items() if each == (panel.dials.body, own)), None)
     formats = {name: name.replace("_", " ") for name in SIDES_MM}
     width, height = (side * 1e3 for side in scene.film.size_m())
     size = f"{width:.4g} × {height:.4g} mm"
@@ -315,6 +317,7 @@ def _optics(panel: Panel) -> list[Entry]:
         _zoom(panel),
         *_stop(panel),
         _choice("body", "body", panel.dials.body, {None: "any"} | {name: each.label for name, each in BODIES.items()}),
+        _choice("kit", "kit", kit, {None: "none"} | kits),
         _choice("format", "film", film_format, ({} if film_format else {None: size}) | formats, detail=size),
     ]  # fmt: skip
 
@@ -432,7 +435,8 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
 def _dials_of(studio: Studio, slot: Slot) -> list[Entry]:
     """The dials of the camera, and of the thing that is selected."""
     fields = [] if studio.selected is None else fields_of(slot.panel, studio.selected)
-    return [*dial_list(slot.panel), *(each.entry for each in fields)]
+    mix = mix_entries(slot.panel, slot.session.light_groups)
+    return [*dial_list(slot.panel), *(each.entry for each in fields), *mix]
 
 
 def _left_out(slot: Slot) -> list[str]:

@@ -32,6 +32,7 @@ from rptcam_cl.viewfinder.panel import (
     BODIES,
     F_NUMBERS,
     KEPT,
+    KITS,
     SPEEDS,
     TIMES,
     Linked,
@@ -737,6 +738,15 @@ def turn_body(panel: Panel, value: Any) -> Turn:
     return replace(turned, changes={**turned.changes, "film.width_mm": width_mm})
 
 
+def turn_kit(panel: Panel, value: Any) -> Turn:
+    """Take a body with one of its usual lenses, by the name of the kit; None takes no other."""
+    if value is None:
+        return panel.same()
+    body, lens = KITS[word("kit", value, tuple(KITS))]
+    held, mounted = turn_body(panel, body), turn_lens(panel, lens)
+    return Turn(held.dials, {**held.changes, **mounted.changes}, (*held.messages, *mounted.messages))
+
+
 BALANCES = (NO_BALANCE, *LIGHTS)
 
 
@@ -784,6 +794,7 @@ DIALS: dict[str, Callable[[Panel, Any], Turn]] = {
     "blades": turn_blades,
     "format": turn_format,
     "body": turn_body,
+    "kit": turn_kit,
     "white_balance": turn_white_balance,
     "temperature_k": turn_temperature,
     "tone": turn_tone,

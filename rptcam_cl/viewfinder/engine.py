@@ -38,7 +38,7 @@ from rptcam_cl.viewfinder.moves import (
 from rptcam_cl.viewfinder.panel import Clock
 from rptcam_cl.viewfinder.slot import Slot
 from rptcam_cl.viewfinder.studio import History, Origin, Studio, Watch, place_of, scene_error, text_of, values_before
-from rptcam_cl.viewfinder.things import add_thing, switch_lamp, turn_thing
+from rptcam_cl.viewfinder.things import APART, add_thing, switch_lamp, turn_mix, turn_thing
 
 # What the engine does for each kind of message.
 
@@ -162,12 +162,16 @@ class Requests:
         slot = self._studio.slot(message.slot)
         if message.name.startswith("thing_"):
             turned = turn_thing(slot.panel, self._studio.selected, message.name, message.value)
+        elif message.name.startswith(APART):
+            groups, together = slot.session.light_groups, [name for name in slot.comes_last if name != "sensor"]
+            turned = turn_mix(slot.panel, groups, message.name, message.value, together)
         else:
             turned = turn_dial(slot.panel, message.name, message.value)
         slot.messages = turned.messages
         if turned.changes:
             self._change(message.slot, turned.changes, transient=message.transient, dials=turned.dials)
         else:
+            slot.note_hand(message.transient)
             slot.show_again()  # which is the answer
         slot.dials = turned.dials
 
@@ -314,7 +318,7 @@ class Requests:
         name, media = messages.file_name(message.name, message.format), messages.FILE_MEDIA[message.format]
         if message.format == "dng" and slot.scene.sensor is None:
             raise InputError(messages.NO_RAW)
-        later = slot.session.image_later()
+        later = slot.image_later()
 
         def done(data: bytes) -> None:
             client.outbox.answer({"type": "file", "id": message.id, "name": name, "media": media}, data)
@@ -337,6 +341,8 @@ class Requests:
         if near_m is None or far_m is None:
             client.done(message.id, self._studio.generation)
             return
+        if slot.is_mixed:
+            raise InputError("stack: it is rendered by the lamps as they are (allowed: lamps that are not mixed)")
         scene, device, spp = slot.scene, slot.session.device.beside(), max(slot.session.spp, 1)
         pictures: dict[str, bytes] = {}
 
@@ -375,7 +381,7 @@ class Requests:
             clock = self._studio.slot("A").dials.clock
             answer = {"yaml": origin.text(timeline.as_file(slot.scene, clock)), "name": origin.name}
         else:
-            answer = {"text": origin.command(slot.scene, slot.session.spp)}
+            answer = {"text": origin.command(slot.scene, slot.session.spp, slot.dials.mix if slot.is_mixed else {})}
         client.outbox.answer({"type": message.type, "id": message.id, **answer})
 
     def _pause(self, client: messages.Client, message: messages.Signal) -> None:

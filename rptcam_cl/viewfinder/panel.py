@@ -404,6 +404,17 @@ BODIES: dict[str, Body] = {
     "arri_alexa_mini": Body("ARRI Alexa Mini, open gate", (28.25, 18.17), (160, 3200)),
     "arri_alexa_lf": Body("ARRI Alexa LF, open gate", (36.70, 25.54), (160, 3200)),
 }
+# Usual lenses of bodies: those of the library whose image circle covers the sensor.
+_USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
+    "reportage": ("nikon_z6", ("retrofocus-28mm", "double-gauss-50mm-f1.8", "biotar-58mm", "zoom-70-200mm")),
+    "nature": ("canon_eos_r5", ("wide-22mm", "macro-55mm", "telephoto-400mm", "mirror-500mm")),
+    "small": ("fujifilm_x_t3", ("wide-22mm", "retrofocus-35mm", "double-gauss-50mm-f1.4")),
+    "studio": ("hasselblad_x1d_ii", ("zoom-35-51mm", "tessar-102mm", "double-gauss-100mm-f1.35", "telephoto-250mm")),
+    "cinema": ("arri_alexa_mini", ("retrofocus-35mm", "speed-panchro-50mm", "dgauss-100mm")),
+}
+KITS = {f"{kit}: {lens}": (body, lens) for kit, (body, lenses) in _USUAL.items() for lens in lenses}
+"""A body with one of its usual lenses, by the name of the kit and the lens."""
+
 DIAGONAL_35_MM = math.hypot(36.0, 24.0)
 AS_RADIANCE = Exposure()
 OF_NO_LENS = 8.0  # f-number that a camera without an opening is first exposed by
@@ -474,6 +485,10 @@ class Dials:
         Lamps that a hand has muted, and those that shine alone.
     body : str or None
         One of `BODIES`, whose speeds limit the ISO.
+    mix : mapping
+        Factors on the light of groups of lamps, whose light the film keeps apart.
+    unmixed : mapping
+        What the scene said before its lamps were kept apart, by key path.
     """
 
     mode: Mode
@@ -491,6 +506,8 @@ class Dials:
     mute: frozenset[str] = frozenset()
     solo: frozenset[str] = frozenset()
     body: str | None = None
+    mix: Mapping[str, float] = field(default_factory=dict)
+    unmixed: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def meter(self) -> Exposure:
@@ -635,7 +652,7 @@ def read_dials(scene: Scene, before: Dials | None = None) -> Dials:
     common: dict[str, Any] = {"ev": exposure.ev, "written": exposure, "whole_mm": whole, "cropped_mm": size}
     common["clock"] = Clock.of(scene) if before is None else before.clock
     if before is not None:
-        common |= {name: getattr(before, name) for name in ("dark", "mute", "solo", "body")}
+        common |= {name: getattr(before, name) for name in ("dark", "mute", "solo", "body", "mix", "unmixed")}
     if exposure.mode == "auto":
         common |= {"target": exposure.target, "metering": exposure.metering, "spot_at": exposure.spot_at}
         common["locked_cd_m2"] = exposure.lock_cd_m2

@@ -7,6 +7,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from rptcam_cl.api.session import Change, Frame, RenderSession
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.imaging.formats import RawImage
-from rptcam_cl.imaging.image import Image, with_picture_settings
-from rptcam_cl.scene.film import PictureSettings
+from rptcam_cl.imaging.image import Image, mixed, relit, with_picture_settings
+from rptcam_cl.scene.film import LIGHT_LAYER, PictureSettings
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import follow_light
 from rptcam_cl.viewfinder.instruments import film_reading
@@ -143,6 +144,7 @@ class Finished:
     codes: Codes
     raw: RawImage | None
     picture: PictureSettings  # that it is developed by
+    mix: Mapping[str, float]  # as of the dials
 
 
 def visible_noise(pixels: NDArray[np.float32], clean: NDArray[np.float32]) -> float:
@@ -200,6 +202,7 @@ class Slot:
         self._unread = False  # whether the film has samples that no picture was made of
         self.denoises = True
         self._clean: tuple[Frame | None, NDArray[np.float32] | None] = None, None  # a frame, and what was made of it
+        self._mixed: tuple[Frame, Mapping[str, float], Frame] | None = None  # a frame, and how it was mixed to which
         self.has_network = HAS_NETWORK
         self._network_spp = 0  # of the frame that is shown as Open Image Denoise has cleaned it
         self._film_begun = time.monotonic()
@@ -254,11 +257,15 @@ class Slot:
     def note_change(self, transient: bool, change: Change) -> None:
         """Note what a change came to: the picture is another from here on, or the film is developed in another way."""
         self.follows_light = True
-        self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
+        self.note_hand(transient)
         self.compiling = self.session.is_waiting
         is_shown = change.kind in _SAME_FILM and self.show_again()
         if not is_shown and not self.compiling:
             self._begin_anew()
+
+    def note_hand(self, transient: bool) -> None:
+        """Note that a hand has turned something, and whether more will come at once."""
+        self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
 
     def show_again(self) -> bool:
         """Have the picture that is there shown anew; return whether there is one."""
@@ -315,9 +322,32 @@ class Slot:
         self.wants_glance = self.wants_showing = False
         begun = time.perf_counter()
         self._last = self.session.glance(scale)
-        self._denoised(self._last)
+        seen = self._seen(self._last)
+        self._denoised(seen)
         self.pace.note_glance(scale, time.perf_counter() - begun)
-        return self._last
+        return seen
+
+    def _seen(self, frame: Frame) -> Frame:
+        """Return a frame with its lamps as bright as a hand has them; itself where they are as they were rendered."""
+        mix = {name: gain for name, gain in self.dials.mix.items() if gain != 1}
+        lights = frame.lights() if mix else {}
+        mix = {name: gain for name, gain in mix.items() if f"{LIGHT_LAYER}{name}" in lights}
+        if not mix:
+            return frame
+        if self._mixed is None or self._mixed[0] is not frame or self._mixed[1] != mix:
+            self._mixed = frame, mix, replace(frame, pixels=mixed(frame.pixels, lights, mix), lights=dict)
+        return self._mixed[2]
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether lamps are shown brighter or darker than they are."""
+        return any(self.dials.mix.get(name, 1.0) != 1 for name in self.session.light_groups)
+
+    def image_later(self) -> Callable[[], Image]:
+        """Read the film; return what makes its image, with lamps as bright as a hand has them, in any thread."""
+        later = self.session.image_later()
+        mix = {name: gain for name, gain in self.dials.mix.items() if name in self.session.light_groups}
+        return (lambda: relit(later(), mix)) if self.is_mixed else later
 
     def _denoised(self, frame: Frame) -> NDArray[np.float32] | None:
         """Return a frame without its noise; None where it is shown as it is: clean, or while kernels compile."""
@@ -356,7 +386,8 @@ class Slot:
         """Return the picture that is there, to be developed anew."""
         assert self._last is not None, "there is one where a change leaves the film"
         self.wants_showing = False
-        return self._last if self.finished is None else self.finished.frame
+        seen = self._seen(self._last)
+        return self.finished.frame if self.finished is not None and self.finished.mix == self.dials.mix else seen
 
     def refine(self, is_wanted: Callable[[], bool]) -> Frame | None:
         """Return the picture with more samples; None where it has none yet, was left within one, or is finished.
@@ -382,7 +413,7 @@ class Slot:
             return None
         self._last = frame
         stays = self.finished is not None or (self._network_spp > 0 and not self._is_clean(frame))
-        return None if stays else self._last
+        return None if stays else self._seen(self._last)
 
     def leave_unread(self) -> None:
         """Note that the picture of the last samples was given up before it was made."""
@@ -428,8 +459,8 @@ class Slot:
 
     def network_later(self) -> Callable[[], tuple[int, Frame, NDArray[np.float32]]]:
         """Read what `show_network` shows; return what makes it, in any thread."""
-        film, frame = self.film, self._last
-        assert frame is not None, "as `wants_network` says"
+        assert self._last is not None, "as `wants_network` says"
+        film, frame = self.film, self._seen(self._last)
         clean = self.session.denoised_later(frame)
         return lambda: (film, frame, clean())
 
@@ -467,19 +498,22 @@ class Slot:
             return False
         if self.shown is not None and self.shown.clean is not None:  # which looks better for now
             return False
-        if done is None or done.picture != self.scene.picture:
+        if done is None or (done.picture, done.mix) != (self.scene.picture, self.dials.mix):
             return True
         return last.spp >= _GROWN * done.frame.spp or (self.is_done and last.spp > done.frame.spp)
 
     def picture_later(self) -> Callable[[], Finished]:
         """Read the film; return what finishes its picture, in any thread."""
-        film, frame, done, picture = self.film, self._last, self.finished, self.scene.picture
-        assert frame is not None, "as `wants_finishing` says"
-        later = self.session.image_later() if done is None or done.frame is not frame else lambda: done.image
+        assert self._last is not None, "as `wants_finishing` says"
+        film, done, picture, mix = self.film, self.finished, self.scene.picture, self.dials.mix
+        frame = self._seen(self._last)
+        later = self.image_later() if done is None or done.frame is not frame else lambda: done.image
 
         def finish() -> Finished:
             image = with_picture_settings(later(), picture)
-            return Finished(film, frame, image, codes_of(image), image.raw() if image.has_sensor else None, picture)
+            return Finished(
+                film, frame, image, codes_of(image), image.raw() if image.has_sensor else None, picture, mix
+            )
 
         return finish
 
@@ -498,7 +532,10 @@ class Slot:
         if shown is None or shown.stale or shown.number == self._metered:
             return
         self._metered = shown.number
-        self.reading_cd_m2 = film_reading(shown.frame.pixels, self.resolved, self.dials.meter)
+        lit = shown.frame  # by the lamps as they are, which the exposure goes by
+        if self._mixed is not None and self._mixed[2] is lit:
+            lit = self._mixed[0]
+        self.reading_cd_m2 = film_reading(lit.pixels, self.resolved, self.dials.meter)
         if self.follows_light:
             turned = follow_light(self.panel)
             if turned.changes:

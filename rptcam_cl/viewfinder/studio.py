@@ -23,6 +23,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import FileState, file_state, named_files, plain
 from rptcam_cl.core.strict_yaml import read_yaml
+from rptcam_cl.scene.film import LIGHT_LAYER
 from rptcam_cl.scene.load import change_scene, load_scene, scene_text, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder import timeline
@@ -142,13 +143,15 @@ class Origin:
             return kept
         return scene_text(_data(shown), (f"{self.name} as the viewfinder showed it{beside}",))
 
-    def command(self, shown: Scene, spp: int) -> str:
-        """Return the command that renders what is shown.
+    def command(self, shown: Scene, spp: int, mix: Mapping[str, float]) -> str:
+        """Return the command that renders what is shown; where lamps are mixed, with the one that mixes them.
 
         Parameters
         ----------
         spp
             Samples per pixel that it is to have.
+        mix
+            Factors on the light of groups of lamps.
         """
         assert self._loaded is not None, "a scene is loaded before it is shown"
         changes = _differences("", _data(self._loaded), _data(shown))
@@ -156,8 +159,11 @@ class Origin:
         own = [f"{key}={json.dumps(value, ensure_ascii=False)}" for key, value in changes.items()]
         sets = [word for text in (*self._overrides, *own) for word in ("--set", text)]
         name = self.name if self.path is None else str(self.path)
-        output = f"{Path(self.name).stem}.png"
-        return shlex.join(["rptcam", "render", name, *sets, "--spp", str(max(spp, 1)), "-o", output])
+        film, output = f"{Path(self.name).stem}.exr", f"{Path(self.name).stem}.png"
+        render = ["rptcam", "render", name, *sets, "--spp", str(max(spp, 1)), "-o", film if mix else output]
+        factors = [word for group, gain in mix.items() for word in ("--set", f"{LIGHT_LAYER}{group}={gain:g}")]
+        develop = ["rptcam", "develop", film, "-o", output, *factors]
+        return " && ".join(map(shlex.join, [render, develop] if mix else [render]))
 
 
 def _data(scene: Scene) -> dict[str, Any]:
@@ -556,6 +562,7 @@ class Studio:
             self.compare = dict(NO_COMPARISON)
             raise
         self.b = Slot("B", session, with_changes(self.a.changes, keys))
+        self.b.dials = replace(self.b.dials, mix=wanted.get("mix", {}))
         self.b.denoises = self._denoises
         self.b.note_change(False, change)
         for client in self._clients():
@@ -774,8 +781,9 @@ class History:
             There is none of the number, or it cannot be shown any more.
         """
         slot = self._studio.slot("A")
-        keys = changes_between(slot.scene, self._find(number).scene)
-        self._studio.set_compare({"mode": "wipe", "model": None, "changes": keys, "difference": False})
+        past = self._find(number)
+        keys, mix = changes_between(slot.scene, past.scene), past.dials.mix
+        self._studio.set_compare({"mode": "wipe", "model": None, "changes": keys, "difference": False, "mix": mix})
 
     def _find(self, number: int) -> Past:
         for each in (*self._states, *self.snapshots):
@@ -789,6 +797,8 @@ class History:
         keys = changes_between(slot.scene, past.scene)
         if keys:
             studio.change("A", keys, dials=past.dials)
+        else:
+            slot.show_again()  # its lamps may be mixed in another way
         slot.changes, slot.dials = past.changes, past.dials
         if studio.compare != past.compare:
             studio.set_compare(past.compare)
@@ -820,6 +830,8 @@ def _label(before: Past, slot: Slot, studio: Studio) -> str:
     names = ["keys" if name in ("sequence", "motion") else "frame" if name == "open s" else name for name in names]
     if studio.compare != before.compare:
         names.append("comparison")
+    if before.dials.mix != slot.dials.mix:
+        names.append("mix of the lamps")
     if not names:
         names = ["exposure mode"]
     return ", ".join(names[:3])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any, Literal
 
@@ -332,24 +333,29 @@ def lamps_of(panel: Panel) -> list[dict[str, Any]]:
 def _lamps(scene: Scene, dark: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for index, light in enumerate(scene.lights):
         yield f"lights.{index}", f"{light.kind} {index + 1}"
-    users: dict[str, int] = {}
+    for path, users in _shining(scene, dark).items():
+        name = (
+            path.split(".", 1)[1] if path.startswith("materials") else title_of(scene, path.removesuffix(".material"))
+        )
+        yield path, f"{name} × {len(users)}" if len(users) > 1 else name
+    if scene.environment is not None and strength_key(scene.environment):
+        yield "environment", "surroundings"
+
+
+def _shining(scene: Scene, dark: Mapping[str, Any]) -> dict[str, list[int]]:
+    """The objects of each material that shines, lit or not, by its key path."""
+    users: dict[str, list[int]] = {}
     for index in range(len(scene.objects)):
         path = _material_of(scene, index)
         if path is not None:
-            users[path] = users.get(path, 0) + 1
-    for path, count in users.items():
-        model = _model(scene, path)
-        if isinstance(model, Emissive | Principled) and (
-            strength_key(model) or any(each.startswith(f"{path}.") for each in dark)
-        ):
-            name = (
-                path.split(".", 1)[1]
-                if path.startswith("materials")
-                else title_of(scene, path.removesuffix(".material"))
-            )
-            yield path, f"{name} × {count}" if count > 1 else name
-    if scene.environment is not None and strength_key(scene.environment):
-        yield "environment", "surroundings"
+            users.setdefault(path, []).append(index)
+    models = {path: _model(scene, path) for path in users}
+    return {
+        path: users[path]
+        for path, model in models.items()
+        if isinstance(model, Emissive | Principled)
+        and (strength_key(model) or any(each.startswith(f"{path}.") for each in dark))
+    }
 
 
 def switch_lamp(panel: Panel, thing: str, mute: bool | None, solo: bool | None) -> Turn:
@@ -379,6 +385,79 @@ def switch_lamp(panel: Panel, thing: str, mute: bool | None, solo: bool | None) 
         elif own and not wanted_dark:
             changes |= {path: dark.pop(path) for path in own}
     return Turn(replace(dials, dark=dark, mute=muted, solo=alone), changes)
+
+
+# The light of each lamp apart: how bright each group is shown, of one film.
+
+GAINS = [0.0, *(2.0 ** (step / 3) for step in range(-18, 19))]  # thirds of a stop, and none
+APART, GROUP = "mix", "mix_"  # the dial that keeps lamps apart; those of groups are mix_a, mix_b, in their order
+
+
+def mix_entries(panel: Panel, groups: Sequence[str]) -> list[dict[str, Any]]:
+    """The dials that keep the light of lamps apart and mix it, as pages draw them."""
+    on = "lights" in panel.scene.render.layers
+    common: dict[str, Any] = {"enabled": True, "linked": None, "unit": ""}
+    apart = {"name": APART, "label": "keep lamps apart", "kind": "bool", "value": on, "text": ""}
+    entries: list[dict[str, Any]] = [apart | common]
+    for place, group in enumerate(groups):
+        gain = panel.dials.mix.get(group, 1.0)
+        entries.append({
+            "name": f"{GROUP}{chr(ord('a') + place)}", "label": group.replace("_", " "), "kind": "number",
+            "value": gain, "text": f"× {gain:.3g}", "min": 0.0, "max": GAINS[-1], "steps": GAINS, **common,
+        })  # fmt: skip
+    return entries
+
+
+def turn_mix(panel: Panel, groups: Sequence[str], name: str, value: Any, together: Sequence[str]) -> Turn:
+    """Keep the light of lamps apart, or no longer, or choose how bright a group of them is shown.
+
+    Parameters
+    ----------
+    groups
+        Whose light is kept apart by now.
+    together
+        What the picture has of all lamps together, which is left out meanwhile: diffraction, ghosts.
+
+    Raises
+    ------
+    InputError
+        There is no such group, or the value is not one of its kind.
+    """
+    scene, dials, layers = panel.scene, panel.dials, panel.scene.render.layers
+    if name == APART:
+        if not isinstance(value, bool):
+            raise InputError(f"{name}: must be true or false (got {str(value)[:40]!r})")
+        if value == ("lights" in layers):
+            return panel.same()
+        if not value:
+            before = dials.unmixed or {"render.layers": [each for each in layers if each != "lights"]}
+            return Turn(replace(dials, mix={}, unmixed={}), before)
+        keys: dict[str, Any] = {"render.layers": [*layers, "lights"], **{f"camera.{what}": "off" for what in together}}
+        unmixed: dict[str, Any] = {}
+        for path in keys:
+            section, _, key = path.partition(".")
+            unmixed[path] = _data(scene, section).get(key) if scene.made_of.get(section) is not None else None
+        groups_of = {f"objects.{index}.group": name for index, name in _common_groups(scene, dials.dark)}
+        keys, unmixed = keys | groups_of, unmixed | dict.fromkeys(groups_of)
+        left_out = (f"left out while lamps are kept apart: {' and '.join(together)}",) if together else ()
+        return Turn(replace(dials, mix={}, unmixed=unmixed), keys, left_out)
+    place = ord(name.removeprefix(GROUP)[:1] or "a") - ord("a")
+    if len(name) != len(GROUP) + 1 or not 0 <= place < len(groups):
+        raise InputError(f"{name}: there is no such group of lamps (allowed: {len(groups)} kept apart)")
+    if together:
+        raise InputError(f"{name}: {together[0]} is light of all lamps together (allowed: camera.{together[0]}: off)")
+    gain = min(max(number(name, value), 0.0), GAINS[-1])
+    messages = () if gain == value else (f"lamps are mixed from 0 to {GAINS[-1]:g} times their light",)
+    return Turn(replace(dials, mix={**dials.mix, groups[place]: gain}), {}, messages)
+
+
+def _common_groups(scene: Scene, dark: Mapping[str, Any]) -> Iterator[tuple[int, str]]:
+    """Name a group for objects that are one lamp in the list of lamps: by their material, where they have no name."""
+    for path, users in _shining(scene, dark).items():
+        for index in users:
+            item, is_one = scene.objects[index], len(users) > 1 or scene.objects[index].name is None
+            if item.group is None and is_one and path.startswith("materials."):
+                yield index, re.sub(r"[^A-Za-z0-9_-]", "_", path.split(".", 1)[1])
 
 
 def _switched(names: frozenset[str], name: str, on: bool | None) -> frozenset[str]:

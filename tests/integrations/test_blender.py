@@ -925,6 +925,62 @@ def test_passes_of_light_groups_are_those_of_cycles(tmp_path):
         integrations.blender.unregister()
 
 
+@pytest.mark.parametrize("falloff", ["LINEAR", "QUADRATIC", "INVERSE_QUADRATIC"])
+def test_mist_is_that_of_cycles(falloff, tmp_path):
+    """Pixels within 0.01 but at outlines, where ours is of the mean distance; units of half a metre; 1 in the sky."""
+    import integrations.blender
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene()
+        cycles.add("plane", cycles.material(), size=12)
+        cycles.add("cube", cycles.material(), size=1.5, location=(0.5, 0, 0.7))
+        scene.world, scene.unit_settings.scale_length = cycles.world(), 0.5
+        mist = scene.world.mist_settings
+        mist.start, mist.depth, mist.falloff = 4.0, 8.0, falloff
+        scene.view_layers[0].use_pass_mist = True
+        scene.render.engine, scene.rptcam.samples = "RPTCAM", 32
+        ours, _ = rendered_layers(tmp_path)
+        cycles.of_cycles(tmp_path, 32)
+        theirs, _ = rendered_layers(tmp_path)
+        one, other = (layers["Mist.Z"] for layers in (ours, theirs))
+        assert one.shape == other.shape == (64, 96) and one[0, 0] == other[0, 0] == 1
+        assert np.mean(np.abs(one - other) > 0.01) < 0.04 and one.min() < 0.35
+    finally:
+        integrations.blender.unregister()
+
+
+def test_focus_at_a_point_and_a_copy_of_the_lens(tmp_path):
+    """A click to the left focuses on the near ball, one to the right on the far one; a copy shows another picture."""
+    import bpy
+
+    import integrations.blender
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene((96, 64))
+        scene.world = cycles.world()
+        scene.camera.location, scene.camera.rotation_euler = (0, -6, 0), (np.radians(90), 0, 0)
+        for x, y in ((-1.0, -1.0), (2.0, 6.0)):
+            cycles.add("cube", cycles.material(), size=1.6, location=(x, y, 0))
+        scene.render.engine, scene.rptcam.samples = "RPTCAM", 16
+        lens = scene.camera.data.rptcam
+        lens.lens, lens.f_number = "dgauss-50mm", 2.0
+        for point, front in (((0.22, 0.5), 4.2), ((0.72, 0.5), 11.2)):
+            assert bpy.ops.rptcam.autofocus(point=point) == {"FINISHED"}
+            assert scene.camera.data.dof.focus_distance == pytest.approx(front, rel=0.02)
+        assert lens.choice().lens == "dgauss-50mm"
+        lens.made, lens.percentile = "commercial", 90
+        assert lens.choice().lens == {"design": "dgauss-50mm", "as_built": {"percentile": "90%", "spec": "commercial"}}
+        scene.render.filepath = str(tmp_path / "copy.png")
+        bpy.ops.render.render(write_still=True)
+        assert (tmp_path / "copy.png").exists()
+    finally:
+        integrations.blender.unregister()
+
+
 @pytest.mark.parametrize("blurred", [False, True])
 def test_vector_pass_has_the_pixels_that_a_cube_moves(blurred, tmp_path):
     """Beside closed form and, without blur, Cycles; the front face is 5.5 units away."""

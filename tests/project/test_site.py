@@ -205,6 +205,8 @@ SERVED_INSIDE = {
     "is_carried_out",
     "relieve",
     "denoised_later",
+    "lights",
+    "light_groups",
 }  # autofocus calls the first, the viewfinder others
 
 

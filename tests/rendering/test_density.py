@@ -10,8 +10,11 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.rendering import tracer
+from rptcam_cl.device.session import Launch, Session
+from rptcam_cl.rendering import passes, tracer
 from rptcam_cl.rendering.plan.media import load_density
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import WHITE, bits, looking, pixels, scene_of, seed_of
 from tests.rendering.test_media import (
     ABSORPTION,
@@ -156,16 +159,41 @@ def test_grid_far_denser_than_light_gets_through_stops_it():
 
 
 @pytest.mark.slow
-def test_both_organisations_render_the_same_grid(monkeypatch):
+def test_both_organisations_render_the_same_grid_in_any_number_of_launches(monkeypatch):
     ball = {"shape": "sphere", "center": [0, 2, -1], "radius": 0.6, "material": {"kind": "matte", "reflectance": 0.7}}
     own = {key: FOG[key] for key in ("scattering_per_m", "absorption_per_m")}
     medium = smoke_of(GRID, **own, droplets_um=12, emission_per_m=0.01)
     scene = scene_of([WALL, ball], EYE, depth=4, medium=medium, lights=points(LAMPS))
-    films = []
-    for organisation in ("stream", "passes"):
-        monkeypatch.setattr(tracer, "ORGANISATION", dict.fromkeys(tracer.ORGANISATION, organisation))
+    films, launches = [bits(rptcam_cl.render(scene, spp=4, seed=1))], []
+    enqueue = Launch.enqueue
+
+    def noted(self, items, group, first=0):
+        launches.append((self.name, items))
+        return enqueue(self, items, group, first)
+
+    monkeypatch.setattr(Launch, "enqueue", noted)
+    monkeypatch.setattr(tracer, "ORGANISATION", dict.fromkeys(tracer.ORGANISATION, "passes"))
+    for kind, most in (("cpu", 0), ("gpu", passes.STEPS_OF_LAUNCH), ("gpu", 1 << 15)):
+        monkeypatch.setattr(Session, "kind", kind)
+        monkeypatch.setattr(passes, "STEPS_OF_LAUNCH", most)
         films.append(bits(rptcam_cl.render(scene, spp=4, seed=1)))
-    assert films[0] == films[1]
+    assert len(set(films)) == 1
+    pieces = [items for name, items in launches if name == "travel"]
+    assert pieces[-1] < max(pieces)
+
+
+def test_steps_through_an_even_grid_have_a_closed_form():
+    def steps(extinction, **more):
+        grid = np.full((32, 8, 8), 2.0)
+        smoke = smoke_of(grid, [[0, 0, 0], [4, 1, 1]], scattering_per_m=[extinction, 0, 0], **more)
+        absorbed = {"absorption_per_m": [0, extinction / 2, extinction / 2]}
+        return make_plan(load_scene(scene_of([WALL], EYE, medium=smoke | absorbed))).media.steps
+
+    k = np.arange(4)  # blocks along x, of 1 m and a column of 2 each; one wavelength loses half of what another does
+    for extinction in (1e-3, 1.0, 1e3):
+        assert steps(extinction) == pytest.approx((1 + 2 * extinction * np.exp(-extinction * k)).sum(), rel=1e-5)
+    # where it shines, all of the way counts: eight events at least
+    assert steps(1e-3, emission_per_m=1.0) == pytest.approx(4 + 8, rel=1e-2)
 
 
 @pytest.mark.parametrize(

@@ -375,11 +375,11 @@ def pytest_configure() -> None:
 
     enqueue = Launch.enqueue
 
-    def noted(launch: Any, items: int, group: int) -> Any:
+    def noted(launch: Any, *where: int) -> Any:
         for path, lines in compiled_lines(launch._program.source).items():
             if path.startswith(room):
                 _LINES[path] |= lines
-        return enqueue(launch, items, group)
+        return enqueue(launch, *where)
 
     Launch.enqueue = noted  # type: ignore[method-assign]
 

@@ -24,6 +24,8 @@ def scene_file(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
     text = (checkout / "examples" / "first_light.yaml").read_text("utf-8")
     file = tmp_path_factory.mktemp("scene") / "first_light.yaml"
     file.write_text(text.replace("spp: 256", "spp: 16"), "utf-8")
+    swapped = "".join(f"{b} {g} {r}\n" for b in (0, 1) for g in (0, 1) for r in (0, 1))  # red and blue
+    (file.parent / "swapped.cube").write_text(f"LUT_3D_SIZE 2\n{swapped}", "utf-8")
     return file
 
 

@@ -14,6 +14,7 @@ import yaml
 from rptcam_cl.core.colour import illuminant, xyz_from_spectrum
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.device.session import open_sessions
 from rptcam_cl.optics.lens import in_configuration
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.scene.load import apply_overrides, load_scene
@@ -21,8 +22,9 @@ from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder import dials as lens_choice
 from rptcam_cl.viewfinder.delivery import KELVIN, dial_list
 from rptcam_cl.viewfinder.dials import DIALS, follow_light, lens_entries, meter_needle, turn_dial, wheel, zoom_by
-from rptcam_cl.viewfinder.lens_panel import INFINITY_M, nearest_focus_m
-from rptcam_cl.viewfinder.panel import Dials, Panel, read_dials, value_per_radiance
+from rptcam_cl.viewfinder.lens_panel import INFINITY_M, image_circle_mm, lens_state, nearest_focus_m
+from rptcam_cl.viewfinder.panel import BODIES, KITS, Dials, Panel, read_dials, value_per_radiance
+from tests.support.cases import fast
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -2]}
 LENS = {"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 2}, "f_number": 4, **POSE}
@@ -469,3 +471,26 @@ def test_the_meter_keeps_to_the_speeds_of_a_body() -> None:
     assert body.scene.exposure.iso == 3200
     with pytest.raises(InputError, match="body: is not one of"):
         body.turn("body", "a_box")
+
+
+def test_kit_is_a_body_with_one_of_its_usual_lenses() -> None:
+    body = Body().turn("mode", "M")
+    assert body.listed("kit")["value"] is None
+    body.turn("kit", "studio: tessar-102mm")
+    assert (body.listed("body")["value"], body.listed("lens")["value"]) == ("hasselblad_x1d_ii", "tessar-102mm")
+    assert body.listed("kit")["value"] == "studio: tessar-102mm"
+    assert body.scene.film.size_m()[0] == pytest.approx(43.8e-3)
+    assert body.scene.camera.f_number == pytest.approx(4.5, rel=1e-3)  # type: ignore[union-attr]
+    body.turn("lens", "heliar-105mm")
+    assert body.listed("kit")["value"] is None
+    with pytest.raises(InputError, match="kit"):
+        body.turn("kit", "studio")
+
+
+@pytest.mark.parametrize("kit", fast(("cinema: retrofocus-35mm",), KITS))
+def test_image_circle_of_a_lens_of_a_kit_covers_the_sensor(kit: str) -> None:
+    name, lens = KITS[kit]
+    camera = {"kind": "realistic", "lens": lens, "focus": {"distance_m": 20}, **POSE}
+    scene = load_scene({"film": {"resolution": [36, 24], "width_mm": 54}, "camera": camera})
+    radius = image_circle_mm(lens_state(scene, open_sessions(None)[0][0]))
+    assert radius is None or radius >= math.hypot(*BODIES[name].sensor_mm) / 2

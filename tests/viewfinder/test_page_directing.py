@@ -10,13 +10,15 @@ import yaml
 from playwright.sync_api import Page
 
 from rptcam_cl.viewfinder.engine import Viewfinder
-from tests.support.browsing import needs_chromium, reached, repeated, standing, until
+from rptcam_cl.viewfinder.panel import KITS
+from tests.support.browsing import needs_chromium, reached, repeated, settled, standing, until
 from tests.viewfinder.test_page_controls import answered, comes_true, value
 
 pytestmark = [
     pytest.mark.slow,
     needs_chromium,
 ]
+ALIVE_MS = 60e3
 
 
 def scene(finder: Viewfinder) -> dict[str, Any]:
@@ -223,6 +225,48 @@ def test_lamps_are_muted_shine_alone_and_are_selected_from_their_list(page: Page
     page.keyboard.press("ArrowLeft")
     reached(page, finder, "thing_power", pytest.approx(32))
     page.click("[data-name=deselect]")
+
+
+def test_lamps_are_kept_apart_and_mixed_without_rendering_anew(page: Page, finder: Viewfinder) -> None:
+    page.click("[data-tab=things]")
+    page.click("[data-dial=mix]")
+    page.wait_for_selector("[data-dial=mix_a]", timeout=ALIVE_MS)
+    settled(page)
+    before = scene(finder)["materials"]
+    names = [name for name in standing(finder) if name.startswith("mix_")]
+    assert [standing(finder)[name]["value"] for name in names] == [1.0] * len(names)
+    page.evaluate("window.painted = []")
+    for name in names:
+        typed(page, name, "0.25")
+        reached(page, finder, name, 0.25)
+    page.focus("[data-dial=mix_a]")
+    page.keyboard.press("ArrowRight")
+    reached(page, finder, "mix_a", pytest.approx(2 ** (-5 / 3)))
+    answered(page, "dial")
+    assert page.evaluate("window.painted.every((each) => each.kind !== 'picture' || each.scale === 1)")
+    assert scene(finder)["materials"] == before
+    page.keyboard.press("Control+z")
+    reached(page, finder, "mix_a", 0.25)
+    page.click("[data-dial=mix]")
+    until(page, "!document.querySelector('[data-dial=mix_a]').checkVisibility()")
+
+
+def test_body_kit_and_table_of_colours_are_chosen_by_keys(page: Page, finder: Viewfinder) -> None:
+    page.click("[data-tab=camera]")
+    width = scene(finder)["film"].get("width_mm")
+    for name in ("body", "kit", "lut"):
+        choices = [choice["value"] for choice in standing(finder)[name]["choices"]]
+        at = choices.index(standing(finder)[name]["value"])
+        page.focus(f"select[data-dial={name}]")
+        repeated(page, lambda: page.keyboard.press("ArrowDown"), 1, 1)
+        reached(page, finder, name, choices[at + 1])
+    assert scene(finder)["film"]["width_mm"] != width
+    assert (standing(finder)["body"]["value"], standing(finder)["lens"]["value"]) == KITS[
+        standing(finder)["kit"]["value"]
+    ]
+    assert scene(finder)["picture"]["lut"] == "swapped.cube"
+    page.select_option("select[data-dial=format]", "full_frame")
+    reached(page, finder, "body", None)
 
 
 def test_scopes_are_of_the_picture_that_is_shown(page: Page) -> None:

@@ -61,9 +61,12 @@ def some(dice: random.Random) -> tuple[str, dict[str, Any]]:
         ("history", {"do": dice.choice(["undo", "redo", "snap"])}),
         ("add", {"what": dice.choice(["lamp", "card", "backdrop"])}),
         ("dial", {"name": "body", "value": dice.choice([None, "nikon_d850", "panasonic_gh5"])}),
+        ("dial", {"name": "kit", "value": dice.choice([None, "cinema: retrofocus-35mm"])}),
+        ("dial", {"name": "mix", "value": dice.random() < 0.5}),
+        ("dial", {"name": dice.choice(["mix_a", "mix_b"]), "value": dice.uniform(0, 2), "transient": transient}),
         ("stack", dice.choice([{}, {"near_m": 0.8, "far_m": 1.2, "steps": 3, "pictures": transient}])),
     ]  # fmt: skip
-    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1, 6, 1, 0.5, 0.2, 1, 3, 1, 2, 0.1, 1, 0.2]
+    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1, 6, 1, 0.5, 0.2, 1, 3, 1, 2, 0.1, 1, 0.1, 0.3, 3, 0.2]
     return dice.choices(turns, weights)[0]
 
 

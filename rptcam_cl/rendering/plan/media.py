@@ -55,12 +55,15 @@ class Media:
         Whether there are any.
     densities : array of float32
         Of all grids: their voxels, x first, then the least, greatest and mean density of each block.
+    steps : float
+        That a ray takes through all grids, in the mean over random numbers, where it takes most.
     """
 
     records: NDArray[np.void]
     at_camera: int = 1 << MEDIUM_BITS
     active: bool = False
     densities: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    steps: float = 0.0
 
     @property
     def has_glow(self) -> bool:
@@ -133,8 +136,9 @@ def pack_media(
     for key, number in inside.items():
         records["interior"][shown.index[key]] = number
     shown = replace(shown, records=records, facts=shown.facts | {"HAS_ABSORPTION": 0})
-    records, densities = _records(found, spectra, scene)
-    return Media(records, _at_camera(scene, around, inside), active=True, densities=densities), shown
+    records, densities, steps = _records(found, spectra, scene)
+    at_camera = _at_camera(scene, around, inside)
+    return Media(records, at_camera, active=True, densities=densities, steps=steps), shown
 
 
 def _key_of(medium: ScatteringMedium, scene: Scene) -> str:
@@ -149,9 +153,9 @@ def hidden_from(prototype: Prototype) -> int:
 
 def _records(
     media: Sequence[ScatteringMedium], spectra: KnownSpectra, scene: Scene
-) -> tuple[NDArray[np.void], NDArray[np.float32]]:
-    """Return the records of media, and the densities of their grids."""
-    records, densities, used = MEDIUM.zeros(len(media)), [np.zeros(0, np.float32)], 0
+) -> tuple[NDArray[np.void], NDArray[np.float32], float]:
+    """Return the records of media, the densities of their grids, and `Media.steps`."""
+    records, densities, used, steps = MEDIUM.zeros(len(media)), [np.zeros(0, np.float32)], 0, 0.0
     for record, medium in zip(records, media, strict=True):
         absorption, scattering, emission = medium.absorption, medium.scattering, medium.emission_per_m
         fill(
@@ -169,9 +173,10 @@ def _records(
             _fill_grid(record, medium.density, volume, scene, used)
             densities += [volume.voxels.reshape(-1), volume.blocks.reshape(-1)]
             used += volume.voxels.size + volume.blocks.size
+            steps += _steps_through(record, volume)
     if used >= 1 << 31:
         raise InputError(f"grids of density have {used} numbers in all (allowed: below {1 << 31})")
-    return records, np.concatenate(densities)
+    return records, np.concatenate(densities), steps
 
 
 # Grids of density.
@@ -319,6 +324,27 @@ def _fill_grid(record: np.void, density: DensityGrid, volume: Volume, scene: Sce
         record, **rows, voxels=start, blocks=start + volume.voxels.size, size_x=nx, size_y=ny, size_z=nz,
         blocks_x=bx, blocks_y=by, blocks_z=bz, glow_rate=_EVENTS_WHERE_IT_SHINES / max(column, 1e-9),
     )  # fmt: skip
+
+
+def _steps_through(record: np.void, volume: Volume) -> float:
+    """Return how many blocks and events a ray meets on its way through a grid, along the axis where it meets most.
+
+    Events come by the greatest density of each block, while light is left at the wavelength of which most is left.
+    """
+    extinction = record["absorption"][:3] + record["scattering"][:3]
+    rate, slowest = float(extinction.max()), float(extinction.min())
+    if record["emission"][:3].any():
+        rate = max(rate, float(record["glow_rate"]))
+    most = 0.0
+    for axis, row in ((2, "row_x"), (1, "row_y"), (0, "row_z")):
+        side_m = DENSITY_BLOCK / float(np.abs(record[row][:3]).max())
+        blocks = volume.blocks if axis == 2 else np.swapaxes(volume.blocks, axis, 2)
+        for ahead in (blocks, blocks[:, :, ::-1]):
+            columns = slowest * side_m * ahead[..., 2].astype(np.float64)
+            left = np.exp(columns - np.cumsum(columns, axis=2))  # of light that enters each block
+            steps = 1.0 + rate * side_m * ahead[..., 1] * left
+            most = max(most, float(steps.sum(axis=2).max()))
+    return most
 
 
 def _check(scene: Scene, primitives: Primitives, materials: Collection[Material]) -> None:

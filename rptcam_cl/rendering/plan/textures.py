@@ -331,6 +331,12 @@ class Textures:
         return replace(self, records=records)
 
 
+def _held(records: NDArray[np.void]) -> int:
+    """Return how many colours the last of some textures, a mixture, holds at a time (kernels/material/texture.h)."""
+    is_mixture = records["kind"][int(records[-1]["first"]) :] == TextureKind.MIXTURE
+    return int(np.where(is_mixture, -2, 1).cumsum().max())
+
+
 class TextureTable:
     """Collects the textures of a scene as records, and the words of their pictures by the content of the files."""
 
@@ -411,6 +417,7 @@ class TextureTable:
         parts = (index for last in mixtures for index in range(int(self._records[last]["first"]), last))
         kinds = {int(self._records[index]["kind"]) for index in (*self._index.values(), *parts)}  # what materials show
         facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in TextureKind} | {"HAS_TEXTURE": int(bool(kinds))}
+        facts["HAS_MIXTURE"] = max((_held(records[: last + 1]) // 2 for last in mixtures), default=0)
         facts["HAS_MAPPING"] = int(np.any(records["mapping"] != Mapped.UV))
         words = np.concatenate([*self._words, np.zeros(4, np.uint32)])  # kernels load four at a time
         return Textures(records, words, facts, self.metres_per_unit)

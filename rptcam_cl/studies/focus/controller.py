@@ -60,8 +60,12 @@ def with_warnings(task: Task, report: FocusReport) -> FocusReport:
     if failure is not None or _is_at_an_end(task, report.state):
         check_reach(task, report.state)
     failure = failure or _nothing_sharp(task, report)
-    words = (_other_distance(task, report), _astigmatism(task, report), _passage(task, report.state, report.zone))
-    return replace(report, failure=failure, remarks=tuple(remark for remark in words if remark))
+    state, zone = report.state, report.zone
+    words = (_other_distance(task, report), _astigmatism(task, state, zone), _passage(task, state, zone))
+    if failure is not None and report.method in AIMED and (cause := _why_unseen(task, state, zone)) is not None:
+        failure = f"{failure}; {cause}"
+    remarks = tuple(remark for remark in words if remark and remark not in (failure or ""))
+    return replace(report, failure=failure, remarks=remarks)
 
 
 def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
@@ -91,10 +95,9 @@ def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
         return None
     where = "beyond infinity" if distance is None else f"at {distance:.4g} m"
     lies = f"{1 / nearest:.4g} m away" if nearest > 0 else "infinitely far away"
-    cause = _why_unseen(task, report.state, zone)
     return (
         f"nothing that the zone shows is sharp: the nearest to it lies {lies}, the focus {where},"
-        f" {away.min():.2g} depths of focus off{f' ({cause})' if cause else ''}"
+        f" {away.min():.2g} depths of focus off"
     )
 
 
@@ -113,7 +116,9 @@ def _passage(task: Task, state: float, zone: Zone) -> str | None:
 
 
 def _why_unseen(task: Task, state: float, zone: Zone) -> str | None:
-    """Say what about a zone misleads or defeats methods that need contrast, by what its rays lead to."""
+    """Say what about a zone misleads or defeats methods that need contrast: its exposure, or what its rays lead to."""
+    if task.renderer.fault is not None:
+        return task.renderer.fault
     across, down = (zone.right - zone.left) / 2, (zone.bottom - zone.top) / 2
     about = Zone(
         max(zone.left - across, 0), min(zone.right + across, 1), max(zone.top - down, 0), min(zone.bottom + down, 1)
@@ -127,7 +132,7 @@ def _why_unseen(task: Task, state: float, zone: Zone) -> str | None:
             return f"a lamp shines {word} the zone"
     if not np.isfinite(sights["in"].depths).any():
         return "its rays meet no surface"
-    return _passage(task, state, zone)
+    return _passage(task, state, zone) or _astigmatism(task, state, zone)
 
 
 def _failure(report: FocusReport) -> str | None:
@@ -206,11 +211,11 @@ def _distances_shown(task: Task, state: float, zone: Zone, gap: float) -> list[t
     return [(float(np.median(group)), len(group) / depth.size) for group in groups if len(group)]
 
 
-def _astigmatism(task: Task, report: FocusReport) -> str | None:
+def _astigmatism(task: Task, state: float, zone: Zone) -> str | None:
     """Describe where lines across and lines down have focuses of their own."""
-    sharp = task.drive.sharp_vergence(report.state)
+    sharp = task.drive.sharp_vergence(state)
     try:
-        across, down = half_view(task.renderer, report.state, report.zone, "x").sharpest_along()
+        across, down = half_view(task.renderer, state, zone, "x").sharpest_along()
     except InputError:  # no light there
         return None
     if abs(across - down) < APART * sharp or min(across, down) <= 0:
@@ -360,7 +365,7 @@ def focus_settings(scene: Scene, keys: Mapping[str, Any], where: Mapping[str, An
     Parameters
     ----------
     keys
-        `method`, `policy` and `criterion`, as far as given.
+        Of the settings, as far as given.
     where
         Ways to say what to focus on, as far as given; one replaces that of the scene.
 
@@ -439,7 +444,9 @@ def find_focus(
     InputError
         When the camera has no focus, or a zone or object is not there.
     """
-    renderer = ProbeRenderer(scene, session)
+    if settings.sensor and scene.sensor is None:
+        raise InputError("camera.focus.auto.sensor: the scene has none (allowed: sensor: {} in the scene, or without)")
+    renderer = ProbeRenderer(scene, session, sensor=settings.sensor)
     if zones is None and settings.at is not None:
         zones = [zone_of_point(renderer, settings.at, settings.object)]
     if zones is None and settings.object is not None:
@@ -659,6 +666,7 @@ def autofocus(
     policy: str | None = None,
     criterion: str | None = None,
     adjustment: float | None = None,
+    sensor: bool | None = None,
     near: float | None = None,
     seed: int | None = None,
     device: str | Session | None = None,
@@ -689,6 +697,8 @@ def autofocus(
         What `depth` and `phase` call sharpest: ``spot``, ``pixel``, or ``mtf@30`` with line pairs per mm of the film.
     adjustment
         How far the focus is set beside what is found [depths of focus]; above 0 farther away.
+    sensor
+        Whether probes have the noise and the white of the scene's sensor, in the exposure of the picture.
     near
         Focus state near which the focus is expected, as `FocusReport.state` of a picture just before.
     seed
@@ -716,7 +726,7 @@ def autofocus(
         scene = change_scene(scene, render={"seed": seed})
     held = None if mask is None else {"file": np.asarray(mask)}
     where = {"zones": zones, "point": point, "object": object, "at": at, "mask": held}
-    keys = {"method": method, "policy": policy, "criterion": criterion, "adjustment": adjustment}
+    keys = {"method": method, "policy": policy, "criterion": criterion, "adjustment": adjustment, "sensor": sensor}
     settings = focus_settings(scene, keys, where)
     session = device if isinstance(device, Session) else open_session(device)
     return find_focus(scene, session, settings, near=near, on_probe=on_probe, on_state=on_state)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
@@ -19,11 +20,13 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session
+from rptcam_cl.imaging.sensor import binned_exposure, pixel_area_m2, sensor_of
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.model import CameraModel, exposed
 from rptcam_cl.rendering.film import TILE, FilmLayout
 from rptcam_cl.rendering.ground_truth import Moments
 from rptcam_cl.rendering.layers import SeenEnds, SharpPass, follow_rays
+from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront
@@ -58,6 +61,7 @@ def _take_samples(wavefront: Wavefront, samples: int) -> None:
 
 
 PARTS = 4  # independent pictures that a probe consists of
+MOST_WHITE, MOST_NOISE = 0.5, 1.0  # share of white pixels, and noise over light, that are worth a word
 FEWEST_PIXELS = 40  # across the shorter side of a zone, if its pixels then are not smaller than
 ACROSS = 240  # pixels of the picture in which objects are sought
 WHOLE = Zone(0.0, 1.0, 0.0, 1.0)
@@ -255,6 +259,10 @@ class ProbeRenderer:
         Its camera must be one that has a focus.
     session
         The device.
+    state
+        Focus state to begin with; by default that of the scene.
+    sensor
+        Whether probes are what the scene's sensor makes of the light in four exposures.
 
     Attributes
     ----------
@@ -264,13 +272,17 @@ class ProbeRenderer:
         Focus state, to begin with that of the scene.
     samples, seconds : int, float
         What the probes so far have taken: camera samples, and time from their start to their end [s].
+    fault : str or None
+        What about the exposure of the sensor hides what the brightest probe shows.
     """
 
-    def __init__(self, scene: Scene, session: Session, state: float | None = None) -> None:
-        self.scene, self.session = _with_traced_lens(at_opening(scene)), session
+    def __init__(self, scene: Scene, session: Session, state: float | None = None, *, sensor: bool = False) -> None:
+        self.scene, self.session, self._has_sensor = _with_traced_lens(at_opening(scene)), session, sensor
         self.drive = focus_drive(self.scene)
         self.state = self.drive.start if state is None else state
         self.samples, self.seconds = 0, 0.0
+        self.fault: str | None = None
+        self._most_light = 0.0
         self._view: ZoneView | None = None
         self._plan: Plan | None = None
         self._buffers: SceneBuffers | None = None
@@ -351,7 +363,7 @@ class ProbeRenderer:
         by the same rays, so that its picture tells how many passed.
         """
         begun, view = time.perf_counter(), self.view
-        camera = exposed(camera, view.scene)
+        camera = exposed(camera, self._exposed_scene if self._has_sensor else view.scene)
         count = -(-samples // PARTS)
         both = [self._wavefront(camera, empty=empty) for empty in (False, True)]
         for wavefront in both:
@@ -363,10 +375,46 @@ class ProbeRenderer:
                 wavefront.seed = seed * PARTS + part
                 _take_samples(wavefront, count)
             self.samples += both[0].camera_rays
-            pictures.append(_mean_light(*(wavefront.picture(count) for wavefront in both)))
+            light, weights = (wavefront.picture(count) for wavefront in both)
+            if self._has_sensor:
+                light = self._sensed(light, weights > 0, camera, seed * PARTS + part)
+            pictures.append(_mean_light(light, weights))
         self.seconds += time.perf_counter() - begun
         parts, ranges = np.stack(pictures), [view.in_layout(view.shown(zone)) for zone in view.zones]
         return [ZoneImage(np.ascontiguousarray(parts[:, rows, columns]), count * PARTS) for rows, columns in ranges]
+
+    @cached_property
+    def _exposed_scene(self) -> Scene:
+        """The scene in focus somewhere, with the exposure of its picture."""
+        focused = change_scene(self.scene, camera=self.drive.camera_keys(self.state))
+        return resolve_exposure(focused, self.session)[0]
+
+    def _sensed(
+        self, light: NDArray[np.float32], is_lit: NDArray[np.bool_], camera: CameraModel, seed: int
+    ) -> NDArray[np.float32]:
+        """Expose the scene's sensor to the light of a probe, on each of whose pixels lie as many of its as fit.
+
+        Its noise is that of an exposure of its own for each camera: only what is random in rendering is shared.
+        """
+        scene, view = self._exposed_scene, self.view
+        sensor = sensor_of(scene, {**camera.metadata, "window": (0, 0, *view.resolution)})
+        assert sensor is not None
+        width, height = scene.film.size_m()
+        pixels = width * height / math.prod(view.resolution) / pixel_area_m2(scene)
+        seen = binned_exposure(light, sensor, pixels, zlib.crc32(camera.record.tobytes(), seed))
+        shown = light[is_lit.any(axis=2)]
+        mean = float(shown.mean()) if len(shown) else 0.0
+        if mean >= self._most_light:  # those through smaller openings are dark on purpose
+            white_e = (sensor.white_level_dn - sensor.dark_level_dn) / sensor.system_gain_dn_per_e
+            white = float(np.mean((shown @ sensor.electrons >= white_e).any(axis=1))) if len(shown) else 0.0
+            off = seen[is_lit.any(axis=2)] - shown
+            noise = float(np.sqrt(np.mean(off**2))) / mean if mean > 0 else math.inf
+            self._most_light, self.fault = mean, None
+            if white >= MOST_WHITE:
+                self.fault = f"{white:.0%} of it is white in this exposure"
+            elif noise > MOST_NOISE:
+                self.fault = f"it is dark in this exposure: the noise of a probe is {noise:.2g} times its light"
+        return seen
 
     def sight(self, state: float, zone: Zone) -> Sight:
         """Find what a zone shows in a state, by the chief rays of a grid of places.

@@ -93,6 +93,7 @@ export class Dials {
     this.strip = h("div", { class: "vf-dials", role: "group", "aria-label": "Dials" });
     this.others = h("div", { class: "vf-others" });
     this.things = h("div", { class: "vf-others" }); // of what is selected
+    this.mix = h("div", { class: "vf-others" }); // of the light of lamps
     link.on("link", () => this.hands.clear()); // what was under way is lost
     link.on("hello", (message) => this.show(message.dials ?? []));
     link.on("state", ({ dials = [], answers }) => this.show(dials, answers ?? 0));
@@ -118,7 +119,7 @@ export class Dials {
     control.element.dataset.place = place;
     this.known.set(name, control);
     if (place < 0) {
-      (name.startsWith("thing_") ? this.things : this.others).append(control.element);
+      (name.startsWith("thing_") ? this.things : name.startsWith("mix") ? this.mix : this.others).append(control.element);
       return;
     }
     const after = [...this.strip.children].find((each) => Number(each.dataset.place) > place);

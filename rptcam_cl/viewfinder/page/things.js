@@ -65,6 +65,8 @@ export class Things {
     this.empty = h("p", { class: "vf-note", hidden: true }, "Nothing in this scene shines.");
     const add = ["lamp", "card", "backdrop"].map((what) => button(capital(what), () => this.link.ask("add", { what }).catch(() => {}), { name: `add_${what}`, title: ADDED[what] }));
     return h("div", { class: "vf-panel" }, h("h2", {}, "Selected"), this.title, this.dials.things, this.none, h("h2", {}, "Lamps"), this.lamps, this.empty,
+      h("h2", {}, "Mix"), this.dials.mix,
+      h("p", { class: "vf-note" }, "Lamps that are kept apart are mixed at once, with all samples. Pictures and the command have the mix; the scene keeps the lamps as they are."),
       h("h2", {}, "Add"), h("div", { class: "vf-row", role: "group", "aria-label": "Add to the scene" }, ...add));
   }
 }

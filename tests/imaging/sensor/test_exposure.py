@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.sensor import SensorModel, expose
+from rptcam_cl.imaging.sensor import SensorModel, binned_exposure, expose, linear_picture
 from tests.imaging.sensor.sensors import Transfer, flat, photon_transfer, sensor
 from tests.support.statistics import assert_equivalent
 
@@ -119,3 +119,21 @@ def test_mosaic_needs_two_by_two_pixels(shape: tuple[int, int, int]) -> None:
     with pytest.raises(InputError, match=r"sensor.bayer: a mosaic needs more pixels"):
         expose(np.ones(shape), sensor())
     assert expose(np.ones(shape), sensor(bayer="none")).shape == shape
+
+
+@pytest.mark.parametrize("level", [0.0, 0.02, 0.5])
+def test_binned_pixels_have_mean_and_noise_of_the_raw_numbers_of_their_pixels(level: float) -> None:
+    chosen = sensor(dark_e=20.0, read_noise_e=9.0, bit_depth=12, system_gain_dn_per_e=0.1, black_level_dn=256.0)
+    raw = (expose(flat(level, 512), chosen) - chosen.dark_level_dn) / 0.1  # electrons
+    binned = binned_exposure(flat(level, 128), chosen, 16.0, 5)
+    for channel, places in ((0, [(0, 0)]), (1, [(0, 1), (1, 0)]), (2, [(1, 1)])):
+        of_16 = np.mean([raw[y::2, x::2].reshape(128, 2, 128, 2).mean(axis=(1, 3)) for y, x in places], axis=0)
+        seen = binned[..., channel] * chosen.white_electrons[channel]
+        error = np.sqrt(of_16.var() / 128**2)
+        assert seen.mean() == pytest.approx(of_16.mean(), abs=6 * error)
+        assert seen.var() == pytest.approx(of_16.var(), rel=6 * np.sqrt(2 / 128**2))
+
+
+def test_binned_pixels_are_white_where_one_is_full() -> None:
+    full = linear_picture(expose(flat(3.0, 4), MONO), MONO).max()
+    assert binned_exposure(flat(3.0, 8), replace(MONO, read_noise_e=0.0), 9.0, 1) == pytest.approx(full, rel=1e-3)

@@ -25,11 +25,11 @@ class Fragile(Session):
         launch = super().bind(program, kernel, **arguments)
         whole = launch.enqueue
 
-        def enqueue(items: int, group: int) -> Any:
+        def enqueue(*where: int) -> Any:
             if self.healthy_launches is not None:
                 self.healthy_launches -= 1
             self.check()
-            return whole(items, group)
+            return whole(*where)
 
         launch.enqueue = enqueue  # type: ignore[method-assign]
         return launch

@@ -11,7 +11,8 @@ import yaml
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
-from rptcam_cl.optics.as_built import Copies
+from rptcam_cl.optics.as_built import Copies, Heat
+from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.image_quality import Setting, film_spots, mtf_table, setting, spot_table
 from rptcam_cl.optics.lens import Lens
@@ -412,3 +413,26 @@ def test_what_cannot_be_adjusted_is_refused(entry: dict[str, Any], message: str)
     with pytest.raises(InputError, match=message) as caught:
         tolerance(TRIPLET, {"tolerances": [{"index": 0.001}], "compensators": [entry], "copies": 10})
     assert "compensators[0]" in str(caught.value)
+
+
+def test_warm_copies_are_copies_of_the_warm_lens() -> None:
+    given = {"copies": 10, "merit": FIELDS | {"rings": 4, "arms": 8}, "tolerances": TOLERANCES}
+    warm = tolerance(TRIPLET, given | {"temperature_c": 60, "barrel": "invar"}, with_sensitivities=False)
+    expected = tolerance(Heat(60.0, barrel_per_k=1.3e-6).lens(TRIPLET), given, with_sensitivities=False)
+    np.testing.assert_array_equal(warm.scores.spot_um, expected.scores.spot_um)
+
+
+@pytest.mark.slow
+def test_ring_beams_of_mirrors_have_the_spots_of_random_rays() -> None:
+    lens = load_lens("mirror-500mm")
+    merit = {"fields_degrees": [0, 2.9], "wavelengths_nm": [550]}
+    run = tolerance(lens, {"copies": 10, "tolerances": [{"radius_percent": 0.1}], "merit": merit})
+    assert run.spot_error < 1e-3
+    random = np.random.default_rng(1).uniform(-37, 37, (400_000, 2))
+    for number, degrees in ((0, 0.0), (1, 2.9)):
+        origins, directions = Beam(degrees).rays(random)
+        rays = lens.trace(origins, directions, 550.0, "scene")
+        slopes = rays.directions[:, :2] / rays.directions[:, 2:]
+        points = rays.origins[:, :2] + slopes * (lens.film_z(run.film_distance_mm) - rays.origins[:, 2:])
+        spot = 1e3 * np.sqrt(np.var(points[rays.passed], axis=0).sum())
+        assert run.design.spots_um[0, number] == pytest.approx(spot, rel=3e-3)  # of 100,000 rays that pass

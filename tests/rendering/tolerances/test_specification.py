@@ -94,7 +94,7 @@ def test_nothing_is_off_by_more_than_itself() -> None:
 
 def test_default_is_everything_that_has_the_quantity() -> None:
     gauss = load_lens("dgauss-50mm")
-    assert components(gauss) == [(0, 1), (2, 4), (6, 8), (9, 10)]
+    assert components(gauss) == [(0, 1), (2, 3, 4), (6, 7, 8), (9, 10)]
     count = {
         key: len(limits_of({key: 0.01, **more}, lens=gauss))
         for key, more in (("radius_percent", {}), ("spacing_mm", {}), ("thickness_mm", {}), ("decentre_mm", {}))

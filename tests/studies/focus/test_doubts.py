@@ -12,15 +12,17 @@ import yaml
 
 import rptcam_cl
 from rptcam_cl.cli import main
-from rptcam_cl.core.errors import NumericError
+from rptcam_cl.core.errors import InputError, NumericError
 from rptcam_cl.device.session import open_session
 from rptcam_cl.scene.lens_settings import AutoFocus
+from rptcam_cl.scene.load import set_keys
 from rptcam_cl.studies.focus import contrast
 from rptcam_cl.studies.focus.controller import METHODS, follow_focus, with_warnings
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Zone
 from rptcam_cl.studies.focus.renderer import Task
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.studies.focus.test_probe import THIN, with_group
+from tests.support.cases import slow
 
 WORDS = r"cannot focus at 160 mm from the film; the nearest possible is 195\.985 mm"
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -130,6 +132,29 @@ def test_focus_on_nothing_that_the_zone_shows_is_a_failure(off):
     assert re.search(
         rf"nothing that the zone shows is sharp.* 4 m away.* {abs(off):g} depths of focus off", failed.failure
     )
+
+
+@pytest.mark.parametrize("method", ["phase", slow("contrast"), slow("laplacian"), slow("hybrid")])
+def test_probes_have_the_noise_and_the_white_of_the_sensor(method):
+    scene = scene_of([target(4.0, 4.0, noise(200))], lens_camera("dgauss-50mm", f_number=2.1))
+    keys = {"exposure": "physical", "shutter.time_s": 0.02}
+
+    def found(radiance, **more):
+        lit = {**keys, "sensor": {"pixel_pitch_um": 4}, "environment.radiance": radiance, **more}
+        return rptcam_cl.autofocus(set_keys(scene, lit), method, sensor=True)
+
+    # 683 cd/m2 at f/2.1, 1/50 s and ISO 100 are nine times white: 10 * 683 * pi / (4 * 2.1^2) / 50 / 78 lx s
+    with pytest.raises(NoContrast, match="100% of it is white in this exposure"):
+        found(10.0)
+    report = found(0.05)  # a twentieth of white
+    assert report.failure is None
+    # a depth of focus is worth 2 N c / f^2 = 0.0485 / m
+    assert abs(1 / report.focus_distance_m - 1 / 4.0) <= 0.25 * 0.0485
+    with pytest.raises(NoContrast, match="it is dark in this exposure: the noise of a probe is"):
+        found(1e-6)
+    assert found(1.0, exposure="auto").failure is None
+    with pytest.raises(InputError, match="sensor: the scene has none"):
+        rptcam_cl.autofocus(scene, method, sensor=True)
 
 
 @pytest.mark.slow
