@@ -266,7 +266,7 @@ def measured(studio: Studio) -> None:
     fields = tensor_fields(glossy)
     path = studio.folder / "glossy.bsdf"
     description = np.frombuffer(b"of a formula", np.uint8)
-    path.write_bytes(tensors(**fields, luminance=fields["vndf"], description=description))
+    path.write_bytes(tensors(**fields, luminance=fields["rgb"].mean(axis=2), description=description))
     studio.stand({"kind": "measured", "file": path.name},
                  {"type": "twosided", "inner": {"type": "measured", "filename": str(path)}})  # fmt: skip
 

@@ -262,7 +262,7 @@ def _run_lens_draw(arguments: argparse.Namespace) -> int:
 
     lens_options.check_picture(arguments.output, arguments.lens, DRAWN)
     state = lens_options.lens_in_use(arguments, arguments.wavelengths[len(arguments.wavelengths) // 2])
-    tracer, name = lens_options.tracer_of(arguments.device)
+    tracer, name = lens_options.tracer_of(arguments.device, state.lens)
     view = View(
         section=arguments.section,
         fields=arguments.fields,

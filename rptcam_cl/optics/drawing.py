@@ -446,7 +446,7 @@ def draw_glass(picture: charts.Drawing, frame: PixelFrame, setting: Setting, vie
 def draw_surfaces(picture: charts.Drawing, frame: PixelFrame, setting: Setting, view: View) -> None:
     """Draw surfaces, obstructions and the stop."""
     for k, surface in enumerate(setting.lens.surfaces):
-        flat_stop = surface.is_stop and surface.is_sphere and not surface.curvature
+        flat_stop = surface.is_stop and surface.is_sphere and not (surface.curvature or surface.phase)
         block = obstruction(setting.lens, k, view.section)
         if block is not None:
             picture.add(charts.Path(frame.places(block), charts.INK, 3.5, note=f"obstruction, surface {k}"))

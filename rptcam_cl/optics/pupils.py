@@ -997,9 +997,8 @@ def _trace_state(
     points[0], points[2] = np.broadcast_to(film[:, :1], u.shape).ravel(), lens.film_z(film_distance_mm)
     across = np.stack([u.ravel() - points[0], v.ravel(), np.full(u.size, -film_distance_mm)])
     order = range(len(lens.surfaces) - 1, stop - 1, -1)
-    at, _, _ = trace_crossings(
-        lens, order, points, across / np.sqrt(np.sum(across**2, axis=0)), lens.indices(wavelength_nm)
-    )
+    unit = across / np.sqrt(np.sum(across**2, axis=0))
+    at, _, _ = trace_crossings(lens, order, points, unit, wavelength_nm)
     heights = np.hypot(at[0, :, 0], at[0, :, 1]).reshape(u.shape)
     if not (np.isfinite(heights).all() and heights[0].min() > 0 and np.all(np.diff(heights, axis=0) > 0)):
         return None

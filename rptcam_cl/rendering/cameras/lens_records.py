@@ -262,6 +262,7 @@ def lens_records(
     transmission
         Losses that rays suffer.
     """
+    lens.refuse_phases("devices trace none (rptcam lens measures it; camera.kind thin_lens renders an ideal lens)")
     indices = lens.indices(wavelength_nm)
     count = len(lens.surfaces)
     backwards = start == "film"

@@ -738,7 +738,7 @@ def film_reflectance(cosine: Array, thickness_nm: float, index: float, base: Arr
 
 
 def film_colours(material: Principled, film: ThinFilm) -> tuple[Array, Array]:
-    """Return what a dielectric and a metal with a thin film reflect (cosines from 0 to 1, 3), linear sRGB.
+    """Return the reflectance of a dielectric and of a metal with a thin film (cosines from 0 to 1, 3), linear sRGB.
 
     Each base has in each channel the index that its colour has head-on, as glTF has it.
     """
