@@ -14,9 +14,9 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
 from rptcam_cl.optics.beams import without_rims
-from rptcam_cl.optics.image_quality import Setting, default_fields, fan_points, section_rays, setting
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays, Status, at_plane, trace
+from rptcam_cl.optics.spots import Setting, default_fields, fan_points, section_rays, setting
 
 #
 # Rays surface by surface, by whichever tracer: the lens cut off behind each of its surfaces gives the points there.

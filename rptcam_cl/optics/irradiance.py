@@ -14,10 +14,10 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.beams import Beam, chebyshev_nodes, geometry_but_stop
+from rptcam_cl.optics.film_probe import FilmProbe, narrow_boxes, narrowing_probes, pupil_boxes, spread_points
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
 from rptcam_cl.optics.glass import Medium
 from rptcam_cl.optics.lens import Lens, limiting_surface
-from rptcam_cl.optics.pupils import FilmProbe, narrow_boxes, narrowing_probes, pupil_boxes, spread_points
 from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance, trace_crossings
 from rptcam_cl.optics.surface import Surface
 

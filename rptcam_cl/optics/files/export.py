@@ -30,9 +30,9 @@ from rptcam_cl.optics.glass import (
     abbe_number,
     held_index,
 )
-from rptcam_cl.optics.image_quality import default_fields, setting
 from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration, limiting_surface
 from rptcam_cl.optics.shapes import Biconic, Diffractive, Grating, IdealLens, Toroid, short_radius
+from rptcam_cl.optics.spots import default_fields, setting
 from rptcam_cl.optics.surface import FocusState, Region, StopShape, Surface, SurfacePose, tilt_of
 
 # What files of other programs have in common when a lens is written: what they cannot say, beam, rows, tilts.
