@@ -157,7 +157,16 @@ def test_scene_with_everything_turns_every_fact_on():
     # one emitter is not many, few primitives are not either, the world is of one kind, photons do not move, and media
     # have no solids with holes
     off = {name for name, value in all_facts().items() if not value}
-    assert off == {"ONE_EMITTER", "LENS_SPLITS", "FEW_PRIMITIVES", "LAMPS_BEHIND_GLASS", *PHOTONS, *MEDIA, *GROUPS, *TABLES}
+    assert off == {
+        "ONE_EMITTER",
+        "LENS_SPLITS",
+        "FEW_PRIMITIVES",
+        "LAMPS_BEHIND_GLASS",
+        *PHOTONS,
+        *MEDIA,
+        *GROUPS,
+        *TABLES,
+    }
 
 
 # What widths differ in is the same few macros in every pass: the fast tests have each pass at one of them.
