@@ -23,7 +23,7 @@ from benchmarks.report import print_table
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.api.interface import load_lens
 from rptcam_cl.core import LINE_C_NM, LINE_D_NM, LINE_F_NM
-from rptcam_cl.optics import aberrations, image_quality, ray_trace
+from rptcam_cl.optics import aberrations, ray_trace, spots
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.waves import ExitRays
 
@@ -81,7 +81,7 @@ def rows_of(lens: Any) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def ours(setting: image_quality.Setting, heights: Array) -> Figures:
+def ours(setting: spots.Setting, heights: Array) -> Figures:
     """Return our figures; fans through heights in the plane of the first vertex [mm]."""
     lens, beam = setting.lens, Beam(FIELD)
     marginal, chief = aberrations.paraxial_rays(setting, FIELD)
@@ -105,7 +105,7 @@ def ours(setting: image_quality.Setting, heights: Array) -> Figures:
 def compare(python: str, program: str, spec: Any) -> dict[str, float]:
     """Return by how much figures differ, at most, in parts of the largest of their kind."""
     lens = load_lens(spec)
-    setting = image_quality.setting(lens)
+    setting = spots.setting(lens)
     worker = Worker(python, "benchmarks.optics_worker", program)
     try:
         answer = worker.ask(

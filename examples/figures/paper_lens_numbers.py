@@ -12,8 +12,8 @@ from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.optics.charts import Drawing
 from rptcam_cl.optics.design import GlassChoice, doublet_radii, image_distances
 from rptcam_cl.optics.drawing import View, draw_lens
-from rptcam_cl.optics.image_quality import setting
 from rptcam_cl.optics.lens import film_distance, object_distance
+from rptcam_cl.optics.spots import setting
 from rptcam_cl.rendering.traceable_lens import TraceableLens
 
 NEAR_AXIS = 0.01  # share of the clear radius

@@ -10,8 +10,9 @@ from typing import Any
 import bpy
 
 from .materials import translate
-from .reader import BAKED, BAKED_UV, Reader
+from .reader import BAKED, Reader
 from .report import Report
+from .shading import BAKED_UV, has_nodes
 
 SIGNS = ("not translated", "normals by", "all go by")  # of sentences about values that a picture can hold
 MARGIN = 8  # pixels round each island of the texture coordinates
@@ -19,7 +20,7 @@ MARGIN = 8  # pixels round each island of the texture coordinates
 
 def wants_baking(material: Any) -> bool:
     """Whether values of a material are left out that a picture of each object can hold."""
-    if material is None or not material.use_nodes:
+    if material is None or not has_nodes(material):
         return False
     report = Report()
     translate(Reader().material_of(material, None, Report()), report)

@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.errors import InputError
+
 from .report import Report
 
 Matrix = NDArray[np.float64]
 
+SHOWN_CLIP = 0.101  # above the clip start of new cameras [units]: a greater one was chosen to be seen
 NO_STOP = 1e-6  # an opening narrower than this is a pinhole's [m]
 
 
@@ -33,7 +36,7 @@ class BlenderCamera:
     kind : str
         ``PERSP``, ``ORTHO`` or ``PANO``.
     ortho_scale : float
-        Length [units] that the longer side of an orthographic picture shows.
+        Length [units] that an orthographic picture shows along the side that `sensor_fit` names.
     f_stop : float or None
         None without depth of field.
     focus_distance : float
@@ -44,6 +47,10 @@ class BlenderCamera:
         Nearest depth [units] that is seen.
     matrix_end : (4, 4) array or None
         World from camera where the shutter closes, if it moves.
+    panorama : str
+        Kind of panorama, as Blender names it.
+    clip_end : float
+        Farthest depth [units] that Blender shows.
     """
 
     matrix: Matrix
@@ -60,6 +67,8 @@ class BlenderCamera:
     ratio: float = 1.0
     clip_start: float = 0.0
     matrix_end: Matrix | None = None
+    panorama: str = "EQUIRECTANGULAR"
+    clip_end: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -133,12 +142,12 @@ def camera_keys(
         x0, x1, y0, y1 = frame.window()
         width, height = frame.resolution
         film["crop"] = [x0 / width, x1 / width, 1 - y1 / height, 1 - y0 / height]
-    if camera.kind == "PANO":
-        return {"film": film, "camera": _panorama(camera, frame, report)}
     if choice.lens:
         return _through_lens(camera, film, side, choice, report)
+    if camera.kind == "PANO":
+        return {"film": film, "camera": _panorama(camera, frame)}
     if camera.kind == "ORTHO":
-        return {"film": film, "camera": _orthographic(camera, film, metres_per_unit)}
+        return {"film": film, "camera": _orthographic(camera, film, side, metres_per_unit)}
     return {"film": film, "camera": _ideal(camera, film, side, metres_per_unit, report)}
 
 
@@ -184,6 +193,8 @@ def _ideal(
         return {"kind": "pinhole", **keys}
     if camera.ratio != 1:
         report.add("Camera: the anamorphic ratio of the opening is left out; the anamorphic lens has one of its own.")
+    if camera.clip_start > SHOWN_CLIP:
+        report.add(f"Camera: its clip start of {camera.clip_start:g} cuts nothing off with depth of field.")
     keys["aperture_radius_m"] = radius
     keys["focus_distance_m"] = camera.focus_distance * metres_per_unit
     if camera.blades >= 3:
@@ -195,9 +206,9 @@ def _ideal(
     return {"kind": "thin_lens", **keys}
 
 
-def _orthographic(camera: BlenderCamera, film: dict[str, Any], metres_per_unit: float) -> dict[str, Any]:
+def _orthographic(camera: BlenderCamera, film: dict[str, Any], side: float, metres_per_unit: float) -> dict[str, Any]:
     """Parallel rays from the plane of the camera on, moved by the shift."""
-    width = camera.ortho_scale * film["size_mm"][0] / max(film["size_mm"])
+    width = camera.ortho_scale * film["size_mm"][0] / side
     keys: dict[str, Any] = {"kind": "orthographic", **_posed(camera), "width_m": width * metres_per_unit}
     right, up = (camera.matrix[:3, i] / np.linalg.norm(camera.matrix[:3, i]) for i in (0, 1))
     move = (right * camera.shift[0] + up * camera.shift[1]) * camera.ortho_scale
@@ -207,15 +218,19 @@ def _orthographic(camera: BlenderCamera, film: dict[str, Any], metres_per_unit: 
     return keys
 
 
-def _panorama(camera: BlenderCamera, frame: Frame, report: Report) -> dict[str, Any]:
+def _panorama(camera: BlenderCamera, frame: Frame) -> dict[str, Any]:
+    """The whole sphere in longitude and latitude; other panoramas are refused."""
     width, height = frame.resolution
-    if width != 2 * height:
-        report.add(
-            f"Camera: panoramas are equirectangular, twice as wide as high; {width} x {height} pixels are not, so a "
-            "pinhole stands in."
+    if camera.panorama != "EQUIRECTANGULAR":
+        kind = camera.panorama.replace("_", " ").title()
+        raise InputError(
+            f"Camera: a panorama of the kind {kind} is not rendered (allowed: Equirectangular, or a lens, such as a "
+            "fisheye, under Real Lens)"
         )
-        return {"kind": "pinhole", **_posed(camera), "fov_degrees": 90, "fov_axis": "horizontal"}
-    report.add("Camera: the panorama shows the whole sphere, in longitude and latitude, whatever its type.")
+    if width != 2 * height:
+        raise InputError(
+            f"Camera: an equirectangular panorama is twice as wide as high here (got {width} x {height} pixels)"
+        )
     return {"kind": "environment", **_posed(camera)}
 
 
@@ -224,8 +239,11 @@ def _through_lens(
 ) -> dict[str, Any]:
     """The traced lens, whose entrance pupil is where Blender's camera stands."""
     keys = _posed(camera)
-    if camera.kind == "ORTHO":
-        report.add("Camera: orthographic in Blender; the chosen lens has the perspective of its field.")
+    if camera.kind != "PERSP":
+        kind = "orthographic" if camera.kind == "ORTHO" else "a panorama"
+        report.add(f"Camera: {kind} in Blender; the chosen lens has the perspective of its field.")
+    if camera.clip_start > SHOWN_CLIP:
+        report.add(f"Camera: its clip start of {camera.clip_start:g} cuts nothing off before a real lens.")
     scale = choice.focal_length_mm / camera.lens_mm if choice.match_field and camera.kind == "PERSP" else 1.0
     film = film | {"size_mm": [size * scale for size in film["size_mm"]]}
     keys |= {"kind": "realistic", "lens": choice.lens} | _movements(camera, side * scale)

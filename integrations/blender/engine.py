@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,7 @@ from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.imaging.development import GUIDES, check_denoiser
 
 from .live import LiveScene
-from .panels import settings_of
+from .panels import ENGINE, settings_of
 from .reader import Reader
 from .scene import Export, group_name
 from .viewport import view_of
@@ -24,6 +25,7 @@ from .viewport import view_of
 SECONDS_BETWEEN_PICTURES = 1.0
 VIEW_SECONDS = 0.08  # that a redraw of the viewport may render
 PREVIEW_SAMPLES = 32
+SECONDS_TO_LEAVE = 0.2  # in which Blender's thread still looks at the engine's class after a render
 FARTHEST = 1e10  # depth where there is nothing, as Cycles has it
 
 Array = NDArray[Any]
@@ -142,14 +144,47 @@ def light_groups_of(view_layer: Any) -> tuple[str, ...]:
     return tuple(group.name for group in getattr(view_layer, "lightgroups", ()))
 
 
-kept, previews = LiveScene(), LiveScene()
+class Renders:
+    """The renders that Blender's threads are in, which have to end before the engine may go."""
+
+    def __init__(self) -> None:
+        self._count, self._changed = 0, threading.Condition()
+        self.are_ending = False
+
+    @property
+    def are_idle(self) -> bool:
+        """Whether there is none."""
+        return self._count == 0
+
+    @contextlib.contextmanager
+    def counted(self) -> Iterator[None]:
+        """Count a render while it runs."""
+        with self._changed:
+            self._count += 1
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._count -= 1
+                self._changed.notify_all()
+
+    def end(self) -> None:
+        """Have all of them give up, and wait until they have."""
+        with self._changed:
+            had_any, self.are_ending = self._count > 0, True
+            self._changed.wait_for(lambda: not self._count)
+        if had_any:
+            time.sleep(SECONDS_TO_LEAVE)
+
+
+kept, previews, renders = LiveScene(), LiveScene(), Renders()
 one_preview = threading.Lock()
 
 
 class RptcamEngine(bpy.types.RenderEngine):
     """Renders scenes through real lenses."""
 
-    bl_idname = "RPTCAM"
+    bl_idname = ENGINE
     bl_label = "rptcam"
     bl_use_preview = True  # of materials, in their panel and as icons
     bl_use_eevee_viewport = True  # for the viewport's shading "Material Preview"
@@ -168,25 +203,32 @@ class RptcamEngine(bpy.types.RenderEngine):
 
     def is_given_up(self) -> bool:
         """Whether the user has stopped the render."""
-        return bool(self.test_break())
+        return renders.are_ending or bool(self.test_break())
 
     def render(self, depsgraph: Any) -> None:
         """Render a frame."""
-        try:
-            if self.is_preview:
-                self._preview(depsgraph)
-            else:
-                self._render(depsgraph)
-        except RptcamError as problem:
-            self.report({"ERROR"}, str(problem))
-            self.error_set(str(problem))
+        with renders.counted():
+            if renders.are_ending:
+                return
+            try:
+                if self.is_preview:
+                    self._preview(depsgraph)
+                else:
+                    self._render(depsgraph)
+            except RptcamError as problem:
+                self.report({"ERROR"}, str(problem))
+                self.error_set(str(problem))
 
     def _preview(self, depsgraph: Any) -> None:
         """Render the ball, or what else a material is shown on."""
         settings = settings_of(depsgraph.scene, [], through_lens=False)
         settings.more["render"]["spp"] = PREVIEW_SAMPLES
         export = Reader().read(depsgraph, settings)
+        users = [scene.rptcam for scene in bpy.data.scenes if scene.render.engine == ENGINE]
         with one_preview:  # Blender may ask for several at once
+            if self.is_given_up():
+                return
+            previews.use(users[0].device if users else "", apart=any(given.own_process for given in users))
             session = previews.show(export.keys)
             session.add(PREVIEW_SAMPLES, self.is_given_up)
             if session.spp:
@@ -405,11 +447,13 @@ REPORTS: dict[str, list[str]] = {}
 
 def register() -> None:
     """Add the engine."""
+    renders.are_ending = False
     bpy.utils.register_class(RptcamEngine)
 
 
 def unregister() -> None:
-    """Remove it."""
+    """Remove it, once the renders have ended that it is in."""
+    renders.end()
     kept.close()
     previews.close()
     bpy.utils.unregister_class(RptcamEngine)

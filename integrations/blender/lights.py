@@ -68,14 +68,20 @@ class BlenderLamp:
     group: str = ""
 
 
-def lamp_keys(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]] | None:
-    """The section of the scene, ``lights`` or ``objects``, and what to add to it; None for a lamp without light."""
+def lamp_keys(lamp: BlenderLamp, report: Report, metres_per_unit: float = 1.0) -> tuple[str, dict[str, Any]] | None:
+    """The section of the scene, ``lights`` or ``objects``, and what to add to it; None for a lamp without light.
+
+    What a lamp without size lights is as bright as in Cycles, which takes a unit for a metre.
+    """
     if not any(channel > 0 for channel in lamp.power):
         return None
     if any(channel < 0 for channel in lamp.power):
         report.add(f"Lamp {lamp.name}: negative light is left out.")
         return None
-    return {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[lamp.kind](lamp, report)
+    made = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[lamp.kind](lamp, report)
+    if made is not None and "intensity" in made[1]:
+        made[1]["intensity"] = [channel * metres_per_unit**2 for channel in made[1]["intensity"]]
+    return made
 
 
 def _scaled(lamp: BlenderLamp, factor: float) -> list[float]:
@@ -150,6 +156,8 @@ def _area(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]] | Non
     is_round = lamp.shape in ("DISK", "ELLIPSE")
     sides = lamp.size if lamp.shape in ("RECTANGLE", "ELLIPSE") else (lamp.size[0],) * 2
     u, v = matrix[:3, 0] * sides[0], matrix[:3, 1] * sides[1]
+    if np.linalg.det(matrix[:3, :3]) < 0:  # mirrored: it shines along −z all the same
+        u, v = v, u
     area = float(np.linalg.norm(np.cross(u, v))) * (math.pi / 4 if is_round else 1)
     if area < SMALLEST_RADIUS**2:
         report.add(f"Lamp {lamp.name}: an area lamp without area is left out.")

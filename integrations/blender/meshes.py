@@ -46,6 +46,12 @@ class BlenderMesh:
     colors: dict[str, NDArray[np.float32]] = field(default_factory=dict)
 
     @cached_property
+    def corners(self) -> NDArray[np.float64]:
+        """The corners (8, 3) of the box round it."""
+        ends = np.stack([self.points.min(axis=0), self.points.max(axis=0)]).astype(np.float64)
+        return np.array([[ends[i][0], ends[j][1], ends[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+
+    @cached_property
     def uv_size(self) -> float:
         """Length that a unit of the active texture coordinates has on the mesh [units]; 1 where there are none."""
         return _uv_size(self)

@@ -16,22 +16,15 @@ from .camera import BlenderCamera, Frame, LensChoice
 from .lights import BlenderLamp
 from .materials import BlenderMaterial
 from .meshes import BlenderMesh, Strands, widths_of_particles
-from .nodes import Link, Node
+from .nodes import Node, ValueReader
 from .report import Report
 from .scene import Builder, Export, Parts, Placed, Shutter
+from .shading import NodeReader, codes_of, has_nodes, output_of, space_of
 from .world import environment
 
 WITH_FACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 WITHOUT_SURFACE = ("CAMERA", "EMPTY", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE")
-LINEAR_SPACES = ("Non-Color", "Linear", "Linear Rec.709", "Raw", "scene_linear")
-OF_NODES = (
-    "vector_type", "operation", "use_clamp", "data_type", "blend_type", "clamp_factor", "clamp_result", "space",
-    "uv_map", "invert", "clamp", "interpolation_type", "mode", "distribution", "extension", "interpolation",
-    "projection", "sky_type", "sun_direction", "turbidity", "sun_elevation", "sun_rotation", "sun_disc", "dust_density",
-    "aerosol_density", "model", "parametrization", "layer_name", "attribute_name", "attribute_type",
-)  # fmt: skip
 BAKED = "rptcam_baked"  # of an object: names of its pictures by material, node and input, as JSON
-BAKED_UV = "rptcam"  # the texture coordinates that they go by
 RAYS = ("camera", "shadow", "diffuse", "glossy", "transmission")
 DEFAULT_RADIUS = 0.005  # of curves without a radius, as Cycles has it
 SetTime = Callable[[int, float], None]
@@ -89,7 +82,8 @@ class Reader:
 
     def __init__(self) -> None:
         self.parts = Parts()
-        self._pictures: dict[str, NDArray[Any] | None] = {}
+        self._layer: Any = None  # the view layer that is read
+        self._pictures: dict[tuple[str, str, bool], NDArray[Any] | None] = {}  # by name, file of a frame, alpha
         self._strands: dict[str, Strands | None] = {}  # by the object that has them
         self._last: _Reading | None = None
         self._moved: set[str] = set()  # objects that have moved since, and done nothing else
@@ -133,7 +127,7 @@ class Reader:
             moves = not np.array_equal(end, camera.matrix)
             camera = replace(camera, matrix_end=end if moves else None)
         self._read_instances(depsgraph, builder, report, ends, shapes)
-        world = self._read_world(scene, report)
+        world = self._read_world(scene, depsgraph.view_layer, report)
         group = getattr(scene.world, "lightgroup", "")
         self._last = None if set_time is not None else _Reading(builder, world, settings, scene.name_full)
         for since in (self._moved, self._shaded, self._renewed):
@@ -164,7 +158,7 @@ class Reader:
                 continue  # its object, material, world or lamp is in the list as well
             self._last = None
             if isinstance(update.id, bpy.types.Image):
-                self._pictures.pop(name, None)
+                self._pictures = {key: codes for key, codes in self._pictures.items() if key[0] != name}
             elif getattr(update, "is_updated_geometry", False):
                 for key in self.parts.held():
                     if key.startswith("instanced ") or key in (f"object {name}", f"data {name}"):
@@ -222,7 +216,8 @@ class Reader:
         ends: dict[Any, NDArray[np.float64]],
         shapes: dict[str, BlenderMesh],
     ) -> None:
-        is_final = depsgraph.mode == "RENDER"
+        is_final, layer = depsgraph.mode == "RENDER", depsgraph.view_layer
+        self._layer = layer
         self._instanced.clear()
         self._looks.clear()
         self._shown_by.clear()
@@ -230,9 +225,10 @@ class Reader:
             item = each.object
             if item.name_full not in self._looks:
                 self._looks[item.name_full] = _looks_of(item)
+                _say_linking(item, report)
             if each.is_instance:
                 self._instanced.add(item.name_full)
-            if each.show_particles and len(item.particle_systems):
+            if each.show_particles and len(item.particle_systems) and layer.use_strand:
                 self._read_particles(each, ends.get(_identity(each)), builder, report, is_final=is_final)
             if not each.show_self:
                 continue
@@ -243,13 +239,17 @@ class Reader:
             if item.type == "LIGHT":
                 if end is not None:
                     report.add(f"Lamp {item.name}: it stands still while the shutter is open.")
-                builder.add_lamp(lamp_of(item, matrix, self, report))
+                if not _is_portal(item.data):  # which shows where light comes from, and sends none
+                    builder.add_lamp(lamp_of(item, matrix, self, report))
             elif item.type == "CURVES":
+                if not layer.use_strand:
+                    continue
                 strands = self._strands.setdefault(item.name_full, None) or strands_of(item.data)
                 self._strands[item.name_full] = strands
                 builder.place_strands(self._placed(each, "", matrix, end, builder, report), strands)
             elif item.type in WITH_FACES:
-                self._read_object(each, matrix, end, shapes, builder, report)
+                if layer.use_solid:
+                    self._read_object(each, matrix, end, shapes, builder, report)
             elif item.type not in WITHOUT_SURFACE:
                 report.add(f"Object {item.name}: {item.type.replace('_', ' ').lower()} is left out.")
 
@@ -269,8 +269,8 @@ class Reader:
             if mesh is None:
                 return
             self.parts.put(key, mesh)
-        if getattr(item, "is_holdout", False) or getattr(item, "is_shadow_catcher", False):
-            report.add(f"Object {item.name}: holdouts and shadow catchers are seen like any other object.")
+        if item.is_shadow_catcher:
+            report.add(f"Object {item.name}: a shadow catcher is seen like any other object.")
         shape = shapes.get(key)
         if shape is not None and np.array_equal(shape.points, self.parts.mesh(key).points):
             shape = None
@@ -303,8 +303,21 @@ class Reader:
                 self._shown_by[name] = key
                 made = replace(self.material_of(material, mesh, report, baked), name=name)
                 builder.add_material(made, material.pass_index)
-        visible, group = visibility(item, report), getattr(item, "lightgroup", "")
-        return Placed(item.name_full, key, matrix, tuple(names), visible, item.pass_index, group, end)
+        group = getattr(item, "lightgroup", "")
+        return Placed(
+            item.name_full, key, matrix, tuple(names), self._visible(each, report), item.pass_index, group, end
+        )
+
+    def _visible(self, each: Any, report: Report) -> dict[str, bool]:
+        """Which rays meet an instance: those that meet the object and what places it."""
+        owners = [each.object] + ([each.parent] if each.parent is not None else [])
+        seen = [visibility(item, report) for item in owners]
+        found = {name: all(one[name] for one in seen) for name in seen[0]}
+        if any(item.original.indirect_only_get(view_layer=self._layer) for item in owners):
+            found["camera"] = False
+        if any(item.original.holdout_get(view_layer=self._layer) for item in owners):
+            report.add(f"Object {each.object.name}: a holdout is seen like any other object.")
+        return found
 
     def _read_particles(
         self, each: Any, end: NDArray[np.float64] | None, builder: Builder, report: Report, *, is_final: bool
@@ -336,7 +349,7 @@ class Reader:
         The mesh says how large its texture coordinates are, and `baked` which inputs of which nodes are pictures.
         """
         nodes = NodeReader(self, 1.0 if mesh is None else mesh.uv_size, report, baked)
-        output = _output_of(material.node_tree) if material.use_nodes else None
+        output = output_of(material.node_tree) if has_nodes(material) else None
         surface = nodes.linked(output, "Surface") if output is not None else None
         if output is not None and surface is None:
             surface = Node("BSDF_DIFFUSE", "nothing", {"Color": (0.0, 0.0, 0.0)})
@@ -350,43 +363,44 @@ class Reader:
             output is not None and output.inputs["Volume"].is_linked,
         )
 
-    def _read_world(self, scene: Any, report: Report) -> dict[str, Any] | None:
+    def _read_world(self, scene: Any, view_layer: Any, report: Report) -> dict[str, Any] | None:
         world = scene.world
-        if world is None:
+        if world is None or not view_layer.use_sky:
             return None
         nodes = NodeReader(self, 1.0, report)
-        if not world.use_nodes:
-            return environment(None, tuple(world.color), report)
-        output = _output_of(world.node_tree)
-        if output is None:
-            return None
-        if output.inputs["Volume"].is_linked:
-            report.add("World: its volume is left out.")
-        surface = nodes.linked(output, "Surface")
-        return None if surface is None else environment(surface, tuple(world.color), report)
+        made: dict[str, Any] | None = None
+        if not has_nodes(world):
+            made = environment(None, tuple(world.color), report)
+        elif (output := output_of(world.node_tree)) is not None:
+            if output.inputs["Volume"].is_linked:
+                report.add("World: its volume is left out.")
+            surface = nodes.linked(output, "Surface")
+            made = None if surface is None else environment(surface, tuple(world.color), report)
+        rays = getattr(world, "cycles_visibility", None)
+        if not all(getattr(rays, name, True) for name in ("diffuse", "glossy", "transmission")):
+            report.add("World: hidden from some kinds of rays in Blender, from the camera alone here.")
+        return made if made is None or getattr(rays, "camera", True) else made | {"visible": {"camera": False}}
 
-    def picture(self, image: Any, report: Report) -> tuple[NDArray[Any] | None, str]:
-        """The codes of a picture, top row first, and its colour space."""
-        space = image.colorspace_settings.name
-        if space not in LINEAR_SPACES and space != "sRGB":
-            report.add(f"Picture {image.name}: its colour space {space} is read as sRGB.")
-        if image.source in ("TILED", "SEQUENCE", "MOVIE"):
+    def picture(
+        self, image: Any, report: Report, user: Any = None, *, keeps_alpha: bool = True
+    ) -> tuple[NDArray[Any] | None, str]:
+        """The codes of a picture at the frame of its user, top row first, and its colour space.
+
+        Where nothing takes the alpha of the node, colours are multiplied by it, as in Cycles.
+        """
+        file = ""
+        if image.source == "SEQUENCE" and user is not None:
+            file = image.filepath_from_user(image_user=user)
+        elif image.source in ("TILED", "SEQUENCE", "MOVIE"):
             report.add(f"Picture {image.name}: of a {image.source.lower()} picture what Blender holds now is shown.")
-        if image.name_full not in self._pictures:
-            self._pictures[image.name_full] = _codes(image)
-        return self._pictures[image.name_full], "linear" if space in LINEAR_SPACES or image.is_float else "srgb"
-
-
-def _codes(image: Any) -> NDArray[Any] | None:
-    width, height = image.size
-    if not width or not height:
-        return None
-    values = np.empty(width * height * image.channels, np.float32)
-    image.pixels.foreach_get(values)
-    rows = values.reshape(height, width, image.channels)[::-1]
-    if image.is_float:
-        return np.ascontiguousarray(rows)
-    return np.ascontiguousarray(np.clip(rows * 255 + 0.5, 0, 255).astype(np.uint8))
+        key = (image.name_full, file, keeps_alpha)
+        if key not in self._pictures:
+            self._pictures[key] = codes_of(image, file, keeps_alpha=keeps_alpha)
+        codes = self._pictures[key]
+        space = space_of(image, codes)
+        if space not in ("linear", "srgb"):
+            report.add(f"Picture {image.name}: its colour space {space} is read as sRGB.")
+        return codes, "linear" if space == "linear" else "srgb"
 
 
 def _looks_of(item: Any) -> Any:
@@ -527,6 +541,17 @@ def visibility(item: Any, report: Report) -> dict[str, bool]:
     return {"camera": item.visible_camera, "shadow": item.visible_shadow, "reflection": all(rays.values())}
 
 
+def _is_portal(lamp: Any) -> bool:
+    return lamp.type == "AREA" and bool(getattr(getattr(lamp, "cycles", None), "is_portal", False))
+
+
+def _say_linking(item: Any, report: Report) -> None:
+    """Report that the light of an object reaches all others."""
+    linking = getattr(item, "light_linking", None)
+    if linking is not None and (linking.receiver_collection or linking.blocker_collection):
+        report.add(f"Object {item.name}: its light reaches all objects, and all shadow it, without its light linking.")
+
+
 def lamp_of(item: Any, matrix: NDArray[np.float64], reader: Reader, report: Report) -> BlenderLamp:
     """A lamp's record."""
     lamp = item.data
@@ -534,7 +559,7 @@ def lamp_of(item: Any, matrix: NDArray[np.float64], reader: Reader, report: Repo
     if getattr(lamp, "use_temperature", False):
         power = power * np.array(lamp.temperature_color[:3])
     power *= 2.0 ** getattr(lamp, "exposure", 0.0)
-    if lamp.use_nodes and lamp.node_tree is not None:
+    if has_nodes(lamp):
         power = power * _lamp_nodes(lamp, reader, report)
     visible = visibility(item, report)
     del visible["shadow"]
@@ -562,9 +587,7 @@ def lamp_of(item: Any, matrix: NDArray[np.float64], reader: Reader, report: Repo
 
 def _lamp_nodes(lamp: Any, reader: Reader, report: Report) -> NDArray[np.float64]:
     """The colour by which a lamp's nodes multiply its power."""
-    from .nodes import ValueReader
-
-    output = _output_of(lamp.node_tree)
+    output = output_of(lamp.node_tree)
     surface = NodeReader(reader, 1.0, report).linked(output, "Surface") if output is not None else None
     if surface is None or surface.kind != "EMISSION":
         report.add(f"Lamp {lamp.name}: its nodes are left out.")
@@ -574,124 +597,14 @@ def _lamp_nodes(lamp: Any, reader: Reader, report: Report) -> NDArray[np.float64
     return np.asarray(values.field(surface, "Color", (1.0, 1.0, 1.0)).colour, np.float64) * strength
 
 
-# Nodes
-
-
-def _output_of(tree: Any) -> Any:
-    """The active output of a material, world or lamp, as Cycles picks it."""
-    found = None
-    for node in tree.nodes:
-        is_output = node.bl_idname in ("ShaderNodeOutputMaterial", "ShaderNodeOutputWorld", "ShaderNodeOutputLight")
-        if is_output and node.target in ("ALL", "CYCLES"):
-            if node.is_active_output:
-                return node
-            found = found or node
-    return found
-
-
-def baked_node(codes: Any, *, is_normal: bool) -> Link:
-    """What stands in the place of a baked input's nodes."""
-    at = Link(Node("UVMAP", "baked", values={"uv_map": BAKED_UV}), "UV")
-    values = {"codes": codes, "color_space": "linear", "extension": "EXTEND", "uv_size": 1.0}
-    picture = Link(Node("TEX_IMAGE", "baked", {"Vector": at}, values), "Color")
-    if not is_normal:
-        return picture
-    return Link(Node("NORMAL_MAP", "baked", {"Color": picture, "Strength": 1.0}, {"space": "TANGENT"}), "Normal")
-
-
-class NodeReader:
-    """Reads nodes into records; a group is opened wherever it is used."""
-
-    def __init__(
-        self, reader: Reader, size: float, report: Report, baked: dict[tuple[str, str], str] | None = None
-    ) -> None:
-        self._baked = baked or {}
-        self._reader, self._uv_size, self._report = reader, size, report
-        self._made: dict[tuple[Any, ...], Node] = {}
-
-    def linked(self, node: Any, name: str) -> Node | None:
-        """The node behind an input."""
-        value = self._input(node.inputs[name], ())
-        return value.node if isinstance(value, Link) else None
-
-    def _input(self, socket: Any, stack: tuple[Any, ...]) -> Any:
-        """What an input gets: a link, or its own value."""
-        if socket.is_linked and socket.links and not socket.links[0].is_muted:
-            link = socket.links[0]
-            return self._output(link.from_node, link.from_socket, stack, socket)
-        return _value_of(socket)
-
-    def _output(self, node: Any, socket: Any, stack: tuple[Any, ...], into: Any) -> Any:
-        """What an output gives, looked up through reroutes, groups and muted nodes."""
-        if node.type == "REROUTE":
-            return self._input(node.inputs[0], stack)
-        if node.mute:
-            behind = [link.from_socket for link in node.internal_links if link.to_socket == socket]
-            return self._input(behind[0], stack) if behind else _value_of(into)
-        if node.type == "GROUP" and node.node_tree is not None:
-            ends = [each for each in node.node_tree.nodes if each.type == "GROUP_OUTPUT" and each.is_active_output]
-            inner = [each for end in ends for each in end.inputs if each.identifier == socket.identifier]
-            return self._input(inner[0], (*stack, node)) if inner else _value_of(into)
-        if node.type == "GROUP_INPUT" and stack:
-            outer = [each for each in stack[-1].inputs if each.identifier == socket.identifier]
-            return self._input(outer[0], stack[:-1]) if outer else _value_of(into)
-        return Link(self._node(node, stack), socket.name if node.type == "TEX_COORD" else socket.identifier)
-
-    def _node(self, node: Any, stack: tuple[Any, ...]) -> Node:
-        key = (node.as_pointer(), *(group.as_pointer() for group in stack))
-        if key in self._made:
-            return self._made[key]
-        made = self._made[key] = Node(node.type, node.name)
-        for socket in node.inputs:
-            image = None if stack else bpy.data.images.get(self._baked.get((node.name, socket.identifier), ""))
-            if image is not None:
-                codes, _ = self._reader.picture(image, self._report)
-                made.inputs[socket.identifier] = baked_node(codes, is_normal=socket.identifier == "Normal")
-                continue
-            made.inputs[socket.identifier] = self._input(socket, stack)
-        if node.type in ("RGB", "VALUE"):
-            made.inputs["Color" if node.type == "RGB" else "Value"] = _value_of(node.outputs[0])
-        made.values = {name: _plain(getattr(node, name)) for name in OF_NODES if hasattr(node, name)}
-        made.values["uv_size"] = self._uv_size
-        if node.type == "VALTORGB":
-            made.values["table"] = [tuple(node.color_ramp.evaluate(i / 255)) for i in range(256)]
-        elif node.type == "CURVE_RGB":
-            made.values["table"] = _curves(node.mapping)
-        elif node.type in ("TEX_IMAGE", "TEX_ENVIRONMENT") and node.image is not None:
-            made.values["codes"], made.values["color_space"] = self._reader.picture(node.image, self._report)
-        return made
-
-
-def _plain(value: Any) -> Any:
-    return value if isinstance(value, (str, int, float, bool)) else tuple(value)
-
-
-def _value_of(socket: Any) -> Any:
-    value = getattr(socket, "default_value", None)
-    if value is None or isinstance(value, (str, bpy.types.ID)):
-        return None
-    return float(value) if isinstance(value, (int, float, bool)) else tuple(float(each) for each in value)
-
-
-def _curves(mapping: Any) -> list[tuple[float, ...]]:
-    """Red, green and blue of the curves with the common one, 256 rows."""
-    mapping.initialize()
-    common, channels = mapping.curves[3], mapping.curves[:3]
-    rows = []
-    for i in range(256):
-        at = mapping.evaluate(common, i / 255)
-        rows.append(tuple(mapping.evaluate(curve, at) for curve in channels))
-    return rows
-
-
 # Camera and time
 
 
 def frame_of(scene: Any) -> Frame:
     """The picture of a scene."""
     render = scene.render
-    share = render.resolution_percentage / 100
-    size = (max(int(render.resolution_x * share), 1), max(int(render.resolution_y * share), 1))
+    share = render.resolution_percentage  # whole numbers, as Blender rounds
+    size = (max(render.resolution_x * share // 100, 1), max(render.resolution_y * share // 100, 1))
     border = None
     if render.use_border:
         border = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
@@ -703,6 +616,10 @@ def camera_of(scene: Any, report: Report) -> BlenderCamera:
     if scene.camera is None:
         report.add("The scene has no camera; it is seen from where Blender puts a new one.")
         return BlenderCamera(matrix_of(((1, 0, 0, 0), (0, 0, -1, -10), (0, 1, 0, 0), (0, 0, 0, 1))))
+    if np.linalg.det(matrix_of(scene.camera.matrix_world)[:3, :3]) < 0:
+        report.add("Camera: mirrored by its scale, which the picture is not.")
+    if scene.render.use_multiview:
+        report.add("Stereoscopy: each view shows what the camera itself sees.")
     return record_of(scene.camera)
 
 
@@ -714,7 +631,7 @@ def record_of(item: Any) -> BlenderCamera:
     distance = dof.focus_distance
     if dof.focus_object is not None:
         back = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
-        to = matrix_of(dof.focus_object.matrix_world)[:3, 3] - matrix[:3, 3]
+        to = _place_of(dof.focus_object, dof.focus_subtarget) - matrix[:3, 3]
         distance = abs(float(to @ back))
     return BlenderCamera(
         matrix,
@@ -730,7 +647,17 @@ def record_of(item: Any) -> BlenderCamera:
         dof.aperture_rotation,
         dof.aperture_ratio,
         data.clip_start,
+        panorama=getattr(data, "panorama_type", "EQUIRECTANGULAR"),
+        clip_end=data.clip_end,
     )
+
+
+def _place_of(item: Any, bone: str) -> NDArray[np.float64]:
+    """Where an object stands, or one of its bones."""
+    matrix = matrix_of(item.matrix_world)
+    if bone and item.pose is not None and bone in item.pose.bones:
+        matrix = matrix @ matrix_of(item.pose.bones[bone].matrix)
+    return matrix[:3, 3]
 
 
 def shutter_times(scene: Any, frames: float) -> tuple[float, float]:

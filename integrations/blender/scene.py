@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -81,8 +82,9 @@ def group_name(groups: Sequence[str], group: str) -> str:
 
 
 def safe(name: str) -> str:
-    """The name as part of a key path, where dots part the keys and numbers count."""
-    return "m " + re.sub(r"[.\[\]]", "_", name)[:190]
+    """The name as part of a key path, where dots part the keys and numbers count; others have others."""
+    plain = re.sub(r"[.\[\]]", "_", name)[:180]
+    return f"m {plain}" if plain == name else f"m {plain} {zlib.crc32(name.encode()):08x}"
 
 
 class Parts:
@@ -158,6 +160,7 @@ class Builder:
         self._places: dict[str, list[int]] = {}  # of the objects of each name
         self._stepped: dict[str, None] = {}  # names of the objects that these are of
         self._lights: list[dict[str, Any]] = []
+        self._bounds: list[Matrix] = []  # corners of boxes round all that is placed
 
     @property
     def blurs(self) -> bool:
@@ -226,6 +229,7 @@ class Builder:
         if item.matrix_end is not None:
             motion, whole = movement(item.matrix, item.matrix_end, (0.0, self._shutter.time_s))
             grows = not whole
+        self._bounds.append(self._parts.mesh(item.mesh).corners @ item.matrix[:3, :3].T + item.matrix[:3, 3])
         for slot in self._parts.slots(item.mesh):
             name = item.materials[min(slot, len(item.materials) - 1)] if item.materials else DEFAULT
             if name not in self._materials:
@@ -346,7 +350,7 @@ class Builder:
 
     def add_lamp(self, lamp: BlenderLamp) -> None:
         """Add a lamp, with or without a surface."""
-        made = lamp_keys(lamp, self._report)
+        made = lamp_keys(lamp, self._report, self._units)
         if made is None:
             return
         section, keys = made[0], made[1] | self._grouped(lamp.group)
@@ -355,6 +359,18 @@ class Builder:
         else:
             self._objects.append(keys)
             self._indices.append(0)
+
+    def _say_clip(self, camera: BlenderCamera, report: Report) -> None:
+        """Report that what lies beyond the camera's clip end is seen."""
+        if self._bounds and np.isfinite(camera.clip_end):
+            if len(self._bounds) > 1:  # of several the box round all
+                rows = np.concatenate(self._bounds)
+                self._bounds = [np.stack([rows.min(axis=0), rows.max(axis=0)])]
+            low, high = self._bounds[0].min(axis=0), self._bounds[0].max(axis=0)
+            ahead = -camera.matrix[:3, 2] / np.linalg.norm(camera.matrix[:3, 2])
+            farthest = np.where(ahead > 0, high, low)
+            if (farthest - camera.matrix[:3, 3]) @ ahead > camera.clip_end:
+                report.add(f"Camera: things beyond its clip end of {camera.clip_end:g} are seen.")
 
     def _grouped(self, group: str) -> dict[str, str]:
         """The group of a lamp, where the light of groups is kept apart."""
@@ -375,6 +391,7 @@ class Builder:
             keys["shutter"] |= {"kind": "rolling", "readout_s": self._shutter.rolling_s}
         report = Report()
         report.extend(self._report)
+        self._say_clip(camera, report)
         keys |= camera_keys(camera, frame, choice, self._units, report)
         motion = keyframes(camera, 0.0, self._shutter.time_s)
         if motion:

@@ -1,7 +1,7 @@
 // What fills a solid or the space around all: media that absorb, scatter (Henyey and Greenstein 1941) and glow, homogeneous
 // but for the fall of their density with height (integrator/column.h).
 // A path carries the media that it is in as a stack in one integer, five bits each, the innermost lowest, above them one bit
-// that marks the bottom: entering a solid puts the medium of its inside on top, leaving it takes that away again.
+// that marks the bottom: entering a solid puts the medium of its inside on top, leaving it takes the uppermost like it away.
 // Where the colour of a medium is a texture, that of the place where a path enters it says how much it scatters.
 // Facts: HAS_MEDIA, HAS_ENTRIES, HAS_LAYERED_FOG, HAS_DENSITY, HAS_DROPLETS, HAS_BOUNDARY (of nothing but a medium behind).
 #ifndef MEDIUM_H
@@ -112,8 +112,17 @@ static I stack_beyond(I stack, I primitive, F3 ng, F3 from, F3 to, Scene scene)
     I inside = GATHER(I, scene.materials, material, .interior);
     crosses = crosses & (inside >= 0);
     I enters = crosses & (ahead < 0.0f) & (stack < FULL_OF_MEDIA);
-    I leaves = crosses & (ahead > 0.0f) & (stack >= ONE_MEDIUM);
-    return enters ? (stack << MEDIUM_BITS) | inside : (leaves ? stack >> MEDIUM_BITS : stack);
+    I leaves = crosses & (ahead > 0.0f);
+    I beyond = enters ? (stack << MEDIUM_BITS) | inside : stack;
+    // Of solids that overlap, it is not always the last entered that a path leaves first.
+#pragma nounroll
+    for (int bits = 0; bits < 4 * MEDIUM_BITS && ANY(leaves); bits += MEDIUM_BITS) {
+        I rest = stack >> bits;
+        I here = leaves & (rest >= ONE_MEDIUM) & ((rest & MEDIUM_MASK) == inside);
+        beyond = here ? ((rest >> MEDIUM_BITS) << bits) | (stack & ((1 << bits) - 1)) : beyond;
+        leaves = leaves & NOT(here);
+    }
+    return beyond;
 }
 
 // How a medium scatters, as a BSDF of a vertex of this kind; vertex.parameter is the mean cosine, vertex.color its droplets.

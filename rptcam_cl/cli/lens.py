@@ -262,7 +262,7 @@ def _run_lens_draw(arguments: argparse.Namespace) -> int:
 
     lens_options.check_picture(arguments.output, arguments.lens, DRAWN)
     state = lens_options.lens_in_use(arguments, arguments.wavelengths[len(arguments.wavelengths) // 2])
-    tracer, name = lens_options.tracer_of(arguments.device)
+    tracer, name = lens_options.tracer_of(arguments.device, state.lens)
     view = View(
         section=arguments.section,
         fields=arguments.fields,
@@ -526,7 +526,8 @@ def _write_drawings(found: "Optimised", folder: Path) -> None:
 
     from rptcam_cl.optics.charts import encode
     from rptcam_cl.optics.drawing import View, draw_lens
-    from rptcam_cl.optics.image_quality import Setting, mtf
+    from rptcam_cl.optics.image_quality import mtf
+    from rptcam_cl.optics.spots import Setting
 
     problem = found.problem
     states = (("before", found.start, found.start_film_mm), ("after", found.lens, found.film_mm))

@@ -18,9 +18,9 @@ from rptcam_cl.optics.measures import MEASUREMENTS, MIDDLE_NM, Measurement, Opti
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.charts import Measured
-    from rptcam_cl.optics.image_quality import Setting
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.optics.ray_trace import Rays
+    from rptcam_cl.optics.spots import Setting
     from rptcam_cl.rendering.copy_scores import FilmPoints
     from rptcam_cl.rendering.tolerance_run import ToleranceRun
     from rptcam_cl.rendering.traceable_lens import Precision
@@ -125,7 +125,7 @@ def _measure(measurement: Measurement, arguments: argparse.Namespace) -> int:
 
 def _in_best_focus(arguments: argparse.Namespace, state: "Setting") -> "Setting":
     """The lens with its film where the options want it."""
-    from rptcam_cl.optics.image_quality import at_best_focus
+    from rptcam_cl.optics.spots import at_best_focus
 
     degrees = arguments.best_focus_field
     if degrees is not None and not abs(degrees) < 89:

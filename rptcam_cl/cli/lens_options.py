@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.charts import Drawing
     from rptcam_cl.optics.coating import Coating, Layer
     from rptcam_cl.optics.drawing import Tracer
-    from rptcam_cl.optics.image_quality import Setting
     from rptcam_cl.optics.lens import Lens
+    from rptcam_cl.optics.spots import Setting
     from rptcam_cl.rendering.traceable_lens import Precision
 
 
@@ -216,7 +216,7 @@ def add_plot(parser: argparse.ArgumentParser, *, has_chart: bool = True, has_arr
 
 def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = LINE_D_NM) -> "Setting":
     """The lens as the options set it; doubts about it go to standard error."""
-    from rptcam_cl.optics.image_quality import setting
+    from rptcam_cl.optics.spots import setting
 
     lens = zoomed_lens(arguments, wavelength_nm)
     return setting(lens, arguments.f_number, arguments.focus_distance_m, wavelength_nm)
@@ -247,13 +247,14 @@ def load(source: str, catalogues: Sequence[str] = ()) -> "Lens":
     return lens
 
 
-def tracer_of(spec: str | None, precision: "Precision" = "single") -> "tuple[Tracer, str]":
+def tracer_of(spec: str | None, lens: "Lens", precision: "Precision" = "single") -> "tuple[Tracer, str]":
     """What traces rays from the scene, and how it is called: a device, or the float64 reference.
 
     Parameters
     ----------
     spec
-        ``none`` for the reference, else as ``--device``. When absent, the default device if there is one.
+        ``none`` for the reference, else as ``--device``. When absent, the default device if there is one that takes
+        the lens.
     precision
         Of a device: ``single`` or ``double``.
     """
@@ -261,7 +262,7 @@ def tracer_of(spec: str | None, precision: "Precision" = "single") -> "tuple[Tra
     from rptcam_cl.optics.drawing import reference
     from rptcam_cl.rendering.traceable_lens import device_tracer
 
-    if spec == "none":
+    if spec == "none" or (spec is None and lens.phases):
         return reference, "in float64 on the host"
     try:
         session = open_session(spec)

@@ -445,6 +445,7 @@ class Session:
 
 _Built = list[tuple[str, Parameters]]  # sources, and the names of their kernels' parameters
 
+OPENING = "opening the device"  # name of the thread
 _DISK = Disk("commands", ("device",))
 _MOST_CHARACTERS = 4 << 20  # of all sources of a command
 
@@ -467,7 +468,7 @@ def open_early(spec: str | None, *command: object) -> Callable[[], None]:
     except (DeviceError, ImportError):
         return lambda: None
     name = content_name(key) if command else ""
-    threading.Thread(target=_open, args=(spec, name, built), daemon=True).start()
+    threading.Thread(target=_open, args=(spec, name, built), name=OPENING, daemon=True).start()
     return lambda: _keep_built(key, built)
 
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
 from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam, without_obstructions
-from rptcam_cl.optics.image_quality import NOTHING, STAYS, Setting, default_fields, field_waves, result_of
+from rptcam_cl.optics.image_quality import field_waves
 from rptcam_cl.optics.ray_trace import Rays, at_plane
-from rptcam_cl.optics.shapes import Biconic, Transposed
+from rptcam_cl.optics.shapes import Biconic, Grating, Transposed
+from rptcam_cl.optics.spots import NOTHING, STAYS, Setting, default_fields, result_of
 from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
 from rptcam_cl.optics.waves import MOST_ACROSS, ExitRays, check_wavefront
 
@@ -60,10 +61,13 @@ def _exchange_in_surface(surface: Surface) -> Surface:
     elif shape is not None:
         shape = StopShape(tuple((y, x) for x, y in shape.vertices))
     other = {"x": "y", "y": "x", None: None}
+    phase = surface.phase
+    if isinstance(phase, Grating):
+        phase = replace(phase, towards_degrees=90.0 - phase.towards_degrees)
     return replace(
         surface, curvature=curvature, conic=conic, form=form, stop_shape=shape, cylinder=other[surface.cylinder],
         pose=_exchange_in_pose(surface.pose) if surface.pose else None,
-        region=_exchange_in_region(surface.region) if surface.region else None,
+        region=_exchange_in_region(surface.region) if surface.region else None, phase=phase,
     )  # fmt: skip
 
 
@@ -470,6 +474,7 @@ def seidel(
     degrees = default_fields(setting)[-1] if field_degrees is None else field_degrees
     if lens.fold is not None or lens.is_split or any(surface.pose for surface in lens.surfaces):
         raise InputError(f"{lens.name}: has no Seidel sums, as surfaces stand beside the axis or tilted (see ray-fan)")
+    lens.refuse_phases("Seidel sums are of lenses that refract and reflect alone (see ray-fan)")
     names, unit_factors, mixed = (SEIDEL, (WAVES, ACROSS_FILM), np.eye(7)) if lens.is_rotational else IN_SECTION
     marginal, chief = paraxial_rays(setting, degrees)
     indices = lens.senses * lens.indices(nm)
@@ -547,6 +552,7 @@ def paraxial_rays(setting: Setting, field_degrees: float) -> tuple[Array, Array]
     indices, rays = lens.senses * lens.indices(setting.wavelength_nm), [ray]
     for k, surface in enumerate(lens.surfaces):
         power = surface.paraxial_curvature() * (indices[k + 1] - indices[k])
+        power += surface.phase.power(setting.wavelength_nm) if surface.phase else 0.0
         slopes = (indices[k] * ray[:, 1] - power * ray[:, 0]) / indices[k + 1]
         last = k + 1 == len(lens.surfaces)
         ray = np.stack([ray[:, 0] + (0.0 if last else surface.thickness) * slopes, slopes], axis=1)

@@ -17,7 +17,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_catalogues import bundled_thermal
 from rptcam_cl.optics.glass import AIR, STANDARD_C, STANDARD_HPA, Heated, Medium, Melt, Thermal
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.ray_trace import reflect, refract
+from rptcam_cl.optics.ray_trace import bend
 from rptcam_cl.optics.shapes import ITERATIONS, LAST_STEP, Biconic, Hits, Iterated, Toroid, on_vertex_plane
 from rptcam_cl.optics.surface import IN_PLACE, Configuration, FocusState, Surface, SurfacePose
 
@@ -75,6 +75,7 @@ class Heat:
                 )
         if lens.fold is not None:
             raise InputError(f"{lens.name}: its axis is folded, and no file says how its parts are held apart")
+        lens.refuse_phases("nothing says how it takes heat")
         media = [self._medium(lens, f"surfaces[{k}]", lens.surfaces[k].glass) for k in range(len(lens.surfaces))]
         growth = [self._growth(lens, k) for k in range(len(lens.surfaces))]
         bodies = [growth[k] if s.glass != AIR or k == 0 else growth[k - 1] for k, s in enumerate(lens.surfaces)]
@@ -475,11 +476,9 @@ def _through(copies: Copies, origins: Array, directions: Array, wavelength_nm: f
         q, v = (p - shift, d) if pose is None else _inward(pose, p - shift, d, rays)
         hits = _meet(surface, np.repeat(copies.curvatures[:, k], rays), q, v)
         good = hits.met & np.isfinite(hits.distances) & (v[2] * copies.lens.senses[k] > 0)
-        if surface.is_mirror:
-            v = reflect(v, hits.normals, hits.cosines)
-        elif not np.array_equal(indices[:, k], indices[:, k + 1]):
-            v, through = refract(v, hits.normals, hits.cosines, np.repeat(indices[:, k] / indices[:, k + 1], rays))
-            good &= through
+        n, m = (np.repeat(indices[:, side], rays) for side in (k, k + 1))
+        v, through = bend(surface, hits, v, n, m, wavelength_nm)
+        good &= through
         q = np.where(good, hits.points, np.nan)
         q, v = (q, v) if pose is None else _outward(pose, q, v, rays)
         p, d = q + shift, v

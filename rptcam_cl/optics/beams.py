@@ -56,7 +56,7 @@ def crossings(lens: Lens, origins: Array, directions: Array, wavelength_nm: floa
         In the frame of the lens [mm], z = 0 at its first vertex and +z to the film; directions of any length, to -z.
     """
     p, d = origins.T.astype(np.float64), directions.T / np.linalg.norm(directions, axis=1)
-    heights, *out = trace_crossings(lens, range(len(lens.surfaces) - 1, -1, -1), p, d, lens.indices(wavelength_nm))
+    heights, *out = trace_crossings(lens, range(len(lens.surfaces) - 1, -1, -1), p, d, wavelength_nm)
     return Crossings(heights, *out)
 
 
@@ -298,12 +298,13 @@ def _with_nodes(lens: Lens, stop: int, wavelength_nm: float, tangent: float, cou
     """Return a fan by rays at some nodes; None where a ray is lost or so few nodes leave errors."""
     nodes, to_polynomials = chebyshev_nodes(count)
     tangents = tangent * np.sqrt((1.0 + nodes) / 2)
-    indices = lens.indices(wavelength_nm)
     points = np.zeros((3, count))
     points[2] = lens.vertices[stop]
     to_film = np.stack([tangents, np.zeros(count), np.ones(count)]) / np.hypot(1.0, tangents)
-    behind, p, d = trace_crossings(lens, range(stop, len(lens.surfaces)), points, to_film, indices, towards_film=True)
-    ahead, origins, away = trace_crossings(lens, range(stop - 1, -1, -1), points, -to_film, indices)
+    behind, p, d = trace_crossings(
+        lens, range(stop, len(lens.surfaces)), points, to_film, wavelength_nm, towards_film=True
+    )
+    ahead, origins, away = trace_crossings(lens, range(stop - 1, -1, -1), points, -to_film, wavelength_nm)
     slope = d[:, 0] / d[:, 2]
     height = p[:, 0] - slope * (p[:, 2] - lens.length)
     odd = np.stack([height, slope, origins[:, 0], away[:, 0], *ahead[..., 0], *behind[..., 0]], axis=1)
@@ -469,6 +470,7 @@ def takes_steep_light(lens: Lens) -> bool:
     """Return whether the first surface is one that light from the side can meet here: a sphere about the axis."""
     first = lens.surfaces[0]
     plain = first.is_rotational and first.pose is None and first.region is None and first.is_sphere
+    plain = plain and first.phase is None
     return lens.fold is None and len(lens.surfaces) > 1 and plain and first.curvature > 0 and lens.stop_index != 0
 
 

@@ -12,8 +12,7 @@ from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import COARSE, Beam, spot
-from rptcam_cl.optics.lens import MEASURED_FROM, Lens, film_distance
-from rptcam_cl.optics.pupils import (
+from rptcam_cl.optics.film_probe import (
     UNMOVED,
     FilmFrame,
     FilmProbe,
@@ -25,6 +24,7 @@ from rptcam_cl.optics.pupils import (
     narrowing_probes,
     pupil_boxes,
 )
+from rptcam_cl.optics.lens import MEASURED_FROM, Lens, film_distance
 
 # The film distance of the least real-ray spot at the working aperture, on the axis or at a field point.
 

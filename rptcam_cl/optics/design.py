@@ -12,9 +12,9 @@ from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import plain
+from rptcam_cl.optics.film_probe import FilmProbe, box_near, grid, narrow_boxes, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.lens import Lens, brought_to_focus
-from rptcam_cl.optics.pupils import FilmProbe, box_near, grid, narrow_boxes, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance
 
 #

@@ -14,9 +14,9 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
 from rptcam_cl.optics.beams import without_rims
-from rptcam_cl.optics.image_quality import Setting, default_fields, fan_points, section_rays, setting
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays, Status, at_plane, trace
+from rptcam_cl.optics.spots import Setting, default_fields, fan_points, section_rays, setting
 
 #
 # Rays surface by surface, by whichever tracer: the lens cut off behind each of its surfaces gives the points there.
@@ -446,7 +446,7 @@ def draw_glass(picture: charts.Drawing, frame: PixelFrame, setting: Setting, vie
 def draw_surfaces(picture: charts.Drawing, frame: PixelFrame, setting: Setting, view: View) -> None:
     """Draw surfaces, obstructions and the stop."""
     for k, surface in enumerate(setting.lens.surfaces):
-        flat_stop = surface.is_stop and surface.is_sphere and not surface.curvature
+        flat_stop = surface.is_stop and surface.is_sphere and not (surface.curvature or surface.phase)
         block = obstruction(setting.lens, k, view.section)
         if block is not None:
             picture.add(charts.Path(frame.places(block), charts.INK, 3.5, note=f"obstruction, surface {k}"))

@@ -288,6 +288,7 @@ def check_lens(lens: Lens) -> None:
         raise InputError(f"{lens.name}: a half lens has rays beside its glass, so its ghosts are not known")
     if lens.fold is not None:
         raise InputError(f"{lens.name}: its axis is folded, so its ghosts are not known")
+    lens.refuse_phases("ghosts are of lenses that refract and reflect alone")
 
 
 def with_film(lens: Lens, film_distance_mm: float, reflectance: float = 0.0) -> Lens:

@@ -14,10 +14,10 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.beams import Beam, chebyshev_nodes, geometry_but_stop
+from rptcam_cl.optics.film_probe import FilmProbe, narrow_boxes, narrowing_probes, pupil_boxes, spread_points
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
 from rptcam_cl.optics.glass import Medium
 from rptcam_cl.optics.lens import Lens, limiting_surface
-from rptcam_cl.optics.pupils import FilmProbe, narrow_boxes, narrowing_probes, pupil_boxes, spread_points
 from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance, trace_crossings
 from rptcam_cl.optics.surface import Surface
 
@@ -384,7 +384,7 @@ def _beams_of(lens: Lens, stop: int, wavelength_nm: float) -> dict[tuple[int, in
 def _trace_beam(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _AxialRays | None:
     """Return the beam of a cell; None where a ray is lost or polynomials of so low a degree leave errors."""
     ends = 2.0 ** (cell / CELLS_OF_DISTANCE), 2.0 ** ((cell + 1) / CELLS_OF_DISTANCE)
-    indices, order = lens.indices(wavelength_nm), range(len(lens.surfaces) - 1, -1, -1)
+    order = range(len(lens.surfaces) - 1, -1, -1)
     at_film, to_film = chebyshev_nodes(FILM_NODES)
     distances = np.mean(ends) + np.ptp(ends) / 2 * at_film
     for count in HEIGHT_NODES:
@@ -393,7 +393,7 @@ def _trace_beam(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _
         far, across = (values.ravel() for values in np.meshgrid(distances, heights, indexing="ij"))
         p, d = np.zeros((3, len(far))), np.stack([across, np.zeros(len(far)), -far])
         p[2] = lens.length + far
-        crossings, _, _ = trace_crossings(lens, order, p, d / np.hypot(across, far), indices)
+        crossings, _, _ = trace_crossings(lens, order, p, d / np.hypot(across, far), wavelength_nm)
         values = (crossings[..., 0] / across).T.reshape(FILM_NODES, count, -1)
         if not np.isfinite(values).all():
             return None
@@ -547,7 +547,7 @@ def _reversed_lens(lens: Lens) -> Lens:
     InputError
         When a surface is a mirror, not round, or of a kind that is not known turned round.
     """
-    if any(s.is_mirror or s.form is not None or not s.is_rotational for s in lens.surfaces):
+    if lens.phases or any(s.is_mirror or s.form is not None or not s.is_rotational for s in lens.surfaces):
         raise InputError(f"{lens.name}: glare is known of lenses with round surfaces of powers of r, without mirrors")
     media = lens.media
     surfaces = [

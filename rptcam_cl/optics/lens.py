@@ -14,6 +14,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.optics.ray_trace import LensTransmission, Rays, trace
+from rptcam_cl.optics.shapes import IdealLens
 from rptcam_cl.optics.surface import (
     Configuration,
     FocusingGroup,
@@ -164,11 +165,25 @@ def system_matrix(
         if k < end or refract_last:
             change = -2.0 * indices[k] if surface.is_mirror else indices[k + 1] - indices[k]
             power = lens.senses[k] * surface.paraxial_curvature(section) * change
+            power += surface.phase.power(wavelength_nm) if surface.phase else 0.0
             matrix = np.array([[1.0, 0.0], [-power, 1.0]]) @ matrix
         if k < end:
             gap = lens.senses[k + 1] * surface.thickness
             matrix = np.array([[1.0, gap / indices[k + 1]], [0.0, 1.0]]) @ matrix
     return matrix
+
+
+def at_conjugates(lens: Lens, object_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> Lens:
+    """Return the lens with paths equal in its ideal lenses for points of an object plane, before its first vertex."""
+    changes: dict[int, dict[str, Any]] = {}
+    for k, surface in enumerate(lens.surfaces):
+        if isinstance(surface.phase, IdealLens):
+            far, index = np.isinf(object_distance_mm), lens.indices(wavelength_nm)
+            ray = [1.0, 0.0] if far else [object_distance_mm, float(index[0])]
+            height, slope = system_matrix(lens, wavelength_nm, 0, k, False) @ ray
+            near = float(slope / (index[k] * height)) if height else 0.0  # an ideal lens in an image shifts all alike
+            changes[k] = {"phase": replace(surface.phase, object_per_mm=near)}
+    return lens.with_changes(changes) if changes else lens
 
 
 def limiting_surface(lens: Prescription, wavelength_nm: float = LINE_D_NM, section: str = "y") -> int:

@@ -17,7 +17,7 @@ from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.charts import Drawing, Measured
-    from rptcam_cl.optics.image_quality import Setting
+    from rptcam_cl.optics.spots import Setting
 
 FDC = (LINE_F_NM, LINE_D_NM, LINE_C_NM)  # [nm]
 STEEPEST = 130.0  # degrees; fisheyes see up to 110
@@ -213,7 +213,7 @@ _DIFFRACTION = Option(
 )  # fmt: skip
 
 SPOT = Measurement(
-    "spot", "spot", "image_quality",
+    "spot", "spot", "spots",
     "spots on the film: centroid and rms size for fields and wavelengths",
     'Return the size of the spot of each field and wavelength; `about["points"]` has where the rays land [mm].',
     (_wavelengths(FDC), _RAYS, _fields("steep angles")),
@@ -444,7 +444,7 @@ def _method(measurement: Measurement) -> Callable[..., Measured]:
     signature = measurement.signature()
 
     def method(self: Any, *values: Any, **options: Any) -> Measured:
-        from rptcam_cl.optics.image_quality import setting
+        from rptcam_cl.optics.spots import setting
 
         bound = signature.bind(self, *values, **options)
         bound.apply_defaults()
@@ -489,6 +489,6 @@ class Measurable:
     def draw(self, *, f_number: float | None = None, focus_distance_m: float | None = None, **view: Any) -> Drawing:
         """Return the lens in cross-section; the rest as in `View`: section, fields, rays, wavelengths_nm, blocked."""
         from rptcam_cl.optics.drawing import View, draw_lens
-        from rptcam_cl.optics.image_quality import setting
+        from rptcam_cl.optics.spots import setting
 
         return draw_lens(setting(self, f_number, focus_distance_m), View(**view))  # type: ignore[arg-type]

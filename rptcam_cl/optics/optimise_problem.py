@@ -21,10 +21,10 @@ from rptcam_cl.optics.files.export import lens_text
 from rptcam_cl.optics.files.glass_catalogues import MAKERS, makers_of
 from rptcam_cl.optics.files.native import document_of
 from rptcam_cl.optics.glass import AIR
-from rptcam_cl.optics.image_quality import default_fields, setting
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens, names_a_file
 from rptcam_cl.optics.ray_derivatives import follows_derivatives
+from rptcam_cl.optics.spots import default_fields, setting
 
 Kind = Literal["curvature", "thickness", "conic", "aspheric", "film"]
 UNITS = {

@@ -27,7 +27,8 @@ KINDS = (SurfaceKind.SPHERE, SurfaceKind.CONIC_KIND, SurfaceKind.ASPHERE)
 
 def follows_derivatives(surface: Surface) -> bool:
     """Whether derivatives are known through a surface: a sphere, conic or asphere about the axis that refracts."""
-    return surface.is_rotational and not surface.is_mirror and surface.shape.kind in KINDS
+    bends_otherwise = surface.is_mirror or surface.phase is not None
+    return surface.is_rotational and not bends_otherwise and surface.shape.kind in KINDS
 
 
 @dataclass(frozen=True)

@@ -145,7 +145,7 @@ def axial_transmittance(
     for k, surface in enumerate(lens.surfaces):
         if surface.is_mirror:
             passed = passed * (transmission.mirror_share(surface, wavelengths) if transmission.fresnel else 1.0)
-        elif transmission.fresnel and np.any(indices[k] != indices[k + 1]):
+        elif transmission.fresnel and not surface.phase and np.any(indices[k] != indices[k + 1]):
             interface = Interface(indices[k], indices[k + 1])
             passed = passed * transmission.coating_of(surface).transmittance(interface, wavelengths)
         if transmission.absorption and k + 1 < len(lens.surfaces):
@@ -276,7 +276,7 @@ def passed_rays(
     lens: Prescription, origins: Array, directions: Array, wavelength_nm: float = LINE_D_NM, start: str = "film"
 ) -> tuple[NDArray[np.intp], Array, Array]:
     """Return which rays (n, 3) come through, and their last points and directions (3, m): those of `trace`, sooner."""
-    indices, parts = lens.indices(wavelength_nm), []
+    parts = []
     with np.errstate(all="ignore"):
         for low in range(0, max(len(origins), 1), CHUNK):
             checkpoint()
@@ -284,15 +284,16 @@ def passed_rays(
             p, d = np.ascontiguousarray(origins[rows].T), np.ascontiguousarray(directions[rows].T)
             d /= np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
             p, d = lens.from_scene_axes(p, d) if start == "scene" else (p, d)
-            parts.append(_trace_passing(lens, rows, p, d, indices, start == "scene"))
+            parts.append(_trace_passing(lens, rows, p, d, wavelength_nm, start == "scene"))
     rows, p, d = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
     return rows, p, d
 
 
 def _trace_passing(
-    lens: Prescription, rows: NDArray[np.intp], p: Array, d: Array, indices: Array, forward: bool
+    lens: Prescription, rows: NDArray[np.intp], p: Array, d: Array, wavelength_nm: float, forward: bool
 ) -> tuple[NDArray[np.intp], Array, Array]:
     """Return the rays (3, n) that come through, with their numbers, behind the last surface."""
+    indices = lens.indices(wavelength_nm)
     good, beside = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
     for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
         surface, previous = lens.surfaces[k], _region_of(lens, k - 1 if forward else k + 1)
@@ -301,13 +302,10 @@ def _trace_passing(
         if surface.region is not None or previous is not None:
             beside, apart = sides(surface.region, previous, hits.points[0], hits.points[1], beside)
             good &= apart
-        ratio = indices[k] / indices[k + 1] if forward else indices[k + 1] / indices[k]
-        if surface.is_mirror:
-            d = reflect(d, hits.normals, hits.cosines)
-        elif ratio != 1.0:
-            bent, through = refract(d, hits.normals, hits.cosines, ratio)
-            d = np.where(beside, d, bent) if surface.region else bent
-            good &= through | beside if surface.region else through
+        before, after = (indices[k], indices[k + 1]) if forward else (indices[k + 1], indices[k])
+        bent, through = bend(surface, hits, d, before, after, wavelength_nm)
+        d = np.where(beside, d, bent) if surface.region else bent
+        good &= through | beside if surface.region else through
         p, d = leave(lens, k, hits.points, d)
         if np.count_nonzero(good) < WORTH_MOVING * len(rows):
             rows, p, d, beside, good = rows[good], p[:, good], d[:, good], beside[good], good[good]
@@ -318,7 +316,7 @@ def _trace_passing(
 
 
 def trace_crossings(
-    lens: Prescription, order: range, p: Array, d: Array, indices: Array, *, towards_film: bool = False
+    lens: Prescription, order: range, p: Array, d: Array, wavelength_nm: float, *, towards_film: bool = False
 ) -> tuple[Array, Array, Array]:
     """Return where rays cross neighbouring surfaces, whose rims do not count, and how they leave the last of them.
 
@@ -328,6 +326,8 @@ def trace_crossings(
         Surfaces in the order in which the rays meet them.
     p, d : (3, n) arrays
         Points [mm] and unit directions in the frame of the lens, in the medium before the first of them.
+    wavelength_nm
+        Of all rays.
 
     Returns
     -------
@@ -337,22 +337,38 @@ def trace_crossings(
     points, directions : (n, 3) arrays
         In the frame of the lens; not a number for rays that do not cross them all.
     """
-    places = np.empty((len(lens.surfaces), p.shape[1], 2))
+    places, indices = np.empty((len(lens.surfaces), p.shape[1], 2)), lens.indices(wavelength_nm)
     lost = np.zeros(p.shape[1], dtype=bool)
     with np.errstate(all="ignore"):
         for k in order:
             hits, d, met = arrive(lens, k, lens.senses[k] if towards_film else -lens.senses[k + 1], p, d)
             lost |= ~met
             places[k] = np.where(lost[:, None], np.nan, hits.points[:2].T)
-            ratio = indices[k] / indices[k + 1] if towards_film else indices[k + 1] / indices[k]
-            if lens.surfaces[k].is_mirror:
-                d = reflect(d, hits.normals, hits.cosines)
-            elif ratio != 1.0:
-                d, through = refract(d, hits.normals, hits.cosines, ratio)
-                lost |= ~through
+            before, after = (indices[k], indices[k + 1]) if towards_film else (indices[k + 1], indices[k])
+            d, through = bend(lens.surfaces[k], hits, d, before, after, wavelength_nm)
+            lost |= ~through
             p, d = leave(lens, k, hits.points, d)
     points, directions = (np.where(lost[:, None], np.nan, values.T) for values in (p, d))
     return places[min(order, default=0) : max(order, default=-1) + 1], points, directions
+
+
+def bend(
+    surface: Surface, hits: Hits, d: Array, before: Array, after: Array, wavelength_nm: ArrayLike
+) -> tuple[Array, Mask]:
+    """Return directions (3, n) behind a surface, in its frame, and which rays go on.
+
+    Parameters
+    ----------
+    before, after
+        Indices on the side that rays come from, and on the other.
+    """
+    if surface.phase is not None:
+        return surface.phase.bend(hits, d, before, after, np.asarray(wavelength_nm), surface.is_mirror)
+    if surface.is_mirror:
+        return reflect(d, hits.normals, hits.cosines), np.isfinite(hits.cosines)
+    if (before == after).all():
+        return d, np.isfinite(hits.cosines)
+    return refract(d, hits.normals, hits.cosines, before / after)
 
 
 def at_plane(origins: Array, directions: Array, z: float) -> Array:
@@ -401,7 +417,6 @@ def _trace(
     transmission: LensTransmission | None,
 ) -> Rays:
     """Return the rays after they have crossed every surface in turn."""
-    indices = lens.indices(wavelengths)
     count = len(points)
     rays = Rays(points.copy(), vectors.copy(), np.zeros(count, np.int32), np.full(count, -1, np.int32), np.zeros(count),
                 np.zeros(count) if transmission else None)  # fmt: skip
@@ -411,15 +426,15 @@ def _trace(
             part = slice(low, min(low + CHUNK, count))
             of_part = wavelengths[part] if wavelengths.ndim else wavelengths
             losses = Losses(lens, transmission, of_part, part.stop - low) if transmission else None
-            _trace_part(lens, rays, part, indices if indices.ndim == 1 else indices[:, part], forward, losses)
+            _trace_part(lens, rays, part, of_part, forward, losses)
     return rays
 
 
 def _trace_part(
-    lens: Prescription, rays: Rays, part: slice, indices: Array, forward: bool, losses: Losses | None
+    lens: Prescription, rays: Rays, part: slice, wavelengths: Array, forward: bool, losses: Losses | None
 ) -> None:
     """Trace some of the rays and write the results in their place."""
-    beam = _RaysUnderWay(rays, part, indices, losses)
+    beam = _RaysUnderWay(rays, part, lens.indices(wavelengths), wavelengths, losses)
     if forward:
         beam.p, beam.d = lens.from_scene_axes(beam.p, beam.d)
     for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
@@ -436,7 +451,7 @@ def _trace_part(
 class _RaysUnderWay:
     """Rays still under way, by components; those that fail are stored and dropped."""
 
-    def __init__(self, rays: Rays, part: slice, indices: Array, losses: Losses | None) -> None:
+    def __init__(self, rays: Rays, part: slice, indices: Array, wavelengths: Array, losses: Losses | None) -> None:
         self.rays = rays
         self.losses = losses
         self.entered = False
@@ -445,7 +460,7 @@ class _RaysUnderWay:
         d = np.ascontiguousarray(rays.directions[part].T)
         self.d = d / np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
         self.path = np.zeros(len(self.rows))
-        self.indices = indices
+        self.indices, self.wavelengths = indices, wavelengths
         self.beside = np.zeros(len(self.rows), dtype=bool)  # which pass beside the half lens at hand
         self.outside_index = indices[0]  # there
 
@@ -470,6 +485,7 @@ class _RaysUnderWay:
             self.losses.keep(good)
         if self.indices.ndim > 1:
             self.indices, self.outside_index = self.indices[:, good], self.outside_index[good]
+            self.wavelengths = self.wavelengths[good]
         return tuple(array[..., good] for array in others)
 
     def cross(self, lens: Prescription, number: int, forward: bool) -> None:
@@ -495,24 +511,24 @@ class _RaysUnderWay:
         if halved:
             self.beside, apart = sides(surface.region, previous, at[0], at[1], self.beside)
             clear = clear & apart
-        normal, cosine, directions = self.drop(~clear, Status.clipped, number, normal, cosine, directions)
+        at, normal, cosine, directions = self.drop(~clear, Status.clipped, number, at, normal, cosine, directions)
         if surface.region is not None and surface.region != previous:  # here a half lens begins
             self.outside_index = self.indices[before]
-        if surface.is_mirror:
-            if self.losses:
-                self.losses.off(surface)
-            bent = reflect(directions, normal, cosine)
-        elif np.array_equal(self.indices[before], self.indices[after]):
+        n, m = self.indices[before], self.indices[after]
+        if not (surface.is_mirror or surface.phase) and (n == m).all():
             return
-        else:
-            bent, through = refract(directions, normal, cosine, self.indices[before] / self.indices[after])
-            if halved:
-                bent, through = np.where(self.beside, directions, bent), through | self.beside
-            bent, normal, cosine = self.drop(~through, Status.total_internal_reflection, number, bent, normal, cosine)
-            if self.losses:
-                cosines = np.abs(cosine), np.abs(np.sum(bent * normal, axis=0))
-                interface = Interface(self.indices[before], self.indices[after], *cosines)
-                self.losses.across(surface, interface, self.beside)
+        met_at = hits._replace(points=at, normals=normal, cosines=cosine)
+        bent, through = bend(surface, met_at, directions, n, m, self.wavelengths)
+        if halved:
+            bent, through = np.where(self.beside, directions, bent), through | self.beside
+        if surface.phase:
+            self.path = self.path + surface.phase.path(met_at, directions, bent, n, m, self.wavelengths, forward)
+        bent, normal, cosine = self.drop(~through, Status.total_internal_reflection, number, bent, normal, cosine)
+        if self.losses and surface.is_mirror:
+            self.losses.off(surface)
+        elif self.losses and not surface.phase:
+            cosines = np.abs(cosine), np.abs(np.sum(bent * normal, axis=0))
+            self.losses.across(surface, Interface(self.indices[before], self.indices[after], *cosines), self.beside)
         self.d = surface.pose.matrix() @ bent if surface.pose else bent
 
 

@@ -10,10 +10,11 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import SurfaceKind
-from rptcam_cl.core.strict_yaml import NUMBER, Fields, Key
+from rptcam_cl.core.strict_yaml import NUMBER, POSITIVE, Fields, Key, as_number, by_number
 
 #
 # What every kind of lens surface is: an object that knows its sag, where rays meet it and how a device sees it.
@@ -566,3 +567,259 @@ _OTHER = {"x": "y", "y": "x"}
 # Sphere, conic and asphere follow from the profile of a surface; a `Form` has numbers of its own.
 
 FORMS: tuple[type[Form], ...] = (Biconic, Toroid)
+
+
+#
+# What bends rays at a surface by more than the media beside it: gratings, diffractive surfaces and ideal lenses.
+#
+# A grating adds an optical path w to a ray, a function of where it meets the surface, and with it the part of grad w
+# along the surface to index times direction (Welford, Aberrations of Optical Systems, 1986, sec. 5.6). It is the same
+# for light that comes from the film.
+
+MM_PER_NM = 1e-6
+INTEGER = {"type": "integer"}
+
+
+class Phase(ABC):
+    """What a surface does to rays beyond refraction or reflection; its subclasses are frozen dataclasses of numbers.
+
+    Attributes
+    ----------
+    description : str
+        What completes the sentence "it is ...".
+    key : str
+        Under which a lens file has its `keys`, of which it needs `needs`.
+    is_rotational : bool
+        Whether it looks the same from every azimuth.
+    """
+
+    description: ClassVar[str]
+    key: ClassVar[str]
+    keys: ClassVar[Mapping[str, Key]]
+    needs: ClassVar[tuple[str, ...]]
+    is_rotational: ClassVar[bool] = True
+
+    @classmethod
+    @abstractmethod
+    def read(cls, fields: Fields, scale: float) -> Phase:
+        """Return the grating or lens that the keys describe; lengths times `scale`."""
+
+    @abstractmethod
+    def written(self) -> dict[str, Any]:
+        """Return the keys and their values [mm], which `read` takes back."""
+
+    @abstractmethod
+    def power(self, wavelength_nm: float) -> float:
+        """Return its power to first order [1/mm]."""
+
+    @abstractmethod
+    def bend(self, hits: Hits, d: Array, before: Array, after: Array, nm: Array, mirror: bool) -> tuple[Array, Mask]:
+        """Return directions (3, n) behind the surface, and which rays go on.
+
+        Parameters
+        ----------
+        hits, d
+            Where rays meet it and their unit directions, in its frame.
+        before, after
+            Indices on the side that the ray comes from and on the other, which is the same of a mirror.
+        nm
+            Wavelengths in vacuum.
+        """
+
+    @abstractmethod
+    def path(self, hits: Hits, d: Array, bent: Array, before: Array, after: Array, nm: Array, to_film: bool) -> Array:
+        """Return the optical path that it adds to rays (n,), to the film or from it [mm]."""
+
+
+class _Diffracting(Phase):
+    """Bends rays by the path that it adds, w(x, y)."""
+
+    @abstractmethod
+    def path_and_slopes(self, x: Array, y: Array, nm: Array) -> tuple[Array, Array, Array]:
+        """Return w [mm], dw/dx and dw/dy."""
+
+    def bend(self, hits: Hits, d: Array, before: Array, after: Array, nm: Array, mirror: bool) -> tuple[Array, Mask]:
+        """Return the directions of the order; where it does not propagate, rays do not go on."""
+        along = before * (d - hits.cosines * hits.normals)
+        _, wx, wy = self.path_and_slopes(hits.points[0], hits.points[1], nm)
+        across = wx * hits.normals[0] + wy * hits.normals[1]
+        along = (along - across * hits.normals + np.stack([wx, wy, np.zeros_like(wx)])) / after
+        square = 1.0 - np.sum(along * along, axis=0)
+        cosine = np.copysign(np.sqrt(np.maximum(square, 0.0)), -hits.cosines if mirror else hits.cosines)
+        return along + cosine * hits.normals, square > 0
+
+    def path(self, hits: Hits, d: Array, bent: Array, before: Array, after: Array, nm: Array, to_film: bool) -> Array:
+        """Return w."""
+        return self.path_and_slopes(hits.points[0], hits.points[1], nm)[0]
+
+
+@dataclass(frozen=True)
+class Grating(_Diffracting):
+    """Straight lines, evenly spaced as seen along the axis; w = order x wavelength x lines_per_mm x distance.
+
+    Attributes
+    ----------
+    lines_per_mm : float
+    order : int
+        A positive one turns light towards `towards_degrees`.
+    towards_degrees : float
+        Direction across the lines, from +x towards +y.
+    """
+
+    lines_per_mm: float
+    order: int = 1
+    towards_degrees: float = 90.0
+
+    description = "a grating"
+    key = "grating"
+    keys: ClassVar = {
+        "lines_per_mm": Key("Lines per millimetre, whatever the unit of the file.", POSITIVE),
+        "order": Key("Of diffraction; a positive one turns light towards towards_degrees. 1 by default.", INTEGER),
+        "towards_degrees": Key("Direction across the lines, from +x towards +y; 90 by default.", NUMBER),
+    }
+    needs = ("lines_per_mm",)
+    is_rotational = False
+
+    @classmethod
+    def read(cls, fields: Fields, scale: float) -> Grating:
+        """Return the grating of the keys."""
+        return cls(fields.positive("lines_per_mm"), _order(fields), fields.number("towards_degrees", 90.0))
+
+    def written(self) -> dict[str, Any]:
+        """Return the keys of a lens file."""
+        return {name: getattr(self, name) for name in self.keys}
+
+    def power(self, wavelength_nm: float) -> float:
+        """Return 0: it turns the axis, which first order leaves where it is."""
+        return 0.0
+
+    def path_and_slopes(self, x: Array, y: Array, nm: Array) -> tuple[Array, Array, Array]:
+        """Return w and its slopes."""
+        slope = self.order * self.lines_per_mm * MM_PER_NM * np.broadcast_to(nm, x.shape)
+        c, s = (turn(math.radians(self.towards_degrees)) for turn in (math.cos, math.sin))
+        c, s = (0.0 if abs(value) < 1e-15 else value for value in (c, s))
+        return slope * (c * x + s * y), slope * c, slope * s
+
+
+@dataclass(frozen=True)
+class Diffractive(_Diffracting):
+    """Rings about the axis; w = order x wavelength / wavelength_nm x sum of a_p r^p.
+
+    Attributes
+    ----------
+    terms : tuple of (power, coefficient)
+        Even powers of r and their a_p, in millimetres.
+    wavelength_nm : float
+        For which the a_p are.
+    order : int
+        Of diffraction.
+    """
+
+    terms: tuple[tuple[int, float], ...]
+    wavelength_nm: float
+    order: int = 1
+
+    description = "a diffractive surface"
+    key = "diffractive"
+    keys: ClassVar = {
+        "path": Key("Even powers of r and the coefficients of the path that it adds [unit^(1 - power)].",
+                    by_number(NUMBER, minProperties=1)),
+        "wavelength_nm": Key("For which these coefficients are [nm]; 587.5618 by default.", POSITIVE),
+        "order": Key("Of diffraction; 1 by default.", INTEGER),
+    }  # fmt: skip
+    needs = ("path",)
+
+    @classmethod
+    def read(cls, fields: Fields, scale: float) -> Diffractive:
+        """Return the diffractive surface of the keys."""
+        fault = "a power of r is an even number from 2 to 40"
+        paths = fields.paths_by_number("path", 2, 40, fault) if isinstance(fields.get("path"), dict) else []
+        if not paths or any(power % 2 for power, _ in paths):
+            raise fields.fail("path", f"{fault}, such as {{2: -0.001}}")
+        terms = tuple((power, as_number(fields.document, path) * scale ** (1 - power)) for power, path in sorted(paths))
+        return cls(terms, fields.positive("wavelength_nm", LINE_D_NM), _order(fields))
+
+    def written(self) -> dict[str, Any]:
+        """Return the keys of a lens file."""
+        return {"path": dict(self.terms), "wavelength_nm": self.wavelength_nm, "order": self.order}
+
+    def power(self, wavelength_nm: float) -> float:
+        """Return its power to first order [1/mm]."""
+        return -2.0 * self.order * wavelength_nm / self.wavelength_nm * dict(self.terms).get(2, 0.0)
+
+    def path_and_slopes(self, x: Array, y: Array, nm: Array) -> tuple[Array, Array, Array]:
+        """Return w and its slopes."""
+        terms = dict(self.terms)
+        value, slope = _horner([terms.get(2 * k, 0.0) for k in range(max(terms) // 2 + 1)], x * x + y * y)
+        scale = self.order * nm / self.wavelength_nm
+        return scale * value, scale * 2.0 * slope * x, scale * 2.0 * slope * y
+
+
+@dataclass(frozen=True)
+class IdealLens(Phase):
+    """A thin lens that images every plane before it onto a plane, point by point.
+
+    n' s' = n s - h / f of slopes s along the light and heights h. No lens has equal paths between all pairs of planes;
+    this one has them between one pair.
+
+    Attributes
+    ----------
+    focal_length_mm : float
+        In air.
+    object_per_mm : float
+        1 / distance of the plane in front of it from which paths are equal; 0 is far away.
+    """
+
+    focal_length_mm: float
+    object_per_mm: float = 0.0
+
+    description = "an ideal lens"
+    key = "ideal"
+    keys: ClassVar = {"focal_length": Key("In air, negative of one that diverges light [unit].", NUMBER)}
+    needs = ("focal_length",)
+
+    @classmethod
+    def read(cls, fields: Fields, scale: float) -> IdealLens:
+        """Return the ideal lens of the keys."""
+        if fields.number("focal_length") == 0:
+            raise fields.fail("focal_length", "must not be 0")
+        return cls(fields.number("focal_length") * scale)
+
+    def written(self) -> dict[str, Any]:
+        """Return the keys of a lens file."""
+        return {"focal_length": self.focal_length_mm}
+
+    def power(self, wavelength_nm: float) -> float:
+        """Return its power [1/mm]."""
+        return 1.0 / self.focal_length_mm
+
+    def bend(self, hits: Hits, d: Array, before: Array, after: Array, nm: Array, mirror: bool) -> tuple[Array, Mask]:
+        """Return the directions."""
+        slopes = (before * d[:2] / np.abs(d[2]) - hits.points[:2] / self.focal_length_mm) / after
+        bent = np.stack([*slopes, np.copysign(np.ones_like(d[2]), d[2])])
+        return bent / np.sqrt(1.0 + np.sum(slopes * slopes, axis=0)), np.ones(d.shape[1], dtype=bool)
+
+    def path(self, hits: Hits, d: Array, bent: Array, before: Array, after: Array, nm: Array, to_film: bool) -> Array:
+        """Return how much shorter than through the middle the way over a point is between the planes of equal paths."""
+        ways = (-d[:2] / np.abs(d[2]), before), (bent[:2] / np.abs(bent[2]), after)
+        (ahead, near), (behind, far) = ways if to_film else ways[::-1]
+        image_per_mm = (1.0 / self.focal_length_mm - near * self.object_per_mm) / far
+        h = hits.points[:2]
+        return near * _shorter(h, ahead, self.object_per_mm) + far * _shorter(h, behind, image_per_mm)
+
+
+def _shorter(h: Array, slopes: Array, per_mm: Array | float) -> Array:
+    """Return by how much points at 1 / per_mm on rays of some slopes are nearer to h (2, n) than to the middle."""
+    from_middle = np.sum((per_mm * h + slopes) ** 2, axis=0)
+    longer = per_mm * np.sum(h * h, axis=0) + 2.0 * np.sum(slopes * h, axis=0)
+    return np.asarray(longer / (np.sqrt(1.0 + from_middle) + np.sqrt(1.0 + np.sum(slopes * slopes, axis=0))))
+
+
+def _order(fields: Fields) -> int:
+    order = fields.number("order", 1.0)
+    if order % 1 or order == 0:
+        raise fields.fail("order", "expected a whole number, not 0")
+    return int(order)
+
+
+PHASES: tuple[type[Phase], ...] = (Grating, Diffractive, IdealLens)

@@ -19,7 +19,7 @@ from rptcam_cl.core.records import SurfaceKind
 from rptcam_cl.core.remember import Memory
 from rptcam_cl.optics.coating import Coating
 from rptcam_cl.optics.glass import AIR, Medium, known_range
-from rptcam_cl.optics.shapes import Form, Hits, Shape, shape_of_profile
+from rptcam_cl.optics.shapes import Form, Hits, Phase, Shape, shape_of_profile
 
 # Shapes of an aperture stop: blades, stars, hearts and polygons inside the unit circle, which is the round stop.
 
@@ -450,6 +450,8 @@ class Surface:
         Shape of the opening of a stop inside its semi-diameter; None for a round one.
     coating : Coating or None
         What lies on the surface; None where nothing is said.
+    phase : Phase or None
+        What bends rays beyond the media beside it: a grating, a diffractive surface or an ideal lens.
     """
 
     curvature: float = 0.0
@@ -467,6 +469,7 @@ class Surface:
     region: Region | None = None
     stop_shape: StopShape | StopMask | None = None
     coating: Coating | None = None
+    phase: Phase | None = None
 
     @property
     def radius(self) -> float:
@@ -486,12 +489,13 @@ class Surface:
     @property
     def is_rotational(self) -> bool:
         """Whether the surface and its clear region, but for the shape of a stop, look the same from every azimuth."""
-        return not (self.cylinder or self.form or self.pose or self.region)
+        turns_alike = self.phase is None or self.phase.is_rotational
+        return turns_alike and not (self.cylinder or self.form or self.pose or self.region)
 
     @property
     def is_even(self) -> bool:
         """Whether the surface and its clear region look the same in a mirror along x, and in one along y."""
-        return not (self.pose or self.region)
+        return not (self.pose or self.region) and (self.phase is None or self.phase.is_rotational)
 
     def filled(self) -> Surface:
         """Return the surface without a hole or an obstruction in its middle, a stop being round."""
@@ -745,6 +749,17 @@ class Prescription:
         return any(surface.is_mirror for surface in self.surfaces)
 
     @property
+    def phases(self) -> list[Phase]:
+        """The gratings, diffractive surfaces and ideal lenses in it."""
+        return [surface.phase for surface in self.surfaces if surface.phase is not None]
+
+    def refuse_phases(self, what: str) -> None:
+        """Raise an error where a surface does more than refract or reflect; `what` takes no such lens."""
+        for k, surface in enumerate(self.surfaces):
+            if surface.phase is not None:
+                raise InputError(f"{self.name}: surface {k} is {surface.phase.description}; {what}")
+
+    @property
     def is_obstructed(self) -> bool:
         """Whether any surface has a hole or an obstruction in its middle."""
         return any(surface.inner_semi_diameter > 0 for surface in self.surfaces)
@@ -794,7 +809,8 @@ class Prescription:
     @property
     def has_power(self) -> bool:
         """Whether any surface bends light: a stop alone, or plane glass, does not."""
-        return any(surface.paraxial_curvature(section) for surface in self.surfaces for section in ("x", "y"))
+        curved = any(surface.paraxial_curvature(section) for surface in self.surfaces for section in ("x", "y"))
+        return curved or any(phase.power(LINE_D_NM) for phase in self.phases)
 
     @property
     def is_rotational(self) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam, chief_ray, is_steep, passing_beam, without_rims
-from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.lens import Lens, at_conjugates
 from rptcam_cl.optics.ray_trace import Rays, at_plane, trace_crossings
 from rptcam_cl.optics.surface import StopMask, Surface
 
@@ -190,7 +190,7 @@ class ExitRays:
         self, lens: Lens, beam: Beam, wavelength_nm: float, film_z: float, sphere_z: float | None = None
     ) -> None:
         self.lens, self.beam, self.wavelength_nm, self.film_z = lens, beam, wavelength_nm, film_z
-        self.open = without_rims(lens)
+        self.open = at_conjugates(without_rims(lens), beam.object_distance_mm, wavelength_nm)
         self._nodes: dict[int, tuple[Array, tuple[Array, Array], Array, Mask]] = {}
         indices = lens.indices(wavelength_nm)
         self.first_index, self.index = float(indices[0]), float(indices[-1])
@@ -219,8 +219,8 @@ class ExitRays:
         origins, directions = self.beam.rays(points)
         unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         p, d = self.open.from_scene_axes(origins.T, unit.T)
-        order, indices = range(len(self.open.surfaces)), self.open.indices(self.wavelength_nm)
-        places, _, onward = trace_crossings(self.open, order, p, d, indices, towards_film=True)
+        order = range(len(self.open.surfaces))
+        places, _, onward = trace_crossings(self.open, order, p, d, self.wavelength_nm, towards_film=True)
         return places, np.asarray(np.isfinite(onward[:, 2]))
 
     def _path(self, points: Array, rays: Rays) -> Array:

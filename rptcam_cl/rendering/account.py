@@ -14,8 +14,8 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import Maker, made_by
 from rptcam_cl.device.session import Session
+from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.ray_trace import Rays
 from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_of
 from rptcam_cl.rendering.cameras.model import camera_geometry

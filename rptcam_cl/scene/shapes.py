@@ -603,6 +603,10 @@ class Plane(SceneObject):
     normal: Direction
     """Direction of the front side; any length."""
 
+    def contains(self, point: NDArray[np.float64]) -> bool:
+        """Return whether a point lies behind the plane."""
+        return bool((point - self.point) @ np.array(self.normal) < 0)
+
 
 # Hair, fur, grass and wires: cubic curves with a width.
 

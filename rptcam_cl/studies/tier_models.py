@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.film_probe import FINE, FilmProbe, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.pupils import FINE, FilmProbe, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.surface import StopMask, StopShape, cut_polygon
 from rptcam_cl.rendering.cameras.ideal import ThickLens, stop_shape, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm

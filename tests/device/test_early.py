@@ -13,7 +13,7 @@ from rptcam_cl.device import programs as program
 from rptcam_cl.device import session as early
 from rptcam_cl.device import session as sessions
 from rptcam_cl.device.programs import Program
-from rptcam_cl.device.session import Session, means_one, open_early, open_session
+from rptcam_cl.device.session import OPENING, Session, means_one, open_early, open_session
 
 SOURCES = {f"__kernel void {name}(__global float *out) {{ out[0] = 1.0f; }}\n": name for name in ("one", "two")}
 SCENE = """\
@@ -52,8 +52,8 @@ def session(monkeypatch, tmp_path):
 
 
 def wait():
-    for thread in threading.enumerate():
-        if thread is not threading.current_thread():
+    for thread in threading.enumerate():  # a worker of other tests has threads that stay
+        if thread.name == OPENING:
             thread.join(60)
 
 

@@ -112,6 +112,8 @@ def of_cycles(folder: Path, spp: int = 512, depth: int = 8) -> NDArray[np.float3
         "caustics_refractive": True, "device": "CPU", "use_light_tree": False,
     }.items():  # fmt: skip
         setattr(scene.cycles, name, value)
+    if hasattr(scene.render.image_settings, "media_type"):  # from Blender 5.0 on
+        scene.render.image_settings.media_type = "IMAGE"
     scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_depth = "32"
     scene.render.filepath = str(folder / "cycles.exr")

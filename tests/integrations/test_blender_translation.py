@@ -18,7 +18,7 @@ from integrations.blender.materials import BlenderMaterial, translate
 from integrations.blender.meshes import BlenderMesh, movement, part
 from integrations.blender.nodes import Link, Node, linear
 from integrations.blender.report import Report
-from integrations.blender.scene import Builder, Parts, Placed, Shutter
+from integrations.blender.scene import Builder, Parts, Placed, Shutter, safe
 from integrations.blender.world import environment
 from rptcam_cl.core.errors import DeviceError, InputError
 
@@ -95,6 +95,35 @@ def test_orthographic_camera_shows_as_much_as_in_blender_and_is_moved_by_the_shi
     assert rptcam_cl.load_scene(made).camera.kind == "orthographic"
 
 
+@pytest.mark.parametrize(("fit", "size", "expected"), [
+    ("AUTO", (200, 100), 4.0), ("VERTICAL", (200, 100), 8.0),
+    ("HORIZONTAL", (100, 200), 4.0), ("AUTO", (100, 200), 2.0),
+])  # fmt: skip
+def test_orthographic_scale_spans_the_side_of_the_sensor_fit(fit, size, expected):
+    camera = BlenderCamera(EYE, kind="ORTHO", ortho_scale=4.0, sensor_fit=fit)
+    made = camera_keys(camera, Frame(size), LensChoice(), 1.0, Report())["camera"]
+    assert made["width_m"] == pytest.approx(expected)
+
+
+def test_panoramas_that_are_not_rendered_are_refused():
+    with pytest.raises(InputError, match="Fisheye Equidistant is not rendered"):
+        camera_keys(
+            BlenderCamera(EYE, kind="PANO", panorama="FISHEYE_EQUIDISTANT"),
+            Frame((64, 64)),
+            LensChoice(),
+            1.0,
+            Report(),
+        )
+    report = Report()
+    made = camera_keys(BlenderCamera(EYE, kind="PANO"), Frame((64, 64)), LensChoice("fisheye"), 1.0, report)
+    assert made["camera"]["kind"] == "realistic" and "a panorama in Blender" in report.sentences[0]
+
+
+def test_names_that_differ_by_a_dot_stay_two():
+    assert len({safe(name) for name in ("Wood.001", "Wood_001", "Wood[001", "x" * 200 + "a", "x" * 200 + "b")}) == 5
+    assert safe("Wood") == "m Wood"
+
+
 def test_lamps_have_the_power_that_blender_gives_them():
     power = (100.0, 50.0, 25.0)
     section, point = lamp_keys(BlenderLamp("p", "POINT", EYE, power), Report())
@@ -108,6 +137,18 @@ def test_lamps_have_the_power_that_blender_gives_them():
     assert normal == pytest.approx([0, 0, -6])  # shines along −z
     _, disk = lamp_keys(BlenderLamp("d", "AREA", EYE, power, shape="ELLIPSE", size=(2.0, 3.0)), Report())
     assert np.multiply(disk["material"]["radiance"], math.pi * math.pi * 1.5) == pytest.approx(power)
+
+
+def test_lamps_are_as_bright_in_any_unit_and_shine_down_when_mirrored():
+    """A lamp without size a hundredth as far away has a ten thousandth of the intensity."""
+    _, point = lamp_keys(BlenderLamp("p", "POINT", EYE, (40.0,) * 3), Report(), 0.01)
+    assert point["intensity"] == pytest.approx([1e-4 * 10 / math.pi] * 3)
+    mirrored = np.diag([-1.0, 2.0, 1.0, 1.0])
+    _, square = lamp_keys(BlenderLamp("a", "AREA", mirrored, (1.0,) * 3), Report())
+    assert np.cross(square["edge_u"], square["edge_v"]) == pytest.approx([0, 0, -2])
+    _, disk = lamp_keys(BlenderLamp("d", "AREA", mirrored, (1.0,) * 3, shape="DISK"), Report())
+    matrix = np.array(disk["transform"]["matrix"])
+    assert np.linalg.det(matrix[:, :3]) > 0 and matrix[:, 2] == pytest.approx([0, 0, 1])
 
 
 def test_spot_fades_over_its_blend_of_the_cosine():

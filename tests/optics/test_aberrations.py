@@ -5,7 +5,7 @@ import pytest
 
 from rptcam_cl import load_lens
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import aberrations, field_measures, image_quality, ray_trace
+from rptcam_cl.optics import aberrations, field_measures, ray_trace, spots
 from tests.optics.truth import truth
 
 NM, F, C = 587.5618, 486.1327, 656.2725
@@ -13,7 +13,7 @@ COUNTED = ("cooke-triplet-50mm", "tessar-100mm", "achromat-100mm", "plano-convex
 
 
 def sums(lens, degrees, **options):
-    return image_quality.setting(lens), lens.seidel(degrees, **options).rows
+    return spots.setting(lens), lens.seidel(degrees, **options).rows
 
 
 def mirror(conic, stop_ahead):
@@ -73,7 +73,7 @@ def test_seidel_sums_are_the_limit_of_real_rays(name):
 @pytest.mark.parametrize("name", ["plano-convex-100mm", "cooke-triplet-50mm"])
 def test_sums_of_colour_are_the_limit_of_close_wavelengths(name):
     lens = load_lens(name)
-    use, near = image_quality.setting(lens), (NM - 0.5, NM + 0.5)
+    use, near = spots.setting(lens), (NM - 0.5, NM + 0.5)
     total = lens.seidel(1.0, near).rows[-1]
     slope = aberrations.paraxial_rays(use, 1.0)[0][-1, 1]
     focus = [lens.first_order(nm).back_focal_distance_mm for nm in near]
@@ -87,7 +87,7 @@ def test_sums_of_colour_are_the_limit_of_close_wavelengths(name):
 @pytest.mark.parametrize("distance_m", [None, 0.5])
 def test_coma_is_that_of_real_fans_from_far_and_near(name, distance_m):
     """Rays on both sides of the pupil together leave coma alone, at half its height a quarter."""
-    use = image_quality.setting(load_lens(name), 20.0, distance_m)
+    use = spots.setting(load_lens(name), 20.0, distance_m)
     coma = aberrations.seidel(use, 0.2, (F, C), unit="transverse").rows[-1]["coma"]
     fan = aberrations.ray_fan(use, [0.2], [NM], 5).rows
     ends = [row["off_um"] for row in fan if row["tangential"] and abs(row["pupil"]) == 0.5]
@@ -142,7 +142,7 @@ ODD = {
 
 def test_rays_of_the_other_section_are_rays_with_x_and_y_exchanged():
     lens = load_lens(ODD)
-    turned = aberrations.in_section(image_quality.setting(lens), "x").lens
+    turned = aberrations.in_section(spots.setting(lens), "x").lens
     origins = np.random.default_rng(3).uniform(-4, 4, (50, 3)) * [1, 1, 0]
     directions = np.random.default_rng(4).uniform(-0.1, 0.1, (50, 3)) * [1, 1, 0] + [0, 0, 1]
     swap = [1, 0, 2]
@@ -171,8 +171,8 @@ def fit_of_fan(setting, degrees):
 @pytest.mark.parametrize("name", ["anamorphic-100mm", "cylinder-pair", "odd"])
 def test_sums_of_a_section_are_the_limit_of_its_real_rays(name, section):
     whole = load_lens(name) if name != "odd" else load_lens(ODD | {"surfaces": ODD["surfaces"][:3]})
-    lens = aberrations.in_section(image_quality.setting(whole), section).lens
-    use = image_quality.setting(lens)  # at the focus of the section
+    lens = aberrations.in_section(spots.setting(whole), section).lens
+    use = spots.setting(lens)  # at the focus of the section
     total = whole.seidel(0.5, unit="transverse", section=section).rows[-1]
     third, second = fit_of_fan(use, 0.5)
     assert third == pytest.approx(total["spherical"], rel=5e-3)

@@ -257,9 +257,11 @@ def test_an_ideal_lens_that_makes_the_object_distant_is_left_out(tmp_path):
     lens = zemax(tmp_path, [ideal, FRONT, BACK], near)
     assert lens.surfaces == far.surfaces
     assert any("an ideal lens with the object in its focus is left out" in note for note in lens.warnings)
-    for surfaces, before in (([ideal, FRONT, BACK], ["DISZ 90"]), ([FRONT, BACK, ideal], near)):
-        with pytest.raises(InputError, match=r"a\.zmx:\d+: an ideal lens \(PARAXIAL\) cannot be traced"):
-            zemax(tmp_path, surfaces, before)
+    for surfaces, before, place in (([ideal, FRONT, BACK], ["DISZ 90"], 0), ([FRONT, BACK, ideal], near, 2)):
+        phase = zemax(tmp_path, surfaces, before).surfaces[place].phase
+        assert phase is not None and phase.written() == {"focal_length": 100}
+    with pytest.raises(InputError, match=r"a\.zmx:\d+: an ideal lens needs a focal length \(PARM 1\)"):
+        zemax(tmp_path, [FRONT, BACK, ["TYPE PARAXIAL", "DISZ 10", "DIAM 9"]], near)
 
 
 # Q_0 to Q_3 of Qbfs as Forbes prints them (Opt. Express 15, 5218 (2007), eq. 4.6), and of Qcon (eq. 3.3)

@@ -117,8 +117,8 @@ def test_no_diameter_and_no_pupil_is_refused(tmp_path):
 
 
 def test_surfaces_that_codev_alone_knows_are_refused_by_name(tmp_path):
-    with pytest.raises(InputError, match=r"a\.seq:5: a diffractive surface \(DIF DOE\) cannot be read"):
-        load_text(tmp_path, "RDM\nEPD 2\nSO 0 0\nS 50 3 517.642\n DIF DOE\nS -50 9\nSI 0 0\n", "a.seq")
+    with pytest.raises(InputError, match=r"a\.seq:5: a grating \(GRT\) cannot be read"):
+        load_text(tmp_path, "RDM\nEPD 2\nSO 0 0\nS 50 3 517.642\n GRT\nS -50 9\nSI 0 0\n", "a.seq")
 
 
 FLOAT = """\

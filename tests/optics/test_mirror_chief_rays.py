@@ -7,9 +7,10 @@ from rptcam_cl.optics import field_measures
 from rptcam_cl.optics.aberrations import curvature_rows
 from rptcam_cl.optics.beams import chief_ray, film_chief_rays, without_obstructions
 from rptcam_cl.optics.design import stop_diameter_by_sine
-from rptcam_cl.optics.image_quality import field_waves, setting
+from rptcam_cl.optics.image_quality import field_waves
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.spots import setting
 
 STOP = {"stop": True, "diameter": 20}
 

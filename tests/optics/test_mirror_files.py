@@ -8,8 +8,8 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.drawing import View, bundles, reference
 from rptcam_cl.optics.files.export import codev_text, lens_text, zemax_text
-from rptcam_cl.optics.image_quality import setting
 from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.spots import setting
 from rptcam_cl.optics.waves import pupil_function, rms_waves
 from tests.optics.test_mirrors import BEAM, axial, cassegrain, crossing
 

@@ -5,8 +5,9 @@ import pytest
 
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.film_probe import FilmProbe
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.pupils import FilmProbe, pupil_shapes
+from rptcam_cl.optics.pupils import pupil_shapes
 
 
 def test_nodes_end_where_the_light_does():

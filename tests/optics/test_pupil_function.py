@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import aberrations, image_quality
+from rptcam_cl.optics import aberrations, image_quality, spots
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
@@ -189,7 +189,7 @@ def test_what_has_no_wavefront_is_refused() -> None:
 
 @pytest.mark.parametrize(("name", "degrees"), [("dgauss-50mm", 6.0), ("petzval-50mm", 0.0), ("mirror-500mm", 1.0)])
 def test_errors_of_wave_figures_hold_what_four_times_the_cells_change(name: str, degrees: float) -> None:
-    use = image_quality.setting(load_lens(name))
+    use = spots.setting(load_lens(name))
     few, many = (image_quality.wavefront(use, [degrees], [587.5618], across).rows[0] for across in (80, 160))
     assert abs(few["strehl"] - many["strehl"]) <= 1.5 * few["strehl_error"] < 0.3 * many["strehl"]
     moved = abs(few["peak_to_valley_waves"] - many["peak_to_valley_waves"])
@@ -205,7 +205,7 @@ def test_errors_of_wave_figures_hold_what_four_times_the_cells_change(name: str,
 
 def test_ray_fans_end_where_the_beam_does() -> None:
     """The end of the fan is the highest of 2001 rays along it that passes, within their steps."""
-    use = image_quality.setting(load_lens("achromat-100mm"))
+    use = spots.setting(load_lens("achromat-100mm"))
     lens, first = use.lens, use.lens.surfaces[0]
     rows = aberrations.ray_fan(use, [0.0], [587.5618], 3).rows
     edge = next(row["off_um"] for row in rows if row["pupil"] == 1.0 and row["tangential"])
@@ -222,7 +222,7 @@ def test_ray_fans_end_where_the_beam_does() -> None:
 def test_interpolated_wavefronts_are_those_of_rays_in_every_cell(name, degrees, monkeypatch):
     from rptcam_cl.optics import waves
 
-    use = image_quality.setting(load_lens(name))
+    use = spots.setting(load_lens(name))
     quick = waves.pupil_function(use.lens, use.film, Beam(degrees), across=100)
     monkeypatch.setattr(waves, "NODES", ())
     traced = waves.pupil_function(use.lens, use.film, Beam(degrees), across=100)

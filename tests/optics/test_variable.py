@@ -5,7 +5,6 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import lens as variable
 from rptcam_cl.optics.design import lens_info
-from rptcam_cl.optics.image_quality import setting
 from rptcam_cl.optics.lens import (
     film_distance,
     focused_by_group,
@@ -15,6 +14,7 @@ from rptcam_cl.optics.lens import (
     zoom_to,
 )
 from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.spots import setting
 
 ZOOMS = {"zoom-80-200mm": [80, 200], "zoom-70-200mm": [72.1, 135, 194], "zoom-35-51mm": [35, 51]}
 

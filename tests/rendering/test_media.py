@@ -242,6 +242,39 @@ def test_camera_in_a_ball_looks_through_what_fills_it():
     np.testing.assert_allclose(pixels(scene, spp=1).mean(), np.exp(-0.5), rtol=1e-4)
 
 
+def layer_of(absorption, low, high):
+    """A box of a medium across the z axis, or all below a height."""
+    material = {"kind": "boundary", "interior": {"absorption_per_m": absorption}}
+    if low is None:
+        return {"shape": "plane", "point": [0, 0, high], "normal": [0, 0, 1], "material": material}
+    return {"shape": "box", "min": [-9, -9, low], "max": [9, 9, high], "material": material}
+
+
+ACROSS = {"kind": "orthographic", "width_m": 4} | {key: EYE[key] for key in ("eye", "target", "up")}
+UP = looking([0, 0, -1], [0, 0, 1], up=[0, 1, 0], fov=0.1)
+
+
+def test_rays_lose_what_media_on_their_way_take():
+    """From the near plane in a sea, through the surface and two boxes that overlap, where the last entered counts."""
+    objects = [layer_of(0.5, None, 0), layer_of(0.2, 1, 4), layer_of(0.3, 2, 6)]
+    scene = scene_of(objects, UP | {"near_m": 0.25}, environment=WHITE, resolution=(8, 8))
+    assert pixels(scene, spp=1).mean() == pytest.approx(np.exp(-0.5 * 0.75 - 0.2 * 1 - 0.3 * 4), rel=1e-5)
+
+
+def test_medium_before_a_lens_is_that_of_its_front():
+    """The film lies outside of the box, and the front of the lens inside."""
+    lens = {
+        "kind": "realistic",
+        "lens": "dgauss-50mm",
+        "focus": {"distance_m": 5},
+        "eye": [0, 0, 0],
+        "target": [0, 0, 1],
+    }
+    film = {"resolution": [8, 8], "width_mm": 1}
+    scene = scene_of([layer_of(0.5, 0.03, 3)], lens | {"up": [0, 1, 0]}, environment=WHITE, exposure="relative")
+    assert pixels(scene | {"film": film}, spp=8).mean() == pytest.approx(np.exp(-0.5 * 2.9), rel=0.03)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -253,6 +286,9 @@ def test_camera_in_a_ball_looks_through_what_fills_it():
         ({"medium": WAX | {"color": checker(0.1, 0.2)}}, "medium.color: is a texture, but paths do not enter here"),
         (wax_of(checker(0.1, 0.2)) | {"camera": EYE}, "camera.eye: lies in a medium whose color is a texture"),
         ({"medium": FOG, "objects": [BALL | {"material": {"kind": "dielectric", "opacity": 0.5}}]}, "holes"),
+        ({"objects": [layer_of(0.1, 0, 4), layer_of(0.1, 1, 3)] * 3}, "objects.0: lies in 5 other solids"),
+        ({"objects": [wax_of(checker(0.1, share))["objects"][0] for share in (0.2, 0.3)]}, "color is a texture"),
+        ({"objects": [layer_of(0.1, -0.5, 0.5)], "camera": ACROSS}, "camera: its rays begin in different media"),
     ],
 )
 def test_what_does_not_go_with_media_is_refused(change, message):

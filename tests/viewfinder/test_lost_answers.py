@@ -11,7 +11,7 @@ from websockets.exceptions import ConnectionClosed
 
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.core.remember import checkpoint
-from rptcam_cl.viewfinder import engine, messages
+from rptcam_cl.viewfinder import messages, requests
 from rptcam_cl.viewfinder.slot import Slot
 from tests.viewfinder.page_client import SCENE, Page, at_rest, page, serving
 
@@ -38,7 +38,7 @@ class Stack:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.begun, self.may_speak, self.may_end = threading.Event(), threading.Event(), threading.Event()
-        monkeypatch.setattr(engine, "focus_stack", self)
+        monkeypatch.setattr(requests, "focus_stack", self)
 
     def __call__(self, *_: Any, **options: Any) -> Any:
         self.begun.set()
@@ -113,7 +113,7 @@ def test_requests_behind_one_that_fails_are_answered(client: Page, monkeypatch: 
             raise DeviceError("the device is gone")
         raise InputError("not now")
 
-    monkeypatch.setattr(engine, "turn_dial", turn)
+    monkeypatch.setattr(requests, "turn_dial", turn)
     client.send("dial", id=20, name="f_number", value=8)
     assert busy.wait(WITHIN_S)
     client.send("dial", id=21, name="f_number", value=4)

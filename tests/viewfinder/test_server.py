@@ -21,7 +21,7 @@ from rptcam_cl.device.session import open_session
 from rptcam_cl.imaging.image import Image, read_film, with_picture_settings
 from rptcam_cl.scene.load import load_scene, set_keys
 from rptcam_cl.studies.focus.controller import autofocus
-from rptcam_cl.viewfinder import engine
+from rptcam_cl.viewfinder import requests
 from rptcam_cl.viewfinder.delivery import dial_list
 from rptcam_cl.viewfinder.dials import turn_dial
 from rptcam_cl.viewfinder.engine import Viewfinder
@@ -137,7 +137,7 @@ def test_unexpected_error_in_a_message_is_told_to_its_page_and_the_server_lives(
         raise RuntimeError("what nobody thought of")
 
     with monkeypatch.context() as patched:
-        patched.setattr(engine, "turn_dial", odd)
+        patched.setattr(requests, "turn_dial", odd)
         error = client.ask(5, "dial", name="f_number", value=8)
     assert error.type == "error" and error.header["source"] == "change"
     assert "what nobody thought of" in error.header["message"]

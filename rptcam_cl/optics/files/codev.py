@@ -83,10 +83,11 @@ RADIUS_NEEDS = 1.0  # a curvature times the half beam above this is no curvature
 QUIET_WORDS = """
 LEN GO INI REF WTW WL WTF VUX VLX VUY VLY XAN XOB XIM CCY THC CCX KC AC BC CC DC EC FC GC HC PIM DER DAR REV SPH ASP CON
 SLB CUM THM REX REY TIT TEM PRE CA RMD VUP TEL GLC CUF CUC HWL HCT HOR HCC HCO PWL END AFI
-DLF DLR DLT TRX TRY BTX BTY LAB PHY MSF WTA POL AFP XDC YDC ZDC ADC BDC CDC STP SAV OUT WRX WTX FCO SUR IN NXT CLS PIK
+MOD MRD DLF DLR DLT TRX TRY BTX BTY LAB PHY MSF WTA POL AFP XDC YDC ZDC ADC BDC CDC STP SAV OUT WRX WTX FCO SUR IN NXT
+CLS PIK
 """
 QUIET = frozenset(QUIET_WORDS.split())
-NOT_READ = {"DIF": "a diffractive surface", "HOE": "a holographic surface", "GRT": "a grating",
+NOT_READ = {"HOE": "a holographic surface", "GRT": "a grating",
             "SPS": "a special surface",
             "XTO": "a toroid about x", "AAS": "an anamorphic asphere",
             "ZRN": "a Zernike surface", "UDS": "a surface of its own",
@@ -111,6 +112,8 @@ class _SeqSurface:
     positions: dict[int, float] = field(default_factory=dict)  # thickness in each position of a zoom
     bend: dict[str, float] = field(default_factory=dict)
     way: str = ""
+    ideal: float = 0.0
+    diffractive: dict[str, float] = field(default_factory=dict)
 
     @property
     def curvature(self) -> float:
@@ -363,8 +366,17 @@ def _take(surface: _SeqSurface, key: str, rest: list[str], line: int, table: Len
         surface.glass, surface.line = rest[0], line
     elif key in ("DAR", "REV", "BEN"):
         surface.way = key
-    elif key in NOT_READ:
-        raise InputError(f"{table.path}:{line}: {NOT_READ[key]} ({' '.join([key, *rest])}) cannot be read")
+    elif key == "MFL":
+        surface.ideal = table.number(rest, line)
+    elif key in ("HOR", "HWL") and surface.diffractive:
+        surface.diffractive[key] = table.number(rest, line)
+    elif key == "HCO" and surface.diffractive and re.fullmatch(r"[Cc]\d+", rest[0] if rest else ""):
+        surface.diffractive[rest[0].upper()] = table.number(rest[1:], line)
+    elif key == "DIF" and rest[:1] == ["DOE"]:
+        surface.diffractive["HOR"] = 1.0
+    elif key in NOT_READ or key == "DIF" or (key == "HCT" and rest[:1] != ["R"]):
+        what = NOT_READ.get(key, "a diffractive surface")
+        raise InputError(f"{table.path}:{line}: {what} ({' '.join([key, *rest])}) cannot be read")
     elif key not in QUIET:
         table.note(line, f"{key} is ignored")
 
@@ -405,6 +417,11 @@ def _row(surface: _SeqSurface, table: LensTable, private: Mapping[str, Any]) -> 
         row["conic"] = surface.conic
     if aspheric := {power: value for power, value in surface.aspheric.items() if value}:
         row["aspheric"] = aspheric
+    if surface.ideal:
+        row["ideal"] = {"focal_length": surface.ideal}
+    if terms := {2 * int(key[1:]): value for key, value in surface.diffractive.items() if key[0] == "C" and value}:
+        row["diffractive"] = {"path": terms, "order": surface.diffractive["HOR"]}
+        row["diffractive"] |= {"wavelength_nm": surface.diffractive["HWL"]} if "HWL" in surface.diffractive else {}
     if surface.cylinder and surface.curvature_x:
         row |= {"radius_x": 1.0 / surface.curvature_x, "form": "toroid"}
     elif surface.cylinder:

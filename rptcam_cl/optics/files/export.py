@@ -30,9 +30,9 @@ from rptcam_cl.optics.glass import (
     abbe_number,
     held_index,
 )
-from rptcam_cl.optics.image_quality import default_fields, setting
 from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration, limiting_surface
-from rptcam_cl.optics.shapes import Biconic, Toroid, short_radius
+from rptcam_cl.optics.shapes import Biconic, Diffractive, Grating, IdealLens, Toroid, short_radius
+from rptcam_cl.optics.spots import default_fields, setting
 from rptcam_cl.optics.surface import FocusState, Region, StopShape, Surface, SurfacePose, tilt_of
 
 # What files of other programs have in common when a lens is written: what they cannot say, beam, rows, tilts.
@@ -305,6 +305,8 @@ def _codev_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
             yield k, "a power of r is odd, 2 or above 20"
         if surface.cylinder == "x" or isinstance(surface.form, Biconic):
             yield k, "it is a biconic, or a cylinder that curves in x"
+        if surface.phase is not None:
+            yield k, f"it is {surface.phase.description}"
 
 
 # A lens as a sequential Zemax file, which our reader, optiland and ray-optics read back.
@@ -404,7 +406,7 @@ def _surface(surface: Surface, curvature: float, gap: float, is_stop: bool, make
 
 
 def _is_bare_plane(surface: Surface) -> bool:
-    shaped = surface.curvature or surface.aspheric or surface.form or surface.is_mirror
+    shaped = surface.curvature or surface.aspheric or surface.form or surface.is_mirror or surface.phase
     return not (shaped or surface.is_stop or surface.region) and surface.glass == AIR
 
 
@@ -419,6 +421,10 @@ def _break(
 def _kind(surface: Surface) -> tuple[str, dict[int, float]]:
     """Return the type of a surface and its parameters."""
     powers = dict(surface.aspheric)
+    if isinstance(surface.phase, IdealLens):
+        return "PARAXIAL", {1: surface.phase.focal_length_mm}
+    if isinstance(surface.phase, Grating):
+        return "DGRATING", {1: surface.phase.lines_per_mm / 1000, 2: surface.phase.order}
     if surface.cylinder == "x" and not surface.conic:  # a straight line, turned about an axis parallel to y
         return "TOROIDAL", {1: 1 / surface.curvature if surface.curvature else 0.0}
     if surface.cylinder == "x":
@@ -451,6 +457,10 @@ def _zemax_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
         straight = surface.cylinder or isinstance(surface.form, Toroid)
         even = all(power % 2 == 0 for power in powers)
         highest = 2 * (HIGHEST - 1) if straight else 2 * HIGHEST if even else HIGHEST
+        if isinstance(surface.phase, Diffractive):
+            yield k, f"it is {surface.phase.description}"
+        if isinstance(surface.phase, Grating) and (surface.phase.towards_degrees != 90 or powers or straight):
+            yield k, "it is a grating of other lines than along x, or on such a surface"
         if max(powers, default=0) > highest:
             yield k, f"a power of r is above {highest}"
         if powers and (surface.cylinder == "x" or (not even and straight)):
@@ -515,8 +525,7 @@ def _surface_reasons(surface: Surface, before: float, after: float) -> Iterator[
         "a ring": surface.inner_semi_diameter > 0,
     }
     yield from (text for text, applies in shapes.items() if applies)
-    if surface.form is not None:
-        yield surface.form.description
+    yield from (beside.description for beside in (surface.form, surface.phase) if beside is not None)
     if surface.is_stop and surface.curvature:
         yield "a stop on curved glass"
     elif surface.is_stop and max(abs(before - 1), abs(after - 1)) > IN_AIR:
@@ -624,6 +633,7 @@ def _shape(surface: Surface) -> dict[str, Any]:
         row["aspheric"] = dict(surface.aspheric)
     if surface.cylinder:
         row["cylinder"] = surface.cylinder
+    row |= {surface.phase.key: surface.phase.written()} if surface.phase else {}
     return row | (surface.form.written() if surface.form else {})
 
 

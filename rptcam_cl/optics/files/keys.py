@@ -8,7 +8,7 @@ from typing import Any
 
 from rptcam_cl.core.records import MOST_LAYERS
 from rptcam_cl.core.strict_yaml import NUMBER, POSITIVE, TEXT, Key, by_number, mapping, numbers
-from rptcam_cl.optics.shapes import FORMS
+from rptcam_cl.optics.shapes import FORMS, PHASES
 
 #
 # Every key of our lens form, declared once: what may stand in a file, what it means, and its JSON schema.
@@ -152,6 +152,7 @@ SHAPED = {
     "qcon": Key("Forbes's Qcon polynomials, added to the rest.", mapping(QCON, ("radius", "coefficients"))),
     "cylinder": Key("The only axis along which the surface curves.", {"enum": ["x", "y"]}),
     **{name: key for form in FORMS for name, key in form.keys.items()},
+    **{kind.key: Key(f"That it is {kind.description}.", mapping(kind.keys, kind.needs)) for kind in PHASES},
     **POSE,
     "clear": Key("Part of the surface that light may cross.", mapping(CLEAR)),
     "outside": Key("Beyond clear: block, or pass where there is no glass.", {"enum": ["block", "pass"]}),

@@ -20,7 +20,7 @@ from rptcam_cl.optics.files import keys
 from rptcam_cl.optics.files.glasses import apply_coatings, read_glass
 from rptcam_cl.optics.glass import AIR, Medium, continued_words
 from rptcam_cl.optics.lens import Lens, first_order, in_configuration
-from rptcam_cl.optics.shapes import FORMS, Form
+from rptcam_cl.optics.shapes import FORMS, PHASES, Form, IdealLens, Phase
 from rptcam_cl.optics.surface import (
     IN_PLACE,
     Configuration,
@@ -286,6 +286,7 @@ def _read_shape(fields: Fields, scale: float) -> dict[str, Any]:
         "aspheric": _with_qcon(fields, scale, _aspheric(fields, scale)),
         "cylinder": cylinder,
         "form": _form(fields, scale),
+        "phase": _phase(fields, scale),
         "pose": _read_pose(fields, scale),
         "region": _region(fields, scale),
         "stop_shape": _stop_shape(fields),
@@ -298,6 +299,20 @@ def _form(fields: Fields, scale: float) -> Form | None:
     if len(forms) > 1:
         raise fields.fail(None, f"is {' and '.join(form.description for form in forms)}: leave the keys of one out")
     return forms[0] if forms else None
+
+
+def _phase(fields: Fields, scale: float) -> Phase | None:
+    """Return the grating, diffractive surface or ideal lens that the keys speak of, None where they do not."""
+    kinds = [kind for kind in PHASES if kind.key in fields]
+    if len(kinds) > 1:
+        raise fields.fail(kinds[1].key, f"a surface has one of {', '.join(kind.key for kind in kinds)}")
+    if not kinds:
+        return None
+    phase = kinds[0].read(fields.inner(kinds[0].key, kinds[0].keys), scale)
+    bent = [key for key in ("radius", "conic", "aspheric", "qcon", "cylinder", "radius_x", "mirror") if key in fields]
+    if isinstance(phase, IdealLens) and bent:
+        raise fields.fail(bent[0], "an ideal lens is a plane that does not reflect; leave it out")
+    return phase
 
 
 def _read_pose(fields: Fields, scale: float) -> SurfacePose | None:

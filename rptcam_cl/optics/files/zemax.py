@@ -1,4 +1,4 @@
-"""Sequential lens files of Zemax (.zmx): STANDARD, EVENASPH, ODDASPHE, TOROIDAL, BICONICX and COORDBRK surfaces."""
+"""Sequential lens files of Zemax (.zmx): spheres, aspheres, toroids, gratings, ideal lenses and coordinate breaks."""
 
 from __future__ import annotations
 
@@ -8,16 +8,20 @@ from typing import Any
 
 import numpy as np
 
+from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_catalogues import makers_of
+from rptcam_cl.optics.files.keys import UNITS_MM
 from rptcam_cl.optics.files.lens_table import AxisFrame, LensTable, model, numbers, opening_beside_the_axis
 from rptcam_cl.optics.files.native import bfs_powers
 from rptcam_cl.optics.files.tables import with_sharp_states
 from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.shapes import PHASES
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
-TYPES = ("STANDARD", "EVENASPH", "ODDASPHE", "TOROIDAL", "BICONICX", "XASPHERE", "COORDBRK", "QED_TYPE", "PARAXIAL")
+TYPES = ("STANDARD", "EVENASPH", "ODDASPHE", "TOROIDAL", "BICONICX", "XASPHERE", "COORDBRK", "QED_TYPE", "PARAXIAL",
+         "DGRATING", "BINARY_2")  # fmt: skip
 SENSES = (1.0, 1.0, 1.0)  # tilts turn right handed: OpticStudio help, «Tilt/Decenter»
 MOST_TERMS = 240  # of an extended asphere, to r^480
 PLACEHOLDER = (1.5, 40.0)  # what Zemax writes beside the name of a catalogue glass
@@ -237,24 +241,29 @@ def _take(surface: _ZmxSurface, key: str, rest: list[str], line: int, table: Len
 
 
 def _drop_collimator(surfaces: list[_ZmxSurface], table: LensTable) -> None:
-    """Drop an ideal lens with the object in its focus, which makes the object a distant one; refuse all others."""
-    if surfaces[1].kind == "PARAXIAL":
-        length, away = surfaces[1].parameters.get(1, 0.0), table.object_distance
-        if length == 0 or abs(away - length) > 1e-6 * abs(length):
-            raise _ideal(surfaces[1], table)
+    """Drop an ideal lens with the object in its focus before others, which makes the object a distant one."""
+    length, away = surfaces[1].parameters.get(1, 0.0), table.object_distance
+    if surfaces[1].kind == "PARAXIAL" and len(surfaces) > 3 and length and abs(away - length) <= 1e-6 * abs(length):
         table.note(surfaces[1].line, "an ideal lens with the object in its focus is left out: the object is distant")
         table.object_distance = float("inf")
         del surfaces[1]
-    for surface in surfaces[1:-1]:
-        if surface.kind == "PARAXIAL":
-            raise _ideal(surface, table)
 
 
-def _ideal(surface: _ZmxSurface, table: LensTable) -> InputError:
-    return InputError(
-        f"{table.path}:{surface.line}: an ideal lens (PARAXIAL) cannot be traced, but for one in front of the lens with"
-        " the object in its focus"
-    )
+def _phase(surface: _ZmxSurface, table: LensTable) -> dict[str, Any]:
+    """Return the key of a grating, of a diffractive surface or of an ideal lens; nothing of others."""
+    p, extra = surface.parameters, surface.extra
+    if surface.kind == "PARAXIAL":
+        if not p.get(1) or surface.is_mirror:
+            raise InputError(f"{table.path}:{surface.line}: an ideal lens needs a focal length (PARM 1), and no mirror")
+        return {"ideal": {"focal_length": p[1]}}
+    if surface.kind == "DGRATING" and p.get(1) and p.get(2):  # lines per micrometre, order
+        return {"grating": {"lines_per_mm": 1000 * abs(p[1]), "order": math.copysign(1.0, p[1]) * p[2]}}
+    if surface.kind == "BINARY_2" and any(extra.get(k) for k in range(3, int(extra.get(1, 0.0)) + 3)):
+        norm, radians = extra.get(2, 1.0), LINE_D_NM / 1e6 / (2 * math.pi) / UNITS_MM[table.unit]
+        terms = {2 * i: extra.get(i + 2, 0.0) * radians / norm ** (2 * i) for i in range(1, int(extra[1]) + 1)}
+        order = p.get(0, 1.0)
+        return {"diffractive": {"path": {k: v for k, v in terms.items() if v}, "order": order}} if order else {}
+    return {}
 
 
 def _row(surface: _ZmxSurface, table: LensTable) -> dict[str, Any]:
@@ -277,10 +286,11 @@ def _row(surface: _ZmxSurface, table: LensTable) -> dict[str, Any]:
         row["mirror"] = True
     elif surface.glass:
         row["glass"] = _glass(surface, table)
-    if surface.kind not in ("XASPHERE", "QED_TYPE") and any(surface.extra.values()):
+    row |= _phase(surface, table)
+    if surface.kind not in ("XASPHERE", "QED_TYPE", "BINARY_2") and any(surface.extra.values()):
         table.note(surface.line, f"the extra data (XDAT) of this {surface.kind} surface are ignored")
     p = surface.parameters
-    if surface.kind == "EVENASPH":
+    if surface.kind in ("EVENASPH", "BINARY_2"):
         row["aspheric"] = {2 * i: v for i, v in p.items() if v and 1 <= i <= 8}
     elif surface.kind == "XASPHERE":
         row["aspheric"] = _extended_terms(surface, table)
@@ -385,7 +395,8 @@ def _trim(table: LensTable, openings: list[bool]) -> None:
         media.append(media[-1] if row.get("mirror") else row.get("glass"))
 
     def is_dummy(k: int) -> bool:
-        shaped = rows[k].keys() & {"radius", "radius_x", "aspheric", "stop", "mirror", "decentre"}
+        bends = {"radius", "radius_x", "aspheric", "mirror", *(kind.key for kind in PHASES)}
+        shaped = rows[k].keys() & {*bends, "stop", "decentre"}
         return not (shaped or openings[k] or media[k] != media[k + 1])
 
     first, end = 0, len(rows)

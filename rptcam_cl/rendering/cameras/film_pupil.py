@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import without_rims
+from rptcam_cl.optics.film_probe import cells, grid, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ghosts import with_wider_stop
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.pupils import cells, grid, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import Rays, passing
 from rptcam_cl.optics.surface import StopMask, StopShape
 from rptcam_cl.rendering.cameras.ideal import ThickLens, shaped

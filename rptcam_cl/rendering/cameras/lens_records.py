@@ -22,10 +22,11 @@ from rptcam_cl.core.records import (
     StopKind,
     SurfaceKind,
 )
+from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.as_built import Copies
+from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame
 from rptcam_cl.optics.ghosts import steps
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.pupils import UNMOVED, FilmFrame
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, is_tinted, known_nm, passed_rays
 from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
 from rptcam_cl.rendering.cameras.ideal import shaped
@@ -82,6 +83,7 @@ def fit_nodes(low_nm: float, high_nm: float) -> Array:
     return np.asarray(1 / (ends.mean() + inverse * np.ptp(ends) / 2))
 
 
+@remember(most=128, by=lambda ratios, *others: (ratios.tobytes(), *(np.asarray(each).tobytes() for each in others)))
 def fewest_terms(ratios: Array, wavelengths_nm: Array, enough: float = ENOUGH) -> list[Array]:
     """Return the coefficients of polynomials through values (n, wavelengths): as few as give all to an error."""
     fits: list[tuple[Array, float]] = []
@@ -262,6 +264,7 @@ def lens_records(
     transmission
         Losses that rays suffer.
     """
+    lens.refuse_phases("devices trace none (rptcam lens measures it; camera.kind thin_lens renders an ideal lens)")
     indices = lens.indices(wavelength_nm)
     count = len(lens.surfaces)
     backwards = start == "film"

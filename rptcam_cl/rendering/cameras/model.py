@@ -17,8 +17,8 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import CAMERA, DISPERSION_NM, SURFACE, VIEW, PupilKind
 from rptcam_cl.optics.best_focus import blur_variances
+from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame
 from rptcam_cl.optics.lens import FirstOrder, Lens
-from rptcam_cl.optics.pupils import UNMOVED, FilmFrame
 from rptcam_cl.optics.ray_trace import passed_rays
 from rptcam_cl.optics.surface import StopMask, StopShape
 from rptcam_cl.rendering.cameras.pupil import content_of

@@ -13,7 +13,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.core.remember import Disk, content_name, remember
-from rptcam_cl.optics import pupils
+from rptcam_cl.optics import film_probe, pupils
 from rptcam_cl.optics.lens import Lens
 
 # Values known at nodes all over a film and beside it, and between them by cubics.
@@ -202,7 +202,7 @@ APART = 0.03  # sizes of the pupil by which a ray lies outside of it, and not at
 FEW = 2  # such rays, that prove a part of its own
 
 
-def loses_light(sampling: PupilSampling, probe: pupils.FilmProbe, half_film_mm: tuple[float, float]) -> bool:
+def loses_light(sampling: PupilSampling, probe: film_probe.FilmProbe, half_film_mm: tuple[float, float]) -> bool:
     """Return whether rays pass that lie well outside of what a sampling draws from."""
     corners = probe.frame.corners(half_film_mm)[:, :2]
     if probe.lens.is_rotational and probe.frame.is_flat:
@@ -211,7 +211,7 @@ def loses_light(sampling: PupilSampling, probe: pupils.FilmProbe, half_film_mm: 
         film = np.linspace(0.0, FARTHEST, _FILM_RADII)[:, None] * corner
     else:
         film = probe.frame.grid(half_film_mm, FILM_NODES).reshape(-1, 2)
-    points = pupils.spread_points(probe.windows(film), RAYS)
+    points = film_probe.spread_points(probe.windows(film), RAYS)
     which = np.repeat(np.arange(len(film)), RAYS)
     film, points = film[which], points.reshape(-1, 2)
     outside = left_out(sampling, probe.frame.bounds(half_film_mm), film, points, APART)
@@ -330,11 +330,11 @@ class _View(NamedTuple):
     lens: Lens
     film_distance_mm: float
     half_film_mm: tuple[float, float]
-    wavelength_nm: pupils.Wavelengths
-    frame: pupils.FilmFrame
+    wavelength_nm: film_probe.Wavelengths
+    frame: film_probe.FilmFrame
 
-    def narrowing_probes(self) -> list[pupils.FilmProbe]:
-        return pupils.narrowing_probes(self.lens, self.film_distance_mm, self.wavelength_nm, self.frame)
+    def narrowing_probes(self) -> list[film_probe.FilmProbe]:
+        return film_probe.narrowing_probes(self.lens, self.film_distance_mm, self.wavelength_nm, self.frame)
 
     def shapes(self, fineness: pupils.Fineness = pupils.FINE_OUTLINES) -> pupils.PupilShapes:
         return pupils.pupil_shapes(*self[:4], fineness, self.frame)
@@ -344,9 +344,9 @@ def pupil_sampling(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
-    wavelength_nm: pupils.Wavelengths,
+    wavelength_nm: film_probe.Wavelengths,
     tier: Tier,
-    frame: pupils.FilmFrame = pupils.UNMOVED,
+    frame: film_probe.FilmFrame = film_probe.UNMOVED,
     *,
     coarse: bool = False,
 ) -> PupilSampling:
@@ -419,7 +419,7 @@ def _checked(view: _View, tier: Tier) -> PupilSampling:
         sampling = _bounds(view.narrowing_probes(), view.frame.bounds(view.half_film_mm))
     else:
         sampling = tight_sampling(view.shapes())
-    probe = pupils.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm, view.frame)
+    probe = film_probe.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm, view.frame)
     if sampling.tier == "tight" and loses_light(sampling, probe, view.half_film_mm):
         sampling = tight_sampling(view.shapes(pupils.FINEST_OUTLINES))
     if loses_light(sampling, probe, view.half_film_mm):
@@ -438,7 +438,7 @@ def _rear(view: _View) -> PupilSampling:
     A rim at depth t behind that plane shows as a circle, scaled by Z / (Z + t) and shifted towards the film point.
     Where the surface bulges out of the cone to its rim, as a ball's does, the circle is widened to hold it.
     """
-    probe = pupils.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm)
+    probe = film_probe.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm)
     scale = view.film_distance_mm / (view.film_distance_mm - probe.patch[:, 2])
     shift = 1.0 - scale[-1]  # of the rim, the last ring of the patch
     film = np.linspace(0.0, float(np.hypot(*view.half_film_mm)), 9)[:, None]
@@ -447,15 +447,15 @@ def _rear(view: _View) -> PupilSampling:
     u = film * (1.0 - scale) + probe.patch[:, 0] * scale - shift * film
     reach = np.hypot(u, probe.patch[:, 1] * scale)
     radius = float(reach.max())
-    if radius > reach[:, -(len(scale) // pupils.PATCH_RADII) :].max():
-        radius *= 1.0 + pupils.BULGE
+    if radius > reach[:, -(len(scale) // film_probe.PATCH_RADII) :].max():
+        radius *= 1.0 + film_probe.BULGE
     return PupilSampling("rear", PupilKind.CIRCLE, PupilCircle(float(shift), radius))
 
 
 def _round_windows(view: _View, shift: float) -> PupilCircle:
     """Return the circle that holds the rear rim as points all over a film that is moved see it."""
     film = view.frame.grid(view.half_film_mm, _MOVED_GRID).reshape(-1, 2)
-    boxes = pupils.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm, view.frame).windows(film)
+    boxes = film_probe.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm, view.frame).windows(film)
     middles, halves = (boxes[:, 1::2] + boxes[:, ::2]) / 2, (boxes[:, 1::2] - boxes[:, ::2]) / 2
     reach = np.hypot(*(np.abs(middles - shift * film) + halves).T)
     return PupilCircle(shift, float(reach.max()))
@@ -478,23 +478,23 @@ def _thick(view: _View) -> PupilSampling:
     return PupilSampling("thick", PupilKind.CIRCLE, PupilCircle(shift, radius * widened), widened=widened)
 
 
-def _needed_radius(probes: list[pupils.FilmProbe], half_film_mm: tuple[float, float], shift: float) -> float:
+def _needed_radius(probes: list[film_probe.FilmProbe], half_film_mm: tuple[float, float], shift: float) -> float:
     """Return the radius [mm] of a circle, shifted with the film point, that holds every probed ray that passes."""
     radial = probes[-1].lens.is_rotational and not probes[-1].frame.is_moved
     if radial:
         film = np.stack([np.linspace(0.0, float(np.hypot(*half_film_mm)), 17), np.zeros(17)], axis=1)
     else:
         film = probes[-1].frame.grid(half_film_mm, 11).reshape(-1, 2)
-    windows, lit = pupils.pupil_boxes(probes, film, PROBES, radial=radial)
+    windows, lit = film_probe.pupil_boxes(probes, film, PROBES, radial=radial)
     film, windows = film[lit], windows[lit]
-    points = pupils.grid(windows, 2 * PROBES[0], 2 * PROBES[1])
+    points = film_probe.grid(windows, 2 * PROBES[0], 2 * PROBES[1])
     passes = probes[-1].passes(film[:, None], points)
     away = points - shift * film[:, None]
-    cell = np.hypot(*pupils.cells(windows, 2 * PROBES[0], 2 * PROBES[1]).T)[:, None]
+    cell = np.hypot(*film_probe.cells(windows, 2 * PROBES[0], 2 * PROBES[1]).T)[:, None]
     return float(np.max((np.hypot(away[..., 0], away[..., 1]) + cell) * passes, initial=0.0))
 
 
-def _bounds(probes: list[pupils.FilmProbe], half_film_mm: tuple[float, float]) -> PupilSampling:
+def _bounds(probes: list[film_probe.FilmProbe], half_film_mm: tuple[float, float]) -> PupilSampling:
     """A box per film cell that holds the pupils of its corners, and a little more."""
     low, high, is_open = _corner_boxes(probes, half_film_mm)
     corners = [(slice(i, i + CELLS), slice(j, j + CELLS)) for i in (0, 1) for j in (0, 1)]
@@ -514,14 +514,14 @@ def _bounds(probes: list[pupils.FilmProbe], half_film_mm: tuple[float, float]) -
 
 
 def _corner_boxes(
-    probes: list[pupils.FilmProbe], half_film_mm: tuple[float, float]
+    probes: list[film_probe.FilmProbe], half_film_mm: tuple[float, float]
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return the low and high corners (n, n, 2) of boxes round the pupils at the corners of the film's cells, and where
     it is open. Of a rotationally symmetric lens a quarter of the film is traced."""
-    film = pupils.UNMOVED.grid(half_film_mm, CELLS + 1)
+    film = film_probe.UNMOVED.grid(half_film_mm, CELLS + 1)
     symmetric = probes[-1].lens.is_rotational and probes[-1].frame.is_flat
     part = film[CELLS // 2 :, CELLS // 2 :] if symmetric else film
-    boxes, lit = pupils.pupil_boxes(probes, part.reshape(-1, 2), PROBES)
+    boxes, lit = film_probe.pupil_boxes(probes, part.reshape(-1, 2), PROBES)
     lit = lit.reshape(part.shape[:2])
     low, high = (np.where(lit[..., None], boxes[:, k::2].reshape(part.shape), none) for k, none in enumerate(NOWHERE))
     if symmetric:

@@ -22,8 +22,8 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.beams import Crossings, crossings
+from rptcam_cl.optics.film_probe import narrowing_probes, pupil_boxes
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.pupils import narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.rendering.cameras.model import SURFACE_BY_SURFACE

@@ -15,20 +15,10 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.core.remember import remember
+from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe, Wavelengths, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.irradiance import axial_irradiance, disk_irradiance, on_axis_irradiance
 from rptcam_cl.optics.lens import Lens, zoom_range_mm
-from rptcam_cl.optics.pupils import (
-    UNMOVED,
-    FilmFrame,
-    FilmProbe,
-    PupilShapes,
-    StoppedPupils,
-    Wavelengths,
-    narrowing_probes,
-    pupil_boxes,
-    shared_shapes,
-    stopped_pupils,
-)
+from rptcam_cl.optics.pupils import PupilShapes, StoppedPupils, shared_shapes, stopped_pupils
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance, is_tinted
 from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_intrinsics, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import colour_error_px, disperses, usable_nm

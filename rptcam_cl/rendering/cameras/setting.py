@@ -22,6 +22,7 @@ from rptcam_cl.optics.beams import ChiefRays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.coating import BARE, Coating, Interface, Layer, LayerStack, QuarterWave, constant_reflectance
 from rptcam_cl.optics.files.glasses import WORDS, read_layers
+from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.glass import Medium, attenuation
 from rptcam_cl.optics.lens import (
     Lens,
@@ -34,7 +35,6 @@ from rptcam_cl.optics.lens import (
     object_distance,
     travel_mm,
 )
-from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.ray_trace import LensTransmission, axis_points, has_coatings, known_nm, with_coating
 from rptcam_cl.rendering.cameras.pupil import SamplingMetadata, by_content, on_disk, without_shape
 from rptcam_cl.scene.camera import NO_MOVEMENTS, NOT_FOUND_YET, CameraKind, LensCamera, pose_matrix

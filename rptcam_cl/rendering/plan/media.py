@@ -16,10 +16,12 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.core.records import DENSITY_BLOCK, MEDIUM, Hidden, fill
 from rptcam_cl.core.remember import Memory
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.plan.materials import Materials
 from rptcam_cl.rendering.plan.primitives import Primitives, Prototype
 from rptcam_cl.rendering.plan.textures import KnownSpectra
 from rptcam_cl.scene.base import describe, listed, near_name
+from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.materials import (
     Boundary,
     Dielectric,
@@ -31,7 +33,7 @@ from rptcam_cl.scene.materials import (
     has_holes,
 )
 from rptcam_cl.scene.scene import Scene, Solid, holds_eye, world_corners
-from rptcam_cl.scene.shapes import Plane
+from rptcam_cl.scene.shapes import Object, Plane
 from rptcam_cl.scene.textures import DensityGrid
 
 _MOST_MEDIA = 31  # whose numbers fit into MEDIUM_BITS of kernels/material/medium.h, 0 being empty space
@@ -49,8 +51,10 @@ class Media:
     ----------
     records : array of Medium
         By number; the first is empty space.
+    numbers : dict of str to int
+        By their content, that round all first.
     at_camera : int
-        Those around the camera, as the stack of ``kernels/material/medium.h``.
+        Those where the camera's rays begin, as the stack of ``kernels/material/medium.h``.
     active : bool
         Whether there are any.
     densities : array of float32
@@ -60,6 +64,7 @@ class Media:
     """
 
     records: NDArray[np.void]
+    numbers: dict[str, int] = field(default_factory=dict)
     at_camera: int = 1 << MEDIUM_BITS
     active: bool = False
     densities: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
@@ -115,38 +120,31 @@ def pack_media(
         return Media(MEDIUM.zeros(1)), shown
     _check(scene, primitives, materials.values())
     found, numbers = [EMPTY], {_key_of(EMPTY, scene): 0}
-
-    def number_of(medium: ScatteringMedium) -> int:
-        key = _key_of(medium, scene)
-        if key not in numbers:
-            numbers[key] = len(found)
+    for medium in (scene.medium, *map(_interior_of, materials.values())):
+        if medium is not None and numbers.setdefault(_key_of(medium, scene), len(found)) == len(found):
             found.append(medium)
-        return numbers[key]
-
-    around = number_of(scene.medium or EMPTY)
-    inside = {
-        key: _NOT_SOLID if (medium := _interior_of(material)) is None else number_of(medium)
-        for key, material in materials.items()
-    }
-    inside |= {key: _of_mix(each, inside) for key, each in materials.items() if isinstance(each, Mix)}
     if len(found) > _MOST_MEDIA + 1:
         raise InputError(f"the scene has {len(found) - 1} different media (allowed: {_MOST_MEDIA})")
     records = shown.records.copy()
     records["interior"] = _NOT_SOLID
-    for key, number in inside.items():
-        records["interior"][shown.index[key]] = number
+    for key, material in materials.items():
+        records["interior"][shown.index[key]] = _number_in(material, numbers, scene)
     shown = replace(shown, records=records, facts=shown.facts | {"HAS_ABSORPTION": 0})
     records, densities, steps = _records(found, spectra, scene)
-    at_camera = _at_camera(scene, around, inside)
-    _check_entry(records, at_camera)
-    return Media(records, at_camera, active=True, densities=densities, steps=steps), shown
+    media = Media(records, numbers, active=True, densities=densities, steps=steps)
+    _check_nesting(scene, media)
+    return media, shown
 
 
-def _check_entry(records: NDArray[np.void], at_camera: int) -> None:
-    depths = range(0, at_camera.bit_length() - 1, MEDIUM_BITS)  # below the bit that marks the bottom
-    if any(records["by_entry"][at_camera >> depth & _MOST_MEDIA] for depth in depths):
-        raise InputError("camera.eye: lies in a medium whose color is a texture, which light takes where it enters"
-                         " (allowed: outside of it, or a medium of one colour)")  # fmt: skip
+def _number_in(material: Material, numbers: dict[str, int], scene: Scene) -> int:
+    """Return the number of the medium inside of a solid of a material; -1 where it is no solid's."""
+    if not isinstance(material, Mix):
+        medium = _interior_of(material)
+        return _NOT_SOLID if medium is None else numbers[_key_of(medium, scene)]
+    inside = {_number_in(part, numbers, scene) for part in material.materials} - {_NOT_SOLID}
+    if len(inside) > 1:
+        raise InputError("materials of a mix: two solids with different media inside (allowed: the same one)")
+    return inside.pop() if inside else _NOT_SOLID
 
 
 def _key_of(medium: ScatteringMedium, scene: Scene) -> str:
@@ -383,39 +381,114 @@ def _check(scene: Scene, primitives: Primitives, materials: Collection[Material]
         )
 
 
-def _of_mix(mix: Mix, inside: dict[int, int]) -> int:
-    """Return the number of the medium inside of a solid of mixed materials."""
-    numbers = {inside[id(part)] for part in mix.materials} - {_NOT_SOLID}
-    if len(numbers) > 1:
-        raise InputError("materials of a mix: two solids with different media inside (allowed: the same one)")
-    return numbers.pop() if numbers else _NOT_SOLID
+# Which media surround a place.
 
 
-def _at_camera(scene: Scene, around: int, inside: dict[int, int]) -> int:
-    """Return the stack of the media around the camera, those of the solids that it stands in on top."""
-    shutter = scene.shutter
-    stacks = {_stack_at(scene, time_s, around, inside) for time_s in shutter.span_s}
-    if len(stacks) > 1:
+@dataclass(frozen=True, eq=False)
+class _SolidOfMedium:
+    """An object that the medium of a number fills, 0 being empty space."""
+
+    index: int
+    item: Object
+    solid: Solid
+    number: int
+
+    def holds(self, scene: Scene, point: NDArray[np.float64], time_s: float) -> bool:
+        """Return whether a point is inside at a moment, or behind a plane."""
+        blocks = self.item.place_blocks(scene.folders, time_s)
+        return any(holds_eye(self.solid, places, np.append(point, 1.0)) for places in blocks)
+
+    def size(self) -> tuple[float, int]:
+        """Return the size of its box [cubic scene units], and its number."""
+        if isinstance(self.item, Plane):
+            return np.inf, self.number
+        return float(np.ptp(world_corners(self.item, self.solid), axis=1).prod(axis=1).max()), self.number
+
+
+_ACROSS = (0.01, 0.5, 0.99)  # of the film, places whose rays show where the camera's rays begin
+
+
+def about_camera(media: Media, scene: Scene, *, focused: bool = True) -> Media:
+    """Return the media of a scene that know in which of them its camera's rays begin: the eye's until it is focused.
+
+    Raises
+    ------
+    InputError
+        They begin in different ones.
+    """
+    if not media.active:
+        return media
+    starts, solids = _starts(scene) if focused else np.zeros((1, 3)), _solids(scene, media)
+    moments = [_stack_at(scene, media, solids, starts, time_s) for time_s in scene.shutter.span_s]
+    if len(set(moments)) > 1:
         raise InputError("camera.motion: the camera moves from one medium into another (allowed: to stay in one)")
+    depths = range(0, moments[0].bit_length() - 1, MEDIUM_BITS)  # below the bit that marks the bottom
+    if any(media.records["by_entry"][moments[0] >> depth & _MOST_MEDIA] for depth in depths):
+        raise InputError("camera.eye: lies in a medium whose color is a texture, which light takes where it enters"
+                         " (allowed: outside of it, or a medium of one colour)")  # fmt: skip
+    return replace(media, at_camera=moments[0])
+
+
+def _starts(scene: Scene) -> NDArray[np.float64]:
+    """Return places where rays of the camera begin (n, 3), about the eye in its own frame [scene units]."""
+    across = np.array([(x, y) for x in _ACROSS for y in _ACROSS]) * scene.film.resolution
+    origins, directions = camera_of(scene).chief_rays().rays_of_few(across)
+    origins = origins - directions * (getattr(scene.camera, "near_m", 0.0) / directions[:, 2:])
+    found = np.isfinite(origins).all(axis=1)
+    return np.unique(origins[found], axis=0) / scene.metres_per_unit if found.any() else np.zeros((1, 3))
+
+
+def _solids(scene: Scene, media: Media) -> list[_SolidOfMedium]:
+    """Return the objects that media fill."""
+    materials = {id(material): material for material in scene.shown_materials()}
+    inside = {key: _number_in(material, media.numbers, scene) for key, material in materials.items()}
+    solids = []
+    for index, (item, solid) in enumerate(zip(scene.objects, scene.solids(), strict=True)):
+        number = max((inside[id(material)] for material in solid.shown_materials()), default=_NOT_SOLID)
+        if number != _NOT_SOLID:
+            solids.append(_SolidOfMedium(index, item, solid, number))
+    return solids
+
+
+def _stack_at(
+    scene: Scene, media: Media, solids: Sequence[_SolidOfMedium], starts: NDArray[np.float64], time_s: float
+) -> int:
+    """Return the stack of the media where rays begin at a moment, those of the solids around on top."""
+    pose = pose_matrix(scene.camera.pose_at(time_s))
+    around = (1 << MEDIUM_BITS) | media.numbers[_key_of(scene.medium or EMPTY, scene)]
+    stacks = set()
+    for point in starts @ pose[:3, :3].T + pose[:3, 3]:
+        held, stack = [each for each in solids if each.holds(scene, point, time_s)], around
+        if len(held) > _MOST_NESTED:
+            raise InputError(f"camera.eye: lies in {len(held)} solids at once (allowed: {_MOST_NESTED} beside media)")
+        for each in sorted(held, key=_SolidOfMedium.size, reverse=True):
+            stack = (stack << MEDIUM_BITS) | each.number
+        stacks.add(stack)
+    if len(stacks) > 1:
+        raise InputError(
+            "camera: its rays begin in different media, where they leave the lens or its plane (allowed: all in one)"
+        )
     return stacks.pop()
 
 
-def _stack_at(scene: Scene, time_s: float, around: int, inside: dict[int, int]) -> int:
-    eye = np.append(scene.camera.pose_at(time_s)[0], 1.0)
-    held = []
-    for item, solid in zip(scene.objects, scene.solids(), strict=True):
-        number = _inside_of_solid(solid, inside)
-        if number == _NOT_SOLID or isinstance(item, Plane):
-            continue
-        if any(holds_eye(solid, places, eye) for places in item.place_blocks(scene.folders, time_s)):
-            held.append((float(np.ptp(world_corners(item, solid), axis=1).prod(axis=1).max()), number))
-    if len(held) > _MOST_NESTED:
-        raise InputError(f"camera.eye: lies in {len(held)} solids at once (allowed: {_MOST_NESTED} beside media)")
-    stack = (1 << MEDIUM_BITS) | around
-    for _, number in sorted(held, reverse=True):
-        stack = (stack << MEDIUM_BITS) | number
-    return stack
-
-
-def _inside_of_solid(solid: Solid, inside: dict[int, int]) -> int:
-    return max((inside.get(id(material), _NOT_SOLID) for material in solid.shown_materials()), default=_NOT_SOLID)
+def _check_nesting(scene: Scene, media: Media) -> None:
+    """Refuse solids one in another that a path cannot tell, where the middle of the inner one shows it."""
+    solids = [
+        each for each in _solids(scene, media) if each.item.instances is None and not isinstance(each.item, Plane)
+    ]
+    corners = np.array([world_corners(each.item, each.solid)[0] for each in solids]).reshape(-1, 8, 3)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    for own, middle in zip(solids, (low + high) / 2, strict=True):
+        near = np.flatnonzero(((low < middle) & (middle < high)).all(axis=1))
+        around = [solids[at] for at in near if solids[at] is not own]
+        around = [each for each in around if each.holds(scene, middle, scene.shutter.open_s)]
+        if len(around) >= _MOST_NESTED:
+            raise InputError(
+                f"objects.{own.index}: lies in {len(around)} other solids beside media (allowed: {_MOST_NESTED - 1})"
+            )
+        numbers = {each.number for each in (own, *around)}
+        if media.records["by_entry"][[*numbers]].sum() > 1:
+            raise InputError(
+                f"objects.{own.index}: lies in another medium whose color is a texture, and light keeps one such colour"
+                " (allowed: a medium of one colour, inside or around)"
+            )

@@ -49,7 +49,7 @@ from rptcam_cl.rendering.plan.emitters import (
 )
 from rptcam_cl.rendering.plan.environment import Surroundings
 from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
-from rptcam_cl.rendering.plan.media import Media, hidden_from, pack_media
+from rptcam_cl.rendering.plan.media import Media, about_camera, hidden_from, pack_media
 from rptcam_cl.rendering.plan.primitives import (
     ObjectMovements,
     Owners,
@@ -738,7 +738,8 @@ def _steps(plan: Plan, scene: Scene, coarse: bool, parts: PlanParts) -> tuple[Pl
 
 def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool, parts: PlanParts) -> Plan:
     """Return the plan of a scene whose keys hold still."""
-    world = _world(scene, parts)
+    world = dict(_world(scene, parts))
+    world["media"] = about_camera(world["media"], scene, focused=camera is None)
     trajectory, segments = camera_trajectory(scene)
     camera = camera or parts.camera(scene, coarse=coarse)
     spectrum = seen_by(scene, camera, *world["colours"])
@@ -823,7 +824,9 @@ def with_lens(plan: Plan, scene: Scene, *, coarse: bool = False) -> Plan:
     if spectrum.facts.keys() != plan.spectrum.facts.keys():
         return make_plan(scene, coarse=coarse)
     trajectory, _ = camera_trajectory(scene)
-    return replace(plan, facts=plan.facts | spectrum.facts, camera=camera, spectrum=spectrum, trajectory=trajectory)
+    media = about_camera(plan.media, scene)
+    facts = plan.facts | spectrum.facts
+    return replace(plan, facts=facts, camera=camera, spectrum=spectrum, trajectory=trajectory, media=media)
 
 
 _FIRST_RAY = {"object_id", "material_id", "uv", "pupil"}  # layers of a pixel's first ray, which must aim at nothing

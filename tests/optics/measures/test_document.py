@@ -38,8 +38,9 @@ def test_every_command_parses(text: str) -> None:
 
 
 def test_lens_loads_and_program_runs(text: str) -> None:
-    lens, mirrors = (load_lens(yaml.safe_load(block)) for block in blocks(text, "yaml"))
+    lens, spectrograph, mirrors = (load_lens(yaml.safe_load(block)) for block in blocks(text, "yaml"))
     assert lens.first_order() == load_lens("dgauss-50mm").first_order()
+    assert spectrograph.first_order().focal_length_mm == pytest.approx(50)
     assert mirrors.first_order().focal_length_mm == pytest.approx(800, abs=1e-9)
     assert mirrors.first_order().back_focal_distance_mm == pytest.approx(240, abs=1e-9)
     assert not mirrors.warnings

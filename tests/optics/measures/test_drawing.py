@@ -11,9 +11,9 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import open_session
 from rptcam_cl.optics.charts import Path
 from rptcam_cl.optics.drawing import View, draw_lens, glass, profile, ray_paths, reference, svg
-from rptcam_cl.optics.image_quality import default_fields, section_rays, setting, widest_field
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import Status
+from rptcam_cl.optics.spots import default_fields, section_rays, setting, widest_field
 from rptcam_cl.rendering.traceable_lens import device_tracer
 from tests.support.lenses import each_lens
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
+from rptcam_cl.optics.film_probe import FilmProbe
 from rptcam_cl.optics.glass import ConstantIndex
 from rptcam_cl.optics.lens import Lens, film_distance
-from rptcam_cl.optics.pupils import FilmProbe
 from rptcam_cl.optics.ray_trace import Rays
 from rptcam_cl.rendering.traceable_lens import Precision, trace_on_device
 

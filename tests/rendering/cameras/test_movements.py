@@ -5,8 +5,8 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.film_probe import UNMOVED, FilmProbe, grid
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.pupils import UNMOVED, FilmProbe, grid
 from rptcam_cl.optics.ray_trace import Status
 from rptcam_cl.rendering.cameras.kinds import camera_model, camera_of
 from rptcam_cl.rendering.cameras.setting import film_frame, half_film_mm, lens_setting

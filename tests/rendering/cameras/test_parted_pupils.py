@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core import LINE_D_NM
+from rptcam_cl.optics.film_probe import FilmProbe, spread_points
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.pupils import FilmProbe, spread_points
 from rptcam_cl.rendering.cameras.pupil import left_out, pupil_sampling
 from tests.device.probes import camera_rays
 from tests.rendering.cameras.beams import back_distance

@@ -7,9 +7,9 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
+from rptcam_cl.optics.film_probe import grid, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.pupils import grid, narrowing_probes, pupil_boxes
 from rptcam_cl.rendering.cameras.lens_records import usable_nm
 from rptcam_cl.rendering.cameras.ray_map import LARGEST_ERROR_PX, LARGEST_ORDER, exponents, ray_map, terms
 

@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.remember import forget
-from rptcam_cl.optics.pupils import FilmProbe, spread_points
+from rptcam_cl.optics.film_probe import FilmProbe, spread_points
 from rptcam_cl.rendering.cameras import realistic
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.pupil import PupilSampling, left_out

@@ -10,7 +10,7 @@ from unittest import mock
 import numpy as np
 from scipy.spatial import cKDTree
 
-from rptcam_cl.optics.pupils import FilmProbe
+from rptcam_cl.optics.film_probe import FilmProbe
 from rptcam_cl.rendering.cameras import film_pupil
 from rptcam_cl.rendering.cameras.ideal import stop_shape
 from rptcam_cl.rendering.cameras.kinds import camera_of

@@ -1,0 +1,429 @@
+"""A lens as it stands on a camera: stopped down, zoomed and focused; its fields, and where their rays meet the film."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core import LINE_D_NM
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import charts
+from rptcam_cl.optics.beams import Beam, passing_beam
+from rptcam_cl.optics.best_focus import best_film_distance
+from rptcam_cl.optics.lens import brought_to_focus
+from rptcam_cl.optics.ray_trace import at_plane
+from rptcam_cl.optics.waves import PupilFunction
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from rptcam_cl.optics.lens import Lens
+
+# A lens as it stands on a camera: stopped down, zoomed, focused, with its film.
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A lens in use.
+
+    Attributes
+    ----------
+    lens : Lens
+        At its working aperture and focal length.
+    film_distance_mm : float or None
+        Last vertex to film; None when the lens forms no real image.
+    object_distance_mm : float
+        Object plane to first vertex; infinite for a distant object.
+    wavelength_nm : float
+        For which it is focused.
+    """
+
+    lens: Lens
+    film_distance_mm: float | None
+    object_distance_mm: float = math.inf
+    wavelength_nm: float = LINE_D_NM
+
+    @property
+    def film(self) -> float:
+        """Last vertex to film [mm]; an error without a real image."""
+        if self.film_distance_mm is None:
+            raise InputError(f"{self.lens.name}: forms no real image of a distant object, so there is no film")
+        return self.film_distance_mm
+
+    @property
+    def film_z(self) -> float:
+        """Film plane in the frame of the lens [mm]."""
+        return self.lens.film_z(self.film)
+
+
+def setting(
+    lens: Lens,
+    f_number: float | None = None,
+    focus_distance_m: float | None = None,
+    wavelength_nm: float = LINE_D_NM,
+) -> Setting:
+    """Return a lens in use.
+
+    Parameters
+    ----------
+    lens : Lens
+        Zoomed already.
+    f_number : float, optional
+        To stop down to; as wide as the file has it when absent.
+    focus_distance_m : float, optional
+        Object plane to film [m]; infinity when absent.
+    wavelength_nm : float
+    """
+    if f_number is not None:
+        lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
+    if focus_distance_m is not None:
+        lens, film = brought_to_focus(lens, 1000 * focus_distance_m, wavelength_nm)
+        return Setting(lens, film, 1000 * focus_distance_m - lens.sense * film - lens.length, wavelength_nm)
+    first = lens.first_order(wavelength_nm)
+    real = 0 < first.focal_length_mm < math.inf and first.back_focal_distance_mm > 0
+    return Setting(lens, first.back_focal_distance_mm if real else None, math.inf, wavelength_nm)
+
+
+def result_of(
+    setting: Setting,
+    what: str,
+    rows: list[dict[str, Any]],
+    chart: Callable[[], Figure] | None,
+    caption: str | None = None,
+    **about: Any,
+) -> charts.Measured:
+    """Return a result about a lens in use, with where film and object stand."""
+    name, film = setting.lens.name, setting.film_distance_mm
+    about |= {"film_distance_mm": film, "object_distance_mm": setting.object_distance_mm}
+    caption = f"{name}, film at {film:.6g} mm" if caption is None else caption
+    return charts.Measured(f"{name}: {what}", rows, chart, about, caption)
+
+
+# Fields of view worth looking at, and fans of rays across a beam.
+
+Array = NDArray[np.float64]
+
+SHARES = (0.0, 0.7, 1.0)
+LEFT_OPEN = 0.5  # share of the axial fan that the widest field keeps
+LARGEST_SPOT = 0.02  # rms of its fan on the film, in focal lengths, unless that on the axis is larger
+STEEPEST = 85.0  # degrees
+FAN = 401
+
+
+def widest_field(setting: Setting, section: str = "y") -> float:
+    """Return the largest field [degrees] at which the lens still draws a picture.
+
+    Half of the meridional fan of the axis passes, and what passes stays together on the film.
+    """
+    low, high = 0.0, STEEPEST
+    axis, blur = _measure_fan(setting, 0.0, section)
+    if axis == 0:
+        raise InputError(f"{setting.lens.name}: the ray on the axis does not come through")
+    focal_length = abs(setting.lens.first_order(setting.wavelength_nm, section).focal_length_mm)
+    largest = max(LARGEST_SPOT * focal_length, 2 * blur)
+    for _ in range(12):
+        middle = (low + high) / 2
+        width, spread = _measure_fan(setting, middle, section)
+        low, high = (middle, high) if width >= LEFT_OPEN * axis and spread <= largest else (low, middle)
+    return low
+
+
+def default_fields(setting: Setting, shares: Sequence[float] = SHARES, section: str = "y") -> list[float]:
+    """Return the axis and parts of the widest field [degrees], rounded to be read."""
+    widest = widest_field(setting, section)
+    digits = 1 - math.floor(math.log10(widest)) if widest > 0 else 0
+    return [round(share * widest, max(digits, 0)) for share in shares]
+
+
+def fan_points(setting: Setting, field_degrees: float, section: str, count: int = FAN) -> Array:
+    """Return points (count, 2) of the plane of the first vertex, in a line along the section, over the first surface.
+
+    Their rays are all those of the beam that meet the first surface inside its rim, and a few more.
+    """
+    first = setting.lens.surfaces[0]
+    if not np.isfinite(first.semi_diameter):
+        raise InputError(f"{setting.lens.name}: the first surface needs a diameter")
+    heights = np.linspace(-first.semi_diameter, first.semi_diameter, 65)
+    zero = np.zeros_like(heights)
+    sag = first.sag(zero, heights) if section == "y" else first.sag(heights, zero)
+    source = -math.tan(math.radians(field_degrees)) * setting.object_distance_mm
+    slope = (
+        math.tan(math.radians(field_degrees))
+        if math.isinf(setting.object_distance_mm)
+        else (heights - source) / setting.object_distance_mm
+    )
+    at_vertex = heights - np.nan_to_num(sag) * slope
+    line = np.linspace(at_vertex.min(), at_vertex.max(), count)
+    return _along(line, section)
+
+
+def section_rays(setting: Setting, field_degrees: float, points: Array, section: str) -> tuple[Array, Array]:
+    """Return origins and directions (n, 3) of the rays of a beam through points of the plane of the first vertex.
+
+    The beam is tilted in the section: light of a positive field travels towards +y, or +x.
+    """
+    beam = Beam(field_degrees, setting.object_distance_mm)
+    origins, directions = beam.rays(points if section == "y" else points[:, ::-1])
+    if section == "x":
+        return origins[:, [1, 0, 2]], directions[:, [1, 0, 2]]
+    return origins, directions
+
+
+def _along(line: Array, section: str) -> Array:
+    zero = np.zeros_like(line)
+    return np.stack([zero, line] if section == "y" else [line, zero], axis=1)
+
+
+def _measure_fan(setting: Setting, field_degrees: float, section: str) -> tuple[float, float]:
+    """Return the width across the beam of its meridional fan that passes, and the rms of that fan on the film [mm].
+
+    The rms is 0 without a film, or when less than two rays pass.
+    """
+    points = fan_points(setting, field_degrees, section)
+    origins, directions = section_rays(setting, field_degrees, points, section)
+    rays = setting.lens.trace(origins, directions, setting.wavelength_nm, "scene")
+    good = rays.passed
+    width = float(good.sum()) * float(np.abs(points[1] - points[0]).sum()) * math.cos(math.radians(field_degrees))
+    if setting.film_distance_mm is None or good.sum() < 2:
+        return width, 0.0
+    return width, float(
+        np.std(at_plane(rays.origins[good], rays.directions[good], setting.film_z)[:, :2], axis=0).max()
+    )
+
+
+# Spots: where the rays of beams from fields and wavelengths meet the film.
+
+ACROSS, MOST_ACROSS = 64, 1024  # rays that span a beam each way: at first, and at most
+STAYS = 0.005  # share of a figure by which twice as many rays across may change it
+SMALL_PART = 0.05  # of a spot's rms, below which that across or down counts by as much
+NOTHING = 1e-9  # [mm], of no account
+FACTS = ("centroid_x_mm", "centroid_y_mm", "rms_um", "rms_x_um", "rms_y_um", "largest_um")
+PANELS = 3  # side by side
+PANEL, TITLE, TITLE_AND_KEY = 2.9, 0.6, 0.9  # heights: of a row of panels, and of what stands beside them [inches]
+MOST_DOTS = 700  # of each colour in a panel
+FILL = 0.45  # half width of the largest spot, in widths of a panel
+
+
+@dataclass(frozen=True)
+class FilmSpot:
+    """The rays of one field and wavelength on the film.
+
+    Attributes
+    ----------
+    field_degrees, wavelength_nm : float
+    points : (n, 2) array
+        Where they meet the film, x and y [mm]; none when nothing of the beam passes.
+    cone : (x, y)
+        Half widths of the cone of light on the film, in x and y: numerical apertures.
+    fewer : (m, 2) array or None
+        The points by half as many rays across.
+    """
+
+    field_degrees: float
+    wavelength_nm: float
+    points: Array
+    cone: tuple[float, float] = (0.0, 0.0)
+    fewer: Array | None = None
+
+
+OfField = TypeVar("OfField", "FilmSpot", "PupilFunction")
+Moves = Callable[[Sequence[FilmSpot], Sequence[FilmSpot]], float]
+
+
+def film_spots(
+    setting: Setting,
+    fields: Sequence[float] | None,
+    wavelengths_nm: Sequence[float],
+    across: int | None = None,
+    moves: Moves | None = None,
+) -> list[FilmSpot]:
+    """Return the spots of each field and wavelength, traced in float64.
+
+    Parameters
+    ----------
+    setting : Setting
+    fields : sequence of float, optional
+        Angles from the axis [degrees]; the axis and two more when absent.
+    wavelengths_nm : sequence of float
+    across : int, optional
+        Rays that span the beam each way; in each field twice as many, and again, till figures stay, when absent.
+    moves : function, optional
+        Of the spots of a field by few rays and by more: how far its figures move, in units of what they may. Those of
+        `spots_move` when absent.
+
+    Raises
+    ------
+    InputError
+        When nothing of any beam passes; of one among others the spot is empty.
+    """
+    refused: InputError | None = None
+
+    def traced(degrees: float, across: int) -> list[FilmSpot]:
+        nonlocal refused
+        spots = []
+        for wavelength in wavelengths_nm:
+            try:
+                _, rays, _ = passing_beam(setting.lens, Beam(degrees, setting.object_distance_mm), wavelength, across)
+            except InputError as problem:
+                spots.append(FilmSpot(degrees, wavelength, np.zeros((0, 2))))
+                refused = problem
+                continue
+            points = at_plane(rays.origins, rays.directions, setting.film_z)[:, :2]
+            spots.append(FilmSpot(degrees, wavelength, points, _cone(setting, wavelength, rays.directions)))
+        return spots
+
+    of_fields: list[FilmSpot] = []
+    for degrees in default_fields(setting) if fields is None else fields:
+        count = across or ACROSS
+        few, many = traced(degrees, max(count // 2, 1)), traced(degrees, count)
+        while across is None and count < MOST_ACROSS and (moves or spots_move)(few, many) > 1:
+            count *= 2
+            few, many = many, traced(degrees, count)
+        of_fields += [replace(more, fewer=less.points) for less, more in zip(few, many, strict=True)]
+    if refused is not None and not any(len(spot.points) for spot in of_fields):
+        raise refused
+    return of_fields
+
+
+def pool(group: Sequence[FilmSpot]) -> Array:
+    """Return the points (n, 2) of several spots together."""
+    return np.concatenate([spot.points for spot in group])
+
+
+def spots_move(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
+    """Return how far the rms of spots moves with more rays, in units of what it may: of the whole, across and down."""
+    return max((_rms_moves(less.points, more.points) for less, more in zip(few, many, strict=True)), default=0.0)
+
+
+def _rms_moves(few: Array, many: Array) -> float:
+    if not len(many) or not len(few):
+        return 0.0 if len(many) == len(few) else math.inf
+    one, other = np.std(few, axis=0), np.std(many, axis=0)
+    return float(np.max(np.abs(one - other) / (STAYS * np.maximum(other, SMALL_PART * np.hypot(*other)) + NOTHING)))
+
+
+def fewer(group: Sequence[FilmSpot]) -> list[FilmSpot]:
+    """Return the spots of a field by half as many rays across, which show how exact they are."""
+    return [replace(spot, points=spot.fewer) for spot in group if spot.fewer is not None]
+
+
+def _cone(setting: Setting, wavelength_nm: float, directions: Array) -> tuple[float, float]:
+    """Return the numerical apertures in x and y of the ellipse with the second moments of a bundle's directions.
+
+    Twice the standard deviation is the half axis of an ellipse that is evenly filled.
+    """
+    x, y = 2.0 * float(setting.lens.indices(wavelength_nm)[-1]) * np.std(directions[:, :2], axis=0)
+    return float(x), float(y)
+
+
+def at_best_focus(setting: Setting, wavelengths_nm: Sequence[float], field_degrees: float = 0.0) -> Setting:
+    """Return the setting with its film where the spot of a field is least: on the axis of all wavelengths together."""
+    _ = setting.film
+    distance = best_film_distance(setting.lens, setting.object_distance_mm, "front", wavelengths_nm, field_degrees)
+    return replace(setting, film_distance_mm=distance)
+
+
+def by_field(of_fields: Sequence[OfField]) -> dict[float, list[OfField]]:
+    """Return the spots or wavefronts of each field, in order."""
+    groups: dict[float, list[OfField]] = {}
+    for one in of_fields:
+        groups.setdefault(one.field_degrees, []).append(one)
+    return groups
+
+
+def spot_facts(points: Array) -> dict[str, Any]:
+    """Return centroid [mm], and rms and largest distance from it [micrometres], of points (n, 2); None without any."""
+    if not len(points):
+        return {"rays": 0} | dict.fromkeys(FACTS)
+    centroid = points.mean(axis=0)
+    off = (points - centroid) * 1e3
+    rms_x, rms_y = np.sqrt(np.mean(off * off, axis=0))
+    return {
+        "rays": len(points),
+        "centroid_x_mm": float(centroid[0]),
+        "centroid_y_mm": float(centroid[1]),
+        "rms_um": float(np.hypot(rms_x, rms_y)),
+        "rms_x_um": float(rms_x),
+        "rms_y_um": float(rms_y),
+        "largest_um": float(np.hypot(off[:, 0], off[:, 1]).max()),
+    }
+
+
+def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
+    """Return a row for each spot, and for each field of several wavelengths one of all together (wavelength None).
+
+    ``rms_error_um`` and ``largest_error_um`` are what half as many rays across change.
+    """
+    rows: list[dict[str, Any]] = []
+    for degrees, group in by_field(spots).items():
+        for spot in group:
+            rows.append(_row(degrees, spot.wavelength_nm, [spot]))
+        if len(group) > 1:
+            rows.append(_row(degrees, None, group))
+    return rows
+
+
+def _row(degrees: float, wavelength_nm: float | None, group: Sequence[FilmSpot]) -> dict[str, Any]:
+    facts, errors = spot_facts(pool(group)), {}
+    less = fewer(group)
+    before = spot_facts(pool(less)) if less else facts
+    for name in ("rms", "largest"):
+        value, other = facts[f"{name}_um"], before[f"{name}_um"]
+        errors[f"{name}_error_um"] = None if value is None or other is None or not less else abs(value - other)
+    return {"field_degrees": degrees, "wavelength_nm": wavelength_nm, **facts, **errors}
+
+
+def panels_of(title: str, count: int, rest: float, **shared: Any) -> tuple[Figure, NDArray[Any]]:
+    """Return a figure of so many charts in rows, with room for the rest [inches], and the charts (rows, columns)."""
+    rows = math.ceil(count / PANELS)
+    figure = charts.new_figure(title, (charts.SIZE[0], rows * PANEL + rest))
+    panels = figure.subplots(rows, min(count, PANELS), squeeze=False, **shared)
+    for axes in panels.flat[count:]:
+        axes.set_visible(False)
+    return figure, panels
+
+
+@charts.styled()
+def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
+    """Return the spot diagrams of all fields side by side, to the same scale, about their centroids."""
+    from matplotlib.lines import Line2D
+
+    spots = [spot for spot in spots if len(spot.points)]
+    groups = by_field(spots)
+    figure, panels = panels_of(
+        f"{setting.lens.name}: spots on the film", len(groups), TITLE_AND_KEY, sharex=True, sharey=True
+    )
+    centres = {field: pool(group).mean(axis=0) for field, group in groups.items()}
+    reach = max(float(np.abs(spot.points - centres[spot.field_degrees]).max()) for spot in spots) * 1e3
+    half = max(reach * 0.5 / FILL, 1e-6)
+    for axes, (degrees, group) in zip(panels.flat, groups.items(), strict=False):
+        rms = spot_facts(pool(group))["rms_um"]
+        axes.set_title(f"{degrees:g}°, y = {round(centres[degrees][1], 4) + 0.0:g} mm\nrms {rms:.3g} µm")
+        axes.set(xlabel="x [µm]", xlim=(-half, half), ylim=(-half, half), aspect="equal")
+        for spot in group:
+            shown = np.random.default_rng(0).permutation(len(spot.points))[:MOST_DOTS]
+            off = (spot.points[shown] - centres[degrees]) * 1e3
+            colour = charts.wavelength_colour(spot.wavelength_nm)
+            axes.plot(*off.T, "o", color=colour, markersize=1.3, markeredgewidth=0, rasterized=True)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("y [µm]")
+    waves = dict.fromkeys(spot.wavelength_nm for spot in spots)
+    colours = {wave: charts.wavelength_colour(wave) for wave in waves}
+    dots = [Line2D([], [], color=colours[wave], linestyle="", marker="o", label=f"{wave:g} nm") for wave in waves]
+    charts.add_key(figure, dots)
+    return figure
+
+
+def spot(
+    setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], rays: int | None
+) -> charts.Measured:
+    """Return the sizes of spots, and where rays land by field and wavelength."""
+    spots = film_spots(setting, fields, wavelengths_nm, rays)
+    points = {(one.field_degrees, one.wavelength_nm): one.points for one in spots}
+    return result_of(setting, "spots", spot_table(spots), lambda: spot_chart(setting, spots), points=points)
