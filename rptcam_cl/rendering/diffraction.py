@@ -294,7 +294,7 @@ class FilmSpread:
         return np.concatenate(rows)
 
     def _from_beside(self, beside: Array, layout: FilmLayout) -> Array:
-        """Return what light beside a picture spreads onto it (3, height, width)."""
+        """Return the light (3, height, width) that reaches a picture from beside it."""
         reach, (nodes, kernels) = self.reach, self.kernels
         total: Array = np.zeros((3, layout.height, layout.width))
         columns, rows = (

@@ -184,7 +184,7 @@ def lamp_images(
     -------
     images : list of LampImage
     beside : (n, 8) array
-        Light of lamps in pixels beside the picture: their middles [pixels]; red, green and blue; number of the lamp;
+        Light of lamps in pixels beside the picture: its middle [pixels]; red, green and blue; number of the lamp;
         radius of its farthest ray [pixels]; number of its picture by waves, -1 without.
     """
     scene, beside = at_opening(scene), [np.zeros((0, 8))]
@@ -228,7 +228,7 @@ def lamp_images(
         if image is not None and (is_on or image.meets(layout)):
             images.append(image)
         if light.any():
-            rays = _rays(film, opening)
+            rays = _rays(film, opening) if image is None else np.zeros((1, 2))  # its far light comes from its middle
             among = _among(lamp, own, places, turn, _POINTS_BESIDE, _MOST_BESIDE * 8 // len(rays))
             of_image = len(images) - 1 if images and images[-1] is image else -1
             out = _beside(layout, among, rays, light)
@@ -344,10 +344,12 @@ def _rays(film: _LampFilm, opening: PointOpening | None) -> Array:
 
 
 def _beside(layout: FilmLayout, places: Array, rays: Array, light: Array) -> Array:
-    """Return pixels beside the picture (n, 5) with their light, of places of a lamp and rays about each [pixels]."""
+    """Return middle and light of what lies in each pixel beside the picture (n, 5), of places of a lamp with rays."""
     every = (places[:, None] + rays).reshape(-1, 2)
-    pixels, counts = np.unique(np.floor(every[~layout.holds(every)]), axis=0, return_counts=True)
-    return np.column_stack([pixels + 0.5, counts[:, None] / len(every) * light])
+    out = every[~layout.holds(every)]
+    _, own, counts = np.unique(np.floor(out), axis=0, return_inverse=True, return_counts=True)
+    middles = [np.bincount(own.ravel(), axis, len(counts)) / np.maximum(counts, 1) for axis in out.T]
+    return np.column_stack([*middles, counts[:, None] / len(every) * light])
 
 
 #
