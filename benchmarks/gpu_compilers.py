@@ -93,7 +93,7 @@ class Limit:
 LIMITS = {
     "aim_rays": Limit(32, 0, 32),
     "denoise": Limit(64, 0, 16),
-    "fill_blocks": Limit(24, 0, 32),
+    "fill_blocks": Limit(32, 0, 32),  # whole vertices at once
     "film": Limit(40, 0, 16),
     "gather": Limit(24, 0, 32),
     "generate": Limit(56, 0, 16),
@@ -119,15 +119,24 @@ LIMITS = {
     "C: intersect": Limit(64, 0, 16),
     "C: shadow": Limit(64, 0, 16),
     "media: shadow": Limit(72, 0, 8),  # with the light that media let through
-    "smoke: travel": Limit(176, 0, 8),  # which walks through grids at five places
-    "smoke: shadow": Limit(104, 0, 8),
+    "lighthouse: shadow": Limit(80, 0, 8),
+    "lighthouse: travel": Limit(152, 0, 8),
+    "media: travel": Limit(136, 0, 8),  # overlapping solids are left one by one
+    "smoke: shadow": Limit(124, 0, 8),
+    "smoke: travel": Limit(242, 0, 8),  # which walks through grids at five places
+    "tea: shadow": Limit(116, 0, 8),
+    "tea: travel": Limit(234, 0, 8),
+    "underwater: shadow": Limit(128, 0, 8),  # curves and meshes under water
+    "underwater: travel": Limit(192, 0, 8),
     "conjugates: generate": Limit(56, 0, 8),
     "hair: intersect": Limit(96, 0, 8),  # of a curve alone: eighteen numbers, and where on it
     "hair: shadow": Limit(96, 0, 8),
+    "leaf: intersect": Limit(96, 0, 8),
+    "leaf: shadow": Limit(96, 0, 8),
     "everything: intersect": Limit(104, 0, 8),  # with holes by every texture
     "everything: shadow": Limit(112, 0, 8),
-    "everything: photons": Limit(200, 1392, 8),
-    "everything: shade": Limit(255, 856, 8),
+    "everything: photons": Limit(208, 1032, 8),
+    "everything: shade": Limit(255, 24, 8),
 }
 
 

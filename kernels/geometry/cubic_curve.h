@@ -126,11 +126,9 @@ static F hit_curve(const __global Primitive *p, Ray ray, I from_curve, F *u)
 
 #define STARTS_ON_CURVE(origin, kind_end) (((origin) >= (kind_end)[KIND_CURVE - 1]) & ((origin) < (kind_end)[KIND_CURVE]))
 
-// Where a ray hits a curve: u runs along the whole strand, v across it.
-static SurfacePoint point_on_curve(const __global Primitive *p, Ray ray, I from_curve)
+// Where a ray hits a curve at t and u along it: then u runs along the whole strand, v across it.
+static SurfacePoint point_on_curve(const __global Primitive *p, Ray ray, F t, F u)
 {
-    F u;
-    F t = hit_curve(p, ray, from_curve, &u);
     Strand s = strand_of(p, ray);
     F3 slope = strand_slope(s, u);
     F w = 1.0f - u;

@@ -19,7 +19,7 @@ typedef struct {
     F t;            // distance
     I primitive;    // or NO_PRIMITIVE
     I triangle;         // the triangle of a mesh, else NO_TRIANGLE
-    F b1, b2;       // weights of the triangle's second and third corner
+    F b1, b2;       // weights of the triangle's second and third corner; b1 is where along a curve
 } Hit;
 
 #endif

@@ -78,6 +78,16 @@ static F past_holes(I lanes, Ray ray, F t, int i, Scene scene)
 #define PAST_HOLES(lanes) t
 #endif
 
+#if HAS_CURVE
+#define PLACE_ON_CURVE  F on_curve = ZERO, on_nearest = ZERO;   // where along the curve that was looked at last, and the nearest
+#define KEEP_PLACE      on_nearest = closer ? on_curve : on_nearest;
+#define PLACE           on_nearest
+#else
+#define PLACE_ON_CURVE
+#define KEEP_PLACE
+#define PLACE           ZERO
+#endif
+
 // What the ray meets first.
 static Hit nearest_hit(Ray ray, Scene scene)
 {
@@ -85,6 +95,7 @@ static Hit nearest_hit(Ray ray, Scene scene)
     const __global int *kind_end = scene.kind_end;
     F best = (F)(NEVER);
     I index = (I)(NO_PRIMITIVE);
+    PLACE_ON_CURVE
 #if HAS_HIDDEN
     I kind = KIND_OF_RAY(I, ray.origin);
 #endif
@@ -100,19 +111,21 @@ static Hit nearest_hit(Ray ray, Scene scene)
         IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t <= best));
         I closer = met & (t > 0.0f) & ((t < best) | ((t == best) & (index > i)));
         best = closer ? t : best;
-        index = closer ? (I)(i) : index;)
+        index = closer ? (I)(i) : index;
+        KEEP_PLACE)
 #else
     EACH_PRIMITIVE(ray, ALL_FLATS,
         IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < best));
         I closer = met & (t > 0.0f) & (t < best);
         best = closer ? t : best;
-        index = closer ? (I)(i) : index;)
+        index = closer ? (I)(i) : index;
+        KEEP_PLACE)
 #endif
     Hit hit;
     hit.t = best;
     hit.primitive = index;
     hit.triangle = (I)(NO_TRIANGLE);
-    hit.b1 = ZERO;
+    hit.b1 = PLACE;
     hit.b2 = ZERO;
 #if HAS_MESH
     nearest_in_meshes(ray, ray.origin != PATH_ENDED, scene, &hit);
@@ -127,6 +140,7 @@ static I any_hit(Ray ray, F reach, I target, I target_triangle, Scene scene)
     const __global Primitive *primitives = scene.primitives;
     const __global int *kind_end = scene.kind_end;
     I blocked = FALSE;
+    PLACE_ON_CURVE
 #if HAS_HIDDEN
     I kind = (I)(KIND_OF_SHADOW);
 #endif

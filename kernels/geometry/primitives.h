@@ -254,7 +254,7 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 #define BOX_T        t = hit_box(p, here, origin, &met);
 #define CYLINDER_T   t = hit_cylinder(p, here, origin);
 #define CONE_T       t = hit_cone(p, here, origin);
-#define CURVE_T      F u; t = hit_curve(p, here, STARTS_ON_CURVE(here.origin, kind_end), &u);
+#define CURVE_T      t = hit_curve(p, here, STARTS_ON_CURVE(here.origin, kind_end), &on_curve);
 
 // Calls VISIT(index, t, met) for every primitive.
 #define FOR_EACH_OF_KIND(KIND, ray, VISIT, HIT)                                    \

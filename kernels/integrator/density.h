@@ -13,7 +13,6 @@
 #define DULL        0.05f   // share of light below which what is left is gambled for
 #define STAKE       0.25f   // by this chance
 
-// Random numbers without end, of which each follows from the last.
 // The part of a scene that holds grids.
 typedef struct {
     const __global Medium *media;
@@ -22,6 +21,7 @@ typedef struct {
 
 static inline Grids grids_of(Scene scene) { return (Grids){scene.media, scene.densities}; }
 
+// Random numbers without end, of which each follows from the last.
 typedef U4 Chance;
 
 static inline Chance chance_of(U pixel, U sample, U dimension, uint2 seed) { return hash4(pixel, sample, dimension, seed); }

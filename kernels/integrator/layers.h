@@ -128,7 +128,7 @@ static Uv texture_coordinates(Ray ray, Hit hit, I on, F3 p, Scene scene)
 #endif
 #if HAS_CURVE
         SurfacePoint point = index >= scene.kind_end[KIND_CURVE - 1]
-            ? point_on_curve(scene.primitives + index, RAY_AT_REST(ray, index), FALSE) : surface_point(index, there, 1, scene);
+            ? point_on_curve(scene.primitives + index, RAY_AT_REST(ray, index), hit.t, hit.b1) : surface_point(index, there, 1, scene);
 #else
         SurfacePoint point = surface_point(index, there, 1, scene);
 #endif

@@ -65,9 +65,11 @@ static void write_hit(__global float *state, uint capacity, uint slot, Hit hit)
 {
     WRITE_I(HIT, slot, hit.primitive);
     WRITE_F(T, slot, hit.t);
-#if HAS_MESH
-    WRITE_I(HIT_TRIANGLE, slot, hit.triangle);
+    WRITE_TRIANGLE(HIT_TRIANGLE, slot, hit.triangle);
+#if HAS_MESH || HAS_CURVE
     WRITE_F(B1, slot, hit.b1);
+#endif
+#if HAS_MESH
     WRITE_F(B2, slot, hit.b2);
 #endif
 }

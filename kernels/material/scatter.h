@@ -13,11 +13,12 @@
 #include "material/thin_glass.h"
 #include "material/translucent.h"
 
-// One row for each BSDF: SPREAD(name) where its directions have a density, SPECULAR(name) where they do not.
-#define BSDFS(SPREAD, SPECULAR) \
+// One row for each BSDF: SPREAD(name) where its directions have a density, SPECULAR(name) where they do not, BOTH(name) where
+// some have.
+#define BSDFS(SPREAD, BOTH, SPECULAR) \
     WHEN(HAS_MATTE,      SPREAD(matte)) \
     WHEN(HAS_TRANSLUCENT, SPREAD(translucent)) \
-    WHEN(HAS_PLASTIC,    SPREAD(plastic)) \
+    WHEN(HAS_PLASTIC,    BOTH(plastic)) \
     WHEN(HAS_GLOSSY,     SPREAD(glossy)) \
     WHEN(HAS_HAIR,       SPREAD(hair)) \
     WHEN(HAS_MIRROR,     SPECULAR(mirror)) \
@@ -55,7 +56,7 @@ static inline F3 scatter_eval(Vertex vertex, F3 d, F3 wo, F *pdf)
     Side side = side_of(vertex, d);
     F3 value = f3(ZERO, ZERO, ZERO);
     *pdf = ZERO;
-    BSDFS(EVAL, NOTHING_TO_EVAL)
+    BSDFS(EVAL, EVAL, NOTHING_TO_EVAL)
 #if HAS_SHADING_NORMAL
     I agrees = consistent(vertex, side, wo) PHASES_AGREE FIBRES_AGREE;
     value = keep3(agrees, value);
@@ -75,6 +76,12 @@ static inline F3 scatter_eval(Vertex vertex, F3 d, F3 wo, F *pdf)
         } \
     }
 
+#ifdef SPECULAR_ALONE    // photons go on by mirrors and smooth glass alone, so that all else need not be compiled
+#define SAMPLE_SPREAD(name) out.weight = keep3(NOT(name##_is(vertex.kind)), out.weight);
+#else
+#define SAMPLE_SPREAD SAMPLE
+#endif
+
 // A direction on, by three random numbers: two for the direction, one for the lobe.
 static Scattered scatter_sample(Vertex vertex, F3 d, F u, F v, F lobe)
 {
@@ -86,7 +93,7 @@ static Scattered scatter_sample(Vertex vertex, F3 d, F u, F v, F lobe)
     out.direction = side.n;
     out.weight = vertex.color;
     out.pdf = ZERO;
-    BSDFS(SAMPLE, SAMPLE)
+    BSDFS(SAMPLE_SPREAD, SAMPLE, SAMPLE)
 #if HAS_SHADING_NORMAL
     I agrees = consistent(vertex, side, out.direction) PHASES_AGREE FIBRES_AGREE;
     out.weight = keep3(agrees, out.weight);

@@ -226,11 +226,11 @@ static I second_of_mix(Vertex *vertex, I mine, const __global Material *mix, Sur
 #endif
 
 // Of a primitive that is no mesh.
-static inline SurfacePoint other_point(int index, Ray ray, F3 p, int textured, Scene scene)
+static inline SurfacePoint other_point(int index, Ray ray, Hit hit, F3 p, int textured, Scene scene)
 {
 #if HAS_CURVE
     if (index >= scene.kind_end[KIND_CURVE - 1])
-        return point_on_curve(scene.primitives + index, RAY_AT_REST(ray, index), STARTS_ON_CURVE(ray.origin, scene.kind_end));
+        return point_on_curve(scene.primitives + index, RAY_AT_REST(ray, index), hit.t, hit.b1);
 #endif
     SurfacePoint point = surface_point(index, p, textured, scene);
 #if HAS_TANGENT
@@ -304,9 +304,9 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
         if (index >= first_mesh)
             point = on_mesh;
         else
-            point = other_point(index, ray, there, material->textured, scene);
+            point = other_point(index, ray, hit, there, material->textured, scene);
 #else
-        SurfacePoint point = other_point(index, ray, there, material->textured, scene);
+        SurfacePoint point = other_point(index, ray, hit, there, material->textured, scene);
 #endif
 #if HAS_MOTION
         if (moves(index, scene))

@@ -1,6 +1,7 @@
 // Photons of one pass: each starts at a point of smooth glass or of a mirror, takes light there from a lamp that it sees, and
 // goes on by smooth glass and mirrors until it meets a receiver, where it is written; else NO_PHOTON is.
 // Facts: those of the scene, CAUSTICS among them.
+#define SPECULAR_ALONE
 #include "caustics/surface.h"
 #include "integrator/path.h"
 #include "geometry/nearest.h"
@@ -57,7 +58,7 @@ __kernel void photons(SCENE_PARAMETERS
 #if HAS_DISPERSION
     scene.inverse = inverse_wavelength(path.wavelength_sample, scene.colours);
 #endif
-    // Start on glass or a mirror, with light from a lamp.
+    // Start on glass or a mirror, and go on as long as nothing else is met.
     F4 u = random4(stream, sample, (U)(0u), pass.seed);
     StartPoint start = start_point(surfaces, surface_curve, pass.surfaces, u.a, u.b, u.c);
     Hit hit = start.hit;
@@ -67,17 +68,29 @@ __kernel void photons(SCENE_PARAMETERS
     path.ray.triangle = (I)(NO_TRIANGLE);
     path.beta = f3(ONE, ONE, ONE);
     I on = TRUE;
-    Vertex vertex = vertex_of(path.ray, hit, on, u.d, scene);
-    ShadowRay shadow = light_of_start(vertex, start, random4(stream, sample, (U)(3u), pass.seed), scene);
-    on = shadow.reach > 0.0f;
-    if (ANY(on))
-        on = on & NOT(any_hit(shadow.ray, shadow.reach, shadow.target, shadow.target_triangle, scene));
-    path.beta = scale(shadow.light, (F)(pass.per_photon));
-    path.ray.d = scale(shadow.ray.d, -ONE);
-    // Go on as long as nothing but glass and mirrors is met.
+    F choice = u.d;
     I mark = (I)(NO_PHOTON);
     F3 place = f3(ZERO, ZERO, ZERO), way = f3(ZERO, ZERO, ONE), power = f3(ZERO, ZERO, ZERO);
-    for (uint edges = 1u; edges < pass.max_edges && ANY(on); ++edges) {
+    for (uint edges = 1u;; ++edges) {
+        Vertex vertex = vertex_of(path.ray, hit, on, choice, scene);
+        if (edges == 1u) {
+            // Take light from a lamp.
+            ShadowRay shadow = light_of_start(vertex, start, random4(stream, sample, (U)(3u), pass.seed), scene);
+            on = shadow.reach > 0.0f;
+            if (ANY(on))
+                on = on & NOT(any_hit(shadow.ray, shadow.reach, shadow.target, shadow.target_triangle, scene));
+            path.beta = scale(shadow.light, (F)(pass.per_photon));
+            path.ray.d = scale(shadow.ray.d, -ONE);
+        } else {
+            I ends = on & ((caustic_role(on, hit.primitive, scene) & ROLE_RECEIVER) != 0);
+            mark = ends ? hit.primitive | ((I)((int)edges) << EDGES_SHIFT) : mark;
+            place = select3(ends, vertex.p, place);
+            way = select3(ends, path.ray.d, way);
+            power = select3(ends, path.beta, power);
+            on = on & NOT(ends) & (vertex.kind != MATERIAL_EMISSIVE);
+        }
+        if (edges >= pass.max_edges || !ANY(on))
+            break;
 #if HAS_DISPERSION
         leave_one_wavelength(&path, vertex, on, scene);
 #endif
@@ -100,17 +113,8 @@ __kernel void photons(SCENE_PARAMETERS
         path.beta = mul(path.beta, transmittance(vertex, scale(path.ray.d, -ONE), hit.t));
 #endif
 #if HAS_MIX
-        F choice = random4(stream, sample, (U)(2u * edges + 2u), pass.seed).c;
-#else
-        F choice = ZERO;
+        choice = random4(stream, sample, (U)(2u * edges + 2u), pass.seed).c;
 #endif
-        vertex = vertex_of(path.ray, hit, on, choice, scene);
-        I ends = on & ((caustic_role(on, hit.primitive, scene) & ROLE_RECEIVER) != 0);
-        mark = ends ? hit.primitive | ((I)((int)edges + 1) << EDGES_SHIFT) : mark;
-        place = select3(ends, vertex.p, place);
-        way = select3(ends, path.ray.d, way);
-        power = select3(ends, path.beta, power);
-        on = on & NOT(ends) & (vertex.kind != MATERIAL_EMISSIVE);
     }
     // Write those that have met a receiver; their light is that of the film, as camera paths have wavelengths of their own.
 #if SPECTRUM == SPECTRUM_SPECTRAL

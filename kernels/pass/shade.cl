@@ -63,7 +63,7 @@ __kernel void shade(SCENE_PARAMETERS
 #if HAS_MEDIA
     path.medium = READ_I(MEDIUM, slot);
 #if HAS_ENTRIES
-    path.entry = READ_F3(ENTRY, slot);
+    path.entry = depth == 1u ? f3(ZERO, ZERO, ZERO) : READ_F3(ENTRY, slot);
 #endif
 #endif
 #if HAS_EMITTERS
@@ -76,8 +76,10 @@ __kernel void shade(SCENE_PARAMETERS
     hit.t = READ_F(T, slot);
     hit.primitive = READ_I(HIT, slot);
     hit.triangle = READ_TRIANGLE(HIT_TRIANGLE, slot);
-#if HAS_MESH
+#if HAS_MESH || HAS_CURVE
     hit.b1 = READ_F(B1, slot);
+#endif
+#if HAS_MESH
     hit.b2 = READ_F(B2, slot);
 #endif
     // Shade the vertex at the wavelengths of the path.

@@ -32,7 +32,7 @@ __kernel void travel(SCENE_PARAMETERS
     Scene scene = SCENE;
     path.medium = depth == 1u ? (I)(scene.media_at_camera) : READ_I(MEDIUM, slot);
 #if HAS_ENTRIES
-    path.entry = READ_F3(ENTRY, slot);
+    path.entry = READ_F3(ENTRY, slot);     // of no account at depth 1, which begins in no such medium
 #endif
 #if SPECTRAL_COLOURS
     scene.spectral = spectral_colours_of(READ_F(WAVELENGTH_SAMPLE, slot), scene.colours);

@@ -927,10 +927,11 @@ def floats_per_slot(
     """Return how many 4-byte numbers a slot holds.
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
-    triangles where it has meshes, with the time where something moves, with the wavelength sample where paths have a
-    wavelength, with a normal where the scene has a light tree and a lobe where facets reflect its lamps, with their
-    past where photons bring caustics, with the media around them where it has any, with what they took
-    where they entered one whose colour is a texture, and with the light of each group of lamps where it is kept apart.
+    places on what is hit where it has meshes or curves, with the time where something moves, with the wavelength sample
+    where paths have a wavelength, with a normal where the scene has a light tree and a lobe where facets reflect its
+    lamps, with their past where photons bring caustics, with the media around them where it has any, with what they
+    took where they entered one whose colour is a texture, and with the light of each group of lamps where it is kept
+    apart.
     """
     if stream:
         return CAMERA_RAY_FLOATS

@@ -192,7 +192,7 @@ def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
     floats = floats_per_slot(
         stream=stream,
         emitters=plan.emitters.count > 0,
-        meshes=plan.facts["HAS_MESH"] > 0,
+        meshes=plan.facts["HAS_MESH"] + plan.facts["HAS_CURVE"] > 0,
         moves=plan.facts["MOVES"] > 0,
         colours=plan.facts["SPECTRUM"] > 0,
         light_tree=plan.facts["LIGHT_TREE"] > 0,

@@ -7,6 +7,7 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.lens import in_configuration
 from rptcam_cl.optics.library import load_lens
 
 
@@ -109,6 +110,23 @@ def test_fields_and_apertures_at_the_object(tmp_path):
     first, second = load_text(tmp_path, text, "a.seq").surfaces
     assert first.semi_diameter == pytest.approx(100 * np.tan(np.arcsin(0.1)))
     assert second.semi_diameter > first.semi_diameter * 0.9
+
+
+FOLDED = "RDM\nEPD 20\nYAN 0 2\nSO 0 1E13\nS 100 5 517.642\n STO\nS -100 40\nS 0 -55 REFL\n ADE 45\n BEN\nSI 0 0\n"
+
+
+def test_chosen_diameters_hold_the_beam_on_tilted_surfaces_and_in_every_position(tmp_path):
+    folded = load_text(tmp_path, FOLDED, "a.seq")
+    edge = np.array([[0.0, y, -5.0] for y in (-9.9, 9.9)])
+    for degrees in (0.0, 2.0):
+        along = [0.0, np.sin(np.radians(degrees)), np.cos(np.radians(degrees))]
+        start = edge - [0.0, 5 * np.tan(np.radians(degrees)), 0.0]
+        assert folded.trace(start, [along, along], start="scene").passed.all()
+    zoom = "RDM\nEPD 6\nYAN 0 1\nSO 0 1E13\nS 0 1\n STO\nS 60 4 517.642\nS -60 30\nS -40 2 517.642\nS 40 50\nSI 0 0\n"
+    wide = load_text(tmp_path, zoom + "ZOO 2\nZOO TIT 'wide end' 'tele'\nZOO EPD 6 20\nZOO THI S3 30 20\n", "b.seq")
+    assert [each.name for each in wide.configurations] == ["wide end", "tele"]
+    tele = in_configuration(wide, "tele")
+    assert tele.trace([[0, 9.99, -5], [0, -9.99, -5]], [[0, 0, 1]] * 2, start="scene").passed.all()
 
 
 def test_no_diameter_and_no_pupil_is_refused(tmp_path):

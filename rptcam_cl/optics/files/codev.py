@@ -73,6 +73,7 @@ FAR = 1e9  # an object beyond this is at infinity
 _PARTS = re.compile(r"'[^']*'|\"[^\"]*\"|!|[^!'\"]+|['\"]")
 _SPLIT = re.compile(r""";(?=(?:[^'"]|'[^']*'|"[^"]*")*$)""")
 _QUALIFIER = re.compile(r"S(\d{1,4}|[OISA])(-\d{1,4})?(?:\.\.S?(\d{1,4}|[OIS])(-\d{1,4})?)?", re.ASCII | re.IGNORECASE)
+_QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
 _POSITION = re.compile(r"Z\d+", re.ASCII | re.IGNORECASE)
 _HEADER = frozenset(("EPD", "FNO", "NA", "NAO", "YAN", "YOB", "YIM", "YRI", "DIM"))
 OFFSETS = ("ADX", "ADY")
@@ -257,8 +258,10 @@ def _zoomed(words: list[str], surfaces: list[_SeqSurface], zoom: _Zoom, line: in
     qualifier = _QUALIFIER.fullmatch(rest[0]) if rest else None
     if key.isdecimal():
         zoom.count = int(key)
-    elif key.startswith("TIT"):
+    elif key.startswith("TIT") and rest and _POSITION.fullmatch(rest[0]):
         zoom.names[int(rest[0][1:])] = " ".join(rest[1:]).strip("'\"").strip()
+    elif key.startswith("TIT"):  # all positions, each in quotes of its own
+        zoom.names |= dict(enumerate((text.strip("'\"").strip() for text in _QUOTED.findall(" ".join(rest))), start=1))
     elif key == "EPD":
         zoom.take(zoom.pupils, rest, line, table)
         table.pupil_diameter = table.pupil_diameter or zoom.pupils.get(1)

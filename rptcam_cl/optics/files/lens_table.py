@@ -18,6 +18,7 @@ from rptcam_cl.optics.files.glass_catalogues import named_glass, near_glass_word
 from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.glass import NO_DISPERSION
 from rptcam_cl.optics.lens import Lens, in_configuration, limiting_surface, system_matrix
+from rptcam_cl.optics.ray_trace import trace_crossings
 from rptcam_cl.optics.surface import rotation_matrix, tilt_of
 
 Array = NDArray[np.float64]
@@ -114,6 +115,7 @@ UNKNOWN_DIAMETER = 1e-6  # small enough for every shape while first-order data a
 LEAST_LEFT = 0.1  # of a diameter that is shrunk so that surfaces do not cross
 ROUNDED = 1.005  # by which diameters of a file may differ without a word
 ROUNDING = 1e-9
+FLATTEST = 0.2  # cosine of the light on a tilted surface, at least, for the choice of its diameter
 RIM = 1.05  # clear diameters that a file does not give leave this margin around the beam
 
 
@@ -345,7 +347,8 @@ class LensTable:
         """Return the lens with diameters that every shape reaches, for first-order data [unit]."""
         tiny = [{**row, "diameter": UNKNOWN_DIAMETER, "inner_diameter": None} for row in self.rows]
         tiny = [{k: v for k, v in row.items() if v is not None} for row in tiny]
-        before: dict[str, Any] = {key: self.keys[key] for key in ("object_medium", "fold") if key in self.keys}
+        whole = ("object_medium", "fold", "configurations")
+        before: dict[str, Any] = {key: self.keys[key] for key in whole if key in self.keys}
         return read_native(document_of({"name": self.path, "surfaces": tiny, **before}))
 
     def _beam(self, lens: Lens, stop: int) -> Array:
@@ -361,12 +364,21 @@ class LensTable:
     def _fill_diameters(self) -> None:
         """Give surfaces without a diameter that of the axial beam and the chief ray of the field, to first order."""
         lens = self._tiny_lens()
-        beam = self._beam(lens, limiting_surface(lens))
         missing = [k for k, row in enumerate(self.rows) if "diameter" not in row]
+        widest, said = np.zeros(len(self.rows)), self.pupil_diameter
+        for name in [each.name for each in lens.configurations] or [""]:
+            position = in_configuration(lens, name) if name else lens
+            self.pupil_diameter = self.pupils.get(name, said)
+            beam = self._beam(position, limiting_surface(position))
+            for k in missing:
+                heights, slopes = np.abs(system_matrix(position, LINE_D_NM, 0, k, False) @ beam)
+                if self.rows[k].get("stop"):  # that of the first position, which the others' pupils are set by
+                    widest[k] = widest[k] or heights[0] / _narrows(position, k, slopes[0])
+                else:
+                    widest[k] = max(widest[k], RIM * heights.sum() / _narrows(position, k, slopes.sum()))
+        self.pupil_diameter = said
         for k in missing:
-            row = self.rows[k]
-            heights = np.abs(system_matrix(lens, LINE_D_NM, 0, k, False)[0] @ beam)
-            height = float(heights[0] if row.get("stop") else RIM * heights.sum())
+            row, height = self.rows[k], float(widest[k])
             if row.get("radius") and not row.get("conic") and not row.get("aspheric"):
                 height = min(height, 0.95 * abs(row["radius"]))
             row["diameter"] = 2 * max(height, UNKNOWN_DIAMETER)
@@ -428,6 +440,17 @@ class LensTable:
         if not limits:
             raise InputError(f"{self.path}: gives no diameters, and no pupil or f-number to work them out from")
         return float(min(limits))
+
+
+def _narrows(lens: Lens, k: int, slope: float) -> float:
+    """Return by how much rays of a slope are nearer to the axis than to the middle of the surface, if it is tilted."""
+    pose = lens.surfaces[k].pose
+    if pose is None:
+        return 1.0
+    start = lens.from_scene_axes(np.array([[0.0], [0.0], [-1.0]]), np.array([[0.0], [0.0], [1.0]]))
+    direction = trace_crossings(lens, range(k), *start, LINE_D_NM, towards_film=True)[2][0]
+    cosine = abs(float(direction @ pose.matrix()[:, 2]))
+    return max(cosine - slope * math.sqrt(max(1.0 - cosine**2, 0.0)), FLATTEST) if np.isfinite(cosine) else 1.0
 
 
 def opening_beside_the_axis(
