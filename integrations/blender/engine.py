@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.imaging.development import GUIDES, check_denoiser
+from rptcam_cl.imaging.writers import identifier, name_hash
 
 from .live import LiveScene
 from .panels import ENGINE, settings_of
@@ -69,7 +70,20 @@ def _index(layer: Array, table: Array) -> Array:
 
 
 def _crypto(rank: int) -> Callable[[Array, Export], Array]:
-    return lambda layer, export: layer[..., 4 * rank : 4 * rank + 4]
+    return lambda layer, export: renamed(layer[..., 4 * rank : 4 * rank + 4], export.own_names)
+
+
+def renamed(ranks: Array, names: dict[str, str]) -> Array:
+    """Identifiers and coverages in turn, those of some names in place of others."""
+    pairs = sorted((name_hash(name), identifier(own)) for name, own in names.items())
+    if not pairs:
+        return ranks
+    known, own = np.array([one for one, _ in pairs], np.uint32), np.array([other for _, other in pairs], np.float32)
+    made = ranks.copy()
+    bits = np.ascontiguousarray(ranks[..., ::2]).view(np.uint32)
+    place = np.minimum(np.searchsorted(known, bits), len(known) - 1)
+    made[..., ::2] = np.where(known[place] == bits, own[place], ranks[..., ::2])
+    return made
 
 
 IS_5 = bpy.app.version >= (5, 0, 0)  # which has other names for passes

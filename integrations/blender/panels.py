@@ -169,6 +169,11 @@ class SceneProperties(bpy.types.PropertyGroup):
     bake_size: IntProperty(
         name="Baked Pictures", description="Pixels across of each", default=1024, min=16, max=8192
     )  # fmt: skip
+    solid_lamps: BoolProperty(
+        name="Lamps Cast Shadows",
+        description="Lamps with a surface stand in the light of others, unlike Blender's; smooth surfaces then show "
+        "them with far less noise",
+    )
     device: StringProperty(name="Device", description="Empty for the fastest; cpu, gpu, 0:0 or a part of its name")
     own_process: BoolProperty(
         name="Own Process",
@@ -211,7 +216,7 @@ def settings_of(
             exposure["f_number"] = 8.0 if dof is None else dof.aperture_fstop
     more = {"render": render} | ({"exposure": exposure} if given.exposure != "relative" else {})
     shutter = 1 / given.shutter_s if given.use_shutter else None
-    return Settings(choice, shutter, given.rolling_ms / 1000, light_groups, more)
+    return Settings(choice, shutter, given.rolling_ms / 1000, light_groups, more, given.solid_lamps)
 
 
 class _Panel:
@@ -243,6 +248,7 @@ class RPTCAM_PT_sampling(_Panel, bpy.types.Panel):
             "clamp",
             "seed",
             "denoise",
+            "solid_lamps",
             "device",
             "own_process",
         ):
@@ -506,7 +512,11 @@ class RPTCAM_OT_osl(bpy.types.Operator):
         made.matrix_world = item.matrix_world @ Matrix.Translation((0, 0, behind))  # its film
         context.scene.collection.objects.link(made)
         made.data.type, made.data.custom_mode, made.data.custom_shader = "CUSTOM", "INTERNAL", block
-        importlib.import_module("cycles.osl").update_custom_camera_shader(made.data, self.report)
+        try:
+            importlib.import_module("cycles.osl").update_custom_camera_shader(made.data, self.report)
+        except ImportError as problem:
+            self.report({"ERROR"}, f"Text {block.name} has the shader, but this Blender cannot use it: {problem}")
+            return {"FINISHED"}
         self.report({"INFO"}, f"{name} is a camera of Cycles; its shading system has to be Open Shading Language")
         return {"FINISHED"}
 

@@ -45,6 +45,8 @@ class Settings:
         Names of the view layer's light groups, where each has a pass.
     more : dict
         Further sections of the scene: ``render``, ``exposure``.
+    solid_lamps : bool
+        Whether lamps with a surface cast shadows.
     """
 
     lens: LensChoice = field(default_factory=LensChoice)
@@ -52,6 +54,7 @@ class Settings:
     rolling_s: float = 0.0
     light_groups: tuple[str, ...] = ()
     more: dict[str, Any] = field(default_factory=dict)
+    solid_lamps: bool = False
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,7 @@ class Reader:
         shutter = Shutter(shutter_s, blurred, settings.rolling_s)
         units = scene.unit_settings
         scale = float(units.scale_length) if units.system != "NONE" else 1.0
-        builder = Builder(self.parts, scale, report, shutter, settings.light_groups)
+        builder = Builder(self.parts, scale, report, shutter, settings.light_groups, solid_lamps=settings.solid_lamps)
         ends: dict[Any, NDArray[np.float64]] = {}
         shapes: dict[str, BlenderMesh] = {}
         restore: tuple[int, float] | None = None
@@ -302,10 +305,11 @@ class Reader:
             if not builder.has_material(name):
                 self._shown_by[name] = key
                 made = replace(self.material_of(material, mesh, report, baked), name=name)
-                builder.add_material(made, material.pass_index)
+                builder.add_material(made, material.pass_index, material.name)
         group = getattr(item, "lightgroup", "")
+        visible, own_name = self._visible(each, report), item.name if item.name != item.name_full else ""
         return Placed(
-            item.name_full, key, matrix, tuple(names), self._visible(each, report), item.pass_index, group, end
+            item.name_full, key, matrix, tuple(names), visible, item.pass_index, group, end, own_name=own_name
         )
 
     def _visible(self, each: Any, report: Report) -> dict[str, bool]:
@@ -618,6 +622,9 @@ def camera_of(scene: Any, report: Report) -> BlenderCamera:
         return BlenderCamera(matrix_of(((1, 0, 0, 0), (0, 0, -1, -10), (0, 1, 0, 0), (0, 0, 0, 1))))
     if np.linalg.det(matrix_of(scene.camera.matrix_world)[:3, :3]) < 0:
         report.add("Camera: mirrored by its scale, which the picture is not.")
+    space = getattr(getattr(bpy.data, "colorspace", None), "working_space", "Linear Rec.709")  # from Blender 5.0 on
+    if space != "Linear Rec.709":
+        report.add(f"Colours: the file's working space {space} is taken for Linear Rec.709.")
     if scene.render.use_multiview:
         report.add("Stereoscopy: each view shows what the camera itself sees.")
     return record_of(scene.camera)

@@ -53,6 +53,8 @@ class Placed:
         Blender's light group, or nothing.
     mesh_end : BlenderMesh or None
         Its shape when the shutter closes, if that is another.
+    own_name : str
+        Its name without its library, if that is another.
     """
 
     name: str
@@ -64,16 +66,18 @@ class Placed:
     group: str = ""
     matrix_end: Matrix | None = None
     mesh_end: BlenderMesh | None = None
+    own_name: str = ""
 
 
 @dataclass(frozen=True)
 class Export:
-    """A scene as `rptcam_cl.load_scene` takes it, what it leaves out, and Blender's indices of its objects."""
+    """A scene as `rptcam_cl.load_scene` takes it, what it leaves out, Blender's indices and names of what is in it."""
 
     keys: dict[str, Any]
     report: Report
     object_indices: NDArray[np.int32]
     material_indices: NDArray[np.int32]
+    own_names: dict[str, str] = field(default_factory=dict)
 
 
 def group_name(groups: Sequence[str], group: str) -> str:
@@ -145,12 +149,21 @@ class Builder:
     """Collects what one export consists of."""
 
     def __init__(
-        self, parts: Parts, metres_per_unit: float, report: Report, shutter: Shutter, light_groups: Sequence[str] = ()
+        self,
+        parts: Parts,
+        metres_per_unit: float,
+        report: Report,
+        shutter: Shutter,
+        light_groups: Sequence[str] = (),
+        *,
+        solid_lamps: bool = False,
     ) -> None:
         self._parts, self._units, self._report, self._shutter = parts, metres_per_unit, report, shutter
-        self._light_groups = light_groups
+        self._light_groups, self._solid_lamps = light_groups, solid_lamps
+        self._lamps: list[int] = []  # numbers of the objects that are lamps
         self._materials: dict[str, Translated] = {}
-        self._material_indices: dict[str, int] = {}
+        self._marks: dict[str, tuple[int, str]] = {}  # of materials: pass index, and name in Blender without a library
+        self._own_names: dict[str, str] = {}  # of objects that have another in Blender
         self._said: dict[str, list[str]] = {}  # in translating each
         self._of_colors: dict[str, BlenderMaterial] = {}
         self._meshes: dict[str, Any] = {}
@@ -171,11 +184,14 @@ class Builder:
         """Whether a material was added already."""
         return name in self._materials
 
-    def add_material(self, material: BlenderMaterial, index: int = 0) -> None:
-        """Translate a material; one that takes the colours of vertices waits for the meshes that show it."""
+    def add_material(self, material: BlenderMaterial, index: int = 0, own_name: str = "") -> None:
+        """Translate a material, which Blender marks by a name and an index.
+
+        One that takes the colours of vertices waits for the meshes that show it.
+        """
         report = Report()
         self._materials[material.name] = made = translate(material, report)
-        self._material_indices[material.name] = index
+        self._marks[material.name] = index, own_name or material.name
         self._said[material.name] = report.sentences
         if made.takes_colors:
             self._of_colors[material.name] = material
@@ -193,7 +209,7 @@ class Builder:
         same = made.coordinates == before.coordinates and report.sentences == self._said[name]
         if not same or made.takes_colors or before.takes_colors or "hair" in (made.keys["kind"], before.keys["kind"]):
             return False
-        self._materials[name], self._material_indices[name] = made, index
+        self._materials[name], self._marks[name] = made, (index, self._marks[name][1])
         return True
 
     def _painted(self, material: str, mesh: str, slot: int) -> str:
@@ -216,7 +232,7 @@ class Builder:
             return Field(np.clip(colors, 0, 1).mean(axis=0))
 
         self._materials[name] = translate(self._of_colors[material], self._report, paint)
-        self._material_indices[name] = self._material_indices[material]
+        self._marks[name] = self._marks[material]
         return name
 
     def place(self, item: Placed) -> None:
@@ -249,7 +265,7 @@ class Builder:
         own = f"{name} on strands"
         if own not in self._materials:
             keys = for_strands(self._materials[name].keys, name, self._report)
-            self._materials[own], self._material_indices[own] = Translated(keys), self._material_indices[name]
+            self._materials[own], self._marks[own] = Translated(keys), self._marks[name]
         motion: list[dict[str, Any]] = []
         if item.matrix_end is not None:
             motion, _ = movement(item.matrix, item.matrix_end, (0.0, self._shutter.time_s))
@@ -268,6 +284,8 @@ class Builder:
         self._places.setdefault(item.name, []).append(len(self._objects))
         self._objects.append(keys)
         self._indices.append(item.index)
+        if item.own_name:
+            self._own_names[keys["name"]] = item.own_name
 
     def move(self, name: str, matrix: Matrix) -> bool:
         """Place the objects of a name elsewhere; return whether that is all that is to be done."""
@@ -293,7 +311,7 @@ class Builder:
             own = f"{material} on faces"
             self._report.add(f"Material {material}: of hair, and shown by faces: matte there.")
             self._materials[own] = Translated(without_hair(self._materials[material].keys))
-            self._material_indices[own] = self._material_indices[material]
+            self._marks[own] = self._marks[material]
             material = own
         ends: dict[str, tuple[Any, Any]] = {}
         if item.mesh_end is not None:
@@ -357,6 +375,7 @@ class Builder:
         if section == "lights":
             self._lights.append(keys)
         else:
+            self._lamps.append(len(self._objects))
             self._objects.append(keys)
             self._indices.append(0)
 
@@ -371,6 +390,21 @@ class Builder:
             farthest = np.where(ahead > 0, high, low)
             if (farthest - camera.matrix[:3, 3]) @ ahead > camera.clip_end:
                 report.add(f"Camera: things beyond its clip end of {camera.clip_end:g} are seen.")
+
+    def _with_lamps(self, environment: dict[str, Any] | None) -> list[dict[str, Any]]:
+        """The objects; their lamps pass the light of others unless they are wanted to cast shadows, or are alone.
+
+        Where lamps cast none, light sampling alone finds them, and smooth surfaces show them as rare bright dots.
+        """
+        others = len(self._lights) + (environment is not None and environment["kind"] != "constant")
+        others += sum("emission" in made.keys or made.keys["kind"] == "emissive" for made in self._materials.values())
+        if not self._lamps or not (self._solid_lamps or len(self._lamps) + others == 1):
+            return self._objects
+        objects = list(self._objects)
+        for number in self._lamps:
+            hidden = {name: seen for name, seen in objects[number]["visible"].items() if name != "shadow"}
+            objects[number] = objects[number] | {"visible": hidden}
+        return objects
 
     def _grouped(self, group: str) -> dict[str, str]:
         """The group of a lamp, where the light of groups is kept apart."""
@@ -401,11 +435,12 @@ class Builder:
         # Hair is of curves alone, and its other translations are of those that show them.
         shown = [name for name in shown if self._materials[name].keys["kind"] != "hair" or safe(name) in used]
         keys["materials"] = {safe(name): self._materials[name].keys for name in shown}
-        keys |= {"meshes": self._meshes, "objects": self._objects, "lights": self._lights}
+        keys |= {"meshes": self._meshes, "objects": self._with_lamps(environment), "lights": self._lights}
         if environment is not None:
             keys["environment"] = environment | self._grouped(world_group)
-        indices = [self._material_indices[name] for name in shown]
+        indices = [self._marks[name][0] for name in shown]
+        own_names = self._own_names | {safe(name): self._marks[name][1] for name in shown}
         keys |= more
         if self._deformed:
             self._steps(keys, report)
-        return Export(keys, report, np.array(self._indices, np.int32), np.array(indices, np.int32))
+        return Export(keys, report, np.array(self._indices, np.int32), np.array(indices, np.int32), own_names)

@@ -15,7 +15,7 @@
 #else
 #define GLOW_GROUP    0
 #endif
-#define MOST_BOUNDARIES 64u     // that a ray may pass on its way to a vertex or a lamp
+#define MOST_BOUNDARIES 1024u   // that a ray may pass on its way to a vertex or a lamp
 #define LEAST_ALBEDO    0.1f    // by which wavelengths count that a medium hardly scatters
 #if HAS_DENSITY
 // Dimensions of random numbers that go on without end, beside those of a stretch.
@@ -415,7 +415,7 @@ static Hit travel_on(Path *path, Scene scene, Rules rules)
 #if HAS_ENTRIES
         s.medium.scattering = select3(s.medium.by_entry, mul(s.medium.extinction, path->entry), s.medium.scattering);
 #endif
-        s.dimension = 0x40000000u + 4u * (path->depth * MOST_BOUNDARIES + step);
+        s.dimension = 0x40000000u + 4u * (path->depth * 64u + step % 64u) + (step / 64u << 24);
         s.shares = f3(ZERO, ZERO, ZERO);
 #if HAS_DENSITY
         s.gridded = on & (s.medium.grid > 0);

@@ -213,6 +213,25 @@ def test_lamps_mirrored_portals_and_linked_light(room, tmp_path):
     assert any(sentence.startswith(f"Object {lamp.name}: its light reaches all objects") for sentence in said())
 
 
+def test_smooth_surfaces_show_lamps_with_little_noise_where_lamps_cast_shadows(room, tmp_path):
+    """A coat of roughness 0.03: of 64 samples light sampling alone leaves most pixels of a highlight dark."""
+    import bpy
+
+    cycles, scene = room
+    coated = cycles.material("coated", Base_Color=(0, 0, 0, 1), Roughness=0.03)
+    cycles.add("uv_sphere", coated, radius=0.9, location=(0, -1, 1), segments=96, ring_count=48)
+    bpy.ops.object.shade_smooth()
+    cycles.add_lamp("AREA", (2, -3, 3), 60, size=1.0, rotation=(0.7, 0.4, 0))
+    noise = {}
+    for solid in (False, True):
+        scene.rptcam.solid_lamps = solid
+        one, other = films(tmp_path, 64)
+        ball = (slice(10, 34), slice(36, 60))  # within its outline
+        shown = other[ball].mean(-1) > 0.5 * other[ball].max()
+        noise[solid] = np.sqrt(np.mean((one - other)[ball][shown] ** 2)) / other[ball][shown].mean()
+    assert shown.sum() > 10 and noise[True] < 0.3 < 1 < noise[False]
+
+
 def test_slots_geometry_nodes_and_negative_scale(room, tmp_path):
     """Materials of slots, of objects, of none and of nodes; glass and a lamp turned inside out."""
     import bpy
@@ -278,9 +297,13 @@ def test_alpha_of_pictures_counts_as_in_cycles(room, tmp_path):
     from PIL import Image
 
     cycles, _ = room
-    Image.fromarray(four_colours(alpha=(1, 0, 0.5, 1))).save(tmp_path / "alpha.png")
+    codes = four_colours(alpha=(1, 0, 0.5, 1))
+    Image.fromarray(codes).save(tmp_path / "STRAIGHT.png")
+    codes[..., :3] = codes[..., :3] * (codes[..., 3:] / 255)
+    Image.fromarray(codes).save(tmp_path / "PREMUL.png")
     for number, mode in enumerate(("STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE")):
-        image = bpy.data.images.load(str(tmp_path / "alpha.png"), check_existing=False)
+        file = tmp_path / ("PREMUL.png" if mode == "PREMUL" else "STRAIGHT.png")
+        image = bpy.data.images.load(str(file), check_existing=False)
         image.alpha_mode, image.name = mode, mode
         image.pack()
         surface, _ = textured(image)
@@ -334,6 +357,37 @@ def test_picture_of_a_sequence_is_that_of_the_frame(frame, room, tmp_path):
     scene.frame_set(frame)
     assert_alike(tmp_path)
     assert not said()
+
+
+def test_cryptomatte_has_the_identifiers_of_cycles(room, tmp_path):
+    """Of names with a dot too, and of what a library brings."""
+    import bpy
+
+    from tests.integrations.test_blender import rendered_layers
+
+    cycles, scene = room
+    box = cycles.add("cube", matte("Wood.001", 0.9, 0.6, 0.1), size=1.5)
+    box.name = "Box.001"
+    bpy.data.libraries.write(str(tmp_path / "library.blend"), {box})
+    bpy.data.materials.remove(box.active_material)
+    bpy.data.objects.remove(box)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, linked):
+        linked.objects = ["Box.001"]
+    scene.collection.objects.link(linked.objects[0])
+    layer = scene.view_layers[0]
+    layer.use_pass_cryptomatte_object = layer.use_pass_cryptomatte_material = True
+    scene.render.engine, scene.rptcam.samples = "RPTCAM", 16
+    seen = []
+    for _ in range(2):
+        channels, _ = rendered_layers(tmp_path)
+        for name in ("CryptoObject00", "CryptoMaterial00"):
+            found = next(
+                pixels for key, pixels in channels.items() if key.startswith(name) and key[-2:] in ("00", ".r")
+            )
+            first = np.ascontiguousarray(found if found.ndim == 2 else found[..., 0])
+            seen.append(set(first.view(np.uint32).ravel().tolist()))
+        cycles.of_cycles(tmp_path, 16)
+    assert seen[:2] == seen[2:] and all(len(each) == 5 for each in seen)
 
 
 @pytest.mark.parametrize("how", ["none", "dark", "unseen"])

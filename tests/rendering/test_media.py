@@ -255,10 +255,11 @@ UP = looking([0, 0, -1], [0, 0, 1], up=[0, 1, 0], fov=0.1)
 
 
 def test_rays_lose_what_media_on_their_way_take():
-    """From the near plane in a sea, through the surface and two boxes that overlap, where the last entered counts."""
+    """From the near plane in a sea, through two boxes that overlap, where the last entered counts, and many more."""
     objects = [layer_of(0.5, None, 0), layer_of(0.2, 1, 4), layer_of(0.3, 2, 6)]
+    objects += [layer_of(0.02, z, z + 0.5) for z in range(7, 107)]
     scene = scene_of(objects, UP | {"near_m": 0.25}, environment=WHITE, resolution=(8, 8))
-    assert pixels(scene, spp=1).mean() == pytest.approx(np.exp(-0.5 * 0.75 - 0.2 * 1 - 0.3 * 4), rel=1e-5)
+    assert pixels(scene, spp=1).mean() == pytest.approx(np.exp(-0.5 * 0.75 - 0.2 * 1 - 0.3 * 4 - 1), rel=1e-5)
 
 
 def test_medium_before_a_lens_is_that_of_its_front():
