@@ -26,6 +26,7 @@ from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.scene.assets.pictures import write_exr
 from rptcam_cl.scene.load import load_scene
+from tests.rendering.test_measured import glossy, tensor_fields, tensors
 from tests.support.statistics import Sampled, overall, sampled, tiles, welch
 
 Keys = dict[str, Any]
@@ -260,6 +261,16 @@ def round_lamps(studio: Studio) -> None:
     }
 
 
+def measured(studio: Studio) -> None:
+    """A ball and a card of a tensor file as RGL has them, of a glossy formula."""
+    fields = tensor_fields(glossy)
+    path = studio.folder / "glossy.bsdf"
+    description = np.frombuffer(b"of a formula", np.uint8)
+    path.write_bytes(tensors(**fields, luminance=fields["rgb"].mean(axis=2), description=description))
+    studio.stand({"kind": "measured", "file": path.name},
+                 {"type": "twosided", "inner": {"type": "measured", "filename": str(path)}})  # fmt: skip
+
+
 FEATURES: dict[str, Callable[[Studio], None]] = {
     "bumps on a card": lambda studio: bumps(studio, "card"),
     "bumps on a ball": lambda studio: bumps(studio, "sphere"),
@@ -271,6 +282,7 @@ FEATURES: dict[str, Callable[[Studio], None]] = {
     "painted opacity": holes,
     "mix": mixed,
     "round lamps": round_lamps,
+    "measured": measured,
 }
 
 

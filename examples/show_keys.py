@@ -5,6 +5,7 @@ python examples/show_keys.py [MODEL …]
 """
 
 import shutil
+import struct
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import rptcam_cl
+from rptcam_cl.scene.assets.measured import directions
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "images" / "keys"
@@ -198,6 +200,8 @@ def scenes() -> Iterator[tuple[str, Keys]]:
         yield name, scene_of([ball(0, 0, 0.5, MATERIALS["Matte"])], lights=[light], environment=dim)
     smoke = {"kind": "boundary", "interior": {"scattering_per_m": 5, "absorption_per_m": [0.3, 1.5, 3]}}
     yield "Boundary", scene_of([ball(0, 0, 0.5, smoke)], environment={**ROOM, "gain": 0.5}, lights=[SUN])
+    satin = {"kind": "measured", "file": "satin.binary"}
+    yield "Measured", scene_of([ball(0, 0, 0.5, satin)], environment={**ROOM, "gain": 0.5}, lights=[SUN])
     grass = {"kind": "translucent", "reflectance": [0.08, 0.2, 0.03], "transmittance": [0.06, 0.15, 0.02]}
     blades = tuft(250, 0.025, 0.25) | {"form": "flat", "material": grass}
     yield "Curves", scene_of([blades], environment=ROOM, lights=[SUN])
@@ -216,11 +220,23 @@ def scenes() -> Iterator[tuple[str, Keys]]:
         yield name, scene_of(lamps(), environment=dim, camera=camera)
 
 
+def satin() -> bytes:
+    """Return a table as MERL has them: a red base that shines bluish where light grazes it."""
+    sizes, scale = (90, 90, 180), np.array([1, 1.15, 1.66]) / 1500
+    one, other = directions(sizes)
+    half = (one + other) / np.linalg.norm(one + other, axis=-1, keepdims=True)
+    gloss = np.exp(-np.square(np.arccos(half[..., 2]) / 0.35))
+    grazing = (1 - np.sum(one * half, axis=-1)) ** 3
+    values = np.array([0.12, 0.01, 0.02]) + (gloss * (0.1 + grazing))[..., None] * np.array([0.6, 0.7, 1.0])
+    return struct.pack("<3i", *sizes) + np.moveaxis(values / scale, -1, 0).tobytes()
+
+
 def files(folder: Path) -> None:
     """Put the files that the scenes name beside them."""
     for name in ("room.hdr", "knot.ply", "wood.jpg", "tiles_normals.png"):
         shutil.copy(ROOT / "examples" / "studio" / name, folder)
     shutil.copy(ROOT / "tests" / "data" / "luminaire.ies", folder)
+    (folder / "satin.binary").write_bytes(satin())
     opening = Image.new("L", (64, 64))
     draw = ImageDraw.Draw(opening)
     draw.ellipse((2, 2, 61, 61), fill=255)

@@ -622,6 +622,9 @@ def camera_of(scene: Any, report: Report) -> BlenderCamera:
         return BlenderCamera(matrix_of(((1, 0, 0, 0), (0, 0, -1, -10), (0, 1, 0, 0), (0, 0, 0, 1))))
     if np.linalg.det(matrix_of(scene.camera.matrix_world)[:3, :3]) < 0:
         report.add("Camera: mirrored by its scale, which the picture is not.")
+    space = getattr(getattr(bpy.data, "colorspace", None), "working_space", "Linear Rec.709")  # from Blender 5.0 on
+    if space != "Linear Rec.709":
+        report.add(f"Colours: the file's working space {space} is taken for Linear Rec.709.")
     if scene.render.use_multiview:
         report.add("Stereoscopy: each view shows what the camera itself sees.")
     return record_of(scene.camera)

@@ -21,6 +21,11 @@
 #else
 #define HAS_GLOSSY 0
 #endif
+#if HAS_ROUGH_PLASTIC || HAS_THIN_FILM
+#define HAS_KNOWN_COVER 1       // fitted on the host
+#else
+#define HAS_KNOWN_COVER 0
+#endif
 #if HAS_PLASTIC || HAS_ROUGH_PLASTIC
 #define HAS_UNDERCOVER 1        // a base under a cover of known internal reflection
 #else
@@ -47,7 +52,7 @@
 #define HAS_BRUSHED_SHARE 0
 #endif
 #define HAS_LAMPS       (HAS_EMISSIVE || HAS_GLOW)
-#define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_PASSED || HAS_ABSORPTION || HAS_GLOW || HAS_HAIR || HAS_ENTRIES) // any row below
+#define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_PASSED || HAS_ABSORPTION || HAS_GLOW || HAS_HAIR || HAS_ENTRIES || HAS_MEASURED) // any row below
 
 #include "material/ggx.h"
 #include "material/facet_shares.h"
@@ -80,17 +85,21 @@
     WHEN(HAS_BRUSHED_SHARE, EACH(F,    once,         ONE,              ONE)) /* share that is reflected once */ \
     WHEN(HAS_BRUSHED_SHARE, EACH(F,    once_mean,    ONE,              ONE)) /* and its mean over even light */ \
     WHEN(HAS_UNDERCOVER,   EACH(F,     internal,     ZERO,             (F)(material->internal))) /* diffuse share */ \
-    WHEN(HAS_ROUGH_PLASTIC, EACH(Cover, cover,       no_cover(),       known_cover(material->cover, material->cover_last))) \
+    WHEN(HAS_KNOWN_COVER,  EACH(Cover, cover,        no_cover(), known_cover(material->cover, material->cover_last))) \
     WHEN(HAS_HAIR,         EACH(F,     across,       ZERO,             ZERO)) /* of a fibre, -1 to 1, by the point */ \
     WHEN(HAS_HAIR,         EACH(F,     hair_variance, ONE,             (F)(material->hair.x))) \
     WHEN(HAS_HAIR,         EACH(F,     hair_scale,   ONE,              (F)(material->hair.y))) \
     WHEN(HAS_HAIR,         EACH(F,     hair_tilt,    ZERO,             (F)(material->hair.z))) \
     WHEN(HAS_HAIR,         EACH(F,     hair_depth,   ONE,              (F)(material->hair.w))) \
+    WHEN(HAS_MEASURED,     EACH(I,     measured,     FALSE,            (I)(material->first))) /* where its table starts */ \
+    WHEN(HAS_MEASURED,     EACH(F,     measured_alpha, ONE,            (F)(material->alpha))) \
+    WHEN(HAS_MEASURED,     EACH(F,     measured_gloss, ZERO,           (F)(material->factor))) \
     WHEN(HAS_THIN_GLASS,   EACH(F3,    depth,        BLACK_3,          coefficient(material->absorption, scene))) \
     WHEN(HAS_PASSED,       EACH(F3,    passed,       WHITE_3,          COLOR(HAS_PASSED_TEXTURE, passed))) \
     WHEN(HAS_ENTRIES,      EACH(F3,    inside,       WHITE_3,          COLOR(HAS_ENTRIES, inside))) /* of its medium, deep */ \
     WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             NUMBER(HAS_METALLIC_TEXTURE, metallic))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             NUMBER(HAS_SPECULAR_TEXTURE, specular))) \
+    WHEN(HAS_THIN_FILM,    EACH(I,     film,         FALSE,            film_of(material))) /* where its table starts, and 1 */ \
     WHEN(HAS_SPECULAR_COLOR, EACH(F3,  specular_color, WHITE_3,        COLOR(HAS_SPECULAR_COLOR_TEXTURE, specular_color))) \
     WHEN(HAS_TRANSMISSION, EACH(F,     transmission, ZERO,             NUMBER(HAS_TRANSMISSION_TEXTURE, transmission))) \
     WHEN(HAS_CLEARCOAT,    EACH(F,     coat,         ZERO,             NUMBER(HAS_COAT_TEXTURE, coat))) \
@@ -132,6 +141,13 @@ static inline F squared_roughness(int texture, F u, F v, Scene scene)
 }
 #endif
 
+#if HAS_THIN_FILM
+static inline I film_of(const __global Material *material)
+{
+    return (I)(material->kind == MATERIAL_PRINCIPLED ? material->first : 0);
+}
+#endif
+
 #if HAS_GLOSSY
 static Alpha alpha_of(const __global Material *material, F u, F v, Scene scene)
 {
@@ -149,7 +165,7 @@ static Alpha alpha_of(const __global Material *material, F u, F v, Scene scene)
 }
 #endif
 
-#if HAS_ROUGH_PLASTIC || HAS_SHEEN
+#if HAS_KNOWN_COVER || HAS_SHEEN
 static inline Cover known_cover(float4 first, float last)
 {
     Cover e;
@@ -179,6 +195,7 @@ static inline F3 glow_of(const __global Material *material, F u, F v, Scene scen
 
 #if HAS_CLOSURE
 #define select_F(mine, a, b) ((mine) ? (a) : (b))
+#define select_I(mine, a, b) ((mine) ? (a) : (b))
 #define select_F3            select3
 
 #define AS_CLOSURE_MEMBER(type, member, without, given) type member;

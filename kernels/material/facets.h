@@ -62,6 +62,22 @@ static inline F3 raised(F3 f0, F most, F steep)
     return along(f0, sub(f3(most, most, most), f0), steep);
 }
 
+#if HAS_THIN_FILM
+#define FILM_COSINES 128
+
+// What a surface with a thin film reflects at a cosine, by the table of plan/materials.py.
+static F3 film_at(Vertex vertex, F c)
+{
+    const __global uint *texels = vertex.scene.texels;
+    F at = MIN(MAX(c, ZERO), ONE) * (float)(FILM_COSINES - 1);
+    F low = MIN(FLOOR(at), (F)((float)(FILM_COSINES - 2)));
+    I word = MAX(vertex.closure.film - 1, FALSE) + 3 * TO_I(low);
+    F3 a = f3(AS_F(GATHER(U, texels, word, )), AS_F(GATHER(U, texels, word + 1, )), AS_F(GATHER(U, texels, word + 2, )));
+    F3 b = f3(AS_F(GATHER(U, texels, word + 3, )), AS_F(GATHER(U, texels, word + 4, )), AS_F(GATHER(U, texels, word + 5, )));
+    return at_wavelengths(along(a, sub(b, a), at - low), 0.0f, vertex.scene);
+}
+#endif
+
 // Schlick's Fresnel between a dielectric and a metal of the base colour (glTF 2.0, appendix B.3.5).
 static Facet principled_facet(Vertex vertex, Lobes lobes, F c)
 {
@@ -89,6 +105,16 @@ static Facet principled_facet(Vertex vertex, Lobes lobes, F c)
 #endif
     F dielectric = 1.0f - vertex.closure.metallic;
     facet.reflected = along(scale(f, dielectric), metal, vertex.closure.metallic);
+#if HAS_THIN_FILM
+    I filmed = vertex.closure.film > 0;
+    if (ANY(filmed)) {
+        F3 film = film_at(vertex, c);
+#if FACET_ENERGY
+        film = along(film, mul(film, sub(lobes.boost, WHITE_3)), vertex.closure.metallic);
+#endif
+        facet.reflected = select3(filmed, film, facet.reflected);
+    }
+#endif
     facet.reflects = ONE;
     facet.refracted = f3(ZERO, ZERO, ZERO);
 #if HAS_TRANSMISSION
@@ -181,6 +207,9 @@ static F add_base(Lobes *lobes, Vertex vertex, F over)
 #endif
         F f0 = normal_reflectance(vertex.parameter) * max3(SPECULAR_COLOR(vertex));
         Cover cover = cover_of(f0, vertex.closure.alpha.x, vertex.closure.specular);
+#if HAS_THIN_FILM
+        cover = select_Cover(vertex.closure.film > 0, vertex.closure.cover, cover);
+#endif
         F share = cover_albedo(cover, lobes->wi.z);
         F rest = (1.0f - metallic) * (share + (1.0f - share) * clear) + metallic * max3(vertex.color);
         rho = select3(principled, scale(vertex.color, (1.0f - metallic) * (1.0f - clear)), rho);

@@ -8,6 +8,7 @@
 #if HAS_MEDIA
 #include "material/medium.h"
 #endif
+#include "material/measured.h"
 #include "material/mirror.h"
 #include "material/plastic.h"
 #include "material/thin_glass.h"
@@ -19,6 +20,7 @@
     WHEN(HAS_MATTE,      SPREAD(matte)) \
     WHEN(HAS_TRANSLUCENT, SPREAD(translucent)) \
     WHEN(HAS_PLASTIC,    BOTH(plastic)) \
+    WHEN(HAS_MEASURED,   SPREAD(measured)) \
     WHEN(HAS_GLOSSY,     SPREAD(glossy)) \
     WHEN(HAS_HAIR,       SPREAD(hair)) \
     WHEN(HAS_MIRROR,     SPECULAR(mirror)) \

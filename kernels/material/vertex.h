@@ -31,6 +31,9 @@ typedef struct {
 #if HAS_CLOSURE
     Closure closure;
 #endif
+#if HAS_MEASURED || HAS_THIN_FILM
+    Scene scene;    // whose tables are read once the direction on is known
+#endif
 #if HAS_MIX
     F  lobe;        // what choosing among mixed materials leaves of the random number that chooses lobes
 #endif
@@ -250,6 +253,9 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
     Vertex vertex;
     F3 p = along(ray.o, ray.d, hit.t);
     vertex.p = p;
+#if HAS_MEASURED || HAS_THIN_FILM
+    vertex.scene = scene;
+#endif
     vertex.n = f3(ZERO, ZERO, ONE);
     vertex.ng = vertex.n;
 #if HAS_COAT_NORMAL

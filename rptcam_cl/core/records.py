@@ -338,6 +338,7 @@ class MaterialKind(IntEnum):
     TRANSLUCENT = 12
     BOUNDARY = 13  # of a medium: light passes as if nothing were there
     HAIR = 14
+    MEASURED = 15
 
 
 class TextureKind(IntEnum):
@@ -627,8 +628,9 @@ MATERIAL = Record(
         ("float", "sheen_half"),  # logarithm of Lambda at 60 degrees
         ("float", "opacity"),
         ("float", "cutoff"),  # of an opacity mask; 0 where rays pass with a probability
-        ("float", "factor"),  # of a mix: share of the second material
-        ("int", "first"),  # of a mix: the two materials
+        ("float", "factor"),  # of a mix: share of the second material; of a measured one of facets in sampling
+        # of a mix: the two materials; of a measured one the word where its table starts, of a film 1 more
+        ("int", "first"),
         ("int", "second"),
         ("int", "texture"),  # indices of the textures that replace values, or -1: of the colour
         ("int", "glow_texture"),

@@ -73,11 +73,11 @@ _PREVIEW_REST = {"occlusion": 1.0}
 _STANDARD_REST = {
     "diffuse_roughness": 0.0, "transmission_scatter": 0.0, "transmission_dispersion": 0.0,
     "transmission_extra_roughness": 0.0, "coat_anisotropy": 0.0, "coat_affect_color": 0.0,
-    "coat_affect_roughness": 0.0, "thin_film_thickness": 0.0, "tangent": None,
+    "coat_affect_roughness": 0.0, "tangent": None,
 }  # fmt: skip
 _OPENPBR_REST = {
     "base_diffuse_roughness": 0.0, "transmission_scatter": 0.0, "transmission_dispersion_scale": 0.0,
-    "coat_roughness_anisotropy": 0.0, "thin_film_weight": 0.0, "geometry_tangent": None,
+    "coat_roughness_anisotropy": 0.0, "geometry_tangent": None,
     "geometry_coat_tangent": None,
 }  # fmt: skip
 # Names of inputs of standard_surface, and those of OpenPBR that differ.
@@ -208,7 +208,7 @@ class Shading:
         if clear == 1.0 and (depth := float(get.plain("transmission_depth", 0.0))) > 0:
             left = np.clip(get.plain("transmission_color", (1, 1, 1)), 0, 1).tolist()
             keys["attenuation"] = {"color": left, "distance_m": depth * self.metres_per_unit}
-        keys |= self._stretch(get, of, rough, open_pbr)
+        keys |= self._stretch(get, of, rough, open_pbr) | self._film(get, keys, open_pbr)
         keys |= get.normals(of["normal"], "normal_map")
         return keys | (get.normals(of["coat_normal"], "clearcoat_normal_map") if keys["clearcoat"] else {})
 
@@ -231,6 +231,23 @@ class Shading:
             self.report.say("approximated", "the colour of a coat as one of the base", prim)
             colour = _product(colour, _mixture([1.0, 1.0, 1.0], tint, coat))
         return colour
+
+    def _film(self, get: _Inputs, keys: Keys, open_pbr: bool) -> Keys:
+        """Return the thin film of a surface of such keys, where it may lie on that."""
+        share = float(np.mean(get.plain("thin_film_weight", 0.0))) if open_pbr else 1.0
+        thickness = float(get.plain("thin_film_thickness", 0.5 if open_pbr else 0.0)) * (1000 if open_pbr else 1)
+        if share <= 0 or thickness <= 0:
+            return {}
+        numbers = not any(isinstance(keys[key], dict) for key in ("metallic", "specular", "specular_color"))
+        coloured = isinstance(keys["base_color"], dict) and keys["metallic"] != 0
+        if not numbers or coloured or keys["transmission"] != 0:
+            self.report.say(
+                "ignored", "a thin film beside transmission or textures of what reflects", get.shader.GetPrim()
+            )
+            return {}
+        index = float(get.plain("thin_film_ior" if open_pbr else "thin_film_IOR", 1.4 if open_pbr else 1.5))
+        film = {"thickness_nm": min(thickness, 20_000.0), "index": min(max(index, 1.0), 5.0), "share": min(share, 1.0)}
+        return {"thin_film": film}
 
     def _stretch(self, get: _Inputs, of: dict[str, str], rough: Any, open_pbr: bool) -> Keys:
         """Return roughness and stretch of highlights along u; alpha across over that along is 1 - 0.9 anisotropy."""

@@ -34,6 +34,7 @@ from rptcam_cl.scene.materials import (
     Mix,
     Principled,
     ScatteringMedium,
+    ThinFilm,
     ThinGlass,
     Translucent,
     albedo_for,
@@ -129,6 +130,8 @@ class FileMaterial:
         directions in r and g, along u and v, and strengths in b.
     anisotropy_rotation_degrees : float
         Of those directions, from u towards v.
+    film : (share, index, thickness) or None
+        Of a thin film on the surface [1, 1, nm].
     gloss_texture : FileTexture or None
         Its alpha channel is a factor on 1 - roughness, in place of the painting of roughness.
     translucency : float
@@ -180,6 +183,7 @@ class FileMaterial:
     anisotropy: float = 0.0
     anisotropy_texture: FileTexture | None = None
     anisotropy_rotation_degrees: float = 0.0
+    film: tuple[float, float, float] | None = None
     gloss_texture: FileTexture | None = None
     translucency: float = 0.0
     translucency_texture: FileTexture | None = None
@@ -232,6 +236,10 @@ class _Translation:
 
     def __init__(self, given: FileMaterial, folders: Folders, absent: list[str] | None) -> None:
         self._absent = absent
+        if given.film is not None and given.transmission > 0:
+            what = f"material {given.name!r}: its thin film is left out, beside transmission"
+            warnings.warn(what, UserWarning, stacklevel=3)
+            given = replace(given, film=None)
         self._given = given
         self._folders = folders
         self._cover = self._covering()
@@ -295,6 +303,22 @@ class _Translation:
         return Mix(kind="mix", materials=parts, factor=share, **self._cover)
 
     def _principled(self, transmission: float, cover: dict[str, Any]) -> Principled:
+        given = self._given
+        plain = self._without_film(transmission, cover)
+        return plain if given.film is None or given.matte else self._filmed(plain)
+
+    def _filmed(self, plain: Principled) -> Principled:
+        """Return a material with its thin film; without it, with a warning, where that cannot lie on it."""
+        assert self._given.film is not None
+        share, index, thickness = self._given.film
+        if not plain.takes_film:
+            what = f"material {self._given.name!r}: its thin film is left out, beside textures of what reflects"
+            warnings.warn(what, UserWarning, stacklevel=2)
+            return plain
+        film = ThinFilm(share=share, index=_clip(index, 1.0, 5.0), thickness_nm=_clip(thickness, 0.0, 20_000.0))
+        return plain.model_copy(update={"thin_film": film})
+
+    def _without_film(self, transmission: float, cover: dict[str, Any]) -> Principled:
         given = self._given
         gloss: dict[str, Any] = {"specular": 0.0, "roughness": 1.0} if given.matte else {
             "specular": self._specular(),

@@ -32,7 +32,7 @@ from rptcam_cl.core.strict_yaml import Document, FieldError
 from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.keys import GLASS, glass_json_schema
 from rptcam_cl.optics.glass import Medium, held_index, known_range
-from rptcam_cl.scene.base import Alternatives, FileName, SceneModel, read_number, refuse, unknown_name
+from rptcam_cl.scene.base import Alternatives, FileName, FileReference, SceneModel, read_number, refuse, unknown_name
 from rptcam_cl.scene.quantities import (
     NUMBER,
     Albedo,
@@ -709,6 +709,19 @@ MOST_INDEX = 1000.0  # reflects 0.996 of the light at normal incidence
 MOST_BEND = 5.0  # index of what light passes
 
 
+class ThinFilm(SceneModel):
+    """A film thinner than light is coherent, on a surface: soap, oil, the oxide of heated steel."""
+
+    thickness_nm: Annotated[float, Field(ge=0, le=20_000), NUMBER]
+    """Thickness of the film [nm]."""
+
+    index: Annotated[float, Field(ge=1, le=5), NUMBER] = 1.3
+    """Refractive index of the film."""
+
+    share: Fraction = 1.0
+    """Share of the surface that has it."""
+
+
 class Principled(AbsorbingMaterial, BumpyMaterial):
     """A mixture of a dielectric over a diffuse or transparent base, and a metal; with sheen, a coat and emission."""
 
@@ -768,7 +781,26 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     emission: Emission = (0.0, 0.0, 0.0)
     """Radiance emitted from the side of the normal [W/(m² sr) per channel]: a colour, or a texture."""
 
+    thin_film: ThinFilm | None = None
+    """Film on the surface, in which light interferes; not beside transmission, nor beside textures of what reflects."""
+
     alternatives: ClassVar[tuple[Alternatives, ...]] = (ABSORPTION,)
+
+    @property
+    def takes_film(self) -> bool:
+        """Whether a thin film may lie on it: its reflectance follows from numbers."""
+        numbers = (self.metallic, self.specular, self.transmission)
+        plain = all(isinstance(each, float) for each in numbers) and isinstance(self.specular_color, tuple)
+        return plain and self.transmission == 0 and (self.metallic == 0 or isinstance(self.base_color, tuple))
+
+    @model_validator(mode="after")
+    def _check_film(self) -> Self:
+        if self.thin_film is not None and not self.takes_film:
+            raise refuse(
+                "does not count here", got="a film", path=("thin_film",),
+                allowed="beside numbers for metallic, specular and specular_color, a colour of metal, no transmission",
+            )  # fmt: skip
+        return self
 
     @model_validator(mode="after")
     def _check_maps(self) -> Self:
@@ -844,6 +876,13 @@ class Translucent(BumpyMaterial):
                     path=("transmittance",),
                 )  # fmt: skip
         return self
+
+
+class Measured(FileReference, BumpyMaterial):
+    """A surface whose reflection was measured: a table of MERL (`.binary`) or of RGL (`.bsdf`)."""
+
+    kind: Literal["measured"]
+    """Kind of material."""
 
 
 class Mirror(CoveringMaterial):
@@ -991,7 +1030,7 @@ class Emissive(SceneModel):
 
 
 Leaf = Annotated[
-    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Hair,
+    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Hair | Measured,
     Field(discriminator="kind"),
 ]
 
@@ -1031,7 +1070,8 @@ Material = Annotated[
     | Mix
     | Emissive
     | Boundary
-    | Hair,
+    | Hair
+    | Measured,
     Field(discriminator="kind"),
 ]
 

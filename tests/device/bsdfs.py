@@ -1,8 +1,10 @@
 """The formulas of docs/materials.md in float64: value times cosine for wi and wo (n, 3)."""
 
+from functools import partial
+
 import numpy as np
 
-from rptcam_cl.rendering.plan.materials import internal_reflectance, rough_albedo, smooth_mean
+from rptcam_cl.rendering.plan.materials import fresnel, internal_reflectance, rough_albedo, smooth_mean
 
 
 def dielectric(cosine, eta):
@@ -71,7 +73,7 @@ def smooth_plastic(wi, wo, color, index):
 def rough_plastic(wi, wo, color, index, alpha):
     """Return the light of a rough plastic, with the quadrature of its cover."""
     cosines = np.linspace(0.02, 1, 50)
-    shares = np.array([rough_albedo(cosine, alpha, index) for cosine in cosines])
+    shares = np.array([rough_albedo(cosine, alpha, partial(fresnel, index=index)) for cosine in cosines])
     mean = np.trapezoid(2 * cosines * shares, cosines)
     base = plastic_base(wi, wo, color, index, lambda cosine: np.interp(cosine, cosines, shares), mean)
     value, cosine = facet_reflection(wi, wo, alpha)

@@ -16,7 +16,8 @@ LANES = 8
 # Every feature, in one program; no pictures, and each vertex of one material.
 FEATURES = ("MATTE", "MIRROR", "CONDUCTOR", "DIELECTRIC", "METAL", "ROUGH_DIELECTRIC", "PLASTIC", "ROUGH_PLASTIC",
             "THIN_GLASS", "PRINCIPLED", "ANISOTROPY", "TRANSMISSION", "CLEARCOAT", "SHEEN", "TANGENT",
-            "SPECULAR_COLOR", "SPHERE", "TRANSLUCENT", "GLASS_TINT", "OREN_NAYAR", "HAIR")  # fmt: skip
+            "SPECULAR_COLOR", "SPHERE", "TRANSLUCENT", "GLASS_TINT", "OREN_NAYAR", "HAIR", "MEASURED",
+            "THIN_FILM")  # fmt: skip
 ABSENT = ("ABSORPTION", "GLOW", "METALLIC_TEXTURE", "COAT_TEXTURE", "COAT_ROUGHNESS_TEXTURE", "SHEEN_TEXTURE",
           "ENTRIES", "SPECULAR_TEXTURE", "SPECULAR_COLOR_TEXTURE", "TRANSMISSION_TEXTURE",
           "PASSED_TEXTURE")  # fmt: skip
@@ -56,7 +57,8 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
     for first, part in ((0, -wi), (3, np.asarray(wo)), (6, np.asarray(numbers))):
         table[first : first + 3, :count] = np.broadcast_to(np.atleast_2d(part), (count, 3)).T
     scene = load_scene(still_life() | {"materials": {"tested": material}})
-    packed = pack_materials([scene.materials["tested"]], TextureTable(scene), KnownSpectra())
+    textures = TextureTable(scene)
+    packed = pack_materials([scene.materials["tested"]], textures, KnownSpectra())
     records, shared = packed.records, int(again and packed.facts["FACET_SHARES"])
     tables = facet_shares(records) if shared else np.zeros(1, np.float32)
     facts = FACTS | {"FACET_ENERGY": int(again), "FACET_SHARES": shared}
@@ -66,7 +68,7 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
     run(
         session, "probe_scatter", facts, padded // LANES,
         materials=session.upload(records),
-        facet_shares=session.upload(tables),
+        facet_shares=session.upload(tables), texels=session.upload(textures.pack().texels),
         material=np.int32(0), out=out, capacity=np.uint32(padded), **{"in": session.upload(table)},
     )  # fmt: skip
     rows = session.read(out, np.float32, 11 * padded).reshape(11, padded)[:, :count].astype(np.float64)

@@ -33,6 +33,10 @@ MATERIALS = {
     },
     "cloth": {"kind": "principled", "base_color": WHITE, "roughness": 0.8, "sheen": WHITE, "sheen_roughness": 0.4},
     "fine cloth": {"kind": "principled", "base_color": 0, "specular": 0, "sheen": WHITE, "sheen_roughness": 0.15},
+    "oiled": {
+        "kind": "principled", "base_color": WHITE, "roughness": 0.6, "metallic": 0.3,
+        "thin_film": {"thickness_nm": 250, "index": 2.5},
+    },
     "clear": {"kind": "principled", "base_color": WHITE, "transmission": 1.0, "roughness": 0.6},
     "white hair": {"kind": "hair", "reflectance": 1.0, "roughness": 0.2, "roughness_across": 0.5},
     "black hair": {"kind": "hair", "eumelanin": 8, "roughness": 0.6, "roughness_across": 0.15, "tilt_degrees": 5},

@@ -1,6 +1,7 @@
 """How much light rough materials lose: the table of docs/materials.md, and the fits of covers."""
 
 import math
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +66,7 @@ def test_fit_of_a_principled_cover_takes_little_too_much(session, roughness):
 def test_cover_of_plastic_is_its_quadrature_from_above(index, alpha):
     cover = rough_cover((alpha, alpha), index)
     cosines = np.linspace(0.05, 1, 40)
-    share = np.array([rough_albedo(cosine, (alpha, alpha), index) for cosine in cosines])
+    share = np.array([rough_albedo(cosine, (alpha, alpha), partial(fresnel, index=index)) for cosine in cosines])
     off = sum(c * (1 - cosines) ** i for i, c in enumerate(cover)) - share
     assert off.min() > -0.003
     assert np.average(off, weights=cosines) < 0.006

@@ -84,6 +84,7 @@ PHOTONS = {"CAUSTICS": 1}
 GHOSTS = {"GHOST_PATCHES": 1, "GHOST_PENCILS": 1}
 MEDIA = {"HAS_MEDIA": 1, "HAS_BOUNDARY": 1, "HAS_LAYERED_FOG": 1, "HAS_DENSITY": 1, "HAS_DROPLETS": 1, "HAS_ENTRIES": 1}
 GROUPS = {"LIGHT_GROUPS": 3}
+TABLES = {"HAS_MEASURED": 1, "HAS_THIN_FILM": 1}  # which materials read along the way
 READ = {"RAYS_FILE": "integrator/read_rays.h"}  # by the stream, or made there
 KEPT = {"RAYS_FILE": "integrator/kept_rays.h", "CAMERA_HAS_LENS": 1, "SAMPLER_LATTICE": 1}
 MADE = {"RAYS_FILE": "integrator/made_rays.h", "CAMERA_FILE": "camera/thin_lens.h", "APERTURE_PARTS": 9, "FILTER": 1024}
@@ -155,7 +156,7 @@ def test_scene_with_everything_turns_every_fact_on():
     # one emitter is not many, few primitives are not either, the world is of one kind, photons do not move, and media
     # have no solids with holes
     off = {name for name, value in all_facts().items() if not value}
-    assert off == {"ONE_EMITTER", "LENS_SPLITS", "FEW_PRIMITIVES", *PHOTONS, *MEDIA, *GROUPS}
+    assert off == {"ONE_EMITTER", "LENS_SPLITS", "FEW_PRIMITIVES", *PHOTONS, *MEDIA, *GROUPS, *TABLES}
 
 
 # What widths differ in is the same few macros in every pass: the fast tests have each pass at one of them.
@@ -195,7 +196,7 @@ def test_pass_with_everything_compiles_alone_without_a_warning(session, file, la
 @pytest.mark.parametrize("lanes", ONE_LANE_TOO)
 @pytest.mark.parametrize("file", MEDIA_PASSES)
 def test_pass_with_media_and_everything_compiles_alone_without_a_warning(session, file, lanes):
-    facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | MADE | MEDIA | GROUPS | {"VW": lanes}
+    facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | MADE | MEDIA | GROUPS | TABLES | {"VW": lanes}
     without_warnings(session, [file], facts)
 
 

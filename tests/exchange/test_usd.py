@@ -392,7 +392,8 @@ MTLX = """<materialx version="1.38" colorspace="lin_rec709"><nodegraph name="g" 
     <output name="o" type="color3" nodename="m"/></nodegraph>
   <standard_surface name="s" type="surfaceshader"><input name="base_color" type="color3" nodegraph="g" output="o"/>
     <input name="base" type="float" value="0.5"/><input name="metalness" type="float" value="0.25"/>
-    <input name="thin_film_thickness" type="float" value="400"/></standard_surface>
+    <input name="thin_film_thickness" type="float" value="400"/>
+    <input name="diffuse_roughness" type="float" value="0.5"/></standard_surface>
   <surfacematerial name="A" type="material"><input name="surfaceshader" type="surfaceshader" nodename="s"/>
   </surfacematerial>
   <open_pbr_surface name="o" type="surfaceshader"><input name="transmission_weight" type="float" value="1"/>
@@ -415,7 +416,8 @@ def test_materials_of_materialx_files_are_read_alone_and_in_stages(tmp_path: Pat
     }  # fmt: skip
     assert (first["metallic"], second["transmission"]) == (0.25, 1.0)
     np.testing.assert_allclose(second["base_color"], [0.2140, 0.2140, 1], atol=1e-4)  # sRGB of 0.5
-    assert any("ignored: thin_film_thickness" in line for line in alone.report)
+    assert any("ignored: diffuse_roughness" in line for line in alone.report)
+    assert any("ignored: a thin film beside" in line for line in alone.report)  # as the metal has a texture
     text = """def "M" ( references = @m.mtlx@</MaterialX/Materials> ) { }
         def Sphere "b" { rel material:binding = </M/A> }"""
     done, _ = convert(tmp_path, text)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance, srgb_from_reflectance
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.mesh_data import Array
 from rptcam_cl.exchange.pbrt.textures import (
     COLOURS,
@@ -30,6 +31,7 @@ from rptcam_cl.exchange.pbrt.textures import (
 from rptcam_cl.exchange.pbrt.world import Context, Entity, MaterialName
 from rptcam_cl.rendering.plan.textures import metal_spectra
 from rptcam_cl.rendering.plan.textures import reflectance as metal_reflectance
+from rptcam_cl.scene.assets.measured import read_measured
 from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, MOST_ASYMMETRY, SMALLEST_INDEX, SUBSTANCES
 from rptcam_cl.scene.textures import MOST_NESTED
 
@@ -617,6 +619,22 @@ def _hair(context: Context, material: Entity) -> Keys:
     return keys | pigments
 
 
+def _measured(context: Context, material: Entity) -> Keys:
+    """Return a measured material; grey for a file that ours does not read, such as one with a direction of its own."""
+    if not material.parameters.has("filename"):
+        return _grey(context, material)
+    name, place = material.file_name()
+    path = context.find_or_note(name, place, "matte grey 0.5")
+    if path is None:
+        return matte(np.full(3, 0.5))
+    try:
+        read_measured(path)
+    except InputError as problem:
+        context.approximated(material, f"matte grey 0.5, as {name} {problem}", place)
+        return matte(np.full(3, 0.5))
+    return {"kind": "measured", "file": context.files.reference(path, place)}
+
+
 def _grey(context: Context, material: Entity) -> Keys:
     material.parameters.skip_all()
     context.approximated(material, "matte grey 0.5")
@@ -626,7 +644,7 @@ def _grey(context: Context, material: Entity) -> Keys:
 _KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
     "diffuse": partial(_matte, name="reflectance"), "coateddiffuse": _coated_diffuse, "conductor": _conductor,
     "coatedconductor": _coated_conductor, "dielectric": _dielectric, "thindielectric": _thin_dielectric,
-    "diffusetransmission": _diffuse_transmission, "subsurface": _subsurface, "measured": _grey, "hair": _hair,
+    "diffusetransmission": _diffuse_transmission, "subsurface": _subsurface, "measured": _measured, "hair": _hair,
     "matte": _matte, "plastic": _plastic, "mirror": _mirror, "glass": _glass,
     "metal": partial(_conductor, roughness=0.01), "uber": _uber, "substrate": _substrate,
     "translucent": _translucent, "disney": _disney, "kdsubsurface": _subsurface, "fourier": _grey,

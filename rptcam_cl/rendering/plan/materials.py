@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
-from functools import lru_cache
+from collections.abc import Callable, Collection, Iterable, Iterator
+from functools import lru_cache, partial
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.colour import WAVELENGTHS_NM, srgb_from_reflectance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, ONCE_TERMS, SHARE_SIDES, BumpLengths, MaterialKind, fill
+from rptcam_cl.core.remember import content_name
 from rptcam_cl.rendering.plan.textures import (
     UNLIMITED,
     KnownSpectra,
@@ -30,12 +32,14 @@ from rptcam_cl.scene.materials import (
     Hair,
     Material,
     Matte,
+    Measured,
     MetalSpectrum,
     Mirror,
     Mix,
     OpticalConstants,
     Plastic,
     Principled,
+    ThinFilm,
     ThinGlass,
     Translucent,
     alpha_pair,
@@ -178,8 +182,8 @@ def fresnel(cosine: Array, index: float | Array) -> Array:
     return np.asarray(np.where(sine2 >= 1.0, 1.0, 0.5 * (s * s + p * p)))
 
 
-def rough_albedo(cosine: float, alpha: tuple[float, float], index: float) -> float:
-    """Return the share of light from a direction that GGX facets of a dielectric reflect once.
+def rough_albedo(cosine: float, alpha: tuple[float, float], reflectance: Callable[[Array], Array]) -> float:
+    """Return the share of light from a direction that GGX facets reflect once, by their reflectance at a cosine.
 
     Over visible normals (Heitz 2014) on a midpoint grid of their spherical cap (Dupuy and Benyoub 2023); with two
     alphas, for their geometric mean.
@@ -198,13 +202,18 @@ def rough_albedo(cosine: float, alpha: tuple[float, float], index: float) -> flo
     z = np.where(up > 0, up, 1.0)
     stretch_i, stretch_o = (np.sqrt(x**2 + a**2 * (1 - x**2)) for x in (cosine, z))
     passed = z * (cosine + stretch_i) / (z * stretch_i + cosine * stretch_o)
-    return float(np.where(up > 0, passed * fresnel(c, index), 0.0).mean())
+    return float(np.where(up > 0, passed * reflectance(c), 0.0).mean())
 
 
 @lru_cache(maxsize=256)
 def rough_cover(alpha: tuple[float, float], index: float) -> tuple[float, ...]:
+    """Return the coefficients of the share that a rough cover of glass reflects."""
+    return fitted_cover(alpha, partial(fresnel, index=index))
+
+
+def fitted_cover(alpha: tuple[float, float], reflectance: Callable[[Array], Array]) -> tuple[float, ...]:
     """Return the coefficients of the share that a rough cover reflects: a quartic in 1 - cosine, from above."""
-    share = np.array([rough_albedo(cosine, alpha, index) for cosine in _COSINES])
+    share = np.array([rough_albedo(cosine, alpha, reflectance) for cosine in _COSINES])
     powers = (1 - _COSINES)[:, None] ** np.arange(_DEGREE + 1)
     weight = np.sqrt(_COSINES)
     fit = np.linalg.lstsq(powers * weight[:, None], share * weight, rcond=None)[0]
@@ -506,7 +515,7 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     if kind in (MaterialKind.MIRROR, MaterialKind.THIN_GLASS, MaterialKind.DIELECTRIC, MaterialKind.PLASTIC):
         alpha = 0.0
     elif kind in (MaterialKind.MATTE, MaterialKind.TRANSLUCENT, MaterialKind.EMISSIVE, MaterialKind.BOUNDARY,
-                  MaterialKind.HAIR):  # fmt: skip
+                  MaterialKind.HAIR, MaterialKind.MEASURED):  # fmt: skip
         return
     coloured = record["texture"] >= 0 and kind in (
         MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED, *_COVERS[:2]
@@ -623,6 +632,9 @@ class _Filler:
                 self._principled(record, material)
             case Mix():
                 self._number(record, "factor", material.factor)
+            case Measured():
+                table, first = self._textures.measured(material)
+                fill(record, color=(*table.albedo, 0.0), alpha=table.alpha, factor=table.gloss, first=first)
         if isinstance(material, (Conductor, Dielectric, Plastic)):
             _facets(record, material, material.alphas or (0.0, 0.0))
         if isinstance(material, Dielectric):
@@ -689,10 +701,64 @@ class _Filler:
         record["coat_alpha"] = alpha_pair(coat_roughness, 0.0)[0]
         if not isinstance(material.sheen, tuple) or max(material.sheen) > 0:
             self._sheen(record, material)
+        if material.thin_film is not None and material.thin_film.share > 0:
+            self._film(record, material, material.thin_film)
+
+    def _film(self, record: np.void, material: Principled, film: ThinFilm) -> None:
+        """Write the reflectance by the cosine, and the cover that leaves the diffuse base what the film lets in."""
+        dielectric, metal = film_colours(material, film)
+        metallic = float(record["metallic"])
+        colours = ((1 - metallic) * dielectric + metallic * metal).astype(np.float32)
+        record["first"] = 1 + self._textures.add_table(f"film {content_name(colours)}", colours.ravel().view(np.uint32))
+        # where a texture gives the roughness, smooth: rough facets reflect no more
+        alpha = float(record["alpha"]) if record["roughness_texture"] < 0 else 0.0
+        at, most = np.linspace(0, 1, FILM_COSINES), dielectric.max(axis=1)
+        cover = fitted_cover((max(alpha, 1e-3),) * 2, lambda cosine: np.interp(cosine, at, most))
+        fill(record, cover=cover[:4], cover_last=cover[4])
 
     def _sheen(self, record: np.void, material: Principled) -> None:
         self._colour(record, "sheen", "sheen_texture", material.sheen, 1.0)
         fill(record, **sheen_lobe(alpha_pair(material.sheen_roughness, 0.0)[0])[1])
+
+
+FILM_COSINES = 128
+
+
+def film_reflectance(cosine: Array, thickness_nm: float, index: float, base: Array) -> Array:
+    """Return the reflectance of a film on a base of real index, wavelengths last (Airy; Born and Wolf 7.6)."""
+    sine2 = (1 - cosine**2)[..., None]
+    first = np.broadcast_to(cosine[..., None], (*cosine.shape, len(WAVELENGTHS_NM)))
+    inside, behind = np.sqrt(index**2 - sine2 + 0j), np.sqrt(base**2 - sine2 + 0j)  # n cos of each medium
+    phase = np.exp(4j * np.pi * thickness_nm * inside / WAVELENGTHS_NM)
+    total = np.zeros(first.shape)
+    for a, b, c in ((first, inside, behind), (1 / first, index**2 / inside, base**2 / behind)):  # s and p admittances
+        upper, lower = (a - b) / (a + b), (b - c) / (b + c)
+        total = total + 0.5 * np.abs((upper + lower * phase) / (1 + upper * lower * phase)) ** 2
+    return np.asarray(total)
+
+
+def film_colours(material: Principled, film: ThinFilm) -> tuple[Array, Array]:
+    """Return the reflectance of a dielectric and of a metal with a thin film (cosines from 0 to 1, 3), linear sRGB.
+
+    Each base has in each channel the index that its colour has head-on, as glTF has it.
+    """
+    specular = material.specular
+    assert isinstance(specular, float)  # by Principled.takes_film
+    cosine = np.maximum(np.linspace(0, 1, FILM_COSINES), 1e-6)
+    f0 = specular * np.array(material.specular_color) * ((material.index - 1) / (material.index + 1)) ** 2
+    # a texture for the colour of a metal stands only where there is none of it
+    metal = np.array(material.base_color) if isinstance(material.base_color, tuple) else np.zeros(3)
+    parts = []
+    for normal, most in ((f0, specular), (metal, 1.0)):
+        bare = normal + (most - normal) * (1 - cosine[:, None]) ** 5
+        root = np.sqrt(np.clip(normal / max(most, 1e-9), 0, 0.9999))
+        coloured = np.empty_like(bare)
+        for value in np.unique(root):
+            spectra = film_reflectance(cosine, film.thickness_nm, film.index, (1 + value) / (1 - value))
+            rgb = np.clip(most * srgb_from_reflectance(spectra), 0, 1)
+            coloured[:, root == value] = rgb[:, root == value]
+        parts.append((1 - film.share) * bare + film.share * coloured)
+    return parts[0], parts[1]
 
 
 def _facets(record: np.void, material: _Faceted, alphas: tuple[float, float]) -> None:
@@ -741,6 +807,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_COAT_NORMAL": np.any(coated & ((records["coat_normal_texture"] >= 0) | flat)),
         "HAS_SHEEN": np.any(records["sheen"][principled] > 0) or np.any(records["sheen_texture"] >= 0),
         "HAS_ABSORPTION": np.any(records["absorption"][clear] > 0),
+        "HAS_THIN_FILM": np.any(records["first"][principled] > 0),
         "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),
         "HAS_SPECULAR_COLOR": np.any(tinted) or np.any(records["specular_color_texture"] >= 0),
         "HAS_DISPERSION": np.any(records["dispersion_terms"] > 0),

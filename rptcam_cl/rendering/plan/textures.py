@@ -31,9 +31,10 @@ from rptcam_cl.core.records import (
 from rptcam_cl.core.remember import Memory
 from rptcam_cl.optics.glass import held_index, known_range
 from rptcam_cl.rendering.cameras.lens_records import fewest_terms, fit_nodes
+from rptcam_cl.scene.assets.measured import MeasuredTable, read_measured
 from rptcam_cl.scene.assets.pictures import Picture, read_picture
 from rptcam_cl.scene.base import FileReference
-from rptcam_cl.scene.materials import Dielectric, MetalSpectrum
+from rptcam_cl.scene.materials import Dielectric, Measured, MetalSpectrum
 from rptcam_cl.scene.quantities import SpectralColour
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.textures import (
@@ -463,22 +464,6 @@ class TextureTable:
                 )
         return self._pictures[content]
 
-    def _place(self, colours: Colours) -> int:
-        """Return the word where a picture's texels start.
-
-        Raises
-        ------
-        InputError
-            When the pictures are too many to count their words.
-        """
-        if colours.name not in self._places:
-            self._places[colours.name] = self._word_count
-            self._words.append(colours.words)
-            self._word_count += len(colours.words)
-            if self._word_count >= _MOST_WORDS:
-                raise InputError("the pictures of the scene are too large together (allowed: 16 GiB)")
-        return self._places[colours.name]
-
     def _record(self, texture: SinglePattern, limit: float) -> np.void:
         row_u, row_v = _map_uv(texture)
         record: np.void = TEXTURE.one(row_u=row_u, row_v=row_v)[0]
@@ -507,19 +492,46 @@ class TextureTable:
 
     def _table(self) -> int:
         """Return the word where the permutation of Perlin's noise and the colours of marble start."""
-        if "Perlin" not in self._places:
-            self._places["Perlin"] = self._word_count
-            permutation = np.frombuffer(2 * PERMUTATION, np.uint8).astype(np.uint32)
-            self._words.append(np.concatenate([permutation, MARBLE.view(np.uint32).ravel()]))
-            self._word_count += len(self._words[-1])
-        return self._places["Perlin"]
+        permutation = np.frombuffer(2 * PERMUTATION, np.uint8).astype(np.uint32)
+        return self.add_table("Perlin", np.concatenate([permutation, MARBLE.view(np.uint32).ravel()]))
+
+    def add_table(self, name: str, words: NDArray[np.uint32]) -> int:
+        """Return the word where a table, or a picture's texels, start.
+
+        Raises
+        ------
+        InputError
+            When there are too many to count their words.
+        """
+        if name not in self._places:
+            self._places[name] = self._word_count
+            self._words.append(words)
+            self._word_count += len(words)
+            if self._word_count >= _MOST_WORDS:
+                raise InputError("the pictures of the scene are too large together (allowed: 16 GiB)")
+        return self._places[name]
+
+    def measured(self, material: Measured) -> tuple[MeasuredTable, int]:
+        """Return the table of a measured material, and the word where it starts.
+
+        Raises
+        ------
+        InputError
+            When its file is none, with the place in the scene.
+        """
+        name = f"measured {self._scene.digest_of(material)}"
+        try:
+            table = PICTURES.find_or_make(name, lambda: read_measured(self._scene.content_of(material)))
+        except InputError as problem:
+            raise InputError(f"{material.place}{problem}") from None
+        return table, self.add_table(name, table.words)
 
     def _image(self, colours: Colours, gain: float | tuple[float, float, float]) -> dict[str, Any]:
         """The members of an image's record that say its picture, whose mean is noted."""
         self._means.append(np.multiply(gain, colours.mean))
         height, width = colours.size
         return {
-            "kind": TextureKind.IMAGE, "format": colours.form, "first": self._place(colours),
+            "kind": TextureKind.IMAGE, "format": colours.form, "first": self.add_table(colours.name, colours.words),
             "height": height, "width": width, "a": np.multiply(gain, np.full(3, colours.scale)),
         }  # fmt: skip
 

@@ -39,9 +39,9 @@ WEBP = "EXT_texture_webp"
 
 _FOLLOWED = (
     "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_diffuse_transmission",
-    "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_sheen", "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit",
-    "KHR_materials_volume", "KHR_materials_volume_scatter",
+    "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_iridescence",
+    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_sheen", "KHR_materials_specular",
+    "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume", "KHR_materials_volume_scatter",
 )  # fmt: skip
 
 
@@ -143,6 +143,11 @@ class _GltfMaterials:
             material = self._scatter(scatter, material)
         for diffuse in part.extensions("KHR_materials_diffuse_transmission"):
             material = self._diffuse_transmission(diffuse, material)
+        for film in part.extensions("KHR_materials_iridescence"):
+            self._leave_out(film, "iridescenceTexture", "iridescenceThicknessTexture")
+            numbers = (("iridescenceFactor", 0.0), ("iridescenceIor", 1.3), ("iridescenceThicknessMaximum", 400.0))
+            share, n, thickness = (film.number(key, default, 0) for key, default in numbers)
+            material = replace(material, film=(min(share, 1.0), n, thickness) if share > 0 else None)
         for _ in part.extensions("KHR_materials_unlit"):
             material = replace(material, matte=True)
         for other in part.part("extensions").names():

@@ -4,6 +4,7 @@
 __kernel void probe_scatter(const __global Material *materials,
                             int                      material,
                             const __global float    *facet_shares,
+                            const __global uint     *texels,
                             const __global float    *in,         // [9][capacity]: d, wo, three random numbers
                             __global float          *out,        // [11][capacity]: value, pdf; direction, weight, pdf
                             uint                     capacity)
@@ -11,6 +12,7 @@ __kernel void probe_scatter(const __global Material *materials,
     uint i = get_global_id(0) * VW;
     Scene scene;
     scene.materials = materials;
+    scene.texels = texels;
 #if FACET_SHARES
     scene.facet_shares = facet_shares;
 #endif
@@ -26,6 +28,7 @@ __kernel void probe_scatter(const __global Material *materials,
     vertex.kind = (I)(-1);
     vertex.tangent = f3(ONE, ZERO, ZERO);
     vertex.closure = empty_closure();
+    vertex.scene = scene;
 #define IN(k) LOAD_F(in + (k) * capacity, i)
     F3 d = f3(IN(0), IN(1), IN(2));
     take_material(&vertex, TRUE, materials + material, point, d, scene);

@@ -1,6 +1,7 @@
 """Materials and textures: what each kind of pbrt becomes, and what is said of the rest."""
 
 import math
+import struct
 from collections.abc import Callable
 from io import BytesIO
 from typing import Any
@@ -629,3 +630,12 @@ def test_media_fill_glass_clouds_and_the_space_around_the_camera(convert: Conver
     assert done.keys["medium"] == near(fog)
     assert done.material(0) == near({"kind": "boundary", "interior": fog})
     assert done.material(1) == near({"kind": "dielectric", "index": 1.5, "interior": fog})
+
+
+def test_measured_materials_keep_their_file_and_others_are_grey(convert: Convert) -> None:
+    merl = struct.pack("<3i", 90, 90, 180) + np.full(3 * 90 * 90 * 180, 75.0).tobytes()
+    text = 'Material "measured" "string filename" "m.binary"' + BALL
+    assert convert(text, **{"m.binary": merl}).material() == {"kind": "measured", "file": "m.binary"}
+    done = convert(text, **{"m.binary": b"1 2 3"})
+    assert done.material() == {"kind": "matte", "reflectance": [0.5, 0.5, 0.5]}
+    assert done.says("matte grey 0.5, as m.binary is no measured reflection")

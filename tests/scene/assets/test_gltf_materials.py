@@ -245,7 +245,7 @@ def test_surface_without_texture_coordinates_has_no_pictures(read: Read) -> None
 @pytest.mark.parametrize(
     ("material", "parts", "note"),
     [
-        ({"extensions": {"KHR_materials_iridescence": {}}}, {}, "materials[0]: KHR_materials_iridescence is left out"),
+        ({"extensions": {"KHR_materials_dispersion": {}}}, {}, "materials[0]: KHR_materials_dispersion is left out"),
         (
             {"extensions": {"KHR_materials_diffuse_transmission": {}}},
             {},
