@@ -1,6 +1,6 @@
 """Samples per second beside Mitsuba 3, rendering the same scenes on the same processor in turns.
 
-    python -m benchmarks.against_mitsuba [--rounds 7] [--seconds 1] [--mitsuba-python PATH] [--json FILE]
+    python -m benchmarks.against_mitsuba [--rounds 7] [--seconds 1] [--mitsuba-python PATH] [--avx2] [--json FILE]
 
 Each renderer lives in a process of its own; start, scene building and compilation do not count. A round asks ours, then
 Mitsuba's, for as many samples as take it about ``--seconds``. Ratios are taken per round and their median is reported,
@@ -155,6 +155,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--rounds", type=int, default=7, help="pairs of renders per scene (default 7)")
     parser.add_argument("--seconds", type=float, default=1.0, help="length of a render (default 1)")
     parser.add_argument("--scenes", nargs="+", choices=list(GOAL), default=list(GOAL), metavar="SCENE")
+    parser.add_argument("--avx2", action="store_true", help="hold both to AVX2, where there is AVX-512")
     parser.add_argument("--mitsuba-python", default=sys.executable, help="interpreter that can import mitsuba")
     return parser.parse_args()
 
@@ -164,8 +165,9 @@ def main() -> int:
     options = parse()
     device = choose_device(options.device)
     try:
-        theirs = Worker(options.mitsuba_python, "benchmarks.mitsuba_worker")
-        ours = Worker(sys.executable, "benchmarks.our_worker", device.id)
+        held = ["avx2"] if options.avx2 else []
+        theirs = Worker(options.mitsuba_python, "benchmarks.mitsuba_worker", *held)
+        ours = Worker(sys.executable, "benchmarks.our_worker", device.id, *held)
         facts = machine(device) | {"ours": ours.description, "mitsuba": theirs.description}
         results = compare(options, (ours, theirs), device.type == "cpu")
     except WorkerError as error:

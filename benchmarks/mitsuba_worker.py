@@ -1,14 +1,17 @@
 """The worker that renders with Mitsuba 3, variant ``llvm_ad_rgb``; its Python needs nothing else.
 
 Requests: ``load`` a description made by `benchmarks.mitsuba_scene`, ``render`` samples of it and perhaps save them;
-``count`` the samples that a sampler makes of a number of them.
+``count`` the samples that a sampler makes of a number of them. With ``avx2`` it compiles as for no AVX-512.
 """
 
 from __future__ import annotations
 
+import ctypes
 import os
 import re
+import sys
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +40,10 @@ def ready_mitsuba() -> Any:
         raise WorkerError(f"Mitsuba cannot be imported ({error}); pip install 'rptcam_cl[bench]'") from error
     try:
         mitsuba.set_variant(VARIANT)
+        if sys.argv[1:] == ["avx2"]:
+            (core,) = Path(str(find_spec("drjit").origin)).parent.glob("libdrjit-core.*")  # type: ignore[union-attr]
+            set_target = ctypes.CDLL(str(core))._Z19jit_llvm_set_targetPKcS0_j  # Dr.Jit's Python has no name for it
+            set_target(b"haswell", b"+avx,+avx2,+fma,+f16c,+bmi,+bmi2", 8)
         mitsuba.Float([1.0]) + 1.0
     except Exception as error:
         raise WorkerError(f"Mitsuba's variant {VARIANT} does not run ({error}); it needs LLVM. {REMEDY}") from error

@@ -163,8 +163,7 @@ def reading_of(pixels: NDArray[np.float32], plan: Plan, state: SceneState, film:
     """The reading of the exposure meter for a glance; None where it has seen a part of the film, or hardly light."""
     if film.crop is not None or state.scene.exposure.lock_cd_m2:
         return None
-    per_radiance = float(plan.camera.record["exposure"][0]) * plan.camera.axial_weight
-    reading = reading_cd_m2(pixels, state.scene.exposure, film) / per_radiance
+    reading = reading_cd_m2(pixels, state.scene.exposure, film) / plan.camera.value
     return reading if LEAST_CD_M2 <= reading <= MOST_CD_M2 else None
 
 

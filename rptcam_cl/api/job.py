@@ -366,7 +366,8 @@ class RenderJob:
         if ghosting is None and resolved.ghosts is not None:
             self.ghosting = ghosting_of(resolved.ghosts, plan, wavefront.session.beside())
         found = resolved.diffraction
-        self._diffraction = None if found is None else replace(found, plan=plan)
+        beside = None if found is None else wavefront.session.beside()
+        self._diffraction = None if found is None else replace(found, plan=plan, session=beside)
         self._truth = self._ground_truth()
         if saver is not None:
             saver.of_picture = self._of_picture()

@@ -9,7 +9,7 @@ docs/diffraction.md says why, and how far that is from the full wave image.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
+from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_points
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
@@ -173,6 +174,8 @@ class FilmSpread:
         Of the opening that the film's middle sees, with its dirt, as `FarLight` has them; None where they are unknown.
     lamps : tuple of LampImage
         Those whose pictures by waves take the place of those by rays.
+    beside : (n, 8) array
+        Light of lamps beside the picture, as `lamp_images` has it.
     directions : int
         Of far light.
     """
@@ -185,6 +188,7 @@ class FilmSpread:
     index: float
     edges: Array | None = None
     lamps: tuple[LampImage, ...] = ()
+    beside: Array = field(default_factory=lambda: np.zeros((0, 8)))
     directions: int = ANGLES
 
     @property
@@ -219,7 +223,10 @@ class FilmSpread:
         """Return a film (height, width, 3) of linear RGB with its light spread."""
         planes, offset = np.moveaxis(pixels.astype(np.float64), -1, 0), (layout.x, layout.y)
         bright, by_lamps = lamps_of(planes), brightness(planes, offset, self.lamps)
-        if self.edges is not None and self.directions > FEW_ANGLES and not (bright.any() or by_lamps.any()):
+        is_dark = np.append(by_lamps, np.zeros((1, 3)), axis=0).sum(axis=1) == 0  # the last stands for no picture
+        beside = self.beside[is_dark[self.beside[:, 7].astype(int)]]
+        has_stars = bright.any() or by_lamps.any() or len(beside) > 0
+        if self.edges is not None and self.directions > FEW_ANGLES and not has_stars:
             return self._of_plain_films.over(pixels, layout)
         if by_lamps.any():
             planes, by_lamps = without_lamps(planes, offset, self.lamps, by_lamps)
@@ -229,13 +236,18 @@ class FilmSpread:
         if self.edges is not None:
             shares, light = self.far
             spread += strew(planes + self._at_lamps(planes.shape, offset, by_lamps), light)
-            beside = shares[:, None, None] - received(light, planes.shape[1:])
-            spread += beside * (planes - bright).mean(axis=(1, 2))[:, None, None]  # as bright beside the film as on it
+            around = shares[:, None, None] - received(light, planes.shape[1:])
+            spread += around * (planes - bright).mean(axis=(1, 2))[:, None, None]  # as bright beside the film as on it
         if by_lamps.any():
             spread += by_waves(planes.shape, offset, self._near_lamps, by_lamps)
-            for number in self._wide:
-                spread += by_lamps[number][:, None, None] * self._star(number, layout)
+            for number, edge in self._wide.items():
+                lamp = self.lamps[number]
+                star = self._star(lamp.place, edge, lamp.radius, lamp.reach, layout)
+                spread += by_lamps[number][:, None, None] * star
             spread = np.maximum(spread, 0.0) if pixels.min(initial=0.0) >= 0 else spread
+        beside = np.concatenate([beside, self._images_beside(by_lamps, layout)])
+        if len(beside):
+            spread += self._from_beside(beside, layout)
         return np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
 
     @cached_property
@@ -269,18 +281,69 @@ class FilmSpread:
         edges = {k: self._far_light.straightest * 2 * lamp.radius for k, lamp in enumerate(self.lamps)}
         return {k: edge for k, edge in edges.items() if edge > _WIDE_PX}
 
-    def _star(self, number: int, layout: FilmLayout) -> Array:
-        """Return the far light (3, height, width) of a wide lamp of light 1: that of each edge is as wide as it is."""
-        lamp, edge = self.lamps[number], self._wide[number]
+    def _images_beside(self, by_lamps: Array, layout: FilmLayout) -> Array:
+        """Return, as `beside` is, the far light that lamps with pictures send from pixels beside the picture."""
+        rows = [np.zeros((0, 8))]
+        for number, (lamp, light) in enumerate(zip(self.lamps, by_lamps, strict=True)):
+            if light.any() and number not in self._wide:
+                own = [
+                    [i + 0.5, j + 0.5, *(share * light), -number - 1.0, 0.0, number]
+                    for i, j, share in about(lamp.place)
+                ]
+                rows.append(np.array([row for row in own if not layout.holds(np.array([row[:2]]))[0]]).reshape(-1, 8))
+        return np.concatenate(rows)
+
+    def _from_beside(self, beside: Array, layout: FilmLayout) -> Array:
+        """Return the light (3, height, width) that reaches a picture from beside it."""
+        reach, (nodes, kernels) = self.reach, self.kernels
+        total: Array = np.zeros((3, layout.height, layout.width))
+        columns, rows = (
+            np.floor(beside[:, k]).astype(int) - first + reach for k, first in enumerate((layout.x, layout.y))
+        )
+        around: Array = np.zeros((3, layout.height + 2 * reach, layout.width + 2 * reach))
+        near = (
+            (beside[:, 5] >= 0) & (columns >= 0) & (rows >= 0) & (columns < around.shape[2]) & (rows < around.shape[1])
+        )
+        if near.any():
+            for plane, light in zip(around, beside[near, 2:5].T, strict=True):
+                np.add.at(plane, (rows[near], columns[near]), light)
+            spread = blur(around, around, (layout.x - reach, layout.y - reach), nodes, kernels)
+            total += spread[:, reach : reach + layout.height, reach : reach + layout.width]
+        for number in np.unique(beside[:, 5]) if self.edges is not None else ():
+            own = beside[beside[:, 5] == number]
+            light, radius = own[:, 2:5].sum(axis=0), float(own[0, 6])
+            shares = own[:, 2:5].sum(axis=1) / light.sum()
+            place, edge = shares @ own[:, :2], self._far_light.straightest * 2 * radius
+            size = np.sqrt(12 * shares @ np.sum((own[:, :2] - place) ** 2, axis=1) / 2)
+            wide = edge if edge > _WIDE_PX else 0.0
+            star = self._star(
+                (float(place[0]), float(place[1])), max(wide, float(size), 1.0), radius if wide else 0.0, reach, layout
+            )
+            total += light[:, None, None] * star
+        return total
+
+    def _star(self, place: tuple[float, float], edge: float, radius: float, reach: int, layout: FilmLayout) -> Array:
+        """Return the far light (3, height, width) of a lamp of light 1, of each edge as wide as that is.
+
+        Parameters
+        ----------
+        edge
+            Length of a straight edge of the opening in the lamp's picture, or width of this [pixels].
+        radius
+            Of the picture of a lamp out of focus [pixels].
+        reach
+            From where on it counts [pixels].
+        """
         columns = np.arange(layout.x + 0.5, layout.x + layout.width)
         rows = np.arange(layout.y + 0.5, layout.y + layout.height)
         some_columns, some_rows = (_sampled(axis, int(edge / 16)) for axis in (columns, rows))
-        out = float(np.sqrt(max(lamp.radius**2 - edge**2 / 4, 0.0)))
-        table = self._far_light.table(float(np.hypot(*self.resolution)), edge, out)
-        few = self._far_light.at(table, lamp.place[0] - some_columns, some_rows - lamp.place[1])  # x runs to the left
+        out, (x, y) = float(np.sqrt(max(radius**2 - edge**2 / 4, 0.0))), place
+        farthest = np.hypot(np.abs(columns[[0, -1]] - x).max(), np.abs(rows[[0, -1]] - y).max())
+        table = self._far_light.table(max(float(np.hypot(*self.resolution)), float(farthest)), edge, out)
+        few = self._far_light.at(table, x - some_columns, some_rows - y)  # x runs to the left
         light = np.asarray(_hats(some_rows, rows).T @ few @ _hats(some_columns, columns))
-        away = np.hypot(columns - lamp.place[0], rows[:, None] - lamp.place[1])
-        return np.asarray(light * (1 - fade(away, lamp.reach)))
+        away = np.hypot(columns - x, rows[:, None] - y)
+        return np.asarray(light * (1 - fade(away, reach)))
 
     def _at_lamps(self, shape: tuple[int, ...], offset: tuple[int, int], light: Array) -> Array:
         """Return planes with the light of lamps (n, 3) in the pixels about the middle of each."""
@@ -300,10 +363,12 @@ class FilmSpread:
             "diffraction_order": np.array(self.order, np.float64),
             "diffraction_index": np.array([self.index]),
             "diffraction_edges": np.zeros((0, 4)) if self.edges is None else self.edges,
+            "diffraction_beside": self.beside,
         }
         for number, lamp in enumerate(self.lamps):
             arrays[f"diffraction_lamp_{number}"] = np.stack([lamp.waves, lamp.rays])
-            arrays[f"diffraction_place_{number}"] = np.array([lamp.column, lamp.row, *lamp.place, lamp.radius])
+            place = [lamp.column, lamp.row, *lamp.place, lamp.radius, *lamp.light]
+            arrays[f"diffraction_place_{number}"] = np.array(place)
         return arrays
 
 
@@ -327,16 +392,19 @@ def spread_of(
     if not min(width, height) > 0 or near.shape != (count, 3, side, side) or side % 2 == 0:
         raise ValueError("diffraction")
     edges = arrays["diffraction_edges"]
-    if edges.ndim != 2 or edges.shape[1] != 4 or not np.isfinite(edges).all():
-        raise ValueError("diffraction")
+    beside = arrays["diffraction_beside"]
+    for table, width_of_row in ((edges, 4), (beside, 8)):
+        if table.ndim != 2 or table.shape[1] != width_of_row or not np.isfinite(table).all():
+            raise ValueError("diffraction")
     lamps, number = [], 0
     while f"diffraction_lamp_{number}" in arrays:
         (waves, rays), place = arrays[f"diffraction_lamp_{number}"], arrays[f"diffraction_place_{number}"].tolist()
-        lamps.append(LampImage(int(place[0]), int(place[1]), waves, rays, (place[2], place[3]), place[4]))
+        own = (place[2], place[3]), place[4], tuple(place[5:8])
+        lamps.append(LampImage(int(place[0]), int(place[1]), waves, rays, *own))
         number += 1
     edges_or_none = edges if len(edges) else None
     return FilmSpread(
-        resolution, window, (width, height), (first, second), tuple(near), index, edges_or_none, tuple(lamps)
+        resolution, window, (width, height), (first, second), tuple(near), index, edges_or_none, tuple(lamps), beside
     )
 
 
@@ -422,6 +490,8 @@ class Diffraction:
     plan : Plan or None
         That of the render, whose lamps have pictures of their own and whose rays may go towards conjugates; without it
         there are no such lamps, and rays have the aberrations of the lens.
+    session : Session or None
+        That finds what hides lamps beside the picture; without it these send nothing into it.
     """
 
     scene: Scene
@@ -429,6 +499,7 @@ class Diffraction:
     airy_radius_px: float | None
     openings: FilmOpenings | None
     plan: Plan | None = None
+    session: Session | None = None
 
     @property
     def conjugates(self) -> Conjugates | None:
@@ -467,11 +538,12 @@ class Diffraction:
         layout = FilmLayout.of(film)
         window = layout.width, layout.height
         spread = FilmSpread(film.resolution, window, size, openings.order, small, middle.index, edges)
-        if self.plan is None or unit < _FINEST_PX:
+        if self.plan is None:
             return spread
         known, units = list(zip(openings.points, pupils, strict=True)), REACH if edges is None else NEAR
-        lamps = lamp_images(self.scene, self.plan, openings.pupils, known, units, conjugates)
-        return replace(spread, lamps=tuple(lamps))
+        units = units if unit >= _FINEST_PX else 0.0
+        lamps, beside = lamp_images(self.scene, self.plan, openings.pupils, known, units, conjugates, self.session)
+        return replace(spread, lamps=tuple(lamps), beside=beside)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays of a saved render by which `merge` applies it without the scene; none where it is off."""

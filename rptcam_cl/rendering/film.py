@@ -125,6 +125,11 @@ class FilmLayout:
         left, top = min(round(x0 * width), width - 1), min(round(y0 * height), height - 1)
         return cls(width, height, left, top, max(round(x1 * width) - left, 1), max(round(y1 * height) - top, 1))
 
+    def holds(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which places (n, 2) of the film lie in the part that is rendered [pixels]."""
+        own = places - (self.x, self.y)
+        return np.asarray(((own >= 0) & (own < (self.width, self.height))).all(axis=1))
+
     @property
     def tiles_across(self) -> int:
         """Tiles per row."""

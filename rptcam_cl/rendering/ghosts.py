@@ -28,7 +28,7 @@ from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, 
 from rptcam_cl.rendering.cameras.setting import LensSetting
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among
-from rptcam_cl.rendering.lamps import Patches, lattice, occluded, patches_of, points_alone, points_at, square_patch
+from rptcam_cl.rendering.lamps import Patches, lattice, patches_of, points_alone, points_at, square_patch, visible
 from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
 from rptcam_cl.rendering.point_spread import shares_of_white
@@ -46,7 +46,6 @@ MOST = 512  # points that light is traced from
 STEEPEST = 85.0  # degrees from the axis
 FAINT = 1e-3  # of all light, below which the faintest sources beside highlights are left out
 _PENCIL = 2.0  # in place of 0 and 1, of a source whose light has the curvature of its own
-SHORT = 0.999  # of the way to a lamp, which does not hide itself
 
 
 @dataclass(frozen=True)
@@ -137,11 +136,11 @@ def _ghost_sources(
     dropped = 1.0 - float(luminance(light[order]).sum() / bright.sum()) if len(order) else 0.0
     places, light, target, at, known = places[order], light[order], target[order], at[order], known[order]
     patch = patch[order]
-    visible = _visible(session, plan, buffers, patch, at[:, 3] > 0, target, front)
-    bright, kinds = visible > 0, tuple(sorted(left_out))
-    known[:, 1] *= visible
+    seen = visible(session, plan, buffers, patch, at[:, 3] > 0, target, front.spots)
+    bright, kinds = seen > 0, tuple(sorted(left_out))
+    known[:, 1] *= seen
     own = _in_lens(patch[bright], at[bright, 3] > 0, turn, film_z)
-    direct = Sources(places[bright], light[bright] * visible[bright, None], kinds, dropped, known[bright], own)
+    direct = Sources(places[bright], light[bright] * seen[bright, None], kinds, dropped, known[bright], own)
     pencils = highlights(plan, session, buffers, lamps_among(mirrored, parts, front.vertex), front)
     return direct if pencils is None else _with_pencils(direct, pencils, turn)
 
@@ -197,28 +196,6 @@ def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
     known = np.concatenate([direct.known, np.zeros((int(ahead.sum()), 2))])
     patches = Patches.joined([direct.patches, points_alone(places[first:])])
     return Sources(places[order], light[order], direct.left_out, dropped, known[order], patches[order], mirrored)
-
-
-def _visible(
-    session: Session,
-    plan: Plan,
-    buffers: SceneBuffers,
-    patches: Patches,
-    lamps: NDArray[np.bool_],
-    target: Array,
-    front: Front,
-) -> Array:
-    """Return the share of the front of the lens (n,) that each source lights, a point of it each point of that."""
-    count, (s, t) = len(patches), lattice(_FRONT_POINTS)
-    origins = np.tile(front.spots, (count, 1))
-    places = np.stack([patches.at(*pair) for pair in zip(s, t, strict=True)], axis=1).reshape(-1, 3)
-    lamps = np.repeat(lamps, _FRONT_POINTS)
-    way = np.where(lamps[:, None], places - origins, places)
-    length = np.linalg.norm(way, axis=1)
-    reach = np.where(lamps, SHORT * length, np.finfo(np.float32).max / 4)
-    targets = np.repeat(target, _FRONT_POINTS, axis=0)
-    dark = occluded(session, plan, buffers, origins, way / length[:, None], reach, targets)
-    return np.asarray(1.0 - dark.reshape(count, _FRONT_POINTS).mean(axis=1))
 
 
 # Wavelengths at which light of ghosts is traced, and what each source gives the film's colours at them.

@@ -1,7 +1,7 @@
 """Lamps in a picture as waves image them: rings and spikes of light out of focus, in place of what rays bring.
 
 What a lamp's film shows by rays is measured in the film itself, so that whatever hides or dims a lamp counts; the
-picture by waves of as much light takes its place.
+picture by waves of as much light takes its place. The light of lamps beside the picture is computed.
 """
 
 from __future__ import annotations
@@ -18,16 +18,19 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import EmitterKind, Hidden
 from rptcam_cl.core.remember import checkpoint
-from rptcam_cl.rendering.cameras.chief_rays import seen_places
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.cameras.chief_rays import CameraRays, seen_places
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_points
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.lamp_aim import Polynomial
-from rptcam_cl.rendering.lamps import Patches, lattice, patches_of
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.lamps import Patches, lattice, patches_of, visible
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_spread import (
     FINE,
     MIDDLE_NM,
     WAVES_NM,
+    PointOpening,
     PointWave,
     fade,
     point_opening,
@@ -37,6 +40,7 @@ from rptcam_cl.rendering.point_spread import (
     shares_of_white,
     wave_picture,
 )
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.stigmatic import Conjugates, source_of
 from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
@@ -46,6 +50,7 @@ Array = NDArray[np.float64]
 MOST_LAMPS = 64
 _LAMP_POINTS = 16  # of each patch of a lamp whose places are traced
 _POINTS_A_PIXEL = 16  # of a lamp's sharp image, which lies between those
+_ALONE_PX = 0.5  # of its sharp image, up to which it is a point
 _WIDEST_PX = 64.0  # sharp image of a lamp that is treated as one
 _FRINGES = 2.0  # of the width of a ring, from which on a lamp's sharp image washes its rings out
 _LARGEST_PX = 256  # half width of a picture of a lamp
@@ -56,6 +61,11 @@ _FEW_WAVES_PX = 0.25  # wavelength times f-number, below which a third of the wa
 _SHOWS = 0.01  # of its light by which waves must differ from rays
 UNLIKE = 0.3  # of the light of a lamp by which its film may differ from its rays, in parts of its picture
 PARTS = 3  # of its picture each way
+_BESIDE = 2.5  # half films from the middle, up to which lamps count; from four fifths of it they fade
+_PUPIL_POINTS = 8  # that look for what hides them
+_OPEN_CELLS = 72  # across the opening that they see
+_POINTS_BESIDE, _MOST_BESIDE, _RAYS_BESIDE = 2, 4096, 64  # a pixel, of a lamp, and of a point of it out of focus
+_KNOWN, _SEEN = 0.1, 0.4  # of a lamp on the picture: below the first its light is computed, above the second fitted
 
 
 @dataclass(frozen=True)
@@ -72,6 +82,8 @@ class LampImage:
         Of its middle [pixels].
     radius : float
         Of its farthest ray [pixels].
+    light : tuple of float
+        Red, green and blue that it brings by computation, where some may fall beside the picture; else 0.
     """
 
     column: int
@@ -80,11 +92,17 @@ class LampImage:
     rays: NDArray[np.float32]
     place: tuple[float, float]
     radius: float
+    light: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     @property
     def reach(self) -> int:
         """From its middle to where it ends [pixels]."""
         return int(self.waves.shape[2] // 2)
+
+    def meets(self, layout: FilmLayout) -> bool:
+        """Return whether some of it lies on a picture."""
+        on_film = _on_film((layout.height, layout.width), (layout.x, layout.y), self)[0]
+        return all(side.stop > side.start for side in on_film)
 
 
 @dataclass(frozen=True)
@@ -116,6 +134,33 @@ class _LampFilm:
     units: float
     conjugates: Conjugates | None
 
+    @property
+    def pixel(self) -> float:
+        """Side of a pixel [mm]."""
+        return float(np.sqrt(abs(self.pixel_mm[0] * self.pixel_mm[1])))
+
+
+@dataclass(frozen=True)
+class _Lamp:
+    """A lamp that the camera may see.
+
+    Attributes
+    ----------
+    patches : Patches
+        About the eye [m].
+    w : float
+        1 where they are places, 0 of directions.
+    light : (3,) array
+        That it sends to the pupil [W/sr]; irradiance across it where it is at infinity [W/m2].
+    target : (2,) array
+        Primitive, and triangle of it.
+    """
+
+    patches: Patches
+    w: float
+    light: Array
+    target: Array
+
 
 def lamp_images(
     scene: Scene,
@@ -124,43 +169,72 @@ def lamp_images(
     seen: Sequence[tuple[Array, FilmPupil]],
     units: float,
     conjugates: Conjugates | None,
-) -> list[LampImage]:
-    """Return the pictures of lamps on the film that waves change, near them as far as a kernel reaches.
+    session: Session | None = None,
+) -> tuple[list[LampImage], Array]:
+    """Return the pictures of lamps that waves change, near them as far as a kernel reaches, and what falls beside.
 
     Parameters
     ----------
     seen, units, conjugates
-        As in `_LampFilm`.
+        As in `_LampFilm`; with 0 units no ring of a lamp shows, and none has a picture.
+    session
+        That finds what hides lamps beside the picture; without it there are none.
+
+    Returns
+    -------
+    images : list of LampImage
+    beside : (n, 8) array
+        Light of lamps in pixels beside the picture: its middle [pixels]; red, green and blue; number of the lamp;
+        radius of its farthest ray [pixels]; number of its picture by waves, -1 without.
     """
-    scene, lamps = at_opening(scene), list(_lamps(plan))
-    points = [_points(patches, w, _LAMP_POINTS) for patches, w in lamps]
+    scene, beside = at_opening(scene), [np.zeros((0, 8))]
+    turn, view = np.eye(4), plan.camera.view
+    turn[:3, :3] = scene.camera.world_from_camera()[:3, :3]
+    pupil = turn[:3, :3] @ [0.0, 0.0, view.pupil_z_m]
+    lamps, images = list(_lamps(plan, pupil)), list[LampImage]()
     if not lamps:
-        return []
+        return images, beside[0]
     camera, lens = camera_of(scene), scene.camera.lens_camera
     film_z = 0.0 if (setting := camera.setting) is None else setting.lens.film_z(setting.film_distance_mm)
     splits = bool(plan.facts.get("LENS_SPLITS"))
     nm = MIDDLE_NM if lens is None else lens.wavelength_nm
-    film = _LampFilm(pupils, seen, pixel_mm(scene), splits, nm, units, conjugates)
-    turn, chief = np.eye(4), camera.chief_rays()
-    turn[:3, :3] = scene.camera.world_from_camera()[:3, :3]
-    every, counts = [own @ turn for own in points], [len(own) for own in points]
-    there = np.concatenate(every)
-    middles = seen_places(chief, np.array([own.mean(axis=0) for own in every]))
-    all_places = seen_places(chief, there, np.repeat(middles, counts, axis=0))
-    images = []
-    for own, places, (patches, w) in zip(every, np.split(all_places, np.cumsum(counts)[:-1]), lamps, strict=True):
+    film, layout = _LampFilm(pupils, seen, pixel_mm(scene), splits, nm, units, conjugates), FilmLayout.of(scene.film)
+    every, chief = [_points(lamp, _LAMP_POINTS) @ turn for lamp in lamps], camera.chief_rays()
+    sharp, shown = _places(chief, every), np.zeros(len(lamps))
+    off = [k for k, places in enumerate(sharp) if session is not None and not layout.holds(places).all()]
+    if off and session is not None:
+        chief = chief.wider(_BESIDE)
+        for k, places in zip(off, _places(chief, [every[k] for k in off]), strict=True):
+            sharp[k] = places
+        off = [k for k in off if np.isfinite(sharp[k]).all()]
+        spots = pupil + view.pupil_radius_m * _disk(_PUPIL_POINTS) @ turn[:3, :3].T
+        shown[off] = _shown(session, plan, [lamps[k] for k in off], spots)
+    for number, (lamp, own, places) in enumerate(zip(lamps, every, sharp, strict=True)):
         checkpoint()
-        middle = places.mean(axis=0)
-        if not np.isfinite(places).all() or np.ptp(places, axis=0).max() > _WIDEST_PX:
+        middle, on_film = places.mean(axis=0), np.array(scene.film.resolution)
+        is_on = ((middle > -0.5) & (middle < on_film + 0.5)).all()
+        small = units > 0 and np.ptp(places, axis=0).max() <= _WIDEST_PX
+        if not np.isfinite(places).all() or not (shown[number] > 0 or (is_on and small)):
             continue
-        if ((middle > -0.5) & (middle < np.array(scene.film.resolution) + 0.5)).all():
-            point = film_points(scene, middle[None])[0, :2]
-            more = math.ceil(_POINTS_A_PIXEL * float(np.prod(np.ptp(places, axis=0))) / len(patches.cell))
-            if more > _LAMP_POINTS:
-                among = Polynomial(_directions(own), places, 2)
-                places = among.at(_directions(_points(patches, w, more) @ turn))
-            images.append(_image(film, places, point, source_of(own.mean(axis=0), film_z)))
-    return [image for image in images if image is not None]
+        point, source = film_points(scene, middle[None])[0, :2], source_of(own.mean(axis=0), film_z)
+        light: Array = np.zeros(3)
+        if shown[number] > 0:
+            away = np.abs(2 * middle / on_film - 1).max()
+            share = shown[number] * float(np.clip(5 - 5 * away / _BESIDE, 0.0, 1.0))
+            light = share * plan.camera.value * _light(film, chief, lamp, own.mean(axis=0), middle, point)
+        opening, image = _opening(film, point, source), None
+        if small and opening is not None and (is_on or shown[number] > 1 - UNLIKE):
+            image = _image(film, _among(lamp, own, places, turn, _POINTS_A_PIXEL), point, source, opening, light)
+        if image is not None and (is_on or image.meets(layout)):
+            images.append(image)
+        if light.any():
+            rays = _rays(film, opening) if image is None else np.zeros((1, 2))  # its far light comes from its middle
+            among = _among(lamp, own, places, turn, _POINTS_BESIDE, _MOST_BESIDE * 8 // len(rays))
+            of_image = len(images) - 1 if images and images[-1] is image else -1
+            out = _beside(layout, among, rays, light)
+            radius = 0.0 if opening is None else opening.radius_mm / film.pixel
+            beside.append(np.column_stack([out, np.tile([number, radius, of_image], (len(out), 1))]))
+    return images, np.concatenate(beside)
 
 
 def pixel_mm(scene: Scene) -> tuple[float, float]:
@@ -170,12 +244,22 @@ def pixel_mm(scene: Scene) -> tuple[float, float]:
     return sense * width / columns, -sense * height / rows
 
 
-def _points(patches: Patches, w: float, count: int) -> Array:
+def _points(lamp: _Lamp, count: int) -> Array:
     """Return so many points of each patch (n, 4), homogeneous: with 1 of places, with 0 of directions."""
-    s, t = lattice(count)
+    (s, t), patches = lattice(count), lamp.patches
     patch = np.repeat(np.arange(len(patches.cell)), count)
     points = patches[patch].at(np.tile(s, len(patches.cell)), np.tile(t, len(patches.cell)))
-    return np.column_stack([points, np.full(len(points), w)])
+    return np.column_stack([points, np.full(len(points), lamp.w)])
+
+
+def _places(chief: CameraRays, every: Sequence[Array]) -> list[Array]:
+    """Return where the picture shows the points of each lamp [pixels]."""
+    if not every:
+        return []
+    counts = [len(own) for own in every]
+    middles = seen_places(chief, np.array([own.mean(axis=0) for own in every]))
+    places = seen_places(chief, np.concatenate(every), np.repeat(middles, counts, axis=0))
+    return np.split(places, np.cumsum(counts)[:-1])
 
 
 def _directions(points: Array) -> Array:
@@ -183,11 +267,17 @@ def _directions(points: Array) -> Array:
     return np.asarray(points[:, :2] / points[:, 2:3])
 
 
-def _lamps(plan: Plan) -> Iterator[tuple[Patches, float]]:
-    """Yield the patches of each lamp that the camera may see, about the eye [m], and 1, or 0 of directions.
+def _among(lamp: _Lamp, own: Array, places: Array, turn: Array, per_pixel: float, most: float = math.inf) -> Array:
+    """Return places of as many points of a lamp as its sharp image wants, between those of known points."""
+    patches = len(lamp.patches.cell)
+    more = math.ceil(min(per_pixel * float(np.prod(np.ptp(places, axis=0))), most) / patches)
+    if more <= _LAMP_POINTS:
+        return places
+    return Polynomial(_directions(own), places, 2).at(_directions(_points(lamp, more) @ turn))
 
-    The brightest is the first.
-    """
+
+def _lamps(plan: Plan, pupil: Array) -> Iterator[_Lamp]:
+    """Yield the lamps that the camera may see, the brightest first; by what they send to a place about the eye [m]."""
     records = plan.emitters.shining
     bright = np.argsort([-float(max(record["radiance"][:3])) for record in records], kind="stable")
     left = MOST_LAMPS
@@ -197,21 +287,90 @@ def _lamps(plan: Plan) -> Iterator[tuple[Patches, float]]:
             EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.ENVIRONMENT, EmitterKind.DIRECTIONAL, EmitterKind.TRIANGLE,
         ):  # fmt: skip
             continue
-        known = patches_of(record, np.zeros(3))
+        known = patches_of(record, pupil)
         if known is None or left == 0:
             continue
         left -= 1
-        (at, light, _), patches = known
+        (at, light, target), patches = known
         if light.any():
-            yield patches, float(at[0, 3])
+            w = float(at[0, 3])
+            square = np.sum((at[:, :3] - pupil) ** 2, axis=1)[:, None] if w else 1.0
+            yield _Lamp(patches, w, (light * square).sum(axis=0), target[0])
 
 
-def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampImage | None:
-    """Return the picture of a lamp by the places of its points; None where waves do not change it, or are not known."""
-    middle, pixel = places.mean(axis=0), float(np.sqrt(abs(film.pixel_mm[0] * film.pixel_mm[1])))
+#
+# Lamps beside the picture, or in part: how much light they bring, and where.
+
+
+def _disk(count: int) -> Array:
+    """Return points (n, 3) spread evenly over the unit disk across the axis."""
+    u, v = lattice(count)
+    return np.stack([np.sqrt(u) * np.cos(2 * np.pi * v), np.sqrt(u) * np.sin(2 * np.pi * v), np.zeros(count)], axis=1)
+
+
+def _shown(session: Session, plan: Plan, lamps: Sequence[_Lamp], spots: Array) -> Array:
+    """Return the share of each lamp that nothing hides from places of the pupil, about the eye [m]."""
+    if not lamps:
+        return np.zeros(0)
+    counts = [len(lamp.patches.cell) for lamp in lamps]
+    owner = np.repeat(np.arange(len(lamps)), counts)
+    are_places, targets = np.array([lamp.w > 0 for lamp in lamps])[owner], np.array([lamp.target for lamp in lamps])
+    patches = Patches.joined([lamp.patches for lamp in lamps])
+    each = visible(session, plan, SceneBuffers(session, plan), patches, are_places, targets[owner], spots)
+    return np.asarray(np.bincount(owner, each) / counts)
+
+
+def _light(film: _LampFilm, chief: CameraRays, lamp: _Lamp, at: Array, place: Array, point: Array) -> Array:
+    """Return the light of a lamp (3,) on the film, in pixels that see radiance 1 in the film's middle.
+
+    By the size of a pixel in the scene, along chief rays, and by how much of the opening the place sees.
+    """
+    origins, ways = chief.smooth(place + 0.5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
+    reach = np.linalg.norm(at[:3] - origins.mean(axis=0)) if lamp.w else 1.0
+    sides = lamp.w * origins + reach * ways
+    across = abs(np.cross(sides[0] - sides[1], sides[2] - sides[3]) @ ways.mean(axis=0))
     try:
-        near = min(film.seen, key=lambda known: float(np.linalg.norm(known[0] - point)))
-        opening = point_opening(film.pupils, near, point, source, film.nm)
+        return np.asarray(lamp.light / across * (film.pupils.brightness(point) / film.pupils.brightness(np.zeros(2))))
+    except InputError:  # the opening is shut there
+        return np.zeros(3)
+
+
+def _rays(film: _LampFilm, opening: PointOpening | None) -> Array:
+    """Return where some rays of a point of a lamp fall (n, 2), from its sharp place [pixels]."""
+    if opening is None or opening.radius_mm < 0.5 * film.pixel:
+        return np.zeros((1, 2))
+    places = opening.rays(*opening.axes)[2][opening.inside] / film.pixel_mm
+    return np.asarray(places[np.linspace(0, len(places) - 1, min(_RAYS_BESIDE, len(places))).astype(int)])
+
+
+def _beside(layout: FilmLayout, places: Array, rays: Array, light: Array) -> Array:
+    """Return middle and light of what lies in each pixel beside the picture (n, 5), of places of a lamp with rays."""
+    every = (places[:, None] + rays).reshape(-1, 2)
+    out = every[~layout.holds(every)]
+    _, own, counts = np.unique(np.floor(out), axis=0, return_inverse=True, return_counts=True)
+    middles = [np.bincount(own.ravel(), axis, len(counts)) / np.maximum(counts, 1) for axis in out.T]
+    return np.column_stack([*middles, counts[:, None] / len(every) * light])
+
+
+#
+# Their pictures.
+
+
+def _opening(film: _LampFilm, point: Array, source: Array) -> PointOpening | None:
+    """Return the opening for a lamp; None where it is not known."""
+    near = min(film.seen, key=lambda known: float(np.linalg.norm(known[0] - point)))
+    try:
+        return point_opening(film.pupils, near, point, source, film.nm)
+    except InputError:
+        return None
+
+
+def _image(
+    film: _LampFilm, places: Array, point: Array, source: Array, opening: PointOpening, light: Array
+) -> LampImage | None:
+    """Return the picture of a lamp by the places of its points; None where waves do not change it, or are not known."""
+    middle, pixel = places.mean(axis=0), film.pixel
+    try:
         unit = 550e-6 / opening.index / (2 * opening.aperture) / pixel
         radius = opening.radius_mm / pixel
         size = np.ptp(places, axis=0)
@@ -229,9 +388,9 @@ def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampI
     except InputError:
         return None
     first = np.floor(middle).astype(int) - reach
-    sharp = _sharp(places - first, 2 * reach + 1)
     waves, rays = (np.zeros((3, 2 * reach + 1, 2 * reach + 1)) for _ in range(2))
-    offsets = np.arange(2 * reach + 1) + 0.5 - (middle - first)[:, None]
+    alone = size.max() < _ALONE_PX  # of others the picture is about the middle of a pixel, and moved to their points
+    offsets = np.arange(2 * reach + 1) + 0.5 - ((middle - first) if alone else np.full(2, reach + 0.5))[:, None]
     for k, (nm, share) in enumerate(zip(waves_nm, shares_of_white(waves_nm)[:, :, None, None], strict=True)):
         checkpoint()
         own = split[k] if film.splits else wave
@@ -240,12 +399,15 @@ def _image(film: _LampFilm, places: Array, point: Array, source: Array) -> LampI
             rays += share * _ray_pixels(by_rays[k], film.pixel_mm, offsets)
     if not film.splits:
         rays += _ray_pixels(by_rays[0], film.pixel_mm, offsets)
-    away = np.hypot(offsets[0][None, :], offsets[1][:, None])
-    waves, rays = _spread(waves, sharp, middle - first) * fade(away, reach), _spread(rays, sharp, middle - first)
+    if not alone:
+        waves = _spread(waves, _sharp(places - first, 2 * reach + 1, 1.0))
+        rays = _spread(rays, _sharp(places - first, 2 * reach + 1, float(radius > _ALONE_PX)))
+    waves *= fade(np.hypot(*np.meshgrid(*(np.arange(2 * reach + 1) + 0.5 - (middle - first)[:, None]))), reach)
     if not np.abs(waves - rays).sum() > _SHOWS * rays.sum():
         return None
     x, y = middle.tolist()
-    return LampImage(int(first[0]), int(first[1]), waves.astype(np.float32), rays.astype(np.float32), (x, y), radius)
+    pictures = waves.astype(np.float32), rays.astype(np.float32)
+    return LampImage(int(first[0]), int(first[1]), *pictures, (x, y), radius, tuple(light.tolist()))
 
 
 def _as_rendered(film: _LampFilm, wave: PointWave, point: Array, place: Array, nm: float) -> PointWave:
@@ -257,13 +419,13 @@ def _as_rendered(film: _LampFilm, wave: PointWave, point: Array, place: Array, n
     return replace(wave, places=wave.places - share * own.places)
 
 
-def _sharp(places: Array, size: int) -> Array:
-    """Return the shares of points in the four pixels about each, of a square of pixels."""
+def _sharp(places: Array, size: int, width: float) -> Array:
+    """Return the shares of points in a square of pixels: in the four about each, or in its own, of width 1 and 0."""
     square = np.zeros((size, size))
     x, y = (places - 0.5).T
-    i, j = np.floor(x).astype(int), np.floor(y).astype(int)
-    for column, by_column in ((i, 1 - x + i), (i + 1, x - i)):
-        for row, by_row in ((j, 1 - y + j), (j + 1, y - j)):
+    i, j = np.floor(x + (1 - width) / 2).astype(int), np.floor(y + (1 - width) / 2).astype(int)
+    for column, by_column in ((i, 1 - width * (x - i)), (i + 1, width * (x - i))):
+        for row, by_row in ((j, 1 - width * (y - j)), (j + 1, width * (y - j))):
             good = (column >= 0) & (column < size) & (row >= 0) & (row < size)
             np.add.at(square, (row[good], column[good]), (by_column * by_row)[good] / len(places))
     return square
@@ -278,20 +440,13 @@ def about(place: tuple[float, float]) -> Iterator[tuple[int, int, float]]:
             yield i, j, by_column * by_row
 
 
-def _spread(picture: Array, sharp: Array, middle: Array) -> Array:
-    """Return the picture of a point in the middle (3, n, n) for all points of a lamp."""
+def _spread(picture: Array, sharp: Array) -> Array:
+    """Return the picture of a point (3, n, n) for all points of a lamp, about the middle of a square."""
     size = len(sharp)
-    alone = np.zeros_like(sharp)
-    for column, row, share in about((middle[0], middle[1])):
-        alone[row, column] += share
-    if np.abs(sharp - alone).sum() < 0.02:
-        return picture
-    side = quick(2 * size)
-    rows, columns = np.indices((size, size))
-    mean = [int(np.rint((sharp * axis).sum())) for axis in (rows, columns)]
+    reach, side = size // 2, quick(2 * size)
     whole = np.fft.rfft2(picture, (side, side)) * np.fft.rfft2(sharp, (side, side))
     full = np.fft.irfft2(whole, (side, side))
-    return np.asarray(full[:, mean[0] : mean[0] + size, mean[1] : mean[1] + size])
+    return np.asarray(full[:, reach : reach + size, reach : reach + size])
 
 
 def _finer(unit: float, nm: float) -> int:
@@ -330,8 +485,12 @@ def brightness(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage
     good = [k for k, (film, _) in enumerate(places) if all(side.stop > side.start for side in film)]
     while good:
         light = _fitted(planes, [(lamps[k], *places[k]) for k in good])
+        known: Array = np.array([lamps[k].light for k in good])
+        share = [_share_seen(lamps[k], places[k][1]) for k in good]
+        light = known + np.array(share)[:, None] * (light - known)
         left = planes - _together(planes.shape, [(lamps[k], *places[k]) for k in good], light)
-        fine = [_is_like(left, *places[k], lamps[k], own) for k, own in zip(good, light, strict=True)]
+        fine = [part == 0 or _is_like(left, *places[k], lamps[k], own)
+                for k, own, part in zip(good, light, share, strict=True)]  # fmt: skip
         if all(fine):
             found = np.zeros((len(lamps), 3))
             found[good] = light
@@ -341,6 +500,14 @@ def brightness(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage
 
 
 Window = tuple[slice, slice]
+
+
+def _share_seen(lamp: LampImage, part: Window) -> float:
+    """Return how much the film says of the light of a lamp, where some falls beside: 1 where it shows enough of it."""
+    if not any(lamp.light):
+        return 1.0
+    on_film = float(lamp.rays[:, part[0], part[1]].sum() / lamp.rays.sum())
+    return float(np.clip((on_film - _KNOWN) / (_SEEN - _KNOWN), 0.0, 1.0))
 
 
 def _on_film(shape: tuple[int, ...], offset: tuple[int, int], lamp: LampImage) -> tuple[Window, Window]:
@@ -414,6 +581,7 @@ def without_lamps(
     shining = np.flatnonzero(light.any(axis=1)).tolist()
     placed = [(lamps[k], *_on_film(planes.shape[1:], offset, lamps[k])) for k in shining]
     left = planes - _together(planes.shape, placed, light[shining])
+    shown = {k: _share_seen(lamp, part) for k, (lamp, _, part) in zip(shining, placed, strict=True)}
     lit = np.zeros(planes.shape[1:], np.bool_)
     for lamp, film, part in placed:
         lit[film] |= _lit(lamp, part)
@@ -422,7 +590,8 @@ def without_lamps(
         for channel, plane in enumerate(left):
             window = plane[film]
             kept = np.clip(window[inside], 0.0, window[dark].max() if dark.any() else np.inf)
-            light[k, channel] += (window[inside] - kept).sum() / lamp.rays[channel][part][inside].sum()
+            if shown[k] > 0:
+                light[k, channel] += shown[k] * (window[inside] - kept).sum() / lamp.rays[channel][part][inside].sum()
             window[inside] = kept
     return left, np.maximum(light, 0.0)
 

@@ -217,6 +217,7 @@ def _on_flat(record: np.void, kind: EmitterKind, front: Array) -> tuple[Array, A
 
 NOTHING = -1  # a target, or a triangle of one, that no primitive is
 GROUP = 4  # work items
+SHORT = 0.999  # of the way to a lamp, which does not hide itself
 
 
 def occluded(
@@ -258,6 +259,38 @@ def occluded(
     )
     launch.enqueue(count // session.lanes, GROUP)
     return session.read(blocked, np.int32, count)[:rays] > 0
+
+
+def visible(
+    session: Session,
+    plan: Plan,
+    buffers: SceneBuffers,
+    patches: Patches,
+    lamps: NDArray[np.bool_],
+    target: Array,
+    spots: Array,
+) -> Array:
+    """Return the share of places of a lens (n,) that each patch lights, a point of it each place.
+
+    Parameters
+    ----------
+    lamps : (n,) array
+        Which patches are places; those of others are directions.
+    target : (n, 2) array
+        Primitive, and triangle of it, of each.
+    spots : (m, 3) array
+        Places of the lens, about the eye [m].
+    """
+    count, (s, t) = len(patches), lattice(len(spots))
+    origins = np.tile(spots, (count, 1))
+    places = np.stack([patches.at(*pair) for pair in zip(s, t, strict=True)], axis=1).reshape(-1, 3)
+    lamps = np.repeat(lamps, len(spots))
+    way = np.where(lamps[:, None], places - origins, places)
+    length = np.linalg.norm(way, axis=1)
+    reach = np.where(lamps, SHORT * length, np.finfo(np.float32).max / 4)
+    targets = np.repeat(target, len(spots), axis=0)
+    dark = occluded(session, plan, buffers, origins, way / length[:, None], reach, targets)
+    return np.asarray(1.0 - dark.reshape(count, len(spots)).mean(axis=1))
 
 
 # The plan whose camera rays aim at lamps out of focus; the device tries through which pixels a lamp shows.

@@ -648,3 +648,49 @@ def test_parts_of_a_film_with_lamps_are_merged_with_the_bits_of_the_whole(tmp_pa
         rptcam_cl.render(small, spp=8, layers=["direct"], part=f"{number}/2", checkpoint=path)
     np.testing.assert_array_equal(rptcam_cl.merge(parts), whole)
     assert np.abs(whole.pixels - whole["direct"]).sum() > 0.2 * whole["direct"].sum()
+
+
+BLADES = {"aperture": {"shape": "polygon", "blades": 6, "rotation_degrees": 30}}
+REAL = {"kind": "realistic", "lens": "dgauss-50mm", "f_number": 16, "focus": {"distance_m": 10}, **POSE, **BLADES}
+AT_10_M = THIN | {"focus_distance_m": 10}
+BLURRED = AT_10_M | BLADES | {"focus_distance_m": 3}
+
+
+def film_beside(right_px, camera, crop=None, wall=()):
+    """The film, less its even light, of a lamp of 1.5 pixels so far beside its left half: by that half, or by all."""
+    pixel = 0.2 * 0.018 * 10 / 9.95  # of 18 um, at 10 m
+    shine = {"kind": "emissive", "radiance": 1e6}
+    lamp = {
+        "shape": "sphere",
+        "center": [right_px * pixel, 0.3 * pixel, -10],
+        "radius": 0.75 * pixel,
+        "material": shine,
+    }
+    scene = {
+        "film": {"resolution": [128, 32], "width_mm": 128 * 0.018, **({} if crop is None else {"crop": crop})},
+        "objects": [lamp, *wall], "render": {"spp": 256, "max_depth": 1}, "camera": camera | {"diffraction": "on"},
+        "environment": {"kind": "constant", "radiance": 1.0},
+    }  # fmt: skip
+    return rptcam_cl.render(scene).pixels[:, :64, 1].astype(float) - 1
+
+
+@pytest.mark.parametrize(
+    ("right_px", "camera"),
+    [(3.3, AT_10_M)]
+    + [pytest.param(*case, marks=pytest.mark.slow) for case in (
+        (0.3, AT_10_M | BLADES), (0.7, AT_10_M | BLADES), (1.7, AT_10_M | BLADES), (40.0, AT_10_M | BLADES),
+        (8.3, BLURRED), (20.3, BLURRED), (3.3, BLURRED | {"f_number": 4}), (0.7, REAL), (8.3, REAL),
+    )],
+)  # fmt: skip
+def test_a_lamp_beside_the_picture_lights_it_as_on_a_larger_film(right_px, camera):
+    beside, whole = (film_beside(right_px, camera, crop) for crop in ([0.0, 0.5, 0.0, 1.0], None))
+    off = np.abs((beside - whole).sum(axis=0))  # along the columns, as a spike lies in one row or in two
+    assert off.sum() < (0.04 if "aperture" in camera else 0.006) * whole.sum()  # noise of the lamp that the larger has
+    assert off[:32].sum() < 0.05 * whole[:, :32].sum()
+    assert whole[:, :32].sum() > 100
+
+
+def test_a_lamp_beside_the_picture_that_is_hidden_sends_nothing():
+    wall = {"shape": "disk", "center": [30.3 * 0.0036, 0, -9.9], "normal": [0, 0, 1], "radius": 0.03,
+            "material": {"kind": "emissive", "radiance": 1.0}}  # fmt: skip
+    assert np.abs(film_beside(30.3, AT_10_M, [0.0, 0.5, 0.0, 1.0], [wall])).sum() < 1.0  # the lamp would bring 700

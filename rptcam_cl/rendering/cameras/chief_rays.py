@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import io
 import math
@@ -67,6 +68,10 @@ class CameraRays(ABC):
     def smooth(self, places: Array) -> tuple[Array, Array]:
         """Return about the same as `unlimited` in a part of its time, for searches."""
         return self.rays(places)
+
+    def wider(self, reach: float) -> CameraRays:
+        """Return the same as far beside the film [half films]."""
+        return self
 
     @property
     def wraps(self) -> bool:
@@ -135,15 +140,23 @@ class TracedRays(CameraRays):
         super().__init__(scene)
         self._frame, self._half = film_frame(scene.camera), np.array(half_film_mm(scene))
         self._lens, self._back, self._nm = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
+        self._reach = REACH
+
+    def wider(self, reach: float) -> CameraRays:
+        """Return the same as far beside the film [half films]."""
+        other = copy.copy(self)
+        vars(other).pop("_grid", None)
+        other._reach = reach
+        return other
 
     @cached_property
     def _grid(self) -> FilmGrid:
         """Aims and rays at the nodes."""
-        sides = np.linspace(-REACH, REACH, NODES)
+        sides = np.linspace(-self._reach, self._reach, NODES)
         nodes = np.stack(np.meshgrid(sides, sides), axis=-1).reshape(-1, 2)
         rays = film_chief_rays(self._lens, self._film(nodes), self._nm)
         values = np.where(rays.found[:, None], np.hstack([rays.aims, *self._in_camera(rays)]), np.nan)
-        return FilmGrid(values.reshape(NODES, NODES, -1), REACH)
+        return FilmGrid(values.reshape(NODES, NODES, -1), self._reach)
 
     def rays(self, places: Array) -> tuple[Array, Array]:
         """Return origins [m] and unit directions (n, 3); nan where rims stop the ray."""

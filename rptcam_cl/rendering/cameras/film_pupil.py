@@ -257,6 +257,8 @@ class FilmPupils:
         Gives the rays of a point of the scene that reach the film about a point.
     pupil_mm : float
         How far before the film the exit pupil is; negative behind it.
+    power : int
+        Of the cosine by which what light of each direction cosine counts for the film goes.
     """
 
     directions: Callable[[Array], tuple[OpenTo, Array]]
@@ -264,6 +266,7 @@ class FilmPupils:
     radius_mm: float
     arrive: _Arrive
     pupil_mm: float
+    power: int = 0
 
     def __call__(self, point: Array, across: int = _PUPIL_ACROSS) -> FilmPupil:
         """Return the opening as a grid of so many cells each way.
@@ -274,6 +277,12 @@ class FilmPupils:
             Where no light reaches the film.
         """
         return _pupil(*self.directions(point), self.index, across)
+
+    def brightness(self, point: Array, across: int = _FIRST_ACROSS) -> float:
+        """Return the film's value there for even light, to a common factor; raises as the opening does."""
+        seen = self(point, across)
+        square = 1 - seen.cosines_x**2 - seen.cosines_y[:, None] ** 2
+        return float((seen.coverage * np.maximum(square, 1e-9) ** (self.power / 2)).sum() * seen.step**2)
 
     def outline(self, point: Array) -> Array | None:
         """Return corners (n, 2) of the outline in direction cosines, anticlockwise about its middle, within 1e-6.
@@ -449,7 +458,7 @@ def flat_pupils(
         path = -index * (flat @ image[:2] - sense * cosine * image[2])
         return Arrivals(places, path, np.where(square < 1, cosine ** ahead[1], np.nan))
 
-    return FilmPupils(seen, index, radius_mm, arrive, -sense / slopes[0] if slopes[0] else np.inf)
+    return FilmPupils(seen, index, radius_mm, arrive, -sense / slopes[0] if slopes[0] else np.inf, ahead[1])
 
 
 def _pupil(opens: OpenTo, box: Array, index: float, across: int = _PUPIL_ACROSS) -> FilmPupil:

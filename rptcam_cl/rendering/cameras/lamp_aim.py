@@ -547,8 +547,7 @@ def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> _Lam
     if not shown:
         return _NO_LAMPS
     assert camera.reach is not None
-    per_radiance = float(camera.record[0]["exposure"]) * camera.axial_weight
-    values = np.concatenate([entries.part * lamps[number].radiance * per_radiance for number, entries in shown])
+    values = np.concatenate([entries.part * lamps[number].radiance * camera.value for number, entries in shown])
     numbers, floats = (np.concatenate([getattr(e, name) for _, e in shown]) for name in ("blocks", "floats"))
     table = np.concatenate([np.array([camera.reach.area], np.float32), _packed(numbers, floats, values, blocks)])
     return _LampTables(table, blocks.shift, blocks.counts, len(shown))

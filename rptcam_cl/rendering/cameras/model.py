@@ -645,6 +645,11 @@ class CameraModel:
     pupil: EntrancePupil | None = None
 
     @property
+    def value(self) -> float:
+        """The film's value in its middle for radiance 1."""
+        return float(self.record[0]["exposure"]) * self.axial_weight
+
+    @property
     def bends_colours(self) -> bool:
         """Whether light of each wavelength goes its own way through the lens."""
         return self.facts.get("LENS_DISPERSION", 0) > 0 or self.facts.get("MAP_COLOURS", 0) > 0
