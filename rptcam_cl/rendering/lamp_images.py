@@ -213,8 +213,7 @@ def lamp_images(
         checkpoint()
         middle, on_film = places.mean(axis=0), np.array(scene.film.resolution)
         is_on = ((middle > -0.5) & (middle < on_film + 0.5)).all()
-        small = units > 0 and np.ptp(places, axis=0).max() <= _WIDEST_PX
-        if not np.isfinite(places).all() or not (shown[number] > 0 or (is_on and small)):
+        if not (np.ptp(places, axis=0).max() <= _WIDEST_PX and (shown[number] > 0 or (is_on and units > 0))):
             continue
         point, source = film_points(scene, middle[None])[0, :2], source_of(own.mean(axis=0), film_z)
         light: Array = np.zeros(3)
@@ -223,7 +222,7 @@ def lamp_images(
             share = shown[number] * float(np.clip(5 - 5 * away / _BESIDE, 0.0, 1.0))
             light = share * plan.camera.value * _light(film, chief, lamp, own.mean(axis=0), middle, point)
         opening, image = _opening(film, point, source), None
-        if small and opening is not None and (is_on or shown[number] > 1 - UNLIKE):
+        if units > 0 and opening is not None and (is_on or shown[number] > 1 - UNLIKE):
             image = _image(film, _among(lamp, own, places, turn, _POINTS_A_PIXEL), point, source, opening, light)
         if image is not None and (is_on or image.meets(layout)):
             images.append(image)
