@@ -53,7 +53,7 @@ def density_at(grid, box, p):
     return total * inside
 
 
-def columns(grid, box, start, end, count=240):
+def columns(grid, box, start, end, count=60):
     """Integrals of the density from points to points, by the midpoint rule."""
     share = (np.arange(count) + 0.5) / count
     way = end - start
