@@ -169,11 +169,6 @@ class SceneProperties(bpy.types.PropertyGroup):
     bake_size: IntProperty(
         name="Baked Pictures", description="Pixels across of each", default=1024, min=16, max=8192
     )  # fmt: skip
-    solid_lamps: BoolProperty(
-        name="Lamps Cast Shadows",
-        description="Lamps with a surface stand in the light of others, unlike Blender's; smooth surfaces then show "
-        "them with far less noise",
-    )
     device: StringProperty(name="Device", description="Empty for the fastest; cpu, gpu, 0:0 or a part of its name")
     own_process: BoolProperty(
         name="Own Process",
@@ -216,7 +211,7 @@ def settings_of(
             exposure["f_number"] = 8.0 if dof is None else dof.aperture_fstop
     more = {"render": render} | ({"exposure": exposure} if given.exposure != "relative" else {})
     shutter = 1 / given.shutter_s if given.use_shutter else None
-    return Settings(choice, shutter, given.rolling_ms / 1000, light_groups, more, given.solid_lamps)
+    return Settings(choice, shutter, given.rolling_ms / 1000, light_groups, more)
 
 
 class _Panel:
@@ -248,7 +243,6 @@ class RPTCAM_PT_sampling(_Panel, bpy.types.Panel):
             "clamp",
             "seed",
             "denoise",
-            "solid_lamps",
             "device",
             "own_process",
         ):

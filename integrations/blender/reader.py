@@ -45,8 +45,6 @@ class Settings:
         Names of the view layer's light groups, where each has a pass.
     more : dict
         Further sections of the scene: ``render``, ``exposure``.
-    solid_lamps : bool
-        Whether lamps with a surface cast shadows.
     """
 
     lens: LensChoice = field(default_factory=LensChoice)
@@ -54,7 +52,6 @@ class Settings:
     rolling_s: float = 0.0
     light_groups: tuple[str, ...] = ()
     more: dict[str, Any] = field(default_factory=dict)
-    solid_lamps: bool = False
 
 
 @dataclass(frozen=True)
@@ -115,7 +112,7 @@ class Reader:
         shutter = Shutter(shutter_s, blurred, settings.rolling_s)
         units = scene.unit_settings
         scale = float(units.scale_length) if units.system != "NONE" else 1.0
-        builder = Builder(self.parts, scale, report, shutter, settings.light_groups, solid_lamps=settings.solid_lamps)
+        builder = Builder(self.parts, scale, report, shutter, settings.light_groups)
         ends: dict[Any, NDArray[np.float64]] = {}
         shapes: dict[str, BlenderMesh] = {}
         restore: tuple[int, float] | None = None

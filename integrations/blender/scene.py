@@ -155,12 +155,9 @@ class Builder:
         report: Report,
         shutter: Shutter,
         light_groups: Sequence[str] = (),
-        *,
-        solid_lamps: bool = False,
     ) -> None:
         self._parts, self._units, self._report, self._shutter = parts, metres_per_unit, report, shutter
-        self._light_groups, self._solid_lamps = light_groups, solid_lamps
-        self._lamps: list[int] = []  # numbers of the objects that are lamps
+        self._light_groups = light_groups
         self._materials: dict[str, Translated] = {}
         self._marks: dict[str, tuple[int, str]] = {}  # of materials: pass index, and name in Blender without a library
         self._own_names: dict[str, str] = {}  # of objects that have another in Blender
@@ -375,7 +372,6 @@ class Builder:
         if section == "lights":
             self._lights.append(keys)
         else:
-            self._lamps.append(len(self._objects))
             self._objects.append(keys)
             self._indices.append(0)
 
@@ -390,21 +386,6 @@ class Builder:
             farthest = np.where(ahead > 0, high, low)
             if (farthest - camera.matrix[:3, 3]) @ ahead > camera.clip_end:
                 report.add(f"Camera: things beyond its clip end of {camera.clip_end:g} are seen.")
-
-    def _with_lamps(self, environment: dict[str, Any] | None) -> list[dict[str, Any]]:
-        """The objects; their lamps pass the light of others unless they are wanted to cast shadows, or are alone.
-
-        Where lamps cast none, light sampling alone finds them, and smooth surfaces show them as rare bright dots.
-        """
-        others = len(self._lights) + (environment is not None and environment["kind"] != "constant")
-        others += sum("emission" in made.keys or made.keys["kind"] == "emissive" for made in self._materials.values())
-        if not self._lamps or not (self._solid_lamps or len(self._lamps) + others == 1):
-            return self._objects
-        objects = list(self._objects)
-        for number in self._lamps:
-            hidden = {name: seen for name, seen in objects[number]["visible"].items() if name != "shadow"}
-            objects[number] = objects[number] | {"visible": hidden}
-        return objects
 
     def _grouped(self, group: str) -> dict[str, str]:
         """The group of a lamp, where the light of groups is kept apart."""
@@ -435,7 +416,7 @@ class Builder:
         # Hair is of curves alone, and its other translations are of those that show them.
         shown = [name for name in shown if self._materials[name].keys["kind"] != "hair" or safe(name) in used]
         keys["materials"] = {safe(name): self._materials[name].keys for name in shown}
-        keys |= {"meshes": self._meshes, "objects": self._with_lamps(environment), "lights": self._lights}
+        keys |= {"meshes": self._meshes, "objects": self._objects, "lights": self._lights}
         if environment is not None:
             keys["environment"] = environment | self._grouped(world_group)
         indices = [self._marks[name][0] for name in shown]

@@ -25,6 +25,20 @@ static inline F where_seen(F t, int i, I kind, Scene scene)
     return ((kind | UNMET) & scene.hidden[i]) != 0 ? (F)(-1.0f) : t;
 }
 
+#if LIGHT_PASSES
+// Whether light samples pass a primitive that paths meet.
+static inline int lets_light_pass(int i, Scene scene)
+{
+    return (scene.hidden[i] & ~HIDDEN_FROM_CAMERA) == HIDDEN_FROM_SHADOW;
+}
+
+// Lanes of lamps, by their primitives, that light samples alone find.
+static inline I hidden_from_paths(I lamp, Scene scene)
+{
+    return (lamp >= 0) & ((GATHER(I, scene.hidden, MAX(lamp, FALSE), ) & HIDDEN_FROM_REFLECTION) != 0);
+}
+#endif
+
 #if HAS_MESH
 // Whether a triangle, of an instance with that first primitive, is hidden from a ray.
 static inline int is_hidden(int triangle, int kind, int first_primitive, Scene scene)

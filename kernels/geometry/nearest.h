@@ -14,6 +14,11 @@
 #else
 #define IF_SEEN
 #endif
+#if LIGHT_PASSES
+#define NOTE_PASSED     *passed |= (met & (t > 0.0f) & (t < reach) & (target != i)) & (lets_light_pass(i, scene) ? TRUE : FALSE);
+#else
+#define NOTE_PASSED
+#endif
 #if HAS_OPACITY
 #include "geometry/surface_point.h"
 #include "material/opacity.h"
@@ -134,34 +139,41 @@ static Hit nearest_hit(Ray ray, Scene scene)
 }
 
 // Lanes whose ray meets anything before `reach`, but not `target` (of a mesh its triangle `target_triangle` alone) nor what
-// lies in its plane. Lanes of reach 0 do not matter.
-static I any_hit(Ray ray, F reach, I target, I target_triangle, Scene scene)
+// lies in its plane. Lanes of reach 0 do not matter. `passed`: lanes that pass what a path would meet, where LIGHT_PASSES.
+static I blocked_before(Ray ray, F reach, I target, I target_triangle, I *passed, Scene scene)
 {
     const __global Primitive *primitives = scene.primitives;
     const __global int *kind_end = scene.kind_end;
     I blocked = FALSE;
+    *passed = FALSE;
     PLACE_ON_CURVE
 #if HAS_HIDDEN
     I kind = (I)(KIND_OF_SHADOW);
 #endif
 #if HAS_PRIMITIVE_TREE
     EACH_PLANE(ray,
-        IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
+        NOTE_PASSED IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
         blocked |= met & (t > 0.0f) & (t < reach) & (target != i);)
     I open = (reach > 0.0f) & NOT(blocked);
     EACH_IN_TREE(ray, open, reach,
-        IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
+        NOTE_PASSED IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
         blocked |= met & (t > 0.0f) & (t < reach) & (target != i);
         open &= NOT(blocked);)
 #else
     EACH_PRIMITIVE(ray, FLATS_BETWEEN(reach, target),
-        IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
+        NOTE_PASSED IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
         blocked |= met & (t > 0.0f) & (t < reach) & (target != i);)
 #endif
 #if HAS_MESH
     blocked |= blocked_by_meshes(ray, reach, target, target_triangle, (reach > 0.0f) & NOT(blocked), scene);
 #endif
     return blocked;
+}
+
+static inline I any_hit(Ray ray, F reach, I target, I target_triangle, Scene scene)
+{
+    I passed;
+    return blocked_before(ray, reach, target, target_triangle, &passed, scene);
 }
 
 #endif

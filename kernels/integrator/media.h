@@ -256,7 +256,12 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         F weight = phase * here / MAX(both_ways, (F)(SMALLEST));
 #if !LAMPS_BY_SAMPLES
         F rival = MIN(light.pdf, (F)(LARGEST_DENSITY));
-        weight *= rival > 0.0f ? rival * rival / (rival * rival + phase * phase) : ONE;
+        F mis = rival > 0.0f ? rival * rival / (rival * rival + phase * phase) : ONE;
+#if LIGHT_PASSES
+        mis = hidden_from_paths(light.primitive, scene) ? ONE : mis;
+#else
+        weight *= mis;
+#endif
 #endif
         F3 added = scale(mul(mul(per_metre, left), light.radiance), weight);
 #if HAS_DENSITY
@@ -274,7 +279,11 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         ray.d = light.direction;
         ray.origin = (I)(IN_MEDIUM);
         ray.triangle = (I)(NO_TRIANGLE);
-        lit = lit & NOT(any_hit(ray, reach, light.primitive, light.triangle, scene));
+        I passed;
+        lit = lit & NOT(blocked_before(ray, reach, light.primitive, light.triangle, &passed, scene));
+#if LIGHT_PASSES
+        added = scale(added, passed ? ONE : mis);
+#endif
         if (ANY(lit)) {
 #if HAS_DENSITY
             Chance chance = chance_of(path->pixel, path->sample, s.dimension + TO_THE_LAMP + way, rules.seed);

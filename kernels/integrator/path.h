@@ -11,6 +11,9 @@
 #if HAS_EMITTERS
 #include "light/emitters.h"
 #endif
+#if LIGHT_PASSES
+#include "geometry/hidden.h"
+#endif
 #if CAUSTICS
 #include "caustics/gather.h"
 #endif
@@ -76,6 +79,9 @@ typedef struct {
 typedef struct {
     Ray ray;
     F3  light;      // what arrives if nothing is in the way
+#if LIGHT_PASSES
+    F   mis;        // its weight, but where it passes what a path would meet
+#endif
     F   reach;      // distance to the emitter; 0: no light sample
     I   target;     // the emitter's primitive
     I   target_triangle;    // and its triangle
@@ -252,7 +258,12 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
     F mis = rival > 0.0f ? rival2 / (rival2 + pdf * pdf) : ONE;
 #endif
     ShadowRay shadow;
+#if LIGHT_PASSES
+    shadow.light = mul(through, light.radiance);
+    shadow.mis = hidden_from_paths(light.primitive, scene) ? ONE : mis;
+#else
     shadow.light = scale(mul(through, light.radiance), mis);
+#endif
     shadow.ray.o = departure(vertex, light.direction);
     shadow.ray.d = light.direction;
     shadow.ray.origin = hit.primitive;

@@ -20,7 +20,6 @@ typedef struct {
 #endif
 #if HAS_BASE
     F3    base;             // diffuse reflectance that the way in leaves
-    Cover cover;
     F     under;            // probability of choosing the base
 #endif
 #if HAS_SHEEN
@@ -30,7 +29,7 @@ typedef struct {
 #endif
 #if HAS_CLEARCOAT
     Alpha coat_alpha;
-    Cover coat_cover;
+    F     bare;             // share of the light from `wi` that the coat lets pass
     F     coat;             // probability of choosing the coat, if not the base
 #endif
 #if HAS_COAT_NORMAL
@@ -54,6 +53,21 @@ static inline F normal_reflectance(F index)
 {
     F r = (index - 1.0f) / (index + 1.0f);
     return r * r;
+}
+
+static inline F brightest_f0(Vertex vertex)
+{
+    return normal_reflectance(vertex.parameter) * max3(SPECULAR_COLOR(vertex));
+}
+
+// Lanes where facets without a film cover a diffuse base.
+static inline I of_facets(Vertex vertex)
+{
+    I facets = vertex.kind == MATERIAL_PRINCIPLED;
+#if HAS_THIN_FILM
+    facets = facets & (vertex.closure.film == 0);
+#endif
+    return facets;
 }
 
 // Schlick's rise from `f0` at normal incidence to `most`.
@@ -181,6 +195,24 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
 #define LEAST_COAT 0.25f    // the coat is chosen at least so often: it shows lamps, which outshine what lights the base
 
 #if HAS_BASE
+// Share of light from `w` that the facets above a base reflect; under a film and of plastic the host knows it.
+static F share_above_base(Vertex vertex, F3 w)
+{
+#if HAS_KNOWN_COVER
+    F share = cover_albedo(vertex.closure.cover, w.z);
+#else
+    F share = ZERO;
+#endif
+#if HAS_PRINCIPLED
+    I facets = of_facets(vertex);
+    if (ANY(facets)) {
+        F own = vertex.closure.specular * schlick_albedo(w.z, alpha_towards(w, vertex.closure.alpha), brightest_f0(vertex));
+        share = facets ? MIN(own, ONE) : share;
+    }
+#endif
+    return share;
+}
+
 // The diffuse base (Kelemen and Szirmay-Kalos 2001): rho (1 - E(wi)) (1 - E(wo)) / (pi (1 - mean of E)) is symmetric, and
 // with rho = 1 gives back all that the cover does not. `over` is the share that a coat reflects. Returns about the albedo of all
 // these lobes.
@@ -189,12 +221,13 @@ static F add_base(Lobes *lobes, Vertex vertex, F over)
     F3 rho = f3(ZERO, ZERO, ZERO);
     F mean = ZERO;
     F others = ONE;
-    lobes->cover = no_cover();
+    F share = share_above_base(vertex, lobes->wi);
+#if HAS_KNOWN_COVER
+    mean = cover_mean(vertex.closure.cover);
+#endif
 #if HAS_ROUGH_PLASTIC
-    lobes->cover = vertex.closure.cover;
-    mean = cover_mean(lobes->cover);
     rho = keep3(vertex.kind == MATERIAL_ROUGH_PLASTIC, lit_from_below(vertex.color, vertex.closure.internal));
-    others = cover_albedo(lobes->cover, lobes->wi.z);
+    others = share;
 #endif
 #if HAS_PRINCIPLED
     I principled = vertex.kind == MATERIAL_PRINCIPLED;
@@ -205,22 +238,15 @@ static F add_base(Lobes *lobes, Vertex vertex, F over)
 #else
         F clear = ZERO;
 #endif
-        F f0 = normal_reflectance(vertex.parameter) * max3(SPECULAR_COLOR(vertex));
-        Cover cover = cover_of(f0, vertex.closure.alpha.x, vertex.closure.specular);
-#if HAS_THIN_FILM
-        cover = select_Cover(vertex.closure.film > 0, vertex.closure.cover, cover);
-#endif
-        F share = cover_albedo(cover, lobes->wi.z);
         F rest = (1.0f - metallic) * (share + (1.0f - share) * clear) + metallic * max3(vertex.color);
         rho = select3(principled, scale(vertex.color, (1.0f - metallic) * (1.0f - clear)), rho);
-        mean = principled ? cover_mean(cover) : mean;
+        F alpha = alpha_towards(f3(ZERO, ZERO, ONE), vertex.closure.alpha);
+        mean = of_facets(vertex) ? vertex.closure.specular * schlick_mean_albedo(alpha, brightest_f0(vertex)) : mean;
         others = principled ? rest : others;
-        lobes->cover = select_Cover(principled, cover, lobes->cover);
     }
 #endif
-    F gets = 1.0f - cover_albedo(lobes->cover, lobes->wi.z);
     F whole = 1.0f - mean;
-    lobes->base = scale(rho, gets / MAX(whole, (F)(1e-6f)));
+    lobes->base = scale(rho, (1.0f - share) / MAX(whole, (F)(1e-6f)));
     F own = max3(lobes->base) * whole;
     others += over;
 #if HAS_CLEARCOAT
@@ -251,22 +277,6 @@ static inline void add_sheen(Lobes *lobes, Vertex vertex, I behind, F below)
 #endif
 
 #if HAS_CLEARCOAT
-#if FACET_ENERGY
-// Share of light from the cosine `mu` that a clear coat reflects: Schlick's Fresnel at a mean cosine at its facets, which is
-// fitted to the quadrature, at most 0.0032 off (tests/device/test_covers.py).
-static F coat_albedo(F mu, Alpha alpha)
-{
-    F x = mu / (mu + 0.5f * alpha.x);
-    F r = sqrt(alpha.x);
-    F e0 = quartic(r, -0.0075f, 0.3084f, 1.3912f, -2.1739f, 0.9446f);
-    F e1 = quartic(r, 0.0115f, -0.2522f, 0.1039f, -0.7571f, 0.7059f);
-    F e2 = quartic(r, 0.0029f, -0.3415f, 3.5689f, -5.0284f, 1.1378f);
-    F e3 = quartic(r, -0.0068f, 0.2625f, -4.6f, 4.3796f, -0.1194f);
-    F steep = schlick(MAX(mu + e0 + x * (e1 + x * (e2 + x * e3)), ZERO));
-    return ggx_albedo(mu, alpha.x) * (COAT_REFLECTANCE + (1.0f - COAT_REFLECTANCE) * steep);
-}
-#endif
-
 static inline F3 to_coat(Lobes lobes, F3 w)
 {
 #if HAS_COAT_NORMAL
@@ -340,12 +350,12 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
     F coat = coated ? vertex.closure.coat : ZERO;
     F alpha = coated ? vertex.closure.coat_alpha : ONE;
     lobes.coat_alpha = same_alpha(alpha);
-    lobes.coat_cover = cover_of((F)(COAT_REFLECTANCE), alpha, coat);
 #if HAS_COAT_NORMAL
     lobes.coat_n = vertex.coat_n;
     frame(lobes.coat_n, &lobes.coat_s, &lobes.coat_t);
 #endif
-    F over = cover_albedo(lobes.coat_cover, to_coat(lobes, wi).z);
+    F over = coat * coat_albedo(to_coat(lobes, wi).z, alpha);
+    lobes.bare = 1.0f - over;
 #elif HAS_BASE
     F over = ZERO;
 #endif
@@ -378,10 +388,9 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
 #if HAS_CLEARCOAT
     F3 coat_wi = to_coat(lobes, lobes.wi);
     F3 coat_wo = to_coat(lobes, wo);
-#if FACET_ENERGY
-    F taken = lobes.coat > 0.0f ? 1.0f - vertex.closure.coat * coat_albedo(coat_wi.z, lobes.coat_alpha) : ONE;
-#else
-    F taken = (1.0f - cover_albedo(lobes.coat_cover, coat_wi.z)) * (1.0f - cover_albedo(lobes.coat_cover, absolute(coat_wo.z)));
+    F taken = lobes.bare;
+#if !FACET_ENERGY
+    taken *= lobes.coat > 0.0f ? 1.0f - vertex.closure.coat * coat_albedo(absolute(coat_wo.z), lobes.coat_alpha.x) : ONE;
 #endif
     F coat_density;
 #if HAS_COAT_NORMAL
@@ -389,7 +398,8 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
     c = MAX(dot3(coat_wi, h), ZERO);
 #endif
     F coat = ggx_reflect(coat_wi, coat_wo, h, lobes.coat_alpha, &coat_density);
-    coat *= vertex.closure.coat * (COAT_REFLECTANCE + (1.0f - COAT_REFLECTANCE) * schlick(c));
+    F ct;
+    coat *= vertex.closure.coat * fresnel(c, (F)(COAT_INDEX), &ct);
     I shines = lobes.coat > 0.0f;
 #if HAS_COAT_NORMAL
     I through = lobes.clear & (wo.z < 0.0f);
@@ -401,7 +411,7 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
 #endif
 #if HAS_BASE
     F up = MAX(wo.z, ZERO) * INV_PI_F;
-    sum = along(sum, lobes.base, up * (1.0f - cover_albedo(lobes.cover, MAX(wo.z, ZERO))));
+    sum = along(sum, lobes.base, up * (1.0f - share_above_base(vertex, f3(wo.x, wo.y, MAX(wo.z, ZERO)))));
     density += lobes.under * (up - density);
 #endif
 #if HAS_SHEEN

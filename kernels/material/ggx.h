@@ -4,6 +4,7 @@
 #ifndef GGX_H
 #define GGX_H
 #include "common/math.h"
+#include "material/fresnel.h"
 
 // GGX alpha along the tangent and across it.
 typedef struct {
@@ -81,7 +82,7 @@ static inline F ggx_reflect(F3 wi, F3 wo, F3 h, Alpha alpha, F *pdf)
     return above ? half_density * wo.z / (wo.z * si + wi.z * so) : ZERO;
 }
 
-#if FACET_ENERGY
+#if FACET_ENERGY || HAS_PRINCIPLED
 static inline F quartic(F x, float a, float b, float c, float d, float e) { return a + x * (b + x * (c + x * (d + x * e))); }
 
 // Share of light from the cosine `mu` that facets which absorb nothing send back after one reflection: what is missing meets
@@ -106,7 +107,64 @@ static inline F ggx_mean_albedo(F alpha)
 {
     return MIN(quartic(alpha, 1.0045f, -0.1926f, -1.6264f, 1.9318f, -0.7089f), ONE);
 }
+#endif
 
+#if HAS_PRINCIPLED
+// Share of light from the cosine `mu` that facets reflect whose reflectance rises from `f0` after Schlick: his formula at a mean
+// cosine of theirs, which is fitted to the quadrature, 0.001 below to 0.002 above it where mu >= 0.02 (tests/device/test_covers.py).
+static F schlick_albedo(F mu, F alpha, F f0)
+{
+    F x = mu / (mu + 0.5f * alpha);
+    F r = sqrt(alpha);
+    F e0 = quartic(r, -0.0184f, 0.4124f, 0.9743f, -1.5709f, 0.6571f);
+    F e1 = quartic(r, -0.0067f, 0.1879f, -0.8721f, 1.4655f, -0.8629f);
+    F e2 = quartic(r, 0.1806f, -2.3041f, 5.5469f, -12.1783f, 6.7783f);
+    F e3 = quartic(r, -0.2758f, 2.4074f, -3.6217f, 14.4694f, -8.185f);
+    F e4 = quartic(r, 0.1208f, -0.7119f, -1.83f, -4.8045f, 1.2431f);
+    F steep = schlick(MAX(mu + e0 + x * (e1 + x * (e2 + x * (e3 + x * e4))), ZERO));
+    return ggx_albedo(mu, alpha) * (f0 + (1.0f - f0) * steep);
+}
+
+// Its mean over even light.
+static inline F schlick_mean_albedo(F alpha, F f0)
+{
+    F steep = quartic(sqrt(alpha), 0.04583f, 0.05755f, -0.48377f, 0.6632f, -0.28098f);
+    return f0 * ggx_mean_albedo(alpha) + (1.0f - f0) * steep;
+}
+
+// The alpha that facets show to a direction: at grazing that along it, head-on the geometric mean; 1 at most, as fits go.
+static inline F alpha_towards(F3 w, Alpha alpha)
+{
+#if HAS_ANISOTROPY
+    F x = w.x * alpha.x;
+    F y = w.y * alpha.y;
+    return MIN(sqrt(x * x + y * y + w.z * w.z * alpha.x * alpha.y), ONE);
+#else
+    return alpha.x;
+#endif
+}
+#endif
+
+#if HAS_CLEARCOAT
+#define COAT_INDEX 1.5f
+
+// The same of a clear coat, after Fresnel.
+static F coat_albedo(F mu, F alpha)
+{
+    F x = mu / (mu + 0.5f * alpha);
+    F r = sqrt(alpha);
+    F e0 = quartic(r, 0.004f, 0.1966f, 1.4399f, -1.6718f, 0.5107f);
+    F e1 = quartic(r, -0.1165f, 0.7952f, -0.8996f, -2.9793f, 3.353f);
+    F e2 = quartic(r, 0.3763f, -2.5251f, -1.3387f, 17.1322f, -16.7093f);
+    F e3 = quartic(r, -0.4302f, 1.8955f, 8.3046f, -33.8671f, 30.956f);
+    F e4 = quartic(r, 0.1662f, -0.3364f, -7.7901f, 21.0918f, -20.2131f);
+    F ct;
+    F share = fresnel(MIN(MAX(mu + e0 + x * (e1 + x * (e2 + x * (e3 + x * e4))), ZERO), ONE), (F)(COAT_INDEX), &ct);
+    return ggx_albedo(mu, alpha) * share;
+}
+#endif
+
+#if FACET_ENERGY
 // What light that meets facets again and again adds to what they reflect once, as a factor on that: the share `once` of the
 // direction, `mean` of even light; each facet reflects the share `f` on average (Turquin 2019, with the series of Kulla and
 // Conty 2017).

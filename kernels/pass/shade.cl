@@ -134,6 +134,9 @@ __kernel void shade(SCENE_PARAMETERS
         WRITE_F3(S, slot, shadow.ray.o);
         WRITE_F3(W, slot, shadow.ray.d);
         WRITE_F3(C, slot, shadow.light);
+#if LIGHT_PASSES
+        WRITE_F(MIS, slot, shadow.mis);
+#endif
 #if LAMPS_BEHIND_GLASS
         WRITE_F3(SHARE, slot, shadow.share);
 #endif

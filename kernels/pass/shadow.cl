@@ -38,7 +38,8 @@ __kernel void shadow(SCENE_PARAMETERS
     ray.o = READ_F3(S, slot);
     ray.d = READ_F3(W, slot);
     Scene scene = SCENE;
-    I blocked = any_hit(ray, reach, READ_I(TARGET, slot), READ_TRIANGLE(TARGET_TRIANGLE, slot), scene);
+    I passed;
+    I blocked = blocked_before(ray, reach, READ_I(TARGET, slot), READ_TRIANGLE(TARGET_TRIANGLE, slot), &passed, scene);
     I lit = wanted & NOT(blocked);
     WRITE_F(REACH, slot, ZERO);
 #if LAMPS_BEHIND_GLASS
@@ -48,6 +49,9 @@ __kernel void shadow(SCENE_PARAMETERS
         return;
     F3 radiance = READ_F3(L, slot);
     F3 light = READ_F3(C, slot);
+#if LIGHT_PASSES
+    light = scale(light, passed ? ONE : READ_F(MIS, slot));
+#endif
 #if LAMPS_BEHIND_GLASS
     I bent = wanted & blocked;
     if (ANY(bent)) {

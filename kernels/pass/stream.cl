@@ -136,7 +136,11 @@ __kernel void stream(SCENE_PARAMETERS
 #if HAS_EMITTERS
         I wanted = shadow.reach > 0.0f;
         if (ANY(wanted)) {
-            I dark = any_hit(shadow.ray, shadow.reach, shadow.target, shadow.target_triangle, scene);
+            I passed;
+            I dark = blocked_before(shadow.ray, shadow.reach, shadow.target, shadow.target_triangle, &passed, scene);
+#if LIGHT_PASSES
+            shadow.light = scale(shadow.light, passed ? ONE : shadow.mis);
+#endif
 #if HAS_DENSITY
             Chance chance = chance_of(path.pixel, path.sample, FROM_A_SURFACE + path.depth - 1u, rules.seed);
 #endif

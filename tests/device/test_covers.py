@@ -1,5 +1,6 @@
 """How much light rough materials lose: the table of docs/materials.md, and the fits of covers."""
 
+import itertools
 import math
 from functools import partial
 from pathlib import Path
@@ -49,16 +50,17 @@ def test_documented_albedo_is_what_comes_back(session, row):
     assert got == pytest.approx(row[1:], abs=0.6), np.round(got, 1)
 
 
-@pytest.mark.parametrize("roughness", [0.1, 0.3, 0.6, 1.0])
-def test_fit_of_a_principled_cover_takes_little_too_much(session, roughness):
-    # black base: what comes back is the cover's; white base: the fit's share is missing in the base
-    alpha = max(roughness**2, 1e-3)
-    for cosine in (0.1, 0.3, 0.6, 1.0):
-        rng = np.random.default_rng(7)
-        material = {"kind": "principled", "base_color": WHITE, "roughness": roughness}
-        got = scatter(session, material, direction(cosine), numbers=rng.uniform(size=(1 << 17, 3))).weight[:, 1]
-        error = got.std() / np.sqrt(len(got))
-        assert 0.955 - 4 * error < got.mean() < 1 + 4 * error, (alpha, cosine)
+COATS = {"bare": {}, "dense": {"index": 2.5}, "coated": {"clearcoat": 0.7, "clearcoat_roughness": 0.3}}
+
+
+@pytest.mark.parametrize("coat", COATS)
+def test_white_principled_surfaces_give_back_all_light_at_every_angle(session, coat):
+    for roughness, cosine in itertools.product((0.1, 0.3, 0.6, 1.0), (0.05, 0.2, 0.6, 1.0)):
+        numbers = np.random.default_rng(7).uniform(size=(COUNT, 3))
+        material = {"kind": "principled", "base_color": WHITE, "roughness": roughness} | COATS[coat]
+        got = scatter(session, material, direction(cosine), numbers=numbers, again=True).weight[:, 1]
+        error = got.std() / np.sqrt(COUNT)
+        assert 0.995 - 4 * error < got.mean() < 1.001 + 4 * error, (roughness, cosine)
 
 
 @pytest.mark.parametrize("index", [1.3, 1.5, 2.0])

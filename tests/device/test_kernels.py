@@ -84,7 +84,8 @@ PHOTONS = {"CAUSTICS": 1}
 GHOSTS = {"GHOST_PATCHES": 1, "GHOST_PENCILS": 1}
 MEDIA = {"HAS_MEDIA": 1, "HAS_BOUNDARY": 1, "HAS_LAYERED_FOG": 1, "HAS_DENSITY": 1, "HAS_DROPLETS": 1, "HAS_ENTRIES": 1}
 GROUPS = {"LIGHT_GROUPS": 3}
-BEHIND = {"LAMPS_BEHIND_GLASS": 1, "LAMPS_BY_SAMPLES": 0}
+BEHIND = {"LAMPS_BEHIND_GLASS": 1, "LIGHT_PASSES": 0}
+ALONE = {"LAMPS_BY_SAMPLES": 1, "LIGHT_PASSES": 0}
 TABLES = {"HAS_MEASURED": 1, "HAS_THIN_FILM": 1}  # which materials read along the way
 READ = {"RAYS_FILE": "integrator/read_rays.h"}  # by the stream, or made there
 KEPT = {"RAYS_FILE": "integrator/kept_rays.h", "CAMERA_HAS_LENS": 1, "SAMPLER_LATTICE": 1}
@@ -162,6 +163,7 @@ def test_scene_with_everything_turns_every_fact_on():
         "LENS_SPLITS",
         "FEW_PRIMITIVES",
         "LAMPS_BEHIND_GLASS",
+        "LAMPS_BY_SAMPLES",
         *PHOTONS,
         *MEDIA,
         *GROUPS,
@@ -241,7 +243,8 @@ def test_pass_compiles_for_red_green_and_blue_of_one_wavelength(session, file):
         | TREES
         | GLASS
         | READ
-        | {"SPECTRUM": 1, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "LAMPS_BY_SAMPLES": 0, "VW": 8}
+        | {"SPECTRUM": 1, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "VW": 8}
+        | ALONE
     )
     without_warnings(session, [file], facts)
 

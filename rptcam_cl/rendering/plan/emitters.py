@@ -795,8 +795,11 @@ def _surface_emitters(
 BLACK = (0.0, 0.0, 0.0)
 
 
-def by_samples_alone(primitives: Primitives, emitters: Emitters) -> bool:
-    """Return whether light sampling has to find all light of lamps: paths and shadow rays meet different things.
+def met_apart(primitives: Primitives, emitters: Emitters) -> dict[str, int]:
+    """Return the facts of scenes where paths and shadow rays meet different things.
+
+    Light samples that pass what paths meet count alone where shadow rays can tell (LIGHT_PASSES). They cannot of
+    triangles and of holes, and do not know what paths alone pass: light sampling then has to find all light of lamps.
 
     Raises
     ------
@@ -804,7 +807,7 @@ def by_samples_alone(primitives: Primitives, emitters: Emitters) -> bool:
         For a lamp that only paths find and that is hidden from them.
     """
     either = Hidden.FROM_SHADOW | Hidden.FROM_REFLECTION
-    alone = False
+    alone = passes = False
     for index, primitive in primitives.among(lambda each: each.hidden & either != 0):
         kinds = primitive.hidden & either
         is_sampled, material = index in emitters.of_primitive, primitive.material
@@ -814,8 +817,14 @@ def by_samples_alone(primitives: Primitives, emitters: Emitters) -> bool:
                 f"objects.{primitive.object}.visible.reflection: this lamp would light nothing: what moves, has holes"
                 " or is a plane is found by its reflection alone (allowed: true)"
             )
-        alone |= kinds != either or is_sampled
-    return alone
+        is_simple = primitive.kind is not Kind.MESH and not has_holes(material)
+        if kinds == either:
+            passes |= is_sampled
+        elif kinds == Hidden.FROM_SHADOW and is_simple:
+            passes |= not is_sampled or emitters.count > 1  # of a single lamp no light passes it
+        else:
+            alone = True
+    return {"LAMPS_BY_SAMPLES": int(alone), "LIGHT_PASSES": int(passes and not alone)}
 
 
 # Lamps that the camera may see out of focus, as it sees them.

@@ -41,8 +41,8 @@ from rptcam_cl.rendering.plan.emitters import (
     Emitters,
     LightGroups,
     area_of_solid,
-    by_samples_alone,
     light_groups,
+    met_apart,
     pack_emitters,
     triangle_emitters,
     visible_lamps,
@@ -658,14 +658,15 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         caustics = _pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
     else:
         caustics = _without("photons take other kernels")
-    by_samples = by_samples_alone(primitives, emitters)
-    ways_alone = caustics.active or media.active or by_samples
+    apart = met_apart(primitives, emitters)
+    ways_alone = caustics.active or media.active or any(apart.values())
     if parts.held is not None:
         ways_alone |= not parts.held["LAMPS_BEHIND_GLASS"]
     hidden = primitives.of_each(hidden_from)
     del tables  # until now they are read once
     facts = shown.facts | media.facts | caustics.facts | textures.facts | emitters.facts | movements.facts
-    facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
+    facts |= _facts_of_shapes(primitives, meshes, shown.facts) | apart
+    facts |= {
         "ENVIRONMENT": int(surroundings.kind),
         "FEW_PRIMITIVES": int(len(primitives) <= FEW),
         "HUGE_SPHERES": int(has_huge_sphere(primitives)),
@@ -673,7 +674,6 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "FACET_ENERGY": shown.facts["FACET_ENERGY"] * scene.render.multiple_scattering,
         "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
         "HIDDEN_SKY": int(_hides_sky(scene)),
-        "LAMPS_BY_SAMPLES": int(by_samples),
         "LAMPS_BEHIND_GLASS": int(not ways_alone and _stand_behind_glass(primitives, emitters, eye_m)),
         "LIGHT_GROUPS": len(groups.names),
         "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in _LOBED)),
