@@ -557,7 +557,7 @@ def add_tradeoff(parser: argparse.ArgumentParser) -> None:
 def run_tradeoff(arguments: argparse.Namespace) -> int:
     """Render a scene in many ways by turns, and advise which one to use."""
     _check_outputs(arguments)
-    from rptcam_cl.studies.tradeoff import measure_tradeoff
+    from rptcam_cl.studies.tradeoff_runs import measure_tradeoff
 
     scene = loaded_scene(arguments)
     with contextlib.nullcontext() if arguments.quiet else say_on_stderr(_line) as show:

@@ -1,5 +1,5 @@
-"""First steps: ``rptcam examples`` and ``view``; ``settle``, ``convert`` and ``new``, which make scene files;
-``devices``, ``doctor`` and ``schema``."""
+"""First steps: ``rptcam examples`` and ``rptcam view``; ``rptcam settle``, ``convert`` and ``new``, which make scene
+files; ``devices``, ``doctor`` and ``schema``."""
 
 import argparse
 import contextlib
