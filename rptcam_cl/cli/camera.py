@@ -17,7 +17,7 @@ from rptcam_cl.api.options import add_options, crop, duration, frame_range, shar
 from rptcam_cl.cli.lens_options import (
     check_file,
     check_picture,
-    number_list,
+    distances,
     numbers,
     wavelengths,
     write,
@@ -25,9 +25,11 @@ from rptcam_cl.cli.lens_options import (
 )
 from rptcam_cl.cli.output import (
     add_device,
+    add_scene,
     as_json,
     focus_method,
     focus_policy,
+    loaded_scene,
     point,
     positive,
     print_table,
@@ -53,9 +55,6 @@ SUFFIXES = dict.fromkeys(MAPS, (".exr",)) | {"psf_grid": (".npz",), "usd": (".us
 def flag(name: str) -> str:
     """The option that has a name in the arguments."""
     return f"--{name.replace('_', '-')}"
-
-
-distances = number_list("distances above 0 m, as 0.8,2,inf", lambda value: value > 0)
 
 
 def add_maps(parser: argparse.ArgumentParser) -> None:
@@ -366,7 +365,7 @@ _ZONES = ("zones", "zones_file", "mask", "point", "object", "at")
 
 def add_focus(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    add_scene(parser)
     parser.add_argument(
         "--method", type=focus_method, metavar="NAME",
         help="contrast, laplacian, variance, depth, phase or hybrid (default: the scene's, or contrast)",
@@ -419,12 +418,10 @@ def run_focus(arguments: argparse.Namespace) -> int:
     if arguments.plot is not None:
         check_picture(arguments.plot, str(arguments.scene))
         check_file(arguments.plot, str(arguments.scene))
-    from rptcam_cl.scene.load import load_scene
     from rptcam_cl.studies.focus.controller import autofocus
     from rptcam_cl.studies.focus.probe import focus_plot
 
-    scene = load_scene(arguments.scene, arguments.overrides)
-    print_warnings(scene.warnings)
+    scene = loaded_scene(arguments)
     if arguments.frames is not None:
         return _follow_frames(arguments, scene)
     report = autofocus(
@@ -527,7 +524,7 @@ PRINTED = Path("-")  # in place of a file: to standard output
 
 def add_tradeoff(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    add_scene(parser)
     parser.add_argument(
         "--budget",
         type=duration,
@@ -560,11 +557,9 @@ def add_tradeoff(parser: argparse.ArgumentParser) -> None:
 def run_tradeoff(arguments: argparse.Namespace) -> int:
     """Render a scene in many ways by turns, and advise which one to use."""
     _check_outputs(arguments)
-    from rptcam_cl.scene.load import load_scene
-    from rptcam_cl.studies.tradeoff import measure_tradeoff
+    from rptcam_cl.studies.tradeoff_runs import measure_tradeoff
 
-    scene = load_scene(arguments.scene, arguments.overrides)
-    print_warnings(scene.warnings)
+    scene = loaded_scene(arguments)
     with contextlib.nullcontext() if arguments.quiet else say_on_stderr(_line) as show:
         report = measure_tradeoff(
             scene,

@@ -21,6 +21,7 @@ from rptcam_cl.cli.output import (
     ENDS_LATER,
     INTERRUPTED,
     add_device,
+    add_scene,
     apply_options,
     check_cluster_arguments,
     check_different,
@@ -28,6 +29,7 @@ from rptcam_cl.cli.output import (
     device_of,
     files_to_write,
     layers_of_outputs,
+    loaded_scene,
     names_of,
     point,
     positive,
@@ -347,7 +349,7 @@ def render_by_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:
         except InterruptedError as ended:
             print(f"interrupted: {ended}; --resume goes on from them", file=sys.stderr)
             return INTERRUPTED
-    save(image, arguments)
+    save(image, arguments.outputs, arguments.raws)
     PartsFolder(folder).clear()
     if not arguments.quiet:
         print(cluster_account(image), file=sys.stderr)
@@ -373,7 +375,7 @@ def render_frames_by_cluster(arguments: argparse.Namespace, missing: "Iterable[F
                 own, _, metadata = todo[number]
                 own.same.add(f"frame {number}", image.metadata["made_by"])
                 image.metadata.update(metadata)
-                save(image, own)
+                save(image, own.outputs, own.raws)
                 if not arguments.quiet:
                     print(f"wrote {names_of(files_to_write(own))}: {cluster_account(image)}", file=sys.stderr)
         except InterruptedError as ended:
@@ -401,7 +403,7 @@ def cluster_account(image: "Image") -> str:
 
 def add_sweep(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    add_scene(parser)
     parser.add_argument(
         "--over", action="append", required=True, metavar="key.path=a,b,...", dest="keys",
         help="values of a key of the scene file, as camera.f_number=2,4,8 or 2,2.8,…,22; may be repeated, the last"
@@ -438,11 +440,10 @@ def run_sweep(arguments: argparse.Namespace) -> int:
     kept.
     """
     from rptcam_cl.api.sweeping import sweep
-    from rptcam_cl.scene.load import load_scene, set_keys
+    from rptcam_cl.scene.load import set_keys
 
     over = _over(arguments.keys)
-    scene = load_scene(arguments.scene, arguments.overrides)
-    print_warnings(scene.warnings)
+    scene = loaded_scene(arguments)
     rows, said = [], set(scene.warnings)
     with stop_on_interrupt(None if arguments.cluster or arguments.workers else ENDS_LATER) as stop:
         pictures = None
@@ -478,7 +479,7 @@ def run_sweep(arguments: argparse.Namespace) -> int:
 
 def add_stack(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    add_scene(parser)
     for name, text in (("--near-m", "nearest"), ("--far-m", "farthest")):
         parser.add_argument(name, type=positive, metavar="D", help=f"{text} distance of focus [m]")
     parser.add_argument(
@@ -497,17 +498,15 @@ def add_stack(parser: argparse.ArgumentParser) -> None:
 
 def run_stack(arguments: argparse.Namespace) -> int:
     """Render a scene focused at many distances, and make one sharp picture and a depth map of them."""
-    from rptcam_cl.api.focus_stack import focus_stack, stack_frames
+    from rptcam_cl.api.combined import focus_stack, stack_frames
     from rptcam_cl.imaging.writers import check_output
-    from rptcam_cl.scene.load import load_scene
 
     ends, films = (arguments.near_m, arguments.far_m), arguments.films
     if (None in ends) if films is None else (ends != (None, None)):
         raise InputError("rptcam stack: takes --near-m and --far-m, or --films in their place")
     for output in arguments.outputs:
         check_output(output, [arguments.scene, *(films or ())])
-    scene = load_scene(arguments.scene, arguments.overrides)
-    print_warnings(scene.warnings)
+    scene = loaded_scene(arguments)
 
     def say(number: int, count: int, distance_m: float) -> None:
         if not arguments.quiet:
@@ -528,8 +527,7 @@ def run_stack(arguments: argparse.Namespace) -> int:
             f"only {about['known_share']:.0%} of the picture has the texture that tells its depth; the rest is taken"
             " from around it"
         ])  # fmt: skip
-    arguments.raws, arguments.stats = [], None
-    save(image, arguments)
+    save(image, arguments.outputs)
     if not arguments.quiet:
         print(f"wrote {names_of(arguments.outputs)}: {image.width} x {image.height}", file=sys.stderr)
     return 0
@@ -542,7 +540,7 @@ OF_HALVES = ("left", "right", "phase_pixels", "screen")
 
 def add_halves(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    add_scene(parser)
     for name, text in (
         ("--left", "picture through the left half of the stop"),
         ("--right", "picture through the right half"),
@@ -558,9 +556,8 @@ def add_halves(parser: argparse.ArgumentParser) -> None:
 
 def run_halves(arguments: argparse.Namespace) -> int:
     """Take the pictures that the two halves of the opening give: a dual-pixel pair, and what is made of such."""
-    from rptcam_cl.api.part_openings import dual_pixels, focusing_screen, with_phase_pixels
+    from rptcam_cl.api.combined import dual_pixels, focusing_screen, with_phase_pixels
     from rptcam_cl.imaging.writers import check_output
-    from rptcam_cl.scene.load import load_scene
 
     outputs = {name: path for name in OF_HALVES if (path := getattr(arguments, name)) is not None}
     if not outputs:
@@ -568,8 +565,7 @@ def run_halves(arguments: argparse.Namespace) -> int:
     check_different(list(outputs.values()), "rptcam halves")
     for output in outputs.values():
         check_output(output, [arguments.scene])
-    scene = load_scene(arguments.scene, arguments.overrides)
-    print_warnings(scene.warnings)
+    scene = loaded_scene(arguments)
     given = {name: getattr(arguments, name) for name in ("spp", "size", "seed", "device")}
     images: dict[str, Any] = {}
     if outputs.keys() - {"screen"}:
@@ -578,7 +574,7 @@ def run_halves(arguments: argparse.Namespace) -> int:
     if "screen" in outputs:
         images["screen"] = focusing_screen(scene, **given)
     for name, output in outputs.items():
-        save(images[name], argparse.Namespace(outputs=[output], raws=[], stats=None))
+        save(images[name], [output])
     if not arguments.quiet:
         print(f"wrote {names_of(list(outputs.values()))}", file=sys.stderr)
     return 0

@@ -43,7 +43,7 @@ READERS = {
     "angle": finite,
     "wavelengths": lens_options.wavelengths,
     "numbers": lens_options.numbers,
-    "distances": lens_options.number_list("distances above 0 m, as 0.8,2,inf", lambda value: value > 0),
+    "distances": lens_options.distances,
     "count": lens_options.count,
     "length": positive,
     "share": share,

@@ -383,8 +383,16 @@ def stop_on_interrupt(words: str | None = None) -> Iterator[threading.Event]:
 # The files of a picture: every one that can be written, and a place for the film where none can.
 
 
-def save(image: Image, arguments: argparse.Namespace) -> None:
-    """Write every output that can be written, then report the first that could not, and where the film is instead."""
+def save(image: Image, outputs: Iterable[Path], raws: Iterable[Path] = (), stats: Path | None = None) -> None:
+    """Write every output that can be written, then report the first that could not, and where the film is instead.
+
+    Parameters
+    ----------
+    raws
+        Raw files to write too.
+    stats
+        A file for the statistics.
+    """
     from rptcam_cl.core.files import replacing
 
     failures: list[Exception] = []
@@ -397,16 +405,16 @@ def save(image: Image, arguments: argparse.Namespace) -> None:
             return False
         return True
 
-    def write_stats() -> None:
-        with replacing(arguments.stats) as temporary:
+    def write_stats(path: Path) -> None:
+        with replacing(path) as temporary:
             temporary.write_text(as_json(image.stats) + "\n", encoding="utf-8", errors="backslashreplace")
 
     # A list, and not a generator: all are attempted.
-    films = [attempt(partial(image.save, path)) and path.suffix.lower() in FILM_SUFFIXES for path in arguments.outputs]
-    for raw in arguments.raws:
+    films = [attempt(partial(image.save, path)) and path.suffix.lower() in FILM_SUFFIXES for path in outputs]
+    for raw in raws:
         attempt(lambda raw=raw: image.raw().save(raw))  # type: ignore[misc]
-    if arguments.stats is not None:
-        attempt(write_stats)
+    if stats is not None:
+        attempt(partial(write_stats, stats))
     if not failures:
         return
     where = "" if any(films) else rescue(image)
@@ -438,6 +446,7 @@ def rescue(image: Image) -> str:
 # Arguments of the command line: parsing with hints, and what the parsed ones of a render ask for.
 
 COMMAND = "COMMAND"  # what stands for the name of a command in the help
+SCENE_SUFFIXES = (".yaml", ".yml")  # of scene files, which alone a render reads as they are
 
 
 class Parser(argparse.ArgumentParser):
@@ -466,7 +475,7 @@ class Parser(argparse.ArgumentParser):
         choice = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
         if choice and message.startswith(f"argument {COMMAND}: "):
             message = f"there is no command {choice[1]}"
-            if choice[1].endswith((".yaml", ".yml")):
+            if choice[1].endswith(SCENE_SUFFIXES):
                 message += f"; to render it: rptcam render {shlex.quote(choice[1])} -o OUT.png"
         if message.startswith("the following arguments are required"):
             for word in self._words:
@@ -537,6 +546,20 @@ def _one_of(names: Sequence[str], text: str) -> str:
     if text not in names:
         raise argparse.ArgumentTypeError(f"got {text}{near_name(text, names)}; allowed {', '.join(names)}")
     return text
+
+
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    """Add the scene file."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+
+
+def loaded_scene(arguments: argparse.Namespace) -> Scene:
+    """The scene with the values that ``--set`` replaces; its warnings go to standard error."""
+    from rptcam_cl.scene.load import load_scene
+
+    scene = load_scene(arguments.scene, arguments.overrides)
+    print_warnings(scene.warnings)
+    return scene
 
 
 def add_device(parser: argparse.ArgumentParser) -> None:
