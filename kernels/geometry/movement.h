@@ -2,7 +2,7 @@
 // taken there from its own time, meets it, and the point comes back to the world.
 // movement_of[primitive] = (first segment, number of segments), none for what stands still. A segment is the way between
 // two moments: x = pivot + shift + s travel + turn by s turns about the axis, of the turn so far, of (x at rest - pivot),
-// with s from 0 to 1 (rptcam_cl/rendering/plan/primitives.py).
+// with s from 0 to 1 (rptcam_cl/rendering/plan/geometry.py).
 // Facts: HAS_MOTION, MOTION_SEGMENTS (1 where no object has more than one segment, else 2), MOTION_TURNS.
 #ifndef MOVEMENT_H
 #define MOVEMENT_H

@@ -555,7 +555,7 @@ PRIMITIVE = Record(
         ("float4", "row_z"),
         ("int", "material"),
         ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
-        # of a mesh; of rectangles and disks how many share its plane, rendering/plan/primitives.py
+        # of a mesh; of rectangles and disks how many share its plane, rendering/plan/geometry.py
         ("int", "instance"),
         ("int", "first_triangle"),
     ),

@@ -63,7 +63,6 @@ UNLIKE = 0.3  # of the light of a lamp by which its film may differ from its ray
 PARTS = 3  # of its picture each way
 _BESIDE = 2.5  # half films from the middle, up to which lamps count; from four fifths of it they fade
 _PUPIL_POINTS = 8  # that look for what hides them
-_OPEN_CELLS = 72  # across the opening that they see
 _POINTS_BESIDE, _MOST_BESIDE, _RAYS_BESIDE = 2, 4096, 64  # a pixel, of a lamp, and of a point of it out of focus
 _KNOWN, _SEEN = 0.1, 0.4  # of a lamp on the picture: below the first its light is computed, above the second fitted
 

@@ -17,12 +17,15 @@ from rptcam_cl.core.records import HIT_ROUNDING, Kind
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tree_build
-from rptcam_cl.rendering.plan.primitives import (
-    BLOCK,
+from rptcam_cl.rendering.plan.geometry import (
+    VERTEX_FLOATS,
     ObjectMovements,
+    PackedMeshes,
     Places,
+    TriangleGroup,
+    shift_points,
 )
-from rptcam_cl.rendering.plan.triangles import VERTEX_FLOATS, PackedMeshes, TriangleGroup, shift_points
+from rptcam_cl.rendering.plan.primitives import BLOCK
 
 #
 # Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.

@@ -5,7 +5,7 @@ import hashlib
 import numpy as np
 import pytest
 
-import rptcam_cl.rendering.plan.triangles as meshes
+import rptcam_cl.rendering.plan.geometry as meshes
 import rptcam_cl.rendering.trees as scene_trees
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session

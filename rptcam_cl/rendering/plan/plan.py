@@ -48,23 +48,20 @@ from rptcam_cl.rendering.plan.emitters import (
     visible_lamps,
 )
 from rptcam_cl.rendering.plan.environment import Surroundings
-from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
-from rptcam_cl.rendering.plan.media import Media, about_camera, hidden_from, pack_media
-from rptcam_cl.rendering.plan.primitives import (
+from rptcam_cl.rendering.plan.geometry import (
     ObjectMovements,
     Owners,
-    PlanParts,
-    Primitive,
-    Primitives,
-    Prototype,
+    PackedMeshes,
     has_huge_sphere,
     owners_of,
     pack_movements,
     pack_primitives,
-    scene_primitives,
+    with_meshes,
 )
+from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
+from rptcam_cl.rendering.plan.media import Media, about_camera, hidden_from, pack_media
+from rptcam_cl.rendering.plan.primitives import PlanParts, Primitive, Primitives, Prototype, scene_primitives
 from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures
-from rptcam_cl.rendering.plan.triangles import PackedMeshes, with_meshes
 from rptcam_cl.scene.base import FileReference, file_references
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.load import at_opening, exposure_steps
@@ -649,10 +646,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings, groups, parts.held)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     textures = parts.textures(seen).seen_from(scene.camera.eye)
-    records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive)
-    if meshes is not None:
-        records["instance"][-len(first_triangles) :] = meshes.instance_of
-        records["first_triangle"][-len(first_triangles) :] = first_triangles
+    records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
     if parts.held is None or parts.held["CAUSTICS"]:
         caustics = _pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)

@@ -45,7 +45,7 @@ WORK = {
     "lamps in the lens": "rendering.cameras.lamp_aim:fits_of_small",
     "lamps on the film": "rendering.cameras.lamp_aim:_seen",
     "trees of primitives": "rendering.tree_build:tree_of_few",
-    "meshes": "rendering.plan.triangles:pack_meshes",
+    "meshes": "rendering.plan.geometry:pack_meshes",
     "materials": "rendering.plan.primitives:pack_materials",
 }
 POSE = {

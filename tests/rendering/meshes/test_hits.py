@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl.rendering.trees as scene_trees
-from rptcam_cl.rendering.plan import triangles
+from rptcam_cl.rendering.plan import geometry
 from rptcam_cl.studies.selfcheck import (
     RAY_MATTE,
     TracedScene,
@@ -86,7 +86,7 @@ def test_instances_are_met_where_copies_are(session, monkeypatch, turn):
     d = np.concatenate([rng.uniform(-3, 3, (n // 2, 3)) - np.array([0, 0, 8]) - o[: n // 2], directions(rng, n // 2)])
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     copies = TracedScene(session, objects, meshes=meshes)
-    monkeypatch.setattr(triangles, "MOST_COPIED", 0)
+    monkeypatch.setattr(geometry, "MOST_COPIED", 0)
     shared = TracedScene(session, objects, meshes=meshes)
     assert copies.plan.facts["HAS_INSTANCES"] == 0
     assert shared.plan.facts["HAS_INSTANCES"] == 1

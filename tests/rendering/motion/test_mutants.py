@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.plan import primitives as movement
+from rptcam_cl.rendering.plan import geometry as movement
 from tests.device.probes import open_session
 from tests.rendering.motion import test_camera_motion as camera
 from tests.rendering.motion import test_moments as moments

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from rptcam_cl.rendering.plan import primitives, triangles
+from rptcam_cl.rendering.plan import geometry, primitives
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.scene.load import load_scene, set_keys
@@ -104,7 +104,7 @@ EDITS: tuple[dict[str, Any], ...] = (
 
 
 def test_meshes_placed_one_after_the_other_are_those_of_their_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(triangles, "MOST_COPIED", 0)
+    monkeypatch.setattr(geometry, "MOST_COPIED", 0)
     meshes = [{"shape": "mesh", "mesh": "tent", "material": name} for name in ("grey", "red", "grey", "grey", "red")]
     meshes[3]["instances"] = {"file": np.tile(np.eye(3, 4), (4, 1, 1))}  # type: ignore[assignment]
     scene = load_scene({

@@ -1,17 +1,18 @@
-"""Triangles of a scene as the device holds them: pools of vertices and triangles, and who uses them."""
+"""The scene's geometry as the device holds it: records of primitives and their owners, movements, and triangles."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import INSTANCE
+from rptcam_cl.core.dataclass import Rows, dataclass
+from rptcam_cl.core.records import HUGE_POWER, INSTANCE, MOTION_MARGIN, PRIMITIVE, SEGMENT, Kind, fill
 from rptcam_cl.rendering.plan.primitives import (
     Matrix,
     Placements,
@@ -23,7 +24,291 @@ from rptcam_cl.rendering.plan.primitives import (
     corners_of_box,
 )
 from rptcam_cl.scene.assets.mesh import Mesh
+from rptcam_cl.scene.placement import Trajectory, moments, quaternion_of
 from rptcam_cl.scene.scene import Scene
+
+Array = NDArray[np.float64]
+
+MOST = float(np.finfo(np.float32).max)
+SPAN_BITS = 15  # of kernels/geometry/cubic_curve.h
+
+
+def _spheres_of(placements: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """Return centres (n, 3) and radii (n,) of unit spheres under similarities, and the power of the eye for each [m²].
+
+    That is its squared distance from the centre, less the square of the radius.
+    """
+    centers, radii = placements[:, :3, 3], np.cbrt(np.abs(np.linalg.det(placements[:, :3, :3])))
+    distances = np.sqrt((centers[:, None, :] @ centers[:, :, None])[:, 0, 0])
+    return centers, radii, (distances - radii) * (distances + radii)
+
+
+def has_huge_sphere(primitives: Primitives) -> bool:
+    """Return whether a sphere is so large beside its distance from the eye that kernels take the eye's power.
+
+    In float32 centre and radius place its surface within 6e-8 of the radius: a globe of Earth's size within 0.4 m.
+    """
+    runs, _ = primitives.by_kind().get(Kind.SPHERE, (slice(0), slice(0)))
+    spheres = (_spheres_of(placements) for _, _, placements in primitives.places.blocks(runs))
+    return any(bool(np.any(np.abs(powers) < HUGE_POWER * radii**2)) for _, radii, powers in spheres)
+
+
+def pack_primitives(
+    primitives: Primitives, materials: dict[int, int], emitters: dict[int, int], meshes: PackedMeshes | None
+) -> tuple[NDArray[np.void], NDArray[np.int32]]:
+    """Return the records and, per kind, the index after its last one.
+
+    Parameters
+    ----------
+    primitives
+        Sorted by kind.
+    materials
+        Record index of each material, by ``id``.
+    emitters
+        Index of the sampled emitter, by index of the primitive.
+    meshes
+        Those of the last primitives, where some are meshes.
+    """
+    records = PRIMITIVE.zeros(len(primitives))
+    for kind, (runs, members) in primitives.by_kind().items():
+        for part, _, placements in primitives.places.blocks(runs):
+            rows = _rows(kind, placements)
+            for place, axis in enumerate("xyz"):
+                records[f"row_{axis}"][members][part] = rows[:, place]
+    if len(primitives):
+        records["material"] = primitives.of_each(lambda each: materials[id(each.material)])
+        records["emitter"] = -1
+        records["emitter"][[*emitters]] = [*emitters.values()]
+        _fill_curves(primitives, records)
+    _count_shared_planes(primitives, records)
+    if meshes is not None:
+        own = records[-len(meshes.first_triangles) :]
+        own["instance"], own["first_triangle"] = meshes.instance_of, meshes.first_triangles
+    ends = np.append(primitives.places.ends, 0)
+    return records, ends[np.searchsorted(primitives.kinds, list(Kind), side="right") - 1].astype(np.int32)
+
+
+def _rows(kind: Kind, placements: Matrix) -> NDArray[np.float32]:
+    """Return the rows (n, 3, 4) of the records of primitives of a kind."""
+    if kind is Kind.CURVE:
+        return placements[:, :3].astype(np.float32)
+    if kind is not Kind.SPHERE:
+        return np.asarray(np.linalg.inv(placements)[:, :3].astype(np.float32) + 0.0)  # no -0: kernels test bits
+    centers, radii, powers = _spheres_of(placements)
+    axes = placements[:, :3, :3] / radii[:, None, None]
+    columns = (
+        (centers, radii),
+        (axes[:, :, 0], np.sign(np.linalg.det(axes))),
+        (axes[:, :, 2], np.clip(powers, -MOST, MOST)),
+    )
+    return np.stack([np.column_stack(pair) for pair in columns], axis=1).astype(np.float32)
+
+
+def _fill_curves(primitives: Primitives, records: NDArray[np.void]) -> None:
+    """Write widths of curves and their places along strands where `kernels/geometry/cubic_curve.h` looks for them."""
+    runs, members = primitives.by_kind().get(Kind.CURVE, (slice(0), slice(0)))
+    most = (1 << SPAN_BITS) - 1
+    for part, _, placements in primitives.places.blocks(runs):
+        ends, some = placements[:, 3], records[members][part]
+        some["instance"], some["first_triangle"] = ends[:, :2].astype(np.float32).T.copy().view(np.int32)
+        begin, end = np.rint(most * ends[:, 2:]).astype(np.int32).T
+        some["emitter"] = -1 - (begin | end << SPAN_BITS)
+
+
+def _count_shared_planes(primitives: Primitives, records: NDArray[np.void]) -> None:
+    """Write, into the first of rectangles or disks that follow one another in a plane and stay there, their number."""
+    for kind, (runs, members) in primitives.by_kind().items():
+        if kind not in (Kind.RECTANGLE, Kind.DISK):
+            continue
+        own = records[members]
+        stands = primitives.of_runs(np.array([each.trajectory is None for each in primitives.prototypes]))
+        still = np.repeat(stands[runs], primitives.places.counts[runs])
+        alike = (own["row_z"][1:] == own["row_z"][:-1]).all(axis=1) & still[1:] & still[:-1]
+        first = np.append(True, ~alike)
+        own["instance"][first] = np.diff(np.append(np.flatnonzero(first), len(own)))
+
+
+@dataclass(frozen=True)
+class Owners:
+    """Identifiers by primitive, and names by identifier.
+
+    Attributes
+    ----------
+    of_run : (runs, 2) array
+        Identifier of the object, its index in the scene's list, and of the material.
+    counts : (runs,) array
+        Primitives of each run.
+    objects : tuple of str
+        Name of each object; its place in the scene where it has none.
+    materials : tuple of str
+        Name of each material: first the scene's named ones in their order, then those written out in an object, by
+        their place.
+    """
+
+    of_run: NDArray[np.int32]
+    counts: NDArray[np.int64]
+    objects: tuple[str, ...]
+    materials: tuple[str, ...]
+
+    @property
+    def of_primitive(self) -> NDArray[np.int32]:
+        """Identifiers of object and material (n, 2) of each primitive."""
+        return np.repeat(self.of_run, self.counts, axis=0)
+
+
+def owners_of(scene: Scene, primitives: Primitives, parts: PlanParts) -> Owners:
+    """Return the owners of the primitives of a scene."""
+
+    def names_of_objects() -> tuple[str, ...]:
+        return tuple(item.name or f"objects.{index}" for index, item in enumerate(scene.objects))
+
+    objects = parts.part("names of objects", (scene.objects,), names_of_objects)
+    names = list(scene.materials)
+    identifiers = {id(material): index for index, material in enumerate(scene.materials.values())}
+    unnamed = primitives.runs_of(lambda each: id(each.material) not in identifiers)
+    for run in unnamed[np.argsort(primitives.objects[unnamed], kind="stable")].tolist():
+        material = primitives.prototypes[primitives.prototype_of[run]].material
+        if id(material) not in identifiers:
+            identifiers[id(material)] = len(names)
+            names.append(f"objects.{primitives.objects[run]}.material")
+    if not len(primitives):  # as OpenCL has no empty buffers
+        return Owners(np.zeros((1, 2), np.int32), np.ones(1, np.int64), objects, tuple(names))
+    shown = primitives.of_runs(np.array([identifiers[id(each.material)] for each in primitives.prototypes]))
+    of_run = np.stack([primitives.objects, shown], axis=1).astype(np.int32)
+    return Owners(of_run, primitives.places.counts, objects, tuple(names))
+
+
+# Everything that moves while the shutter is open, in metres about the eye, as the device holds it.
+
+_STEPS_PER_TURN = 64
+MOST_STEPS = 1024  # of a segment
+
+
+@dataclass(frozen=True, eq=False)
+class Places(Rows):
+    """Places that a body takes one after another.
+
+    Attributes
+    ----------
+    matrices : (n, 4, 4) array
+        To there from where the body is at rest.
+    pivots : (n, 3) array
+        About which it turns [m].
+    bends : (n,) array
+        How far at most a point gets off the straight line to the next place, per distance from the pivot.
+    """
+
+    matrices: Array
+    pivots: Array
+    bends: Array
+
+    def box(self, low: Array, high: Array, rest: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Return the corners (3,) of a box round the whole way.
+
+        Parameters
+        ----------
+        low, high
+            Corners of boxes round the body at each place (n, 3).
+        rest
+            Corners (3,) of a box round the body at rest.
+        """
+        corners = np.stack(rest)
+        reach = np.linalg.norm(np.maximum(*np.abs(corners[:, None] - self.pivots)), axis=1)
+        margin = self.bends * reach + MOTION_MARGIN * (reach + np.linalg.norm(self.pivots, axis=1))
+        return (low - margin[:, None]).min(axis=0), (high + margin[:, None]).max(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectMovements:
+    """The segments of everything that moves.
+
+    Attributes
+    ----------
+    segments : array of ``Segment`` records
+        See ``kernels/geometry/movement.h``.
+    of_primitive : (n, 2) int32 array
+        First segment and number of segments of each primitive; none for what stands still.
+    """
+
+    segments: NDArray[np.void]
+    of_primitive: NDArray[np.int32]
+
+    @property
+    def facts(self) -> dict[str, int]:
+        """Facts for the compilation of the kernels."""
+        most = int(self.of_primitive[:, 1].max(initial=0))
+        turning = bool((self.segments["travel"][:, 3] != 0).any())
+        return {"HAS_MOTION": int(most > 0), "MOTION_SEGMENTS": min(most, 2), "MOTION_TURNS": int(turning)}
+
+    def places(self, primitive: int) -> Places:
+        """Return places that a moving primitive takes, close enough to each other to bound the way between them."""
+        first, count = self.of_primitive[primitive]
+        return Places.joined([_places(segment) for segment in self.segments[first : first + count]])
+
+
+def _places(segment: np.void) -> Places:
+    pivot, shift, travel = (segment[name].astype(np.float64)[:3] for name in ("pivot", "shift", "travel"))
+    turns = float(segment["travel"][3])
+    steps = int(np.clip(np.ceil(abs(turns) * _STEPS_PER_TURN), 1, MOST_STEPS))
+    shares = np.linspace(0, 1, steps + 1)
+    half = np.pi * turns * shares[:, None]
+    axis = segment["axis"].astype(np.float64)[:3]
+    matrices = np.tile(np.eye(4), (len(shares), 1, 1))
+    matrices[:, :3, :3] = _rotations(np.hstack([np.sin(half) * axis, np.cos(half)])) @ _rotations(segment["turn"][None])
+    matrices[:, :3, 3] = pivot + shift + shares[:, None] * travel - matrices[:, :3, :3] @ pivot
+    bend = min((2 * np.pi * turns / steps) ** 2 / 8, 2.0)
+    return Places(matrices, np.tile(pivot, (len(shares), 1)), np.full(len(shares), bend))
+
+
+def _rotations(quaternions: NDArray[np.floating]) -> Array:
+    """Return the matrices (n, 3, 3) of quaternions x, y, z, w."""
+    x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).astype(np.float64).T
+    zero = np.zeros_like(x)
+    cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+    return np.asarray(np.eye(3) + 2 * w[:, None, None] * cross + 2 * cross @ cross)
+
+
+def pack_movements(scene: Scene, primitives: Primitives) -> ObjectMovements:
+    """Return the segments of the primitives that move; those of one object share them."""
+    segments: list[NDArray[np.void]] = []
+    place_of: dict[int, tuple[int, int]] = {}
+    count = 0
+    moving = primitives.runs_of(lambda each: each.trajectory is not None)
+    of_runs = np.zeros((len(primitives.objects), 2), np.int32)
+    for run in moving.tolist():
+        index, trajectory = int(primitives.objects[run]), primitives.prototypes[primitives.prototype_of[run]].trajectory
+        if trajectory is not None and index not in place_of:
+            segments.append(_segments(trajectory, scene))
+            place_of[index] = count, len(segments[-1])
+            count += len(segments[-1])
+        of_runs[run] = place_of[index]
+    if not segments:
+        return ObjectMovements(SEGMENT.zeros(1), np.broadcast_to(np.int32(0), (max(len(primitives), 1), 2)))
+    return ObjectMovements(np.concatenate(segments), np.repeat(of_runs, primitives.places.counts, axis=0))
+
+
+def _segments(trajectory: Trajectory, scene: Scene) -> NDArray[np.void]:
+    begin, end = scene.shutter.span_s
+    times = moments(trajectory.frames, begin, end)
+    places = [trajectory.at(time) for time in times]
+    unit, rest = scene.metres_per_unit, places[0]
+    segments = SEGMENT.zeros(len(times) - 1)
+    for segment, (t0, t1), (first, second) in zip(segments, pairwise(times), pairwise(places), strict=True):
+        axis, turns = trajectory.turn(t0, t1)
+        fill(
+            segment,
+            pivot=(*(unit * (rest[:3, 3] - scene.camera.eye)), t0 - begin),
+            shift=(*(unit * (first[:3, 3] - rest[:3, 3])), 1.0 / (t1 - t0)),
+            travel=(*(unit * (second[:3, 3] - first[:3, 3])), turns),
+            axis=axis,
+            turn=quaternion_of(first[:3, :3] @ rest[:3, :3].T),
+        )
+    if not (segments["travel"][:, 3].any() or segments["turn"][:, :3].any()):
+        segments["pivot"][:, :3] = 0.0  # of what does not turn any point will do, and a far one rounds
+    return segments
+
+
+# Triangles: pools of vertices and triangles, and who uses them.
 
 VERTEX_FLOATS = 8  # position, normal (zero: none), texture coordinates
 
