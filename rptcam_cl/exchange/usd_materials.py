@@ -16,7 +16,7 @@ import numpy as np
 from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import FileStore, Report
+from rptcam_cl.exchange.conversion import FileStore, Report, nested
 from rptcam_cl.exchange.mesh_data import Array
 from rptcam_cl.scene.assets.pictures import SUFFIXES
 from rptcam_cl.scene.materials import LEAST_BEND, MOST_BEND, MOST_INDEX
@@ -296,7 +296,7 @@ def _product(first: Any, second: Any) -> Any:
     """Return two colours or textures multiplied; of mixtures that stand too deep in each other the first alone."""
     if isinstance(first, dict) and isinstance(second, dict):
         keys: Keys = {"kind": "mixture", "second": first, "amount": second}
-        return keys if _nested(keys) <= MOST_NESTED else first
+        return keys if nested(keys) <= MOST_NESTED else first
     if isinstance(second, dict):
         first, second = second, first
     if not isinstance(first, dict):
@@ -322,14 +322,7 @@ def _mixture(first: Any, second: Any, amount: Any) -> Any:
         name: part if isinstance(part, dict) else np.clip(np.broadcast_to(part, 3), 0, 1).tolist()
         for name, part in parts.items()
     }
-    return keys if _nested(keys) <= MOST_NESTED else second
-
-
-def _nested(keys: Any) -> int:
-    """Return how many mixtures stand in each other."""
-    if not isinstance(keys, dict) or keys["kind"] != "mixture":
-        return 0
-    return 1 + max(_nested(keys.get(name)) for name in ("first", "second", "amount"))
+    return keys if nested(keys) <= MOST_NESTED else second
 
 
 _CHANNELS = {"x": "r", "y": "g", "z": "b", "w": "a"} | {name: name for name in "rgba"}
