@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options, crop, duration, frame_range, share, size
 from rptcam_cl.cli.lens_options import (
-    check_file,
     check_picture,
     distances,
     numbers,
@@ -415,9 +414,7 @@ def run_focus(arguments: argparse.Namespace) -> int:
     given = [name for name in _ZONES if getattr(arguments, name) is not None]
     if len(given) > 1 and given != ["object", "at"]:
         raise InputError("rptcam focus: takes one of --zone, --zones, --mask, --point, --object and --at")
-    if arguments.plot is not None:
-        check_picture(arguments.plot, str(arguments.scene))
-        check_file(arguments.plot, str(arguments.scene))
+    check_picture(arguments.plot, str(arguments.scene))
     from rptcam_cl.studies.focus.controller import autofocus
     from rptcam_cl.studies.focus.probe import focus_plot
 
@@ -590,8 +587,7 @@ def _check_tradeoff_files(arguments: argparse.Namespace) -> None:
             continue
         known_suffix(path, (suffix,), "unknown kind of file")
         check_writable(path, [arguments.scene])
-    if arguments.plot is not None:
-        check_picture(arguments.plot, str(arguments.scene))
+    check_picture(arguments.plot, str(arguments.scene))
 
 
 def _print_tradeoff(report: "TradeoffReport", command: str, *, details: bool) -> None:

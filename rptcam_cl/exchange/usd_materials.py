@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import field
 from pathlib import Path
 from typing import Any
@@ -117,9 +117,7 @@ class Shading:
 
     def surface(self, material: Any) -> Keys | None:
         """Return the keys of a material; None, with a report, for one of another kind."""
-        shader, _, _ = material.ComputeSurfaceSource()
-        if not shader:
-            shader, _, _ = material.ComputeSurfaceSource("mtlx")
+        shader = _shader_of(material.ComputeSurfaceSource)
         kind = str(shader.GetIdAttr().Get() or "") if shader else ""
         if "UsdPreviewSurface" in kind:
             return self._preview(_Inputs(self, shader))
@@ -131,11 +129,7 @@ class Shading:
 
     def displacement(self, material: Any) -> Keys | None:
         """Return the picture, height and middle by which a material moves its surface; None for one that does not."""
-        shader, _, _ = material.ComputeDisplacementSource()
-        if not shader:
-            shader, _, _ = material.ComputeDisplacementSource("mtlx")
-        if not shader:
-            shader, _, _ = material.ComputeSurfaceSource()
+        shader = _shader_of(material.ComputeDisplacementSource) or material.ComputeSurfaceSource()[0]
         if not shader or not shader.GetInput("displacement"):
             return None
         get = _Inputs(self, shader)
@@ -280,6 +274,11 @@ class Shading:
             raw = bytes(content.GetBuffer())
             self._pictures[path] = self.files.add("files", name, lambda target: target.write_bytes(raw))
         return self._pictures[path]
+
+
+def _shader_of(source: Callable[..., Any]) -> Any:
+    """The shader at a material's output, which files of MaterialX have under a name of their own."""
+    return source()[0] or source("mtlx")[0]
 
 
 def _of_reflectance(tint: Array) -> tuple[float, list[float]]:
