@@ -23,16 +23,9 @@ from benchmarks.report import arguments, machine, print_machine, table, write_js
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.scene.load import load_scene
-from rptcam_cl.studies.tradeoff import (
-    Advice,
-    TradeoffReport,
-    caveats,
-    measure_tradeoff,
-    per_cent,
-    recommendation,
-    seconds,
-)
-from rptcam_cl.studies.tradeoff_runs import REFERENCE
+from rptcam_cl.studies.tradeoff import Advice, TradeoffReport, caveats, per_cent, recommendation, seconds
+from rptcam_cl.studies.tradeoff_errors import REFERENCE
+from rptcam_cl.studies.tradeoff_runs import measure_tradeoff
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 RENDERS, REFERENCES = 3, 4

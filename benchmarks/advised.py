@@ -14,8 +14,9 @@ from pathlib import Path
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import open_session
-from rptcam_cl.studies.tradeoff import TradeoffReport, advise_for_error, advise_for_time, measure_tradeoff
-from rptcam_cl.studies.tradeoff_runs import REFERENCE
+from rptcam_cl.studies.tradeoff import TradeoffReport, advise_for_error, advise_for_time
+from rptcam_cl.studies.tradeoff_errors import REFERENCE
+from rptcam_cl.studies.tradeoff_runs import measure_tradeoff
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 SECONDS = (1.0, 10.0, 60.0, 600.0, 3600.0)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rptcam_cl.scene.scene import Scene
     from rptcam_cl.studies.focus.controller import autofocus, focused_scene
     from rptcam_cl.studies.focus.probe import FocusReport
-    from rptcam_cl.studies.tradeoff import measure_tradeoff
+    from rptcam_cl.studies.tradeoff_runs import measure_tradeoff
 
 # Where the interface is, imported at the first use of a name, so that ``rptcam_cl.optics`` alone needs no OpenCL.
 _MODULES = {
@@ -39,7 +39,7 @@ _MODULES = {
     "scene.scene": "Scene",
     "studies.focus.controller": "autofocus focused_scene",
     "studies.focus.probe": "FocusReport",
-    "studies.tradeoff": "measure_tradeoff",
+    "studies.tradeoff_runs": "measure_tradeoff",
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names.split()}
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+
+import numpy as np
 
 from examples.figures.numbers import Numbers, Ours, Row
 from rptcam_cl.api.interface import load_lens
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.design import image_circle, stop_diameter_by_sine
-from rptcam_cl.optics.lens import film_distance, object_distance
+from rptcam_cl.optics.design import image_circle
+from rptcam_cl.optics.lens import Lens, film_distance, object_distance
 
 PIXEL_MM = 70 / math.hypot(300, 300)  # of the assignment of 2015: 300 x 300 pixels, 70 mm across
 
@@ -132,6 +135,35 @@ def focus_and_circle() -> Numbers:
     columns = ("in focus from the first vertex [mm]", "image circle, radius [mm]", "[px]")
     reason = "Near its edge the pupil is a sliver; ours is followed to 28.31 mm, a twentieth of a pixel farther."
     return Numbers(("lens", "film distance [mm]"), columns, rows, reason=reason)
+
+
+def stop_diameter_by_sine(lens: Lens, f_number: float) -> float:
+    """Return the stop diameter [mm] at which the real axial ray of an object at infinity has sin theta' = 1 / (2 N).
+
+    The ray leaves the rear focal point at that angle and is traced through the rear group to the stop (CS348b 2003).
+
+    Raises
+    ------
+    InputError
+        When the lens has no stop or does not open that far.
+    """
+    if lens.stop_index is None or lens.stop is None:
+        raise InputError(f"{lens.name}: has no stop to set; only its rims limit the light (mark one with stop: true)")
+    if not f_number > 0.5:
+        raise InputError(f"{lens.name}: no lens in air is faster than f/0.5 (got f/{f_number:g})")
+    back = lens.first_order().back_focal_distance_mm
+    rear = tuple(
+        replace(s, semi_diameter=np.inf, inner_semi_diameter=0.0, region=None) for s in lens.surfaces[lens.stop_index :]
+    )
+    group = replace(lens, surfaces=rear, stop_index=None, first_sense=float(lens.senses[lens.stop_index]))
+    sine = 1.0 / (2.0 * f_number)
+    away = -group.sense * np.sqrt(1 - sine * sine)
+    ray = group.trace([[0, 0, group.film_z(back)]], [[0, sine, away]])
+    diameter = 2 * abs(float(ray.origins[0, 1]))
+    has = 2 * lens.stop.semi_diameter
+    if not ray.passed[0] or diameter > has * (1 + 5e-3):
+        raise InputError(f"{lens.name}: the stop opens to {has:.5g} mm (f/{f_number:g} would need {diameter:.5g} mm)")
+    return min(diameter, has)
 
 
 def fitted_films() -> Numbers:

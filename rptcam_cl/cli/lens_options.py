@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import digits, number
-from rptcam_cl.cli.output import finite, positive, print_warnings
+from rptcam_cl.cli.output import positive, print_warnings
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.optics.measures import STEEPEST
@@ -60,7 +60,11 @@ steep_angles = number_list(
 )
 # As `wavelength_nm` of cameras: glasses are known there.
 wavelengths = number_list("wavelengths from 200 to 3000 nm", lambda value: 200 <= value <= 3000, numbers)
+distances = number_list("distances above 0 m, as 0.8,2,inf", lambda value: value > 0)
 count = number(digits, 1, 2000, "1 to 2000")  # of rays or points
+temperature = number(float, -100, 140, "-100 to 140 degrees Celsius")  # at which the constants of glasses hold
+pressure = number(float, 0, 2000, "0 to 2000 hPa")  # of air
+expansion = number(float, -1e-5, 1e-3, "-1e-05 to 0.001 per kelvin")
 
 
 def wavelength(text: str) -> float:
@@ -98,23 +102,6 @@ def add_lens_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _between(text: str, low: float, high: float, unit: str) -> float:
-    value = finite(text)
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"got {text}; allowed {low:g} to {high:g} {unit}")
-    return value
-
-
-def temperature(text: str) -> float:
-    """A temperature at which the constants of glasses hold [degrees Celsius]."""
-    return _between(text, -100, 140, "degrees Celsius")
-
-
-def pressure(text: str) -> float:
-    """A pressure of air [hPa]."""
-    return _between(text, 0, 2000, "hPa")
-
-
 def barrel(text: str) -> str | float:
     """A material, or a linear expansion [1/K]."""
     from rptcam_cl.optics.as_built import BARRELS
@@ -122,7 +109,7 @@ def barrel(text: str) -> str | float:
     if text in BARRELS:
         return text
     try:
-        return _between(text, -1e-5, 1e-3, "per kelvin")
+        return expansion(text)
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(
             f"got {text}; allowed {', '.join(BARRELS)}, or an expansion as 2.4e-5"

@@ -168,7 +168,7 @@ def describe(progress: Progress, time_limit: float | None = None) -> str:
     return ", ".join(parts)
 
 
-def last_tiles_text(few_left: Progress, last: Progress) -> str | None:
+def _last_tiles_text(few_left: Progress, last: Progress) -> str | None:
     """How long the last 2 % of the tiles of a render with a noise target took, and why; None if that was not long.
 
     Parameters
@@ -257,7 +257,7 @@ def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
             say(describe(progress, time_limit), share)
 
         yield show
-    if few_left is not None and last is not None and (text := last_tiles_text(few_left, last)):
+    if few_left is not None and last is not None and (text := _last_tiles_text(few_left, last)):
         print(text, file=sys.stderr)
 
 
@@ -275,7 +275,7 @@ def _exposure_text(metadata: dict[str, Any]) -> str:
     return chosen
 
 
-def samples_text(stats: dict[str, Any]) -> str:
+def _samples_text(stats: dict[str, Any]) -> str:
     """How many samples the pixels have; with a noise target each tile has as many as it takes."""
     spread = stats.get("noise", {"spp_min": stats["spp"]})
     if spread["spp_min"] == stats["spp"]:
@@ -289,7 +289,7 @@ def summary(image: Image, outputs: list[Path]) -> str:
     seconds = stats["seconds"]
     parts = [
         f"{image.width} x {image.height}",
-        samples_text(stats),
+        _samples_text(stats),
         f"{as_duration(seconds['total'])} ({as_duration(seconds['render'])} rendering)",
         f"{stats['msamples_per_second']:.3g} Msamples/s",
     ]
@@ -383,8 +383,16 @@ def stop_on_interrupt(words: str | None = None) -> Iterator[threading.Event]:
 # The files of a picture: every one that can be written, and a place for the film where none can.
 
 
-def save(image: Image, arguments: argparse.Namespace) -> None:
-    """Write every output that can be written, then report the first that could not, and where the film is instead."""
+def save(image: Image, outputs: Iterable[Path], raws: Iterable[Path] = (), stats: Path | None = None) -> None:
+    """Write every output that can be written, then report the first that could not, and where the film is instead.
+
+    Parameters
+    ----------
+    raws
+        Raw files to write too.
+    stats
+        A file for the statistics.
+    """
     from rptcam_cl.core.files import replacing
 
     failures: list[Exception] = []
@@ -397,19 +405,19 @@ def save(image: Image, arguments: argparse.Namespace) -> None:
             return False
         return True
 
-    def write_stats() -> None:
-        with replacing(arguments.stats) as temporary:
+    def write_stats(path: Path) -> None:
+        with replacing(path) as temporary:
             temporary.write_text(as_json(image.stats) + "\n", encoding="utf-8", errors="backslashreplace")
 
     # A list, and not a generator: all are attempted.
-    films = [attempt(partial(image.save, path)) and path.suffix.lower() in FILM_SUFFIXES for path in arguments.outputs]
-    for raw in arguments.raws:
+    films = [attempt(partial(image.save, path)) and path.suffix.lower() in FILM_SUFFIXES for path in outputs]
+    for raw in raws:
         attempt(lambda raw=raw: image.raw().save(raw))  # type: ignore[misc]
-    if arguments.stats is not None:
-        attempt(write_stats)
+    if stats is not None:
+        attempt(partial(write_stats, stats))
     if not failures:
         return
-    where = "" if any(films) else rescue(image)
+    where = "" if any(films) else _rescue(image)
     if isinstance(failures[0], RptcamError):
         raise type(failures[0])(f"{failures[0]}{where}")
     if where:
@@ -417,7 +425,7 @@ def save(image: Image, arguments: argparse.Namespace) -> None:
     raise failures[0]
 
 
-def rescue(image: Image) -> str:
+def _rescue(image: Image) -> str:
     """Write the film of a picture that cannot go where it was to go to the first place that takes it; say where."""
     for folder in dict.fromkeys((tempfile.gettempdir(), os.path.expanduser("~"), os.getcwd())):  # noqa: PTH109, PTH111
         for suffix in LAYER_SUFFIXES:
@@ -438,6 +446,7 @@ def rescue(image: Image) -> str:
 # Arguments of the command line: parsing with hints, and what the parsed ones of a render ask for.
 
 COMMAND = "COMMAND"  # what stands for the name of a command in the help
+SCENE_SUFFIXES = (".yaml", ".yml")  # of scene files, which alone a render reads as they are
 
 
 class Parser(argparse.ArgumentParser):
@@ -466,7 +475,7 @@ class Parser(argparse.ArgumentParser):
         choice = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
         if choice and message.startswith(f"argument {COMMAND}: "):
             message = f"there is no command {choice[1]}"
-            if choice[1].endswith((".yaml", ".yml")):
+            if choice[1].endswith(SCENE_SUFFIXES):
                 message += f"; to render it: rptcam render {shlex.quote(choice[1])} -o OUT.png"
         if message.startswith("the following arguments are required"):
             for word in self._words:
@@ -539,12 +548,26 @@ def _one_of(names: Sequence[str], text: str) -> str:
     return text
 
 
-def add_device(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the device that a scene is rendered on."""
-    parser.add_argument(
-        "--device", metavar="SPEC",
-        help="an index as 0:0, a part of a name, cpu, gpu or auto (default: $RPTCAM_DEVICE, $PYOPENCL_CTX, auto)",
-    )  # fmt: skip
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    """Add the scene file."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+
+
+def loaded_scene(arguments: argparse.Namespace) -> Scene:
+    """The scene with the values that ``--set`` replaces; its warnings go to standard error."""
+    from rptcam_cl.scene.load import load_scene
+
+    scene = load_scene(arguments.scene, arguments.overrides)
+    print_warnings(scene.warnings)
+    return scene
+
+
+def add_device(
+    parser: argparse.ArgumentParser, purpose: str = "", default: str = "$RPTCAM_DEVICE, $PYOPENCL_CTX, auto"
+) -> None:
+    """Add the choice of the device that renders a scene, or of what a purpose says, with a default in words."""
+    text = f"{purpose}an index as 0:0, a part of a name, cpu, gpu or auto (default: {default})"
+    parser.add_argument("--device", metavar="SPEC", help=text)
 
 
 # What the parsed arguments of ``rptcam render`` ask for: layers, devices, files, and the options of the render.
@@ -592,7 +615,7 @@ def layers_of_outputs(arguments: argparse.Namespace) -> list[str] | None:
     return None if any(map(holds_layers, arguments.outputs)) else []
 
 
-def layers_to_record(arguments: argparse.Namespace, scene: Scene) -> list[str] | None:
+def _layers_to_record(arguments: argparse.Namespace, scene: Scene) -> list[str] | None:
     """The layers to record: those of the outputs (None: the scene's), and what the files of truth need."""
     layers = layers_of_outputs(arguments)
     if arguments.truth is None:
@@ -615,7 +638,7 @@ def render_keywords(arguments: argparse.Namespace, scene: Scene) -> dict[str, An
     given = vars(arguments)
     keywords = {option.name: given[option.name] for option in fields(RenderOptions) if option.name in given}
     return keywords | {
-        "layers": layers_to_record(arguments, scene),
+        "layers": _layers_to_record(arguments, scene),
         "checkpoint": None if arguments.watch else checkpoint_of(arguments),
         "device": device_of(arguments),
         "numerics": arguments.stats is not None,

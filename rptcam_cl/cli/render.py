@@ -1,4 +1,4 @@
-"""``rptcam render``: a scene file becomes pictures."""
+"""``rptcam render`` and ``demo``: a scene file becomes pictures; ``merge``, ``develop``: parts and films do, too."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.api.options import RENDER_OPTIONS, check_together
+from rptcam_cl.api.options import RENDER_OPTIONS, add_options, check_together
 from rptcam_cl.cli import output as summary
 from rptcam_cl.cli.frames import (
     Frame,
@@ -25,7 +25,10 @@ from rptcam_cl.cli.frames import (
 )
 from rptcam_cl.cli.output import (
     INTERRUPTED,
+    SCENE_SUFFIXES,
+    Parser,
     Show,
+    add_device,
     as_duration,
     check_different,
     checkpoint_of,
@@ -35,6 +38,7 @@ from rptcam_cl.cli.output import (
     is_part,
     layers_of_outputs,
     names_of,
+    positive,
     print_warnings,
     progress_on_stderr,
     render_keywords,
@@ -42,6 +46,17 @@ from rptcam_cl.cli.output import (
     stop_on_interrupt,
 )
 from rptcam_cl.core.errors import InputError, NumericError, RptcamError, StateError
+from rptcam_cl.core.files import (
+    DEVELOPED_SUFFIXES,
+    FILM_SUFFIXES,
+    LAYER_SUFFIXES,
+    RAW_SUFFIXES,
+    SCENES,
+    check_writable,
+    example_scenes,
+    known_suffix,
+    listed,
+)
 
 if TYPE_CHECKING:
     from rptcam_cl.imaging.image import Image
@@ -53,7 +68,7 @@ if TYPE_CHECKING:
 # ``rptcam render --preview``: the picture so far is written to the outputs while the render goes on.
 
 
-def preview_writer(
+def _preview_writer(
     interval: float, outputs: Sequence[Path], show: Show | None, clock: Callable[[], float] = time.monotonic
 ) -> Show:
     """A function that takes reports of a render and writes the picture so far, each file whole or not at all.
@@ -100,7 +115,6 @@ def _check_part_output(arguments: argparse.Namespace, inputs: Sequence[Path]) ->
     ------
     InputError, StateError
     """
-    from rptcam_cl.core.files import check_writable
     from rptcam_cl.rendering.checkpoint import SUFFIX
 
     check_together(arguments, "part", "--part" if arguments.part is not None else "--samples")
@@ -113,7 +127,7 @@ def _check_part_output(arguments: argparse.Namespace, inputs: Sequence[Path]) ->
     check_writable(outputs[0], inputs)
 
 
-def check_truth(arguments: argparse.Namespace, scene: Scene) -> None:
+def _check_truth(arguments: argparse.Namespace, scene: Scene) -> None:
     """Check, before anything is compiled, that the files of truth can be written at the end.
 
     Raises
@@ -137,7 +151,6 @@ def check_truth(arguments: argparse.Namespace, scene: Scene) -> None:
 
 def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
     """Check that all files can be written."""
-    from rptcam_cl.core.files import LAYER_SUFFIXES, check_writable, listed
     from rptcam_cl.imaging.formats import check_raw_output
     from rptcam_cl.imaging.writers import check_output, holds_layers
 
@@ -157,7 +170,7 @@ def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
             raise InputError(f"{arguments.stats}: statistics are JSON (allowed: a name that ends in .json)")
         check_writable(arguments.stats, inputs)
     check_writable(checkpoint_of(arguments), inputs)
-    check_truth(arguments, scene)
+    _check_truth(arguments, scene)
     if arguments.layers and not any(map(holds_layers, arguments.outputs)):
         raise InputError(
             f"--layers: no output can hold them (allowed: -o with a name that ends in {listed(LAYER_SUFFIXES)})"
@@ -182,9 +195,10 @@ def run_render(arguments: argparse.Namespace) -> int:
     render and keeps the picture so far.
     """
     if not arguments.watch:
-        from rptcam_cl.cli.files import scene_file
+        if arguments.scene.suffix.lower() not in SCENE_SUFFIXES:
+            from rptcam_cl.cli.first_steps import scene_file
 
-        arguments.scene = scene_file(arguments.scene, arguments.missing)
+            arguments.scene = scene_file(arguments.scene, arguments.missing)
         return _picture(arguments)
     if arguments.plan:
         raise InputError("--plan: renders nothing that could be watched (allowed: without --watch)")
@@ -302,7 +316,7 @@ def _render(
         should_stop = should_stop or stack.enter_context(stop_on_interrupt()).is_set
         show = None if arguments.quiet else stack.enter_context(progress_on_stderr(arguments.seconds))
         if arguments.preview is not None:
-            show = preview_writer(arguments.preview, arguments.outputs, show)
+            show = _preview_writer(arguments.preview, arguments.outputs, show)
         try:
             image = render(scene, **render_keywords(arguments, scene), on_progress=show, should_stop=should_stop)
         except NumericError as failure:
@@ -348,15 +362,16 @@ def _render_one(
 
 def _save(arguments: argparse.Namespace, image: Image, scene: Scene) -> None:
     """Write the outputs, with their layers alone, and the files of truth, of the first output's picture."""
+    files = arguments.outputs, arguments.raws, arguments.stats
     if arguments.truth is None:
-        save(image, arguments)
+        save(image, *files)
         return
     layers = layers_of_outputs(arguments)
     kept = scene.render.layers if layers is None else layers
-    save(replace(image, layers={name: image.layers[name] for name in kept}), arguments)
-    files = image.save_truth(arguments.truth, arguments.outputs[0].name)
+    save(replace(image, layers={name: image.layers[name] for name in kept}), *files)
+    written = image.save_truth(arguments.truth, arguments.outputs[0].name)
     if not arguments.quiet:
-        print(f"wrote {names_of(files)}", file=sys.stderr)
+        print(f"wrote {names_of(written)}", file=sys.stderr)
 
 
 def _account_lines(image: Image) -> list[str]:
@@ -368,3 +383,135 @@ def _account_lines(image: Image) -> list[str]:
     lines += [f"accuracy: {line}" for line in metadata.get("accuracy", {}).get("says", ())]
     shared = summary.shared_text(image.stats)
     return lines if shared is None else [*lines, shared]
+
+
+# ``rptcam demo``: a first picture, from scenes that come with the package.
+
+
+def add_demo(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    parser.add_argument(
+        "scene", nargs="?", choices=tuple(SCENES), default=next(iter(SCENES)), metavar="SCENE",
+        help="another of its scenes (rptcam examples lists them)",
+    )  # fmt: skip
+    parser.add_argument(
+        "-o", "--output", metavar="OUT", help="picture to write (default: SCENE.png in the current folder)"
+    )
+    parser.add_argument("--spp", metavar="N", help="samples per pixel, in place of the scene's")
+    parser.add_argument("--size", metavar="WxH", help="resolution in pixels")
+    add_device(parser)
+
+
+def run_demo(arguments: argparse.Namespace) -> int:
+    """Render the first picture, from a scene that comes with the package; it needs no other file."""
+    scene = example_scenes()[arguments.scene]
+    picture = Path(arguments.output or f"{arguments.scene}.png")
+    words = [str(scene), f"--output={picture}"]
+    words += [f"--{name}={value}" for name in ("spp", "size", "device") if (value := getattr(arguments, name))]
+    parser = Parser(prog=arguments.parser.prog)
+    add_render(parser)
+    code = run_render(parser.parse_args(words))
+    if code == 0:
+        print(f"the scene is {scene}; for a copy to change: rptcam examples {arguments.scene} -o .", file=sys.stderr)
+    return code
+
+
+# ``rptcam merge``: parts of a render become its picture.
+
+
+def add_merge(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("parts", type=Path, nargs="+", metavar="PART", help="files of the parts: .rpck")
+    parser.add_argument(
+        "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
+        help="picture to write, as of render; or the whole as .rpck, for render --resume; may be repeated",
+    )  # fmt: skip
+    add_options(parser, "allow_mixed", "quiet")
+
+
+def run_merge(arguments: argparse.Namespace) -> int:
+    """Put together the parts that `rptcam render --part` and --samples made, anywhere."""
+    from rptcam_cl.api.interface import merge
+    from rptcam_cl.imaging.writers import check_output
+    from rptcam_cl.rendering.checkpoint import SUFFIX
+
+    outputs: list[Path] = arguments.outputs
+    states = [output for output in outputs if output.suffix == SUFFIX]
+    pictures = [output for output in outputs if output.suffix != SUFFIX]
+    if len(states) > 1:
+        raise InputError(f"-o: two files {SUFFIX} (allowed: one)")
+    check_different(outputs, "-o")
+    for output in states:
+        check_writable(output, arguments.parts)
+    for output in pictures:
+        check_output(output, arguments.parts)
+    image = merge(arguments.parts, checkpoint=states[0] if states else None, allow_mixed=arguments.allow_mixed)
+    if pictures:
+        save(image, pictures)
+    if not arguments.quiet:
+        names, count = names_of(outputs), len(arguments.parts)
+        made = f"{image.width} x {image.height}, {image.stats['spp']} spp, of {count} part{'s' * (count > 1)}"
+        print(f"wrote {names}: {made}", file=sys.stderr)
+        if "parts" in image.metadata:
+            print(f"devices: {image.metadata['device']}; they may differ in the last bit", file=sys.stderr)
+    return 0
+
+
+# ``rptcam develop``: a film that was saved becomes pictures, without rendering it anew.
+
+
+def add_develop(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("film", type=Path, metavar="FILM", help=f"film that render wrote: {listed(FILM_SUFFIXES)}")
+    parser.add_argument(
+        "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
+        help=f"picture to write, format by suffix: {listed(DEVELOPED_SUFFIXES)}; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--raw", action="append", default=[], type=Path, metavar="OUT", dest="raws",
+        help=f"raw file of the sensor that the film was rendered for: {listed(RAW_SUFFIXES)}; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="key=value", dest="overrides",
+        help="replace a setting that the film was rendered with, as picture.tone=agx, picture.lut=look.cube or"
+        " picture.ocio=ocio://default, or make a group of lamps brighter or darker, as lights.key=0.5 (of a film with"
+        " the layer lights); may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--desqueeze", type=positive, metavar="FACTOR",
+        help="make the picture of an anamorphic lens as much wider, as 1.36",
+    )  # fmt: skip
+    parser.add_argument(
+        "--large", action="store_true",
+        help="develop films of more than 67 million pixels, too, which take minutes however small their files are",
+    )  # fmt: skip
+    add_options(parser, "quiet")
+
+
+def run_develop(arguments: argparse.Namespace) -> int:
+    """Make pictures of a linear film that was saved, with other settings of the section picture."""
+    from rptcam_cl.imaging.formats import check_raw_output
+    from rptcam_cl.imaging.image import LARGE, desqueezed, develop, folders_of_film, read_film
+    from rptcam_cl.imaging.writers import check_output
+
+    for output in arguments.outputs:
+        known_suffix(output, DEVELOPED_SUFFIXES, "is no developed picture")
+        check_output(output, [arguments.film])
+    for raw in arguments.raws:
+        check_raw_output(raw, [arguments.film])
+    written = [*arguments.outputs, *arguments.raws]
+    check_different(written, "-o, --raw")
+    film = read_film(arguments.film, most_pixels=None if arguments.large else LARGE)
+    image = develop(film, arguments.overrides, folders=folders_of_film(arguments.film))
+    if arguments.desqueeze is not None:
+        if arguments.raws:
+            raise InputError("--raw: is what the sensor counts, as it is squeezed (allowed: without --desqueeze)")
+        image = desqueezed(image, arguments.desqueeze)
+    raws = [(image.raw(), path) for path in arguments.raws]
+    for output in arguments.outputs:
+        image.save(output)
+    for numbers, path in raws:
+        numbers.save(path)
+    if not arguments.quiet:
+        print(f"wrote {names_of(written)}: {image.width} x {image.height}", file=sys.stderr)
+    return 0

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.glass_catalogues import bundled_thermal
+from rptcam_cl.optics.files.glasses import bundled_thermal
 from rptcam_cl.optics.glass import AIR, STANDARD_C, STANDARD_HPA, Heated, Medium, Melt, Thermal
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import bend

@@ -255,7 +255,9 @@ def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> Chie
     step = math.ceil(STEPS_OF_TANGENT * math.log2(tangent))
     for width in range(step, step + WIDER):
         if width not in fans:
-            fans[width] = _trace_fan(lens, stop, wavelength_nm, 2.0 ** (width / STEPS_OF_TANGENT))
+            tangent = 2.0 ** (width / STEPS_OF_TANGENT)
+            tried = (_with_nodes(lens, stop, wavelength_nm, tangent, count) for count in NODES)
+            fans[width] = next((fan for fan in tried if fan is not None), None)
         fan = fans[width]
         if fan is None:
             return None
@@ -286,12 +288,6 @@ def chebyshev_nodes(count: int) -> tuple[Array, Array]:
     matrix = 2.0 / count * np.cos(np.outer(np.arange(count), angles))
     matrix[0] /= 2
     return np.cos(angles), matrix
-
-
-def _trace_fan(lens: Lens, stop: int, wavelength_nm: float, tangent: float) -> _Fan | None:
-    """Return the fan up to a tangent; None where a ray is lost or it is not smooth enough."""
-    fans = (_with_nodes(lens, stop, wavelength_nm, tangent, count) for count in NODES)
-    return next((fan for fan in fans if fan is not None), None)
 
 
 def _with_nodes(lens: Lens, stop: int, wavelength_nm: float, tangent: float, count: int) -> _Fan | None:

@@ -209,11 +209,6 @@ class Layer:
     thickness_nm: float
     extinction: float = 0.0
 
-    @property
-    def complex_index(self) -> complex:
-        """The index with its extinction."""
-        return complex(self.index, self.extinction)
-
 
 @dataclass(frozen=True)
 class LayerStack:
@@ -257,7 +252,7 @@ class LayerStack:
         n, m, c, d = (np.asarray(value) for value in interface)
         layers: list[tuple[Any, Any, Any]] = []
         for layer in self.from_behind(n, m):
-            index: complex | float = layer.complex_index if layer.extinction else layer.index
+            index = complex(layer.index, layer.extinction) if layer.extinction else layer.index
             inside = np.sqrt(1.0 - (n / index) ** 2 * (1.0 - c * c) + 0j)
             inside = np.where(np.abs(inside) < LEAST_COSINE, LEAST_COSINE, inside)
             layers.append((index, inside, 2 * np.pi * index * layer.thickness_nm / wavelength_nm * inside))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -378,32 +377,3 @@ def field_of_view(
         return None
     mean = rays.directions[rays.passed].mean(axis=0)
     return float(2 * np.degrees(np.arctan2(np.hypot(mean[0], mean[1]), -mean[2])))
-
-
-def stop_diameter_by_sine(lens: Lens, f_number: float, wavelength_nm: float = LINE_D_NM) -> float:
-    """Return the stop diameter [mm] at which the real axial ray of an object at infinity has sin theta' = 1 / (2 N).
-
-    The ray leaves the rear focal point at that angle and is traced through the rear group to the stop (CS348b 2003).
-
-    Raises
-    ------
-    InputError
-        When the lens has no stop or does not open that far.
-    """
-    if lens.stop_index is None or lens.stop is None:
-        raise InputError(f"{lens.name}: has no stop to set; only its rims limit the light (mark one with stop: true)")
-    if not f_number > 0.5:
-        raise InputError(f"{lens.name}: no lens in air is faster than f/0.5 (got f/{f_number:g})")
-    back = lens.first_order(wavelength_nm).back_focal_distance_mm
-    rear = tuple(
-        replace(s, semi_diameter=np.inf, inner_semi_diameter=0.0, region=None) for s in lens.surfaces[lens.stop_index :]
-    )
-    group = replace(lens, surfaces=rear, stop_index=None, first_sense=float(lens.senses[lens.stop_index]))
-    sine = 1.0 / (2.0 * f_number)
-    away = -group.sense * np.sqrt(1 - sine * sine)
-    ray = group.trace([[0, 0, group.film_z(back)]], [[0, sine, away]], wavelength_nm)
-    diameter = 2 * abs(float(ray.origins[0, 1]))
-    has = 2 * lens.stop.semi_diameter
-    if not ray.passed[0] or diameter > has * (1 + 5e-3):
-        raise InputError(f"{lens.name}: the stop opens to {has:.5g} mm (f/{f_number:g} would need {diameter:.5g} mm)")
-    return min(diameter, has)

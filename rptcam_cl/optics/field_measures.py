@@ -100,18 +100,12 @@ def film_height(setting: Setting, field_degrees: float, wavelength_nm: float) ->
     try:
         _, rays = chief_ray(setting.lens, field_degrees, wavelength_nm, setting.object_distance_mm)
     except InputError:
-        return _beam_height(setting, field_degrees, wavelength_nm)
+        beam = Beam(field_degrees, setting.object_distance_mm)
+        try:
+            _, rays, _ = passing_beam(setting.lens, beam, wavelength_nm, DISTORTION_ACROSS)
+        except InputError:
+            return None
     if not rays.passed[0]:
-        return None
-    return float(at_plane(rays.origins, rays.directions, setting.film_z)[0, 1])
-
-
-def _beam_height(setting: Setting, field_degrees: float, wavelength_nm: float) -> float | None:
-    try:
-        _, rays, _ = passing_beam(
-            setting.lens, Beam(field_degrees, setting.object_distance_mm), wavelength_nm, DISTORTION_ACROSS
-        )
-    except InputError:
         return None
     return float(at_plane(rays.origins, rays.directions, setting.film_z)[:, 1].mean())
 
@@ -461,7 +455,8 @@ def depth_of_field(
         own = 1e-3 * (setting.object_distance_mm + lens.length + lens.sense * setting.film)
         distances_m = distances_m or [own]
     if distances_m is None:
-        distances_m = [*sorted({_nearest_engraved(lengths * focal_m) for lengths in CHOSEN}), math.inf]
+        engraved = {min(ENGRAVED_M, key=lambda d: abs(math.log(d / (lengths * focal_m)))) for lengths in CHOSEN}
+        distances_m = [*sorted(engraved), math.inf]
     rows: list[Row] = []
     for stopped in _stop_down(lens, f_numbers, wavelength_nm):
         first = stopped.first_order(wavelength_nm)
@@ -485,11 +480,6 @@ def depth_of_field(
         setting, "depth of field", rows, lambda: _chart(lens, rows, circle_mm, wavelength_nm), caption,
         circle_mm=circle_mm,
     )  # fmt: skip
-
-
-def _nearest_engraved(distance_m: float) -> float:
-    """Return the engraved distance that is nearest to another."""
-    return min(ENGRAVED_M, key=lambda engraved: abs(math.log(engraved / distance_m)))
 
 
 def _stop_down(lens: Lens, f_numbers: Sequence[float] | None, wavelength_nm: float) -> list[Lens]:

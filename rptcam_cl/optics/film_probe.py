@@ -290,6 +290,7 @@ def boxes_round(points: Array, hits: Mask, margin: Array, otherwise: Array) -> t
 
 COARSE = (16, 16)
 FINE = (32, 16)  # half of a pupil, at one film point
+COLUMNS = (48, 128)  # of a grid over the window as fine as the first-order pupil: from how many it is tried, at most
 NEAR = 1.0  # sizes of a pupil, round it, in which that of the next film point is sought
 
 
@@ -342,9 +343,31 @@ def pupil_boxes(
         lit[~lit] = again
     if radial or in_order:
         _follow(probes[-1], film, boxes, lit, radial)
+    for k in np.flatnonzero(~lit):
+        box = _sought_finely(probes, film[k : k + 1], radial)
+        if box is not None:
+            boxes[k], lit[k] = box, True
     if radial:
         boxes[:, 2] = -boxes[:, 3]
     return boxes, lit
+
+
+def _sought_finely(probes: list[FilmProbe], film: Array, radial: bool) -> Array | None:
+    """Return the box round the pupil of one film point (1, 2), None where it is closed or not small in the window.
+
+    Close behind a lens whose rims cut the beam even the pupil of a wide stop slips through a coarse grid.
+    """
+    box, near = _upper(probes[-1].windows(film), radial), _paraxial_boxes(probes[-1], film)
+    columns = int(6 * (box[0, 1] - box[0, 0]) / (near[0, 1] - near[0, 0]))
+    if columns < COLUMNS[0]:
+        return None
+    for number, probe in enumerate((*probes, probes[-1])):
+        across = COARSE[0] if number else min(columns, COLUMNS[1])
+        box, hit = narrow_boxes(probe, film, box, (across, across // 2 if radial else across))
+        box = _upper(box, radial)
+        if not hit[0]:
+            return None
+    return np.asarray(box[0])
 
 
 def _follow(probe: FilmProbe, film: Array, boxes: Array, lit: Mask, radial: bool) -> None:

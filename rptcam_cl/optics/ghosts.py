@@ -274,14 +274,6 @@ class Step(NamedTuple):
     reflects: bool
 
 
-def _check_order(order: int) -> None:
-    """Raise an error when light that is reflected so often never reaches the film, or is not followed."""
-    if order not in ORDERS:
-        raise InputError(
-            f"order: light reaches the film after an even number of reflections (got {order}; allowed: 2 or 4)"
-        )
-
-
 def check_lens(lens: Lens) -> None:
     """Raise an error when ghosts of a lens are not known."""
     if lens.is_split:
@@ -856,7 +848,10 @@ def find_ghosts(lit: Lit, order: int = 2) -> Ghosts:
         When the order is another, the lens is a half lens or has no first rim, no ray of the source meets it, or the
         film reflects more than all light.
     """
-    _check_order(order)
+    if order not in ORDERS:
+        raise InputError(
+            f"order: light reaches the film after an even number of reflections (got {order}; allowed: 2 or 4)"
+        )
     check_lens(lit.lens)
     if not 0 <= lit.film_reflectance < 1:
         raise InputError(f"the film reflects a share from 0 to below 1 (got {lit.film_reflectance:g})")

@@ -15,7 +15,7 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, References, digest, lenses_dir, read_whole
 from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, read_yaml
 from rptcam_cl.optics.files.codev import read_codev
-from rptcam_cl.optics.files.glass_catalogues import chosen_makers
+from rptcam_cl.optics.files.glasses import chosen_makers
 from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.files.tables import (
     is_deeplens,

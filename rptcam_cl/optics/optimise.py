@@ -18,7 +18,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import read_whole, replacing
 from rptcam_cl.core.strict_yaml import MAX_BYTES
-from rptcam_cl.optics.files.glass_catalogues import find_glass, glasses_of
+from rptcam_cl.optics.files.glasses import find_glass, glasses_of
 from rptcam_cl.optics.glass import AIR, Medium, abbe_number, known_range
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.optimise_problem import THIN, GlassChange, Problem, Solve, Term, Variable, read_problem

@@ -18,7 +18,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import Folders, References
 from rptcam_cl.core.strict_yaml import Document, Fields, problem, read_yaml
 from rptcam_cl.optics.files.export import lens_text
-from rptcam_cl.optics.files.glass_catalogues import MAKERS, makers_of
+from rptcam_cl.optics.files.glasses import MAKERS, makers_of
 from rptcam_cl.optics.files.native import document_of
 from rptcam_cl.optics.glass import AIR
 from rptcam_cl.optics.lens import Lens

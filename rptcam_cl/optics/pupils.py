@@ -45,6 +45,7 @@ SLIVER_SCAN = 8  # as many points beside each of them
 LIT_SCAN = 14  # film points
 LIT_BISECTIONS = 8
 FARTHEST = 1.75  # in the frame of the box round the pupil
+MOST_UNEVEN = 0.1  # share of its radius that an outline may lie off a circle that stands for it
 EDGE_NODES = 2  # nearest to the edge of the light, where the pupil closes faster than nodes follow
 EDGE_MARGIN = 0.15
 LINE_EDGE_MARGIN = 0.03  # the same on lines, whose nodes are dense there
@@ -84,7 +85,7 @@ class Fineness:
 
 
 FINE_OUTLINES = Fineness(41, 21, 8, 2, 2, 10, 6, 0.003, 0.006)
-FINEST_OUTLINES = Fineness(161, 41, 16, 4, 2, 40, 6, 0.003, 0.006)  # where the fine ones lose light
+FINEST_OUTLINES = Fineness(161, 41, 16, 4, 2, 120, 6, 0.003, 0.006)  # where the fine ones lose light
 COARSE_OUTLINES = Fineness(9, 7, 3, 1, 1, 7, 4, 0.02, 0.02)
 
 
@@ -371,13 +372,25 @@ def _frames(probes: list[FilmProbe], film: Array, *, radial: bool = False) -> tu
 
 
 def _fit(probe: FilmProbe, film: Array, centres: Array, axes: Array, *, radial: bool) -> tuple[Array, Array]:
-    """Return frames that fit the outlines themselves, where boxes are wider by up to a cell of their grids."""
+    """Return frames that fit the outlines themselves, where boxes are wider by up to a cell of their grids.
+
+    Along one line they are circles: seen from its own centre a ring is even, also where only an arc of it is open.
+    Between lines frames of circles and of boxes would mix.
+    """
     reach = reach_of(probe, film, centres, axes, FINE_OUTLINES, mirrored=radial)
     angles = np.arange(reach.shape[1]) * 2 * np.pi / reach.shape[1]
-    lit = np.any(reach > 0, axis=1, keepdims=True)
     points = centres[:, None] + axes[:, None] * reach[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    low, high = (np.where(lit, edge(points, axis=1), centres) for edge in (np.min, np.max))
-    return np.where(lit, (low + high) / 2, centres), np.where(lit, (high - low) / 2, axes)
+    centres, axes = centres.copy(), axes.copy()
+    for k in np.flatnonzero(np.any(reach > 0, axis=1)):
+        low, high, edge = points[k].min(axis=0), points[k].max(axis=0), points[k, reach[k] > 0]
+        centres[k], axes[k] = (low + high) / 2, (high - low) / 2
+        # a circle about (p, 0) through (x, y): x^2 + y^2 = 2 p x + q
+        rows, squares = np.column_stack([2 * edge[:, 0], np.ones(len(edge))]), np.sum(edge**2, axis=1)
+        (p, q), _, rank, _ = np.linalg.lstsq(rows, squares, rcond=None)
+        radius = float(np.sqrt(max(p * p + q, 0.0)))
+        if radial and rank == 2 and np.abs(np.hypot(*(edge - (p, 0.0)).T) - radius).max() < MOST_UNEVEN * radius:
+            centres[k], axes[k] = (p, 0.0), radius
+    return centres, axes
 
 
 def _neighbours(values: Array) -> Array:

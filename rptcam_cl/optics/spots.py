@@ -160,7 +160,7 @@ def fan_points(setting: Setting, field_degrees: float, section: str, count: int 
     )
     at_vertex = heights - np.nan_to_num(sag) * slope
     line = np.linspace(at_vertex.min(), at_vertex.max(), count)
-    return _along(line, section)
+    return line[:, None] * ([0.0, 1.0] if section == "y" else [1.0, 0.0])
 
 
 def section_rays(setting: Setting, field_degrees: float, points: Array, section: str) -> tuple[Array, Array]:
@@ -173,11 +173,6 @@ def section_rays(setting: Setting, field_degrees: float, points: Array, section:
     if section == "x":
         return origins[:, [1, 0, 2]], directions[:, [1, 0, 2]]
     return origins, directions
-
-
-def _along(line: Array, section: str) -> Array:
-    zero = np.zeros_like(line)
-    return np.stack([zero, line] if section == "y" else [line, zero], axis=1)
 
 
 def _measure_fan(setting: Setting, field_degrees: float, section: str) -> tuple[float, float]:

@@ -1,40 +1,20 @@
-"""What each approximation of a picture costs and gains: the comparison, and its advice in words, tables and a plot."""
+"""What a comparison of approximations found: its report, and its advice in words, tables and a plot."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.optics.charts import FAINT, INK, add_key, chart_svg, new_figure, series, styled
-from rptcam_cl.optics.ghosts import Lit, find_ghosts
-from rptcam_cl.rendering.cameras.lens_records import ghost_setting
-from rptcam_cl.rendering.diffraction import diffraction_of
-from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.tolerances import CONFIDENCE, Interval
-from rptcam_cl.scene.load import change_scene, load_scene
-from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.focus.controller import in_focus
 from rptcam_cl.studies.tiers import FIELDS, TierError
-from rptcam_cl.studies.tradeoff_errors import TARGETS, MeasuredVariant, draws, measurements, pair_errors
-from rptcam_cl.studies.tradeoff_runs import (
-    AS_IT_IS,
-    REFERENCE,
-    Pictures,
-    Ready,
-    ladder,
-    most_accurate,
-    prepare,
-    render_by_turns,
-)
+from rptcam_cl.studies.tradeoff_errors import AS_IT_IS, REFERENCE, TARGETS, MeasuredVariant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -837,155 +817,3 @@ def _draw_maps(figure: SubFigure, report: TradeoffReport, shown: Sequence[Measur
     label = "root of relMSE of a tile [%]"
     ticks = (0.3, 1, 3, 10, 30, 100)
     figure.colorbar(image, ax=panels, label=label, ticks=ticks, format="%g", orientation="horizontal", aspect=50)
-
-
-# The Python interface of the comparison.
-
-BUDGET_S = 60.0
-WISHED_S, WISHED_ERROR = 60.0, 0.02
-DRAWS_SEED = 7  # of the bootstrap
-
-Tell = Callable[[str, float], Any]
-"""Takes what is being done and the share of the work that is done."""
-
-
-def measure_tradeoff(
-    scene: Scene | str | Path | Mapping[str, Any],
-    *,
-    budget: float = BUDGET_S,
-    seconds: float = WISHED_S,
-    error: float = WISHED_ERROR,
-    size: tuple[int, int] | None = None,
-    device: str | Session | None = None,
-    on_progress: Tell | None = None,
-) -> TradeoffReport:
-    """Measure what each approximation of a scene's picture costs and gains, and which to take; see docs/tradeoff.md.
-
-    Parameters
-    ----------
-    scene
-        A scene, or anything that `load_scene` takes.
-    budget
-        The most that the comparison takes on an idle machine [s], to a tenth, where preparing takes less than two
-        thirds of it and the fewest renders fit the rest; else the report says what took longer.
-    seconds, error
-        What to advise for: a time to render [s], and a relative error (root of relMSE).
-    size
-        Replaces the scene's resolution [pixels].
-    device
-        As for `render`.
-    on_progress
-        Called with what is being done and the share of the work that is done.
-
-    Raises
-    ------
-    InputError
-        Something in the scene or the arguments is wrong, or the picture is black.
-    DeviceError
-        No device fits, or a kernel failed.
-    """
-    _check_goals(budget=budget, seconds=seconds, error=error)
-    begun = time.perf_counter()
-    tell = on_progress or (lambda words, share: None)
-    scene = scene if isinstance(scene, Scene) else load_scene(scene)
-    if size is not None:
-        scene = change_scene(scene, film={"resolution": size})
-    session = device if isinstance(device, Session) else open_session(device)
-    tell("focus and exposure", 0.0)
-    fixed = _with_focus_and_exposure(scene, session)
-    configurations, skipped, decision = ladder(fixed)
-    count = len(configurations)
-    ready, impossible = prepare(
-        configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count)
-    )
-    left = max(budget - (time.perf_counter() - begun), budget / 3)
-    pictures = render_by_turns(ready, left, scene.render.seed, lambda words, share: tell(words, 0.3 + 0.7 * share))
-    _check_light(pictures, fixed)
-    tell("errors", 1.0)
-    measured = _measure(ready, pictures)
-    return TradeoffReport(
-        **_conditions(fixed, session, ready, pictures),
-        seconds=time.perf_counter() - begun,
-        measurements=tuple(measured),
-        advice=(advise_for_time(measured, seconds), advise_for_error(measured, error)),
-        cameras=() if decision is None else decision.errors,
-        allowed="" if decision is None else decision.tier,
-        skipped=skipped | impossible,
-        diffraction=_diffraction(fixed),
-        ghosts=_ghosts(fixed),
-        budget=budget,
-    )
-
-
-def _check_goals(**goals: float) -> None:
-    for name, value in goals.items():
-        most, allowed = (1.0, "between 0 and 1") if name == "error" else (math.inf, "above 0, in seconds")
-        if not (isinstance(value, int | float) and 0 < value < most):
-            raise InputError(f"{name}: is out of range (got {value!r}; allowed: a number {allowed})")
-
-
-def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
-    """Return the scene in focus, with the exposure that its most accurate picture is metered to."""
-    sharp, _ = in_focus(scene, session, None)
-    shot = resolve_exposure(most_accurate(sharp).scene, session)[0]
-    return change_scene(sharp, exposure=_set_keys(shot.exposure), shutter=_set_keys(shot.shutter))
-
-
-def _diffraction(scene: Scene) -> dict[str, Any] | None:
-    """The decision of `camera.diffraction: auto`; None for a camera that has no opening."""
-    decision = diffraction_of(change_scene(scene, camera={"diffraction": "auto"}))
-    return None if decision is None or decision.airy_radius_px is None else decision.metadata
-
-
-def _ghosts(scene: Scene) -> float | None:
-    """Return the share of a lamp's light on the axis that ghosts bring to the frame; None where there are none."""
-    try:
-        setting = ghost_setting(scene)
-        width, height = scene.film.size_m()
-        frame = (1e3 * width, 1e3 * height)
-        lit = Lit(
-            setting.lens, setting.film_distance_mm, wavelength_nm=setting.camera.wavelength_nm, film_mm=frame,
-            transmission=setting.transmission,
-        )  # fmt: skip
-        account = find_ghosts(lit)
-    except InputError:
-        return None
-    return sum(ghost.flux_in_frame for ghost in account.ghosts) / account.reference
-
-
-def _check_light(pictures: Pictures, scene: Scene) -> None:
-    if not any(picture.any() for picture in pictures.pixels[0]):
-        raise InputError(
-            "the picture is black, so that there is nothing to compare (allowed: a scene whose light reaches the"
-            f" camera within render.max_depth, which is {scene.render.max_depth})"
-        )
-
-
-def _conditions(scene: Scene, session: Session, ready: list[Ready], pictures: Pictures) -> dict[str, Any]:
-    """The conditions of a comparison: the members of a report that no measurement is in."""
-    return {
-        "scene": scene.content_hash(),
-        "device": session.info.name,
-        "resolution": scene.film.resolution,
-        "tiles": (len(pictures.tiles.tiles), ready[0].wavefront.layout.tiles),
-        "grid": pictures.tiles.shape,
-        "samples": (*pictures.samples, pictures.long.samples),
-        "long_tiles": len(pictures.long.chosen),
-        "seeds": pictures.seeds,
-        "by_cpu": pictures.by_cpu,
-        "lens_colour_px": ready[0].facts.get("lens_colour_px"),
-        "truncation": ready[0].truncation,
-    }
-
-
-def _set_keys(part: Any) -> dict[str, Any]:
-    return {name: getattr(part, name) for name in part.model_fields_set}
-
-
-def _measure(ready: list[Ready], pictures: Pictures) -> list[MeasuredVariant]:
-    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
-    names = ("name", "knob", "same_as", "settings", "tier", "unbiased")
-    named = [{name: getattr(each.configuration, name) for name in names} | {"start_s": each.start_s} for each in ready]
-    counts = draws(pictures.seeds, np.random.default_rng(DRAWS_SEED))
-    samples = (*pictures.samples, pictures.long.samples)
-    return measurements(named, errors, pictures.timings, samples, counts)

@@ -1,4 +1,4 @@
-"""How pictures differ by pairs of seeds, and what is said of each configuration: noise, bias and times."""
+"""Short renders of configurations, how they differ by pairs of seeds, and what is said of each: noise, bias, times."""
 
 from __future__ import annotations
 
@@ -15,7 +15,105 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering.tolerances import CONFIDENCE, Interval
-from rptcam_cl.studies.tradeoff_runs import LongPictures, SpreadTiles, Timings
+
+Array = NDArray[np.float64]
+
+# What is measured: short renders of every configuration, tile by tile.
+
+REFERENCE = "full"  # name of the most accurate configuration
+AS_IT_IS = "as the scene says"
+
+
+@dataclass(frozen=True)
+class SpreadTiles:
+    """One tile in each cell of a grid over the film.
+
+    Attributes
+    ----------
+    tiles : (n,) array
+        Numbers of the tiles, row by row of the grid.
+    shape : (rows, columns)
+        Of the grid.
+    pixels : (p,) array
+        Where their pixels lie in the film's buffer.
+    cell : (p,) array
+        Which tile of `tiles` a pixel is in.
+    weights : (p,) array
+        Share of the picture that a pixel stands for; 1 in all.
+    all : int
+        Tiles that the picture has.
+    """
+
+    tiles: NDArray[np.uint32]
+    shape: tuple[int, int]
+    pixels: NDArray[np.int64]
+    cell: NDArray[np.int64]
+    weights: NDArray[np.float64]
+    all: int
+
+    def some(self, chosen: NDArray[np.int64]) -> SpreadTiles:
+        """Return a few of the tiles, by their places in `tiles`; each pixel stands for what it did."""
+        of_cell = np.full(len(self.tiles), -1)
+        of_cell[chosen] = np.arange(len(chosen))
+        cell = of_cell[self.cell]
+        kept = cell >= 0
+        shape = (1, len(chosen))
+        return SpreadTiles(self.tiles[chosen], shape, self.pixels[kept], cell[kept], self.weights[kept], self.all)
+
+
+@dataclass(frozen=True)
+class LongPictures:
+    """Pictures of a few of the tiles with many samples, which tell how noise falls.
+
+    Attributes
+    ----------
+    samples : int
+        Samples per pixel.
+    chosen : (m,) array
+        Which of the tiles.
+    pixels : list
+        For each configuration, pixels (seeds, p, 3).
+    """
+
+    samples: int
+    chosen: NDArray[np.int64]
+    pixels: list[NDArray[np.float32]]
+
+
+Timings = tuple[Array, Array]
+"""Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
+
+With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock. Then the
+time by the clock.
+"""
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """All short renders.
+
+    Attributes
+    ----------
+    tiles : SpreadTiles
+    samples : (int, int)
+        Samples per pixel of the pictures of each seed.
+    seeds : int
+    pixels : list
+        For each configuration and number of samples, pixels (seeds, p, 3).
+    long : LongPictures
+    timings : list of Timings
+    by_cpu : bool
+        Whether the undisturbed times are CPU times divided by the cores.
+    """
+
+    tiles: SpreadTiles
+    samples: tuple[int, int]
+    seeds: int
+    pixels: list[list[NDArray[np.float32]]]
+    long: LongPictures
+    timings: list[Timings]
+    by_cpu: bool
+
 
 #
 # Intervals of what is measured by a few independent repetitions: bootstrap over the seeds.
@@ -25,8 +123,6 @@ from rptcam_cl.studies.tradeoff_runs import LongPictures, SpreadTiles, Timings
 # measured under them together; pairs of a seed with itself never count. With few seeds the percentiles of the
 # bootstrap lie too close together, and are widened as those of a normal distribution would have to be to match
 # Student's (T. C. Hesterberg, «What teachers should know about the bootstrap», The American Statistician 69, 2015).
-
-Array = NDArray[np.float64]
 
 REPLICATES = 2000
 

@@ -1,4 +1,4 @@
-"""The configurations that are compared, and short renders of them by turns: how many fit the time."""
+"""What each approximation of a picture costs and gains, measured: the configurations, and short renders by turns."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,18 +17,35 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError
-from rptcam_cl.device.session import Session
+from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.optics.ghosts import Lit, find_ghosts
 from rptcam_cl.rendering.account import truncation
+from rptcam_cl.rendering.cameras.lens_records import ghost_setting
+from rptcam_cl.rendering.diffraction import diffraction_of
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.lamps import aimed_plan
+from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.film import RenderSettings
-from rptcam_cl.scene.load import change_scene, with_camera
+from rptcam_cl.scene.load import change_scene, load_scene, with_camera
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.controller import in_focus
 from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent
 from rptcam_cl.studies.tiers import Decision, choose_camera
+from rptcam_cl.studies.tradeoff import TradeoffReport, advise_for_error, advise_for_time
+from rptcam_cl.studies.tradeoff_errors import (
+    AS_IT_IS,
+    REFERENCE,
+    LongPictures,
+    MeasuredVariant,
+    Pictures,
+    SpreadTiles,
+    draws,
+    measurements,
+    pair_errors,
+)
 
 Array = NDArray[np.float64]
 
@@ -35,43 +53,6 @@ Array = NDArray[np.float64]
 # Which tiles of the film are rendered: all, or some spread evenly, at the resolution of the picture itself.
 #
 # A picture made smaller would hide what an inaccurate camera does to fine detail; tiles of the true one do not.
-
-
-@dataclass(frozen=True)
-class SpreadTiles:
-    """One tile in each cell of a grid over the film.
-
-    Attributes
-    ----------
-    tiles : (n,) array
-        Numbers of the tiles, row by row of the grid.
-    shape : (rows, columns)
-        Of the grid.
-    pixels : (p,) array
-        Where their pixels lie in the film's buffer.
-    cell : (p,) array
-        Which tile of `tiles` a pixel is in.
-    weights : (p,) array
-        Share of the picture that a pixel stands for; 1 in all.
-    all : int
-        Tiles that the picture has.
-    """
-
-    tiles: NDArray[np.uint32]
-    shape: tuple[int, int]
-    pixels: NDArray[np.int64]
-    cell: NDArray[np.int64]
-    weights: NDArray[np.float64]
-    all: int
-
-    def some(self, chosen: NDArray[np.int64]) -> SpreadTiles:
-        """Return a few of the tiles, by their places in `tiles`; each pixel stands for what it did."""
-        of_cell = np.full(len(self.tiles), -1)
-        of_cell[chosen] = np.arange(len(chosen))
-        cell = of_cell[self.cell]
-        kept = cell >= 0
-        shape = (1, len(chosen))
-        return SpreadTiles(self.tiles[chosen], shape, self.pixels[kept], cell[kept], self.weights[kept], self.all)
 
 
 def spread_tiles(layout: FilmLayout, most: int, rng: np.random.Generator) -> SpreadTiles:
@@ -122,8 +103,6 @@ def _override_text(path: str, value: Any) -> str:
     return f"{path}={value if isinstance(value, str) else json.dumps(value)}"
 
 
-REFERENCE = "full"
-AS_IT_IS = "as the scene says"
 PUPILS = ("rear", "thick", "bounds")  # beside the outline of the pupil itself, which the reference has
 SHORT_DEPTHS = (2, 4)  # edges: direct light alone, and two bounces more
 
@@ -374,60 +353,6 @@ _SHORT, _LONG = SEEDS * (1 + GROWTH), LONG_SEEDS * LONG_GROWTH / LONG_SHARE
 LONG_TIME = _LONG / (_SHORT + _LONG)  # of all that is rendered
 
 
-@dataclass(frozen=True)
-class LongPictures:
-    """Pictures of a few of the tiles with many samples, which tell how noise falls.
-
-    Attributes
-    ----------
-    samples : int
-        Samples per pixel.
-    chosen : (m,) array
-        Which of the tiles.
-    pixels : list
-        For each configuration, pixels (seeds, p, 3).
-    """
-
-    samples: int
-    chosen: NDArray[np.int64]
-    pixels: list[NDArray[np.float32]]
-
-
-Timings = tuple[Array, Array]
-"""Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
-
-With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock. Then the
-time by the clock.
-"""
-
-
-@dataclass(frozen=True)
-class Pictures:
-    """All short renders.
-
-    Attributes
-    ----------
-    tiles : SpreadTiles
-    samples : (int, int)
-        Samples per pixel of the pictures of each seed.
-    seeds : int
-    pixels : list
-        For each configuration and number of samples, pixels (seeds, p, 3).
-    long : LongPictures
-    timings : list of Timings
-    by_cpu : bool
-        Whether the undisturbed times are CPU times divided by the cores.
-    """
-
-    tiles: SpreadTiles
-    samples: tuple[int, int]
-    seeds: int
-    pixels: list[list[NDArray[np.float32]]]
-    long: LongPictures
-    timings: list[Timings]
-    by_cpu: bool
-
-
 def render_by_turns(
     ready: Sequence[Ready], seconds: float, seed: int, on_progress: Callable[[str, float], Any], seeds: int = SEEDS
 ) -> Pictures:
@@ -511,3 +436,155 @@ def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadT
     most = int(np.clip(fits / WANTED_SAMPLES, FEWEST_TILES, MOST_TILES.get(kind, MOST_TILES["gpu"])))
     tiles = spread_tiles(layout, most, rng)
     return tiles, 2 ** math.floor(math.log2(max(fits / len(tiles.tiles), 1)))  # lattices are even at powers of two
+
+
+# The Python interface of the comparison.
+
+BUDGET_S = 60.0
+WISHED_S, WISHED_ERROR = 60.0, 0.02
+DRAWS_SEED = 7  # of the bootstrap
+
+Tell = Callable[[str, float], Any]
+"""Takes what is being done and the share of the work that is done."""
+
+
+def measure_tradeoff(
+    scene: Scene | str | Path | Mapping[str, Any],
+    *,
+    budget: float = BUDGET_S,
+    seconds: float = WISHED_S,
+    error: float = WISHED_ERROR,
+    size: tuple[int, int] | None = None,
+    device: str | Session | None = None,
+    on_progress: Tell | None = None,
+) -> TradeoffReport:
+    """Measure what each approximation of a scene's picture costs and gains, and which to take; see docs/tradeoff.md.
+
+    Parameters
+    ----------
+    scene
+        A scene, or anything that `load_scene` takes.
+    budget
+        The most that the comparison takes on an idle machine [s], to a tenth, where preparing takes less than two
+        thirds of it and the fewest renders fit the rest; else the report says what took longer.
+    seconds, error
+        What to advise for: a time to render [s], and a relative error (root of relMSE).
+    size
+        Replaces the scene's resolution [pixels].
+    device
+        As for `render`.
+    on_progress
+        Called with what is being done and the share of the work that is done.
+
+    Raises
+    ------
+    InputError
+        Something in the scene or the arguments is wrong, or the picture is black.
+    DeviceError
+        No device fits, or a kernel failed.
+    """
+    _check_goals(budget=budget, seconds=seconds, error=error)
+    begun = time.perf_counter()
+    tell = on_progress or (lambda words, share: None)
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    session = device if isinstance(device, Session) else open_session(device)
+    tell("focus and exposure", 0.0)
+    fixed = _with_focus_and_exposure(scene if size is None else change_scene(scene, film={"resolution": size}), session)
+    configurations, skipped, decision = ladder(fixed)
+    count = len(configurations)
+    ready, impossible = prepare(
+        configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count)
+    )
+    left = max(budget - (time.perf_counter() - begun), budget / 3)
+    pictures = render_by_turns(ready, left, fixed.render.seed, lambda words, share: tell(words, 0.3 + 0.7 * share))
+    _check_light(pictures, fixed)
+    tell("errors", 1.0)
+    measured = _measure(ready, pictures)
+    return TradeoffReport(
+        **_conditions(fixed, session, ready, pictures, decision),
+        seconds=time.perf_counter() - begun,
+        measurements=tuple(measured),
+        advice=(advise_for_time(measured, seconds), advise_for_error(measured, error)),
+        skipped=skipped | impossible,
+        budget=budget,
+    )
+
+
+def _check_goals(**goals: float) -> None:
+    for name, value in goals.items():
+        most, allowed = (1.0, "between 0 and 1") if name == "error" else (math.inf, "above 0, in seconds")
+        if not (isinstance(value, int | float) and 0 < value < most):
+            raise InputError(f"{name}: is out of range (got {value!r}; allowed: a number {allowed})")
+
+
+def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
+    """Return the scene in focus, with the exposure that its most accurate picture is metered to."""
+    sharp, _ = in_focus(scene, session, None)
+    shot = resolve_exposure(most_accurate(sharp).scene, session)[0]
+    return change_scene(sharp, exposure=_set_keys(shot.exposure), shutter=_set_keys(shot.shutter))
+
+
+def _diffraction(scene: Scene) -> dict[str, Any] | None:
+    """The decision of `camera.diffraction: auto`; None for a camera that has no opening."""
+    decision = diffraction_of(change_scene(scene, camera={"diffraction": "auto"}))
+    return None if decision is None or decision.airy_radius_px is None else decision.metadata
+
+
+def _ghosts(scene: Scene) -> float | None:
+    """Return the share of a lamp's light on the axis that ghosts bring to the frame; None where there are none."""
+    try:
+        setting = ghost_setting(scene)
+        width, height = scene.film.size_m()
+        frame = (1e3 * width, 1e3 * height)
+        lit = Lit(
+            setting.lens, setting.film_distance_mm, wavelength_nm=setting.camera.wavelength_nm, film_mm=frame,
+            transmission=setting.transmission,
+        )  # fmt: skip
+        account = find_ghosts(lit)
+    except InputError:
+        return None
+    return sum(ghost.flux_in_frame for ghost in account.ghosts) / account.reference
+
+
+def _check_light(pictures: Pictures, scene: Scene) -> None:
+    if not any(picture.any() for picture in pictures.pixels[0]):
+        raise InputError(
+            "the picture is black, so that there is nothing to compare (allowed: a scene whose light reaches the"
+            f" camera within render.max_depth, which is {scene.render.max_depth})"
+        )
+
+
+def _conditions(
+    scene: Scene, session: Session, ready: list[Ready], pictures: Pictures, decision: Decision | None
+) -> dict[str, Any]:
+    """The conditions of a comparison: the members of a report that no measurement is in."""
+    return {
+        "scene": scene.content_hash(),
+        "device": session.info.name,
+        "resolution": scene.film.resolution,
+        "tiles": (len(pictures.tiles.tiles), ready[0].wavefront.layout.tiles),
+        "grid": pictures.tiles.shape,
+        "samples": (*pictures.samples, pictures.long.samples),
+        "long_tiles": len(pictures.long.chosen),
+        "seeds": pictures.seeds,
+        "by_cpu": pictures.by_cpu,
+        "lens_colour_px": ready[0].facts.get("lens_colour_px"),
+        "truncation": ready[0].truncation,
+        "cameras": () if decision is None else decision.errors,
+        "allowed": "" if decision is None else decision.tier,
+        "diffraction": _diffraction(scene),
+        "ghosts": _ghosts(scene),
+    }
+
+
+def _set_keys(part: Any) -> dict[str, Any]:
+    return {name: getattr(part, name) for name in part.model_fields_set}
+
+
+def _measure(ready: list[Ready], pictures: Pictures) -> list[MeasuredVariant]:
+    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
+    names = ("name", "knob", "same_as", "settings", "tier", "unbiased")
+    named = [{name: getattr(each.configuration, name) for name in names} | {"start_s": each.start_s} for each in ready]
+    counts = draws(pictures.seeds, np.random.default_rng(DRAWS_SEED))
+    samples = (*pictures.samples, pictures.long.samples)
+    return measurements(named, errors, pictures.timings, samples, counts)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from rptcam_cl.api.focus_stack import focus_stack
+from rptcam_cl.api.combined import focus_stack
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.scene.scene import Scene

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api.focus_stack import _blend, focus_stack, resized
-from rptcam_cl.api.part_openings import dual_pixels, focusing_screen
+from rptcam_cl.api.combined import _blend, dual_pixels, focus_stack, focusing_screen, resized
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import read_film
 from rptcam_cl.scene.load import load_scene, set_keys

@@ -49,7 +49,7 @@ def test_rays_of_a_fan_are_those_that_are_traced(name: str, radius_mm: float, mo
 def test_a_fan_serves_all_states_of_film_and_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     lens, film_distance_mm = states("retrofocus-35mm")
     check(lens, film_distance_mm, 18.0)
-    monkeypatch.setattr(beams, "_trace_fan", None)  # whatever traces another fan fails
+    monkeypatch.setattr(beams, "_with_nodes", None)  # whatever traces another fan fails
     check(lens.with_stop_diameter(1.0), film_distance_mm, 18.0)
     check(lens, 1.01 * film_distance_mm, 18.1)
     with pytest.raises(TypeError):

@@ -167,7 +167,7 @@ def test_what_layers_neither_reflect_nor_pass_they_absorb_and_the_same_either_wa
     fields = [1.0 + 0j, BK7 + 0j]  # tangential fields from behind, whose flux falls by what each layer takes
     flux, taken = BK7, 0.0
     for layer in reversed(stack.layers):
-        f = layer.complex_index
+        f = complex(layer.index, layer.extinction)
         phase = 2 * np.pi * f * layer.thickness_nm / 550.0
         fields = [np.cos(phase) * fields[0] - 1j * np.sin(phase) / f * fields[1],
                   -1j * f * np.sin(phase) * fields[0] + np.cos(phase) * fields[1]]  # fmt: skip

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.glass_catalogues import find_glass, glasses_of_agf, read_refractive_index
+from rptcam_cl.optics.files.glasses import find_glass, glasses_of_agf, read_refractive_index
 from rptcam_cl.optics.glass import GLASSES, TabulatedIndex, abbe_number, known_range, stated_range
 from rptcam_cl.optics.library import load_lens
 

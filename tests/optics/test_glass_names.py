@@ -8,7 +8,7 @@ import pytest
 
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.glass_catalogues import (
+from rptcam_cl.optics.files.glasses import (
     MAKERS,
     chosen_makers,
     find_glass,
@@ -107,7 +107,7 @@ def test_glasses_absorb_as_their_maker_says():
 def test_no_catalogue_is_read_for_bundled_lenses():
     code = (
         "from rptcam_cl.optics.library import load_lens\n"
-        "from rptcam_cl.optics.files import glass_catalogues as makers\n"
+        "from rptcam_cl.optics.files import glasses as makers\n"
         "load_lens('cooke-triplet-50mm')\nassert makers._makers_text.cache_info().currsize == 0"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -152,7 +152,7 @@ def test_names_with_their_authors_and_of_old_glasses_are_taken_with_a_word(tmp_p
 
 @pytest.mark.parametrize("name", ["SCHOTT_N-BK7", "Schott N-BK7", "schott:nbk7"])
 def test_the_maker_may_stand_in_front(name):
-    from rptcam_cl.optics.files.glass_catalogues import named_glass
+    from rptcam_cl.optics.files.glasses import named_glass
 
     assert named_glass(name) == named_glass("N-BK7_SCHOTT")
     assert named_glass("OHARA_S-LAH60").maker == "ohara"

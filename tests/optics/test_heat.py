@@ -9,7 +9,7 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import BARRELS, Heat, thermal_of
 from rptcam_cl.optics.files.export import lens_text
-from rptcam_cl.optics.files.glass_catalogues import MAKERS, find_glass, glasses_of, law_of
+from rptcam_cl.optics.files.glasses import MAKERS, find_glass, glasses_of, law_of
 from rptcam_cl.optics.glass import AIR, Heated, Medium, Melt, air_index
 from rptcam_cl.optics.lens import Lens, in_configuration
 from rptcam_cl.optics.library import load_lens

@@ -6,7 +6,6 @@ import pytest
 from rptcam_cl.optics import field_measures
 from rptcam_cl.optics.aberrations import curvature_rows
 from rptcam_cl.optics.beams import chief_ray, film_chief_rays, without_obstructions
-from rptcam_cl.optics.design import stop_diameter_by_sine
 from rptcam_cl.optics.image_quality import field_waves
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
@@ -59,9 +58,3 @@ def test_distortion_of_a_mirror_telephoto_is_that_of_its_wavefront():
     assert rows[0]["height_mm"] == pytest.approx(0, abs=1e-9)
     wave = field_waves(state, [1.0], [587.5618], 32)[0]
     assert rows[1]["height_mm"] == pytest.approx(wave.chief[1], rel=1e-9)
-
-
-def test_the_sine_of_a_paraboloid_sets_its_stop():
-    system = lens(mirror(-200, conic=-1, stop=True, inner_diameter=30))
-    angle = np.arcsin(1 / (2 * 2.0))
-    assert stop_diameter_by_sine(system, 2.0) == pytest.approx(4 * 100 * np.tan(angle / 2), rel=1e-9)

@@ -104,13 +104,18 @@ def test_files_hold_them(tmp_path):
     assert lens.surfaces[2].phase.focal_length_mm == 400 and lens.surfaces[0].phase.terms[0] == (2, -2e-4)
     (tmp_path / "a.yaml").write_text(lens_text(lens))
     assert load_lens(tmp_path / "a.yaml").surfaces == lens.surfaces
-    two = lens_of({"radius": 50, "thickness": 5, "glass": "N-BK7"}, ALL[1], ALL[2])
-    (tmp_path / "a.zmx").write_text(zemax_text(two))
-    again = load_lens(tmp_path / "a.zmx")
-    assert [surface.phase for surface in again.surfaces] == [surface.phase for surface in two.surfaces]
-    for write in (codev_text, zemax_text, pbrt_text):
-        with pytest.raises(InputError, match="a diffractive surface"):
+    for write, suffix, rows in ((zemax_text, ".zmx", ALL), (codev_text, ".seq", [ALL[0], ALL[2]])):
+        some, path = lens_of({"radius": 50, **rows[0], "aspheric": {4: 1e-6}}, *rows[1:]), tmp_path / f"a{suffix}"
+        path.write_text(write(some))
+        again = load_lens(path)
+        assert not again.warnings
+        rays = [[[0, 1, -5], [0.5, -1, -5]], [[0, 0.02, 1], [0.01, 0, 1]], 640.0, "scene"]
+        np.testing.assert_allclose(again.trace(*rays).directions, some.trace(*rays).directions, atol=1e-14)
+    for write, what in ((codev_text, "a grating"), (pbrt_text, "a diffractive surface")):
+        with pytest.raises(InputError, match=what):
             write(lens)
+    with pytest.raises(InputError, match="a diffractive surface on such a shape"):
+        zemax_text(lens_of({"radius": 50, **ALL[0], "aspheric": {3: 1e-6}}, ALL[2]))
 
 
 def test_foreign_files_say_them(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.design import image_circle, lens_info, stop_diameter_by_sine, t_number, working_f_number
+from rptcam_cl.optics.design import image_circle, lens_info, t_number, working_f_number
 from rptcam_cl.optics.glass import ConstantIndex
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
@@ -36,32 +36,6 @@ def fan_passes(lens, film, radius, rays=40_000):
     aims = np.linspace(-1.5, 1.5, rays) * lens.surfaces[-1].semi_diameter
     targets = np.column_stack([aims, np.zeros(rays), np.full(rays, lens.length)])
     return lens.trace(np.broadcast_to(start, targets.shape), targets - start).passed.any()
-
-
-# CS348b 2003: sin theta = 1 / (2 N) at the rear focal point, traced to the stop.
-SINE = [
-    ("dgauss-100mm", 2.8, 24.681),
-    ("dgauss-100mm", 4, 17.325),
-    ("dgauss-100mm", 5.6, 12.388),
-    ("dgauss-100mm", 8, 8.675),
-    ("telephoto-250mm", 5.6, 40.444),
-    ("fisheye-10mm", 4, 6.070),
-    ("wide-22mm", 4, 5.972),
-]
-
-
-@pytest.mark.parametrize(("name", "f_number", "diameter"), SINE)
-def test_stop_diameter_by_the_sine_rule(name, f_number, diameter):
-    assert stop_diameter_by_sine(load_lens(name), f_number) == pytest.approx(diameter, abs=6e-4)
-
-
-def test_the_sine_rule_knows_the_limit_of_the_lens():
-    lens = load_lens("dgauss-100mm")
-    assert stop_diameter_by_sine(lens, 2.0) == pytest.approx(34.2)  # 34.27 would be needed, at the limit
-    with pytest.raises(InputError, match=r"the stop opens to 34\.2 mm \(f/1\.4 would need 47\.2\d* mm\)"):
-        stop_diameter_by_sine(lens, 1.4)
-    with pytest.raises(InputError, match=r"faster than f/0\.5"):
-        stop_diameter_by_sine(lens, 0.4)
 
 
 def test_t_number_without_losses_follows_the_sine():

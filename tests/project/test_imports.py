@@ -179,8 +179,7 @@ def test_rooms_are_usable_without_opencl(checkout: Path) -> None:
 
 # What takes long to import, and no render of a plain scene needs.
 NOT_FOR_A_RENDER = {
-    "rptcam_cl.api.focus_stack",
-    "rptcam_cl.api.part_openings",
+    "rptcam_cl.api.combined",
     "rptcam_cl.api.session",
     "rptcam_cl.api.sweeping",
     "rptcam_cl.cli.camera",

@@ -12,7 +12,7 @@ import pytest
 import yaml
 from PIL import Image as Pillow
 
-from rptcam_cl.api.focus_stack import focus_stack
+from rptcam_cl.api.combined import focus_stack
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.core.errors import InputError

@@ -88,10 +88,8 @@ MOD MRD DLF DLR DLT TRX TRY BTX BTY LAB PHY MSF WTA POL AFP XDC YDC ZDC ADC BDC 
 CLS PIK
 """
 QUIET = frozenset(QUIET_WORDS.split())
-NOT_READ = {"HOE": "a holographic surface", "GRT": "a grating",
-            "SPS": "a special surface",
-            "XTO": "a toroid about x", "AAS": "an anamorphic asphere",
-            "ZRN": "a Zernike surface", "UDS": "a surface of its own",
+NOT_READ = {"HOE": "a holographic surface", "GRT": "a grating", "SPS": "a special surface", "XTO": "a toroid about x",
+            "AAS": "an anamorphic asphere", "ZRN": "a Zernike surface", "UDS": "a surface of its own",
             "SPL": "a spline", "GRN": "a gradient index", "FRN": "a Fresnel surface"}  # fmt: skip
 
 

@@ -14,13 +14,12 @@ import numpy as np
 from rptcam_cl.core import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Coating, LayerStack, MeasuredReflectance, QuarterWave
-from rptcam_cl.optics.files.glass_catalogues import find_glass, glasses_of, named_glass, plain_glass_name
+from rptcam_cl.optics.files.glasses import find_glass, glasses_of, named_glass, plain_glass_name
 from rptcam_cl.optics.glass import (
     AIR,
     NO_DISPERSION,
     AbbeCauchy,
     AbbeLinear,
-    Absorption,
     ConstantIndex,
     Medium,
     PowerSeries,
@@ -254,6 +253,11 @@ def _details(surface: Surface, is_stop: bool) -> Iterator[str]:
     if surface.region is not None:
         yield f"REX {number(surface.region.half_width)}"
         yield f"REY {number(surface.region.half_height)}"
+    if isinstance(surface.phase, IdealLens):
+        yield f"MFL {number(surface.phase.focal_length_mm)}"
+    if isinstance(surface.phase, Diffractive):
+        yield from ("DIF DOE", f"HOR {surface.phase.order}", f"HWL {number(surface.phase.wavelength_nm)}", "HCT R")
+        yield from (f"HCO C{power // 2} {number(value)}" for power, value in surface.phase.terms)
     if surface.cylinder:
         yield "CYL"
     elif isinstance(surface.form, Toroid):
@@ -305,7 +309,7 @@ def _codev_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
             yield k, "a power of r is odd, 2 or above 20"
         if surface.cylinder == "x" or isinstance(surface.form, Biconic):
             yield k, "it is a biconic, or a cylinder that curves in x"
-        if surface.phase is not None:
+        if isinstance(surface.phase, Grating):
             yield k, f"it is {surface.phase.description}"
 
 
@@ -385,6 +389,7 @@ def _surface(surface: Surface, curvature: float, gap: float, is_stop: bool, make
     lines = ["  STOP"] if is_stop else []
     lines += [f"  TYPE {kind}", f"  CURV {number(curvature)} 0 0 0 0"]
     lines += [f"  PARM {k} {number(value)}" for k, value in sorted(parameters.items())]
+    lines += [f"  XDAT {k} {number(value)} 0 0 1.0 0.0" for k, value in enumerate(_binary_data(surface), start=1)]
     lines.append(f"  DISZ {number(gap if surface.pose is None else 0.0)}")
     if surface.is_mirror:
         lines.append("  GLAS MIRROR 0 0 1.5 40")
@@ -435,11 +440,22 @@ def _kind(surface: Surface) -> tuple[str, dict[int, float]]:
     if surface.cylinder or isinstance(form, Toroid):
         radius = 1 / form.curvature_x if isinstance(form, Toroid) and form.curvature_x else 0.0
         return "TOROIDAL", {1: radius, **{power // 2 + 1: value for power, value in powers.items()}}
+    if isinstance(surface.phase, Diffractive):
+        return "BINARY_2", {0: surface.phase.order, **{power // 2: value for power, value in powers.items()}}
     if not powers:
         return "STANDARD", {}
     if all(power % 2 == 0 for power in powers):
         return "EVENASPH", {k: powers.get(2 * k, 0.0) for k in range(1, HIGHEST + 1)}
     return "ODDASPHE", {k: powers.get(k, 0.0) for k in range(1, HIGHEST + 1)}
+
+
+def _binary_data(surface: Surface) -> list[float]:
+    """Return the extra data of a diffractive surface: terms, norm radius 1, and radians of r^2, r^4, ..."""
+    if not isinstance(surface.phase, Diffractive):
+        return []
+    terms, radians = dict(surface.phase.terms), 2e6 * math.pi / surface.phase.wavelength_nm
+    powers = range(2, max(terms) + 1, 2)
+    return [len(powers), 1.0, *(terms.get(power, 0.0) * radians for power in powers)]
 
 
 def _zemax_glass(medium: Medium, makers: Sequence[str]) -> str:
@@ -457,8 +473,8 @@ def _zemax_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
         straight = surface.cylinder or isinstance(surface.form, Toroid)
         even = all(power % 2 == 0 for power in powers)
         highest = 2 * (HIGHEST - 1) if straight else 2 * HIGHEST if even else HIGHEST
-        if isinstance(surface.phase, Diffractive):
-            yield k, f"it is {surface.phase.description}"
+        if isinstance(surface.phase, Diffractive) and (surface.cylinder or surface.form or not even):
+            yield k, "it is a diffractive surface on such a shape"
         if isinstance(surface.phase, Grating) and (surface.phase.towards_degrees != 90 or powers or straight):
             yield k, "it is a grating of other lines than along x, or on such a surface"
         if max(powers, default=0) > highest:
@@ -692,8 +708,11 @@ def _medium(medium: Medium) -> Any:
         return medium.name
     entry = _glass_keys(medium)
     thermal = {} if medium.thermal is None else _thermal(medium.thermal)
-    absorbs = {} if medium.absorption is None else {"transmittance": _transmittance(medium.absorption)}
-    return entry | absorbs | thermal
+    if medium.absorption is not None:  # what is left behind 10 mm
+        shares = np.exp(-WRITTEN_THICKNESS_MM * np.asarray(medium.absorption.per_mm)).tolist()
+        at = {"thickness_mm": WRITTEN_THICKNESS_MM, "wavelengths_nm": list(medium.absorption.wavelengths_nm)}
+        entry |= {"transmittance": at | {"values": shares}}
+    return entry | thermal
 
 
 def _thermal(thermal: Thermal) -> dict[str, Any]:
@@ -703,12 +722,6 @@ def _thermal(thermal: Thermal) -> dict[str, Any]:
         d, e = list(thermal.dispersion[:3]), list(thermal.dispersion[3:5])
         row["thermal"] = {"d": d, "e": e, "resonance_um": thermal.dispersion[5], "reference_c": thermal.reference_c}
     return row if thermal.expansion_per_k is None else row | {"expansion_per_k": thermal.expansion_per_k}
-
-
-def _transmittance(absorption: Absorption) -> dict[str, Any]:
-    """Return the internal transmittance over 10 mm."""
-    values = np.exp(-WRITTEN_THICKNESS_MM * np.asarray(absorption.per_mm)).tolist()
-    return {"thickness_mm": WRITTEN_THICKNESS_MM, "wavelengths_nm": list(absorption.wavelengths_nm), "values": values}
 
 
 def _glass_keys(medium: Medium) -> dict[str, Any]:

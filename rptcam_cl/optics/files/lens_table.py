@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.glass_catalogues import named_glass, near_glass_words, near_names, other_name
+from rptcam_cl.optics.files.glasses import named_glass, near_glass_words, near_names, other_name
 from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.glass import NO_DISPERSION
 from rptcam_cl.optics.lens import Lens, in_configuration, limiting_surface, system_matrix

@@ -11,7 +11,7 @@ import numpy as np
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.glass_catalogues import makers_of
+from rptcam_cl.optics.files.glasses import makers_of
 from rptcam_cl.optics.files.keys import UNITS_MM
 from rptcam_cl.optics.files.lens_table import AxisFrame, LensTable, model, numbers, opening_beside_the_axis
 from rptcam_cl.optics.files.native import bfs_powers

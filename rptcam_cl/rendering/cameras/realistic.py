@@ -388,7 +388,7 @@ def _loses_light(
 SHOWS_PX = 0.5  # colour error that a picture shows, of all but a tenth of the light [pixels]
 _SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
 _TINTS_NM = (450.0, 545.0, 610.0)  # about what blue, green and red see
-_AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
+_AXIAL_SAMPLES, _GLANCED_SAMPLES = 9, 5  # wavelengths at which the irradiance on the axis is found, and of a glance
 _LOSS_SAMPLES = 101  # and those at which losses are
 
 
@@ -426,8 +426,8 @@ def realistic_model(
         taken, whole = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
         if coarse:
             whole = _glanced_axis(lens, film_distance_mm, camera.wavelength_nm, taken)
-        axis = _glanced_axis if coarse else on_axis_of
-        axial_colour = _axial_colour(axis, lens, film_distance_mm, taken, whole, (low, high))
+        axis, samples = (_glanced_axis, _GLANCED_SAMPLES) if coarse else (on_axis_of, _AXIAL_SAMPLES)
+        axial_colour = _axial_colour(axis, samples, lens, film_distance_mm, taken, whole, (low, high))
     pupil = shared or _pupil(scene, setting, lens, sampled_nm, windows, coarse)
     if camera.rays == "fitted":
         range_nm = (low, high) if dispersive else None
@@ -595,6 +595,7 @@ def lens_tint(scene: Scene, setting: LensSetting) -> float:
 
 def _axial_colour(
     irradiance: Callable[..., float],
+    samples: int,
     lens: Lens,
     film_distance_mm: float,
     losses: LensTransmission,
@@ -603,10 +604,14 @@ def _axial_colour(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return wavelengths and the irradiance of each on the axis, over that of the camera's wavelength.
 
-    Losses vary faster with the wavelength than pupils do, but almost as they do on the axis itself.
+    Losses vary faster with the wavelength than pupils do, but almost as they do on the axis itself. From fewer samples
+    a polynomial leads to the rest.
     """
     few, wavelengths = np.linspace(*range_nm, _AXIAL_SAMPLES), np.linspace(*range_nm, _LOSS_SAMPLES)
-    seen = np.array([irradiance(lens, film_distance_mm, nm, losses) for nm in few.tolist()]) / on_axis
+    traced = np.linspace(*range_nm, samples)
+    seen = np.array([irradiance(lens, film_distance_mm, nm, losses) for nm in traced.tolist()]) / on_axis
+    if samples < _AXIAL_SAMPLES:
+        seen = np.polynomial.Polynomial.fit(traced, seen, samples - 1)(few)
     if not losses:
         return few, seen
     slow = np.interp(wavelengths, few, seen / axial_transmittance(lens, few, losses))

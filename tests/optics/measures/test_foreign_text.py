@@ -219,7 +219,10 @@ def test_optiland_reads_every_lens_of_the_library(tmp_path: Path, name: str, suf
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(("name", "suffix"), EXPORTS)
-def test_ray_optics_reads_every_lens_of_the_library(tmp_path: Path, name: str, suffix: str) -> None:
+def test_ray_optics_reads_every_lens_of_the_library(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, suffix: str
+) -> None:
+    monkeypatch.chdir(tmp_path)  # it writes logs
     environment = pytest.importorskip("rayoptics.environment")
     lens, path = exported(name, suffix, tmp_path)
     with contextlib.redirect_stdout(io.StringIO()):

@@ -5,10 +5,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchmarks.pupil_tables import share_that_passes
 from rptcam_cl.core import LINE_D_NM
+from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.film_probe import FilmProbe, spread_points
 from rptcam_cl.optics.irradiance import film_irradiance
-from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.library import list_lenses, load_lens
+from rptcam_cl.optics.spots import setting
 from rptcam_cl.rendering.cameras.pupil import left_out, pupil_sampling
 from tests.device.probes import camera_rays
 from tests.rendering.cameras.beams import back_distance
@@ -109,6 +112,34 @@ def test_slivers_between_nodes_are_traced_finer_and_not_given_up(f_number):
     back = back_distance(eye)
     sampling = pupil_sampling(eye, back, (back, back), LINE_D_NM, "auto")
     assert sampling.tier == "tight"
+
+
+def test_small_pupils_close_behind_the_lens_are_found():
+    phone = load_lens("phone-5.6mm")  # at f/22 all beyond 2.1 mm was black
+    phone = phone.with_stop_diameter(phone.stop_diameter_for(22))
+    back = back_distance(phone)
+    grid = pupil_sampling(phone, back, (2.9, 2.1), LINE_D_NM, "tight").parameters
+    assert float(film_irradiance(phone, back, 3.5)) == pytest.approx(8.4e-4, rel=0.05)  # of 4e6 rays over the window
+    assert (grid.across - 1) / grid.per_mm_across > 3.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in list_lenses() if name != "ball"])  # whose pupil has two parts
+def test_nine_of_ten_rays_of_every_pupil_pass(name):
+    lens = load_lens(name)
+    length, widest = abs(lens.first_order().focal_length_mm), abs(lens.first_order().f_number)
+    stops = [None] if lens.stop_index is None else [None, 2 * widest, max(22.0, 4 * widest)]
+    if name == "mirror-500mm":
+        stops = [None, 8.0, 9.0]  # dark from f/13 on, of thin rings 83 % pass at f/10.5 and 78 % at f/11
+    for f_number in stops:
+        for distance_m in (None, 0.01 * length + 0.004 * lens.length):
+            if distance_m and name == "biconcave":
+                continue
+            used = setting(lens, f_number, distance_m)
+            back = used.film_distance_mm or length
+            radius = min(image_circle(used.lens, back), 0.43 * length, 21.6)
+            sampling = pupil_sampling(used.lens, back, (radius, radius), LINE_D_NM, "tight")
+            assert share_that_passes(used.lens, back, radius, sampling) >= 0.9, (f_number, distance_m)
 
 
 @pytest.mark.parametrize(("f_number", "half"), [(7.0, 37.7), pytest.param(10.2, 15.3, marks=pytest.mark.slow)])

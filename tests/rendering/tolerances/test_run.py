@@ -423,6 +423,47 @@ def test_warm_copies_are_copies_of_the_warm_lens() -> None:
     np.testing.assert_array_equal(warm.scores.spot_um, expected.scores.spot_um)
 
 
+def test_copies_of_a_warm_mirror_behind_glass_are_out_of_focus_as_matrices_say() -> None:
+    """Schott's formula (TIE-19) and Kohlrausch's air by hand, then four matrices with radii and thickness grown."""
+    d0, e0, resonance, alpha, celsius, share, reach = 1.86e-6, 4.34e-7, 0.17, 7.1e-6, 60.0, 0.2, 0.5
+    glass = {"sellmeier": {"b": [1.3], "c": [0.01]}, "expansion_per_k": alpha,
+             "thermal": {"d": [d0, 0, 0], "e": [e0, 0], "resonance_um": resonance}}  # fmt: skip
+    lens = load_lens({"name": "mangin", "surfaces": [
+        {"radius": -150, "thickness": 5, "glass": glass, "stop": True, "diameter": 2 * reach},
+        {"radius": -220, "thickness": -5, "mirror": True, "diameter": 8}, {"radius": -150, "diameter": 8},
+    ]})  # fmt: skip
+    merit = {"fields_degrees": [0], "wavelengths_nm": [550]}
+    given = {"copies": 40, "distribution": "end_point", "refocus": False, "temperature_c": celsius, "merit": merit,
+             "tolerances": [{"radius_percent": share, "surfaces": [1]}]}  # fmt: skip
+    run = tolerance(lens, given, with_sensitivities=False)
+    spots = np.unique(np.round(run.scores.spot_um, 9))
+
+    micrometres, warmer = 0.55, celsius - 20
+    square = micrometres**2
+    cold = 1 + 1e-8 * (6432.8 + 2949810 * square / (146 * square - 1) + 25540 * square / (41 * square - 1))
+    air = [1 + (cold - 1) / (1 + 3.4785e-3 * (t - 15)) for t in (20.0, celsius)]
+    index = math.sqrt(1 + 1.3 * square / (square - 0.01))
+    by_heat = (index**2 - 1) / (2 * index) * warmer * (d0 + e0 / (square - resonance**2))
+    n, grown = (index * air[0] + by_heat) / air[1], 1 + alpha * warmer
+
+    def focus(off: float) -> tuple[float, float]:
+        """Return last vertex to focus, and the slope of the marginal ray there."""
+        y, v = reach * grown, 0.0
+        v -= (n - 1) * y / (-150 * grown)
+        y += v * 5 * grown / n
+        v -= -2 * n * y / (-220 * (1 + off) * grown)
+        y += v * 5 * grown / n  # back to the front: a thickness of -5 in an index of -n
+        v -= (n - 1) * y / (-150 * grown)  # from -n to -1
+        return -y / v, v
+
+    sharp, _ = focus(0.0)
+    expected = sorted(
+        1e3 * abs(slope) * abs(at - sharp) / math.sqrt(2) for at, slope in map(focus, (-share / 100, share / 100))
+    )
+    assert run.film_distance_mm == pytest.approx(sharp, rel=1e-7)  # 3.5e-4 nearer when cold
+    assert spots == pytest.approx(expected, rel=2e-5)  # third order, at f/138
+
+
 @pytest.mark.slow
 def test_ring_beams_of_mirrors_have_the_spots_of_random_rays() -> None:
     lens = load_lens("mirror-500mm")

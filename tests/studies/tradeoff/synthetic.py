@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from rptcam_cl.studies.tradeoff_errors import draws, measurements, pair_errors
-from rptcam_cl.studies.tradeoff_runs import LongPictures, SpreadTiles
+from rptcam_cl.studies.tradeoff_errors import LongPictures, SpreadTiles, draws, measurements, pair_errors
 
 PER_TILE = 64
 SAMPLES = (2, 8)

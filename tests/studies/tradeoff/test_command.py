@@ -16,8 +16,8 @@ from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies import tradeoff_runs
-from rptcam_cl.studies.tradeoff import _ghosts, measure_tradeoff, recommendation, summary, tables, tradeoff_plot
-from rptcam_cl.studies.tradeoff_runs import ladder, most_accurate, prepare, run, spread_tiles
+from rptcam_cl.studies.tradeoff import recommendation, summary, tables, tradeoff_plot
+from rptcam_cl.studies.tradeoff_runs import _ghosts, ladder, measure_tradeoff, most_accurate, prepare, run, spread_tiles
 
 BOARD = {"kind": "matte", "reflectance": {"kind": "checker", "even": 0.8, "odd": 0.1, "scale": [60, 60]}}
 LAMP = {"kind": "emissive", "radiance": 2.0}

@@ -9,6 +9,7 @@ from scipy import stats
 
 from rptcam_cl.studies.tradeoff_errors import (
     EDGE,
+    LongPictures,
     _gain,
     draws,
     every_seed_once,
@@ -19,7 +20,6 @@ from rptcam_cl.studies.tradeoff_errors import (
     pair_errors,
     student_quantile,
 )
-from rptcam_cl.studies.tradeoff_runs import LongPictures
 from tests.studies.tradeoff.synthetic import MANY, NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured, spread
 
 EVERY = 16  # tiles

@@ -10,7 +10,8 @@ from benchmarks.advice import CASES, Case, check, faults
 from benchmarks.obtained import EDGE, Obtained, Reference
 from rptcam_cl.device.session import open_session
 from rptcam_cl.scene.load import load_scene
-from rptcam_cl.studies.tradeoff import Advice, measure_tradeoff
+from rptcam_cl.studies.tradeoff import Advice
+from rptcam_cl.studies.tradeoff_runs import measure_tradeoff
 
 SHAPE = (30, 44, 3)  # tiles at two edges are not whole
 BIAS, NOISE = 0.05, 0.1  # of the picture, and its standard deviation

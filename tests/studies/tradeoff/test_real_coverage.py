@@ -10,9 +10,8 @@ import pytest
 
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.studies import tradeoff_errors, tradeoff_runs
-from rptcam_cl.studies.tradeoff import _measure
 from rptcam_cl.studies.tradeoff_errors import EDGE
-from rptcam_cl.studies.tradeoff_runs import ladder, prepare, render_by_turns, run, spread_tiles
+from rptcam_cl.studies.tradeoff_runs import _measure, ladder, prepare, render_by_turns, run, spread_tiles
 from tests.device.probes import open_session
 from tests.studies.tradeoff.test_command import SCENE
 

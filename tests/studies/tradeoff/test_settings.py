@@ -7,7 +7,8 @@ import pytest
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies.tiers import choose_camera
-from rptcam_cl.studies.tradeoff_runs import AS_IT_IS, ladder, mark, most_accurate
+from rptcam_cl.studies.tradeoff_errors import AS_IT_IS
+from rptcam_cl.studies.tradeoff_runs import ladder, mark, most_accurate
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 SCENES = [
