@@ -83,19 +83,12 @@ def focus_stack(
     if scene.camera.film_movements.turns:
         raise InputError("camera.movements: a tilted film has no single distance of focus (allowed: without a turn)")
     drive = focus_drive(scene)
-    ends = [drive.coordinate(drive.state_for(distance, CENTRE)) for distance in (far_m, near_m)]
-    coarse = max(scene.film.size_m()[0] * 1e3 / scene.film.resolution[0] / circle_of_confusion(scene), 1.0)
-    needed = int(np.ceil(abs(ends[1] - ends[0]) / (drive.depth_of_focus * coarse))) + 1
-    count = max(needed, 3) if steps is None else steps
-    if not 3 <= count <= MOST_PICTURES:
-        allowed = f"3 to {MOST_PICTURES}; {needed} leave nothing unsharp between"
-        raise InputError(f"steps: is out of range (got {count}; allowed: {allowed})")
-    states = [drive.state_at(float(place)) for place in np.linspace(ends[0], ends[1], count)]
+    states, needed = _states_between(scene, drive, near_m, far_m, steps)
     distances = [drive.object_distance(state) for state in states]
 
     def say(number: int) -> None:
         if on_picture is not None:
-            on_picture(number + 1, count, distances[number] or np.inf)
+            on_picture(number + 1, len(states), distances[number] or np.inf)
 
     def taken() -> Iterator[tuple[Image, Image]]:
         for number, pair in enumerate(_take_pairs(scene, drive, states, device, say)):
@@ -104,8 +97,22 @@ def focus_stack(
                 on_image(number + 1, distances[number] or np.inf, replace(pair[0], pixels=mean))
             yield pair
 
-    about = {"pictures": count, "near_m": near_m, "far_m": far_m, "needed": needed}
+    about = {"pictures": len(states), "near_m": near_m, "far_m": far_m, "needed": needed}
     return _stack(taken(), drive, states, about)
+
+
+def _states_between(
+    scene: Scene, drive: Drive, near_m: float, far_m: float, steps: int | None
+) -> tuple[list[float], int]:
+    """The states of a drive from far to near, as many as requested or needed; and how many leave no blur between."""
+    ends = [drive.coordinate(drive.state_for(distance, CENTRE)) for distance in (far_m, near_m)]
+    coarse = max(scene.film.size_m()[0] * 1e3 / scene.film.resolution[0] / circle_of_confusion(scene), 1.0)
+    needed = int(np.ceil(abs(ends[1] - ends[0]) / (drive.depth_of_focus * coarse))) + 1
+    count = max(needed, 3) if steps is None else steps
+    if not 3 <= count <= MOST_PICTURES:
+        allowed = f"3 to {MOST_PICTURES}; {needed} leave nothing unsharp between"
+        raise InputError(f"steps: is out of range (got {count}; allowed: {allowed})")
+    return [drive.state_at(float(place)) for place in np.linspace(ends[0], ends[1], count)], needed
 
 
 def stack_frames(source: SceneSource, files: Sequence[str | Path]) -> Image:

@@ -420,7 +420,7 @@ class RenderJob:
             wavefront = pool.wavefront(plan, buffers, FilmLayout.of(scene.film), scene.render, "film")
         else:
             if shares is None and saver is not None and len(sessions) > 1:
-                shares = saved_shares(saver.parts, sessions)
+                shares = _saved_shares(saver.parts, sessions)
             wavefront = _compile(sessions, shares, plan, scene, buffers, options)
         job = cls(options, scene, resolved, plan, wavefront, begun=begun, layers=layers, saver=saver, saved=saved)
         job.seconds = {"start": started - begun, "compile": time.perf_counter() - started}
@@ -697,7 +697,7 @@ class SeriesRenderer:
         return job.report(job.run())
 
 
-def saved_shares(parts: list[Part], sessions: list[Session]) -> list[float] | None:
+def _saved_shares(parts: list[Part], sessions: list[Session]) -> list[float] | None:
     """The shares that the same devices had when the render was saved; None where they were others."""
     last = split_of(parts[-1]["split"]) if parts else {}
     ids = [session.info.id for session in sessions]

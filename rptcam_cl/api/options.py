@@ -155,22 +155,22 @@ def layers(text: str) -> tuple[str, ...]:
 _SEVERAL_DIGITS = r"(\d{1,%d})(?:-(\d{1,%d}))?(?::(\d{1,%d}))?"
 
 
-def number_range(text: str, digits: int, least: int) -> range | None:
-    """Numbers of ``1-240``, ``1-240:2`` or ``7``, ``least`` or more; None if it is none."""
-    match = re.fullmatch(_SEVERAL_DIGITS.replace("%d", str(digits)), text, re.ASCII)
-    if match is None:
-        return None
-    first, step = int(match[1]), int(match[3] or 1)
-    last = int(match[2] or first)
-    return range(first, last + 1, step) if least <= first <= last and step >= 1 else None
+def number_range(digits: int, least: int, allowed: str) -> Callable[[str], range]:
+    """The parser of numbers as ``1-240``, ``1-240:2`` or ``7``, of so many digits at most and ``least`` or more."""
+    pattern = _SEVERAL_DIGITS.replace("%d", str(digits))
+
+    def parse(text: str) -> range:
+        if match := re.fullmatch(pattern, text, re.ASCII):
+            first, step = int(match[1]), int(match[3] or 1)
+            last = int(match[2] or first)
+            if least <= first <= last and step >= 1:
+                return range(first, last + 1, step)
+        raise argparse.ArgumentTypeError(f"got {text}; allowed {allowed}")
+
+    return parse
 
 
-def frame_range(text: str) -> range:
-    """Frames of ``1-240``, ``1-240:2`` or ``7``."""
-    frames = number_range(text, 7, 1)
-    if frames is None:
-        raise argparse.ArgumentTypeError(f"got {text}; allowed FIRST-LAST[:STEP], as 1-240 or 1-240:2")
-    return frames
+frame_range = number_range(7, 1, "FIRST-LAST[:STEP], as 1-240 or 1-240:2")
 
 
 # The table. What an option does not go with is said by the mode that excludes it.

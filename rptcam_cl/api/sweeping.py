@@ -126,7 +126,7 @@ class SweepEntry:
 
     @property
     def _lines(self) -> list[str]:
-        return [f"{key.rpartition('.')[2]} {format_value(value)}" for key, value in self.values.items()]
+        return [f"{key.rpartition('.')[2]} {_format_value(value)}" for key, value in self.values.items()]
 
 
 Pictures = Callable[[Mapping[int, Scene]], Iterable[tuple[int, Image]]]
@@ -263,7 +263,7 @@ def _plan(
     planned: dict[str, _Combination] = {}
     for combination in itertools.product(*over.values()):
         values = dict(zip(over, combination, strict=True))
-        title = ", ".join(f"{key}={format_value(value)}" for key, value in values.items())
+        title = ", ".join(f"{key}={_format_value(value)}" for key, value in values.items())
         try:
             changed = set_keys(scene, values)
             check_sensor(changed, *window(changed)[2:])
@@ -282,7 +282,7 @@ def _plan(
     return list(planned.values())
 
 
-def format_value(value: Any) -> str:
+def _format_value(value: Any) -> str:
     """Return a value on a label."""
     return f"{value:.6g}" if isinstance(value, float) else value if isinstance(value, str) else json.dumps(value)
 
@@ -337,7 +337,7 @@ def _write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     writer.writeheader()
     for row in rows:
         writer.writerow(
-            {key: format_value(value) if isinstance(value, list | dict) else value for key, value in row.items()}
+            {key: _format_value(value) if isinstance(value, list | dict) else value for key, value in row.items()}
         )
     for name, content in zip(TABLE, (text.getvalue(), json.dumps(rows, indent=2) + "\n"), strict=True):
         with replacing(resolve_links(folder / name)) as temporary:

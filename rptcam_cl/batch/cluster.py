@@ -1,4 +1,4 @@
-"""The way to a cluster: who may be trusted, a scene as bytes, tasks of workers, and the folder of parts."""
+"""The way to a cluster: a scene as bytes, what workers do, their tasks, and who may be trusted."""
 
 from __future__ import annotations
 
@@ -26,17 +26,12 @@ from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError, out_of_range
 from rptcam_cl.core.files import (
-    make_folder,
     named_files,
     read_whole,
-    remove_strays,
-    replacing,
-    resolve_links,
     scratch_folder,
 )
 from rptcam_cl.core.remember import Maker, Memory, OneMaker, is_maker, made_by
 from rptcam_cl.device.devices import choose_device
-from rptcam_cl.rendering.checkpoint import SUFFIX, read_part
 from rptcam_cl.rendering.several import FilmPart
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
@@ -152,7 +147,7 @@ _unpacked: Memory[tuple[Any, Scene]] = Memory(MOST_KEPT)  # folders and scenes o
 _ONE = threading.Lock()
 
 
-def keep_scene(parcel: Parcel) -> None:
+def _keep_scene(parcel: Parcel) -> None:
     """Unpack a parcel, once in this process; its folder goes with the process, or with others after it."""
 
     def unpack() -> tuple[Any, Scene]:
@@ -163,7 +158,7 @@ def keep_scene(parcel: Parcel) -> None:
         _unpacked.find_or_make(parcel.digest, unpack)
 
 
-def has_scene(digest: str) -> bool:
+def _has_scene(digest: str) -> bool:
     """Whether the parcel with this digest is unpacked in this process."""
     return digest in _unpacked
 
@@ -236,7 +231,7 @@ def survey(device: str | None = None) -> dict[str, Any]:
         return {"version": __version__, "problem": str(problem)}
 
 
-def at_worker(function: Callable[..., Any], digest: str, parcel: Parcel | None, *words: Any) -> tuple[str, Any]:
+def _at_worker(function: Callable[..., Any], digest: str, parcel: Parcel | None, *words: Any) -> tuple[str, Any]:
     """Return the address of this worker, and what a function returns for a scene; None where it is not here.
 
     A worker keeps the scenes of the last parcels, so that no task waits for another worker to send one.
@@ -244,8 +239,8 @@ def at_worker(function: Callable[..., Any], digest: str, parcel: Parcel | None, 
     from distributed import get_worker
 
     if parcel is not None:
-        keep_scene(parcel)
-    return get_worker().address, function(digest, *words) if has_scene(digest) else None
+        _keep_scene(parcel)
+    return get_worker().address, function(digest, *words) if _has_scene(digest) else None
 
 
 def hold_scene(digest: str) -> str:
@@ -494,7 +489,7 @@ class TasksOut:
         """Send a task out, to this worker if it is there still."""
         function, words = self._tasks[number]
         task = self._reach(
-            self._client.submit, at_worker, function, self._digest, scene, *words,
+            self._client.submit, _at_worker, function, self._digest, scene, *words,
             key=f"{function.__name__}-{uuid.uuid4().hex}",
             workers=None if worker is None else [worker], allow_other_workers=worker is not None,
         )  # fmt: skip
@@ -799,98 +794,3 @@ def _surveys(client: Any, device: str | None) -> dict[str, dict[str, Any]]:
 
 def _reason(problem: Exception) -> str:
     return str(problem).splitlines()[0] if str(problem) else type(problem).__name__
-
-
-# The folder of a render on a cluster: its plan, and the parts that have come back; a later run goes on from it.
-
-PLAN = "plan.json"
-
-
-PartsPlan = dict[str, Any]
-"""How a render is divided: ``version`` of the program, ``scene``, the hash with all that changes the picture, ``spp``,
-``layers``, their names and their samples per pixel, ``count`` of the parts, ``found``, focus and exposure, the same for
-all, and ``made_by``, what the first of them was made by."""
-
-PLAN_KEYS = {"version", "scene", "spp", "layers", "count", "found", "made_by"}
-
-
-class PartsFolder:
-    """Parts of one render on disk.
-
-    Parameters
-    ----------
-    path
-        The folder; made when the plan is written.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def clear(self) -> None:
-        """Remove what an earlier render left, and the folder if nothing else is in it.
-
-        Raises
-        ------
-        StateError
-            It is no folder.
-        """
-        if not self.path.is_dir():
-            if self.path.exists():
-                raise StateError(f"{self.path}: is no folder, and parts are kept there (move it, or rename the output)")
-            return
-        remove_strays(self.path)
-        for file in [*self.path.glob(f"*{SUFFIX}"), self.path / PLAN]:
-            file.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):
-            self.path.rmdir()
-
-    def plan(self) -> PartsPlan | None:
-        """Return the plan of an earlier run; None where there is none.
-
-        Raises
-        ------
-        StateError
-            It cannot be read.
-        """
-        path = self.path / PLAN
-        try:
-            plan: PartsPlan = json.loads(path.read_text("utf-8"))
-            if plan.keys() != PLAN_KEYS or plan["found"].keys() != {"focus", "metered_cd_m2"}:
-                raise ValueError("it is damaged")
-            return plan
-        except FileNotFoundError:
-            return None
-        except (OSError, ValueError, TypeError, AttributeError) as problem:
-            raise StateError(f"{path}: cannot be read ({problem}; remove it, or render without --resume)") from None
-
-    def begin(self, plan: PartsPlan) -> None:
-        """Write the plan of a new render.
-
-        Raises
-        ------
-        StateError
-            The folder cannot be written.
-        """
-        make_folder(self.path)
-        with replacing(resolve_links(self.path / PLAN)) as temporary:
-            temporary.write_text(json.dumps(plan, indent=1), "utf-8")
-
-    def file(self, number: int) -> Path:
-        """Return where a part is kept."""
-        return self.path / f"{number}{SUFFIX}"
-
-    def keep(self, number: int, content: bytes) -> None:
-        """Write a part, whole or not at all."""
-        with replacing(resolve_links(self.file(number))) as temporary:
-            temporary.write_bytes(content)
-
-    def missing(self, plan: PartsPlan) -> list[int]:
-        """Return the numbers of the parts that are not there; damaged ones are removed first."""
-        lacking = []
-        for number in range(1, plan["count"] + 1):
-            try:
-                read_part(self.file(number))
-            except StateError:
-                self.file(number).unlink(missing_ok=True)
-                lacking.append(number)
-        return lacking

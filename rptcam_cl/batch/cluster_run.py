@@ -1,7 +1,9 @@
-"""Renders on a cluster: parts or frames go out, and files come back."""
+"""Renders on a cluster: parts or frames go out, and files come back into a folder."""
 
 from __future__ import annotations
 
+import contextlib
+import json
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,8 +19,6 @@ from rptcam_cl.batch.cluster import (
     Credentials,
     Job,
     Parcel,
-    PartsFolder,
-    PartsPlan,
     RenderedPart,
     TasksOut,
     check_cluster,
@@ -32,13 +32,108 @@ from rptcam_cl.batch.cluster import (
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
-from rptcam_cl.core.files import scratch_folder
+from rptcam_cl.core.files import make_folder, remove_strays, replacing, resolve_links, scratch_folder
 from rptcam_cl.core.remember import OneMaker, made_by
 from rptcam_cl.imaging.image import Image
-from rptcam_cl.rendering.checkpoint import SUFFIX
+from rptcam_cl.rendering.checkpoint import SUFFIX, read_part
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.progressive import Progress
 from rptcam_cl.scene.scene import Scene
+
+# The folder of a render on a cluster: its plan, and the parts that have come back; a later run goes on from it.
+
+PLAN = "plan.json"
+
+
+PartsPlan = dict[str, Any]
+"""How a render is divided: ``version`` of the program, ``scene``, the hash with all that changes the picture, ``spp``,
+``layers``, their names and their samples per pixel, ``count`` of the parts, ``found``, focus and exposure, the same for
+all, and ``made_by``, what the first of them was made by."""
+
+PLAN_KEYS = {"version", "scene", "spp", "layers", "count", "found", "made_by"}
+
+
+class PartsFolder:
+    """Parts of one render on disk.
+
+    Parameters
+    ----------
+    path
+        The folder; made when the plan is written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def clear(self) -> None:
+        """Remove what an earlier render left, and the folder if nothing else is in it.
+
+        Raises
+        ------
+        StateError
+            It is no folder.
+        """
+        if not self.path.is_dir():
+            if self.path.exists():
+                raise StateError(f"{self.path}: is no folder, and parts are kept there (move it, or rename the output)")
+            return
+        remove_strays(self.path)
+        for file in [*self.path.glob(f"*{SUFFIX}"), self.path / PLAN]:
+            file.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            self.path.rmdir()
+
+    def plan(self) -> PartsPlan | None:
+        """Return the plan of an earlier run; None where there is none.
+
+        Raises
+        ------
+        StateError
+            It cannot be read.
+        """
+        path = self.path / PLAN
+        try:
+            plan: PartsPlan = json.loads(path.read_text("utf-8"))
+            if plan.keys() != PLAN_KEYS or plan["found"].keys() != {"focus", "metered_cd_m2"}:
+                raise ValueError("it is damaged")
+            return plan
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, TypeError, AttributeError) as problem:
+            raise StateError(f"{path}: cannot be read ({problem}; remove it, or render without --resume)") from None
+
+    def begin(self, plan: PartsPlan) -> None:
+        """Write the plan of a new render.
+
+        Raises
+        ------
+        StateError
+            The folder cannot be written.
+        """
+        make_folder(self.path)
+        with replacing(resolve_links(self.path / PLAN)) as temporary:
+            temporary.write_text(json.dumps(plan, indent=1), "utf-8")
+
+    def file(self, number: int) -> Path:
+        """Return where a part is kept."""
+        return self.path / f"{number}{SUFFIX}"
+
+    def keep(self, number: int, content: bytes) -> None:
+        """Write a part, whole or not at all."""
+        with replacing(resolve_links(self.file(number))) as temporary:
+            temporary.write_bytes(content)
+
+    def missing(self, plan: PartsPlan) -> list[int]:
+        """Return the numbers of the parts that are not there; damaged ones are removed first."""
+        lacking = []
+        for number in range(1, plan["count"] + 1):
+            try:
+                read_part(self.file(number))
+            except StateError:
+                self.file(number).unlink(missing_ok=True)
+                lacking.append(number)
+        return lacking
+
 
 # A render on a cluster: parts go out, files come back, and their whole is the picture.
 

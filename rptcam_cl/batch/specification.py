@@ -106,7 +106,7 @@ class Distribution:
             yield from (self._as_value(end) for end in self.values)
 
     def draw(self, chances: np.random.Generator) -> Any:
-        """Return a value; a grid's is chosen by `grid_values`."""
+        """Return a value; a grid's is chosen by `_grid_values`."""
         if self.kind == "choice":
             share = float(chances.random())
             return self.values[next((n for n, sum_ in enumerate(self.weights) if share < sum_), len(self.values) - 1)]
@@ -223,12 +223,12 @@ def _numbers(given: Any, right: str, *path: str | int) -> Numbers:
 def values_of_frame(vary: Mapping[str, Distribution], seed: int, frame: int) -> dict[str, Any]:
     """Return the value of each key in a frame, which counts from 0."""
     return {
-        key: grid_values(vary, frame)[key] if law.kind == "grid" else law.draw(_chances(seed, frame, key))
+        key: _grid_values(vary, frame)[key] if law.kind == "grid" else law.draw(_chances(seed, frame, key))
         for key, law in vary.items()
     }
 
 
-def grid_values(vary: Mapping[str, Distribution], frame: int) -> dict[str, Any]:
+def _grid_values(vary: Mapping[str, Distribution], frame: int) -> dict[str, Any]:
     """Return the values of the keys with grids: all combinations in turn, the last key's changing first."""
     grids = {key: law.values for key, law in vary.items() if law.kind == "grid"}
     place = frame % math.prod(map(len, grids.values()))

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options, crop, duration, frame_range, share, size
 from rptcam_cl.cli.lens_options import (
-    check_file,
     check_picture,
     distances,
     numbers,
@@ -78,7 +77,7 @@ def add_maps(parser: argparse.ArgumentParser) -> None:
     maps.add_argument("--wavelengths", type=wavelengths, metavar="W,W,…", help="in nanometres (default: the camera's)")
 
 
-def maps_to_write(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:
+def _maps_to_write(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:
     """Yield files and what writes them, each map having been made."""
     from rptcam_cl.exchange.camera_maps import (
         coc_exr,
@@ -117,7 +116,7 @@ TEXTS = ("opencv", "ros", "openlensio", "usd", "osl")
 COLMAP = ("cameras.txt", "images.txt", "points3D.txt")
 
 
-def check_outputs(arguments: argparse.Namespace) -> None:
+def _check_camera_files(arguments: argparse.Namespace) -> None:
     """Check, before anything is traced, that all files can be written.
 
     Raises
@@ -198,7 +197,7 @@ def _files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -
             yield path, partial(_put, WRITTEN[name](seen, chosen).encode())
     if arguments.plot is not None:
         yield arguments.plot, partial(_put, encode(residual_chart(seen, chosen), arguments.plot))
-    yield from maps_to_write(arguments, seen)
+    yield from _maps_to_write(arguments, seen)
     if arguments.colmap is not None:
         picture = f"{Path(arguments.source).stem.replace(' ', '_')}.png"
         for name, text in colmap_texts(seen, chosen, picture).items():
@@ -290,7 +289,7 @@ def run_camera(arguments: argparse.Namespace) -> int:
     from rptcam_cl.exchange.camera_view import subject, view
     from rptcam_cl.scene.load import camera_changes
 
-    check_outputs(arguments)
+    _check_camera_files(arguments)
     scene = subject(arguments.source, arguments.overrides, size=arguments.size, film_mm=arguments.film)
     seen = view(scene, arguments.distance_m, arguments.object)
     if camera_changes(scene):
@@ -415,9 +414,7 @@ def run_focus(arguments: argparse.Namespace) -> int:
     given = [name for name in _ZONES if getattr(arguments, name) is not None]
     if len(given) > 1 and given != ["object", "at"]:
         raise InputError("rptcam focus: takes one of --zone, --zones, --mask, --point, --object and --at")
-    if arguments.plot is not None:
-        check_picture(arguments.plot, str(arguments.scene))
-        check_file(arguments.plot, str(arguments.scene))
+    check_picture(arguments.plot, str(arguments.scene))
     from rptcam_cl.studies.focus.controller import autofocus
     from rptcam_cl.studies.focus.probe import focus_plot
 
@@ -556,7 +553,7 @@ def add_tradeoff(parser: argparse.ArgumentParser) -> None:
 
 def run_tradeoff(arguments: argparse.Namespace) -> int:
     """Render a scene in many ways by turns, and advise which one to use."""
-    _check_outputs(arguments)
+    _check_tradeoff_files(arguments)
     from rptcam_cl.studies.tradeoff_runs import measure_tradeoff
 
     scene = loaded_scene(arguments)
@@ -570,7 +567,7 @@ def run_tradeoff(arguments: argparse.Namespace) -> int:
             device=arguments.device,
             on_progress=show,
         )
-    write_tradeoff(report, arguments)  # before any printing, which a reader like head may end
+    _write_tradeoff(report, arguments)  # before any printing, which a reader like head may end
     if arguments.json == PRINTED:
         print(as_json(report.as_dict()))
     else:
@@ -581,7 +578,7 @@ def run_tradeoff(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _check_outputs(arguments: argparse.Namespace) -> None:
+def _check_tradeoff_files(arguments: argparse.Namespace) -> None:
     """Check, before anything is measured, that all files can be written."""
     from rptcam_cl.core.files import check_writable, known_suffix
 
@@ -590,8 +587,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
             continue
         known_suffix(path, (suffix,), "unknown kind of file")
         check_writable(path, [arguments.scene])
-    if arguments.plot is not None:
-        check_picture(arguments.plot, str(arguments.scene))
+    check_picture(arguments.plot, str(arguments.scene))
 
 
 def _print_tradeoff(report: "TradeoffReport", command: str, *, details: bool) -> None:
@@ -609,7 +605,7 @@ def _print_tradeoff(report: "TradeoffReport", command: str, *, details: bool) ->
     print("\n".join(caveats(report)))
 
 
-def write_tradeoff(report: "TradeoffReport", arguments: argparse.Namespace) -> None:
+def _write_tradeoff(report: "TradeoffReport", arguments: argparse.Namespace) -> None:
     """Write the report, and its tables and plot, where the arguments want them."""
     from rptcam_cl.studies.tradeoff import markdown, tradeoff_plot
 

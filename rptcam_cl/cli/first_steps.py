@@ -264,7 +264,7 @@ def _convert_model(arguments: argparse.Namespace) -> int:
     """Write a scene round a model; what its file has and ours has not is the report."""
     if arguments.root is not None:
         raise InputError("--root: is for scenes of pbrt (allowed: without it for a model)")
-    said = write_new(arguments.target, {"model": arguments.source, "time_s": arguments.time_s})
+    said = _write_new(arguments.target, {"model": arguments.source, "time_s": arguments.time_s})
     if arguments.json:
         warnings = [text.removeprefix("warning: ") for text in said if text.startswith("warning: ")]
         notes = [{"effect": "note", "message": text, "lines": [], "objects": 1} for text in said
@@ -306,7 +306,7 @@ def scene_file(path: Path, missing: "Missing" = "error") -> Path:
         messages = [*done.report, *done.write(target)]
         again = f"rptcam convert {shlex.quote(str(path))} scene.yaml"
     else:
-        messages = write_new(target, {"model": path})
+        messages = _write_new(target, {"model": path})
         again = f"rptcam new scene.yaml --model {shlex.quote(str(path))}"
     for message in messages:
         print(message, file=sys.stderr)
@@ -354,14 +354,14 @@ def run_new(arguments: argparse.Namespace) -> int:
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
     check_writable(target)
     names = ("model", "hdri", "lens", "size", "up", "metres_per_unit", "reframe", "time_s")
-    for message in write_new(target, {name: getattr(arguments, name) for name in names}):
+    for message in _write_new(target, {name: getattr(arguments, name) for name in names}):
         print(message, file=sys.stderr)
     named, picture = shlex.quote(str(target)), shlex.quote(f"{target.stem}.png")
     print(f"wrote {target}; next: rptcam render {named} -o {picture}, or rptcam view {named}", file=sys.stderr)
     return 0
 
 
-def write_new(target: Path, settings: dict[str, Any]) -> list[str]:
+def _write_new(target: Path, settings: dict[str, Any]) -> list[str]:
     """Write a starting scene with the files that it needs, and return what there is to say of it."""
     from rptcam_cl.exchange.starting import starting_scene
     from rptcam_cl.scene.load import load_scene, scene_text

@@ -62,21 +62,21 @@ def sequence_of(scene: "Scene") -> "FrameSequence":
     return scene.sequence or FrameSequence()
 
 
-def scene_of_frame(scene: "Scene", frame: int) -> "Scene":
+def _scene_of_frame(scene: "Scene", frame: int) -> "Scene":
     """The scene of a frame that stands alone."""
     from rptcam_cl.scene.load import set_keys
 
     return set_keys(scene, sequence_of(scene).changes(scene.shutter.open_s, frame))
 
 
-def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[int, "Scene"]]:
+def _frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[int, "Scene"]]:
     """The scene of each frame, checked before any is rendered."""
     from rptcam_cl.scene.load import at_rest
 
     scenes = []
     for frame in arguments.frames:
         try:
-            still = scene_of_frame(scene, frame)
+            still = _scene_of_frame(scene, frame)
             at_rest(still)  # keys of the shutter as well
             scenes.append((frame, still))
         except RptcamError as problem:
@@ -84,7 +84,7 @@ def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[in
     return scenes
 
 
-def track_frames(
+def _track_frames(
     arguments: argparse.Namespace, scene: "Scene"
 ) -> Callable[[int], tuple["Scene", dict[str, Any]]] | None:
     """A function of a frame with focus and exposure that follow from those before; None where each stands alone."""
@@ -99,7 +99,7 @@ def track_frames(
     return FrameTracker(settings.apply_to(scene), lambda: open_sessions(device_of(arguments))[0][0]).frame
 
 
-def neighbours_of(
+def _neighbours_of(
     arguments: argparse.Namespace, scene: "Scene", frame: int, frame_of: Callable[[int], "Scene"]
 ) -> "tuple[Scene | None, Scene] | None":
     """The scenes of the frames before and after, where layers lead there; there is none before frame 1."""
@@ -145,7 +145,7 @@ def write_video_of(arguments: argparse.Namespace, scene: "Scene") -> None:
         print(f"wrote {arguments.video}: {count} frames", file=sys.stderr)
 
 
-def arguments_of_frame(arguments: argparse.Namespace, frame: int) -> argparse.Namespace:
+def _arguments_of_frame(arguments: argparse.Namespace, frame: int) -> argparse.Namespace:
     """The arguments of one frame: its names of files."""
     own = copy.copy(arguments)
     own.outputs = [_name_of_frame(path, frame) for path in arguments.outputs]
@@ -157,7 +157,7 @@ def _name_of_frame(path: Path, frame: int) -> Path:
     return path.with_name(PLACE.sub(lambda match: f"{frame:0{len(match[0])}d}", path.name))
 
 
-def metadata_of(scene: "Scene", frame: int) -> dict[str, Any]:
+def _metadata_of(scene: "Scene", frame: int) -> dict[str, Any]:
     """Metadata of a frame."""
     sequence = sequence_of(scene)
     return {
@@ -165,7 +165,7 @@ def metadata_of(scene: "Scene", frame: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def layer_metadata(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
+def _layer_metadata(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
     """Metadata of the layers of a frame: their names, samples, and to which scenes flow leads.
 
     Nothing where there are none.
@@ -236,22 +236,22 @@ def _expected_metadata(arguments: argparse.Namespace, applied: "Scene") -> dict[
     expected: dict[str, Any] = {"version": __version__, "picture_hash": applied.picture_hash(), "interrupted": None}
     if arguments.seconds is None and applied.render.noise is None:
         expected["spp"] = applied.render.most_spp
-    return expected | layer_metadata(arguments, applied)
+    return expected | _layer_metadata(arguments, applied)
 
 
 def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> "Iterator[Frame]":
     """Yield the frames that are not there yet; all are checked before the first."""
-    track, same = track_frames(arguments, scene), OneMaker(arguments.allow_mixed)
+    track, same = _track_frames(arguments, scene), OneMaker(arguments.allow_mixed)
     # Frames that follow one another are not found again
-    at = lru_cache(maxsize=3)(track or (lambda number: (scene_of_frame(scene, number), {})))
-    for frame, alone in frame_scenes(arguments, scene):
-        own = arguments_of_frame(arguments, frame)
+    at = lru_cache(maxsize=3)(track or (lambda number: (_scene_of_frame(scene, number), {})))
+    for frame, alone in _frame_scenes(arguments, scene):
+        own = _arguments_of_frame(arguments, frame)
         own.same = same
         still, described = (alone, {}) if track is None else at(frame)
-        own.neighbours = neighbours_of(arguments, scene, frame, lambda other: at(other)[0])
+        own.neighbours = _neighbours_of(arguments, scene, frame, lambda other: at(other)[0])
         applied = apply_options(own, still)
         if not (arguments.resume and is_finished(own, _expected_metadata(own, applied))):
-            metadata = metadata_of(scene, frame) | described | layer_metadata(own, applied)
+            metadata = _metadata_of(scene, frame) | described | _layer_metadata(own, applied)
             if same.makers:  # whether what is kept is of this code, before any work; the driver is known after it
                 same.add("this program", made_by([same.makers[0]["driver"]]))
             yield own, still, metadata
@@ -332,8 +332,7 @@ FOLDER = ".parts"  # in place of the suffix of the first output
 
 def render_by_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:
     """Render a picture on a cluster, write it, and return the exit code."""
-    from rptcam_cl.batch.cluster import PartsFolder
-    from rptcam_cl.batch.cluster_run import render_on_cluster
+    from rptcam_cl.batch.cluster_run import PartsFolder, render_on_cluster
 
     folder = arguments.outputs[0].with_suffix(FOLDER)
     if folder.is_dir() and not arguments.resume and not arguments.quiet:
@@ -352,7 +351,7 @@ def render_by_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:
     save(image, arguments.outputs, arguments.raws)
     PartsFolder(folder).clear()
     if not arguments.quiet:
-        print(cluster_account(image), file=sys.stderr)
+        print(_cluster_account(image), file=sys.stderr)
         names = names_of(files_to_write(arguments))
         print(f"wrote {names}: {image.width} x {image.height}, {image.stats['spp']} spp", file=sys.stderr)
     return 0
@@ -377,7 +376,7 @@ def render_frames_by_cluster(arguments: argparse.Namespace, missing: "Iterable[F
                 image.metadata.update(metadata)
                 save(image, own.outputs, own.raws)
                 if not arguments.quiet:
-                    print(f"wrote {names_of(files_to_write(own))}: {cluster_account(image)}", file=sys.stderr)
+                    print(f"wrote {names_of(files_to_write(own))}: {_cluster_account(image)}", file=sys.stderr)
         except InterruptedError as ended:
             print(f"interrupted: {ended}; --resume goes on with the rest", file=sys.stderr)
             return INTERRUPTED
@@ -389,7 +388,7 @@ def _scene_keywords(arguments: argparse.Namespace) -> dict[str, Any]:
     return {name: getattr(arguments, name) for name in OF_A_CLUSTER} | {"layers": layers_of_outputs(arguments)}
 
 
-def cluster_account(image: "Image") -> str:
+def _cluster_account(image: "Image") -> str:
     """Which workers have rendered how much, as people read it."""
     cluster = image.stats["cluster"]
     rows = cluster["workers"].values()
@@ -661,7 +660,7 @@ def add_dataset(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FOLDER", help="folder to write to")
     parser.add_argument("-n", type=_count, metavar="N", dest="count", help="frames, in place of the specification's")
     parser.add_argument(
-        "--frames", type=indices, metavar="FIRST[-LAST[:STEP]]",
+        "--frames", type=_frames, metavar="FIRST[-LAST[:STEP]]",
         help="make these frames alone, which count from 0, as 517 or 0-99",
     )  # fmt: skip
     parser.add_argument(
@@ -672,14 +671,7 @@ def add_dataset(parser: argparse.ArgumentParser) -> None:
 
 
 _count = number(digits, 1, 999_999_999, "a whole number, 1 or more")
-
-
-def indices(text: str) -> range:
-    """Frames of ``517``, ``0-99`` or ``0-99:2``."""
-    frames = number_range(text, 9, 0)
-    if frames is None:
-        raise argparse.ArgumentTypeError(f"got {text}; allowed FIRST[-LAST[:STEP]], as 517 or 0-99")
-    return frames
+_frames = number_range(9, 0, "FIRST[-LAST[:STEP]], as 517 or 0-99")  # of a dataset
 
 
 def run_dataset(arguments: argparse.Namespace) -> int:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import digits, number
 from rptcam_cl.cli import lens_options
-from rptcam_cl.cli.output import Commands, Parser, add_command, as_json, finite, positive, print_table
+from rptcam_cl.cli.output import Commands, Parser, add_command, add_device, as_json, finite, positive, print_table
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.measures import MEASUREMENTS, MIDDLE_NM, Measurement, Option
@@ -273,10 +273,7 @@ def add_lens_trace(commands: Commands) -> None:
         "--start", choices=("film", "scene"), default="film", help="side where rays begin (default: %(default)s)"
     )
     lens_options.add_wavelength(parser, "of rays that have none of their own")
-    parser.add_argument(
-        "--device", metavar="SPEC",
-        help="an index as 0:0, a part of a name, cpu, gpu or auto (default: the float64 reference on the host)",
-    )  # fmt: skip
+    add_device(parser, default="the float64 reference on the host")
     parser.add_argument("--precision", choices=("single", "double"), help="arithmetic of the device (default: single)")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
@@ -479,10 +476,7 @@ def add_lens_tolerance(commands: Commands) -> None:
         help="find the loosest tolerances of these kinds with which P percent of the copies reach the limit",
     )  # fmt: skip
     parser.add_argument("--write", type=Path, metavar="FILE", help="write them as a specification, .yaml")
-    parser.add_argument(
-        "--device", metavar="SPEC",
-        help="trace the copies on a device: an index as 0:0, a part of a name, cpu, gpu or auto (default: on the host)",
-    )  # fmt: skip
+    add_device(parser, "trace the copies on a device: ", "on the host")
     lens_options.add_plot(parser)
 
 

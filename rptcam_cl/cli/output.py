@@ -168,7 +168,7 @@ def describe(progress: Progress, time_limit: float | None = None) -> str:
     return ", ".join(parts)
 
 
-def last_tiles_text(few_left: Progress, last: Progress) -> str | None:
+def _last_tiles_text(few_left: Progress, last: Progress) -> str | None:
     """How long the last 2 % of the tiles of a render with a noise target took, and why; None if that was not long.
 
     Parameters
@@ -257,7 +257,7 @@ def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
             say(describe(progress, time_limit), share)
 
         yield show
-    if few_left is not None and last is not None and (text := last_tiles_text(few_left, last)):
+    if few_left is not None and last is not None and (text := _last_tiles_text(few_left, last)):
         print(text, file=sys.stderr)
 
 
@@ -275,7 +275,7 @@ def _exposure_text(metadata: dict[str, Any]) -> str:
     return chosen
 
 
-def samples_text(stats: dict[str, Any]) -> str:
+def _samples_text(stats: dict[str, Any]) -> str:
     """How many samples the pixels have; with a noise target each tile has as many as it takes."""
     spread = stats.get("noise", {"spp_min": stats["spp"]})
     if spread["spp_min"] == stats["spp"]:
@@ -289,7 +289,7 @@ def summary(image: Image, outputs: list[Path]) -> str:
     seconds = stats["seconds"]
     parts = [
         f"{image.width} x {image.height}",
-        samples_text(stats),
+        _samples_text(stats),
         f"{as_duration(seconds['total'])} ({as_duration(seconds['render'])} rendering)",
         f"{stats['msamples_per_second']:.3g} Msamples/s",
     ]
@@ -417,7 +417,7 @@ def save(image: Image, outputs: Iterable[Path], raws: Iterable[Path] = (), stats
         attempt(partial(write_stats, stats))
     if not failures:
         return
-    where = "" if any(films) else rescue(image)
+    where = "" if any(films) else _rescue(image)
     if isinstance(failures[0], RptcamError):
         raise type(failures[0])(f"{failures[0]}{where}")
     if where:
@@ -425,7 +425,7 @@ def save(image: Image, outputs: Iterable[Path], raws: Iterable[Path] = (), stats
     raise failures[0]
 
 
-def rescue(image: Image) -> str:
+def _rescue(image: Image) -> str:
     """Write the film of a picture that cannot go where it was to go to the first place that takes it; say where."""
     for folder in dict.fromkeys((tempfile.gettempdir(), os.path.expanduser("~"), os.getcwd())):  # noqa: PTH109, PTH111
         for suffix in LAYER_SUFFIXES:
@@ -562,12 +562,12 @@ def loaded_scene(arguments: argparse.Namespace) -> Scene:
     return scene
 
 
-def add_device(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the device that a scene is rendered on."""
-    parser.add_argument(
-        "--device", metavar="SPEC",
-        help="an index as 0:0, a part of a name, cpu, gpu or auto (default: $RPTCAM_DEVICE, $PYOPENCL_CTX, auto)",
-    )  # fmt: skip
+def add_device(
+    parser: argparse.ArgumentParser, purpose: str = "", default: str = "$RPTCAM_DEVICE, $PYOPENCL_CTX, auto"
+) -> None:
+    """Add the choice of the device that renders a scene, or of what a purpose says, with a default in words."""
+    text = f"{purpose}an index as 0:0, a part of a name, cpu, gpu or auto (default: {default})"
+    parser.add_argument("--device", metavar="SPEC", help=text)
 
 
 # What the parsed arguments of ``rptcam render`` ask for: layers, devices, files, and the options of the render.
@@ -615,7 +615,7 @@ def layers_of_outputs(arguments: argparse.Namespace) -> list[str] | None:
     return None if any(map(holds_layers, arguments.outputs)) else []
 
 
-def layers_to_record(arguments: argparse.Namespace, scene: Scene) -> list[str] | None:
+def _layers_to_record(arguments: argparse.Namespace, scene: Scene) -> list[str] | None:
     """The layers to record: those of the outputs (None: the scene's), and what the files of truth need."""
     layers = layers_of_outputs(arguments)
     if arguments.truth is None:
@@ -638,7 +638,7 @@ def render_keywords(arguments: argparse.Namespace, scene: Scene) -> dict[str, An
     given = vars(arguments)
     keywords = {option.name: given[option.name] for option in fields(RenderOptions) if option.name in given}
     return keywords | {
-        "layers": layers_to_record(arguments, scene),
+        "layers": _layers_to_record(arguments, scene),
         "checkpoint": None if arguments.watch else checkpoint_of(arguments),
         "device": device_of(arguments),
         "numerics": arguments.stats is not None,

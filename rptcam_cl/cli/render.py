@@ -68,7 +68,7 @@ if TYPE_CHECKING:
 # ``rptcam render --preview``: the picture so far is written to the outputs while the render goes on.
 
 
-def preview_writer(
+def _preview_writer(
     interval: float, outputs: Sequence[Path], show: Show | None, clock: Callable[[], float] = time.monotonic
 ) -> Show:
     """A function that takes reports of a render and writes the picture so far, each file whole or not at all.
@@ -127,7 +127,7 @@ def _check_part_output(arguments: argparse.Namespace, inputs: Sequence[Path]) ->
     check_writable(outputs[0], inputs)
 
 
-def check_truth(arguments: argparse.Namespace, scene: Scene) -> None:
+def _check_truth(arguments: argparse.Namespace, scene: Scene) -> None:
     """Check, before anything is compiled, that the files of truth can be written at the end.
 
     Raises
@@ -170,7 +170,7 @@ def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
             raise InputError(f"{arguments.stats}: statistics are JSON (allowed: a name that ends in .json)")
         check_writable(arguments.stats, inputs)
     check_writable(checkpoint_of(arguments), inputs)
-    check_truth(arguments, scene)
+    _check_truth(arguments, scene)
     if arguments.layers and not any(map(holds_layers, arguments.outputs)):
         raise InputError(
             f"--layers: no output can hold them (allowed: -o with a name that ends in {listed(LAYER_SUFFIXES)})"
@@ -316,7 +316,7 @@ def _render(
         should_stop = should_stop or stack.enter_context(stop_on_interrupt()).is_set
         show = None if arguments.quiet else stack.enter_context(progress_on_stderr(arguments.seconds))
         if arguments.preview is not None:
-            show = preview_writer(arguments.preview, arguments.outputs, show)
+            show = _preview_writer(arguments.preview, arguments.outputs, show)
         try:
             image = render(scene, **render_keywords(arguments, scene), on_progress=show, should_stop=should_stop)
         except NumericError as failure:

@@ -30,6 +30,7 @@ from rptcam_cl.rendering.cameras.setting import (
     on_film,
     pupil_in_world,
 )
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.load import at_opening, change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
@@ -103,10 +104,8 @@ class View:
     @property
     def window(self) -> tuple[int, int, int, int]:
         """The picture in the whole film: x, y, width and height [pixels]."""
-        width, height = self.scene.film.resolution
-        x0, x1, y0, y1 = self.scene.film.crop or (0.0, 1.0, 0.0, 1.0)
-        left, top = min(round(x0 * width), width - 1), min(round(y0 * height), height - 1)
-        return left, top, max(round(x1 * width) - left, 1), max(round(y1 * height) - top, 1)
+        layout = FilmLayout.of(self.scene.film)
+        return layout.x, layout.y, layout.width, layout.height
 
     @property
     def size(self) -> tuple[int, int]:

@@ -106,6 +106,13 @@ def read_limited(path: Path, name: str, limit: int) -> bytes:
     return raw
 
 
+def nested(keys: Any) -> int:
+    """How many mixtures stand in each other in a texture of ours."""
+    if not isinstance(keys, dict) or keys["kind"] != "mixture":
+        return 0
+    return 1 + max(nested(keys.get(name)) for name in ("first", "second", "amount"))
+
+
 # What a conversion ignored or approximated, with the lines of the source.
 
 # Lines named per message; a scene of ten thousand shapes may break one rule ten thousand times.

@@ -356,6 +356,19 @@ class Projection:
         with np.errstate(all="ignore"):
             return np.where(radius[:, None] > 0, across * (height / radius)[:, None], 0.0)
 
+    def bounds_mm(self, seen: Array) -> tuple[Array, Array]:
+        """Return the lowest and the highest place on the film of points as a view sees them.
+
+        Raises
+        ------
+        InputError
+            When the lens does not see all of them.
+        """
+        image = self.film_mm(seen)
+        if not np.isfinite(image).all():
+            raise InputError("is wider than the lens sees")
+        return image.min(axis=0), image.max(axis=0)
+
 
 def _perspective(setting: LensSetting, section: str) -> tuple[float, float]:
     """Return how far behind the first vertex the entrance pupil lies, and what a unit of the tangent from there is on
@@ -392,12 +405,7 @@ def _chief_rays(setting: LensSetting, heights: Array) -> tuple[Array, Array] | N
 
 
 def frame_subject(
-    points: Array,
-    direction: Array,
-    up: Array,
-    film_mm: tuple[float, float],
-    set_lens: SetLens,
-    metres_per_unit: float,
+    points: Array, direction: Array, up: Array, film_mm: tuple[float, float], set_lens: SetLens, metres_per_unit: float
 ) -> tuple[CameraAxes, Array, float]:
     """Return the view that two thirds fill, else the nearest from outside the subject that the lens can focus.
 
@@ -435,14 +443,11 @@ def frame_subject(
         try:
             tried = CameraAxes.towards(target, direction, distance, up)
             projection = Projection(set_lens(tried, distance), unit_mm * 1e-3, float(np.hypot(*half)))
-            image = projection.film_mm(tried.seen(points))
-            if not np.isfinite(image).all():
-                raise InputError("is wider than the lens sees")
+            low, high = projection.bounds_mm(tried.seen(points))
         except InputError as problem:
             refused, nearest, distance = problem, distance, 1.25 * distance
             continue
-        view, low, high = tried, image.min(axis=0), image.max(axis=0)
-        share, middle = float(((high - low) / 2 / half).max()), (low + high) / 2
+        view, share, middle = tried, float(((high - low) / 2 / half).max()), (low + high) / 2
         before_lens = distance - projection.length_mm / unit_mm
         shift = middle / projection.scales_mm * before_lens
         target = target + shift[0] * view.right + shift[1] * view.up

@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -237,8 +238,7 @@ class Stage:
 
     def _displacement(self, bound: Any, prim: Any, shape: Keys) -> Keys:
         """Return the displacement of an object by its material, with as many triangles as a million allows."""
-        is_colour = isinstance(bound, dict)
-        material = None if is_colour else self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
+        material = self._bound_material(bound)
         if not material:
             return {}
         path = str(material.GetPath())
@@ -467,13 +467,13 @@ class Stage:
             return normals, mesh.GetNormalsInterpolation()
         return None
 
+    def _number(self, prim: Any, name: str, default: float) -> float:
+        value = prim.GetAttribute(name).Get(self.time)
+        return default if value is None else float(value)
+
     def _solid(self, prim: Any) -> Keys | None:
         """Return the keys of a shape of a few numbers; None for what is none of ours."""
-
-        def number(name: str, default: float) -> float:
-            value = prim.GetAttribute(name).Get(self.time)
-            return default if value is None else float(value)
-
+        number = partial(self._number, prim)
         axis = {"X": np.eye(3)[0], "Y": np.eye(3)[1]}.get(str(prim.GetAttribute("axis").Get()), np.eye(3)[2])
         ends = {key: (sign * number("height", 2.0) / 2 * axis).tolist() for key, sign in (("base", -1), ("top", 1))}
         match str(prim.GetTypeName()):
@@ -497,12 +497,15 @@ class Stage:
                         "edge_v": v.tolist()}  # fmt: skip
         return None
 
+    def _bound_material(self, bound: Any) -> Any:
+        """The material that is bound to a prim; None of the keys of a colour."""
+        return None if isinstance(bound, dict) else self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
+
     def _material(self, bound: Any, prim: Any) -> str:
         """The name of the material that is bound to a prim; of one without, its colour."""
-        is_colour = isinstance(bound, dict)
-        material = None if is_colour else self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
+        material = self._bound_material(bound)
         if not material:
-            keys, name = bound if is_colour else self._display_colour(prim), "color"
+            keys, name = bound if isinstance(bound, dict) else self._display_colour(prim), "color"
         else:
             name = str(material.GetPrim().GetName())
             path = str(material.GetPath())
@@ -534,8 +537,7 @@ class Stage:
         placement = self._placement(prim, frame)
 
         def number(name: str, default: float) -> float:
-            value = prim.GetAttribute(f"inputs:{name}").Get(self.time)
-            return default if value is None else float(value)
+            return self._number(prim, f"inputs:{name}", default)
 
         colour = np.array(api.GetColorAttr().Get(self.time) or (1, 1, 1), np.float64)
         if api.GetEnableColorTemperatureAttr().Get(self.time):

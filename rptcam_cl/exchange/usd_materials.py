@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import field
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import FileStore, Report
+from rptcam_cl.exchange.conversion import FileStore, Report, nested
 from rptcam_cl.exchange.mesh_data import Array
 from rptcam_cl.scene.assets.pictures import SUFFIXES
 from rptcam_cl.scene.materials import LEAST_BEND, MOST_BEND, MOST_INDEX
@@ -117,9 +117,7 @@ class Shading:
 
     def surface(self, material: Any) -> Keys | None:
         """Return the keys of a material; None, with a report, for one of another kind."""
-        shader, _, _ = material.ComputeSurfaceSource()
-        if not shader:
-            shader, _, _ = material.ComputeSurfaceSource("mtlx")
+        shader = _shader_of(material.ComputeSurfaceSource)
         kind = str(shader.GetIdAttr().Get() or "") if shader else ""
         if "UsdPreviewSurface" in kind:
             return self._preview(_Inputs(self, shader))
@@ -131,11 +129,7 @@ class Shading:
 
     def displacement(self, material: Any) -> Keys | None:
         """Return the picture, height and middle by which a material moves its surface; None for one that does not."""
-        shader, _, _ = material.ComputeDisplacementSource()
-        if not shader:
-            shader, _, _ = material.ComputeDisplacementSource("mtlx")
-        if not shader:
-            shader, _, _ = material.ComputeSurfaceSource()
+        shader = _shader_of(material.ComputeDisplacementSource) or material.ComputeSurfaceSource()[0]
         if not shader or not shader.GetInput("displacement"):
             return None
         get = _Inputs(self, shader)
@@ -282,6 +276,11 @@ class Shading:
         return self._pictures[path]
 
 
+def _shader_of(source: Callable[..., Any]) -> Any:
+    """The shader at a material's output, which files of MaterialX have under a name of their own."""
+    return source()[0] or source("mtlx")[0]
+
+
 def _of_reflectance(tint: Array) -> tuple[float, list[float]]:
     """Return index and specular colour of a reflectance at normal incidence."""
     most = float(np.clip(tint, 0, 0.99).max())
@@ -296,7 +295,7 @@ def _product(first: Any, second: Any) -> Any:
     """Return two colours or textures multiplied; of mixtures that stand too deep in each other the first alone."""
     if isinstance(first, dict) and isinstance(second, dict):
         keys: Keys = {"kind": "mixture", "second": first, "amount": second}
-        return keys if _nested(keys) <= MOST_NESTED else first
+        return keys if nested(keys) <= MOST_NESTED else first
     if isinstance(second, dict):
         first, second = second, first
     if not isinstance(first, dict):
@@ -322,14 +321,7 @@ def _mixture(first: Any, second: Any, amount: Any) -> Any:
         name: part if isinstance(part, dict) else np.clip(np.broadcast_to(part, 3), 0, 1).tolist()
         for name, part in parts.items()
     }
-    return keys if _nested(keys) <= MOST_NESTED else second
-
-
-def _nested(keys: Any) -> int:
-    """Return how many mixtures stand in each other."""
-    if not isinstance(keys, dict) or keys["kind"] != "mixture":
-        return 0
-    return 1 + max(_nested(keys.get(name)) for name in ("first", "second", "amount"))
+    return keys if nested(keys) <= MOST_NESTED else second
 
 
 _CHANNELS = {"x": "r", "y": "g", "z": "b", "w": "a"} | {name: name for name in "rgba"}

@@ -219,7 +219,7 @@ def _window(place: tuple[float, ...], shape: tuple[int, ...], part: Part) -> tup
     return _pixels(down, shape[0]), _pixels(across, shape[1])
 
 
-def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part) -> Matrix:
+def _balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part) -> Matrix:
     """Return the 3 x 3 matrix for linear colours as columns; that of no change where there is no light to balance.
 
     Parameters
@@ -299,7 +299,7 @@ def _bands(pixels: NDArray[np.floating], picture: PictureSettings, part: Part) -
     matrix = None
     if picture.white_balance is not None:
         whole = _expose(np.asarray(pixels, np.float32), picture.ev)
-        matrix = balance_matrix(picture.white_balance, whole, part).T.astype(np.float32)
+        matrix = _balance_matrix(picture.white_balance, whole, part).T.astype(np.float32)
         del whole
     step = max(1, BAND_PIXELS // max(1, pixels.shape[1]))
     for start in range(0, len(pixels), step):

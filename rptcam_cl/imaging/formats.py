@@ -36,7 +36,7 @@ TagField = tuple[int, int, bytes]
 Directory = Mapping[int, "TagField | Directory"]
 
 
-def ascii_text(text: str) -> TagField:
+def _ascii_text(text: str) -> TagField:
     """Return text, which beyond ASCII is UTF-8 (Metadata Working Group, guidelines 2.0)."""
     data = text.replace("\0", " ").encode() + b"\0"
     return _ASCII, len(data), data
@@ -62,14 +62,14 @@ def undefined(data: bytes) -> TagField:
     return _UNDEFINED, len(data), data
 
 
-def directory_bytes(fields: Directory, offset: int) -> bytes:
+def _directory_bytes(fields: Directory, offset: int) -> bytes:
     """Return a directory, and those inside it, as they are stored from an offset in the file on."""
     entries, beyond = [], b""
     after = offset + 2 + 12 * len(fields) + 4
     for tag, entry in sorted(fields.items()):
         place = after + len(beyond)
         if isinstance(entry, Mapping):
-            beyond += directory_bytes(entry, place)
+            beyond += _directory_bytes(entry, place)
             entry = long([place])
         kind, number, value = entry
         if len(value) > 4:
@@ -147,7 +147,7 @@ def from_exr_attributes(attributes: Metadata) -> dict[str, Any]:
     return {key: attributes[name] for key, name in (_EXR_NUMBERS | _EXR_TEXTS).items() if name in attributes}
 
 
-def exif_fields(metadata: Metadata, *, encoded: bool | None) -> dict[int, TagField]:
+def _exif_fields(metadata: Metadata, *, encoded: bool | None) -> dict[int, TagField]:
     """Return the EXIF directory of the metadata; what they lack is left out.
 
     Parameters
@@ -166,7 +166,7 @@ def exif_fields(metadata: Metadata, *, encoded: bool | None) -> dict[int, TagFie
         directory[_SENSITIVITY_TYPE] = short(_ISO_SPEED_ALONE)
         directory[_ISO_SPEED] = long([min(round(iso), 2**32 - 1)])
     if metadata.get("lens"):
-        directory[_LENS_MODEL] = ascii_text(str(metadata["lens"]))
+        directory[_LENS_MODEL] = _ascii_text(str(metadata["lens"]))
     if (equivalent := _equivalent_focal_length(metadata)) is not None:
         directory[_FOCAL_LENGTH_35] = short(equivalent)
     return directory
@@ -174,10 +174,10 @@ def exif_fields(metadata: Metadata, *, encoded: bool | None) -> dict[int, TagFie
 
 def exif_bytes(metadata: Metadata, *, encoded: bool | None) -> bytes:
     """Return EXIF data as files of other formats hold them: a TIFF header, and directories."""
-    fields: dict[int, TagField | Directory] = {_EXIF: exif_fields(metadata, encoded=encoded)}
+    fields: dict[int, TagField | Directory] = {_EXIF: _exif_fields(metadata, encoded=encoded)}
     if metadata.get("software"):
-        fields[_SOFTWARE] = ascii_text(str(metadata["software"]))
-    return HEADER + directory_bytes(fields, len(HEADER))
+        fields[_SOFTWARE] = _ascii_text(str(metadata["software"]))
+    return HEADER + _directory_bytes(fields, len(HEADER))
 
 
 def _positive(metadata: Metadata, key: str) -> float | None:
@@ -424,26 +424,26 @@ def write_tiff_to(
         _BITS: short(*[8 * codes.itemsize] * samples),
         _COMPRESSION: short(_DEFLATE),
         _PHOTOMETRIC: short(_RGB),
-        _DESCRIPTION: ascii_text(json.dumps(dict(metadata), default=str)),
+        _DESCRIPTION: _ascii_text(json.dumps(dict(metadata), default=str)),
         _SAMPLES: short(samples),
         _ROWS_PER_STRIP: long([rows]),
         _STRIP_SIZES: long(sizes),
         _X_DENSITY: rational(_DENSITY),
         _Y_DENSITY: rational(_DENSITY),
-        _TIFF_SOFTWARE: ascii_text(str(metadata.get("software", "rptcam_cl"))),
+        _TIFF_SOFTWARE: _ascii_text(str(metadata.get("software", "rptcam_cl"))),
         _PREDICTOR: short(_DIFFERENCES),
         **({_EXTRA: short(_STRAIGHT_ALPHA)} if samples == 4 else {}),
-        _TIFF_EXIF: exif_fields(metadata, encoded=encoded),
+        _TIFF_EXIF: _exif_fields(metadata, encoded=encoded),
         **({} if encoded is None else {_ICC: undefined(profile(encoded=encoded))}),
     }
-    without_places = directory_bytes(fields | {_STRIP_OFFSETS: long(sizes)}, len(HEADER))
+    without_places = _directory_bytes(fields | {_STRIP_OFFSETS: long(sizes)}, len(HEADER))
     start = len(HEADER) + len(without_places)
     if start + sum(sizes) > _LARGEST_FILE:
         raise StateError(
             f"the picture takes {(start + sum(sizes)) / 1e9:.3g} GB, and TIFF files at most 4.29; use .exr"
         )
     fields[_STRIP_OFFSETS] = long([start + sum(sizes[:index]) for index in range(len(sizes))])
-    stream.write(HEADER + directory_bytes(fields, len(HEADER)))
+    stream.write(HEADER + _directory_bytes(fields, len(HEADER)))
     stream.writelines(strips)
 
 
@@ -469,12 +469,12 @@ _DNG_LARGEST = 2**31 - 1
 Tag = tuple[int, int, int, Any, bool]
 
 
-def photometric_of(raw: RawImage) -> int:
+def _photometric_of(raw: RawImage) -> int:
     """The meaning of the numbers: a mosaic, or linear values of whole pixels."""
     return LINEAR_RAW if raw.numbers.ndim == 3 or raw.sensor.pattern == "monochrome" else CFA
 
 
-def dng_tags(raw: RawImage) -> list[Tag]:
+def _dng_tags(raw: RawImage) -> list[Tag]:
     """The tags beside those of plain TIFF: number, type, count, value, and that they belong to each page."""
     sensor = raw.sensor
     planes = 3 if raw.numbers.ndim == 3 else 1
@@ -491,7 +491,7 @@ def dng_tags(raw: RawImage) -> list[Tag]:
     ]
     if sensor.pattern != "monochrome":
         tags += _colour_tags(sensor)
-    if photometric_of(raw) == CFA:
+    if _photometric_of(raw) == CFA:
         tags += [
             (33421, _DNG_SHORT, 2, (2, 2), True),  # size of the pattern
             _bytes(33422, tuple(CHANNELS[colour] for colour in sensor.pattern)),
@@ -613,9 +613,9 @@ def _write_tiff(path: Path, raw: RawImage) -> None:
 def _write_dng(path: Path, raw: RawImage) -> None:
     import tifffile
 
-    photometric = photometric_of(raw)
+    photometric = _photometric_of(raw)
     one_plane = photometric == LINEAR_RAW and raw.numbers.ndim == 2
-    _write_tags(path, raw, "minisblack" if one_plane else photometric, dng_tags(raw))
+    _write_tags(path, raw, "minisblack" if one_plane else photometric, _dng_tags(raw))
     if one_plane:  # which tifffile takes for a mistake, though DNG allows it
         with tifffile.TiffFile(path, mode="r+") as file:
             file.pages.first.tags["PhotometricInterpretation"].overwrite(LINEAR_RAW)

@@ -541,11 +541,8 @@ def _factor_of(text: str) -> tuple[str, Any]:
         factor = json.loads(value)
     except ValueError:
         factor = None
-    if not equals or not isinstance(factor, int | float | list) or isinstance(factor, bool):
-        raise InputError(
-            f"{text}: is no factor on a group of lamps (allowed: as lights.key=0.5 or lights.key=[1,0.8,0.6])"
-        )
-    if isinstance(factor, list) and not all(isinstance(each, int | float) for each in factor):
+    numbers = factor if isinstance(factor, list) else [factor]
+    if not equals or isinstance(factor, bool) or not all(isinstance(each, int | float) for each in numbers):
         raise InputError(
             f"{text}: is no factor on a group of lamps (allowed: as lights.key=0.5 or lights.key=[1,0.8,0.6])"
         )

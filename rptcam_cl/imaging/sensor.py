@@ -23,12 +23,12 @@ from rptcam_cl.scene.scene import Scene
 CHANNELS = {"R": 0, "G": 1, "B": 2}
 
 
-def is_mosaic(pattern: str) -> bool:
+def _is_mosaic(pattern: str) -> bool:
     """Return whether a pattern is one of colours, as RGGB, and not ``none`` or ``monochrome``."""
     return set(pattern) <= CHANNELS.keys()
 
 
-def check_size(bayer: str, width: int, height: int) -> None:
+def _check_size(bayer: str, width: int, height: int) -> None:
     """Raise an error when a picture is too small for a mosaic.
 
     Raises
@@ -36,7 +36,7 @@ def check_size(bayer: str, width: int, height: int) -> None:
     InputError
         It says what would be large enough.
     """
-    if is_mosaic(bayer) and min(width, height) < 2:
+    if _is_mosaic(bayer) and min(width, height) < 2:
         raise InputError(
             f"sensor.bayer: a mosaic needs more pixels (got {width} x {height};"
             " allowed: at least 2 x 2, or bayer: none)"
@@ -201,7 +201,7 @@ class SensorModel:
     @property
     def white_electrons(self) -> NDArray[np.float64]:
         """Electrons for a film of white 1: (3,) per channel, (1,) of a monochrome sensor."""
-        return electrons_of_white(self.electrons, self.bayer)
+        return _electrons_of_white(self.electrons, self.bayer)
 
     def described(self) -> dict[str, Any]:
         """Return the sensor as a mapping for JSON, from which `from_description` makes it again."""
@@ -244,7 +244,7 @@ class SensorModel:
             raise InputError(f"the metadata describe no sensor ({error!r}; render the scene anew)") from None
 
 
-def electrons_of_white(electrons: NDArray[np.float64], bayer: str) -> NDArray[np.float64]:
+def _electrons_of_white(electrons: NDArray[np.float64], bayer: str) -> NDArray[np.float64]:
     """The electrons of a pixel for white: (3,) by the channels of a sensor, (1,) of a monochrome one, which sees all.
 
     Parameters
@@ -313,7 +313,7 @@ def expose(film: NDArray[np.floating], sensor: SensorModel) -> NDArray[np.uint16
     InputError
         The picture is too small for a Bayer mosaic.
     """
-    mean = mean_electrons(film, sensor) * (1.0 + sensor.prnu * _pattern(_SENSITIVITY, film.shape, sensor))
+    mean = _mean_electrons(film, sensor) * (1.0 + sensor.prnu * _pattern(_SENSITIVITY, film.shape, sensor))
     light = np.clip(mean + sensor.dark_e, 0.0, MOST_ELECTRONS)
     charge = _generator(_PHOTONS, sensor.seed).poisson(light).astype(np.float64)
     charge += sensor.dsnu_e * _pattern(_OFFSET, film.shape, sensor)
@@ -324,15 +324,15 @@ def expose(film: NDArray[np.floating], sensor: SensorModel) -> NDArray[np.uint16
     return np.clip(level, 0, sensor.top_dn).astype(np.uint16)
 
 
-def mean_electrons(film: NDArray[np.floating], sensor: SensorModel) -> Array:
+def _mean_electrons(film: NDArray[np.floating], sensor: SensorModel) -> Array:
     """Return the mean electrons that light sets free in each pixel, (height, width) or (height, width, 3)."""
-    check_size(sensor.bayer, film.shape[1], film.shape[0])
+    _check_size(sensor.bayer, film.shape[1], film.shape[0])
     largest = float(np.finfo(np.float32).max)
     light = np.nan_to_num(np.asarray(film, np.float64), nan=0.0, posinf=largest, neginf=-largest)
     electrons = np.maximum(light @ sensor.electrons, 0.0)
     if sensor.bayer == "monochrome":
         return np.asarray(electrons.sum(axis=2))
-    return mosaic(electrons, sensor.pattern) if is_mosaic(sensor.bayer) else electrons
+    return mosaic(electrons, sensor.pattern) if _is_mosaic(sensor.bayer) else electrons
 
 
 def _generator(stream: int, seed: int, *more: int) -> np.random.Generator:
@@ -360,7 +360,7 @@ def linear_picture(numbers: NDArray[Any], sensor: SensorModel) -> NDArray[np.flo
     Highlights stay neutral: all channels end where, after white balance, the first of them saturates.
     """
     scale = 1.0 / (sensor.system_gain_dn_per_e * sensor.white_electrons)
-    if is_mosaic(sensor.bayer):
+    if _is_mosaic(sensor.bayer):
         shape = (*numbers.shape, 3)
         per_pixel = mosaic(np.broadcast_to(scale, shape), sensor.pattern)
     else:
@@ -369,7 +369,7 @@ def linear_picture(numbers: NDArray[Any], sensor: SensorModel) -> NDArray[np.flo
     balanced = np.minimum((numbers - sensor.dark_level_dn) * per_pixel, ceiling)
     if sensor.bayer == "monochrome":
         return np.repeat(balanced[..., None], 3, axis=2).astype(np.float32)
-    colours = interpolate_colours(balanced, sensor.pattern, sensor.demosaic) if is_mosaic(sensor.bayer) else balanced
+    colours = interpolate_colours(balanced, sensor.pattern, sensor.demosaic) if _is_mosaic(sensor.bayer) else balanced
     return np.asarray(colours @ rgb_from_balanced(sensor).T, np.float32)
 
 
@@ -390,12 +390,12 @@ def binned_exposure(film: NDArray[np.floating], sensor: SensorModel, pixels: flo
         In place of the sensor's.
     """
     plain, count = sensor, np.array([pixels])
-    if is_mosaic(sensor.bayer):
+    if _is_mosaic(sensor.bayer):
         plain = replace(sensor, bayer="none")
         count = pixels * np.array([sensor.bayer.count(colour) / len(sensor.bayer) for colour in CHANNELS])
     if plain.bayer == "monochrome":
         count = count[0]
-    light = np.clip(mean_electrons(film, plain) + sensor.dark_e, 0.0, MOST_ELECTRONS)
+    light = np.clip(_mean_electrons(film, plain) + sensor.dark_e, 0.0, MOST_ELECTRONS)
     random = _generator(_PHOTONS, seed)
     charge = np.minimum(random.poisson(np.minimum(light * count, MOST_ELECTRONS)) / count, sensor.full_well_e)
     rounded_e = 1 / (math.sqrt(12) * sensor.system_gain_dn_per_e)
@@ -426,7 +426,7 @@ def sensor_of(scene: Scene, metadata: Mapping[str, Any]) -> SensorModel | None:
     if settings is None:
         return None
     per_joule = electrons_per_joule(settings.response, settings.quantum_efficiency)
-    white_per_joule = float(electrons_of_white(per_joule, settings.bayer).max())
+    white_per_joule = float(_electrons_of_white(per_joule, settings.bayer).max())
     area = pixel_area_m2(scene)
     well = settings.full_well_e or max(1.0, WELL_E_PER_UM2 * area * 1e12)
     saturation = well
@@ -483,7 +483,7 @@ def check_sensor(scene: Scene, width: int, height: int) -> None:
         It says what would be large enough.
     """
     if scene.sensor is not None:
-        check_size(scene.sensor.bayer, width, height)
+        _check_size(scene.sensor.bayer, width, height)
 
 
 def pixel_area_m2(scene: Scene) -> float:

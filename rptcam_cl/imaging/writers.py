@@ -58,7 +58,7 @@ EXPONENT, LOWEST_OF_EXPONENT = 0x7F800000, 1 << 23
 WORD = 0xFFFFFFFF
 
 
-def rank_channels(layer: str) -> tuple[str, ...]:
+def _rank_channels(layer: str) -> tuple[str, ...]:
     """Return the EXR channels of a layer: identifier and coverage of two ranks in each group of four."""
     groups = range(-(-RANKS // 2))
     return tuple(f"{layer}{group:02d}.{channel}" for group in groups for channel in "RGBA")[: 2 * RANKS]
@@ -188,8 +188,8 @@ def coco(
     InputError
         When a layer is missing.
     """
-    check_layers_of_truth(layers)
-    check_names(layers, metadata)
+    _check_layers_of_truth(layers)
+    _check_names(layers, metadata)
     objects, names = layers["sharp_object_id"], metadata["object_names"]
     classes, of_object = metadata["class_names"], metadata["object_classes"]
     hidden, (height, width) = metadata.get("occlusion"), objects.shape
@@ -230,13 +230,13 @@ def with_classes(
     return {**layers, "sharp_class_id": places[layers["sharp_class_id"]]}, {**metadata, **said}
 
 
-def check_layers_of_truth(layers: Mapping[str, NDArray[Any]]) -> None:
+def _check_layers_of_truth(layers: Mapping[str, NDArray[Any]]) -> None:
     """Refuse a picture without the layers of instances and classes."""
     if missing := [name for name in NEEDS if name not in layers]:
         raise InputError(f"annotations need the layers {' and '.join(NEEDS)} (missing: {', '.join(missing)})")
 
 
-def check_names(layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> None:
+def _check_names(layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> None:
     """Refuse metadata that do not name the objects and classes of a picture."""
     count = int(layers["sharp_object_id"].max(initial=-1)) + 1
     names, classes, of_object = (metadata.get(key) for key in ("object_names", "class_names", "object_classes"))
@@ -271,7 +271,7 @@ def save_truth(
     StateError
         When a file cannot be written.
     """
-    check_layers_of_truth(layers)
+    _check_layers_of_truth(layers)
     if layers["sharp_object_id"].max(initial=0) >= MOST_INSTANCES:
         raise InputError(f"masks of 16 bits hold {MOST_INSTANCES} objects (allowed: fewer)")
     said = coco(layers, metadata, file_name, image_id)
@@ -327,8 +327,8 @@ CHANNELS: dict[str, tuple[str, ...]] = {
     "variance": ("variance.Y",),
     "direct": ("direct.R", "direct.G", "direct.B"),
     "ghosts": ("ghosts.R", "ghosts.G", "ghosts.B"),
-    "crypto_object": rank_channels("crypto_object"),
-    "crypto_material": rank_channels("crypto_material"),
+    "crypto_object": _rank_channels("crypto_object"),
+    "crypto_material": _rank_channels("crypto_material"),
     "sharp_depth": ("sharp.Z",),
     "pupil_depth": ("pupil_depth.Z",),
     "sharp_position": ("sharp_position.X", "sharp_position.Y", "sharp_position.Z"),
@@ -366,7 +366,7 @@ def check_layers(layers: Mapping[str, Layer], height: int, width: int) -> None:
             raise InputError(f"layers: {name}: wrong shape (got {np.shape(values)}; allowed {shape})")
 
 
-def exr_channels(layers: Mapping[str, Layer]) -> Iterator[tuple[str, NDArray[Any]]]:
+def _exr_channels(layers: Mapping[str, Layer]) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield name and values (height, width) of each EXR channel; identifiers are floats there, as readers expect."""
     for name, values in layers.items():
         planes = values[..., None] if values.ndim == 2 else values
@@ -387,7 +387,7 @@ MARKED = "marked_zones"  # in the metadata: rectangles [left, right, top, bottom
 LINES_PER_SIDE = 400  # a line is as thick as the shorter side over this, at least a pixel
 
 
-def with_rectangles(codes: Codes, rectangles: Sequence[Sequence[float]], part: Part) -> Codes:
+def _with_rectangles(codes: Codes, rectangles: Sequence[Sequence[float]], part: Part) -> Codes:
     """Return a picture (height, width, 3) with the outlines of rectangles in white.
 
     Parameters
@@ -533,7 +533,7 @@ def _codes_with_marks(pixels: Pixels, metadata: Metadata, picture: PictureSettin
     part = film_part(metadata, pixels)
     codes = developed_codes(pixels, picture, part, bits)
     zones = _rectangles(metadata.get(MARKED))
-    return with_rectangles(codes, zones, part) if zones else codes
+    return _with_rectangles(codes, zones, part) if zones else codes
 
 
 def _write_png(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
@@ -644,7 +644,7 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureS
     }
     alpha = alpha_of(metadata, layers)
     over = {} if alpha is None else {"A": alpha}
-    write_exr({"RGB": pixels, **over, **dict(exr_channels(layers))}, path, header)
+    write_exr({"RGB": pixels, **over, **dict(_exr_channels(layers))}, path, header)
 
 
 def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:

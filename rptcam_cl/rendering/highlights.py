@@ -644,7 +644,7 @@ class _Trial(Rows):
 
 def lamps_among(records: NDArray[np.void], parts: Sequence[Points], front: Array) -> list[Lamp]:
     """Return the brightest lamps of emitter records and of parts of the surroundings; an emissive mesh is one lamp."""
-    lamps: list[Lamp] = [(lambda _, own=part: own, float(luminance(part[1]).sum())) for part in parts]
+    lamps: list[Lamp] = [(partial(_as_they_are, part), float(luminance(part[1]).sum())) for part in parts]
     for (kind, _), group in groupby(records, key=_owner):
         own = np.array(list(group), records.dtype)
         if kind is EmitterKind.TRIANGLE:
@@ -698,6 +698,11 @@ def _some_of_mesh(records: NDArray[np.void], front: Array) -> Lamp:
     scale = float(power.sum() / max(float(power[chosen].sum()), 1e-300))
     own = list(records[chosen])
     return partial(_together, own, scale), scale * sum(_strength(record, front) for record in own)
+
+
+def _as_they_are(part: Points, _: Array) -> Points:
+    """Return points at infinity."""
+    return part
 
 
 def _together(records: Sequence[np.void], scale: float, place: Array) -> Points:

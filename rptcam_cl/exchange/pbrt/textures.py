@@ -24,7 +24,7 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import Place, read_limited
+from rptcam_cl.exchange.conversion import Place, nested, read_limited
 from rptcam_cl.exchange.mesh_data import Array, is_invertible, tidy
 from rptcam_cl.exchange.pbrt.source import Parameter
 from rptcam_cl.exchange.pbrt.world import Context, Entity
@@ -401,13 +401,6 @@ def _mixture(context: Context, texture: Entity, first: Shade, second: Shade, amo
         context.approximated(texture, "its textures as one colour each")
         return Shade(mean)
     return Shade(mean, keys)
-
-
-def nested(keys: Any) -> int:
-    """Return how many mixtures stand in each other."""
-    if not isinstance(keys, dict) or keys["kind"] != "mixture":
-        return 0
-    return 1 + max(nested(keys[name]) for name in ("first", "second", "amount") if name in keys)
 
 
 def shade(context: Context, entity: Entity, name: str, default: float, depth: int = 0) -> Shade:
