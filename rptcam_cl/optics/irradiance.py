@@ -16,10 +16,8 @@ from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.beams import Beam, chebyshev_nodes, geometry_but_stop
 from rptcam_cl.optics.film_probe import FilmProbe, narrow_boxes, narrowing_probes, pupil_boxes, spread_points
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
-from rptcam_cl.optics.glass import Medium
 from rptcam_cl.optics.lens import Lens, limiting_surface
 from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance, trace_crossings
-from rptcam_cl.optics.surface import Surface
 
 #
 # Irradiance of the film under a uniform world of unit radiance, by deterministic quadrature over the exit pupil.
@@ -551,13 +549,11 @@ def _reversed_lens(lens: Lens) -> Lens:
         raise InputError(f"{lens.name}: glare is known of lenses with round surfaces of powers of r, without mirrors")
     media = lens.media
     surfaces = [
-        _reverse_surface(surface, media[k], lens.surfaces[k - 1].thickness if k else 0.0)
+        replace(
+            surface, curvature=-surface.curvature, aspheric=tuple((power, -value) for power, value in surface.aspheric),
+            glass=media[k], thickness=lens.surfaces[k - 1].thickness if k else 0.0,
+        )
         for k, surface in reversed(list(enumerate(lens.surfaces)))
-    ]
+    ]  # fmt: skip
     stop = None if lens.stop_index is None else len(surfaces) - 1 - lens.stop_index
     return lens.of_surfaces(surfaces, stop, object_medium=media[-1])
-
-
-def _reverse_surface(surface: Surface, medium: Medium, thickness: float) -> Surface:
-    odd = tuple((power, -value) for power, value in surface.aspheric)
-    return replace(surface, curvature=-surface.curvature, aspheric=odd, glass=medium, thickness=thickness)

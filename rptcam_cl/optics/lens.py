@@ -113,6 +113,7 @@ def first_order(lens: Prescription, wavelength_nm: float = LINE_D_NM, section: s
         planes = Planes(-np.inf, np.inf)
     else:
         planes = Planes((1 - d) * front, (a - 1) * rear)
+    step = 0.0 if rear == front else rear - front  # of the nodal points, where the media on the two sides differ
     return FirstOrder(
         wavelength_nm=float(wavelength_nm),
         focal_length_mm=rear,
@@ -120,7 +121,7 @@ def first_order(lens: Prescription, wavelength_nm: float = LINE_D_NM, section: s
         back_focal_distance_mm=planes.rear + rear,
         front_focal_distance_mm=planes.front - front,
         principal_planes_mm=planes,
-        nodal_points_mm=_nodal(planes, rear, front),
+        nodal_points_mm=Planes(planes.front + step, planes.rear + step),
         entrance_pupil=entrance,
         exit_pupil=exit_,
         f_number=abs(rear) / entrance.diameter_mm,
@@ -142,12 +143,6 @@ def _focal_lengths(lens: Prescription, c: float, wavelength_nm: float, section: 
     return -float(indices[0]) / c, -float(indices[-1]) / c
 
 
-def _nodal(principal: Planes, rear: float, front: float) -> Planes:
-    """Return the nodal points; they leave the principal points when the media on the two sides differ."""
-    step = 0.0 if rear == front else rear - front
-    return Planes(principal.front + step, principal.rear + step)
-
-
 def system_matrix(
     lens: Prescription,
     wavelength_nm: float,
@@ -156,19 +151,26 @@ def system_matrix(
     refract_last: bool = True,
     section: str = "y",
 ) -> Array:
-    """Return the matrix from just before surface `first` to just after (or, without refraction, at) surface `last`."""
-    indices = lens.indices(wavelength_nm)
-    end = len(lens.surfaces) - 1 if last is None else last
+    """Return the matrix from just before surface `first` to just after (or, without refraction, at) surface `last`.
+
+    Surfaces that are moved along the axis count where they stand; the whole begins and ends at the places of its
+    vertices.
+    """
+    indices, surfaces = lens.indices(wavelength_nm), lens.surfaces
+    end = len(surfaces) - 1 if last is None else last
     matrix = np.eye(2)
+    if first == 0 and surfaces[0].axial_shift:
+        matrix[0, 1] = lens.senses[0] * surfaces[0].axial_shift / indices[0]
     for k in range(first, end + 1):
-        surface = lens.surfaces[k]
+        surface = surfaces[k]
         if k < end or refract_last:
             change = -2.0 * indices[k] if surface.is_mirror else indices[k + 1] - indices[k]
             power = lens.senses[k] * surface.paraxial_curvature(section) * change
             power += surface.phase.power(wavelength_nm) if surface.phase else 0.0
             matrix = np.array([[1.0, 0.0], [-power, 1.0]]) @ matrix
-        if k < end:
-            gap = lens.senses[k + 1] * surface.thickness
+        if k < end or (last is None and surface.axial_shift):
+            to = surface.thickness + surfaces[k + 1].axial_shift if k < end else 0.0
+            gap = lens.senses[k + 1] * (to - surface.axial_shift)
             matrix = np.array([[1.0, gap / indices[k + 1]], [0.0, 1.0]]) @ matrix
     return matrix
 
@@ -203,7 +205,10 @@ def _pupils(lens: Prescription, wavelength_nm: float, section: str) -> tuple[Pup
     stop = limiting_surface(lens, wavelength_nm, section)
     diameter = np.float64(2 * lens.surfaces[stop].semi_diameter)
     (a, b), _ = system_matrix(lens, wavelength_nm, 0, stop, False, section).tolist()
-    (_, rear_b), (_, rear_d) = system_matrix(lens, wavelength_nm, stop, section=section).tolist()
+    behind = system_matrix(lens, wavelength_nm, stop, section=section)
+    if stop == 0:  # the whole begins at the place of the vertex, not at the stop
+        behind = behind @ [[1.0, -lens.senses[0] * lens.surfaces[0].axial_shift / indices[0]], [0.0, 1.0]]
+    (_, rear_b), (_, rear_d) = behind.tolist()
     with np.errstate(divide="ignore", invalid="ignore"):
         entrance = Pupil(float(np.float64(b) * indices[0] / a), float(diameter / abs(a)))
         exit_ = Pupil(float(0.0 - np.float64(rear_b) * indices[-1] / rear_d), float(diameter / abs(rear_d)))

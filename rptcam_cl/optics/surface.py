@@ -521,6 +521,11 @@ class Surface:
         """Return the weights of x^2 and y^2 in s: 1 where the surface curves."""
         return (0.0 if self.cylinder == "y" else 1.0, 0.0 if self.cylinder == "x" else 1.0)
 
+    @property
+    def axial_shift(self) -> float:
+        """How far its vertex stands behind its place along the axis [mm]."""
+        return self.pose.offset[2] if self.pose else 0.0
+
     def paraxial_curvature(self, section: str = "y") -> float:
         """Return the curvature at the vertex in the y-z or x-z section [1/mm], the r^2 term of an asphere included."""
         return self.shape.paraxial_curvature(self, section)

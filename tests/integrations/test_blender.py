@@ -114,7 +114,7 @@ MATERIALS = {
         "t", Base_Color=(0.8, 0.5, 0.2, 1), Transmission_Weight=1.0, Roughness=0.2
     ),
     "tinted glass of 0.5": lambda make: make.shader("ShaderNodeBsdfGlass", Color=(0.8, 0.5, 0.2, 1), Roughness=0.5),
-    "coat": lambda make: make.material("c", Base_Color=(0.8, 0.6, 0.4, 1), Coat_Weight=1.0, Specular_IOR_Level=0.0),
+    "coat": lambda make: make.material("c", Base_Color=(0.8, 0.5, 0.2, 1), Coat_Weight=1.0, Specular_IOR_Level=0.0),
     "principled as made": lambda make: make.material("p", Roughness=0.5),
     "rough metal": lambda make: make.material("m", Base_Color=(0.9, 0.6, 0.3, 1), Metallic=1.0, Roughness=0.6),
     "emission": lambda make: make.shader("ShaderNodeEmission", Color=(1, 0.5, 0.2, 1), Strength=2.0),
@@ -146,8 +146,8 @@ def test_material_looks_as_in_cycles(kind, tmp_path):
     assert one[ball].mean((0, 1)) == pytest.approx(other[ball].mean((0, 1)), rel=0.02)
 
 
-def test_coat_of_a_black_ball_is_schlicks_here_and_fresnels_in_cycles(tmp_path):
-    """The whole of the difference in closed form: means over a hemisphere, as a ball far away shows them."""
+def test_coat_of_a_black_ball_sends_back_fresnels_mean_as_in_cycles(tmp_path):
+    """Of a hemisphere, as a ball far away shows it, in closed form."""
     import bpy
 
     from rptcam_cl.rendering.plan.materials import smooth_mean
@@ -160,9 +160,10 @@ def test_coat_of_a_black_ball_is_schlicks_here_and_fresnels_in_cycles(tmp_path):
     cycles.add("uv_sphere", coat, radius=1.0, segments=128, ring_count=64)
     bpy.ops.object.shade_smooth()
     cycles.world()
-    for film, expected in ((cycles.ours(64), 0.04 + 0.96 / 21), (cycles.of_cycles(tmp_path, 64), smooth_mean(1.5))):
+    for film in (cycles.ours(64), cycles.of_cycles(tmp_path, 64)):
         ball = (film.mean() - 1) / (math.pi / 4) + 1  # the world is white beside it
-        assert ball == pytest.approx(expected, abs=2e-3)
+        print("black ball", ball, smooth_mean(1.5))
+        assert ball == pytest.approx(smooth_mean(1.5), abs=2e-3)
 
 
 @pytest.mark.parametrize("roughness", [0.3, 0.5, 0.7])

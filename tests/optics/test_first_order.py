@@ -1,9 +1,12 @@
 """First-order data against the truth tables and closed forms."""
 
+import numpy as np
 import pytest
 
 from rptcam_cl.core import LINE_D_NM
+from rptcam_cl.optics.aberrations import paraxial_rays
 from rptcam_cl.optics.library import list_lenses, load_lens
+from rptcam_cl.optics.spots import setting
 from tests.optics.truth import CASES, NAMES, truth, truth_lens
 
 RELATIVE = 1e-10
@@ -114,3 +117,31 @@ def test_afocal_system_has_infinite_focal_length():
     plate = {"surfaces": [{"thickness": 5, "glass": {"index": 1.5}, "diameter": 10}, {"diameter": 10}]}
     assert load_lens(plate).first_order().focal_length_mm == float("inf")
     assert load_lens(telescope).first_order().focal_length_mm == float("inf")
+
+
+def test_surfaces_moved_along_the_axis_count_where_they_stand():
+    rows = [{"radius": 50, "thickness": 5, "glass": {"nd": 1.5168, "vd": 64.2}, "diameter": 20},
+            {"radius": -60, "diameter": 20, "thickness": 7}, {"stop": True, "diameter": 8, "thickness": 3},
+            {"radius": -80, "thickness": 3, "glass": {"nd": 1.7, "vd": 30}, "diameter": 20},
+            {"radius": 90, "diameter": 20}]  # fmt: skip
+    for shifts in ([0, 0, 0, 3, 0], [0, 0, -1, 2, 0], [1.5, 0.5, 0, 0, -0.5]):
+        moved = load_lens({"name": "moved", "surfaces": [
+            row | {"decentre": [0, 0, shift]} for row, shift in zip(rows, shifts, strict=True)
+        ]})  # fmt: skip
+        gaps = [row.get("thickness", 0) + b - a for row, a, b in zip(rows, shifts, [*shifts[1:], 0], strict=True)]
+        lens = load_lens({"name": "gaps", "surfaces": [
+            row | {"thickness": gap} for row, gap in zip(rows[:-1], gaps[:-1], strict=True)
+        ] + rows[-1:]})  # fmt: skip
+        first, same = moved.first_order(), lens.first_order()
+        assert first.focal_length_mm == pytest.approx(same.focal_length_mm, rel=1e-13)
+        assert first.back_focal_distance_mm == pytest.approx(same.back_focal_distance_mm + shifts[-1], rel=1e-13)
+        assert first.entrance_pupil.distance_mm == pytest.approx(same.entrance_pupil.distance_mm + shifts[0], rel=1e-12)
+        assert first.exit_pupil.distance_mm == pytest.approx(same.exit_pupil.distance_mm + shifts[-1], rel=1e-12)
+        marginal, chief = paraxial_rays(setting(moved), 5.0)
+        for ours, theirs in zip((marginal, chief), paraxial_rays(setting(lens), 5.0), strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=1e-12)
+    stop_first = [{"stop": True, "diameter": 8, "thickness": 3, "decentre": [0, 0, 1]}, *rows[3:]]
+    at_gap = [{"stop": True, "diameter": 8, "thickness": 2}, *rows[3:]]
+    ours, theirs = (load_lens({"name": "x", "surfaces": s}).first_order() for s in (stop_first, at_gap))
+    assert ours.exit_pupil.distance_mm == pytest.approx(theirs.exit_pupil.distance_mm, rel=1e-12)
+    assert ours.entrance_pupil.distance_mm == pytest.approx(1, rel=1e-12)

@@ -108,6 +108,17 @@ def test_aimed_rays_find_lamps_that_others_find_by_chance():
     assert aimed.variance.mean() < plain.variance.mean() / 4  # 7 to 12 times less
 
 
+def test_aimed_rays_find_the_corners_of_a_polygon():
+    """Left to other rays, pixels at corners of a hexagon are as much as ten times as bright as the lamp, or dark."""
+    far = ball([0.13, -0.03, -30], 0.0018)
+    blades = {"f_number": 4, "aperture": {"shape": "polygon", "blades": 6, "rotation_degrees": 15}}
+    crop = {"resolution": [480, 320], "width_mm": 1.2, "crop": [0.6, 0.8, 0.4, 0.7]}
+    scene = scene_with(LENS | NEAR | blades, [far], crop) | {"environment": None}
+    images = film(scene, "corners", 16, 8, aims=True)
+    mean = images.mean[..., 1]
+    assert np.sqrt(images.variance[..., 1].max()) < np.median(mean[mean > mean.max() / 2])
+
+
 def test_parts_of_a_picture_have_its_bits():
     scene = CASES["far"]
     whole = rptcam_cl.render(scene, spp=4, seed=1)

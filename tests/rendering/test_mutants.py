@@ -181,7 +181,7 @@ MUTANTS = [
            lambda: bsdf_sampling.test_samples_follow_the_stated_density(open_session(), "coated")),
     Mutant("base chosen at no cost", "density += lobes.under * (up - density);", "",
            lambda: bsdf_sampling.test_samples_follow_the_stated_density(open_session(), "rough plastic")),
-    Mutant("base does not lose the way out", "up * (1.0f - cover_albedo(lobes.cover, MAX(wo.z, ZERO)))", "up",
+    Mutant("base does not lose the way out", "1.0f - share_above_base(vertex, f3(wo.x, wo.y, MAX(wo.z, ZERO)))", "1.0f",
            lambda: bsdf_values.test_reflection_is_the_same_either_way(open_session(), "principled")),
     Mutant("absorption also outside", "I inside = dot3(vertex.ng, d) > 0.0f;", "I inside = TRUE;",
            materials.test_light_through_an_absorbing_slab_is_beers_law),

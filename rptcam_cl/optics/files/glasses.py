@@ -286,7 +286,8 @@ def glasses_of(maker: str) -> dict[str, MakersGlass]:
 def law_of(glass: MakersGlass, label: str) -> Medium:
     """Return the dispersion law of a glass, called `label`, with what it absorbs."""
     row = _row(glass)
-    absorption, thermal = _makers_absorption(row), _thermal(row)
+    table, thermal = row.get("k"), _thermal(row)  # extinction coefficients
+    absorption = Absorption.from_extinction(*np.array(table).T) if table and len(table) > 1 else None
     if "formula" in row:
         low, high = row["range_um"]
         law = _FORMULAS[f"formula {row['formula']}"](row["coefficients"], (1e3 * low, 1e3 * high), label)
@@ -314,12 +315,6 @@ def _thermal(row: dict[str, Any]) -> Thermal | None:
         return None
     dispersion = tuple(row["thermal"]) if "thermal" in row else None
     return Thermal(dispersion, row.get("expansion"), row.get("temperature_c", STANDARD_C))
-
-
-def _makers_absorption(row: dict[str, Any]) -> Absorption | None:
-    """Return the absorption of a table of extinction coefficients, None without one."""
-    table = row.get("k")
-    return Absorption.from_extinction(*np.array(table).T) if table and len(table) > 1 else None
 
 
 @lru_cache(maxsize=len(MAKERS))

@@ -240,6 +240,8 @@ _FAR_TOO_LARGE = 2.5  # times that part, by a few rays: such a lamp is not exami
 _LARGEST_AIM = 0.4  # of the pupil that rays at a lamp are spread over
 _AIM_WIDER = 1.05  # than a lamp's part of the pupil is found to be
 _MOST_SHARE = 0.7  # of the rays of a film point
+_TIPS = 1.12  # times as far as rays of the middle go corners of the pupil may reach, between these rays
+_INWARDS = 2.0  # times how far a lamp reaches lies the outline, towards the middle, off a corner of 60 degrees
 DIM = 0.02  # value of the film that a lamp's disk has to be bright against
 MOST_ENTRIES = 20_000
 _SEEN_NM = (440.0, 650.0)  # between which colours are taken as a line
@@ -407,14 +409,14 @@ def _entries(lamp: SeenLamp, fit: LampFit, blocks: _Blocks) -> _Entries:
     widened = parts * _AIM_WIDER + margin[:, None, None] * factors
     taken = full * np.abs(_determinants(widened)) / pupil_area
     beyond = largest + margin
-    radius = fit.pupil_radius * 1.03 + beyond
+    radius = fit.pupil_radius * _TIPS + beyond
     middle = np.column_stack([x[1::2][which % len(columns)], y[1::2][which // len(columns)]])
     constant = at - (slope @ middle[..., None])[..., 0]
     n = len(which)
     floats = np.column_stack([
         np.zeros(n), constant[:, 0], slope[:, 0], constant[:, 1], slope[:, 1], shift, widened.reshape(n, 4),
         np.full(n, float(lamp.is_round)), np.broadcast_to(pupil_middle, (n, 2)), radius**2,
-        np.where(everywhere.all(axis=1), 0.0, beyond),
+        np.where(everywhere.all(axis=1), 0.0, _INWARDS * beyond),
     ])  # fmt: skip
     numbers = (rows[:, None] * blocks.counts[0] + columns).ravel()[which]
     return _Entries(numbers, floats, part, entry).kept(np.flatnonzero(some.any(axis=1) * (taken < _LARGEST_AIM)))

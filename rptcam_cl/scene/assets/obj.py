@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 import re
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -47,7 +49,8 @@ def _read_mtl(path: Path) -> dict[str, FileMaterial]:
         content = read_whole(path, MOST_BYTES)
     materials: dict[str, Lines] = {}
     current: Lines | None = None
-    for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
+    text = _as_utf8(BytesIO(content)).read().decode("utf-8", "replace")
+    for number, line in enumerate(text.splitlines(), start=1):
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
@@ -609,7 +612,7 @@ def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
     """
     reader = _ObjReader(path)
     with mesh.open_mesh(path) as file:
-        reader.read(file)
+        reader.read(_as_utf8(file))
     if not reader.faces:
         raise InputError(f"{path}: has no faces (allowed: lines such as 'f 1 2 3')")
     materials: dict[str, FileMaterial] = {}
@@ -642,6 +645,15 @@ def _material_named(materials: dict[str, FileMaterial], name: str | None, path: 
     if name not in materials:
         raise InputError(f"{path}: usemtl {name}: names no material (allowed: {', '.join(list(materials)[:24])})")
     return materials[name]
+
+
+def _as_utf8(file: BinaryIO) -> BinaryIO:
+    """Return a text file behind the mark of UTF-8, or a copy of what is UTF-16 by its mark."""
+    mark = file.read(3)
+    if mark[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return BytesIO((mark + file.read()).decode("utf-16", "replace").encode())
+    file.seek(3 if mark == codecs.BOM_UTF8 else 0)
+    return file
 
 
 def _text(line: bytes) -> str:

@@ -105,6 +105,15 @@ def test_each_material_is_a_part(read: Read, tmp_path: Path) -> None:
     assert len(parts["lamp"].mesh.positions) == 3
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_mark_of_an_encoding_hides_no_first_line(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "m.mtl").write_bytes("newmtl red\nKd 1 0 0\n".encode(encoding))
+    path = tmp_path / "marked.obj"
+    path.write_bytes("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n".encode(encoding))
+    (material,) = obj_blocks.read_obj(path, lambda name: tmp_path / name).materials
+    assert material.base_color == (1, 0, 0)
+
+
 def test_grey_stands_for_a_missing_library(read: Read) -> None:
     # What finds files refuses this one; the mesh is there all the same, in grey.
     contents = read("a.obj", f"mtllib missing.mtl\n{SQUARE}f 1 2 3\nusemtl wood\nf 1 3 4\n")
