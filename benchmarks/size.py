@@ -7,8 +7,6 @@ A line of code is one that is neither blank nor a comment nor part of a docstrin
 from __future__ import annotations
 
 import ast
-import io
-import tokenize
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,9 +15,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "rptcam_cl"
-NO_CODE = {
-    tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER,
-}  # fmt: skip
 TOP = "(top)"  # the modules of the package itself
 
 
@@ -58,11 +53,12 @@ def size_of(source: str) -> Size:
     tree = parsed(source)
     nodes = list(ast.walk(tree))
     docstrings = {line for node in nodes for line in _docstring_lines(node)}
-    code = {
+    code = {number for number, line in enumerate(source.splitlines(), 1) if line.strip() and line.strip()[0] != "#"}
+    code |= {  # texts keep their blank lines
         line
-        for token in tokenize.generate_tokens(io.StringIO(source).readline)
-        if token.type not in NO_CODE
-        for line in range(token.start[0], token.end[0] + 1)
+        for node in nodes
+        if isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str | bytes))
+        for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
     }
     imports = {
         line

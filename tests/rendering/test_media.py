@@ -164,7 +164,9 @@ def droplets(diameter):
 
 
 def test_mean_cosine_of_droplets_is_that_of_their_phase_function():
-    nodes, weights = np.polynomial.legendre.leggauss(4000)
+    s, weights = np.polynomial.legendre.leggauss(100)
+    s = (s + 1) / 2
+    nodes, weights = 1 - 2 * s**4, weights * 4 * s**3  # dense where droplets scatter, forwards: good to 1e-11
     for diameter in (5.0, 12.0, 50.0):
         phase = droplets(diameter)(nodes) * weights * 2 * np.pi
         np.testing.assert_allclose([phase.sum(), phase @ nodes], [1, Droplets.of(diameter).mean_cosine], rtol=1e-6)

@@ -12,7 +12,7 @@ from playwright.sync_api import Page
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.panel import KITS
 from tests.support.browsing import needs_chromium, reached, repeated, settled, standing, until
-from tests.viewfinder.test_page_controls import answered, comes_true, value
+from tests.viewfinder.test_page_controls import answered, comes_true, typed, value
 
 pytestmark = [
     pytest.mark.slow,
@@ -147,13 +147,6 @@ def at(page: Page, x: float, y: float) -> tuple[float, float]:
     box = page.locator(".vf-frame[data-slot=A]").bounding_box()
     assert box is not None
     return box["x"] + x * box["width"], box["y"] + y * box["height"]
-
-
-def typed(page: Page, name: str, text: str) -> None:
-    page.focus(f"[data-dial={name}]")
-    page.keyboard.press("Enter")
-    page.keyboard.type(text)
-    page.keyboard.press("Enter")
 
 
 def selected(page: Page) -> str:
