@@ -194,7 +194,7 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
     def bounds(angles: Array) -> NDArray[np.int32]:
         """Find the surface that stops the first ray beyond the edge."""
         outward = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(-1, 2)
-        _, edge = _edges(lens, beam, wavelength_nm, middle, outward, limit)
+        edge = _edge(lens, beam, wavelength_nm, middle, outward, limit)
         beyond = middle + (edge + limit * 2.0 ** (1 - BISECTIONS))[:, None] * outward
         return np.reshape(lens.trace(*beam.rays(beyond), wavelength_nm, "scene").surface, angles.shape)
 
@@ -209,6 +209,11 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
         same = bounds(low[:, None] + step * np.arange(1, SECTIONS)) == surfaces[changes][:, None]
         low = low + step * np.where(same.all(axis=1), SECTIONS - 1, np.argmin(same, axis=1))
     return np.sort(low + step / 2)
+
+
+def _edge(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, outward: Array, limit: float) -> Array:
+    """How far from the middle of a beam its rays pass, along each direction (n, 2)."""
+    return _edges(lens, beam, wavelength_nm, middle, outward, limit)[1]
 
 
 def _edges(

@@ -35,9 +35,9 @@ class SharpHits(Rows):
 
     Attributes
     ----------
-    points, normals : (n, 3) arrays
-        Position about the eye when the shutter opens [m]; normal for shading, towards where the ray comes from.
-        Nothing where nothing is met.
+    points, normals, own_normals : (n, 3) arrays
+        Position about the eye when the shutter opens [m]; normal for shading, and of the surface itself, both towards
+        where the ray comes from. Nothing where nothing is met.
     primitives, triangles, objects, materials : (n,) arrays
         Identifiers; -1 for none.
     departures : (n, 3) array
@@ -46,6 +46,7 @@ class SharpHits(Rows):
 
     points: Array
     normals: Array
+    own_normals: Array
     primitives: Indices
     triangles: Indices
     objects: Indices
@@ -128,10 +129,12 @@ def _facing(values: Array, owners: Indices, directions: Array) -> SharpHits:
     """Make hits of what the pass wrote, with normals that face where rays come from."""
     point, normal, own = (values[row : row + 3].T for row in (0, 3, 6))
     along = np.sum(own * np.nan_to_num(directions), axis=1)
+    turn = np.where(along > 0, -1.0, 1.0)[:, None]
     departure = point + np.copysign(values[9], along)[:, None] * own
-    normal = np.where((owners[0] >= 0)[:, None], np.where(along > 0, -1.0, 1.0)[:, None] * normal, 0.0)
+    met = (owners[0] >= 0)[:, None]
+    normal, own = (np.where(met, turn * each, 0.0) for each in (normal, own))
     primitives, triangles, objects, materials = owners
-    return SharpHits(point, normal, primitives, triangles, objects, materials, departure)
+    return SharpHits(point, normal, own, primitives, triangles, objects, materials, departure)
 
 
 # What rays lead to behind panes and by way of mirrors: the surface that a picture shows there.
@@ -197,13 +200,16 @@ def follow_rays(sharp: SharpPass, plan: Plan, origins: Array, directions: Array,
             ends.panes[passed] += 1
             end = np.setdiff1d(mine, np.concatenate([bounced, passed]))
             ends.points[end], ends.directions[end], ends.objects[end] = hits.points[end], way[end], hits.objects[end]
-            record = plan.materials[index]
-            ends.lamps[end] = int(record["kind"]) == MaterialKind.EMISSIVE or bool(record["glow"][:3].max() > 0)
+            ends.lamps[end] = _shines(plan.materials[index])
             way[end] = np.nan
         if not np.isfinite(way).all(axis=1).any():
             break
     ends.lengths[np.isfinite(way).all(axis=1)] = np.inf  # lost between mirrors
     return ends
+
+
+def _shines(record: np.void) -> bool:
+    return int(record["kind"]) == MaterialKind.EMISSIVE or bool(record["glow"][:3].max() > 0)
 
 
 def _turn_rays(

@@ -383,7 +383,13 @@ def loosest_set(
     if not (design < limit if by_spot else design > limit):
         unit = " µm of rms spot" if by_spot else " of modulation"
         raise InputError(f"{lens.name}: no tolerances reach {limit:g}{unit}: the design itself has {design:.4g}")
-    shares = _cheapest_shares(run, design)
+    cost = dict.fromkeys((one.label for one in run.limits), 0.0)
+    for one in run.sensitivities:
+        added = one.spot_um**2 - design**2 if by_spot else design - one.mtf
+        cost[one.label] = max(cost[one.label], added if math.isfinite(added) else math.inf)
+    adds = np.array([cost[one.label] for one in run.limits])
+    worst = adds[np.isfinite(adds)].max(initial=0.0) or 1.0
+    shares = np.clip(np.where(np.isfinite(adds), adds, worst) / worst, _LEAST_COST, 1.0) ** (-1 / 3)
     front, adjusted = _state(lens, spec)[1], limits(lens, spec, "compensators")
     judge, _, _ = judge_of(spec, run.copies, front, adjusted, trace)
     drawn, refocus = len(run.limits), run.tolerances.refocus
@@ -395,7 +401,13 @@ def loosest_set(
         good = merit <= limit if by_spot else merit >= limit
         return share(int(np.count_nonzero(good)), len(good)).low
 
-    factors = np.minimum(_largest_scale(reached, percent) * shares, _LOOSEST)
+    low, high = math.log(_TIGHTEST), math.log(_LOOSEST)
+    if reached(math.exp(high)) * 100 >= percent:
+        low = high
+    for _ in range(0 if low == high else STEPS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if 100 * reached(math.exp(middle)) >= percent else (low, middle)
+    factors = np.minimum(math.exp(low) * shares, _LOOSEST)
     entries = [alone(lens, spec, one, factor) for one, factor in zip(run.limits, factors.tolist(), strict=True)]
     given = spec.tolerances.model_dump(mode="json", exclude_none=True, exclude={"tolerances", "source"})
     kept = ("compensators", "distribution", "sigmas", "copies", "seed", "refocus", "f_number", "focus_distance_m",
@@ -406,28 +418,6 @@ def loosest_set(
         written, factors, tuple(one.label for one in run.limits),
         tolerance(lens, written, copies=copies, seed=seed, with_sensitivities=False, trace=trace),
     )  # fmt: skip
-
-
-def _cheapest_shares(run: ToleranceRun, design: float) -> Array:
-    """Return the size of each tolerance, of which the one that adds most has 1, that costs least for a variance."""
-    cost = dict.fromkeys((one.label for one in run.limits), 0.0)
-    for one in run.sensitivities:
-        added = one.spot_um**2 - design**2 if run.rank_by == "spot" else design - one.mtf
-        cost[one.label] = max(cost[one.label], added if math.isfinite(added) else math.inf)
-    adds = np.array([cost[one.label] for one in run.limits])
-    worst = adds[np.isfinite(adds)].max(initial=0.0) or 1.0
-    return np.asarray(np.clip(np.where(np.isfinite(adds), adds, worst) / worst, _LEAST_COST, 1.0) ** (-1 / 3))
-
-
-def _largest_scale(reached: Callable[[float], float], percent: float) -> float:
-    """Return the largest scale, by halves of its logarithm, at which the share that is reached is so many percent."""
-    low, high = math.log(_TIGHTEST), math.log(_LOOSEST)
-    if reached(math.exp(high)) * 100 >= percent:
-        return math.exp(high)
-    for _ in range(STEPS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if 100 * reached(math.exp(middle)) >= percent else (low, middle)
-    return math.exp(low)
 
 
 # One copy of a lens, chosen by how good it is among all: the lens behind which a picture is taken.

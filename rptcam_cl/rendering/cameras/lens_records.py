@@ -287,8 +287,8 @@ def lens_records(
         if surface.stop_shape is not None:
             stop = _fill_stop(record, surface.stop_shape, surface.semi_diameter)
         if surface.region is not None:
-            before = None if previous is None else lens.surfaces[previous].region  # of the same half of a lens, or not
-            _fill_region(record, surface.region, before == surface.region and not surface.region.blocks)
+            joins = previous is not None and _same_half_lens(lens.surfaces[previous], surface)
+            _fill_region(record, surface.region, joins)
         previous = k
     terms = _fill_dispersion(records, lens, backwards) if dispersive else 0
     filler = LossFiller(transmission, wavelength_nm, usable_nm(lens, transmission) if dispersive else None, len(stop))
@@ -362,6 +362,10 @@ def _fill_stop(record: np.void, shape: StopShape | StopMask, semi_diameter_mm: f
     record["stop_shape"], record["stop_count"] = StopKind.MASK, len(shape.cells)
     record["stop_radius"] = semi_diameter_mm
     return shape.cells.astype(np.float64).ravel()
+
+
+def _same_half_lens(previous: Surface, surface: Surface) -> bool:
+    return previous.region is not None and not previous.region.blocks and previous.region == surface.region
 
 
 def _facts(lens: Lens, records: NDArray[np.void]) -> dict[str, int]:

@@ -767,6 +767,11 @@ def values_per_irradiance(time_s: float, iso: float) -> float:
     return LUMENS_PER_WATT * time_s * iso / _SATURATION_LX_S
 
 
+def _ideal_irradiance(f_number: float) -> float:
+    """Return the irradiance of the film's centre for radiance 1 behind an aplanatic lens focused at infinity."""
+    return math.pi / (4.0 * f_number**2)
+
+
 def working_f_number(on_axis_irradiance: float) -> float:
     """Return the f-number of the aplanatic lens that lights the film's centre as much: 1 / (2 sin u')."""
     return math.sqrt(math.pi / (4.0 * on_axis_irradiance))
@@ -776,7 +781,7 @@ def camera_irradiance(model: CameraModel, exposure: Exposure) -> float | None:
     """Return the irradiance of the film's centre for radiance 1; None where there is no film to speak of."""
     if model.on_axis_irradiance is not None:
         return model.on_axis_irradiance
-    return None if exposure.f_number is None else math.pi / (4.0 * exposure.f_number**2)  # of an aplanatic lens
+    return None if exposure.f_number is None else _ideal_irradiance(exposure.f_number)
 
 
 def exposed(model: CameraModel, scene: Scene) -> CameraModel:

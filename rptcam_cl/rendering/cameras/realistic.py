@@ -45,7 +45,7 @@ from rptcam_cl.rendering.cameras.pupil import (
     tight_sampling,
     without_shape,
 )
-from rptcam_cl.rendering.cameras.ray_map import LensRays, allowed_px, fitted_rays, traced_rays
+from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.rendering.cameras.setting import (
     DESIGN,
     CameraMetadata,
@@ -429,7 +429,11 @@ def realistic_model(
         axis, samples = (_glanced_axis, _GLANCED_SAMPLES) if coarse else (on_axis_of, _AXIAL_SAMPLES)
         axial_colour = _axial_colour(axis, samples, lens, film_distance_mm, taken, whole, (low, high))
     pupil = shared or _pupil(scene, setting, lens, sampled_nm, windows, coarse)
-    through = _through_lens(scene, setting, lens, (low, high) if dispersive else None)
+    if camera.rays == "fitted":
+        range_nm = (low, high) if dispersive else None
+        through = fitted_rays(lens, setting, scene.film, range_nm, allowed_px(camera.accuracy))
+    else:
+        through = traced_rays(lens, setting, camera.precision, dispersive)
     record = _record(scene, setting, lens, pupil, len(through.surfaces))
     entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
     metadata: CameraMetadata = {"camera": "realistic", **through.metadata, **setting.metadata}
@@ -458,15 +462,6 @@ def realistic_model(
         setting=setting,
         pupil=None if coarse else entrance,
     )
-
-
-def _through_lens(scene: Scene, setting: LensSetting, lens: Lens, range_nm: tuple[float, float] | None) -> LensRays:
-    """Make what leads rays through a lens: fitted polynomials, or its surfaces; for wavelengths where it disperses."""
-    camera = scene.camera.traced_camera
-    assert camera is not None
-    if camera.rays == "fitted":
-        return fitted_rays(lens, setting, scene.film, range_nm, allowed_px(camera.accuracy))
-    return traced_rays(lens, setting, camera.precision, range_nm is not None)
 
 
 def _perspective(scene: Scene, setting: LensSetting) -> CameraMetadata:
