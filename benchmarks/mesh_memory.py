@@ -13,6 +13,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -65,9 +66,8 @@ def bytes_per_path(device_type: str) -> dict[str, dict[str, float]]:
         ("passes, lamps", False, True, False),
         ("passes, lamps and meshes", False, True, True),
     ):
-        size = 4 * floats_per_slot(
-            stream=stream, emitters=emitters, meshes=meshes, moves=False, colours=False, light_tree=False
-        )
+        facts = defaultdict(int, HAS_EMITTERS=int(emitters), HAS_MESH=int(meshes))
+        size = 4 * floats_per_slot(facts, stream=stream)
         found[name] = {"bytes": size, "megabytes": size * WAVE_SLOTS[device_type] / 1e6}
     return found
 

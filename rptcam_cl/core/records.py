@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from enum import IntEnum
 from functools import cache
 from typing import Any
@@ -896,7 +897,9 @@ LIGHT_LOBE_FIELDS = ("MIRROREDX", "MIRROREDY", "MIRROREDZ", "LOBE_WIDTH", "LOBE_
 CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
 MEDIA_FIELDS = ("MEDIUM", "FROM_MEDIUM")
 ENTRY_FIELDS = ("ENTRYX", "ENTRYY", "ENTRYZ")
-GLASS_FIELDS = ("LASTX", "LASTY", "LASTZ", "LAST_WX", "LAST_WY", "LAST_WZ", "LAST_PDF", "SHAREX", "SHAREY", "SHAREZ")
+GLASS_FIELDS = (
+    "LASTX", "LASTY", "LASTZ", "LAST_WX", "LAST_WY", "LAST_WZ", "LAST_PDF", "SHAREX", "SHAREY", "SHAREZ", "CHANCE",
+)  # fmt: skip
 GROUP_FIELDS = ("LIT_BY",)  # behind it the light of each group, three numbers
 STATE_FIELDS = (
     PATH_FIELDS
@@ -914,48 +917,29 @@ STATE_FIELDS = (
 )
 
 
-def floats_per_slot(
-    *,
-    stream: bool,
-    emitters: bool,
-    meshes: bool,
-    moves: bool,
-    colours: bool,
-    light_tree: bool,
-    light_lobes: bool = False,
-    caustics: bool = False,
-    media: bool = False,
-    entries: bool = False,
-    lamps_behind_glass: bool = False,
-    light_groups: int = 0,
-) -> int:
-    """Return how many 4-byte numbers a slot holds.
+# The facts of a scene whose paths need fields, those of the last fields first.
+_NEEDED_BY = {
+    GROUP_FIELDS: ("LIGHT_GROUPS",),
+    GLASS_FIELDS: ("LAMPS_BEHIND_GLASS",),
+    ENTRY_FIELDS: ("HAS_ENTRIES",),
+    MEDIA_FIELDS: ("HAS_MEDIA",),
+    CAUSTIC_FIELDS: ("CAUSTICS",),
+    LIGHT_LOBE_FIELDS: ("LIGHT_LOBES",),
+    LIGHT_TREE_FIELDS: ("LIGHT_TREE",),
+    COLOUR_FIELDS: ("SPECTRUM",),
+    TIME_FIELDS: ("MOVES",),
+    MESH_FIELDS: ("HAS_MESH", "HAS_CURVE"),
+    LIGHT_FIELDS: ("HAS_EMITTERS",),
+}
 
-    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
-    places on what is hit where it has meshes or curves, with the time where something moves, with the wavelength sample
-    where paths have a wavelength, with a normal where the scene has a light tree and a lobe where facets reflect its
-    lamps, with their past where photons bring caustics, with the media around them where it has any, with what they
-    took where they entered one whose colour is a texture, with where they were scattered last where light samples
-    follow glass to lamps, and with the light of each group of lamps where it is kept apart.
-    """
+
+def floats_per_slot(facts: Mapping[str, int], *, stream: bool) -> int:
+    """Return how many 4-byte numbers a slot holds: a camera ray for the stream, else a path."""
     if stream:
         return CAMERA_RAY_FLOATS
-    last = {
-        GROUP_FIELDS: light_groups > 0,
-        GLASS_FIELDS: lamps_behind_glass,
-        ENTRY_FIELDS: entries,
-        MEDIA_FIELDS: media,
-        CAUSTIC_FIELDS: caustics,
-        LIGHT_LOBE_FIELDS: light_lobes,
-        LIGHT_TREE_FIELDS: light_tree,
-        COLOUR_FIELDS: colours,
-        TIME_FIELDS: moves,
-        MESH_FIELDS: meshes,
-        LIGHT_FIELDS: emitters,
-    }
-    floats = len(STATE_FIELDS) + 3 * light_groups
-    for fields, needed in last.items():
-        if needed:
+    floats = len(STATE_FIELDS) + 3 * facts["LIGHT_GROUPS"]
+    for fields, names in _NEEDED_BY.items():
+        if any(facts[name] for name in names):
             return floats
         floats -= len(fields)
     return floats

@@ -189,21 +189,7 @@ def keeps_rays(plan: Plan, settings: RenderSettings, *, stream: bool) -> bool:
 
 def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
     """How large the state of the paths is, without the rays of a lens traced in float64."""
-    floats = floats_per_slot(
-        stream=stream,
-        emitters=plan.emitters.count > 0,
-        meshes=plan.facts["HAS_MESH"] + plan.facts["HAS_CURVE"] > 0,
-        moves=plan.facts["MOVES"] > 0,
-        colours=plan.facts["SPECTRUM"] > 0,
-        light_tree=plan.facts["LIGHT_TREE"] > 0,
-        light_lobes=plan.facts["LIGHT_LOBES"] > 0,
-        caustics=plan.facts["CAUSTICS"] > 0,
-        media=plan.facts["HAS_MEDIA"] > 0,
-        entries=plan.facts["HAS_ENTRIES"] > 0,
-        lamps_behind_glass=plan.facts["LAMPS_BEHIND_GLASS"] > 0,
-        light_groups=plan.facts["LIGHT_GROUPS"],
-    )
-    return 4 * floats * capacity
+    return 4 * floats_per_slot(plan.facts, stream=stream) * capacity
 
 
 def bytes_of_lens_rays(plan: Plan, capacity: int) -> int:
