@@ -66,7 +66,8 @@ def bytes_per_path(device_type: str) -> dict[str, dict[str, float]]:
         ("passes, lamps", False, True, False),
         ("passes, lamps and meshes", False, True, True),
     ):
-        size = 4 * floats_per_slot(defaultdict(int, HAS_EMITTERS=emitters, HAS_MESH=meshes), stream=stream)
+        facts = defaultdict(int, HAS_EMITTERS=int(emitters), HAS_MESH=int(meshes))
+        size = 4 * floats_per_slot(facts, stream=stream)
         found[name] = {"bytes": size, "megabytes": size * WAVE_SLOTS[device_type] / 1e6}
     return found
 

@@ -1,6 +1,7 @@
-// Light of a lamp behind clear glass: the ray of a light sample that something blocks goes on through smooth glass, bent and
-// weakened and never mirrored, and brings what it meets of the lamp that it was aimed at. Paths that go the same way from where
-// they were scattered last are weighted against it (emission of integrator/path.h), so that every way of light counts once.
+// Light of a lamp behind clear glass: the ray of a light sample that something blocks goes on by smooth glass as a path would,
+// bent or mirrored by chance, and brings what it meets of the lamp that it was aimed at, or of the sun or sky where it leaves
+// the scene. Paths that go the same way from where they were scattered last are weighted against it (emission of
+// integrator/path.h, light/infinity.h), so that every way of light counts once.
 #ifndef GLASS_H
 #define GLASS_H
 #include "integrator/path.h"
@@ -16,6 +17,22 @@ static inline F3 radiance_of_lamp(Vertex vertex, F3 d)
 #endif
 #if HAS_GLOW
     light = add(light, keep3(front > 0.0f, vertex.closure.glow));
+#endif
+    return light;
+}
+
+// What the sun or the sky that a sample was aimed at shows along d.
+static F3 radiance_from_afar(I target, F3 d, Scene scene)
+{
+    F3 light = f3(ZERO, ZERO, ZERO);
+#if ENVIRONMENT_SAMPLED
+    light = keep3(target == FROM_AFAR - scene.environment->emitter, environment_radiance(d, scene));
+#endif
+#if EMITTER_SUNS
+    for (int i = scene.environment->first_sun; i < scene.environment->first_sun + scene.environment->suns; ++i) {
+        const __global Emitter *sun = scene.emitters + i;
+        light = select3((target == FROM_AFAR - i) & meets_sun(sun, d), sun_radiance(sun, scene), light);
+    }
 #endif
     return light;
 }
@@ -40,7 +57,13 @@ static F3 light_through_glass(ShadowRay shadow, I on, I left, F wavelength_sampl
     for (int edges = 1; ANY(on); ++edges) {
         way.ray.origin = on ? way.ray.origin : (I)(PATH_ENDED);
         Hit hit = nearest_hit(way.ray, scene);
-        on = on & (hit.primitive >= 0) & (left >= edges);
+        on = on & (left >= edges);
+#if ENVIRONMENT_SAMPLED || EMITTER_SUNS
+        I escaped = on & (hit.primitive == NO_PRIMITIVE) & (shadow.target <= FROM_AFAR);
+        if (edges > 1 && ANY(escaped))
+            light = select3(escaped, mul(way.beta, radiance_from_afar(shadow.target, way.ray.d, scene)), light);
+#endif
+        on = on & (hit.primitive >= 0);
         if (!ANY(on))
             break;
         Vertex vertex = vertex_of(way.ray, hit, on, ZERO, scene);
@@ -56,12 +79,12 @@ static F3 light_through_glass(ShadowRay shadow, I on, I left, F wavelength_sampl
 #endif
         if (edges > 1 && ANY(met))      // the first edge is that of the shadow ray itself
             light = select3(met, mul(way.beta, radiance_of_lamp(vertex, way.ray.d)), light);
-        F3 onward;
-        F3 passed = passed_by_glass(vertex, way.ray.d, &onward);
-        way.beta = mul(way.beta, passed);
+        U4 random = hash4(AS_U(shadow.chance), (U)((uint)edges), (U)(0u), (uint2)(0x243f6a88u, 0x85a308d3u));
+        Scattered next = clear_sample(vertex, way.ray.d, unit_float(random.a));
+        way.beta = mul(way.beta, next.weight);
         on = on & NOT(met) & (max3(way.beta) > 0.0f);
-        way.ray.o = departure(vertex, onward);
-        way.ray.d = onward;
+        way.ray.o = departure(vertex, next.direction);
+        way.ray.d = next.direction;
         way.ray.triangle = hit.triangle;
         way.ray.origin = hit.primitive;
     }

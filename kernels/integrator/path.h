@@ -37,14 +37,6 @@ static inline Rules rules_of(Wave wave, Limits limits)
     return r;
 }
 
-#if LAMPS_BEHIND_GLASS
-// Where a path was scattered last, and went on to a lamp by clear glass alone: what a light sample may have done as well.
-typedef struct {
-    F3 o, d;        // the way it took
-    F  pdf;         // its density; 0: it came by something else
-} Departure;
-#endif
-
 typedef struct {
     Ray ray;
     F   weight;     // of the camera ray, multiplied in on the film: roulette must not depend on the exposure
@@ -86,7 +78,8 @@ typedef struct {
     I   target;     // the emitter's primitive
     I   target_triangle;    // and its triangle
 #if LAMPS_BEHIND_GLASS
-    F3  share;      // of the radiance of the emitter that glass lets pass; 0: the ray does not follow glass
+    F3  share;      // of the radiance of what the ray meets behind glass; 0: it does not follow glass
+    F   chance;     // random: which way it takes there
 #endif
 #if LIGHT_GROUPS
     I   group;
@@ -113,6 +106,16 @@ static inline F3 departure(Vertex vertex, F3 d)
     return along(vertex.p, vertex.ng, with_sign(vertex.offset, dot3(vertex.ng, d)));
 #else
     return vertex.p;
+#endif
+}
+
+// Where light sampling would have done as a path did.
+static inline Departure departure_of(Path path)
+{
+#if LAMPS_BEHIND_GLASS
+    return path.scattered;
+#else
+    return (Departure){path.ray.o, path.ray.d, path.pdf};
 #endif
 }
 
@@ -282,6 +285,7 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
     F brightest = max3(shadow.light);
 #if LAMPS_BEHIND_GLASS
     shadow.share = scale(through, light.weight * mis);
+    shadow.chance = u.d;
     brightest = MAX(brightest, max3(shadow.share));     // the place aimed at may be dark, and that which is met not
 #endif
     shadow.reach = (on & (brightest > 0.0f)) ? light.reach : ZERO;
@@ -324,15 +328,15 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         I sunless = FALSE;
 #endif
         I kind = path->ray.origin == NO_PRIMITIVE ? (I)(HIDDEN_FROM_CAMERA) : (I)(HIDDEN_FROM_REFLECTION);
-        F3 light = light_from_infinity(path->ray.o, receiver_behind(*path), path->ray.d, path->pdf, sunless, kind,
-                                       EVERY_GROUP, scene);
+        Departure from = departure_of(*path);
+        F3 light = light_from_infinity(from, receiver_behind(*path), path->ray.d, sunless, kind, EVERY_GROUP, scene);
         path->radiance = add(path->radiance, keep3(escaped, mul(path->beta, light)));
 #if LIGHT_GROUPS
 #if VW == 1
 #pragma nounroll
 #endif
         for (int g = 0; g < LIGHT_GROUPS; ++g) {
-            light = light_from_infinity(path->ray.o, receiver_behind(*path), path->ray.d, path->pdf, sunless, kind, g, scene);
+            light = light_from_infinity(from, receiver_behind(*path), path->ray.d, sunless, kind, g, scene);
             add_to_group(&path->groups, (I)(g), escaped, mul(path->beta, light));
         }
 #endif
@@ -430,13 +434,13 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     }
     // Continue the path, or end it.
 #if LAMPS_BEHIND_GLASS
-    I passes = is_clear(vertex) & (dot3(vertex.ng, path->ray.d) * dot3(vertex.ng, next.direction) > 0.0f);
+    I clear = is_clear(vertex);
 #if LIGHT_TREE
-    path->receiver = select_receiver(passes, path->receiver, receiver_of(vertex, path->ray.d));
+    path->receiver = select_receiver(clear, path->receiver, receiver_of(vertex, path->ray.d));
 #endif
-    path->scattered.o = select3(passes, path->scattered.o, departure(vertex, next.direction));
-    path->scattered.d = select3(passes, path->scattered.d, next.direction);
-    path->scattered.pdf = passes ? path->scattered.pdf : next.pdf;
+    path->scattered.o = select3(clear, path->scattered.o, departure(vertex, next.direction));
+    path->scattered.d = select3(clear, path->scattered.d, next.direction);
+    path->scattered.pdf = clear ? path->scattered.pdf : next.pdf;
 #elif LIGHT_TREE
     path->receiver = receiver_of(vertex, path->ray.d);
 #endif

@@ -56,6 +56,7 @@ typedef struct {
 } LightSample;
 
 #define FROM_SKY (-3)
+#define FROM_AFAR (-4)  // with LAMPS_BEHIND_GLASS the primitive of emitter e at infinity is FROM_AFAR - e
 
 // A member of emitter e of the list es.
 #if ONE_EMITTER

@@ -98,6 +98,8 @@ static inline void sample_flat(const __global Emitter *es, I e, F pick, I flat, 
 #endif
 
 #if LAMPS_BEHIND_GLASS
+static inline I is_afar(I kind) { return (kind == EMITTER_SUN) | (kind == EMITTER_ENVIRONMENT); }
+
 // Lanes whose light sample follows glass to the lamp.
 static inline I follows_glass(I kind)
 {
@@ -108,10 +110,10 @@ static inline I follows_glass(I kind)
 #if EMITTER_FLATS
     follows |= is_flat(kind);
 #endif
-    return follows;
+    return follows | is_afar(kind);
 }
 
-// Density with which sample_picked chooses the direction d at o where glass stands in the way: d leads straight to the lamp.
+// Density with which sample_picked chooses the direction d at o where glass stands in the way: d leads straight to a lamp near by.
 static F aim_pdf(const __global Emitter *es, I e, F pick, F3 o, F3 d)
 {
     I kind = OF_EMITTER(I, kind);
@@ -331,6 +333,7 @@ static LightSample sample_picked(Scene scene, I e, F pick, F3 p, F u, F v)
 #endif
 #if LAMPS_BEHIND_GLASS
     s.weight = follows_glass(kind) ? weight : ZERO;
+    s.primitive = is_afar(kind) ? FROM_AFAR - e : s.primitive;
 #endif
     s.radiance = scale(s.radiance, weight);
     return s;

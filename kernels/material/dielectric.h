@@ -28,24 +28,6 @@ static Scattered dielectric_sample(Vertex vertex, F3 d, Side side, F u, F v, F l
     out.pdf = ZERO;
     return out;
 }
-
-#if LAMPS_BEHIND_GLASS
-// All that it lets pass of a path along d, and the way on; nothing at total reflection.
-static F3 dielectric_passed(Vertex vertex, F3 d, Side side, F3 *onward)
-{
-    F eta = side.behind ? ONE / vertex.parameter : vertex.parameter;
-    F ct;
-    F share = 1.0f - fresnel(side.cosine, eta, &ct);
-    F inverse = ONE / eta;
-    *onward = normalized(along(scale(d, inverse), side.n, inverse * side.cosine - ct));
-    share = share * inverse * inverse;
-#if HAS_GLASS_TINT
-    return scale(vertex.closure.passed, share);
-#else
-    return f3(share, share, share);
-#endif
-}
-#endif
 #endif
 
 #endif

@@ -110,26 +110,21 @@ static inline I is_clear(Vertex vertex)
     return (vertex.kind == MATERIAL_DIELECTRIC) | (vertex.kind == MATERIAL_THIN_GLASS);
 }
 
-// What smooth glass lets pass of a path along d, and the way on; nothing where the surface is of something else.
-static F3 passed_by_glass(Vertex vertex, F3 d, F3 *onward)
+// A direction on from smooth glass, as scatter_sample has it; weight 0 where the surface is of something else.
+static Scattered clear_sample(Vertex vertex, F3 d, F lobe)
 {
     Side side = side_of(vertex, d);
-    F3 passed = f3(ZERO, ZERO, ZERO);
-    *onward = d;
-#define PASSED(name) \
-    { \
-        I mine = name##_is(vertex.kind); \
-        F3 way; \
-        F3 share = name##_passed(vertex, d, side, &way); \
-        passed = select3(mine, share, passed); \
-        *onward = select3(mine, way, *onward); \
-    }
-    WHEN(HAS_DIELECTRIC, PASSED(dielectric))
-    WHEN(HAS_THIN_GLASS, PASSED(thin_glass))
+    F u = ZERO, v = ZERO;
+    Scattered out;
+    out.direction = d;
+    out.weight = f3(ZERO, ZERO, ZERO);
+    out.pdf = ZERO;
+    WHEN(HAS_DIELECTRIC, SAMPLE(dielectric))
+    WHEN(HAS_THIN_GLASS, SAMPLE(thin_glass))
 #if HAS_SHADING_NORMAL
-    passed = keep3(consistent(vertex, side, *onward), passed);
+    out.weight = keep3(consistent(vertex, side, out.direction), out.weight);
 #endif
-    return passed;
+    return out;
 }
 #endif
 

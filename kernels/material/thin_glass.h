@@ -45,15 +45,6 @@ static Scattered thin_glass_sample(Vertex vertex, F3 d, Side side, F u, F v, F l
     out.pdf = ZERO;
     return out;
 }
-
-#if LAMPS_BEHIND_GLASS
-// All that it lets pass of a path along d, which goes straight on.
-static inline F3 thin_glass_passed(Vertex vertex, F3 d, Side side, F3 *onward)
-{
-    *onward = d;
-    return mul(vertex.color, pane_of(side.cosine, vertex.parameter, vertex.closure.depth).passed);
-}
-#endif
 #endif
 
 #endif

@@ -139,6 +139,7 @@ __kernel void shade(SCENE_PARAMETERS
 #endif
 #if LAMPS_BEHIND_GLASS
         WRITE_F3(SHARE, slot, shadow.share);
+        WRITE_F(CHANCE, slot, shadow.chance);
 #endif
 #if LIGHT_GROUPS
         WRITE_I(LIT_BY, slot, shadow.group);

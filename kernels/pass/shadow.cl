@@ -64,6 +64,7 @@ __kernel void shadow(SCENE_PARAMETERS
         ShadowRay aimed;
         aimed.ray = ray;
         aimed.share = READ_F3(SHARE, slot);
+        aimed.chance = READ_F(CHANCE, slot);
         aimed.target = READ_I(TARGET, slot);
         aimed.target_triangle = READ_TRIANGLE(TARGET_TRIANGLE, slot);
         F wavelength_sample = GLASS_WAVELENGTH(READ_F(WAVELENGTH_SAMPLE, slot));

@@ -897,8 +897,10 @@ LIGHT_LOBE_FIELDS = ("MIRROREDX", "MIRROREDY", "MIRROREDZ", "LOBE_WIDTH", "LOBE_
 CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
 MEDIA_FIELDS = ("MEDIUM", "FROM_MEDIUM")
 ENTRY_FIELDS = ("ENTRYX", "ENTRYY", "ENTRYZ")
-GLASS_FIELDS = ("LASTX", "LASTY", "LASTZ", "LAST_WX", "LAST_WY", "LAST_WZ", "LAST_PDF", "SHAREX", "SHAREY", "SHAREZ")
 PASSED_FIELDS = ("MIS",)
+GLASS_FIELDS = (
+    "LASTX", "LASTY", "LASTZ", "LAST_WX", "LAST_WY", "LAST_WZ", "LAST_PDF", "SHAREX", "SHAREY", "SHAREZ", "CHANCE",
+)  # fmt: skip
 GROUP_FIELDS = ("LIT_BY",)  # behind it the light of each group, three numbers
 STATE_FIELDS = (
     PATH_FIELDS
@@ -917,36 +919,30 @@ STATE_FIELDS = (
 )
 
 
-def floats_per_slot(facts: Mapping[str, int], *, stream: bool) -> int:
-    """Return how many 4-byte numbers a slot holds.
+# The facts of a scene whose paths need fields, those of the last fields first.
+_NEEDED_BY = {
+    GROUP_FIELDS: ("LIGHT_GROUPS",),
+    GLASS_FIELDS: ("LAMPS_BEHIND_GLASS",),
+    PASSED_FIELDS: ("LIGHT_PASSES",),
+    ENTRY_FIELDS: ("HAS_ENTRIES",),
+    MEDIA_FIELDS: ("HAS_MEDIA",),
+    CAUSTIC_FIELDS: ("CAUSTICS",),
+    LIGHT_LOBE_FIELDS: ("LIGHT_LOBES",),
+    LIGHT_TREE_FIELDS: ("LIGHT_TREE",),
+    COLOUR_FIELDS: ("SPECTRUM",),
+    TIME_FIELDS: ("MOVES",),
+    MESH_FIELDS: ("HAS_MESH", "HAS_CURVE"),
+    LIGHT_FIELDS: ("HAS_EMITTERS",),
+}
 
-    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
-    places on what is hit where it has meshes or curves, with the time where something moves, with the wavelength sample
-    where paths have a wavelength, with a normal where the scene has a light tree and a lobe where facets reflect its
-    lamps, with their past where photons bring caustics, with the media around them where it has any, with what they
-    took where they entered one whose colour is a texture, with the weight of light samples where these pass what paths
-    meet, with where they were scattered last where light samples follow glass to lamps, and with the light of each
-    group of lamps where it is kept apart.
-    """
+
+def floats_per_slot(facts: Mapping[str, int], *, stream: bool) -> int:
+    """Return how many 4-byte numbers a slot holds: a camera ray for the stream, else a path."""
     if stream:
         return CAMERA_RAY_FLOATS
-    last = {
-        GROUP_FIELDS: facts["LIGHT_GROUPS"],
-        GLASS_FIELDS: facts["LAMPS_BEHIND_GLASS"],
-        PASSED_FIELDS: facts["LIGHT_PASSES"],
-        ENTRY_FIELDS: facts["HAS_ENTRIES"],
-        MEDIA_FIELDS: facts["HAS_MEDIA"],
-        CAUSTIC_FIELDS: facts["CAUSTICS"],
-        LIGHT_LOBE_FIELDS: facts["LIGHT_LOBES"],
-        LIGHT_TREE_FIELDS: facts["LIGHT_TREE"],
-        COLOUR_FIELDS: facts["SPECTRUM"],
-        TIME_FIELDS: facts["MOVES"],
-        MESH_FIELDS: facts["HAS_MESH"] or facts["HAS_CURVE"],
-        LIGHT_FIELDS: facts["HAS_EMITTERS"],
-    }
     floats = len(STATE_FIELDS) + 3 * facts["LIGHT_GROUPS"]
-    for fields, needed in last.items():
-        if needed:
+    for fields, names in _NEEDED_BY.items():
+        if any(facts[name] for name in names):
             return floats
         floats -= len(fields)
     return floats

@@ -74,7 +74,7 @@ def test_zeroed_buffer_is_zero(session):
     [((), "T"), (("HAS_EMITTERS",), "CZ"), (("HAS_CURVE",), "TARGET_TRIANGLE"), (("HAS_EMITTERS", "MOVES"), "TIME"),
      (("SPECTRUM", "HAS_MESH"), "WAVELENGTH_SAMPLE"), (("LIGHT_TREE",), "NZ"),
      (("LIGHT_TREE", "LIGHT_LOBES"), "LOBE_SHARE"), (("CAUSTICS",), "SINCE_RECEIVER"),
-     (("LIGHT_PASSES",), "MIS"), (("LAMPS_BEHIND_GLASS",), "SHAREZ")],
+     (("LIGHT_PASSES",), "MIS"), (("LAMPS_BEHIND_GLASS",), "CHANCE")],
 )  # fmt: skip
 def test_slot_of_a_path_ends_with_the_last_field_that_a_scene_needs(needed: tuple[str, ...], last: str) -> None:
     floats = floats_per_slot(defaultdict(int, dict.fromkeys(needed, 1)), stream=False)

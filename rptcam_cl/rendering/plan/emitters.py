@@ -11,7 +11,7 @@ from dataclasses import field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.colour import LUMINANCE, luminance
 from rptcam_cl.core.dataclass import Rows, dataclass
@@ -84,7 +84,7 @@ def light_emitter(
         case SunLight():
             colour = light.irradiance
             power = _fill_sun(record, colour, light.diameter_degrees / 2) * np.pi * reach**2
-            record["hidden"] = _hidden_from_camera(light, scene)
+            record["hidden"] = hidden_from_camera(light, scene)
     # The spectrum is scaled as the record has its colour.
     largest = int(np.argmax(colour))
     gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
@@ -96,7 +96,8 @@ def light_emitter(
     return record, power
 
 
-def _hidden_from_camera(part: SunLight | Environment, scene: Scene) -> int:
+def hidden_from_camera(part: SunLight | Environment, scene: Scene) -> int:
+    """Return the record's flag of what is far away: `Hidden.FROM_CAMERA` or 0."""
     return 0 if part.visible.camera and not scene.film.transparent else int(Hidden.FROM_CAMERA)
 
 
@@ -105,19 +106,11 @@ def _without_surface() -> np.void:
     return record
 
 
-def _fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_degrees: float) -> float:
+def _fill_sun(record: np.void, irradiance: ArrayLike, radius_degrees: float) -> float:
     """Fill in a disk at infinity that gives an irradiance where it is faced; return that as luminance [W/m²]."""
     sin2 = np.sin(np.deg2rad(radius_degrees)) ** 2
     fill(record, kind=EmitterKind.SUN, a=(0.0, 0.0, 0.0, sin2), radiance=np.asarray(irradiance) / (np.pi * sin2))
     return float(luminance(irradiance))
-
-
-def _sun_emitter(towards: Array, irradiance: Array, reach: float) -> tuple[np.void, float]:
-    """Return record and power [W, luminance] of the sun of a sky; ``reach`` is the radius of the scene [m]."""
-    record = _without_surface()
-    fill(record, normal=towards)
-    red, green, blue = irradiance.tolist()
-    return record, _fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2
 
 
 def _unit(direction: tuple[float, float, float]) -> NDArray[np.float64]:
@@ -727,15 +720,16 @@ def _light_emitters(
         (*light_emitter(light, scene, textures, spectra, reach), group)
         for light, group in zip(scene.lights, groups.of_light or (0,) * len(scene.lights), strict=True)
     ]
+    hidden = scene.environment is not None and hidden_from_camera(scene.environment, scene)
     if surroundings.kind is EnvironmentKind.IMAGE:
         record = _without_surface()
-        assert scene.environment is not None
-        fill(record, kind=EmitterKind.ENVIRONMENT, hidden=_hidden_from_camera(scene.environment, scene))
+        fill(record, kind=EmitterKind.ENVIRONMENT, hidden=hidden)
         lights.append((record, surroundings.flux * np.pi * reach**2, groups.sky))
     if surroundings.sun is not None:
-        assert scene.environment is not None
-        lights.append((*_sun_emitter(*surroundings.sun, reach), groups.sky))
-        lights[-1][0]["hidden"] = _hidden_from_camera(scene.environment, scene)
+        towards, irradiance = surroundings.sun
+        record = _without_surface()
+        fill(record, normal=towards, hidden=hidden)
+        lights.append((record, _fill_sun(record, irradiance, SUN_RADIUS_DEGREES) * np.pi * reach**2, groups.sky))
     return sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any
 
@@ -41,6 +41,7 @@ from rptcam_cl.rendering.plan.emitters import (
     Emitters,
     LightGroups,
     area_of_solid,
+    hidden_from_camera,
     light_groups,
     met_apart,
     pack_emitters,
@@ -319,6 +320,7 @@ def _pack_caustics(
     primitives: Primitives,
     first_triangles: NDArray[np.int32],
     emitters: Emitters,
+    eye: Array,
     *,
     has_media: bool,
 ) -> Caustics:
@@ -334,6 +336,8 @@ def _pack_caustics(
         Of those that are meshes, in their order.
     emitters
         The lamps that light sampling chooses from.
+    eye
+        (3,), where the camera stands [m].
     has_media
         Whether fog and its like leave less of a photon's light, for which photons do not know how.
 
@@ -360,9 +364,8 @@ def _pack_caustics(
                 "render.layers: lights: photons do not know their lamp (allowed: render.caustics off or auto)"
             )
         return _without("the layer lights, as photons do not know their lamp")
-    eye = np.array(scene.camera.eye) * scene.metres_per_unit
     surfaces, areas, places = _surfaces(primitives, first_triangles, roles, eye)
-    if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, surfaces, places)):
+    if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, roles, surfaces, places, eye)):
         return _without(reason)
     curve, _ = curves(areas[None])
     return Caustics(True, PHOTONS, surfaces, curve.ravel(), roles)
@@ -401,7 +404,8 @@ def _role(prototype: Prototype) -> int:
 
 # What lies behind clear glass: light samples follow it to the lamps, where paths would find them by chance alone.
 
-_FOLLOWED = (EmitterKind.SPHERE, EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE)
+_AFAR = (EmitterKind.SUN, EmitterKind.ENVIRONMENT)
+_FOLLOWED = (EmitterKind.SPHERE, EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE, *_AFAR)
 _MOST_LAMPS = 64  # the most likely ones, that are looked for within glass
 _THIN = 0.1  # of the next side of a box of glass: a pane
 _CUBE, _TUBE, _SQUARE = ((-1, -1, -1), (1, 1, 1)), ((-1, -1, 0), (1, 1, 1)), ((-1, -1, 0), (1, 1, 0))
@@ -410,24 +414,46 @@ _BOXES = {Kind.SPHERE: _CUBE, Kind.ELLIPSOID: _CUBE, Kind.BOX: _CUBE, Kind.CYLIN
 _BOXES |= {Kind.RECTANGLE: ((0, 0, 0), (1, 1, 0)), Kind.DISK: _SQUARE}
 
 
-def _stand_behind_glass(primitives: Primitives, emitters: Emitters, eye: NDArray[np.float64]) -> bool:
+def _glass_bodies(primitives: Primitives, eye: Array) -> Iterator[tuple[Array, Array, Array, NDArray[np.int64]]]:
+    """Yield bodies of clear glass: world to canonical shape (n, 4, 4), ends of its box, axis across panes (else -1)."""
+    glass = primitives.chosen(primitives.runs_of(_is_glass_body))
+    boxes = np.array([_BOXES[each.kind] if each.mesh is None else each.mesh.bounds() for each in glass.prototypes])
+    for _, runs, placements in glass.places.blocks():
+        low, high = boxes[glass.prototype_of[runs]].transpose(1, 0, 2)
+        sides = (high - low) * np.linalg.norm(placements[:, :3, :3], axis=1)
+        least, next_one, _ = np.sort(sides, axis=1).T
+        inverse = np.linalg.inv(placements).astype(np.float64)
+        of_meshes = np.where(glass.kinds[runs] == Kind.MESH, 1.0, 0.0)[:, None] * eye  # they stand about the scene
+        inverse[:, :3, 3] += (inverse[:, :3, :3] @ of_meshes[:, :, None])[..., 0]
+        yield inverse, low, high, np.where(least < _THIN * next_one, sides.argmin(axis=1), -1)
+
+
+def _stand_behind_glass(primitives: Primitives, emitters: Emitters, eye: Array) -> bool:
     """Return whether lamps stand within clear glass, by the box about it, or there are panes of it."""
     lamps = emitters.shining[np.isin(emitters.shining["kind"], _FOLLOWED)]
     mixes = [each.material for each in primitives.prototypes if isinstance(each.material, Mix)]
     if not len(lamps) or any(_is_clear(part) for mix in mixes for part in mix.materials):
         return False
-    glass = primitives.chosen(primitives.runs_of(_is_glass_body))
-    boxes = np.array([_BOXES[each.kind] if each.mesh is None else each.mesh.bounds() for each in glass.prototypes])
-    places = lamps["a"][np.argsort(-lamps["pick"], kind="stable")[:_MOST_LAMPS], :3].astype(np.float64)
-    for _, runs, placements in glass.places.blocks():
-        low, high = boxes[glass.prototype_of[runs]].transpose(1, 0, 2)[:, :, None]
-        about = np.where(glass.kinds[runs] == Kind.MESH, 1.0, 0.0)[:, None, None] * eye  # meshes stand about the scene
-        inverse = np.linalg.inv(placements)
-        within = (places + about) @ np.swapaxes(inverse[:, :3, :3], 1, 2) + inverse[:, None, :3, 3]
-        sides = np.sort((high - low)[:, 0] * np.linalg.norm(placements[:, :3, :3], axis=1), axis=1)
-        if ((within > low) & (within < high)).all(axis=2).any() or (sides[:, 0] < _THIN * sides[:, 1]).any():
+    near = lamps[~np.isin(lamps["kind"], _AFAR)]
+    places = near["a"][np.argsort(-near["pick"], kind="stable")[:_MOST_LAMPS], :3].astype(np.float64)
+    for inverse, low, high, across in _glass_bodies(primitives, eye):
+        within = places @ np.swapaxes(inverse[:, :3, :3], 1, 2) + inverse[:, None, :3, 3]
+        inside = (within > low[:, None]) & (within < high[:, None])
+        if inside.all(axis=2).any() or (across >= 0).any():
             return True
     return False
+
+
+def _lies_behind_panes(primitives: Primitives, roles: NDArray[np.int32], suns: NDArray[np.void], eye: Array) -> bool:
+    """Return whether panes are all glass and mirrors that there are, and the eye is where none mirrors a sun to."""
+    directions, panes = suns["normal"][:, :3].astype(np.float64), 0
+    for inverse, low, high, across in _glass_bodies(primitives, eye):
+        each = np.arange(len(across))
+        eye_side = inverse[each, across, 3] - (low + high)[each, across] / 2
+        if (across < 0).any() or (eye_side * (directions @ inverse[each, across, :3].T) >= 0).any():
+            return False
+        panes += len(across)
+    return panes == np.count_nonzero(roles == SURFACE)
 
 
 def _is_glass_body(prototype: Prototype) -> bool:
@@ -522,8 +548,10 @@ def _left_to_paths(
     scene: Scene,
     primitives: Primitives,
     emitters: Emitters,
+    roles: NDArray[np.int32],
     surfaces: NDArray[np.void],
     places: NDArray[np.float64],
+    eye: Array,
 ) -> str | None:
     """Return why `auto` leaves the light of glass and mirrors to paths, None where photons are worth their cost."""
     if scene.shutter.keys:
@@ -533,7 +561,10 @@ def _left_to_paths(
     records = emitters.records[: emitters.count]
     if np.isin(records["kind"], _WITHOUT_SIZE).any():
         return None
-    share = _share_of_small_lamps(primitives, records[records["kind"] != EmitterKind.ENVIRONMENT], surfaces, places)
+    lamps, is_sun = records[records["kind"] != EmitterKind.ENVIRONMENT], records["kind"] == EmitterKind.SUN
+    if len(lamps) == is_sun.sum() and _lies_behind_panes(primitives, roles, lamps, eye):
+        return "light samples find the sun through the panes"
+    share = _share_of_small_lamps(primitives, lamps, surfaces, places)
     if share >= LEAST_SHARE:
         return None
     return (
@@ -649,13 +680,12 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
     if parts.held is None or parts.held["CAUSTICS"]:
-        caustics = _pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
+        caustics = _pack_caustics(scene, primitives, first_triangles, emitters, eye_m, has_media=media.active)
     else:
         caustics = _without("photons take other kernels")
     apart = met_apart(primitives, emitters)
-    ways_alone = caustics.active or media.active or any(apart.values())
-    if parts.held is not None:
-        ways_alone |= not parts.held["LAMPS_BEHIND_GLASS"]
+    is_held_off = parts.held is not None and not parts.held["LAMPS_BEHIND_GLASS"]
+    ways_alone = caustics.active or media.active or any(apart.values()) or is_held_off
     hidden = primitives.of_each(hidden_from)
     del tables  # until now they are read once
     facts = shown.facts | media.facts | caustics.facts | textures.facts | emitters.facts | movements.facts
@@ -667,7 +697,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "HAS_HIDDEN": int(hidden.any()),
         "FACET_ENERGY": shown.facts["FACET_ENERGY"] * scene.render.multiple_scattering,
         "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
-        "HIDDEN_SKY": int(_hides_sky(scene)),
+        "HIDDEN_SKY": int(scene.environment is not None and hidden_from_camera(scene.environment, scene) > 0),
         "LAMPS_BEHIND_GLASS": int(not ways_alone and _stand_behind_glass(primitives, emitters, eye_m)),
         "LIGHT_GROUPS": len(groups.names),
         "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in _LOBED)),
@@ -693,11 +723,6 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "albedo": "media scatter light on and on" if media.active else largest_albedo(materials),
         "lamps": visible_lamps(primitives, eye_m, table),
     }
-
-
-def _hides_sky(scene: Scene) -> bool:
-    sky = scene.environment
-    return sky is not None and (scene.film.transparent or not sky.visible.camera)
 
 
 def _facts_of_shapes(

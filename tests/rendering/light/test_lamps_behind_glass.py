@@ -65,17 +65,47 @@ def radiosity_under_pane(place):
     return float((cosine**2 / d2 * share * np.outer(weights, weights)).sum() * 0.3 * 0.2 / np.pi)
 
 
-PANED = [FLOOR, pane(0.8, {"kind": "thin_glass", "index": 1.5}), CEILING_LAMP]
+def radiosity_under_sun(_):
+    """Of the smallest of suns, whose irradiance is 1 where it is faced."""
+    once = transmitted(np.sin(SLANT))
+    return float(np.cos(SLANT) * once / (2 - once) / np.pi)
+
+
+def radiosity_under_sky(_):
+    """Of all directions above, whose radiance is 1."""
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    angle = np.pi / 4 * (nodes + 1)
+    once = transmitted(np.sin(angle))
+    return float((2 * np.cos(angle) * np.sin(angle) * once / (2 - once)) @ weights * np.pi / 4)
+
+
+THIN = {"kind": "thin_glass", "index": 1.5}
+PANED = [FLOOR, pane(0.8, THIN), CEILING_LAMP]
+SLANT = 0.9  # radians from straight down
+SUN = {"kind": "sun", "direction": [np.sin(SLANT), 0, -np.cos(SLANT)], "irradiance": LAMP["radiance"]}
+SUNNY = {"lights": [SUN]}
+SKY = {"environment": {"kind": "image", "file": "glow.exr", "up": [0, 0, 1]}}
+ROOF = pane(0.8, THIN) | {"corner": [-3e3, -3e3, 0.8], "edge_u": [6e3, 0, 0], "edge_v": [0, 6e3, 0]}
+DARK_FLOOR = FLOOR | {"material": {"kind": "matte", "reflectance": 1e-3}}  # else the slab sends its light back
+SLAB = {"shape": "box", "min": [-30, -30, 0.6], "max": [30, 30, 0.62], "material": GLASS}
 
 
 @pytest.mark.parametrize(
-    ("objects", "edges", "expected"),
-    [(GLOBE, 4, radiosity_under_globe), slow(PANED, 3, radiosity_under_pane)],
+    ("objects", "rest", "edges", "expected"),
+    [
+        (GLOBE, {}, 4, radiosity_under_globe),
+        slow(PANED, {}, 3, radiosity_under_pane),
+        ([DARK_FLOOR, SLAB], SUNNY, 12, lambda place: 1e-3 * radiosity_under_sun(place)),
+        slow([FLOOR, ROOF], SUNNY, 3, radiosity_under_sun),
+        slow([FLOOR, ROOF], SKY, 3, radiosity_under_sky),
+    ],
 )
-def test_floor_has_the_light_that_glass_lets_pass(objects, edges, expected):
-    scene = scene_of(objects, DOWN, depth=edges, resolution=(16, 16))
-    assert plans.make_plan(load_scene(scene)).facts["LAMPS_BEHIND_GLASS"] == 1
-    light = batches(scene, "floor under glass", 4, spp=64)
+def test_floor_has_the_light_that_glass_lets_pass(objects, rest, edges, expected, tmp_path):
+    above = np.repeat([[LAMP["radiance"]], [[0.0, 0.0, 0.0]]], 128, axis=0)
+    save_exr(tmp_path / "glow.exr", above.astype(np.float32))
+    scene = load_scene(scene_of(objects, DOWN, depth=edges, resolution=(16, 16), **rest), base_dir=tmp_path)
+    assert plans.make_plan(scene).facts["LAMPS_BEHIND_GLASS"] == 1
+    light = batches(scene, "floor under glass", 4, spp=4096)
     mean, error = light.mean.mean(axis=(0, 1)), np.sqrt(light.variance.mean(axis=(0, 1)) / light.mean[..., 0].size)
     wanted = expected(np.array([0.9, 0.0, 0.0])) * np.array(LAMP["radiance"])
     assert_equivalent(mean, error, wanted, 2e-3 * wanted)  # three standard errors, and the width of the picture
@@ -97,6 +127,7 @@ DISK = {"shape": "disk", "center": [0.1, 0, 1], "normal": [0.3, 0, -1], "radius"
 BOX = {"shape": "box", "min": [-1, -1, 0.5], "max": [1, 1, 0.6], "material": SMOKED}
 PLASTIC = FLOOR | {"material": {"kind": "plastic", "reflectance": 0.5, "alpha": 0.2}}
 PAINTED = LAMP | {"radiance": {"kind": "image", "file": "glow.exr"}}
+LOW_SUN = {"lights": [SUN | {"diameter_degrees": 20}]}
 SEEN = looking([2.4, -1.0, 1.2], [0, 0, 0.4], fov=50)
 CASES = {
     "globe": (GLOBE, {}),
@@ -108,6 +139,11 @@ CASES = {
     "panes": ([*PANED[:2], ball(0.3, PAINTED, (1, 0, 1.2)), CEILING_LAMP | {"material": PAINTED}], {}),
     "flint": ([FLOOR, ball(OUTER, FLINT), ball(LAMP_RADIUS, LAMP)], {}),
     "spectral": ([FLOOR, ball(OUTER, FLINT), ball(LAMP_RADIUS, LAMP)], {"spectrum": {"mode": "spectral"}}),
+    "low sun": ([PLASTIC, SLAB, ball(0.2, WHITE)], LOW_SUN),
+    "sky": (
+        [FLOOR, pane(0.8, THIN), BOX],
+        {**SKY, "lights": [SUN | {"diameter_degrees": 20}], "spectrum": {"mode": "spectral"}},
+    ),
     "many": ([*GLOBE, *(ball(0.1, LAMP, (x, 1, z)) for x in (-1, 0, 1) for z in (0.5, 1.0, 1.5))], {}),
 }
 
@@ -128,7 +164,7 @@ def test_picture_is_that_of_paths_that_find_lamps_by_chance(name, monkeypatch, t
     assert_equivalent(one.mean / other.mean, np.sqrt(one.variance + other.variance) / other.mean, 1.0, 1e-2)
 
 
-@pytest.mark.parametrize("name", [slow("globe"), "spectral", *map(slow, ("filament", "many"))])
+@pytest.mark.parametrize("name", [slow("globe"), "spectral", *map(slow, ("filament", "low sun", "many"))])
 def test_both_organisations_render_the_same(name, monkeypatch):
     films = []
     for organisation in ("stream", "passes"):
