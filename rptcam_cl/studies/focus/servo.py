@@ -398,8 +398,8 @@ class FrameFocus:
     time_s : float
         Since frame 1.
     subject_m, expected_m, focus_m : float or None
-        Distances by first-order optics: of what autofocus measures in the frame, of where that was expected, and of
-        where the lens is focused; None where there is none.
+        Distances that are sharp on the axis, as those of autofocus: of what it measures in the frame, of where that was
+        expected, and of where the lens is focused; None where there is none.
     off : float or None
         From what is measured to the focus [depths of focus]; above 0 where the subject is farther away.
     speed : float
@@ -423,8 +423,7 @@ class FrameFocus:
         drive, known = focus_drive(scene), metadata["continuous_focus"]
 
         def distance(state: float | None) -> float | None:
-            vergence = 0.0 if state is None else drive.first_order_vergence(state)
-            return 1 / vergence if vergence > 0 else None
+            return None if state is None else drive.object_distance(state)
 
         subject, expected, focus = (distance(known[name]) for name in ("measured", "expected", "state"))
         off = None if known["off"] is None else drive.nearer * known["off"]
