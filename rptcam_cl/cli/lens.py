@@ -526,8 +526,7 @@ def _write_drawings(found: "Optimised", folder: Path) -> None:
 
     from rptcam_cl.optics.charts import encode
     from rptcam_cl.optics.drawing import View, draw_lens
-    from rptcam_cl.optics.image_quality import mtf
-    from rptcam_cl.optics.spots import Setting
+    from rptcam_cl.optics.spots import Setting, mtf
 
     problem = found.problem
     states = (("before", found.start, found.start_film_mm), ("after", found.lens, found.film_mm))

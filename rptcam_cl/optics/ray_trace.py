@@ -13,8 +13,16 @@ from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
-from rptcam_cl.optics.coating import BARE, Coating, Interface, LayerStack, MeasuredReflectance, QuarterWave
-from rptcam_cl.optics.glass import Medium, attenuation
+from rptcam_cl.optics.glass import (
+    BARE,
+    Coating,
+    Interface,
+    LayerStack,
+    MeasuredReflectance,
+    Medium,
+    QuarterWave,
+    attenuation,
+)
 from rptcam_cl.optics.shapes import WORTH_MOVING, Hits
 from rptcam_cl.optics.surface import Prescription, Region, Surface, sides
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.batch.specification import read_specification
+from rptcam_cl.batch.dataset import read_specification
 from rptcam_cl.cli import build_parser
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.optics.library import load_lens
