@@ -21,7 +21,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.optics.beams import fan_chief_rays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.charts import new_figure, styled
-from rptcam_cl.optics.design import image_circle
+from rptcam_cl.optics.irradiance import image_circle
 from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import list_lenses, load_lens, names_a_file
 from rptcam_cl.rendering.cameras.kinds import camera_of
