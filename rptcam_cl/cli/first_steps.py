@@ -347,10 +347,9 @@ def run_new(arguments: argparse.Namespace) -> int:
     picture of light a studio. Cameras and lamps of a glTF file count.
     """
     target: Path = arguments.scene
-    hint = ""
-    if target.is_file() and arguments.model is None:
-        words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
-        hint = f"; for a scene of that model: {shlex.join(words)}"
+    words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
+    is_model = target.is_file() and arguments.model is None
+    hint = f"; for a scene of that model: {shlex.join(words)}" if is_model else ""
     known_suffix(target, SCENE_SUFFIXES, NOT_SCENE, hint)
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
