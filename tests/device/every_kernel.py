@@ -54,9 +54,10 @@ def passes() -> None:
 
 
 def stream() -> None:
-    """The same in one kernel, which processors prefer."""
+    """The same in one kernel, which processors prefer; lamps behind glass, too."""
     tracer.ORGANISATION = dict.fromkeys(tracer.ORGANISATION, "stream")
     shown(still_life())
+    behind_glass()
 
 
 def lens() -> None:
@@ -220,9 +221,7 @@ def behind_glass() -> None:
     ]
     pane = {"shape": "box", "min": [-3, -3, 2], "max": [3, 3, 2.1], "material": glass}
     lit = {"objects": [scene["objects"][0], *globe, pane], "lights": [], "environment": SKY}
-    for organisation in ("passes", "stream"):
-        tracer.ORGANISATION = dict.fromkeys(tracer.ORGANISATION, organisation)
-        shown(scene | lit)
+    shown(scene | lit)
 
 
 def light_of_lamps() -> None:
@@ -252,7 +251,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "ring": (ring, WAVE),
     "conjugates": (conjugates, WAVE | {"occluded"}),
     "mixtures": (mixtures, WAVE),
-    "behind glass": (behind_glass, WAVE | {"stream"}),
+    "behind glass": (behind_glass, WAVE),
     "light of lamps": (light_of_lamps, WAVE | {"photons", "ghosts", "occluded"}),
 }
 
