@@ -311,8 +311,8 @@ def scene_file(path: Path, missing: "Missing" = "error") -> Path:
     else:
         messages = _write_new(target, {"model": path})
         again = f"rptcam new scene.yaml --model {shlex.quote(str(path))}"
-    told = f"{path} is shown as a scene that is made for this run; to keep it: {again}"
-    print("\n".join([*messages, told]), file=sys.stderr)
+    note = f"{path} is shown as a scene that is made for this run; to keep it: {again}"
+    print("\n".join([*messages, note]), file=sys.stderr)
     return target
 
 
