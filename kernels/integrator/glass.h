@@ -26,12 +26,12 @@ static F3 radiance_from_afar(I target, F3 d, Scene scene)
 {
     F3 light = f3(ZERO, ZERO, ZERO);
 #if ENVIRONMENT_SAMPLED
-    light = keep3(target == FROM_AFAR - scene.environment->emitter, environment_radiance(d, scene));
+    light = keep3(target == FROM_SKY, environment_radiance(d, scene));
 #endif
 #if EMITTER_SUNS
     for (int i = scene.environment->first_sun; i < scene.environment->first_sun + scene.environment->suns; ++i) {
         const __global Emitter *sun = scene.emitters + i;
-        light = select3((target == FROM_AFAR - i) & meets_sun(sun, d), sun_radiance(sun, scene), light);
+        light = select3((target == FROM_SUN - i) & meets_sun(sun, d), sun_radiance(sun, scene), light);
     }
 #endif
     return light;
@@ -59,7 +59,7 @@ static F3 light_through_glass(ShadowRay shadow, I on, I left, F wavelength_sampl
         Hit hit = nearest_hit(way.ray, scene);
         on = on & (left >= edges);
 #if ENVIRONMENT_SAMPLED || EMITTER_SUNS
-        I escaped = on & (hit.primitive == NO_PRIMITIVE) & (shadow.target <= FROM_AFAR);
+        I escaped = on & (hit.primitive == NO_PRIMITIVE) & (shadow.target <= FROM_SKY);
         if (edges > 1 && ANY(escaped))
             light = select3(escaped, mul(way.beta, radiance_from_afar(shadow.target, way.ray.d, scene)), light);
 #endif

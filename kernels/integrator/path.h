@@ -119,6 +119,16 @@ static inline Departure departure_of(Path path)
 #endif
 }
 
+// Its density where it looks for lamps and suns: none where photons bring what a receiver gets of them by glass.
+static inline F rival_of_lamps(Path path)
+{
+#if LAMPS_BEHIND_GLASS && CAUSTICS
+    return path.since_receiver == 2 ? ZERO : path.scattered.pdf;
+#else
+    return departure_of(path).pdf;
+#endif
+}
+
 static inline Receiver receiver_behind(Path path)
 {
 #if LIGHT_TREE
@@ -214,6 +224,7 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
     F weight = ONE;
 #if HAS_EMITTERS
     Departure from = departure_of(path);
+    from.pdf = rival_of_lamps(path);
     I rival = shines & (from.pdf > 0.0f) & (vertex.emitter >= 0);
     if (ANY(rival)) {
         I e = MAX(vertex.emitter, FALSE);
@@ -237,7 +248,8 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
 #endif
 
 #if HAS_EMITTERS
-static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene scene, Rules rules)
+// For the lanes `on`; in those of `by_photons` photons bring what lamps and suns send by glass.
+static ShadowRay light_sample(Path path, Vertex vertex, I on, I by_photons, Hit hit, Scene scene, Rules rules)
 {
     F4 u = random4(path.pixel, path.sample, 2u * path.depth + 1u, rules.seed);
 #if LIGHT_TREE
@@ -279,7 +291,7 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
 #endif
     F brightest = max3(shadow.light);
 #if LAMPS_BEHIND_GLASS
-    shadow.share = scale(through, light.weight * mis);
+    shadow.share = keep3(NOT(by_photons) | (light.primitive == FROM_SKY), scale(through, light.weight * mis));
     shadow.chance = u.d;
     brightest = MAX(brightest, max3(shadow.share));     // the place aimed at may be dark, and that which is met not
 #endif
@@ -324,14 +336,16 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #endif
         I kind = path->ray.origin == NO_PRIMITIVE ? (I)(HIDDEN_FROM_CAMERA) : (I)(HIDDEN_FROM_REFLECTION);
         Departure from = departure_of(*path);
-        F3 light = light_from_infinity(from, receiver_behind(*path), path->ray.d, sunless, kind, EVERY_GROUP, scene);
+        F sun_rival = rival_of_lamps(*path);
+        Receiver receiver = receiver_behind(*path);
+        F3 light = light_from_infinity(from, sun_rival, receiver, path->ray.d, sunless, kind, EVERY_GROUP, scene);
         path->radiance = add(path->radiance, keep3(escaped, mul(path->beta, light)));
 #if LIGHT_GROUPS
 #if VW == 1
 #pragma nounroll
 #endif
         for (int g = 0; g < LIGHT_GROUPS; ++g) {
-            light = light_from_infinity(from, receiver_behind(*path), path->ray.d, sunless, kind, g, scene);
+            light = light_from_infinity(from, sun_rival, receiver, path->ray.d, sunless, kind, g, scene);
             add_to_group(&path->groups, (I)(g), escaped, mul(path->beta, light));
         }
 #endif
@@ -405,6 +419,8 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         F3 light = caustic_radiance(vertex, path->ray.d, receiver, hit.primitive, most, scene);
         path->radiance = add(path->radiance, keep3(receiver, mul(path->beta, light)));
     }
+#else
+    I receiver = FALSE;
 #endif
     // Sample a light, for a shadow ray.
 #if HAS_EMITTERS
@@ -413,7 +429,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #else
     I lightable = on;
 #endif
-    shadow = light_sample(*path, vertex, lightable, hit, scene, rules);
+    shadow = light_sample(*path, vertex, lightable, receiver, hit, scene, rules);
 #endif
     // Sample the BSDF for the next direction.
     F4 u = random4(path->pixel, path->sample, 2u * path->depth, rules.seed);

@@ -45,7 +45,8 @@ typedef struct {
     F  reach;       // distance to the emitter
     F3 radiance;    // emitted radiance / density, cosine and BSDF left out; zero where the sample is void
     F  pdf;         // solid-angle density incl. the pick; 0 for point and directional lights, which no BSDF sample can meet
-    I  primitive;   // the emitter's primitive or NO_PRIMITIVE; with CAUSTICS FROM_SKY of a picture of the environment
+    I  primitive;   // the emitter's primitive or NO_PRIMITIVE; FROM_SKY of the environment and FROM_SUN - e of sun e, where
+                    // CAUSTICS or LAMPS_BEHIND_GLASS ask
     I  triangle;        // and its triangle
 #if LAMPS_BEHIND_GLASS
     F  weight;      // 1 / density where the sample follows glass to the lamp, else 0
@@ -56,7 +57,7 @@ typedef struct {
 } LightSample;
 
 #define FROM_SKY (-3)
-#define FROM_AFAR (-4)  // with LAMPS_BEHIND_GLASS the primitive of emitter e at infinity is FROM_AFAR - e
+#define FROM_SUN (-4)
 
 // A member of emitter e of the list es.
 #if ONE_EMITTER

@@ -98,8 +98,6 @@ static inline void sample_flat(const __global Emitter *es, I e, F pick, I flat, 
 #endif
 
 #if LAMPS_BEHIND_GLASS
-static inline I is_afar(I kind) { return (kind == EMITTER_SUN) | (kind == EMITTER_ENVIRONMENT); }
-
 // Lanes whose light sample follows glass to the lamp.
 static inline I follows_glass(I kind)
 {
@@ -110,7 +108,7 @@ static inline I follows_glass(I kind)
 #if EMITTER_FLATS
     follows |= is_flat(kind);
 #endif
-    return follows | is_afar(kind);
+    return follows | (kind == EMITTER_SUN) | (kind == EMITTER_ENVIRONMENT);
 }
 
 // Density with which sample_picked chooses the direction d at o where glass stands in the way: d leads straight to a lamp near by.
@@ -215,7 +213,7 @@ static void sample_environment(Scene scene, F pick, I kind, F u, F v, LightSampl
     s->reach = sky ? (F)(NEVER) : s->reach;
     s->radiance = select3(sky, arriving, s->radiance);
     s->pdf = sky ? pick * density : s->pdf;
-#if CAUSTICS
+#if CAUSTICS || LAMPS_BEHIND_GLASS
     s->primitive = sky ? (I)(FROM_SKY) : s->primitive;
 #endif
     *weight = (sky & (density > 0.0f)) ? ONE / s->pdf : *weight;
@@ -333,7 +331,7 @@ static LightSample sample_picked(Scene scene, I e, F pick, F3 p, F u, F v)
 #endif
 #if LAMPS_BEHIND_GLASS
     s.weight = follows_glass(kind) ? weight : ZERO;
-    s.primitive = is_afar(kind) ? FROM_AFAR - e : s.primitive;
+    s.primitive = kind == EMITTER_SUN ? FROM_SUN - e : s.primitive;
 #endif
     s.radiance = scale(s.radiance, weight);
     return s;

@@ -87,8 +87,10 @@ static F3 suns_radiance(Departure from, Receiver receiver, F3 d, I kind, int gro
 #endif
 
 // Radiance that a path meets which leaves the scene along d, weighted against light sampling where it comes from; without suns
-// in the lanes `sunless`. `kind` says what a ray is, one of HIDDEN_…. Of one group or of EVERY_GROUP.
-static inline F3 light_from_infinity(Departure from, Receiver receiver, F3 d, I sunless, I kind, int group, Scene scene)
+// in the lanes `sunless`; `sun_rival` is the density that competes with light samples of suns. `kind` says what a ray is, one of
+// HIDDEN_…. Of one group or of EVERY_GROUP.
+static inline F3 light_from_infinity(Departure from, F sun_rival, Receiver receiver, F3 d, I sunless, I kind, int group,
+                                     Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
 #if ENVIRONMENT
@@ -105,6 +107,7 @@ static inline F3 light_from_infinity(Departure from, Receiver receiver, F3 d, I 
     sum = keep3(kind != HIDDEN_FROM_CAMERA, sum);
 #endif
 #if EMITTER_SUNS
+    from.pdf = sun_rival;
 #if CAUSTICS
     sum = add(sum, keep3(NOT(sunless), suns_radiance(from, receiver, d, kind, group, scene)));
 #else

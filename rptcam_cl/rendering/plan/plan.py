@@ -685,7 +685,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         caustics = _without("photons take other kernels")
     apart = met_apart(primitives, emitters)
     is_held_off = parts.held is not None and not parts.held["LAMPS_BEHIND_GLASS"]
-    ways_alone = caustics.active or media.active or any(apart.values()) or is_held_off
+    ways_alone = media.active or any(apart.values()) or is_held_off
     hidden = primitives.of_each(hidden_from)
     del tables  # until now they are read once
     facts = shown.facts | media.facts | caustics.facts | textures.facts | emitters.facts | movements.facts

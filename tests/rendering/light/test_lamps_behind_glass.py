@@ -117,6 +117,27 @@ def test_no_light_comes_by_paths_that_are_too_long():
     assert pixels(scene_of(GLOBE, DOWN, depth=3, resolution=(16, 16)), spp=16).max() == 0
 
 
+SHINY = FLOOR | {"material": {"kind": "plastic", "reflectance": 0.5, "roughness": 0.15}}  # too much to take photons
+WALL = {"shape": "rectangle", "corner": [-3, 3, 0], "edge_u": [6, 0, 0], "edge_v": [0, 0, 2], "material": WHITE}
+ENDLESS = {"shape": "plane", "point": [0, 0, 1], "normal": [0, 0, 1], "material": THIN}  # where no photon starts
+
+
+@pytest.mark.parametrize(
+    ("objects", "rest", "within"),
+    [
+        ([SHINY, WALL, pane(0.8, THIN)], SUNNY, 1e-3),
+        ([FLOOR, pane(0.8, THIN), ENDLESS, ball(0.5, LAMP, (0.9, 0, 1.6))], {}, 0.05),
+    ],
+)
+def test_light_that_photons_do_not_bring_comes_as_without_them(objects, rest, within):
+    scene = scene_of(objects, DOWN, resolution=(16, 16), **rest)
+    lit = scene | {"render": scene["render"] | {"caustics": "on"}}
+    facts = plans.make_plan(load_scene(lit)).facts
+    assert (facts["CAUSTICS"], facts["LAMPS_BEHIND_GLASS"]) == (1, 1)
+    by_samples, beside_photons = (pixels(each, spp=64).mean() for each in (scene, lit))
+    assert beside_photons == pytest.approx(by_samples, rel=within)
+
+
 TINTED = {"kind": "dielectric", "index": 1.5, "transmittance": [0.9, 0.6, 0.3]}
 SMOKED = {"kind": "dielectric", "index": 1.5, "absorption_per_m": [1.0, 3.0, 9.0]}
 FLINT = {"kind": "dielectric", "glass": "SF6"}
