@@ -199,15 +199,16 @@ def _one_line(
     fineness: Fineness,
     others: Sequence[tuple[Lens, float]] = (),
 ) -> PupilShapes:
-    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
-    beside = [(narrowing_probes(other, its_mm, wavelength_nm), its_mm / film_distance_mm) for other, its_mm in others]
-    states = ((probes, 1.0), *beside)
+    every = (lens, film_distance_mm), *others
+    states = [(narrowing_probes(each, mm, wavelength_nm), mm / film_distance_mm) for each, mm in every]
+    probes = states[0][0]
     rings = COARSE_RINGS if fineness is COARSE_OUTLINES else RING_OUTLINES
     if lens.is_obstructed and (ring := _ring_line([(of[-1], scale) for of, scale in states], radius_mm, rings)):
         return ring
     # Coarse outlines find out by tracing them whether light reaches the corner; fine ones find how far it reaches.
-    lit = radius_mm if fineness is COARSE_OUTLINES else _lit_radius(probes, radius_mm, radial=True)
-    lit = max([lit, *(_lit_radius(of, radius_mm * scale, radial=True) / scale for of, scale in beside)])
+    lit = radius_mm
+    if fineness is not COARSE_OUTLINES:
+        lit = max(_lit_radius(of, radius_mm * scale, radial=True) / scale for of, scale in states)
     film = _film_line(lit, fineness.radial_nodes)
     centres, axes = _frames(probes, film, radial=True)
     if fineness is COARSE_OUTLINES and not axes.all():
@@ -245,10 +246,9 @@ def _ring_line(states: Sequence[tuple[FilmProbe, float]], radius_mm: float, fine
     """
 
     def seen(film: Array) -> tuple[Array, ...]:
-        centres, axes = _stop_frames(states[0][0], film)
-        edges = [_edges(probe, scale * film, centres, axes, fineness, mirrored=True) for probe, scale in states]
-        reach, holes = zip(*edges, strict=True)
-        return centres, axes, np.max(reach, axis=0), np.min(holes, axis=0)
+        frames = _stop_frames(states[0][0], film)
+        edges = [_edges(of, scale * film, frames, fineness, mirrored=True, holed=True) for of, scale in states]
+        return *frames, np.max([reach for reach, _ in edges], axis=0), np.min([hole for _, hole in edges], axis=0)
 
     radii = np.linspace(0.0, radius_mm, LIT_SCAN)
     film = np.stack([radii, np.zeros(LIT_SCAN)], axis=1)
@@ -347,8 +347,8 @@ def _lines(
     holes[:] = np.inf
     for k, (other, mirrored) in enumerate(like):
         if other == k and axes[k].any():
-            line = _closing_line(reach[k], nodes)
-            edges[k], holes[k] = _edges(probes[k][-1], line, centres[k], axes[k], fineness)
+            seen = probes[k][-1], _closing_line(reach[k], nodes), (centres[k], axes[k]), fineness
+            edges[k], holes[k] = _edges(*seen, mirrored=False, holed=lens.is_obstructed)
         for values in (edges, holes):
             values[k] = np.roll(values[other][:, ::-1], 1, axis=1) if mirrored else values[other]
     margin = fineness.tilted_margin if lens.is_rotational else fineness.margin
@@ -484,18 +484,11 @@ def reach_of(
 
     Where a pupil is not parted, directions in which nothing passes count as its middle.
     """
-    return _edges(probe, film, centres, axes, fineness, mirrored=mirrored, holed=False)[0]
+    return _edges(probe, film, (centres, axes), fineness, mirrored=mirrored, holed=False)[0]
 
 
 def _edges(
-    probe: FilmProbe,
-    film: Array,
-    centres: Array,
-    axes: Array,
-    fineness: Fineness,
-    *,
-    mirrored: bool = False,
-    holed: bool = True,
+    probe: FilmProbe, film: Array, frames: tuple[Array, Array], fineness: Fineness, *, mirrored: bool, holed: bool
 ) -> tuple[Array, Array]:
     """Return what `reach_of` does, and within what radius no ray of an obstructed lens passes.
 
@@ -505,8 +498,8 @@ def _edges(
     directions = fineness.directions * DIRECTIONS
     count = directions // 2 + 1 if mirrored else directions
     angles = np.arange(count) * 2 * np.pi / directions
-    across = axes[:, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    points, origins = (np.broadcast_to(values[:, None, :], across.shape) for values in (film, centres))
+    across = frames[1][:, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    points, origins = (np.broadcast_to(values[:, None, :], across.shape) for values in (film, frames[0]))
     scan = RING_SCAN if probe.lens.is_obstructed else fineness.scan
     step = fineness.farthest / scan
     parted = probe.lens.is_obstructed or fineness is FINEST_OUTLINES  # whether directions in which nothing passes count
@@ -530,10 +523,10 @@ def _edges(
         inside = passing(middle, lit)
         low[lit], high[lit] = np.where(inside, middle, low[lit]), np.where(inside, high[lit], middle)
     reach = np.where(lit if parted else lit.any(axis=1, keepdims=True), high, 0.0)
-    hole = _hole_of(probe, film, centres, across, low, fineness) if holed and probe.lens.is_obstructed else np.inf + low
-    if not mirrored:
-        return reach, hole
-    return np.concatenate([reach, reach[:, -2:0:-1]], axis=1), np.concatenate([hole, hole[:, -2:0:-1]], axis=1)
+    hole = _hole_of(probe, film, frames[0], across, low, fineness) if holed else np.inf + low
+    if mirrored:
+        reach, hole = (np.concatenate([half, half[:, -2:0:-1]], axis=1) for half in (reach, hole))
+    return reach, hole
 
 
 def _hole_of(probe: FilmProbe, film: Array, centres: Array, across: Array, inside: Array, fineness: Fineness) -> Array:
