@@ -490,7 +490,7 @@ def reach_of(
 def _edges(
     probe: FilmProbe, film: Array, frames: tuple[Array, Array], fineness: Fineness, *, mirrored: bool, holed: bool
 ) -> tuple[Array, Array]:
-    """Return what `reach_of` does, and within what radius no ray of an obstructed lens passes.
+    """Return the reach as `reach_of`, and within what radius no ray of an obstructed lens passes.
 
     Along each direction points are tried from the outside inwards until one passes, then the edge behind it is
     bisected; so an outline that is not star-shaped from the centre is still held.
