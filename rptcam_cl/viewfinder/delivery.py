@@ -164,7 +164,7 @@ class Delivery:
             "height": size[1],
             "full": list(slot.session.resolution),
             "scale": frame.scale,
-            "spp": frame.spp,
+            "spp": min(frame.spp, max(slot.session.spp, 1)),
             "target_spp": slot.target_spp,
             "ms": round(frame.seconds * 1e3, 2),
             "noise": frame.noise,

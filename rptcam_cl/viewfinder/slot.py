@@ -403,7 +403,7 @@ class Slot:
     def clean_at(self, frame: Frame) -> dict[str, float] | None:
         """How many samples it takes until the noise is not seen, and how long from the film's beginning [s]."""
         noise = self.visible_noise(frame)
-        if noise is None:
+        if noise is None or frame.spp > self.session.spp:  # of the film before
             return None
         share = max((noise / CLEAN) ** 2, 1.0)
         seconds = share * (time.monotonic() - self._film_begun)
