@@ -41,6 +41,7 @@ OTHERS = (
     "denoised",
     "tree of shapes",
     "everything",
+    "behind glass",
     "light of lamps",
     "hair",
     "many lamps",

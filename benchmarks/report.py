@@ -65,7 +65,8 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
         return "| " + " | ".join([first[0].ljust(first[1]), *(cell.rjust(width) for cell, width in others)]) + " |"
 
     rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
-    return "\n".join([f"**{title}**\n", line(columns), line(rule), *map(line, rows), ""])
+    heading = [f"**{title}**\n"] if title else []
+    return "\n".join([*heading, line(columns), line(rule), *map(line, rows), ""])
 
 
 def write_json(path: Path | None, facts: dict[str, Any], results: Any) -> None:

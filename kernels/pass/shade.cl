@@ -70,9 +70,9 @@ __kernel void shade(SCENE_PARAMETERS
     path.pdf = READ_F(PDF, slot);
 #endif
 #if LAMPS_BEHIND_GLASS
-    path.scattered.o = READ_F3(LAST, slot);
-    path.scattered.d = READ_F3(LAST_W, slot);
-    path.scattered.pdf = depth == 1u ? ZERO : READ_F(LAST_PDF, slot);
+    path.scattered = (Departure){path.ray.o, path.ray.d, ZERO};
+    if (depth > 1u)
+        path.scattered = (Departure){READ_F3(LAST, slot), READ_F3(LAST_W, slot), READ_F(LAST_PDF, slot)};
 #endif
 #if LIGHT_TREE
     path.receiver = depth == 1u ? all_round() : read_receiver(state, capacity, slot);

@@ -29,6 +29,7 @@ from tests.rendering.test_world import PLANE, still_life
 from tests.rendering.trees.meshes import soup
 
 SIZE = (8, 4)
+SKY = {"kind": "sky", "sun_elevation_degrees": 60, "sun_azimuth_degrees": 0}
 FEW_SURFACES = "biconvex-stop"  # two: a lens of ten has 45 pairs that make ghosts
 TREES = {"gather", "histogram", "partition", "subtree", "leaves", "search", "reinsert"}
 WAVE = {"generate", "intersect", "shade", "shadow", "film"}
@@ -53,9 +54,10 @@ def passes() -> None:
 
 
 def stream() -> None:
-    """The same in one kernel, which processors prefer."""
+    """The same in one kernel, which processors prefer; lamps behind glass, too."""
     tracer.ORGANISATION = dict.fromkeys(tracer.ORGANISATION, "stream")
     shown(still_life())
+    behind_glass()
 
 
 def lens() -> None:
@@ -209,6 +211,19 @@ def mixtures() -> None:
     shown(scene | {"objects": [floor, *scene["objects"][1:]], "lights": lights}, layers=["lights"])
 
 
+def behind_glass() -> None:
+    """A lamp in a clear globe, and a sun and a sky through a pane: light samples go on through their glass."""
+    scene = still_life()
+    glass, lamp = {"kind": "dielectric", "index": 1.5}, {"kind": "emissive", "radiance": 30}
+    globe = [
+        {"shape": "sphere", "center": [-1, -1, 0.6], "radius": radius, "material": kind}
+        for radius, kind in ((0.5, glass), (0.45, glass), (0.1, lamp))
+    ]
+    pane = {"shape": "box", "min": [-3, -3, 2], "max": [3, 3, 2.1], "material": glass}
+    lit = {"objects": [scene["objects"][0], *globe, pane], "lights": [], "environment": SKY}
+    shown(scene | lit)
+
+
 def light_of_lamps() -> None:
     """Photons through glass, and ghosts between the surfaces of a lens."""
     bokeh = CASES["far"]
@@ -236,6 +251,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "ring": (ring, WAVE),
     "conjugates": (conjugates, WAVE | {"occluded"}),
     "mixtures": (mixtures, WAVE),
+    "behind glass": (behind_glass, WAVE),
     "light of lamps": (light_of_lamps, WAVE | {"photons", "ghosts", "occluded"}),
 }
 
