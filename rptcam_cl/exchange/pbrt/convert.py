@@ -16,8 +16,19 @@ from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.colour import LUMINANCE, luminance
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import Folders, plain
-from rptcam_cl.exchange.conversion import Conversion, FileStore, Place, Report
-from rptcam_cl.exchange.mesh_data import Array, Matrix, apply, is_bearable, is_similarity, reflects, tidy
+from rptcam_cl.exchange.conversion import (
+    Array,
+    Conversion,
+    FileStore,
+    Matrix,
+    Place,
+    Report,
+    apply,
+    is_bearable,
+    is_similarity,
+    reflects,
+    tidy,
+)
 from rptcam_cl.exchange.pbrt.camera import (
     CameraFrame,
     camera_motion,

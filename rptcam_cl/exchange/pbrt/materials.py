@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance, srgb_from_reflectance
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import nested
-from rptcam_cl.exchange.mesh_data import Array
+from rptcam_cl.exchange.conversion import Array, nested
 from rptcam_cl.exchange.pbrt.textures import (
     Shade,
     coefficients,

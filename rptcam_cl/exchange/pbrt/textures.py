@@ -24,8 +24,7 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import Place, nested, read_limited
-from rptcam_cl.exchange.mesh_data import Array, is_invertible, tidy
+from rptcam_cl.exchange.conversion import Array, Place, is_invertible, nested, read_limited, tidy
 from rptcam_cl.exchange.pbrt.source import Parameter
 from rptcam_cl.exchange.pbrt.world import Context, Entity
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS, SUFFIXES, read_picture, write_exr
