@@ -23,7 +23,6 @@ from rptcam_cl.rendering.plan.textures import (
     metal_spectra,
 )
 from rptcam_cl.scene.materials import (
-    AbsorbingMaterial,
     BumpyMaterial,
     Conductor,
     CoveringMaterial,
@@ -44,6 +43,7 @@ from rptcam_cl.scene.materials import (
     Translucent,
     alpha_pair,
 )
+from rptcam_cl.scene.media import AbsorbingMaterial
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, SpectralColour
 from rptcam_cl.scene.textures import Blend, ImageTexture, Mixture, Texture
 
