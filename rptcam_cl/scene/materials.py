@@ -270,11 +270,6 @@ class ThinGlass(CoveringMaterial):
         """Optical depth per channel at normal incidence."""
         return depth_of(self.transmittance, 1.0)
 
-    @property
-    def parameter(self) -> float:
-        """The number of its own that the kernels read: the index."""
-        return self.index
-
 
 # Metals: rough conductors, by a colour or by the optical constants of what they are made of.
 
@@ -537,11 +532,6 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
             )
         return self
 
-    @property
-    def parameter(self) -> float:
-        """The number of its own that the kernels read: the index."""
-        return self.index
-
 
 class Matte(BumpyMaterial):
     """A surface that scatters light evenly (Lambert), or of facets that do (Oren and Nayar)."""
@@ -616,11 +606,6 @@ class Plastic(RoughMaterial, BumpyMaterial):
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (_ROUGHNESS,)
 
-    @property
-    def parameter(self) -> float:
-        """The number of its own that the kernels read: the index."""
-        return self.index
-
 
 # Absorption [per radius] of the pigments of hair, of concentration 1 (d'Eon et al. 2011).
 _EUMELANIN, _PHEOMELANIN = (0.419, 0.697, 1.37), (0.187, 0.4, 1.05)
@@ -688,11 +673,6 @@ class Hair(SceneModel):
         if isinstance(absorption, SpectralColour):
             return SpectralColour((red, green, blue), np.exp(-np.sqrt(absorption.samples) * depth))
         return (red, green, blue)
-
-    @property
-    def parameter(self) -> float:
-        """The number of its own that the kernels read: the index."""
-        return self.index
 
     @property
     def lobes(self) -> tuple[float, float, float, float]:

@@ -624,7 +624,7 @@ class _Filler:
         reflectance = getattr(material, "reflectance", None)
         if reflectance is not None:
             self._colour(record, "color", "texture", reflectance, 1.0)
-        record["parameter"] = getattr(material, "parameter", 0.0)
+        record["parameter"] = getattr(material, "parameter", getattr(material, "index", 0.0))
         match material:
             case Emissive():
                 self._colour(record, "color", "texture", material.radiance, LARGEST_RADIANCE)
