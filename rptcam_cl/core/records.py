@@ -673,11 +673,15 @@ MATERIAL = Record(
         ("int", "reserved_2"),
     ),
     facts=(
-        *(
-            (f"HAS_{name}".upper(), name)
-            for name in "roughness_texture metallic_texture coat_texture coat_roughness_texture sheen_texture"
-            " specular_texture specular_color_texture transmission_texture passed_texture".split()
-        ),
+        ("HAS_ROUGHNESS_TEXTURE", "roughness_texture"),
+        ("HAS_METALLIC_TEXTURE", "metallic_texture"),
+        ("HAS_COAT_TEXTURE", "coat_texture"),
+        ("HAS_COAT_ROUGHNESS_TEXTURE", "coat_roughness_texture"),
+        ("HAS_SHEEN_TEXTURE", "sheen_texture"),
+        ("HAS_SPECULAR_TEXTURE", "specular_texture"),
+        ("HAS_SPECULAR_COLOR_TEXTURE", "specular_color_texture"),
+        ("HAS_TRANSMISSION_TEXTURE", "transmission_texture"),
+        ("HAS_PASSED_TEXTURE", "passed_texture"),
         ("HAS_ENTRIES", "inside_texture"),
         ("HAS_NORMAL_MAP", "normal_texture"),
         ("HAS_ANISOTROPY_MAP", "anisotropy_texture"),
