@@ -48,6 +48,7 @@ from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
+from rptcam_cl.rendering.point_spread import Conjugates
 from rptcam_cl.rendering.progressive import Progress, Rendering, SavedState, render_plan, render_state, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import (
@@ -60,7 +61,6 @@ from rptcam_cl.rendering.several import (
     split_of,
     split_text,
 )
-from rptcam_cl.rendering.stigmatic import Conjugates
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.scene.film import ADAPTIVE_SPP, LIGHT_LAYER, LayerName
 from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene

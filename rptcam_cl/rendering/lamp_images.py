@@ -30,6 +30,7 @@ from rptcam_cl.rendering.point_spread import (
     FINE,
     MIDDLE_NM,
     WAVES_NM,
+    Conjugates,
     PointOpening,
     PointWave,
     fade,
@@ -38,10 +39,10 @@ from rptcam_cl.rendering.point_spread import (
     quick,
     ray_picture,
     shares_of_white,
+    source_of,
     wave_picture,
 )
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.stigmatic import Conjugates, source_of
 from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 

@@ -16,8 +16,8 @@ from rptcam_cl.core.remember import content_name, identity_of_code
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.lamp_aim import Sights
 from rptcam_cl.rendering.plan.plan import Plan, aim, may_aim
+from rptcam_cl.rendering.point_spread import Conjugates, stigmatic
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.stigmatic import Conjugates, stigmatic
 
 Array = NDArray[np.float64]
 Points = tuple[Array, Array, Array]

@@ -19,16 +19,20 @@ from rptcam_cl.optics.as_built import Copies, Deviation, check_copies, film_poin
 from rptcam_cl.optics.charts import FAINT, INK, new_figure, series, styled
 from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration
 from rptcam_cl.optics.optimise_problem import Problem
-from rptcam_cl.rendering.copy_scores import FilmPoints, Judge, Scores, judge_of, sample_field
 from rptcam_cl.rendering.tolerances import (
+    FilmPoints,
     Interval,
+    Judge,
     Limit,
+    Scores,
     Specification,
     alone,
     draw_values,
+    judge_of,
     limits,
     percentile,
     rank,
+    sample_field,
     share,
     specification,
 )
