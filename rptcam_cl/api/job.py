@@ -43,8 +43,8 @@ from rptcam_cl.rendering.checkpoint import SUFFIX, Saver
 from rptcam_cl.rendering.diffraction import Diffraction, diffract, diffraction_of
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts
-from rptcam_cl.rendering.ground_truth import GroundTruth, ground_truth_of
 from rptcam_cl.rendering.lamps import aimed_plan
+from rptcam_cl.rendering.layers import GroundTruth, ground_truth_of
 from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts

@@ -25,15 +25,7 @@ from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.lamp_images import (
-    LampImage,
-    about,
-    brightness,
-    by_waves,
-    lamp_images,
-    pixel_mm,
-    without_lamps,
-)
+from rptcam_cl.rendering.lamps import LampImage, about, brightness, by_waves, lamp_images, pixel_mm, without_lamps
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_spread import (
     ANGLES,

@@ -1,4 +1,4 @@
-"""What an opening makes of a point of light on the film: kernels near it, far light, its image out of focus, and conjugates."""
+"""What an opening makes of a point of light on the film: kernels near it, far light, its image, and conjugates."""
 
 from __future__ import annotations
 

@@ -387,13 +387,7 @@ def loosest_set(
     if not (design < limit if by_spot else design > limit):
         unit = " µm of rms spot" if by_spot else " of modulation"
         raise InputError(f"{lens.name}: no tolerances reach {limit:g}{unit}: the design itself has {design:.4g}")
-    cost = dict.fromkeys((one.label for one in run.limits), 0.0)
-    for one in run.sensitivities:
-        added = one.spot_um**2 - design**2 if by_spot else design - one.mtf
-        cost[one.label] = max(cost[one.label], added if math.isfinite(added) else math.inf)
-    adds = np.array([cost[one.label] for one in run.limits])
-    worst = adds[np.isfinite(adds)].max(initial=0.0) or 1.0
-    shares = np.clip(np.where(np.isfinite(adds), adds, worst) / worst, _LEAST_COST, 1.0) ** (-1 / 3)
+    shares = _shares_by_cost(run, design, by_spot=by_spot)
     front, adjusted = _state(lens, spec)[1], limits(lens, spec, "compensators")
     judge, _, _ = judge_of(spec, run.copies, front, adjusted, trace)
     drawn, refocus = len(run.limits), run.tolerances.refocus
@@ -422,6 +416,17 @@ def loosest_set(
         written, factors, tuple(one.label for one in run.limits),
         tolerance(lens, written, copies=copies, seed=seed, with_sensitivities=False, trace=trace),
     )  # fmt: skip
+
+
+def _shares_by_cost(run: ToleranceRun, design: float, *, by_spot: bool) -> NDArray[np.float64]:
+    """Return the size of each tolerance, relative to the others, of least cost for what they add to the merit."""
+    cost = dict.fromkeys((one.label for one in run.limits), 0.0)
+    for one in run.sensitivities:
+        added = one.spot_um**2 - design**2 if by_spot else design - one.mtf
+        cost[one.label] = max(cost[one.label], added if math.isfinite(added) else math.inf)
+    adds = np.array([cost[one.label] for one in run.limits])
+    worst = adds[np.isfinite(adds)].max(initial=0.0) or 1.0
+    return np.clip(np.where(np.isfinite(adds), adds, worst) / worst, _LEAST_COST, 1.0) ** (-1 / 3)
 
 
 # One copy of a lens, chosen by how good it is among all: the lens behind which a picture is taken.

@@ -45,7 +45,7 @@ from rptcam_cl.rendering.cameras.pupil import (
     tight_sampling,
     without_shape,
 )
-from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_rays, traced_rays
+from rptcam_cl.rendering.cameras.ray_map import LensRays, allowed_px, fitted_rays, traced_rays
 from rptcam_cl.rendering.cameras.setting import (
     DESIGN,
     CameraMetadata,
@@ -429,18 +429,22 @@ def realistic_model(
         axis, samples = (_glanced_axis, _GLANCED_SAMPLES) if coarse else (on_axis_of, _AXIAL_SAMPLES)
         axial_colour = _axial_colour(axis, samples, lens, film_distance_mm, taken, whole, (low, high))
     pupil = shared or _pupil(scene, setting, lens, sampled_nm, windows, coarse)
-    if camera.rays == "fitted":
-        range_nm = (low, high) if dispersive else None
-        through = fitted_rays(lens, setting, scene.film, range_nm, allowed_px(camera.accuracy))
-    else:
-        through = traced_rays(lens, setting, camera.precision, dispersive)
+    through = _rays_through(scene, setting, lens, (low, high) if dispersive else None)
     record = _record(scene, setting, lens, pupil, len(through.surfaces))
     entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
-    metadata: CameraMetadata = {"camera": "realistic", **through.metadata, **setting.metadata}
-    metadata |= {"on_axis_irradiance": on_axis}
+    light: CameraMetadata = {"on_axis_irradiance": on_axis}
     if losses:
-        metadata["transmittance"] = on_axis / clear
-    metadata = {**metadata, **pupil.metadata, **movements_metadata(camera), **colour, **_perspective(scene, setting)}
+        light["transmittance"] = on_axis / clear
+    metadata: CameraMetadata = {
+        "camera": "realistic",
+        **through.metadata,
+        **setting.metadata,
+        **light,
+        **pupil.metadata,
+        **movements_metadata(camera),
+        **colour,
+        **_perspective(scene, setting),
+    }
     if entrance is not None:
         metadata["entrance_pupil"] = entrance.described()
     return CameraModel(
@@ -462,6 +466,15 @@ def realistic_model(
         setting=setting,
         pupil=None if coarse else entrance,
     )
+
+
+def _rays_through(scene: Scene, setting: LensSetting, lens: Lens, range_nm: tuple[float, float] | None) -> LensRays:
+    """Choose how camera rays cross the lens, fitted or traced; of one colour where there is no range of wavelengths."""
+    camera = scene.camera.traced_camera
+    assert camera is not None
+    if camera.rays == "fitted":
+        return fitted_rays(lens, setting, scene.film, range_nm, allowed_px(camera.accuracy))
+    return traced_rays(lens, setting, camera.precision, dispersive=range_nm is not None)
 
 
 def _perspective(scene: Scene, setting: LensSetting) -> CameraMetadata:
