@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.mitsuba_scene import quads_of
 from rptcam_cl.exchange.camera_files import osl_text
-from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.exchange.camera_models import view
 from rptcam_cl.rendering.plan.environment import axes
 from rptcam_cl.rendering.plan.primitives import mesh_parts
 from rptcam_cl.scene.scene import Scene

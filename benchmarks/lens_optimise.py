@@ -69,9 +69,9 @@ def limits(case: dict[str, Any]) -> tuple[tuple[float, float], tuple[float, floa
 def our_worker(case: dict[str, Any]) -> dict[str, Any]:
     """Search with ours."""
     from rptcam_cl.core.strict_yaml import read_yaml
+    from rptcam_cl.optics.design import read_problem
     from rptcam_cl.optics.files.export import lens_text
     from rptcam_cl.optics.optimise import optimise
-    from rptcam_cl.optics.optimise_problem import read_problem
 
     lens = disturbed(case)
     data = read_yaml(lens_text(lens)).data

@@ -18,8 +18,7 @@ from benchmarks.surface_costs import Row
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE, MeasuredReflectance
-from rptcam_cl.optics.glass import AIR, GLASSES, AbbeCauchy
+from rptcam_cl.optics.glass import AIR, GLASSES, MAGNESIUM_FLUORIDE, AbbeCauchy, MeasuredReflectance
 from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import COATED, IDEAL, UNCOATED, LensTransmission, with_coating

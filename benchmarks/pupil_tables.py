@@ -20,8 +20,8 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.core.remember import forget
 from rptcam_cl.device.devices import choose_device
-from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.film_probe import FilmProbe
+from rptcam_cl.optics.irradiance import image_circle
 from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.optics.pupils import DIRECTIONS

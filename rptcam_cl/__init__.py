@@ -9,9 +9,9 @@ TYPE_CHECKING = False  # as of `typing`, which takes longer to import than an in
 if TYPE_CHECKING:
     from typing import Any
 
+    from rptcam_cl.api.combined import sweep
     from rptcam_cl.api.interface import devices, load_lens, merge, render, settle
     from rptcam_cl.api.session import Change, Frame, RenderSession
-    from rptcam_cl.api.sweeping import sweep
     from rptcam_cl.batch.cluster_run import render_on_cluster
     from rptcam_cl.batch.dataset import dataset
     from rptcam_cl.device.devices import choose_device
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "api.interface": "devices load_lens merge render settle",
     "api.session": "Change Frame RenderSession",
-    "api.sweeping": "sweep",
+    "api.combined": "sweep",
     "batch.cluster_run": "render_on_cluster",
     "batch.dataset": "dataset",
     "device.devices": "choose_device",

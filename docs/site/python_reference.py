@@ -16,7 +16,7 @@ from docs.site.docstrings import as_markdown
 
 # Rooms and modules that programs may import; the others serve them and may change without notice.
 ROOMS = (
-    "", "optics", "optics.image_quality", "optics.spots", "scene", "core.colour", "imaging", "studies.focus",
+    "", "optics", "optics.spots", "scene", "core.colour", "imaging", "studies.focus",
     "studies.tiers", "rendering.tolerance_run", "batch", "viewfinder",
 )  # fmt: skip
 PROPERTIES = (property, cached_property)

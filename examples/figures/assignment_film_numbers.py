@@ -14,8 +14,7 @@ from examples.figures.figure import Figure, shared
 from examples.figures.numbers import Numbers, Row
 from examples.figures.shares import passing_share
 from rptcam_cl.api.interface import load_lens, render
-from rptcam_cl.optics.design import image_circle
-from rptcam_cl.optics.irradiance import film_irradiance
+from rptcam_cl.optics.irradiance import film_irradiance, image_circle
 
 # Lens, film distance and stop [mm]: irradiance of the film at these radii [mm] for a world of radiance 1.
 RADII = (0, 5, 10, 15, 20, 25, 30, 35)

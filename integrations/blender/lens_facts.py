@@ -11,8 +11,8 @@ from PIL import Image, ImageDraw
 
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import RptcamError
-from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.drawing import blades, glass, lines
+from rptcam_cl.optics.irradiance import image_circle
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import list_lenses, load_lens
 

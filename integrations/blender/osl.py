@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rptcam_cl.exchange.camera_files import osl_text
-from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.exchange.camera_models import view
 from rptcam_cl.scene.load import load_scene
 
 

@@ -213,22 +213,17 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
 {
     F weight = ONE;
 #if HAS_EMITTERS
-    I rival = shines & (path.pdf > 0.0f) & (vertex.emitter >= 0);
+    Departure from = departure_of(path);
+    I rival = shines & (from.pdf > 0.0f) & (vertex.emitter >= 0);
     if (ANY(rival)) {
         I e = MAX(vertex.emitter, FALSE);
-        F pick = emitter_pick(scene, e, path.ray.o, receiver_behind(path));
+        F pick = emitter_pick(scene, e, from.o, receiver_behind(path));
         F other = emitter_pdf(scene.emitters, e, pick, path.ray.o, path.ray.d, t, absolute(cos_i));
-        weight = rival ? against_lights(path.pdf, other) : weight;
-    }
 #if LAMPS_BEHIND_GLASS
-    I by_glass = shines & (path.pdf == 0.0f) & (path.scattered.pdf > 0.0f) & (vertex.emitter >= 0);
-    if (ANY(by_glass)) {
-        I e = MAX(vertex.emitter, FALSE);
-        F pick = emitter_pick(scene, e, path.scattered.o, receiver_behind(path));
-        F other = aim_pdf(scene.emitters, e, pick, path.scattered.o, path.scattered.d);
-        weight = by_glass ? against_lights(path.scattered.pdf, other) : weight;
-    }
+        other = path.pdf > 0.0f ? other : aim_pdf(scene.emitters, e, pick, from.o, from.d);
 #endif
+        weight = rival ? against_lights(from.pdf, other) : weight;
+    }
 #endif
 #if CAUSTICS
     I sampled = shines & lit_by_photons(path, scene) & (vertex.emitter >= 0);

@@ -1,5 +1,5 @@
 // Light that surfaces and glass of a lens leave to a ray, the mean of both polarisations: the closed forms of
-// rptcam_cl/optics/coating.py. Facts: LENS_FRESNEL (surfaces reflect), LENS_LAYERS (some through layers), LENS_STACKS (through
+// rptcam_cl/optics/glass.py. Facts: LENS_FRESNEL (surfaces reflect), LENS_LAYERS (some through layers), LENS_STACKS (through
 // several), LENS_DARK_LAYERS (that absorb), LENS_ABSORPTION (glass absorbs), LENS_TINTED (what they do depends on the wavelengths of the lanes: tables of one number
 // per nm from LOSS_TABLE_NM on, LOSS_TABLE_LENGTH long).
 #ifndef LENS_COATING_H

@@ -87,7 +87,7 @@ static inline Amplitude layer_amplitude(F r, F t, F sine, F cosine, int reflects
 #endif
 
 #if LENS_STACKS
-// What several layers make of light, from the fields before them (rptcam_cl/optics/coating.py).
+// What several layers make of light, from the fields before them (rptcam_cl/optics/glass.py).
 static inline Amplitude stack_amplitude(Fields a, F front, F behind, int reflects)
 {
     Amplitude whole, above;

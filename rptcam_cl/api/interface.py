@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,20 +17,20 @@ from rptcam_cl.api.job import (
     plain_data,
     read_scene,
     resolve,
+    takes_options,
     with_ghosts,
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import check_writable, replacing
 from rptcam_cl.device.devices import choose_device, list_devices, problem_of
-from rptcam_cl.device.session import Split, Wanted, open_sessions
+from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.imaging.image import Image, develop, folders_of_film
 from rptcam_cl.optics.library import load_lens as read_lens
 from rptcam_cl.rendering.checkpoint import layout_of, merge_states, picture_of, write_checkpoint
 from rptcam_cl.rendering.diffraction import spread_of
 from rptcam_cl.rendering.ghosts import saved_ghosts
 from rptcam_cl.rendering.layers import saved_truth
-from rptcam_cl.rendering.progressive import Progress
 from rptcam_cl.scene.load import load_scene, scene_text, set_keys
 from rptcam_cl.scene.scene import Scene
 
@@ -65,83 +65,16 @@ def load_lens(source: str | Path | Mapping[str, Any]) -> TraceableLens:
     return traceable(read_lens(source))
 
 
-def render(
-    scene: SceneSource,
-    *,
-    spp: int | None = None,
-    seconds: float | None = None,
-    seed: int | None = None,
-    size: tuple[int, int] | None = None,
-    crop: tuple[float, float, float, float] | None = None,
-    layers: Sequence[str] | None = None,
-    denoise: bool = False,
-    noise: float | None = None,
-    checkpoint: str | os.PathLike[str] | None = None,
-    resume: bool = False,
-    allow_mixed: bool = False,
-    device: Wanted = None,
-    split: Split | None = None,
-    wave_size: int | None = None,
-    numerics: bool = False,
-    strict: bool = False,
-    part: str | None = None,
-    samples: tuple[int, int] | None = None,
-    neighbours: tuple[SceneSource | None, SceneSource | None] | None = None,
-    on_progress: Callable[[Progress], Any] | None = None,
-    should_stop: Callable[[], bool] | None = None,
-) -> Image:
+@takes_options(RenderOptions)
+def render(scene: SceneSource, **options: Any) -> Image:
     """Return the picture that the camera of a scene takes.
 
     Parameters
     ----------
     scene
         A scene, or anything that `load_scene` takes.
-    spp
-        Samples per pixel; by default the scene's, or as many as fit when ``seconds`` is given.
-    seconds
-        Time to render [s]; the picture ends after whole samples, at least one.
-    seed, size, crop
-        Replace the scene's seed, resolution [pixels] and crop [fractions x0, x1, y0, y1].
-    layers
-        Auxiliary layers to record, in place of the scene's: ``["depth", "normal"]``; see docs/layers.md.
-    denoise
-        Whether to remove the noise that is left, which makes the picture biased; needs the extra ``denoise``.
-    noise
-        Relative standard error at which a tile of 8 x 8 pixels is done, in place of the scene's; without ``spp``, up to
-        16384 samples per pixel. See docs/scene.md.
-    checkpoint
-        File to keep the state of the render in: every minute, and when ``should_stop`` ends it.
-    resume
-        Whether to go on from the checkpoint, if it is there, and to leave it at the end, so that a later call can add
-        samples. Otherwise a render that comes to its end removes it.
-    allow_mixed
-        Whether to go on from a checkpoint that other code, another numpy or another driver has saved; the metadata then
-        name all under ``mixed``.
-    device
-        As ``--device`` on the command line, or a session to reuse; see `choose_device`. Several of them, or ``"all"``,
-        share the render.
-    split
-        Share of each device, as ``{"0:0": 0.7, "1:0": 0.3}`` or ``"0:0=0.7,1:0=0.3"``; by default in proportion to
-        their speeds, which are measured.
-    wave_size
-        Paths in flight; changes speed and memory, never the picture.
-    numerics
-        Whether to measure too what float32 costs in the lens, by the kernel that traces given rays.
-    strict
-        Whether numbers that cannot be trusted and autofocus that failed are an error; measures as ``numerics`` does.
-        See docs/numerics.md.
-    part
-        ``"3/8"``: render the third of eight parts of the tiles, and keep its checkpoint for `merge`; see docs/parts.md.
-    samples
-        ``(64, 128)``: render these samples of each pixel alone, those from 64 on and before 128, likewise.
-    neighbours
-        Scenes of the frames before and after, or what `load_scene` takes, None where there is none, that the layers
-        ``flow_backward`` and ``flow_forward`` lead to; without them they lead to the opening and the closing of the
-        shutter.
-    on_progress
-        Called with a `Progress` several times a second.
-    should_stop
-        Asked after each sample per pixel; True ends the render with what there is.
+    **options
+        Those of `RenderOptions`.
 
     Raises
     ------
@@ -154,10 +87,8 @@ def render(
     NumericError
         With ``strict``; its ``image`` is the picture.
     """
-    given = dict(locals())  # the keywords, which are the fields of the options
-    del given["scene"]
-    options = RenderOptions(**given | {"neighbours": _frames_beside(neighbours)})
-    job = RenderJob.prepare(scene, options)
+    given = RenderOptions(**options)
+    job = RenderJob.prepare(scene, replace(given, neighbours=_frames_beside(given.neighbours)))
     return job.report(job.run())
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import os
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from dataclasses import fields, replace
+from functools import partial, wraps
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,14 +87,63 @@ def plain_data(scene: Scene) -> dict[str, Any]:
 # What a render takes beside its scene.
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RenderOptions:
-    """The keyword arguments of `render`, which explains each.
+    """The keyword arguments of `render`; `takes_options` gives functions their signature and help.
+
+    Parameters
+    ----------
+    spp
+        Samples per pixel; by default the scene's, or as many as fit when ``seconds`` is given.
+    seconds
+        Time to render [s]; the picture ends after whole samples, at least one.
+    seed, size, crop
+        Replace the scene's seed, resolution [pixels] and crop [fractions x0, x1, y0, y1].
+    layers
+        Auxiliary layers to record, in place of the scene's: ``["depth", "normal"]``; see docs/layers.md.
+    denoise
+        Whether to remove the noise that is left, which makes the picture biased; needs the extra ``denoise``.
+    noise
+        Relative standard error at which a tile of 8 x 8 pixels is done, in place of the scene's; without ``spp``, up to
+        16384 samples per pixel. See docs/scene.md.
+    checkpoint
+        File to keep the state of the render in: every minute, and when ``should_stop`` ends it.
+    resume
+        Whether to go on from the checkpoint, if it is there, and to leave it at the end, so that a later call can add
+        samples. Otherwise a render that comes to its end removes it.
+    allow_mixed
+        Whether to go on from a checkpoint that other code, another numpy or another driver has saved; the metadata then
+        name all under ``mixed``.
+    device
+        As ``--device`` on the command line, or a session to reuse; see `choose_device`. Several of them, or ``"all"``,
+        share the render.
+    split
+        Share of each device, as ``{"0:0": 0.7, "1:0": 0.3}`` or ``"0:0=0.7,1:0=0.3"``; by default in proportion to
+        their speeds, which are measured.
+    wave_size
+        Paths in flight; changes speed and memory, never the picture.
+    numerics
+        Whether to measure too what float32 costs in the lens, by the kernel that traces given rays.
+    strict
+        Whether numbers that cannot be trusted and autofocus that failed are an error; measures as ``numerics`` does.
+        See docs/numerics.md.
+    part
+        ``"3/8"``: render the third of eight parts of the tiles, and keep its checkpoint for `merge`; see docs/parts.md.
+    samples
+        ``(64, 128)``: render these samples of each pixel alone, those from 64 on and before 128, likewise.
+    neighbours
+        Scenes of the frames before and after, or what `load_scene` takes, None where there is none, that the layers
+        ``flow_backward`` and ``flow_forward`` lead to; without them they lead to the opening and the closing of the
+        shutter.
+    on_progress
+        Called with a `Progress` several times a second.
+    should_stop
+        Asked after each sample per pixel; True ends the render with what there is.
 
     Raises
     ------
     InputError
-        ``seconds`` is no time.
+        ``seconds`` is no time, or options exclude each other.
     """
 
     spp: int | None = None
@@ -113,7 +164,7 @@ class RenderOptions:
     strict: bool = False
     part: str | None = None
     samples: tuple[int, int] | None = None
-    neighbours: tuple[Scene | None, Scene | None] | None = None
+    neighbours: tuple[SceneSource | None, SceneSource | None] | None = None
     on_progress: Callable[[Progress], Any] | None = None
     should_stop: Callable[[], bool] | None = None
 
@@ -187,6 +238,42 @@ class RenderOptions:
         if spp is None or scene.render.noise is not None or takes_more or len(sessions) > 1:
             return sessions
         return [sessions[0].for_samples(spp * FilmLayout.of(scene.film).pixels)]
+
+
+Keywords = ParamSpec("Keywords")
+Result = TypeVar("Result")
+
+
+def takes_options(
+    options: Callable[Keywords, RenderOptions],
+) -> Callable[[Callable[..., Result]], Callable[Concatenate[SceneSource, Keywords], Result]]:
+    """Let a function have all options in place of its ``**options``: typed, in its signature and in its help."""
+
+    def decorate(function: Callable[..., Result]) -> Callable[Concatenate[SceneSource, Keywords], Result]:
+        explained = str(options.__doc__).partition("----------\n")[2].partition("\n    Raises\n")[0]
+        function.__doc__ = re.sub(r"    \*\*options\n.*\n", lambda match: explained, str(function.__doc__))
+        return with_keywords(*(each.name for each in fields(RenderOptions)))(function)
+
+    return decorate
+
+
+def with_keywords(*names: str) -> Callable[[Callable[..., Result]], Callable[..., Result]]:
+    """Let a function have some fields of `RenderOptions`, and no others, in place of its ``**``."""
+
+    def decorate(function: Callable[..., Result]) -> Callable[..., Result]:
+        own, options = inspect.signature(function), inspect.signature(RenderOptions).parameters
+        named = [each for each in own.parameters.values() if each.kind is not each.VAR_KEYWORD]
+        signature = own.replace(parameters=[*named, *(options[name] for name in names)])
+
+        @wraps(function)
+        def call(*arguments: Any, **keywords: Any) -> Result:
+            signature.bind(*arguments, **keywords)
+            return function(*arguments, **keywords)
+
+        call.__signature__ = signature  # type: ignore[attr-defined]
+        return call
+
+    return decorate
 
 
 # What a scene leaves to be found, and what its image is put together of.
@@ -602,10 +689,10 @@ class RenderJob:
         def buffers() -> SceneBuffers:
             return wavefront.scene_buffers if isinstance(wavefront, Wavefront) else SceneBuffers(session, self.plan)
 
-        def as_rendered(frame: Scene | None) -> Scene | None:
+        def as_rendered(frame: SceneSource | None) -> Scene | None:
             if frame is None:
                 return None
-            applied = self.options.apply_to(frame)
+            applied = self.options.apply_to(read_scene(frame))
             if applied.requested_autofocus is None:
                 return applied
             from rptcam_cl.studies.focus.controller import in_focus  # few scenes have it, and it takes long to import

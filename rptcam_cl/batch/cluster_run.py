@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from rptcam_cl.api.interface import merge
-from rptcam_cl.api.job import RenderOptions, SceneSource, check_divisible, plain_data, read_scene
+from rptcam_cl.api.job import RenderOptions, SceneSource, check_divisible, plain_data, read_scene, with_keywords
+from rptcam_cl.api.options import OF_A_CLUSTER
 from rptcam_cl.batch.cluster import (
     Credentials,
     Job,
@@ -143,6 +144,7 @@ CLIENT_S = 0.04  # that a part costs the client at most, so that it keeps up wit
 PARTS_A_WORKER = 4  # at least, so that all end at about the same time
 
 
+@with_keywords(*OF_A_CLUSTER)
 def render_on_cluster(
     scene: SceneSource,
     cluster: str | None = None,
@@ -153,13 +155,9 @@ def render_on_cluster(
     folder: str | Path | None = None,
     resume: bool = False,
     allow_mixed: bool = False,
-    spp: int | None = None,
-    seed: int | None = None,
-    size: tuple[int, int] | None = None,
-    crop: tuple[float, float, float, float] | None = None,
-    layers: Sequence[str] | None = None,
     on_progress: Callable[[Progress], Any] | None = None,
     should_stop: Callable[[], bool] | None = None,
+    **options: Any,
 ) -> Image:
     """Return the picture that the camera of a scene takes, rendered by the workers of a cluster.
 
@@ -185,12 +183,12 @@ def render_on_cluster(
     allow_mixed
         Whether workers and parts of other code, another numpy or another driver are taken too; the metadata name all
         under ``mixed``.
-    spp, seed, size, crop, layers
-        As for `rptcam_cl.render`.
     on_progress
         Called with a `Progress` after each part.
     should_stop
         Asked several times a second; True ends the render and raises `InterruptedError`.
+    spp, seed, size, crop, layers
+        As for `rptcam_cl.render`.
 
     Raises
     ------
@@ -206,13 +204,12 @@ def render_on_cluster(
     """
     check_cluster(cluster, workers, tls)
     given = read_scene(scene)
-    words: dict[str, Any] = {"spp": spp, "seed": seed, "size": size, "crop": crop, "layers": layers}
-    settings = RenderOptions(**words)
+    settings = RenderOptions(**options)
     applied = settings.apply_to(given)
     check_divisible(applied)
     samples = settings.most_spp(applied)
     assert samples is not None, "without a time it ends by samples"
-    parcel, job = pack_scene(given), Job(words, device, allow_mixed=allow_mixed)
+    parcel, job = pack_scene(given), Job(options, device, allow_mixed=allow_mixed)
     with scratch_folder() as scratch:
         parts = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
         if not resume:

@@ -38,8 +38,7 @@ from rptcam_cl.cli.output import (
 from rptcam_cl.core.errors import InputError, StateError
 
 if TYPE_CHECKING:
-    from rptcam_cl.exchange.camera_models import Calibration
-    from rptcam_cl.exchange.camera_view import View
+    from rptcam_cl.exchange.camera_models import Calibration, View
     from rptcam_cl.scene.scene import Scene
     from rptcam_cl.studies.focus.probe import FocusReport
     from rptcam_cl.studies.tradeoff import TradeoffReport
@@ -286,7 +285,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
 
 def run_camera(arguments: argparse.Namespace) -> int:
     """The camera for computer vision: intrinsics, distortion and pose, fitted to the chief rays of the lens."""
-    from rptcam_cl.exchange.camera_view import subject, view
+    from rptcam_cl.exchange.camera_models import subject, view
     from rptcam_cl.scene.load import camera_changes
 
     _check_camera_files(arguments)

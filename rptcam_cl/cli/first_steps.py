@@ -138,6 +138,7 @@ def run_view(arguments: argparse.Namespace) -> int:
     Ctrl-C ends it. Needs rptcam_cl[view].
     """
     from rptcam_cl.device.session import means_one, open_early
+    from rptcam_cl.scene.load import load_scene
 
     if means_one(arguments.device):
         open_early(arguments.device)
@@ -149,7 +150,9 @@ def run_view(arguments: argparse.Namespace) -> int:
             f"--host {arguments.host}: lets other machines in, over a connection that is not encrypted (allowed: with"
             f" {_CONSENT}, or 127.0.0.1)"
         )
-    finder = Viewfinder(scene_file(arguments.scene), arguments.overrides, device=arguments.device, size=arguments.size)
+    path = scene_file(arguments.scene)  # where it is made for this run, what is missing is refused or said
+    made = None if path is arguments.scene else load_scene(path, arguments.overrides, missing="grey")
+    finder = Viewfinder(made or path, () if made else arguments.overrides, device=arguments.device, size=arguments.size)
     for warning in finder.warnings:
         print(f"warning: {warning}", file=sys.stderr)
 
@@ -308,9 +311,8 @@ def scene_file(path: Path, missing: "Missing" = "error") -> Path:
     else:
         messages = _write_new(target, {"model": path})
         again = f"rptcam new scene.yaml --model {shlex.quote(str(path))}"
-    for message in messages:
-        print(message, file=sys.stderr)
-    print(f"{path} is shown as a scene that is made for this run; to keep it: {again}", file=sys.stderr)
+    note = f"{path} is shown as a scene that is made for this run; to keep it: {again}"
+    print("\n".join([*messages, note]), file=sys.stderr)
     return target
 
 
@@ -345,10 +347,9 @@ def run_new(arguments: argparse.Namespace) -> int:
     picture of light a studio. Cameras and lamps of a glTF file count.
     """
     target: Path = arguments.scene
-    hint = ""
-    if target.is_file() and arguments.model is None:
-        words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
-        hint = f"; for a scene of that model: {shlex.join(words)}"
+    words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
+    is_model = target.is_file() and arguments.model is None
+    hint = f"; for a scene of that model: {shlex.join(words)}" if is_model else ""
     known_suffix(target, SCENE_SUFFIXES, NOT_SCENE, hint)
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
@@ -371,7 +372,7 @@ def _write_new(target: Path, settings: dict[str, Any]) -> list[str]:
     scene = load_scene(start.scene, base_dir=target.parent, missing="grey")
     with replacing(target) as temporary:
         temporary.write_text(scene_text(start.scene, (HEAD,)), "utf-8")
-    warnings = [f"warning: {text}" for text in scene.warnings if text not in start.report]
+    warnings = [f"warning: {text}" for text in scene.warnings if text not in (*start.report, *scene.stand_ins)]
     return [*start.report, *(f"copied {path.name}" for path in copied), *warnings]
 
 

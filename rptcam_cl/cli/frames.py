@@ -438,7 +438,7 @@ def run_sweep(arguments: argparse.Namespace) -> int:
     """Render every combination of values, and write films, a contact sheet and a table. What is there already is
     kept.
     """
-    from rptcam_cl.api.sweeping import sweep
+    from rptcam_cl.api.combined import sweep
     from rptcam_cl.scene.load import set_keys
 
     over = _over(arguments.keys)
@@ -676,8 +676,7 @@ _frames = number_range(9, 0, "FIRST[-LAST[:STEP]], as 517 or 0-99")  # of a data
 
 def run_dataset(arguments: argparse.Namespace) -> int:
     """Render the frames of a dataset, each with its exact camera. Frames that are there are kept."""
-    from rptcam_cl.batch.dataset import dataset
-    from rptcam_cl.batch.specification import read_specification
+    from rptcam_cl.batch.dataset import dataset, read_specification
 
     wanted = read_specification(arguments.specification, arguments.overrides, frames=arguments.count)
     print_warnings(wanted.scene.warnings)

@@ -28,10 +28,9 @@ from rptcam_cl.optics.measures import FDC
 
 if TYPE_CHECKING:
     from rptcam_cl.imaging.image import Image
-    from rptcam_cl.optics.design import GlassChoice
+    from rptcam_cl.optics.design import GlassChoice, Problem
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.optics.optimise import Optimised
-    from rptcam_cl.optics.optimise_problem import Problem
     from rptcam_cl.optics.ray_trace import LensTransmission
     from rptcam_cl.rendering.tolerance_run import ToleranceRun
     from rptcam_cl.scene.scene import Scene
@@ -381,7 +380,7 @@ def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "LensTransmiss
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics.design import lens_info
+    from rptcam_cl.optics.irradiance import lens_info
 
     lens = lens_options.zoomed_lens(arguments, arguments.wavelength_nm)
     distance = math.inf if arguments.focus_distance_m is None else 1000 * arguments.focus_distance_m
@@ -433,9 +432,9 @@ def add_lens_optimise(commands: Commands) -> None:
 
 def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     from rptcam_cl.core.files import check_writable
+    from rptcam_cl.optics.design import UNITS, read_problem
     from rptcam_cl.optics.files.export import lens_text
     from rptcam_cl.optics.optimise import optimise
-    from rptcam_cl.optics.optimise_problem import UNITS, read_problem
     from rptcam_cl.rendering.tolerance_run import spot_of_copies
 
     if arguments.scene is not None and arguments.report is None:
@@ -526,8 +525,7 @@ def _write_drawings(found: "Optimised", folder: Path) -> None:
 
     from rptcam_cl.optics.charts import encode
     from rptcam_cl.optics.drawing import View, draw_lens
-    from rptcam_cl.optics.image_quality import mtf
-    from rptcam_cl.optics.spots import Setting
+    from rptcam_cl.optics.spots import Setting, mtf
 
     problem = found.problem
     states = (("before", found.start, found.start_film_mm), ("after", found.lens, found.film_mm))

@@ -115,7 +115,7 @@ def _measure(measurement: Measurement, arguments: argparse.Namespace) -> int:
     else:
         _print_rows(measurement, result)
     if output is not None and output.suffix.lower() in NUMBERS:
-        from rptcam_cl.optics.image_quality import npy_bytes
+        from rptcam_cl.optics.spots import npy_bytes
 
         lens_options.write(npy_bytes(result.about[measurement.array]), output)
     elif output is not None and result.chart is not None:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rptcam_cl.optics.charts import Drawing
-    from rptcam_cl.optics.coating import Coating, Layer
     from rptcam_cl.optics.drawing import Tracer
+    from rptcam_cl.optics.glass import Coating, Layer
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.optics.spots import Setting
     from rptcam_cl.rendering.traceable_lens import Precision
@@ -127,13 +127,12 @@ def add_catalogue(parser: argparse.ArgumentParser) -> None:
 
 def coating(text: str) -> "Coating":
     """The coating of a word, of a reflectance such as 0.005, or of layers such as 1.38:99.6,2.1:131."""
-    from rptcam_cl.optics.coating import constant_reflectance
-    from rptcam_cl.optics.files.glasses import WORDS, read_layers
+    from rptcam_cl.optics.files.glasses import WORDS, coating_of
 
     if text in WORDS:
-        return WORDS[text]
+        return coating_of(text)
     if ":" in text:
-        return read_layers(_layers(text))
+        return coating_of(_layers(text))
     try:
         share = float(text)
     except ValueError:
@@ -142,13 +141,13 @@ def coating(text: str) -> "Coating":
         raise argparse.ArgumentTypeError(
             f"got {text}; allowed {', '.join(WORDS)}, a reflectance from 0 to below 1, or layers as 1.38:99.6,2.1:131"
         )
-    return constant_reflectance(share)
+    return coating_of(share)
 
 
 def _layers(text: str) -> "tuple[Layer, ...]":
     """The layers of ``index:nm`` or ``index:nm:extinction`` with commas between, from the air to the glass."""
     from rptcam_cl.core.records import MOST_LAYERS
-    from rptcam_cl.optics.coating import Layer
+    from rptcam_cl.optics.glass import Layer
 
     try:
         rows = [[float(value) for value in part.split(":")] for part in text.split(",")]

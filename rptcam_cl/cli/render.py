@@ -199,6 +199,7 @@ def run_render(arguments: argparse.Namespace) -> int:
             from rptcam_cl.cli.first_steps import scene_file
 
             arguments.scene = scene_file(arguments.scene, arguments.missing)
+            arguments.missing = "grey"  # what is missing, scene_file has refused or said
         return _picture(arguments)
     if arguments.plan:
         raise InputError("--plan: renders nothing that could be watched (allowed: without --watch)")

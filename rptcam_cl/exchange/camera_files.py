@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.camera_models import BY_ANGLE, Calibration
-from rptcam_cl.exchange.camera_view import FAR_M, View
+from rptcam_cl.exchange.camera_models import BY_ANGLE, FAR_M, Calibration, View
 from rptcam_cl.optics.files.export import lens_text
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import passing

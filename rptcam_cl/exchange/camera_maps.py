@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.camera_models import BY_ANGLE, normal_points
-from rptcam_cl.exchange.camera_view import View, check_distances, distance_along
+from rptcam_cl.exchange.camera_models import BY_ANGLE, View, check_distances, distance_along, normal_points
 from rptcam_cl.optics.beams import Beam, film_chief_rays, is_steep, passing_beam, passing_from, takes_steep_light
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.lens import Lens

@@ -16,7 +16,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, name_errors, named_files, read_whole, replacing
 from rptcam_cl.optics.beams import crossings
-from rptcam_cl.optics.design import image_circle
+from rptcam_cl.optics.irradiance import image_circle
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens, names_a_file
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting

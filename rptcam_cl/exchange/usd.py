@@ -16,10 +16,12 @@ import numpy as np
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import content_name
-from rptcam_cl.exchange.conversion import TABLED, Conversion, FileStore
-from rptcam_cl.exchange.mesh_data import (
+from rptcam_cl.exchange.conversion import (
+    TABLED,
     Array,
+    Conversion,
     Faces,
+    FileStore,
     MeshData,
     PolygonMesh,
     is_bearable,

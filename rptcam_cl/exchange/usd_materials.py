@@ -16,8 +16,7 @@ import numpy as np
 from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import FileStore, Report, nested
-from rptcam_cl.exchange.mesh_data import Array
+from rptcam_cl.exchange.conversion import Array, FileStore, Report, nested
 from rptcam_cl.scene.assets.pictures import SUFFIXES
 from rptcam_cl.scene.materials import LEAST_BEND, MOST_BEND, MOST_INDEX
 from rptcam_cl.scene.textures import MOST_NESTED

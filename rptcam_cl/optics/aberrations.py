@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
 from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam, without_obstructions
-from rptcam_cl.optics.image_quality import field_waves
 from rptcam_cl.optics.ray_trace import Rays, at_plane
 from rptcam_cl.optics.shapes import Biconic, Grating, Transposed
-from rptcam_cl.optics.spots import NOTHING, STAYS, Setting, default_fields, result_of
+from rptcam_cl.optics.spots import NOTHING, STAYS, Setting, default_fields, field_waves, result_of
 from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
 from rptcam_cl.optics.waves import MOST_ACROSS, ExitRays, check_wavefront
 

@@ -1,20 +1,30 @@
-"""Lenses from a few numbers (Kumar et al. 2024, eqs. 3-12), and the numbers of `lens info` of any lens."""
+"""How lenses come to be: single lenses and achromats from closed forms, and the problems that optimisations solve."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
-from rptcam_cl.core import LINE_D_NM
+from rptcam_cl.core import LINE_C_NM, LINE_D_NM, LINE_F_NM, __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import plain
-from rptcam_cl.optics.film_probe import FilmProbe, box_near, grid, narrow_boxes, narrowing_probes, pupil_boxes
-from rptcam_cl.optics.irradiance import on_axis_irradiance
-from rptcam_cl.optics.lens import Lens, brought_to_focus
-from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance
+from rptcam_cl.core.files import Folders, References
+from rptcam_cl.core.strict_yaml import Document, Fields, problem, read_yaml
+from rptcam_cl.optics.files.export import lens_text
+from rptcam_cl.optics.files.glasses import MAKERS, makers_of
+from rptcam_cl.optics.files.native import document_of
+from rptcam_cl.optics.glass import AIR
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.library import load_lens, names_a_file
+from rptcam_cl.optics.ray_trace import follows_derivatives
+from rptcam_cl.optics.spots import default_fields, setting
 
 #
 # Lenses from a few numbers: a single lens of a focal length, and an achromatic doublet (Kumar et al. 2024, eqs. 3-12).
@@ -189,191 +199,403 @@ def _row(
     return row
 
 
-# What a lens does in one state: the numbers of `lens info`, image circle, field of view and T-number.
+# What makes a lens better: variables, solves, bounds and merit of a problem, read strictly from YAML or a mapping.
 
-LARGEST_FIELD = 8.0  # image circles are searched up to this many focal lengths from the axis
-HALF_STEPS, HALF_NODES, HALF_RAYS = 7, 33, (72, 72)
-INSIDE = 0.997  # of the image circle, where more than a sliver of the pupil is left
-QUICK = (40, 40)
-FAN = (4096, 1)
-SEARCH = (160, 160)
+Kind = Literal["curvature", "thickness", "conic", "aspheric", "film"]
+UNITS = {
+    "spot": "µm", "wavefront": "waves", "mtf": "", "distortion": "%", "axial_colour": "mm", "lateral_colour": "µm",
+    "focal_length": "mm", "f_number": "", "telecentricity": "°",
+    "as_built": "µm",
+}  # fmt: skip
+_TARGETS = {"mtf": "per_mm", "focal_length": "target_mm", "f_number": "target"}
+_BOUNDS = ("glass_centre_mm", "glass_edge_mm", "air_centre_mm", "air_edge_mm", "length_mm", "back_focal_mm")
+_TOP = (
+    "lens", "f_number", "focal_length_mm", "object_distance_mm", "fields_degrees", "field_weights", "wavelengths_nm",
+    "wavelength_weights",
+    "variables", "pickups", "solves", "film", "bounds", "merit", "search", "evaluations", "rings", "arms",
+    "vignetting", "tolerances",
+)  # fmt: skip
+_SHARED = ("curvature", "thickness", "conic")
+MOST_EVALUATIONS = 100_000
+THIN = 0.02  # of the focal length: how thin glass may become where nothing is said
 
 
-def lens_info(
-    lens: Lens,
-    f_number: float | None = None,
-    object_distance_mm: float = np.inf,
-    wavelength_nm: float = LINE_D_NM,
-    transmission: LensTransmission = IDEAL,
-) -> dict[str, Any]:
-    """Return first-order data and working state as plain values, for JSON; None where there is no such number.
+@dataclass(frozen=True)
+class Variable:
+    """One number of a lens that may change; `power` is that of an aspheric coefficient."""
 
-    Parameters
+    kind: Kind
+    surface: int
+    power: int = 0
+
+    @property
+    def label(self) -> str:
+        """How messages call it."""
+        return f"{self.kind} {self.surface}" + (f" r^{self.power}" if self.power else "")
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A number that follows another one: factor times it and offset."""
+
+    kind: Kind
+    surface: int
+    leader: int
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Solve:
+    """A number that follows from a condition: a curvature that holds the focal length, or a gap its edge thickness."""
+
+    kind: Kind
+    surface: int
+    value: float
+
+
+@dataclass(frozen=True)
+class Term:
+    """A part of the merit with its weight, and its target or spatial frequency."""
+
+    name: str
+    weight: float
+    target: float = 0.0
+
+
+@dataclass(frozen=True)
+class GlassChange:
+    """Glass behind a surface that may be replaced: of which makers, and how many neighbours are tried."""
+
+    surface: int
+    makers: tuple[str, ...]
+    tries: int
+
+
+@dataclass(frozen=True)
+class Hunt:
+    """A global search: hops from minimum to minimum, or differential evolution, of some size and with a seed."""
+
+    kind: str = "none"
+    count: int = 0
+    step: float = 0.1
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is to be made better, by what, within which limits.
+
+    Attributes
     ----------
     lens : Lens
-    f_number : float, optional
-        Closes the stop; by default it is as in the file.
+        The start.
+    label : str
+        The file, or what stands for it.
     object_distance_mm : float
-        From the film to the object plane.
-    wavelength_nm : float
-    transmission : LensTransmission
-        Losses that the T-number counts.
+        From the object plane to the first vertex; infinite for far objects.
+    holds_focal_length : bool
+        Whether the focal length is held where it should be, beside the merit.
+    film : str or float
+        ``best``, ``paraxial``, or a distance behind the last vertex [mm].
+    bounds : mapping of str to (least, most)
+    digest : str
+        Of all that the result follows from.
     """
-    if f_number is not None:
-        lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
-    film: float | None
-    try:
-        lens, film = brought_to_focus(lens, object_distance_mm, wavelength_nm)
-    except InputError:
-        if np.isfinite(object_distance_mm):
-            raise
-        film = None
-    result = lens.first_order(wavelength_nm).as_dict()
-    result |= {"name": lens.name, "source": lens.source, "warnings": list(lens.warnings)}
-    result["stop_diameter_mm"] = None if lens.stop is None else 2 * lens.stop.semi_diameter
-    result["film_distance_mm"] = film
-    result["axial_transmittance"] = float(axial_transmittance(lens, wavelength_nm, transmission))
-    for key in ("working_f_number", "t_number", "half_light_circle_mm", "image_circle_mm", "field_of_view_degrees"):
-        result[key] = None
-    if film is not None:
-        result["working_f_number"] = working_f_number(lens, film, wavelength_nm)
-        result["t_number"] = t_number(lens, film, wavelength_nm, transmission)
-        circle = image_circle(lens, film, wavelength_nm)
-        result["half_light_circle_mm"] = 2 * _half_light_radius(lens, film, circle, wavelength_nm)
-        if circle < farthest(lens, film, wavelength_nm):  # else nothing in the lens ends its picture
-            result["image_circle_mm"] = 2 * circle
-            result["field_of_view_degrees"] = field_of_view(lens, film, circle * INSIDE, wavelength_nm)
-    return dict(plain(result, json=True))
+
+    lens: Lens
+    label: str
+    f_number: float
+    focal_length_mm: float
+    object_distance_mm: float
+    holds_focal_length: bool
+    fields_degrees: tuple[float, ...]
+    field_weights: tuple[float, ...]
+    wavelengths_nm: tuple[float, ...]
+    wavelength_weights: tuple[float, ...]
+    variables: tuple[Variable, ...]
+    followers: tuple[Follower, ...]
+    solves: tuple[Solve, ...]
+    film: str | float
+    bounds: Mapping[str, tuple[float, float]]
+    terms: tuple[Term, ...]
+    glasses: tuple[GlassChange, ...]
+    hunt: Hunt
+    evaluations: int
+    rings: int
+    arms: int
+    vignetting: bool
+    tolerances: str
+    digest: str
+
+    @property
+    def reference(self) -> int:
+        """Which of the wavelengths first-order data are of: the one nearest to the d line."""
+        return int(np.argmin(np.abs(np.array(self.wavelengths_nm) - LINE_D_NM)))
 
 
-def working_f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
-    """Return 1 / (2 n' sin theta') of the axial beam at the film, by first order for the size of the exit pupil."""
-    data = lens.first_order(wavelength_nm)
-    away = film_distance_mm - data.exit_pupil.distance_mm
-    index = float(lens.indices(wavelength_nm)[-1])
-    if not np.isfinite(away):
-        return data.f_number / index
-    return float(abs(away) / (index * data.exit_pupil.diameter_mm))
+def read_problem(source: str | Path | Mapping[str, Any]) -> Problem:
+    """Return the problem of a YAML file, or of a mapping with the same keys.
 
-
-def t_number(
-    lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM, transmission: LensTransmission = IDEAL
-) -> float:
-    """Return the f-number of an ideal lens that would give the centre of the film the same light: E = pi / (4 T^2)."""
-    return float(np.sqrt(np.pi / (4.0 * on_axis_irradiance(lens, film_distance_mm, wavelength_nm, transmission))))
-
-
-def image_circle(
-    lens: Lens,
-    film_distance_mm: float,
-    wavelength_nm: float = LINE_D_NM,
-    *,
-    between_mm: tuple[float, float] | None = None,
-) -> float:
-    """Return the film radius [mm] beyond which no ray arrives along +x, within 0.05 %.
-
-    It is searched up to eight focal lengths from the axis; a lens that lights more has that radius.
-
-    Parameters
-    ----------
-    between_mm
-        A radius that is known to have light, and one beyond which the circle does not matter: if that has light, the
-        result is just beyond it.
+    Raises
+    ------
+    InputError
+        With the place and key of whatever cannot be.
     """
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
-    limit = farthest(lens, film_distance_mm, wavelength_nm)
-
-    def lit(radius: float) -> bool:
-        # What is left near the edge is a sliver across the plane of film point and axis, too thin for a grid.
-        film = np.array([[radius, 0.0]])
-        return any(narrow_boxes(probe, film, probe.windows(film), shape)[1][0] for shape in (FAN, SEARCH))
-
-    radii = np.concatenate([[0.0], limit * np.geomspace(0.02, 1.0, 24)])
-    low, high = 0.0, 0.0
-    if between_mm is not None:
-        low, enough = between_mm
-        if lit(enough):
-            return float(np.nextafter(enough, np.inf))
-        radii = np.append(radii[(radii > low) & (radii < enough)], enough)
-    for radius in radii:
-        if not lit(float(radius)):
-            high = float(radius)
-            break
-        low = float(radius)
+    if isinstance(source, Mapping):
+        document = document_of({"name": "problem", **source})
+        document = replace(document, data={k: v for k, v in document.data.items() if k != "name"})
+        folder = Path()
     else:
-        return low
-    while high - low > 1e-4 * high:
-        middle = (low + high) / 2
-        low, high = (middle, high) if lit(middle) else (low, middle)
-    return low
+        folder = Path(source).parent
+        document = replace(read_yaml(Path(source)), files=References(Folders(folder, owner="problem")))
+    if not isinstance(document.data, dict):
+        raise problem(document, (), "expected a mapping with lens, variables and merit", document.data)
+    return _Reader(document, folder).problem()
 
 
-def farthest(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
-    """Return the film radius [mm] up to which image circles are searched."""
-    length = abs(lens.first_order(wavelength_nm).focal_length_mm)
-    return LARGEST_FIELD * (length if np.isfinite(length) else film_distance_mm)
+class _Reader:
+    """Takes the keys of a problem one by one."""
 
+    def __init__(self, document: Document, folder: Path) -> None:
+        self.document, self.top = document, Fields(document, (), _TOP)
+        self.lens = self._lens(folder)
+        self.last = len(self.lens.surfaces) - 1
 
-def _half_light_radius(
-    lens: Lens, film_distance_mm: float, circle_mm: float, wavelength_nm: float = LINE_D_NM
-) -> float:
-    """Return the least film radius [mm] along +x with half the irradiance of the axis, within 1 %.
+    def problem(self) -> Problem:
+        top, lens = self.top, self.lens
+        first = lens.first_order()
+        solves = tuple(sorted(self._solves(), key=lambda solve: solve.kind == "curvature"))
+        self._check_solves(solves)
+        terms = tuple(self._terms(first.focal_length_mm))
+        held = not any(term.name in ("focal_length", "f_number") for term in terms)
+        held = held and not any(solve.kind == "curvature" for solve in solves)
+        length = [solve.value for solve in solves if solve.kind == "curvature"]
+        length += [term.target for term in terms if term.name == "focal_length"]
+        wavelengths = self._list("wavelengths_nm", (LINE_F_NM, LINE_D_NM, LINE_C_NM), 200, 3000)
+        f_number = top.positive("f_number", first.f_number)
+        fields = self._list("fields_degrees", None, 0, 89) or self._fields()
+        variables, glasses = self._variables()
+        film = self._film()
+        variables += [Variable("film", self.last)] if film == "best" else []
+        if not variables and not glasses:
+            raise top.fail("variables", "nothing may change")
+        variables.sort(key=lambda v: (v.surface, v.kind, v.power))
+        followers = tuple(self._followers())
+        self._check_twice([*variables, *followers, *solves])
+        tolerances = top.text("tolerances")
+        if any(term.name == "as_built" for term in terms) and not tolerances:
+            raise top.fail(None, "merit.as_built needs tolerances: a grade or a file of them")
+        text = json.dumps(self.document.data, sort_keys=True, default=str) + lens_text(lens) + __version__
+        return Problem(
+            lens, self.document.name, f_number, top.number("focal_length_mm", (length or [first.focal_length_mm])[0]),
+            top.positive("object_distance_mm", math.inf), held, fields, self._weights("field_weights", len(fields)),
+            wavelengths, self._weights("wavelength_weights", len(wavelengths)), tuple(variables), followers,
+            solves, film, self._bounds(), terms, glasses, self._hunt(),
+            self._count("evaluations", 400, MOST_EVALUATIONS), self._count("rings", 4, 40), self._count("arms", 4, 90),
+            top.flag("vignetting") if "vignetting" in top else True,
+            tolerances, hashlib.sha256(text.encode()).hexdigest(),
+        )  # fmt: skip
 
-    Parameters
-    ----------
-    circle_mm : float
-        Radius of the image circle, which is the result where there is more light to its edge.
-    """
-
-    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
-    nodes = np.linspace(0.0, circle_mm, HALF_NODES)
-    node_boxes, _ = pupil_boxes(probes, np.column_stack([nodes, np.zeros(HALF_NODES)]), in_order=True)
-
-    def light(radius: float) -> float:  # D^2 / (D^2 + rho^2)^2 over what passes of a plane through the last vertex
-        film = np.array([[radius, 0.0]])
-        near, _ = box_near(probes[-1], film, node_boxes[np.abs(nodes - radius).argmin()], radial=False)
-        boxes, lit = narrow_boxes(probes[-1], film, near[None], HALF_RAYS)
-        points = grid(boxes, *HALF_RAYS)[0]
-        targets = np.column_stack([points, np.full(len(points), lens.length)])
-        start = np.array([radius, 0.0, lens.film_z(film_distance_mm)])
-        passed = lens.trace(np.broadcast_to(start, targets.shape), targets - start, wavelength_nm).passed
-        square = np.sum((targets - start) ** 2, axis=1)
-        sides = np.ptp(points, axis=0) / (np.array(HALF_RAYS) - 1)
-        return float(lit[0] * np.prod(sides) * np.sum(passed / square**2))
-
-    def share(radius: float) -> float:
-        return light(radius) / on_axis
-
-    on_axis = light(0.0)
-    low, more = 0.0, 0.5  # light above the half
-    for radius in circle_mm * np.geomspace(0.05, 1.0, HALF_STEPS):
-        if (excess := share(float(radius)) - 0.5) < 0:
-            high, less = float(radius), excess
-            break
-        low, more = float(radius), excess
-    else:
-        return circle_mm
-    while high - low > 3e-3 * high:  # along the chord, but never beside an end for long
-        part = float(np.clip(more / (more - less), 0.1, 0.9))
-        middle = low + part * (high - low)
-        if (excess := share(middle) - 0.5) >= 0:
-            low, more = middle, excess
+    def _lens(self, folder: Path) -> Lens:
+        given = self.top.get("lens")
+        if isinstance(given, dict):
+            lens = load_lens(given)
         else:
-            high, less = middle, excess
-    return low
+            name = self.top.text("lens")
+            if not name:
+                raise self.top.fail(None, "lens is missing: a name of the library, or a lens file")
+            lens = load_lens(folder / name if names_a_file(name) else name)
+        for k, surface in enumerate(lens.surfaces):
+            if not follows_derivatives(surface):
+                raise self.top.fail("lens", f"surface {k} is no sphere, conic or asphere about the axis that refracts")
+        if lens.stop_index is None:
+            raise self.top.fail("lens", "has no stop; mark one with stop: true")
+        if lens.configurations or lens.floating or lens.fold is not None:
+            raise self.top.fail("lens", "zooms, floats or is folded; write one state of it: rptcam lens convert")
+        if not math.isfinite(lens.first_order().focal_length_mm):
+            raise self.top.fail("lens", "has no focal length")
+        return lens
 
+    def _fields(self) -> tuple[float, ...]:
+        try:
+            return tuple(float(f) for f in default_fields(setting(self.lens)))
+        except InputError as trouble:
+            raise self.top.fail(None, f"fields_degrees is missing, and the lens has none ({trouble})") from None
 
-def field_of_view(
-    lens: Lens, film_distance_mm: float, film_radius_mm: float, wavelength_nm: float = LINE_D_NM
-) -> float | None:
-    """Return the full angle [degrees] that a film radius sees: twice the mean angle of its rays in the scene."""
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
-    film = np.array([[film_radius_mm, 0.0]])
-    boxes, lit = narrow_boxes(probe, film, probe.windows(film), SEARCH)
-    if not lit[0]:
-        return None
-    rays = probe.trace(film[0], grid(boxes, *QUICK)[0])
-    if not rays.passed.any():
-        return None
-    mean = rays.directions[rays.passed].mean(axis=0)
-    return float(2 * np.degrees(np.arctan2(np.hypot(mean[0], mean[1]), -mean[2])))
+    def _list(self, key: str, default: tuple[float, ...] | None, low: float, high: float) -> tuple[float, ...]:
+        if key not in self.top:
+            return default or ()
+        values = self.top.numbers(key)
+        if not all(low <= value <= high for value in values) or len(set(values)) < len(values):
+            raise self.top.fail(key, f"expected different numbers from {low:g} to {high:g}")
+        return values
+
+    def _weights(self, key: str, count: int) -> tuple[float, ...]:
+        values = self.top.numbers(key) if key in self.top else (1.0,) * count
+        if len(values) != count or min(values) < 0 or not sum(values) > 0:
+            raise self.top.fail(key, f"expected {count} numbers from 0 up, not all 0")
+        return values
+
+    def _count(self, key: str, default: int, most: int) -> int:
+        value = self.top.number(key, default)
+        if value % 1 or not 1 <= value <= most:
+            raise self.top.fail(key, f"expected a whole number from 1 to {most}")
+        return int(value)
+
+    def _surface(self, fields: Fields, key: str, last: int) -> int:
+        value = fields.number(key)
+        if value % 1 or not 0 <= value <= last:
+            raise fields.fail(key, f"expected a surface from 0 to {last}")
+        return int(value)
+
+    def _variables(self) -> tuple[list[Variable], tuple[GlassChange, ...]]:
+        if "variables" not in self.top:
+            raise self.top.fail(None, "variables is missing, such as {curvatures: all, thicknesses: [1, 3]}")
+        inner = self.top.inner("variables", ("curvatures", "thicknesses", "conics", "aspheric", "glasses"))
+        result: list[Variable] = []
+        plural: tuple[tuple[str, Kind, int], ...] = (
+            ("curvatures", "curvature", self.last), ("thicknesses", "thickness", self.last - 1),
+            ("conics", "conic", self.last),
+        )  # fmt: skip
+        for key, kind, last in plural:
+            if inner.get(key) == "all":
+                chosen = [k for k in range(last + 1) if self._matters(kind, k)]
+            else:
+                chosen = [int(k) for k in inner.numbers(key)] if inner.get(key) else []
+                if any(not 0 <= k <= last for k in chosen):
+                    raise inner.fail(key, f"expected all, or surfaces from 0 to {last}")
+            result += [Variable(kind, k) for k in chosen]
+        for k, path in (
+            inner.paths_by_number("aspheric", 0, self.last, "no such surface") if "aspheric" in inner else []
+        ):
+            powers = self.document.data["variables"]["aspheric"][path[-1]]
+            if not isinstance(powers, list) or not all(isinstance(p, int) and 2 <= p <= 30 for p in powers):
+                raise problem(self.document, path, "expected powers of r from 2 to 30, such as [4, 6]", powers)
+            result += [Variable("aspheric", k, p) for p in powers]
+        return result, tuple(self._glasses(inner))
+
+    def _matters(self, kind: Kind, k: int) -> bool:
+        """Whether a number of surface k is one that `all` means: no curvature of a stop in air, no gap of 0."""
+        if kind == "thickness":
+            return self.lens.surfaces[k].thickness != 0
+        return self.lens.media[k] != self.lens.media[k + 1] and (
+            kind == "curvature" or self.lens.surfaces[k].conic != 0
+        )
+
+    def _glasses(self, inner: Fields) -> Iterator[GlassChange]:
+        if "glasses" not in inner:
+            return
+        for k, path in inner.paths_by_number("glasses", 0, self.last - 1, "no such surface"):
+            row = Fields(self.document, path, ("makers", "tries"))
+            if self.lens.surfaces[k].glass == AIR:
+                raise problem(self.document, path, "air is behind this surface")
+            given = row.get("makers") or ["schott"]
+            makers: list[str] = []
+            for maker in given if isinstance(given, list) else [given]:
+                found = makers_of(str(maker))
+                if not found:
+                    raise row.fail("makers", f"allowed: {', '.join(MAKERS)}")
+                makers += found
+            tries = row.number("tries", 4)
+            if tries % 1 or not 1 <= tries <= 50:
+                raise row.fail("tries", "expected a whole number from 1 to 50")
+            yield GlassChange(k, tuple(makers), int(tries))
+
+    def _followers(self) -> Iterator[Follower]:
+        example = "[{curvature: 5, follows: 0, factor: -1}]"
+        for row in self.top.rows("pickups", (*_SHARED, "follows", "factor", "offset"), example):
+            kind = self._one_of(row, _SHARED)
+            last = self.last - (kind == "thickness")
+            k, leader = self._surface(row, kind, last), self._surface(row, "follows", last)
+            if k == leader:
+                raise row.fail("follows", "a number cannot follow itself")
+            yield Follower(kind, k, leader, row.number("factor", 1.0), row.number("offset", 0.0))  # type: ignore[arg-type]
+
+    def _solves(self) -> Iterator[Solve]:
+        example = "[{curvature: 5, focal_length_mm: 50}]"
+        for row in self.top.rows("solves", ("curvature", "thickness", "focal_length_mm", "edge_mm"), example):
+            kind = self._one_of(row, ("curvature", "thickness"))
+            key = "focal_length_mm" if kind == "curvature" else "edge_mm"
+            if key not in row:
+                raise row.fail(None, f"a {kind} is solved for {key}")
+            k = self._surface(row, kind, self.last - (kind == "thickness"))
+            if kind == "curvature" and self.lens.media[k] == self.lens.media[k + 1]:
+                raise row.fail(kind, "light does not bend there")
+            yield Solve(kind, k, row.number(key))  # type: ignore[arg-type]
+
+    def _check_solves(self, solves: Sequence[Solve]) -> None:
+        bends = [solve.surface for solve in solves if solve.kind == "curvature"]
+        if len(bends) > 1:
+            raise self.top.fail("solves", "one curvature alone is solved for the focal length")
+        for solve in solves:
+            if solve.kind == "thickness" and any(k in (solve.surface, solve.surface + 1) for k in bends):
+                raise self.top.fail(
+                    "solves", f"the edge behind surface {solve.surface} ends at a curvature that is solved"
+                )
+
+    def _one_of(self, row: Fields, names: Sequence[str]) -> str:
+        given = [name for name in names if name in row]
+        if len(given) != 1:
+            raise row.fail(None, f"needs exactly one of {', '.join(names)}")
+        return given[0]
+
+    def _film(self) -> str | float:
+        given = self.top.get("film")
+        if isinstance(given, dict):
+            return self.top.inner("film", ("distance_mm",)).positive("distance_mm")
+        if given not in (None, "best", "paraxial"):
+            raise self.top.fail("film", "allowed: best, paraxial, or {distance_mm: 40}")
+        return given or "best"
+
+    def _bounds(self) -> dict[str, tuple[float, float]]:
+        if "bounds" not in self.top:
+            return {}
+        inner = self.top.inner("bounds", _BOUNDS)
+        result = {}
+        for key in inner.value:
+            values = inner.numbers(key) if isinstance(inner.get(key), list) else (inner.number(key), math.inf)
+            if len(values) != 2 or not values[0] < values[1]:
+                raise inner.fail(key, "expected the least value, or [least, most]")
+            result[key] = (values[0], values[1])
+        return result
+
+    def _terms(self, length: float) -> Iterator[Term]:
+        inner = self.top.inner("merit", UNITS) if "merit" in self.top else None
+        if inner is None:
+            yield Term("spot", 1.0)
+            return
+        if not inner.value:
+            raise self.top.fail("merit", f"needs one of {', '.join(UNITS)}")
+        for name in inner.value:
+            if not isinstance(inner.get(name), dict):
+                if name in _TARGETS and name != "focal_length":
+                    raise inner.fail(name, f"needs {{weight: 1, {_TARGETS[name]}: …}}")
+                yield Term(name, inner.positive(name), self.top.number("focal_length_mm", length))
+                continue
+            key = _TARGETS.get(name)
+            row = inner.inner(name, ("weight", key) if key else ("weight",))
+            default = self.top.number("focal_length_mm", length) if name == "focal_length" else None
+            yield Term(name, row.positive("weight", 1.0), row.positive(key, default) if key else 0.0)
+
+    def _hunt(self) -> Hunt:
+        if "search" not in self.top:
+            return Hunt()
+        row = self.top.inner("search", ("kind", "count", "step", "seed"))
+        kind = row.text("kind", "hops")
+        if kind not in ("hops", "evolution"):
+            raise row.fail("kind", "allowed: hops (basin hopping), evolution (differential evolution)")
+        count, seed = row.number("count", 10), row.number("seed", 1)
+        if count % 1 or not 1 <= count <= 10_000:
+            raise row.fail("count", "expected a whole number from 1 to 10000")
+        if seed % 1 or seed < 0:
+            raise row.fail("seed", "expected a whole number from 0 up")
+        return Hunt(kind, int(count), row.positive("step", 0.1), int(seed))
+
+    def _check_twice(self, every: Sequence[Variable | Follower | Solve]) -> None:
+        seen: set[tuple[str, int, int]] = set()
+        for one in every:
+            place = (one.kind, one.surface, getattr(one, "power", 0))
+            if place in seen:
+                raise self.top.fail(None, f"{one.kind} {one.surface} is variable, follows or is solved for twice")
+            seen.add(place)

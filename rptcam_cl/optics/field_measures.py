@@ -17,9 +17,8 @@ from rptcam_cl.optics import charts, drawing
 from rptcam_cl.optics.aberrations import FINE, fields_of
 from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam
 from rptcam_cl.optics.best_focus import axial_blur, best_film_distance
-from rptcam_cl.optics.design import image_circle, t_number
 from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfold, with_film
-from rptcam_cl.optics.irradiance import irradiance_with_error, pass_areas, veiling_glare
+from rptcam_cl.optics.irradiance import image_circle, irradiance_with_error, pass_areas, t_number, veiling_glare
 from rptcam_cl.optics.lens import Lens, brought_to_focus, film_distance
 from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, at_plane, axial_transmittance, has_coatings
 from rptcam_cl.optics.spots import Setting, fan_points, result_of, section_rays

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam
-from rptcam_cl.optics.coating import Amplitude, Interface, LayerStack, Polarised, constant_reflectance
-from rptcam_cl.optics.glass import attenuation
+from rptcam_cl.optics.glass import Amplitude, Interface, LayerStack, Polarised, attenuation, constant_reflectance
 from rptcam_cl.optics.lens import Lens, system_matrix
 from rptcam_cl.optics.ray_trace import COATED, LensTransmission, arrive, leave, reflect, refract
 from rptcam_cl.optics.surface import IN_PLACE, Surface

@@ -224,7 +224,7 @@ SPOT = Measurement(
     "spots", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
 MTF = Measurement(
-    "mtf", "mtf", "image_quality",
+    "mtf", "mtf", "spots",
     "modulation transfer from the spots, times what diffraction leaves of it",
     "Return tangential and sagittal modulation of each field; with `diffraction` by wave optics.",
     (
@@ -243,7 +243,7 @@ MTF = Measurement(
     "mtf", ("frequencies_per_mm", "fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
 PSF = Measurement(
-    "psf", "psf", "image_quality",
+    "psf", "psf", "spots",
     "image of one point by geometrical or wave optics",
     'Return facts of the image of a point; `about["shares"]` is that image (n, n), the light of each square.',
     (
@@ -257,7 +257,7 @@ PSF = Measurement(
     {}, "psf", ("field_degrees", "wavelengths_nm"), is_single=True, has_best_focus=True, array="shares",
 )  # fmt: skip
 WAVEFRONT = Measurement(
-    "wavefront", "wavefront", "image_quality",
+    "wavefront", "wavefront", "spots",
     "wavefront at the exit pupil: path differences in wavelengths, and Strehl ratios",
     "Return the rms and the range of the wavefront of each field and wavelength, and its Strehl ratios.",
     (_wavelengths((LINE_D_NM,)), _RAYS, _fields()),

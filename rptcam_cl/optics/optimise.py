@@ -18,19 +18,20 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import read_whole, replacing
 from rptcam_cl.core.strict_yaml import MAX_BYTES
+from rptcam_cl.optics.design import THIN, GlassChange, Problem, Solve, Term, Variable, read_problem
 from rptcam_cl.optics.files.glasses import find_glass, glasses_of
 from rptcam_cl.optics.glass import AIR, Medium, abbe_number, known_range
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.optimise_problem import THIN, GlassChange, Problem, Solve, Term, Variable, read_problem
-from rptcam_cl.optics.ray_derivatives import (
+from rptcam_cl.optics.ray_trace import (
     Paraxial,
     RaysWithDerivatives,
     Seeds,
+    Status,
     sag_with_derivatives,
+    trace,
     trace_paraxial,
     trace_with_derivatives,
 )
-from rptcam_cl.optics.ray_trace import Status, trace
 
 # The merit of a problem: residuals whose squares add up to the merit squared, with exact derivatives.
 

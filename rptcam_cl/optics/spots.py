@@ -1,14 +1,15 @@
-"""A lens as it stands on a camera: stopped down, zoomed and focused; its fields, and where their rays meet the film."""
+"""Images of points in a lens in use: spots, modulation transfer, point spread and wavefront."""
 
 from __future__ import annotations
 
+import io
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
@@ -18,12 +19,27 @@ from rptcam_cl.optics.beams import Beam, passing_beam
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.lens import brought_to_focus
 from rptcam_cl.optics.ray_trace import at_plane
-from rptcam_cl.optics.waves import PupilFunction
+from rptcam_cl.optics.waves import (
+    AIRY,
+    PupilFunction,
+    centroid,
+    diffraction_mtf,
+    encircled_function,
+    peak_to_valley,
+    pupil_function,
+    radius_of_share,
+    rms_waves,
+    spread,
+    strehl,
+    transfer,
+)
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
 
     from rptcam_cl.optics.lens import Lens
+
 
 # A lens as it stands on a camera: stopped down, zoomed, focused, with its film.
 
@@ -422,3 +438,483 @@ def spot(
     spots = film_spots(setting, fields, wavelengths_nm, rays)
     points = {(one.field_degrees, one.wavelength_nm): one.points for one in spots}
     return result_of(setting, "spots", spot_table(spots), lambda: spot_chart(setting, spots), points=points)
+
+
+#
+# Modulation transfer: that of the spots times that of diffraction at the aperture that each field has.
+#
+# The geometrical transfer knows no diffraction and exceeds its limit where a lens is sharp. The transfer of a lens is
+# that of its perfect pupil times a factor of its aberrations (Wetherell, The Calculation of Image Quality, 1980), for
+# which the geometrical one stands here: right where aberrations are none or many waves, and never above the limit.
+
+CURVE = 101
+COLUMNS = ("tangential", "sagittal", "tangential_limit", "sagittal_limit")
+
+
+def geometric_mtf(points: Array, frequencies_per_mm: ArrayLike) -> tuple[Array, Array]:
+    """Return the modulation (tangential, sagittal) of light spread over points (n, 2) of the film [mm].
+
+    Tangential lines lie along x, so that they blur in y; sagittal ones along y. Each is the length of the mean of
+    exp(-2 pi i f y) over the rays, the Fourier transform of the spot.
+    """
+    waves = -2j * np.pi * np.asarray(frequencies_per_mm, dtype=np.float64)[:, None]
+    off = points - points.mean(axis=0)
+    tangential, sagittal = (np.abs(np.mean(np.exp(waves * off[:, axis]), axis=1)) for axis in (1, 0))
+    return tangential, sagittal
+
+
+def limits(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> tuple[Array, Array]:
+    """Return the modulation (tangential, sagittal) that diffraction leaves the spots of one field.
+
+    The mean over the wavelengths by their rays. A pupil that is not round counts as the ellipse of its second moments.
+    """
+    rays = np.array([len(spot.points) for spot in group], dtype=np.float64)
+    curves = [
+        np.average([diffraction_mtf(frequencies_per_mm, spot.cone[axis], spot.wavelength_nm) for spot in group],
+                   axis=0, weights=rays)
+        for axis in (1, 0)
+    ]  # fmt: skip
+    return curves[0], curves[1]
+
+
+def field_mtf(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> list[Array] | None:
+    """Return tangential and sagittal modulation and the limit of each, of one field; None when no light passes."""
+    points = pool(group)
+    if not len(points):
+        return None
+    most = limits(group, frequencies_per_mm)
+    drawn = geometric_mtf(points, frequencies_per_mm)
+    return [*(shape * limit for shape, limit in zip(drawn, most, strict=True)), *most]
+
+
+def mtf_moves(frequencies_per_mm: Sequence[float]) -> Moves:
+    """Return the function that says how far the modulation of a field moves with more rays, in units of what it may.
+
+    Rays that lie farther apart on the film than half a period of the finest lines show nothing of these.
+    """
+
+    def moves(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
+        for spot in few:
+            if len(spot.points) and np.ptp(spot.points, axis=0).max() * max(frequencies_per_mm) > math.sqrt(
+                len(spot.points)
+            ):
+                return math.inf
+        one, other = (field_mtf(group, frequencies_per_mm) for group in (few, many))
+        if one is None or other is None:
+            return 0.0 if one is other else math.inf
+        return float(max(np.abs(a - b).max() for a, b in zip(one[:2], other[:2], strict=True))) / STAYS
+
+    return moves
+
+
+def mtf_table(spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) -> list[dict[str, Any]]:
+    """Return a row for each field and frequency, the wavelengths of a field together; None where no light passes.
+
+    ``error`` is what half as many rays across change of either modulation.
+    """
+    groups = by_field(spots)
+    fields = {degrees: field_mtf(group, frequencies_per_mm) for degrees, group in groups.items()}
+    rows = table_of(fields, frequencies_per_mm)
+    before = table_of(
+        {degrees: field_mtf(less, frequencies_per_mm) if (less := fewer(group)) else None
+         for degrees, group in groups.items()},
+        frequencies_per_mm,
+    )  # fmt: skip
+    for row, other in zip(rows, before, strict=True):
+        known = row["tangential"] is not None and other["tangential"] is not None
+        row["error"] = max(abs(row[name] - other[name]) for name in COLUMNS[:2]) if known else None
+    return rows
+
+
+def table_of(
+    fields: Mapping[float, Sequence[Array] | None], frequencies_per_mm: Sequence[float]
+) -> list[dict[str, Any]]:
+    """Return a row for each field and frequency, of curves as `field_mtf` has them."""
+    rows = []
+    for degrees, curves in fields.items():
+        for k, frequency in enumerate(frequencies_per_mm):
+            values = [None] * len(COLUMNS) if curves is None else [float(curve[k]) for curve in curves]
+            modulation = dict(zip(COLUMNS, values, strict=True))
+            rows.append({"field_degrees": degrees, "frequency_per_mm": frequency, **modulation})
+    return rows
+
+
+@charts.styled()
+def _mtf_chart(title: str, frequencies: Array, fields: Mapping[float, Sequence[Array] | None]) -> Figure:
+    """Return a chart of curves as `field_mtf` has them: tangential full, sagittal dashed, the first limit dotted."""
+    from matplotlib.lines import Line2D
+
+    labels = ("frequency on the film [cycles/mm]", "modulation [%]")
+    figure, axes = charts.new_chart(title, labels, (0.0, float(frequencies[-1])), (0.0, 102.0))
+    keys: list[Artist] = []
+    for number, (degrees, curves) in enumerate(fields.items()):
+        if curves is None:
+            continue
+        tangential, sagittal, limit, _ = (100 * curve for curve in curves)
+        if number == 0:
+            axes.plot(frequencies, limit, ":", color=charts.FAINT)
+        keys += axes.plot(frequencies, tangential, color=charts.series(number), label=f"{degrees:g}°")
+        axes.plot(frequencies, sagittal, "--", color=charts.series(number))
+    keys.append(Line2D([], [], color=charts.INK, label="tangential"))
+    keys.append(Line2D([], [], color=charts.INK, linestyle="--", label="sagittal"))
+    keys.append(Line2D([], [], color=charts.FAINT, linestyle=":", label="diffraction limit"))
+    charts.add_key(figure, keys)
+    return figure
+
+
+def mtf(
+    setting: Setting,
+    frequencies_per_mm: Sequence[float],
+    fields: Sequence[float] | None,
+    wavelengths_nm: Sequence[float],
+    *,
+    diffraction: bool,
+    rays: int | None,
+) -> charts.Measured:
+    """Return the modulation of each field at frequencies, by rays times diffraction or by waves."""
+    groups: Mapping[float, Sequence[Any]]
+    curves: Callable[[Sequence[Any], ArrayLike], list[Array] | None]
+    if diffraction:
+        groups, curves = by_field(field_waves(setting, fields, wavelengths_nm, rays)), _wave_transfer
+        rows = [
+            row | {"error": error}
+            for one, group in groups.items()
+            for row, error in zip(
+                table_of({one: curves(group, frequencies_per_mm)}, frequencies_per_mm),
+                _transfer_errors(group, frequencies_per_mm), strict=True,
+            )
+        ]  # fmt: skip
+    else:
+        spots = film_spots(setting, fields, wavelengths_nm, rays, mtf_moves(frequencies_per_mm))
+        groups, curves, rows = by_field(spots), field_mtf, mtf_table(spots, frequencies_per_mm)
+    how = " by wave optics" if diffraction else ", geometrical times diffraction"
+    frequencies = np.linspace(0.0, max(frequencies_per_mm), CURVE)
+
+    def chart() -> Figure:
+        shown = {degrees: curves(group, frequencies) for degrees, group in groups.items()}
+        return _mtf_chart(f"{setting.lens.name}: MTF{how}", frequencies, shown)
+
+    return result_of(setting, "MTF", rows, chart)
+
+
+# The image of a point by geometrical optics: the share of its light that each small square of the film receives.
+
+SIDE = 6.0  # of the plot [inches]
+PSF_SHARES = (0.5, 0.8, 0.95)
+ROOM = 1.1  # half width of the image over the radius that holds nearly all light, when none is given
+
+
+@dataclass(frozen=True)
+class PointImage:
+    """The image of a point.
+
+    Attributes
+    ----------
+    shares : (n, n) array
+        Share of the light in each pixel, row 0 at the top (largest y). What falls outside is missing from the sum.
+    width_um : float
+        Side of the image on the film, about the centroid [micrometres].
+    facts : mapping
+        Centroid, rms, and radii about the centroid that enclose shares of the light [micrometres], and by how much rms
+        and radii change with half as many rays across.
+    """
+
+    shares: Array
+    width_um: float
+    facts: dict[str, float]
+
+
+def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None = None) -> PointImage:
+    """Return the image of one field, its wavelengths together.
+
+    Parameters
+    ----------
+    spots : sequence of FilmSpot
+        Of one field.
+    pixels : int
+        Along each side.
+    width_um : float, optional
+        Side of the image; as large as the light needs when absent.
+    """
+    if pixels < 2:
+        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
+    points = pool(spots)
+    facts, less = spot_facts(points), fewer(spots)
+    off, radii = _radii(points)
+    names = [f"radius_of_{100 * share:.0f}_percent_um" for share in PSF_SHARES]
+    facts |= dict(zip(names, np.quantile(radii, PSF_SHARES).tolist(), strict=True))
+    if less and len(before := pool(less)):
+        facts["rms_error_um"] = abs(facts["rms_um"] - spot_facts(before)["rms_um"])
+        changes = np.quantile(_radii(before)[1], PSF_SHARES) - np.quantile(radii, PSF_SHARES)
+        facts["radius_error_um"] = float(np.abs(changes).max())
+    half = (width_um or 2 * ROOM * max(float(np.quantile(radii, 0.99)), 1e-6)) / 2
+    counts, _, _ = np.histogram2d(-off[:, 1], off[:, 0], bins=pixels, range=[[-half, half], [-half, half]])
+    return PointImage(counts / len(points), 2 * half, facts)
+
+
+def image_moves(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
+    """Return how far rms and radii of an image of a point move with more rays, in units of what they may."""
+    one, other = (pool(group) for group in (few, many))
+    if not len(one) or not len(other):
+        return 0.0 if len(one) == len(other) else np.inf
+    one, other = (np.quantile(_radii(points)[1], PSF_SHARES) for points in (one, other))
+    return max(spots_move(few, many), float(np.max(np.abs(one - other) / (STAYS * other + 1e3 * NOTHING))))
+
+
+def _radii(points: Array) -> tuple[Array, Array]:
+    """Return points (n, 2) from their centroid, and how far they are from it (n,) [micrometres]."""
+    off = (points - points.mean(axis=0)) * 1e3
+    return off, np.hypot(off[:, 0], off[:, 1])
+
+
+def npy_bytes(values: Array) -> bytes:
+    """Return an array as a NumPy file, float32."""
+    out = io.BytesIO()
+    np.save(out, values.astype(np.float32))
+    return out.getvalue()
+
+
+@charts.styled()
+def psf_chart(setting: Setting, image: PointImage, field_degrees: float) -> Figure:
+    """Return the image of a point as it is seen, bright on dark, with the share of light that a pixel receives."""
+    figure = charts.new_figure(f"{setting.lens.name}: image of a point at {field_degrees:g}°", (SIDE + 1.4, SIDE))
+    axes = figure.add_subplot()
+    half = image.width_um / 2
+    shown = axes.imshow(100 * image.shares, cmap="inferno", vmin=0.0, extent=(-half, half, -half, half))
+    axes.set(xlabel="x from the centroid [µm]", ylabel="y from the centroid [µm]")
+    axes.grid(visible=False)
+    pixel = image.width_um / len(image.shares)
+    figure.colorbar(shown, ax=axes, label=f"light in a square of {pixel:.3g} µm [% of all]")
+    return figure
+
+
+def psf(
+    setting: Setting,
+    field_degrees: float,
+    wavelengths_nm: Sequence[float],
+    *,
+    rays: int | None,
+    pixels: int,
+    width_um: float | None,
+    diffraction: bool,
+) -> charts.Measured:
+    """Return facts of the image of a point, and the image."""
+    if diffraction:
+        waves = field_waves(setting, [field_degrees], wavelengths_nm, rays)
+        image = wave_point_image(waves, pixels, width_um)
+    else:
+        image = point_image(film_spots(setting, [field_degrees], wavelengths_nm, rays, image_moves), pixels, width_um)
+    facts = {"field_degrees": field_degrees, "width_um": image.width_um, "pixels": pixels, **image.facts}
+    return result_of(
+        setting, f"image of a point at {field_degrees:g}°", [facts],
+        lambda: psf_chart(setting, image, field_degrees), setting.lens.name, shares=image.shares,
+    )  # fmt: skip
+
+
+# Wavefronts of fields and wavelengths: path differences, Strehl ratios, and the map over the pupil.
+
+
+def field_waves(
+    setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], across: int | None = None
+) -> list[PupilFunction]:
+    """Return the light of each field and wavelength; fields whose light does not pass are left out.
+
+    Parameters
+    ----------
+    setting : Setting
+    fields : sequence of float, optional
+        Angles from the axis [degrees]; the axis and two more when absent.
+    wavelengths_nm : sequence of float
+    across : int, optional
+        Cells across each pupil; as many as its wavefront needs when absent.
+
+    Raises
+    ------
+    InputError
+        When nothing of any beam passes, or the lens has no film.
+    """
+    film = setting.film
+    waves: list[PupilFunction] = []
+    refused: InputError | None = None
+    for degrees in default_fields(setting) if fields is None else fields:
+        for wavelength in wavelengths_nm:
+            beam = Beam(degrees, setting.object_distance_mm)
+            try:
+                waves.append(pupil_function(setting.lens, film, beam, wavelength, across))
+            except InputError as problem:
+                refused = problem
+    if refused is not None and not waves:
+        raise refused
+    return waves
+
+
+def _wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
+    """Return a row for each wavefront, up to the sphere about the chief ray's point: rms, range, Strehl ratios.
+
+    The errors are what a third of the cells across the pupil changes, at most, over `FINER`.
+    """
+    rows = []
+    for wave in waves:
+        ratio, extent = strehl(wave), peak_to_valley(wave, wave.waves_on_sphere)
+        thirds = [(peak_to_valley(part, part.waves_on_sphere), strehl(part)) for part in wave.thirds()]
+        moves = [(part.at_chief_ray - ratio.at_chief_ray, part.at_peak - ratio.at_peak) for _, part in thirds]
+        rows.append({
+            "field_degrees": wave.field_degrees,
+            "wavelength_nm": wave.wavelength_nm,
+            "rms_waves": rms_waves(wave, wave.waves_on_sphere),
+            "rms_waves_without_tilt": rms_waves(wave, wave.waves_on_sphere, without_tilt=True),
+            "peak_to_valley_waves": extent,
+            "strehl": ratio.at_chief_ray,
+            "strehl_at_peak": ratio.at_peak,
+            "range_error_waves": max(abs(part - extent) for part, _ in thirds) / FINER,
+            "strehl_error": float(np.abs(moves).max()) / FINER,
+            "chief_y_mm": float(wave.chief[1]),
+        })  # fmt: skip
+    return rows
+
+
+@charts.styled()
+def _wavefront_chart(setting: Setting, waves: Sequence[PupilFunction]) -> Figure:
+    """Return the maps of path differences over the pupil side by side, to one scale, in direction cosines."""
+    figure, panels = panels_of(f"{setting.lens.name}: wavefront at the exit pupil", len(waves), TITLE)
+    maps = [_map(wave) for wave in waves]
+    most = max(float(np.nanmax(np.abs(part))) for part in maps) or 1.0
+    for axes, wave, part in zip(panels.flat, waves, maps, strict=False):
+        extent = (wave.cosines_x[0], wave.cosines_x[-1], wave.cosines_y[0], wave.cosines_y[-1])
+        shown = axes.imshow(part, cmap="RdBu_r", vmin=-most, vmax=most, origin="lower", extent=extent)
+        rms = rms_waves(wave, wave.waves_on_sphere)
+        axes.set_title(f"{wave.field_degrees:g}°, {wave.wavelength_nm:g} nm\nrms {rms:.3g} waves")
+        axes.set(xlabel="direction cosine in x", ylabel="in y" if axes in panels[:, 0] else "")
+        axes.locator_params(nbins=4)
+        axes.grid(visible=False)
+    figure.colorbar(shown, ax=panels, label="ahead of the chief ray [waves]", shrink=0.8)
+    return figure
+
+
+def _map(pupil: PupilFunction) -> Array:
+    """Return the path differences about their mean; NaN outside of the pupil."""
+    weight = pupil.flux / pupil.flux.sum()
+    mean = float(np.sum(weight * pupil.waves_on_sphere))
+    return np.where(pupil.coverage >= 0.5, pupil.waves_on_sphere - mean, np.nan)
+
+
+def wavefront(
+    setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], rays: int | None
+) -> charts.Measured:
+    """Return how far wavefronts are from spheres."""
+    waves = field_waves(setting, fields, wavelengths_nm, rays)
+    return result_of(setting, "wavefront", _wavefront_table(waves), lambda: _wavefront_chart(setting, waves))
+
+
+# The image of a point and the transfer of a lens by wave optics, over all wavelengths of a field.
+
+WIDEST = 48.0  # radius of the first circle that is searched, in Airy radii
+SHOWN = 1.2  # half width of the image over the radius that holds 80 % of the light
+FINER = 2.0  # what a third of the cells changes over the error of all: 8 where that goes by their square
+FINEST = 16.0  # points per wavelength times f-number that pixels are averaged over at least; 4 leave 2 % at the peak
+MOST_POINTS = 1200  # along each side of the image
+
+
+def _wave_transfer(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[Array]:
+    """Return tangential and sagittal modulation of one field, and what its perfect pupil would leave of each."""
+    limits = [transfer(wave.without_aberrations(), frequencies_per_mm) for wave in group]
+    perfect = [np.tensordot(_weights(group), [np.abs(limit[axis]) for limit in limits], 1) for axis in (0, 1)]
+    return [*_modulation(group, frequencies_per_mm), *perfect]
+
+
+def _modulation(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[Array]:
+    """Return tangential and sagittal modulation of one field."""
+    weights, parts = _weights(group), []
+    for wave in group:
+        off = group[0].chief - wave.chief
+        parts.append(transfer(wave, frequencies_per_mm, (float(off[0]), float(off[1]))))
+    return [np.abs(np.tensordot(weights, [part[axis] for part in parts], 1)) for axis in (0, 1)]
+
+
+def _transfer_errors(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[float]:
+    """Return by how much a third of the cells across the pupil changes the modulation of one field, over `FINER`."""
+    all_cells = np.array(_modulation(group, frequencies_per_mm))
+    parts = [_modulation(part, frequencies_per_mm) for part in zip(*(wave.thirds() for wave in group), strict=True)]
+    errors: list[float] = (np.abs(np.array(parts) - all_cells).max(axis=(0, 1)) / FINER).tolist()
+    return errors
+
+
+def wave_point_image(group: Sequence[PupilFunction], pixels: int, width_um: float | None = None) -> PointImage:
+    """Return the image of one field, its wavelengths together, about the middle of its light.
+
+    Parameters
+    ----------
+    group : sequence of PupilFunction
+        Of one field.
+    pixels : int
+        Along each side.
+    width_um : float, optional
+        Side of the image; as large as the light needs when absent.
+    """
+    if pixels < 2:
+        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
+    weights = _weights(group)
+    middles = np.array([wave.chief + centroid(wave) for wave in group])
+    middle = weights @ middles
+    offsets = [middle - wave.chief for wave in group]
+    facts = _facts(group, weights, offsets)
+    facts |= {"centroid_x_mm": float(middle[0]), "centroid_y_mm": float(middle[1])}
+    parts = [_facts(part, weights, offsets) for part in zip(*(wave.thirds() for wave in group), strict=True)]
+    errors = {name: max(abs(part[name] - facts[name]) for part in parts) / FINER for name in parts[0]}
+    facts["strehl_error"] = max(errors["strehl"], errors["strehl_at_peak"])
+    facts["radius_error_um"] = max(errors[f"radius_of_{100 * share:.0f}_percent_um"] for share in PSF_SHARES)
+    half = (width_um or 2 * SHOWN * facts["radius_of_80_percent_um"]) / 2e3
+    shares = np.zeros((pixels, pixels))
+    for wave, weight, offset in zip(group, weights, offsets, strict=True):
+        shares += weight * _pixel_shares(wave, offset, half, pixels)
+    return PointImage(shares, 2e3 * half, facts)
+
+
+def _weights(group: Sequence[PupilFunction]) -> Array:
+    """Return the share of each wavelength: that of the light of its beam."""
+    light = np.array([wave.flux.sum() * wave.step**2 for wave in group])
+    return np.asarray(light / light.sum())
+
+
+def _facts(group: Sequence[PupilFunction], weights: Array, offsets: Sequence[Array]) -> dict[str, float]:
+    """Return the Strehl ratios and the radii about the middle of the light that hold shares of it [micrometres]."""
+    ratios = [strehl(wave) for wave in group]
+    facts = {
+        "strehl": float(weights @ [ratio.at_chief_ray for ratio in ratios]),
+        "strehl_at_peak": float(weights @ [ratio.at_peak for ratio in ratios]),
+    }
+
+    circles = [
+        encircled_function(wave, (float(off[0]), float(off[1]))) for wave, off in zip(group, offsets, strict=True)
+    ]
+
+    def within(radii: Array) -> Array:
+        return np.asarray(weights @ [shares(radii) for shares in circles])
+
+    airy = [_airy_radius(wave) for wave in group]
+    held = [float(shares(np.array([radius]))[0]) for shares, radius in zip(circles, airy, strict=True)]
+    facts |= {"airy_radius_um": 1e3 * float(weights @ airy), "share_within_airy_radius": float(weights @ held)}
+    widest = WIDEST * max(airy)
+    room = min(wave.length_mm / wave.step for wave in group) / 2  # beyond it the light repeats
+    while widest < room and within(np.array([widest]))[0] < max(PSF_SHARES):
+        widest = min(2 * widest, room)
+    for share in PSF_SHARES:
+        facts[f"radius_of_{100 * share:.0f}_percent_um"] = 1e3 * radius_of_share(within, share, widest)
+    return facts
+
+
+def _airy_radius(pupil: PupilFunction) -> float:
+    """Return the first dark ring of a round pupil of the same area in direction cosines [mm]."""
+    diameter = 2 * float(np.sqrt(pupil.coverage.sum() * pupil.step**2 / np.pi))
+    return AIRY * pupil.length_mm / diameter
+
+
+def _pixel_shares(pupil: PupilFunction, offset: Array, half_mm: float, pixels: int) -> Array:
+    """Return the share of light in each pixel, row 0 at the top, about a point off C; by the mean over its points."""
+    pixel = 2 * half_mm / pixels
+    finer = int(np.ceil(pixel * FINEST * AIRY / _airy_radius(pupil)))
+    finer = max(1, min(finer, MOST_POINTS // pixels))
+    count = pixels * finer
+    places = ((np.arange(count) + 0.5) / count * 2 - 1) * half_mm
+    light = spread(pupil, offset[0] + places, offset[1] - places)
+    return np.asarray(light.reshape(pixels, finer, pixels, finer).sum(axis=(1, 3)) * (pixel / finer) ** 2)

@@ -17,8 +17,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import SurfaceKind
 from rptcam_cl.core.remember import Memory
-from rptcam_cl.optics.coating import Coating
-from rptcam_cl.optics.glass import AIR, Medium, known_range
+from rptcam_cl.optics.glass import AIR, Coating, Medium, known_range
 from rptcam_cl.optics.shapes import Form, Hits, Phase, Shape, shape_of_profile
 
 # Shapes of an aperture stop: blades, stars, hearts and polygons inside the unit circle, which is the round stop.

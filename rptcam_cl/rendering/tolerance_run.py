@@ -17,8 +17,8 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.as_built import Copies, Deviation, check_copies, film_points
 from rptcam_cl.optics.charts import FAINT, INK, new_figure, series, styled
+from rptcam_cl.optics.design import Problem
 from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration
-from rptcam_cl.optics.optimise_problem import Problem
 from rptcam_cl.rendering.tolerances import (
     FilmPoints,
     Interval,

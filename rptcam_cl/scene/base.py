@@ -8,7 +8,6 @@ import inspect
 import io
 import math
 import re
-import textwrap
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
@@ -257,9 +256,7 @@ def _descriptions(model: type[SceneModel]) -> dict[str, str]:
     for base in reversed(model.__mro__):
         if not issubclass(base, BaseModel) or base is BaseModel:
             continue
-        [body] = ast.parse(textwrap.dedent(inspect.getsource(base))).body
-        assert isinstance(body, ast.ClassDef)
-        for field, text in pairwise(body.body):
+        for field, text in pairwise(_classes(inspect.getfile(base))[base.__name__].body):
             if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
                 continue
             if (
@@ -269,6 +266,13 @@ def _descriptions(model: type[SceneModel]) -> dict[str, str]:
             ):
                 texts[field.target.id] = inspect.cleandoc(text.value.value)
     return texts
+
+
+@lru_cache(maxsize=64)
+def _classes(file: str) -> dict[str, ast.ClassDef]:
+    """Return the classes of a module by name; `inspect.getsource` would parse it anew for each."""
+    tree = ast.parse(Path(file).read_text("utf-8"))
+    return {node.name: node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
 
 
 def _check_alternatives(group: Alternatives, data: dict[str, Any]) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, MissingFileError
+from rptcam_cl.core.errors import InputError, MissingFileError, OutsideFolderError
 from rptcam_cl.core.files import Folders, name_errors
 from rptcam_cl.scene.assets.pictures import has_alpha, read_picture
 from rptcam_cl.scene.base import GREY, one_pixel
@@ -481,7 +481,7 @@ class _Translation:
             return self._folders.find(str(file_texture.source))
         except InputError as problem:
             message = f"material {self._given.name!r}: {file_texture.name}: {problem}"
-            if self._absent is None or not isinstance(problem, MissingFileError):
+            if self._absent is None or not isinstance(problem, MissingFileError | OutsideFolderError):
                 raise type(problem)(message) from None
         if message not in self._absent:
             self._absent.append(message)

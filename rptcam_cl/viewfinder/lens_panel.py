@@ -18,10 +18,9 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.optics.charts import wavelength_colour
 from rptcam_cl.optics.drawing import blades, glass, lines, obstruction
 from rptcam_cl.optics.film_probe import FilmProbe, narrow_boxes
-from rptcam_cl.optics.image_quality import COLUMNS, field_mtf
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import IDEAL, Rays, Status
-from rptcam_cl.optics.spots import FilmSpot
+from rptcam_cl.optics.spots import COLUMNS, FilmSpot, field_mtf
 from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_of
 from rptcam_cl.rendering.cameras.kinds import Perspective, camera_of
 from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from rptcam_cl.api.sweeping import GAP_PX, PAPER, TEXT_PX, WIDTH_PX, contact_sheet
+from rptcam_cl.api.combined import GAP_PX, PAPER, TEXT_PX, WIDTH_PX, contact_sheet
 from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image
 

@@ -120,10 +120,10 @@ def test_a_layer_that_is_not_known_is_told_the_nearest() -> None:
         options.layers("depht")
 
 
-def test_defaults_of_the_options_are_those_of_render() -> None:
-    keywords = inspect.signature(rptcam_cl.render).parameters
-    for each in fields(RenderOptions):
-        assert each.default == keywords[each.name].default, each.name
+@pytest.mark.parametrize(("function", "wrong"), [(rptcam_cl.render, "ssp"), (render_on_cluster, "noise")])
+def test_keywords_that_a_function_does_not_take_are_refused(function: Callable[..., Any], wrong: str) -> None:
+    with pytest.raises(TypeError, match=f"got an unexpected keyword argument '{wrong}'"):
+        function({}, **{wrong: 1})
 
 
 @pytest.mark.parametrize("usable", [True, False])

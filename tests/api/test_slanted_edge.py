@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from scipy.signal.windows import tukey
 from scipy.special import erf
 
-from rptcam_cl.api.sweeping import _window, mtf50_at
+from rptcam_cl.api.combined import _window, mtf50_at
 
 
 def edge(sigma, degrees, size=64, low=0.1, high=1.0):

@@ -13,8 +13,8 @@ import pytest
 
 from rptcam_cl.cli import camera, lens_measures
 from rptcam_cl.cli.lens_options import coating
-from rptcam_cl.optics.coating import Layer, LayerStack, QuarterWave, constant_reflectance
 from rptcam_cl.optics.files.glasses import WORDS
+from rptcam_cl.optics.glass import Layer, LayerStack, QuarterWave, constant_reflectance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.lens_settings import COATINGS
 

@@ -98,3 +98,10 @@ def test_folder_without_a_scene_to_copy_is_refused(tmp_path: Path, capsys: pytes
     assert main(["examples", "-o", str(tmp_path / "out")]) == 2
     assert "-o copies one scene; name it, as rptcam examples first_light -o my_scene" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_render_shows_a_model_of_which_a_picture_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl w\nmap_Kd gone.png\n")
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\nusemtl w\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
+    assert main(["render", str(tmp_path / "a.obj"), "--plan", "-o", str(tmp_path / "a.png")]) == 0
+    assert f"gone.png: no such file (got {tmp_path / 'gone.png'}); grey stands for it" in capsys.readouterr().err

@@ -12,7 +12,7 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.mesh_data import PolygonMesh
+from rptcam_cl.exchange.conversion import PolygonMesh
 from rptcam_cl.exchange.usd import convert_stage
 from rptcam_cl.scene.load import load_scene
 from tests.support.cases import slow

@@ -8,10 +8,17 @@ import yaml
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import Folders, References
-from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Layer, LayerStack, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.files.export import lens_text
 from rptcam_cl.optics.files.glasses import glasses_of_agf, read_refractive_index
-from rptcam_cl.optics.glass import attenuation
+from rptcam_cl.optics.glass import (
+    BARE,
+    MAGNESIUM_FLUORIDE,
+    Layer,
+    LayerStack,
+    MeasuredReflectance,
+    QuarterWave,
+    attenuation,
+)
 from rptcam_cl.optics.library import load_lens
 
 LAYERS = {"layers": [{"index": 1.38, "thickness_nm": 99.6}, {"index": 2.1, "thickness_nm": 131}]}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.coating import (
+from rptcam_cl.optics.glass import (
     BARE,
     MAGNESIUM_FLUORIDE,
     Interface,

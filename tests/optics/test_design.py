@@ -5,13 +5,7 @@ import math
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.design import (
-    GlassChoice,
-    doublet,
-    doublet_radii,
-    image_distances,
-    singlet,
-)
+from rptcam_cl.optics.design import GlassChoice, doublet, doublet_radii, image_distances, singlet
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
 from tests.optics.truth import truth

@@ -11,7 +11,8 @@ import pytest
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam
-from rptcam_cl.optics.coating import (
+from rptcam_cl.optics.ghosts import NOWHERE, Entry, Ghosts, Lit, find_ghosts, ghost_image, together, unfold
+from rptcam_cl.optics.glass import (
     BARE,
     MAGNESIUM_FLUORIDE,
     Interface,
@@ -20,7 +21,6 @@ from rptcam_cl.optics.coating import (
     QuarterWave,
     constant_reflectance,
 )
-from rptcam_cl.optics.ghosts import NOWHERE, Entry, Ghosts, Lit, find_ghosts, ghost_image, together, unfold
 from rptcam_cl.optics.lens import Lens, system_matrix
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, axial_transmittance, with_coating

@@ -3,7 +3,7 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE
+from rptcam_cl.optics.glass import MAGNESIUM_FLUORIDE
 from rptcam_cl.optics.irradiance import veiling_glare
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import with_coating

@@ -5,8 +5,13 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import irradiance
-from rptcam_cl.optics.design import image_circle
-from rptcam_cl.optics.irradiance import axial_irradiance, film_irradiance, irradiance_with_error, on_axis_irradiance
+from rptcam_cl.optics.irradiance import (
+    axial_irradiance,
+    film_irradiance,
+    image_circle,
+    irradiance_with_error,
+    on_axis_irradiance,
+)
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
 from tests.optics.truth import NAMES, truth, truth_lens

@@ -6,10 +6,9 @@ import pytest
 from rptcam_cl.optics import field_measures
 from rptcam_cl.optics.aberrations import curvature_rows
 from rptcam_cl.optics.beams import chief_ray, film_chief_rays, without_obstructions
-from rptcam_cl.optics.image_quality import field_waves
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spots import setting
+from rptcam_cl.optics.spots import field_waves, setting
 
 STOP = {"stop": True, "diameter": 20}
 

@@ -6,8 +6,7 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam, spot
 from rptcam_cl.optics.best_focus import best_film_distance
-from rptcam_cl.optics.design import lens_info, t_number
-from rptcam_cl.optics.irradiance import on_axis_irradiance
+from rptcam_cl.optics.irradiance import lens_info, on_axis_irradiance, t_number
 from rptcam_cl.optics.lens import film_distance, object_distance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import COATED, Status, passing

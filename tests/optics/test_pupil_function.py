@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import aberrations, image_quality, spots
+from rptcam_cl.optics import aberrations, spots
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
@@ -190,13 +190,12 @@ def test_what_has_no_wavefront_is_refused() -> None:
 @pytest.mark.parametrize(("name", "degrees"), [("dgauss-50mm", 6.0), ("petzval-50mm", 0.0), ("mirror-500mm", 1.0)])
 def test_errors_of_wave_figures_hold_what_four_times_the_cells_change(name: str, degrees: float) -> None:
     use = spots.setting(load_lens(name))
-    few, many = (image_quality.wavefront(use, [degrees], [587.5618], across).rows[0] for across in (80, 160))
+    few, many = (spots.wavefront(use, [degrees], [587.5618], across).rows[0] for across in (80, 160))
     assert abs(few["strehl"] - many["strehl"]) <= 1.5 * few["strehl_error"] < 0.3 * many["strehl"]
     moved = abs(few["peak_to_valley_waves"] - many["peak_to_valley_waves"])
     assert moved <= 1.5 * few["range_error_waves"] + 1e-3
     curves = [
-        image_quality.mtf(use, [20.0, 40.0], [degrees], [587.5618], diffraction=True, rays=across).rows
-        for across in (80, 160)
+        spots.mtf(use, [20.0, 40.0], [degrees], [587.5618], diffraction=True, rays=across).rows for across in (80, 160)
     ]
     for less, more in zip(*curves, strict=True):
         moved = max(abs(less[name] - more[name]) for name in ("tangential", "sagittal"))

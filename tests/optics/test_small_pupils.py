@@ -7,8 +7,7 @@ import pytest
 
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.design import lens_info
-from rptcam_cl.optics.irradiance import film_irradiance
+from rptcam_cl.optics.irradiance import film_irradiance, lens_info
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import list_lenses, load_lens
 from tests.support.lenses import each_lens

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.design import lens_info
-from rptcam_cl.optics.irradiance import film_irradiance
+from rptcam_cl.optics.irradiance import film_irradiance, lens_info
 from rptcam_cl.optics.lens import film_distance, object_distance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.pupils import pupil_shapes

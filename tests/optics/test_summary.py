@@ -7,8 +7,8 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.design import image_circle, lens_info, t_number, working_f_number
 from rptcam_cl.optics.glass import ConstantIndex
+from rptcam_cl.optics.irradiance import image_circle, lens_info, t_number, working_f_number
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.surface import Surface

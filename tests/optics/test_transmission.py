@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Interface
-from rptcam_cl.optics.design import lens_info
-from rptcam_cl.optics.irradiance import film_irradiance, on_axis_irradiance
+from rptcam_cl.optics.glass import BARE, MAGNESIUM_FLUORIDE, Interface
+from rptcam_cl.optics.irradiance import film_irradiance, lens_info, on_axis_irradiance
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import (

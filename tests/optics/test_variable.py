@@ -4,7 +4,7 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import lens as variable
-from rptcam_cl.optics.design import lens_info
+from rptcam_cl.optics.irradiance import lens_info
 from rptcam_cl.optics.lens import (
     film_distance,
     focused_by_group,

@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.batch.specification import read_specification
+from rptcam_cl.batch.dataset import read_specification
 from rptcam_cl.cli import build_parser
 from rptcam_cl.core.strict_yaml import read_yaml
+from rptcam_cl.optics.design import read_problem
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.optimise_problem import read_problem
 from rptcam_cl.rendering.tolerances import specification
 from rptcam_cl.scene.load import Missing, load_scene
 from rptcam_cl.scene.scene import Scene

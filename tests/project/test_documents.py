@@ -81,7 +81,7 @@ def test_contents_of_the_scene_reference_list_every_heading(checkout: Path) -> N
 
 
 def test_every_example_is_a_valid_scene_or_dataset(checkout: Path) -> None:
-    from rptcam_cl.batch.specification import read_specification
+    from rptcam_cl.batch.dataset import read_specification
     from rptcam_cl.scene.load import load_scene
 
     examples = sorted((checkout / "examples").rglob("*.yaml"))

@@ -181,7 +181,6 @@ def test_rooms_are_usable_without_opencl(checkout: Path) -> None:
 NOT_FOR_A_RENDER = {
     "rptcam_cl.api.combined",
     "rptcam_cl.api.session",
-    "rptcam_cl.api.sweeping",
     "rptcam_cl.cli.camera",
     "rptcam_cl.cli.first_steps",
     "rptcam_cl.cli.lens",

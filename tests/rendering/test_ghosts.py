@@ -13,8 +13,8 @@ from rptcam_cl.core.colour import lines_on_grid, luminance, srgb_from_spectrum
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.beams import Beam
-from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE, Coating, Layer, LayerStack, QuarterWave
 from rptcam_cl.optics.ghosts import Lit, find_ghosts, steps, unfold
+from rptcam_cl.optics.glass import MAGNESIUM_FLUORIDE, Coating, Layer, LayerStack, QuarterWave
 from rptcam_cl.optics.irradiance import veiling_glare
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, with_coating

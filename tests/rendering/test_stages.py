@@ -1,7 +1,6 @@
 """The stages of a render, each called alone, and the settings that they share."""
 
-import inspect
-from dataclasses import FrozenInstanceError, fields
+from dataclasses import FrozenInstanceError
 from typing import Any
 
 import numpy as np
@@ -38,11 +37,6 @@ def test_stages_one_by_one_make_the_picture_of_render() -> None:
     assert image.metadata == whole.metadata
     assert image.stats.keys() == whole.stats.keys()
     assert image.stats["seconds"].keys() == {"start", "compile", "render", "total"}
-
-
-def test_settings_have_the_defaults_of_render() -> None:
-    keywords = inspect.signature(rptcam_cl.render).parameters
-    assert all(each.default == keywords[each.name].default for each in fields(RenderOptions))
 
 
 def test_settings_do_not_change() -> None:

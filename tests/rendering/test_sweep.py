@@ -8,7 +8,7 @@ import pytest
 from PIL import Image as Pillow
 
 import rptcam_cl
-from rptcam_cl.api import sweeping
+from rptcam_cl.api import combined
 from rptcam_cl.api.job import SeriesRenderer
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, StateError
@@ -82,14 +82,14 @@ def test_film_of_another_entry_or_with_other_measures_is_made_anew(swept, tmp_pa
 
 
 def test_film_whose_measures_cannot_be_written_is_not_kept(tmp_path, monkeypatch):
-    real = sweeping.replacing
+    real = combined.replacing
 
     def full(path, *more):
         if path.suffix == ".json":
             raise StateError(f"{path}: no space left on device")
         return real(path, *more)
 
-    monkeypatch.setattr(sweeping, "replacing", full)
+    monkeypatch.setattr(combined, "replacing", full)
     with pytest.raises(StateError, match="no space left"):
         list(rptcam_cl.sweep(still_life(), {"picture.ev": [1]}, tmp_path / "out", **OPTIONS))
     assert list((tmp_path / "out").iterdir()) == []
@@ -135,7 +135,7 @@ LENS = {"kind": "realistic", "lens": "dgauss-50mm", "eye": [0, 1, 6], "target": 
     ],
 )
 def test_mistakes_are_named_before_any_work(over, message, tmp_path, monkeypatch):
-    monkeypatch.setattr("rptcam_cl.api.sweeping.render", None)
+    monkeypatch.setattr("rptcam_cl.api.combined.render", None)
     with pytest.raises(InputError, match=message):
         rptcam_cl.sweep(still_life(), over, tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -5,7 +5,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE
+from rptcam_cl.optics.glass import MAGNESIUM_FLUORIDE
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens

@@ -10,10 +10,9 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import open_session
-from rptcam_cl.optics.design import image_circle
-from rptcam_cl.optics.image_quality import field_mtf
+from rptcam_cl.optics.irradiance import image_circle
 from rptcam_cl.optics.lens import Lens, film_distance, limiting_surface
-from rptcam_cl.optics.spots import Setting, film_spots
+from rptcam_cl.optics.spots import Setting, field_mtf, film_spots
 from rptcam_cl.rendering.cameras.setting import film_point, lens_setting
 from rptcam_cl.scene.camera import LensCamera
 from rptcam_cl.scene.load import load_scene

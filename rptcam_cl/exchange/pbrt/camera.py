@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.exchange.mesh_data import Array, Matrix, apply, is_invertible, mean_scale, motion_between, tidy
+from rptcam_cl.exchange.conversion import Array, Matrix, apply, is_invertible, mean_scale, motion_between, tidy
 from rptcam_cl.exchange.pbrt.world import Context, Entity
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.assets.pictures import read_picture

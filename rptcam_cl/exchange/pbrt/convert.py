@@ -16,8 +16,19 @@ from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.colour import LUMINANCE, luminance
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import Folders, plain
-from rptcam_cl.exchange.conversion import Conversion, FileStore, Place, Report
-from rptcam_cl.exchange.mesh_data import Array, Matrix, apply, is_bearable, is_similarity, reflects, tidy
+from rptcam_cl.exchange.conversion import (
+    Array,
+    Conversion,
+    FileStore,
+    Matrix,
+    Place,
+    Report,
+    apply,
+    is_bearable,
+    is_similarity,
+    reflects,
+    tidy,
+)
 from rptcam_cl.exchange.pbrt.camera import (
     CameraFrame,
     camera_motion,
@@ -37,11 +48,11 @@ from rptcam_cl.exchange.pbrt.textures import (
     READABLE,
     SAMPLING,
     Pixels,
+    coefficients,
     is_readable,
     lamp_pixels,
     light,
     picture_name,
-    scale_factor,
 )
 from rptcam_cl.exchange.pbrt.world import ODD, Context, Entity, read_world
 from rptcam_cl.rendering.plan.environment import axes
@@ -95,7 +106,7 @@ def _intensity(context: Context, entity: Entity, frame: CameraFrame, solid_angle
 
     ``power`` of pbrt-v4 is divided by the solid angle that gets it.
     """
-    colour = light(context, entity, "I") * scale_factor(context, entity)
+    colour = light(context, entity, "I") * coefficients(context, entity, "scale")
     power = entity.parameters.number("power", -1.0)
     colour = colour * (power / solid_angle if power > 0 else 1.0)
     return (colour * frame.metres_per_unit**2).tolist()  # type: ignore[no-any-return]
@@ -103,7 +114,7 @@ def _intensity(context: Context, entity: Entity, frame: CameraFrame, solid_angle
 
 def _radiance(context: Context, entity: Entity, per_illuminance: float) -> Array:
     """Return the colour L of a light, times its illuminance over what of it a light of 1 gives."""
-    colour = light(context, entity, "L") * scale_factor(context, entity)
+    colour = light(context, entity, "L") * coefficients(context, entity, "scale")
     illuminance = entity.parameters.number("illuminance", -1.0)
     return colour * illuminance / per_illuminance if illuminance > 0 else colour
 
@@ -115,12 +126,9 @@ _STEP_DEGREES = 0.5  # of the directions of a lamp that shines with a picture, t
 def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     """Return a lamp that shines with a picture, goniometric or a projector, as one measured in many directions."""
     parameters = entity.parameters
-    key = "filename" if parameters.has("filename") else "mapname"
     fov = parameters.number("fov", 90.0 if context.scene.version == 4 else 45.0) if entity.kind == "projection" else 0.0
-    name = parameters.text(key, "")
-    path = context.find_or_note(name, parameters.items[key].place, "the lamp shines evenly") if name else None
-    if path is None or not is_readable(path):
-        context.approximated(entity, "a point light without its picture")
+    pixels, stem = _lamp_picture(context, entity)
+    if not (stem or fov):
         return _point(context, entity, frame)
     world = _world(entity, frame)
     vertical, horizontal = np.arange(0, 180.1, _STEP_DEGREES), np.arange(0, 360.1, _STEP_DEGREES)
@@ -129,7 +137,6 @@ def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     out = np.stack(np.broadcast_arrays(aside * np.cos(around), aside * np.sin(around), -np.cos(down)), axis=-1)
     local = out @ np.linalg.inv(world[:3, :3]).T
     local /= np.linalg.norm(local, axis=-1, keepdims=True)
-    pixels = lamp_pixels(context, path, parameters.items[key].place)
     shown = _shown(pixels, local, fov, context.scene.version)
     weights = aside * np.ones_like(around) / (aside.sum() * len(around))  # of the whole sphere
     mean = np.einsum("ij,ijk->k", weights, shown)
@@ -141,11 +148,25 @@ def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
         context.approximated(entity, "its picture in one colour, the mean")
     pattern = shown @ np.asarray(LUMINANCE)
     if fov:
-        context.approximated(entity, f"its picture in steps of {_STEP_DEGREES:g} degrees")
+        context.approximated(entity, f"its beam in steps of {_STEP_DEGREES:g} degrees")
     color = tint * _intensity(context, entity, frame, 4 * math.pi * float(luminance(mean)))
     largest = float(pattern.max())
-    file = context.files.add("files", f"{path.stem}.ies", partial(_write_ies, vertical, horizontal, pattern / largest))
+    file = context.files.add(
+        "files", f"{stem or entity.kind}.ies", partial(_write_ies, vertical, horizontal, pattern / largest)
+    )
     return _measured(file, largest * color, apply(world, np.zeros((1, 3)))[0], np.array([0, 0, -1]))
+
+
+def _lamp_picture(context: Context, entity: Entity) -> tuple[Pixels, str]:
+    """Return the picture of a lamp and the stem of its file; white and "", with a report, without one."""
+    items = entity.parameters.items
+    key = "filename" if "filename" in items else "mapname"
+    name = entity.parameters.text(key, "")
+    path = context.find_or_note(name, items[key].place, "the lamp shines evenly") if name else None
+    if path is not None and is_readable(path):
+        return lamp_pixels(context, path, items[key].place), path.stem
+    context.approximated(entity, "shines evenly, without a picture")
+    return np.ones((1, 1, 3), np.float32), ""
 
 
 def _measured(file: str, intensity: Array, position: Array, direction: Array) -> Keys:
@@ -260,7 +281,7 @@ def _of_map(context: Context, entity: Entity, frame: CameraFrame, sky: Array) ->
     if path is None:
         parameters.skip_all()
         return {"kind": "constant", "radiance": np.full(3, GREY).tolist()}
-    factor = scale_factor(context, entity) * (light(context, entity, "L") if key == "mapname" else 1.0)
+    factor = coefficients(context, entity, "scale") * (light(context, entity, "L") if key == "mapname" else 1.0)
     if (illuminance := parameters.number("illuminance", -1.0)) > 0:
         context.report.noted(
             parameters.items["illuminance"].place,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,17 +13,15 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance, srgb_from_reflectance
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import nested
-from rptcam_cl.exchange.mesh_data import Array
+from rptcam_cl.exchange.conversion import Array, nested
 from rptcam_cl.exchange.pbrt.textures import (
-    COLOURS,
     Shade,
+    coefficients,
     heights,
     is_readable,
     light,
     number_shade,
     picture_name,
-    reflectance_srgb,
     samples_of,
     shade,
     single,
@@ -164,29 +163,31 @@ def _metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str,
     parameters = entity.parameters
     if parameters.has(f"{prefix}reflectance"):
         return {"reflectance": shade(context, entity, f"{prefix}reflectance", 1.0).keys()}
-    names = [_name(entity, f"{prefix}{key}") for key in ("eta", "k")]
-    metals = {name.removeprefix("metal-").removesuffix(f"-{key}") for name, key in zip(names, ("eta", "k"), strict=True)
-              if name}  # fmt: skip
-    if len(metals) == 1 and all(name.startswith("metal-") or not name for name in names):
-        (metal,) = metals
+    metals = {_metal_named(context, entity, prefix, key) for key in ("eta", "k")} - {""}
+    metal = metals.pop() if len(metals) == 1 else ""
+    if metal in _METALS or metal in _OTHER_METALS:
+        parameters.skip(f"{prefix}eta", f"{prefix}k")
         if metal in _METALS:
-            parameters.skip(f"{prefix}eta", f"{prefix}k")
             return {"metal": _METALS[metal]}
-        if metal in _OTHER_METALS:
-            parameters.skip(f"{prefix}eta", f"{prefix}k")
-            context.approximated(entity, f"{metal} by constants in three channels")
-            return dict(_OTHER_METALS[metal])
+        context.approximated(entity, f"{metal} by constants in three channels")
+        return dict(_OTHER_METALS[metal])
     if not parameters.has(f"{prefix}eta") and not parameters.has(f"{prefix}k"):
         return {"metal": "copper"}
     n, k = (_channels(context, entity, f"{prefix}{key}", default) for key, default in (("eta", 0.2), ("k", 3.9)))
     return {"metal": {"n": n, "k": k}}
 
 
-def _name(entity: Entity, key: str) -> str:
-    item = entity.parameters.items.get(key)
+def _metal_named(context: Context, entity: Entity, prefix: str, key: str) -> str:
+    """Return the metal of a named spectrum, or of a missing file that is called as those of pbrt-v3; "" without one."""
+    item = entity.parameters.items.get(prefix + key)
     if item is None or item.kind != "spectrum" or isinstance(item.values, np.ndarray) or len(item.values) != 1:
         return ""
-    return str(item.values[0])
+    name = str(item.values[0])
+    if name.startswith("metal-"):
+        return name.removeprefix("metal-").removesuffix(f"-{key}")
+    metal = Path(name).name.removesuffix(f".{key}.spd")
+    known = metal in _METALS and context.find_or_note(name, item.place, f"{_METALS[metal]} as we have it") is None
+    return metal if known else name
 
 
 def _channels(context: Context, entity: Entity, key: str, default: float) -> list[float]:
@@ -551,15 +552,6 @@ _SUBSTANCES_OF = {
 }  # fmt: skip
 
 
-def _coefficient(context: Context, entity: Entity, name: str, default: tuple[float, float, float]) -> Array:
-    item = entity.parameters.get(name, *COLOURS)
-    if item is None:
-        return np.array(default)
-    if item.kind == "spectrum":
-        return np.maximum(reflectance_srgb(*samples_of(context, item)), 0)
-    return light(context, entity, name)
-
-
 def medium_keys(context: Context, medium: Entity, preset: str = "preset") -> Keys | None:
     """Return a medium of ours; None, with a report, for one that varies from place to place."""
     if medium.kind != "homogeneous" and preset == "preset":
@@ -572,10 +564,10 @@ def medium_keys(context: Context, medium: Entity, preset: str = "preset") -> Key
         context.approximated(medium, f'whole milk in place of "{name}"')
     scattering, absorption = SUBSTANCES[_SUBSTANCES_OF.get(name, "whole_milk")]
     scale = value(context, medium, "scale", 1.0) / context.metres_per_unit
-    sigma_a = scale * _coefficient(context, medium, "sigma_a", absorption)
+    sigma_a = scale * coefficients(context, medium, "sigma_a", absorption)
     keys: Keys = {
         "absorption_per_m": sigma_a.tolist(),
-        "scattering_per_m": (scale * _coefficient(context, medium, "sigma_s", scattering)).tolist(),
+        "scattering_per_m": (scale * coefficients(context, medium, "sigma_s", scattering)).tolist(),
     }
     if g := parameters.number("g", 0.0):
         keys["asymmetry"] = float(np.clip(g, -MOST_ASYMMETRY, MOST_ASYMMETRY))
@@ -595,7 +587,7 @@ def _subsurface(context: Context, material: Entity) -> Keys:
     if colour is None:
         return keys | {"interior": medium_keys(context, material, "name")}
     deep = shade(context, material, colour, 0.5)
-    way = 1e3 * context.metres_per_unit * _coefficient(context, material, "mfp", (1.0, 1.0, 1.0))
+    way = 1e3 * context.metres_per_unit * coefficients(context, material, "mfp")
     parameters.skip("sigma_a", "sigma_s", "g", "scale")
     color = np.clip(deep.colour, 0, 1).tolist() if deep.texture is None else deep.texture
     inside = {"color": color, "free_path_mm": np.maximum(way, 1e-6).tolist()}
@@ -626,14 +618,13 @@ def _measured(context: Context, material: Entity) -> Keys:
         return _grey(context, material)
     name, place = material.file_name()
     path = context.find_or_note(name, place, "matte grey 0.5")
-    if path is None:
-        return matte(np.full(3, 0.5))
     try:
-        read_measured(path)
+        if path is not None:
+            read_measured(path)
+            return {"kind": "measured", "file": context.files.reference(path, place)}
     except InputError as problem:
         context.approximated(material, f"matte grey 0.5, as {name} {problem}", place)
-        return matte(np.full(3, 0.5))
-    return {"kind": "measured", "file": context.files.reference(path, place)}
+    return matte(np.full(3, 0.5))
 
 
 def _grey(context: Context, material: Entity) -> Keys:

@@ -16,18 +16,20 @@ import numpy as np
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import TABLED, Place, read_limited
-from rptcam_cl.exchange.mesh_data import (
+from rptcam_cl.exchange.conversion import (
+    TABLED,
     Array,
     Faces,
     Matrix,
     MeshData,
+    Place,
     is_bearable,
     is_similarity,
     is_transform_of_ours,
     limit_of_loop,
     mean_scale,
     motion_between,
+    read_limited,
     rectangle_of,
     tidy,
 )

@@ -24,8 +24,7 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import Place, nested, read_limited
-from rptcam_cl.exchange.mesh_data import Array, is_invertible, tidy
+from rptcam_cl.exchange.conversion import Array, Place, is_invertible, nested, read_limited, tidy
 from rptcam_cl.exchange.pbrt.source import Parameter
 from rptcam_cl.exchange.pbrt.world import Context, Entity
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS, SUFFIXES, read_picture, write_exr
@@ -254,11 +253,11 @@ def light(context: Context, entity: Entity, name: str) -> Array:
     return np.maximum(colour, 0)
 
 
-def scale_factor(context: Context, entity: Entity) -> Array:
-    """Return the factor on a light: a number in pbrt-v4, a colour in pbrt-v3."""
-    item = entity.parameters.get("scale", *COLOURS)
+def coefficients(context: Context, entity: Entity, name: str, default: ArrayLike = (1.0, 1.0, 1.0)) -> Array:
+    """Return a coefficient in red, green and blue, from 0 up: a number, a colour or a spectrum."""
+    item = entity.parameters.get(name, *COLOURS)
     if item is None:
-        return np.ones(3)
+        return np.asarray(default, np.float64)
     is_spectrum = item.kind == "spectrum"
     return np.maximum(reflectance_srgb(*samples_of(context, item)) if is_spectrum else _plain(item, entity), 0)
 
@@ -280,7 +279,7 @@ def lamp_radiance(context: Context, lamp: Entity, area: float) -> tuple[Array, b
     if lamp.kind not in ("diffuse", "area"):
         context.approximated(lamp, "shines as diffuse does, since there is no such lamp")
     two_sided = parameters.boolean("twosided", False)
-    colour = light(context, lamp, "L") * scale_factor(context, lamp)
+    colour = light(context, lamp, "L") * coefficients(context, lamp, "scale")
     power = parameters.number("power", -1.0)
     if power > 0 and area > 0:
         colour = colour * power / (math.pi * area * (2 if two_sided else 1))
@@ -299,7 +298,10 @@ def samples_of(context: Context, item: Parameter) -> tuple[Array, Array]:
     (name, *others) = (str(value) for value in item.values)
     if others:
         raise item.place.error(f'"{item.name}" needs one spectrum (got {1 + len(others)})')
-    text = read_limited(context.find(name, item.place), name, _LARGEST_SPECTRUM).decode("latin-1")
+    path = context.find_or_note(name, item.place, "a spectrum that is 1 everywhere")
+    if path is None:
+        return np.array([500.0]), np.ones(1)
+    text = read_limited(path, name, _LARGEST_SPECTRUM).decode("latin-1")
     words = [word for line in text.splitlines() for word in line.split("#", 1)[0].replace(",", " ").split()]
     try:
         numbers = np.array(words, np.float64)

@@ -12,8 +12,7 @@ import numpy as np
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, MissingFileError, OutsideFolderError
 from rptcam_cl.core.files import Folders
-from rptcam_cl.exchange.conversion import FileStore, Place, Report
-from rptcam_cl.exchange.mesh_data import SMALLEST, Matrix, is_invertible
+from rptcam_cl.exchange.conversion import SMALLEST, FileStore, Matrix, Place, Report, is_invertible
 from rptcam_cl.exchange.pbrt.source import NUMBERS, Parameter, Parameters, Statement, read_statements
 from rptcam_cl.scene.load import Missing
 from rptcam_cl.scene.placement import turn_about

@@ -13,16 +13,21 @@ import numpy as np
 
 from rptcam_cl.core import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Coating, LayerStack, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.files.glasses import find_glass, glasses_of, named_glass, plain_glass_name
 from rptcam_cl.optics.glass import (
     AIR,
+    BARE,
+    MAGNESIUM_FLUORIDE,
     NO_DISPERSION,
     AbbeCauchy,
     AbbeLinear,
+    Coating,
     ConstantIndex,
+    LayerStack,
+    MeasuredReflectance,
     Medium,
     PowerSeries,
+    QuarterWave,
     Sellmeier,
     TabulatedIndex,
     Thermal,

@@ -20,33 +20,31 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import glass_catalogues_dir
 from rptcam_cl.core.records import MOST_LAYERS
 from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, Fields, KeyPath, problem, read_yaml, rises, value_at
-from rptcam_cl.optics.coating import (
-    BARE,
-    MAGNESIUM_FLUORIDE,
-    MULTILAYER,
-    Bare,
-    Coating,
-    Layer,
-    LayerStack,
-    MeasuredReflectance,
-    QuarterWave,
-    constant_reflectance,
-)  # fmt: skip
 from rptcam_cl.optics.files import keys
 from rptcam_cl.optics.glass import (
     AIR,
+    BARE,
     GLASSES,
+    MAGNESIUM_FLUORIDE,
+    MULTILAYER,
     STANDARD_C,
     AbbeCauchy,
     AbbeLinear,
     Absorption,
+    Bare,
+    Coating,
     ConstantIndex,
+    Layer,
+    LayerStack,
+    MeasuredReflectance,
     Medium,
     PowerSeries,
+    QuarterWave,
     Sellmeier,
     TabulatedIndex,
     Thermal,
-)  # fmt: skip
+    constant_reflectance,
+)  # fmt: skip  # fmt: skip
 from rptcam_cl.optics.ray_trace import meets_air
 from rptcam_cl.optics.surface import Surface
 
@@ -618,14 +616,18 @@ def _layers(fields: Fields) -> Coating:
     rows = fields.rows("layers", keys.LAYER, "[{index: 1.38, thickness_nm: 99.6}]")
     if not 1 <= len(rows) <= MOST_LAYERS:
         raise fields.fail("layers", f"has 1 to {MOST_LAYERS} layers, not {len(rows)}")
-    return read_layers(tuple(map(_layer, rows)))
+    return coating_of(tuple(map(_layer, rows)))
 
 
-def read_layers(layers: tuple[Layer, ...]) -> Coating:
-    """Return the coating of some layers; a clear single one is a quarter wave of some wavelength."""
-    if len(layers) == 1 and not layers[0].extinction:
-        return QuarterWave(layers[0].index, 4 * layers[0].index * layers[0].thickness_nm)
-    return LayerStack(layers)
+def coating_of(given: str | float | tuple[Layer, ...]) -> Coating:
+    """The coating of a word, a constant reflectance, or layers; a clear single one is a quarter wave."""
+    if isinstance(given, str):
+        return WORDS[given]
+    if isinstance(given, float):
+        return constant_reflectance(given)
+    if len(given) == 1 and not given[0].extinction:
+        return QuarterWave(given[0].index, 4 * given[0].index * given[0].thickness_nm)
+    return LayerStack(given)
 
 
 def _read_measured(fields: Fields) -> Coating:

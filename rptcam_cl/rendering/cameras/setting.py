@@ -20,10 +20,9 @@ from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.optics.beams import ChiefRays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
-from rptcam_cl.optics.coating import BARE, Coating, Interface, Layer, LayerStack, QuarterWave, constant_reflectance
-from rptcam_cl.optics.files.glasses import WORDS, read_layers
+from rptcam_cl.optics.files.glasses import coating_of
 from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe
-from rptcam_cl.optics.glass import Medium, attenuation
+from rptcam_cl.optics.glass import BARE, Coating, Interface, Layer, LayerStack, Medium, QuarterWave, attenuation
 from rptcam_cl.optics.lens import (
     Lens,
     at_position,
@@ -344,8 +343,8 @@ def _coated(lens: Lens, camera: LensCamera) -> Lens:
 
 def _named(coating: str | float | CoatingLayers) -> Coating:
     if isinstance(coating, CoatingLayers):
-        return read_layers(tuple(Layer(layer.index, layer.thickness_nm, layer.extinction) for layer in coating.layers))
-    return WORDS[coating] if isinstance(coating, str) else constant_reflectance(coating)
+        return coating_of(tuple(Layer(layer.index, layer.thickness_nm, layer.extinction) for layer in coating.layers))
+    return coating_of(coating)
 
 
 Values = Callable[[Array], Array]  # of wavelengths [nm]

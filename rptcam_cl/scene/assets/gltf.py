@@ -510,7 +510,7 @@ def _skin(surface: MeshSurface, matrices: NDArray[np.float64]) -> MeshSurface:
 _LIGHTS, _VARIANTS, _INSTANCES = "KHR_lights_punctual", "KHR_materials_variants", "EXT_mesh_gpu_instancing"
 Pose = tuple[str, tuple[float, ...], str | None]  # of a mesh: the weights of its morph targets, and its skin
 _KNOWN_EXTENSIONS = (
-    *_FOLLOWED, DRACO, MESHOPT, _INSTANCES, _VARIANTS, WEBP, _LIGHTS, "KHR_mesh_quantization", "KHR_texture_transform",
+    *_FOLLOWED, DRACO, *MESHOPT, _INSTANCES, _VARIANTS, WEBP, _LIGHTS, "KHR_mesh_quantization", "KHR_texture_transform",
 )  # fmt: skip
 
 

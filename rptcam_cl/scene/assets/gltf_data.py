@@ -144,9 +144,9 @@ def _quote(value: Any) -> str:
 #
 # Compressed data of glTF files, unpacked by libraries that are an extra: Draco and meshoptimizer.
 #
-# Sources: Khronos, KHR_draco_mesh_compression and EXT_meshopt_compression.
+# Sources: Khronos, KHR_draco_mesh_compression, EXT_meshopt_compression and KHR_meshopt_compression, the same data.
 
-DRACO, MESHOPT = "KHR_draco_mesh_compression", "EXT_meshopt_compression"
+DRACO, MESHOPT = "KHR_draco_mesh_compression", ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
 _FILTERS = {"OCTAHEDRAL": "decode_filter_oct", "QUATERNION": "decode_filter_quat", "EXPONENTIAL": "decode_filter_exp"}
 MOST_BYTES = 2 << 30  # of one array, unpacked
@@ -348,7 +348,7 @@ class Data:
     def view(self, index: int) -> tuple[Octets, int]:
         """Return the bytes of a view, and the distance of its entries (0: they lie side by side)."""
         part = self._views[index]
-        for packed in part.extensions(MESHOPT):
+        for packed in part.extensions(*MESHOPT):
             if index not in self._unpacked:
                 self._unpacked[index] = meshopt_bytes(packed, self._part_of_buffer(packed).tobytes())
             return self._unpacked[index], part.whole("byteStride", 0, below=257)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import math
+import os
 import re
 import warnings
 from collections.abc import Iterator, Sequence
@@ -137,8 +138,13 @@ class _Material:
         options, name = _options(self._lines[key][1])
         if not name:
             return None
+        source = self._path.parent / name.replace("\\", "/")
+        beside = self._path.parent / source.name  # where the path is that of the machine which made the file
+        if not os.path.isfile(source) and os.path.isfile(beside):  # noqa: PTH113 -- these never raise
+            warnings.warn(f"{self._path}: {name}: no such file; {beside.name} beside it is taken", stacklevel=2)
+            source = beside
         return FileTexture(
-            self._path.parent / name.replace("\\", "/"),
+            source,
             name,
             scale=options.get("-s", (1.0, 1.0)),
             offset=options.get("-o", (0.0, 0.0)),
@@ -631,20 +637,13 @@ def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
     used: list[FileMaterial] = []
     for name_, faces in reader.faces.items():
         place = None
-        if materials or grey:
+        if materials or notes:
             place = len(used)
-            used.append(_material_named(materials, name_, path, grey=grey))
+            used.append(materials.get(name_ or "", FileMaterial(matte=True)))
+            if name_ and name_ not in materials and not grey:
+                notes.append(f"{path}: usemtl {name_}: names no material; grey stands for it")
         surfaces.append(_surface_of(faces, positions, uvs, normals, place, name_))
     return mesh.Draft(surfaces, used, notes=notes)
-
-
-def _material_named(materials: dict[str, FileMaterial], name: str | None, path: Path, *, grey: bool) -> FileMaterial:
-    """Return a material by its name; faces without one are grey, and where a library is missing those of others."""
-    if name is None or (grey and name not in materials):
-        return FileMaterial(matte=True)
-    if name not in materials:
-        raise InputError(f"{path}: usemtl {name}: names no material (allowed: {', '.join(list(materials)[:24])})")
-    return materials[name]
 
 
 def _as_utf8(file: BinaryIO) -> BinaryIO:

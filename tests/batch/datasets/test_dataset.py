@@ -19,14 +19,12 @@ import pytest
 
 from rptcam_cl.api.interface import render
 from rptcam_cl.batch import dataset as frames
-from rptcam_cl.batch.dataset import dataset
-from rptcam_cl.batch.specification import read_specification, values_of_frame
+from rptcam_cl.batch.dataset import dataset, read_specification, values_of_frame
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, NumericError, StateError
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.remember import forget
-from rptcam_cl.exchange.camera_models import calibrate_best, project
-from rptcam_cl.exchange.camera_view import View
+from rptcam_cl.exchange.camera_models import View, calibrate_best, project
 from rptcam_cl.imaging.image import read_film
 
 SCENE = """\

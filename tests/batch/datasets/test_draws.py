@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.batch.specification import DistributionError, distribution, seed_of_frame, values_of_frame
+from rptcam_cl.batch.dataset import DistributionError, distribution, seed_of_frame, values_of_frame
 
 FRAMES = 4000
 

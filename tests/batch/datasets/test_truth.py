@@ -14,8 +14,7 @@ import pytest
 from pycocotools.coco import COCO
 
 from rptcam_cl.api.interface import render
-from rptcam_cl.batch.dataset import dataset
-from rptcam_cl.batch.specification import read_specification
+from rptcam_cl.batch.dataset import dataset, read_specification
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.writers import LABELS

@@ -13,8 +13,7 @@ import yaml
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.camera_files import colmap_texts, opencv_text, openlensio_text, ros_text
-from rptcam_cl.exchange.camera_models import calibrate
-from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.exchange.camera_models import calibrate, view
 from rptcam_cl.scene.load import load_scene
 
 SCENE = {

@@ -16,8 +16,9 @@ from rptcam_cl.exchange.camera_models import (
     placed,
     project,
     slopes,
+    subject,
+    view,
 )
-from rptcam_cl.exchange.camera_view import subject, view
 from rptcam_cl.optics.beams import chief_ray, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.load import load_scene

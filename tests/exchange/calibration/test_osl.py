@@ -13,7 +13,7 @@ from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.camera_files import osl_text
 from rptcam_cl.exchange.camera_maps import vignetting_map
-from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.exchange.camera_models import view
 from rptcam_cl.scene.load import load_scene
 
 CONIC = {

@@ -5,8 +5,7 @@ import pytest
 
 from rptcam_cl.api.interface import render
 from rptcam_cl.exchange.camera_maps import point_images, st_maps, vignetting_map
-from rptcam_cl.exchange.camera_models import calibrate
-from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.exchange.camera_models import calibrate, view
 from rptcam_cl.scene.load import load_scene
 from tests.exchange.calibration.test_maps import places_of, sampled
 

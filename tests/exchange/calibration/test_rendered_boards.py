@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.exchange.camera_models import calibrate
-from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.exchange.camera_models import calibrate, view
 
 SIZE = (768, 576)
 # Tilts, swings and turns [degrees]: steep ones part the focal length from the distance.

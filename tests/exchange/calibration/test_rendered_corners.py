@@ -14,8 +14,7 @@ from scipy.ndimage import map_coordinates
 
 import rptcam_cl
 from rptcam_cl.exchange.camera_maps import vignetting_map
-from rptcam_cl.exchange.camera_models import Calibration, calibrate
-from rptcam_cl.exchange.camera_view import View, view
+from rptcam_cl.exchange.camera_models import Calibration, View, calibrate, view
 
 pytestmark = pytest.mark.slow
 

@@ -6,8 +6,7 @@ import yaml
 
 from rptcam_cl.cli import main
 from rptcam_cl.exchange.camera_files import usd_text
-from rptcam_cl.exchange.camera_models import calibrate
-from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.exchange.camera_models import calibrate, view
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.load import load_scene
 

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
@@ -150,3 +151,17 @@ def test_all_that_is_missing_is_named_at_once_or_stood_in_for(tmp_path: Path, ca
     scene = load_scene(target)
     assert len(scene.objects) == 3
     assert scene.stand_ins == ()
+
+
+def test_missing_spectra_are_flat_and_those_of_metals_are_ours(tmp_path: Path, capsys: Any) -> None:
+    source, target = places(tmp_path)
+    metal = '"metal" "spectrum eta" "spds/Au.eta.spd" "spectrum k" "spds/Au.k.spd"'
+    source.write_text(HEAD + f"Material {metal}{BALL}" + NAMED["spectrum"].format("a.spd"))
+    assert main(["convert", str(source), str(target), "--missing", "grey"]) == 0
+    told = capsys.readouterr().err
+    assert "a.spd: no such file; a spectrum that is 1 everywhere" in told
+    assert told.count("no such file; gold as we have it") == 2
+    gold, flat = (item.material for item in load_scene(target).objects)
+    assert gold.metal == "gold"
+    np.testing.assert_allclose(flat.reflectance, 1, atol=1e-3)
+    assert main(["convert", str(source), str(tmp_path / "b.yaml")]) == 2

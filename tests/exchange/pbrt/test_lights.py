@@ -410,3 +410,15 @@ def test_projectors_show_their_picture_upside_down_as_pbrt_does(convert: Convert
     aside = [(160, 225), (160, 315), (160, 135), (140, 225 + 45)]
     assert intensities(done, tmp_path, *aside) == pytest.approx([4, 0, 0, 0], abs=0.01)
     assert done.says("steps of 0.5 degrees")
+
+
+@pytest.mark.parametrize("head", [V3_HEAD, V4_HEAD])
+def test_projector_without_its_picture_lights_the_square_of_its_cone(
+    convert: Convert, tmp_path: Path, head: str
+) -> None:
+    text = LAMP.replace('"string {}" "a.png"', "").format("", "projection", '"float fov" 60') + BALL
+    done = convert(text, head)
+    # 29 and 31 degrees from +z across, 38 and 40 degrees into a corner (39.2), and behind
+    aside = [(151, 0), (149, 0), (142, 45), (140, 45), (0, 0)]
+    assert intensities(done, tmp_path, *aside) == pytest.approx([4, 0, 4, 0, 0], abs=0.01)
+    assert done.says("shines evenly, without a picture")

@@ -12,7 +12,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.mesh_data import MeshData, limit_of_loop
+from rptcam_cl.exchange.conversion import MeshData, limit_of_loop
 from rptcam_cl.scene.placement import turn_about
 
 Convert = Callable[..., Any]

@@ -10,7 +10,7 @@ import pytest
 from rptcam_cl.api.interface import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
-from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.exchange.camera_models import view
 from rptcam_cl.exchange.starting import CopiedFiles, Projection, frame_subject, starting_scene
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.assets.pictures import write_exr

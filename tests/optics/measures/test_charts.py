@@ -25,9 +25,8 @@ from rptcam_cl.optics.field_measures import (
     vignetting_chart,
     vignetting_table,
 )
-from rptcam_cl.optics.image_quality import mtf, point_image, psf_chart
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spots import film_spots, setting, spot_chart
+from rptcam_cl.optics.spots import film_spots, mtf, point_image, psf_chart, setting, spot_chart
 from rptcam_cl.studies.focus.probe import FocusReport, ProbeRecord, Zone, focus_plot
 
 TESSAR = setting(load_lens("tessar-100mm"))

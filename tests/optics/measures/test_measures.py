@@ -19,19 +19,24 @@ from rptcam_cl.optics.field_measures import (
     vignetting_table,
 )
 from rptcam_cl.optics.film_probe import FilmProbe
-from rptcam_cl.optics.image_quality import (
+from rptcam_cl.optics.irradiance import film_irradiance, pass_areas
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.spots import (
+    FilmSpot,
+    at_best_focus,
     field_waves,
+    film_spots,
     geometric_mtf,
     image_moves,
     mtf_moves,
     mtf_table,
     npy_bytes,
     point_image,
+    setting,
+    spot_facts,
+    spot_table,
     wave_point_image,
 )
-from rptcam_cl.optics.irradiance import film_irradiance, pass_areas
-from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spots import FilmSpot, at_best_focus, film_spots, setting, spot_facts, spot_table
 from rptcam_cl.optics.waves import PupilFunction, diffraction_mtf
 
 RNG = np.random.default_rng(7)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.exchange.camera_models import view
 from rptcam_cl.optics.lens import limiting_surface
 from rptcam_cl.rendering.cameras import kinds
 from rptcam_cl.rendering.cameras.chief_rays import PerspectiveRays, seen_places

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE, Layer, LayerStack, MeasuredReflectance, QuarterWave
+from rptcam_cl.optics.glass import MAGNESIUM_FLUORIDE, Layer, LayerStack, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import COATED, IDEAL, UNCOATED, LensTransmission, Rays, with_coating
 from rptcam_cl.rendering.cameras.lens_records import lens_records

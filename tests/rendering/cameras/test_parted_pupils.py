@@ -7,9 +7,8 @@ import pytest
 
 from benchmarks.pupil_tables import share_that_passes
 from rptcam_cl.core import LINE_D_NM
-from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.film_probe import FilmProbe, spread_points
-from rptcam_cl.optics.irradiance import film_irradiance
+from rptcam_cl.optics.irradiance import film_irradiance, image_circle
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.optics.spots import setting
 from rptcam_cl.rendering.cameras.pupil import left_out, pupil_sampling

@@ -9,8 +9,8 @@ import pytest
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.core.remember import forget
-from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe
+from rptcam_cl.optics.irradiance import image_circle
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.optics.pupils import DIRECTIONS
 from rptcam_cl.optics.ray_trace import Status

@@ -5,7 +5,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.exchange.camera_models import view
 from rptcam_cl.rendering.cameras.setting import entrance_pupil, lens_setting, on_film, pupil_in_world
 from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.load import load_scene

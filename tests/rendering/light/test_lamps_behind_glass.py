@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tracer
 from rptcam_cl.rendering.plan import plan as plans
 from rptcam_cl.scene.load import load_scene
+from tests.device.probes import open_session
 from tests.rendering.light.pictures import save_exr
 from tests.rendering.pictures import batches, looking, pixels, scene_of, seed_of
 from tests.support.cases import slow
@@ -126,6 +128,7 @@ FILAMENT = {
 DISK = {"shape": "disk", "center": [0.1, 0, 1], "normal": [0.3, 0, -1], "radius": 0.2, "material": LAMP}
 BOX = {"shape": "box", "min": [-1, -1, 0.5], "max": [1, 1, 0.6], "material": SMOKED}
 PLASTIC = FLOOR | {"material": {"kind": "plastic", "reflectance": 0.5, "alpha": 0.2}}
+GLOW = {"kind": "principled", "base_color": [0.9, 0.8, 0.8], "roughness": 0.5, "emission": [5.0, 4.0, 3.0]}
 PAINTED = LAMP | {"radiance": {"kind": "image", "file": "glow.exr"}}
 LOW_SUN = {"lights": [SUN | {"diameter_degrees": 20}]}
 SEEN = looking([2.4, -1.0, 1.2], [0, 0, 0.4], fov=50)
@@ -143,6 +146,23 @@ CASES = {
     "sky": (
         [FLOOR, pane(0.8, THIN), BOX],
         {**SKY, "lights": [SUN | {"diameter_degrees": 20}], "spectrum": {"mode": "spectral"}},
+    ),
+    "lobes": (
+        [
+            FLOOR,
+            {
+                "shape": "rectangle",
+                "corner": [-2, 1.5, 0],
+                "edge_u": [4, 0, 0],
+                "edge_v": [0, 0, 2],
+                "material": {"kind": "principled", "base_color": 0.6, "roughness": 0.5},
+            },
+            {"shape": "box", "min": [-1.2, 0.1, 0.3], "max": [-0.5, 0.8, 1], "material": WHITE},
+            ball(0.1, GLOW),
+            {"shape": "cylinder", "base": [0, 0, 0.7], "top": [0, 0, 1.3], "radius": 0.25, "material": THIN},
+            ball(0.1, LAMP, (0.5, 0.5, 1.8)),
+        ],
+        {},
     ),
     "many": ([*GLOBE, *(ball(0.1, LAMP, (x, 1, z)) for x in (-1, 0, 1) for z in (0.5, 1.0, 1.5))], {}),
 }
@@ -164,11 +184,14 @@ def test_picture_is_that_of_paths_that_find_lamps_by_chance(name, monkeypatch, t
     assert_equivalent(one.mean / other.mean, np.sqrt(one.variance + other.variance) / other.mean, 1.0, 1e-2)
 
 
-@pytest.mark.parametrize("name", [slow("globe"), "spectral", *map(slow, ("filament", "low sun", "many"))])
-def test_both_organisations_render_the_same(name, monkeypatch):
+@pytest.mark.parametrize("name", ["lobes", *map(slow, ("globe", "spectral", "filament", "low sun", "many"))])
+def test_both_organisations_and_widths_render_the_same(name, monkeypatch):
+    """A compiler let paths count twice in sixteen lanes alone, where two branches in a row weighed them."""
     films = []
-    for organisation in ("stream", "passes"):
+    for organisation, lanes in (("stream", 16), ("passes", 8)):
         monkeypatch.setattr(tracer, "ORGANISATION", dict.fromkeys(tracer.ORGANISATION, organisation))
+        monkeypatch.setattr(Session, "lanes", lanes)
         objects, rest = CASES[name]
-        films.append(pixels(scene_of(objects, SEEN, resolution=(16, 16), **rest), spp=16, seed=seed_of(name)))
-    np.testing.assert_array_equal(*films)
+        scene = scene_of(objects, SEEN, resolution=(16, 16), **rest)
+        films.append(pixels(scene, spp=16, seed=seed_of(name), device=open_session()))
+    np.testing.assert_allclose(*films, rtol=1e-5, atol=1e-6)

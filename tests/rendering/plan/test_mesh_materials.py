@@ -255,9 +255,8 @@ def test_textured_material_of_an_object_is_hashed(wood: Path, mesh_scene: MeshSc
     ("mtl", "message"),
     [
         (MTL.replace("wood", "oak"), "objects[0].file: material 'w': oak.png: no such file"),
-        (MTL.replace("wood", "../wood"), "objects[0].file: material 'w': ../wood.png: lies outside the scene's folder"),
+        (MTL.replace("wood", "../oak"), "objects[0].file: material 'w': ../oak.png: lies outside the scene's folder"),
         (MTL.replace("wood.png", "/etc/passwd"), "/etc/passwd: lies outside the scene's folder"),
-        (MTL.replace("newmtl w", "newmtl v"), "a.obj: usemtl w: names no material (allowed: v)"),
         (MTL.replace("0.5 0.5 0.5", "a lot"), "a.mtl:2: is not a value (got 'kd a lot'"),
         ("Kd 1 1 1\n", "a.mtl:1: is not in a material"),
     ],

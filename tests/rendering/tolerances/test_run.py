@@ -14,10 +14,9 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.optics.as_built import Copies, Heat
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.best_focus import best_film_distance
-from rptcam_cl.optics.image_quality import mtf_table
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.spots import Setting, film_spots, setting, spot_table
+from rptcam_cl.optics.spots import Setting, film_spots, mtf_table, setting, spot_table
 from rptcam_cl.rendering import tolerances
 from rptcam_cl.rendering.tolerance_run import ToleranceRun, loosest_set, report, tolerance, tolerance_chart
 from rptcam_cl.rendering.tolerances import Scores, percentile, rank, share, specification

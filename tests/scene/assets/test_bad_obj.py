@@ -77,7 +77,6 @@ def test_unusable_file_is_refused(read: Read, tmp_path: Path, name: str, content
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
-        ("newmtl a\n", "a.obj: usemtl w: names no material .allowed: a."),
         ("newmtl w\nKd red\n", "a.mtl:2: is not a value .got 'kd red'; allowed: finite numbers."),
         ("newmtl w\nNs\n", "a.mtl:2: is not a value .got 'ns'"),
         ("newmtl w\nd -halo\n", "a.mtl:2: is not a value .got 'd'"),

@@ -62,7 +62,7 @@ def test_missing_decoders_are_named_with_their_extra(read: Read, monkeypatch: py
         read("b.glb", meshopt)
 
 
-def with_meshopt(content: bytes, indices: bytes | None = None) -> GltfWriter:
+def with_meshopt(content: bytes, indices: bytes | None = None, name: str = "EXT_meshopt_compression") -> GltfWriter:
     """Two triangles whose positions, and indices if given, meshoptimizer compressed."""
     writer = GltfWriter()
     packed = {
@@ -73,7 +73,7 @@ def with_meshopt(content: bytes, indices: bytes | None = None) -> GltfWriter:
         "count": 4,
         "mode": "ATTRIBUTES",
     }
-    writer.view(content, extensions={"EXT_meshopt_compression": packed})
+    writer.view(content, extensions={name: packed})
     writer.json["accessors"] = [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"}]
     if indices is None:
         order = writer.array(FACES.ravel(), "u4")
@@ -87,7 +87,7 @@ def with_meshopt(content: bytes, indices: bytes | None = None) -> GltfWriter:
             "count": 6,
             "mode": "TRIANGLES",
         }
-        view = writer.view(indices, extensions={"EXT_meshopt_compression": packed})
+        view = writer.view(indices, extensions={name: packed})
         writer.json["accessors"].append({"bufferView": view, "componentType": 5123, "count": 6, "type": "SCALAR"})
         order = 1
     primitive = {"attributes": {"POSITION": 0}, "indices": order}
@@ -95,10 +95,11 @@ def with_meshopt(content: bytes, indices: bytes | None = None) -> GltfWriter:
     return writer
 
 
-def test_meshoptimizer_gives_positions_and_indices_back(read: Read) -> None:
+@pytest.mark.parametrize("name", ["EXT_meshopt_compression", "KHR_meshopt_compression"])
+def test_meshoptimizer_gives_positions_and_indices_back(read: Read, name: str) -> None:
     library = pytest.importorskip("meshoptimizer")
     packed = library.encode_vertex_buffer(POSITIONS, 4, 12), library.encode_index_buffer(FACES.ravel(), 6, 4)
-    (part,) = read("a.glb", with_meshopt(*packed).glb()).parts
+    (part,) = read("a.glb", with_meshopt(*packed, name).glb()).parts
     corners = part.mesh.positions[part.mesh.faces] + part.mesh.origin
     turns = [{tuple(map(tuple, np.roll(face, k, axis=0))) for k in range(3)} for face in POSITIONS[FACES]]
     assert len(corners) == 2

@@ -121,6 +121,22 @@ def test_grey_stands_for_a_missing_library(read: Read) -> None:
     assert "a.obj:1: mtllib missing.mtl is left out: no such file; grey stands for" in contents.notes[0]
 
 
+def test_material_that_no_library_has_is_grey(read: Read, tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl a\nKd 1 0 0\n")
+    contents = read("a.obj", f"mtllib a.mtl\nusemtl a\n{SQUARE}f 1 2 3\nusemtl w\nf 1 3 2\nf 2 3 1\n")
+    assert [part.material for part in contents.parts[1:]] == [FileMaterial(matte=True)]
+    assert contents.notes == (f"{tmp_path / 'a.obj'}: usemtl w: names no material; grey stands for it",)
+
+
+def test_picture_of_another_machines_path_is_found_beside_the_file(read: Read, tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl w\nmap_Kd C:\\work\\wood.png\nmap_d /work/gone.png\n")
+    (tmp_path / "wood.png").write_bytes(b"")
+    with pytest.warns(UserWarning, match="no such file; wood.png beside it is taken"):
+        material = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].material
+    assert material.base_texture.source == tmp_path / "wood.png"
+    assert material.opacity_texture.source == Path("/work/gone.png")
+
+
 def test_material_carries_over(read: Read, tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_text(
         "# made by hand\nnewmtl w\nillum 2\nKd 0.5\nKs 0.04 0.04 0.04\nNs 98\nNi 1.4\nTr 0.25\n"
