@@ -406,16 +406,21 @@ def loosest_set(
         middle = (low + high) / 2
         low, high = (middle, high) if 100 * reached(math.exp(middle)) >= percent else (low, middle)
     factors = np.minimum(math.exp(low) * shares, _LOOSEST)
+    name = f"{spec.tolerances.name or 'tolerances'}, {percent:g} % of {lens.name} at {limit:g}"
     entries = [alone(lens, spec, one, factor) for one, factor in zip(run.limits, factors.tolist(), strict=True)]
-    given = spec.tolerances.model_dump(mode="json", exclude_none=True, exclude={"tolerances", "source"})
-    kept = ("compensators", "distribution", "sigmas", "copies", "seed", "refocus", "f_number", "focus_distance_m",
-            "zoom", "temperature_c", "pressure_hpa", "barrel", "merit")  # fmt: skip
-    written = {"name": f"{given.get('name') or 'tolerances'}, {percent:g} % of {lens.name} at {limit:g}"}
-    written |= {key: given[key] for key in kept if key in given} | {"tolerances": entries}
+    written = _with_entries(spec, name, entries)
     return LoosestSet(
         written, factors, tuple(one.label for one in run.limits),
         tolerance(lens, written, copies=copies, seed=seed, with_sensitivities=False, trace=trace),
     )  # fmt: skip
+
+
+def _with_entries(spec: Specification, name: str, entries: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a specification as data, under a name, with other tolerances."""
+    given = spec.tolerances.model_dump(mode="json", exclude_none=True, exclude={"tolerances", "source"})
+    kept = ("compensators", "distribution", "sigmas", "copies", "seed", "refocus", "f_number", "focus_distance_m",
+            "zoom", "temperature_c", "pressure_hpa", "barrel", "merit")  # fmt: skip
+    return {"name": name} | {key: given[key] for key in kept if key in given} | {"tolerances": entries}
 
 
 def _shares_by_cost(run: ToleranceRun, design: float, *, by_spot: bool) -> NDArray[np.float64]:

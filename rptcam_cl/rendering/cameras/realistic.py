@@ -421,30 +421,17 @@ def realistic_model(
     on_axis_of = axis_irradiance if shared is None else partial(axis_irradiance, soon=disk_irradiance)
     irradiance = _paraxial_irradiance if windows else partial(axis_irradiance, soon=_axial) if coarse else on_axis_of
     clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
-    axial_colour = None
-    if dispersive:
-        taken, whole = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
-        if coarse:
-            whole = _glanced_axis(lens, film_distance_mm, camera.wavelength_nm, taken)
-        axis, samples = (_glanced_axis, _GLANCED_SAMPLES) if coarse else (on_axis_of, _AXIAL_SAMPLES)
-        axial_colour = _axial_colour(axis, samples, lens, film_distance_mm, taken, whole, (low, high))
+    seen = None if coarse else on_axis_of
+    axial_colour = _axial_colour(scene, setting, lens, (clear, on_axis), seen, (low, high)) if dispersive else None
     pupil = shared or _pupil(scene, setting, lens, sampled_nm, windows, coarse)
     through = _rays_through(scene, setting, lens, (low, high) if dispersive else None)
     record = _record(scene, setting, lens, pupil, len(through.surfaces))
     entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
-    light: CameraMetadata = {"on_axis_irradiance": on_axis}
+    metadata: CameraMetadata = {"camera": "realistic", **through.metadata, **setting.metadata}
+    metadata |= {"on_axis_irradiance": on_axis}
     if losses:
-        light["transmittance"] = on_axis / clear
-    metadata: CameraMetadata = {
-        "camera": "realistic",
-        **through.metadata,
-        **setting.metadata,
-        **light,
-        **pupil.metadata,
-        **movements_metadata(camera),
-        **colour,
-        **_perspective(scene, setting),
-    }
+        metadata["transmittance"] = on_axis / clear
+    metadata = {**metadata, **pupil.metadata, **movements_metadata(camera), **colour, **_perspective(scene, setting)}
     if entrance is not None:
         metadata["entrance_pupil"] = entrance.described()
     return CameraModel(
@@ -607,22 +594,35 @@ def lens_tint(scene: Scene, setting: LensSetting) -> float:
 
 
 def _axial_colour(
-    irradiance: Callable[..., float],
-    samples: int,
+    scene: Scene,
+    setting: LensSetting,
     lens: Lens,
-    film_distance_mm: float,
-    losses: LensTransmission,
-    on_axis: float,
+    on_axis: tuple[float, float],
+    irradiance: Callable[..., float] | None,
     range_nm: tuple[float, float],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return wavelengths and the irradiance of each on the axis, over that of the camera's wavelength.
 
     Losses vary faster with the wavelength than pupils do, but almost as they do on the axis itself. From fewer samples
     a polynomial leads to the rest.
+
+    Parameters
+    ----------
+    on_axis
+        The irradiance of the camera's wavelength, without losses and with them.
+    irradiance
+        Returns it at a wavelength; for a glance None.
     """
+    camera, film_distance_mm = scene.camera.traced_camera, setting.film_distance_mm
+    assert camera is not None
+    losses, whole = (IDEAL, on_axis[0]) if shows_losses(scene) else (setting.transmission, on_axis[1])
+    samples = _AXIAL_SAMPLES
+    if irradiance is None:
+        irradiance, samples = _glanced_axis, _GLANCED_SAMPLES
+        whole = _glanced_axis(lens, film_distance_mm, camera.wavelength_nm, losses)
     few, wavelengths = np.linspace(*range_nm, _AXIAL_SAMPLES), np.linspace(*range_nm, _LOSS_SAMPLES)
     traced = np.linspace(*range_nm, samples)
-    seen = np.array([irradiance(lens, film_distance_mm, nm, losses) for nm in traced.tolist()]) / on_axis
+    seen = np.array([irradiance(lens, film_distance_mm, nm, losses) for nm in traced.tolist()]) / whole
     if samples < _AXIAL_SAMPLES:
         seen = np.polynomial.Polynomial.fit(traced, seen, samples - 1)(few)
     if not losses:
