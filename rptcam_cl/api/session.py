@@ -51,7 +51,7 @@ from rptcam_cl.scene.scene import Scene
 
 # What a render session hands out: frames, and what a change came to.
 
-QUEUE_SECONDS = 0.02  # of work that is enqueued before the device is waited for
+QUEUE_SECONDS = 0.006  # of work that is enqueued before the device is waited for
 FIRST_SLOTS = 1 << 14  # of the first wave, whose time is not known
 MOST_DENOISED = 1 << 21  # pixels, as denoising takes 150 bytes of memory for each
 
