@@ -14,14 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options, crop, duration, frame_range, share, size
-from rptcam_cl.cli.lens_options import (
-    check_picture,
-    distances,
-    numbers,
-    wavelengths,
-    write,
-    write_picture,
-)
+from rptcam_cl.cli.lens_options import check_picture, distances, numbers, wavelengths, write, write_picture
 from rptcam_cl.cli.output import (
     add_device,
     add_scene,
