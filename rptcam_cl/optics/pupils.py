@@ -444,19 +444,7 @@ def _frames(probes: list[FilmProbe], film: Array, *, radial: bool = False) -> tu
     weight = np.maximum(weight, 1.0)
     centres = np.where(borrow, _neighbours(np.where(lit, centres, 0.0)) / weight, centres)
     axes = np.where(borrow, _neighbours(axes) / weight, axes)
-    if probes[-1].lens.is_obstructed and not radial:  # of a thin ring even the slack of boxes is a large part
-        return _fit(probes[-1], film[::2], centres, axes)
     return centres, axes
-
-
-def _fit(probe: FilmProbe, film: Array, centres: Array, axes: Array) -> tuple[Array, Array]:
-    """Return frames that fit the outlines themselves, where boxes are wider by up to a cell of their grids."""
-    reach = reach_of(probe, film, centres, axes, FINE_OUTLINES)
-    angles = np.arange(reach.shape[1]) * 2 * np.pi / reach.shape[1]
-    points = centres[:, None] + axes[:, None] * reach[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    low, high = points.min(axis=1), points.max(axis=1)
-    is_open = np.any(reach > 0, axis=1, keepdims=True)
-    return np.where(is_open, (low + high) / 2, centres), np.where(is_open, (high - low) / 2, axes)
 
 
 def _neighbours(values: Array) -> Array:

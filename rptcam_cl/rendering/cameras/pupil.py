@@ -278,9 +278,11 @@ def _out_of_outlines(sampling: PupilSampling, film: Array, points: Array, margin
 def outline_radii(sampling: PupilSampling, nodes: int, start: int) -> list[Array]:
     """Return the radii (nodes, directions) of the outlines in a table; of rings those of holes, and `_knots` too."""
     size = 4 * nodes * pupils.DIRECTIONS
-    starts = start + (size + 4) * np.arange(3 if sampling.ring else 1)
-    tables = [sampling.table[at : at + size].reshape(-1, pupils.DIRECTIONS, 4) for at in starts]
-    return [table[..., 0].astype(np.float64) for table in tables]
+    tables = (
+        sampling.table[at : at + size : 4]
+        for at in range(start, start + (2 * sampling.ring + 1) * (size + 4), size + 4)
+    )
+    return [table.reshape(-1, pupils.DIRECTIONS).astype(np.float64) for table in tables]
 
 
 def outlines_around(
@@ -544,8 +546,7 @@ def tight_sampling(shapes: pupils.PupilShapes) -> PupilSampling:
     frames, last = np.concatenate([shapes.centres, shapes.axes], axis=-1), np.zeros(4)
     lines, nodes = frames.shape[:2]
     radii = [_with_ahead(values) for values in (shapes.radii, shapes.inner) if values is not None]
-    if shapes.inner is not None:
-        radii.append(_with_ahead(_knots(shapes.radii, shapes.inner), 1.0))
+    radii += [_with_ahead(_knots(shapes.radii, shapes.inner), 1.0)] if shapes.inner is not None else []
     if shapes.radial:
         parameters: PupilGrid | PupilLines = PupilGrid(1 / (shapes.reach[0] / (nodes - 1)), 0.0, nodes, 1)
         reaches: list[Array] = []
@@ -554,8 +555,8 @@ def tight_sampling(shapes: pupils.PupilShapes) -> PupilSampling:
         frames, *radii = (np.concatenate([values, values[:1]]) for values in (frames, *radii))
         reaches = [shapes.reach, shapes.reach[:1]]
     table = [frames.ravel(), last, *(part for values in radii for part in (values.ravel(), last)), *reaches]
-    ring = shapes.inner is not None
-    return PupilSampling("tight", PupilKind.OUTLINES, parameters, np.concatenate(table).astype(np.float32), ring=ring)
+    numbers, ring = np.concatenate(table).astype(np.float32), shapes.inner is not None
+    return PupilSampling("tight", PupilKind.OUTLINES, parameters, numbers, ring=ring)
 
 
 def _knots(radii: Array, inner: Array) -> Array:
@@ -565,13 +566,12 @@ def _knots(radii: Array, inner: Array) -> Array:
         values**2 + values * np.roll(values, -1, -1) + np.roll(values, -1, -1) ** 2 for values in (radii, inner)
     )
     shares = np.cumsum(outer - hole + 1e-9, axis=-1).reshape(-1, pupils.DIRECTIONS)
-    knots = [np.interp(ends[:-1], np.append(0.0, own / own[-1]), ends) for own in shares]
-    return np.array(knots).reshape(radii.shape)
+    knots = (np.interp(ends[:-1], np.append(0.0, own / own[-1]), ends) for own in shares)
+    return np.reshape([*knots], radii.shape)
 
 
 def _with_ahead(values: Array, turn: float = 0.0) -> Array:
     """Return values (lines, nodes, directions), which grow by a number each turn, with those of the next direction, and
     both at the next node, beside."""
     rows = np.stack([values, np.concatenate([values[..., 1:], values[..., :1] + turn], axis=-1)], axis=-1)
-    ahead = np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)
-    return np.concatenate([rows, ahead], axis=-1)
+    return np.concatenate([rows, np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)], axis=-1)
