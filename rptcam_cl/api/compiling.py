@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.api.job import Resolved, resolve
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.device.fork_server import CompileServer
+from rptcam_cl.device.devices import CompileServer
 from rptcam_cl.device.session import NotKeptError, Session
 from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.layers import GUIDES

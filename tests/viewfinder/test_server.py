@@ -16,7 +16,7 @@ from rptcam_cl.api.combined import focus_stack
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device.fork_server import CompileServer
+from rptcam_cl.device.devices import CompileServer
 from rptcam_cl.device.session import open_session
 from rptcam_cl.imaging.image import Image, read_film, with_picture_settings
 from rptcam_cl.scene.load import load_scene, set_keys

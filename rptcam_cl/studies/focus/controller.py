@@ -18,7 +18,7 @@ from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.imaging.writers import MARKED
 from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.ideal import bright_parts
-from rptcam_cl.rendering.ground_truth import Moments
+from rptcam_cl.rendering.layers import Moments
 from rptcam_cl.scene.base import listed, near_name
 from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
 from rptcam_cl.scene.load import change_scene, input_error, load_scene
