@@ -89,14 +89,13 @@ def _outline_aims(
     nodes, start, corners, turn = outlines_around(sampling, on_radius(film) if sampling.radial else film)
     frames = sampling.table[: 4 * nodes].reshape(-1, 4)
     radii = outline_radii(sampling, nodes, start)
-    place = np.minimum((u * DIRECTIONS).astype(int), DIRECTIONS - 1)
-    between = u * DIRECTIONS - place
-    frame, reach, hole = np.zeros((len(film), 4)), np.zeros(len(film)), np.zeros(len(film))
-    for node, share in corners:
-        frame += share[:, None] * frames[node]
-        for found, table in zip((reach, hole), radii, strict=False):
-            near, ahead = table[node, place], table[node, (place + 1) % DIRECTIONS]
-            found += share * (near + between * (ahead - near))
+    if sampling.ring:
+        u = _at_share(np.pad(radii[2], ((0, 0), (0, 1)), constant_values=1.0), corners, u)
+        turns = np.stack([np.cos(2 * np.pi * u), np.sin(2 * np.pi * u)], axis=1)
+    frame = sum((share[:, None] * frames[node] for node, share in corners), np.zeros((len(film), 4)))
+    reach, hole = np.zeros((2, len(film)))
+    for found, table in zip((reach, hole), radii, strict=False):
+        found += _at_share(np.concatenate([table, table[:, :1]], axis=1), corners, u)
     aims = frame[:, :2] + frame[:, 2:] * turns * np.sqrt(hole**2 + v * (reach**2 - hole**2))[:, None]
     if sampling.radial:
         turn = film / np.maximum(np.hypot(*film.T), 1e-300)[:, None]
@@ -106,6 +105,16 @@ def _outline_aims(
     if isinstance(sampling.parameters, PupilGrid):
         lit &= np.hypot(*film.T) * sampling.parameters.per_mm_across < sampling.parameters.across - 1
     return points, lit
+
+
+def _at_share(table: Array, corners: list[tuple[NDArray[np.int64], Array]], u: Array) -> Array:
+    """Return a table (nodes, DIRECTIONS + 1) at shares of a turn, between nodes."""
+    place = np.minimum((u * DIRECTIONS).astype(int), DIRECTIONS - 1)
+    between, found = u * DIRECTIONS - place, np.zeros(len(u))
+    for node, share in corners:
+        near, ahead = table[node, place], table[node, place + 1]
+        found += share * (near + between * (ahead - near))
+    return found
 
 
 def on_radius(film: Array) -> Array:

@@ -3,7 +3,8 @@
 //   PUPIL_CIRCLE    one circle, which a film point at distance r from the axis sees shifted by r * shift
 //   PUPIL_BOXES     a box per cell of the film
 //   PUPIL_OUTLINES  the true outline, interpolated between nodes: along a film radius (PUPIL_RADIAL), or along lines all
-//                   round the axis and between them; PUPIL_RING, with a hole in the middle, where the lens is obstructed
+//                   round the axis and between them; PUPIL_RING, with a hole in the middle, where the lens is obstructed,
+//                   and directions drawn by area, as a crescent has most of it on one side
 // Tables come from rptcam_cl/rendering/cameras/pupil.py.
 #ifndef PUPIL_H
 #define PUPIL_H
@@ -75,7 +76,8 @@ static inline F inverse_density_at(F fx, F fy, F x, F y, const __global Realisti
 
 #else
 // Tables: per node its centre u, v and half axes u, v, and one node more; then, per node and direction, the radius there,
-// in the next direction, and both again at the next node along x; the same of the hole, if they have one.
+// in the next direction, and both again at the next node along x; the same of the hole, if they have one, and of the
+// direction [turns] up to which each share of the area lies.
 typedef struct {
     F u, v, a, b, r;
 #if PUPIL_RING
@@ -84,6 +86,9 @@ typedef struct {
 } Outline;
 
 static inline F midway(F p, F q, F t) { return p + t * (q - p); }
+
+// The numbers in a table of radii, of holes or of shares of the area.
+#define TABLE_SIZE(nodes) (4 * ((nodes) * PUPIL_DIRECTIONS + 1))
 
 // Between a node and the next one along x.
 static Outline outline_at(const __global float *tables, int nodes, I node, F share, I direction, F between)
@@ -97,7 +102,7 @@ static Outline outline_at(const __global float *tables, int nodes, I node, F sha
     o.b = midway(frames.f[3], frames.f[7], share);
     o.r = midway(midway(radii.f[0], radii.f[1], between), midway(radii.f[2], radii.f[3], between), share);
 #if PUPIL_RING
-    const __global float *holes = tables + 4 * (nodes + 1) + 4 * (nodes * PUPIL_DIRECTIONS + 1);
+    const __global float *holes = tables + 4 * (nodes + 1) + TABLE_SIZE(nodes);
     radii = load_eight(holes, (node * PUPIL_DIRECTIONS + direction) * 4);
     o.hole = midway(midway(radii.f[0], radii.f[1], between), midway(radii.f[2], radii.f[3], between), share);
 #endif
@@ -137,7 +142,7 @@ static OutlinePlace outline_place(F fx, F fy, const __global RealisticCamera *ow
     I line = MIN(TO_I(along), (I)(lines - 1));
     p.sy = along - TO_F(line);
     int all = (lines + 1) * nodes;
-    const __global float *reaches = tables + 4 * (all + 1) + 4 * (1 + PUPIL_RING) * (all * PUPIL_DIRECTIONS + 1);
+    const __global float *reaches = tables + 4 * (all + 1) + (1 + 2 * PUPIL_RING) * TABLE_SIZE(all);
     F here = GATHER(F, reaches, line, );
     F reach = here + p.sy * (GATHER(F, reaches + 1, line, ) - here);
     p.lit = radius < reach;
@@ -178,16 +183,49 @@ static inline F hole_of(Outline o)
     F share = o.r > 0.0f ? o.hole / o.r : ZERO;
     return share * share;
 }
+
+typedef struct { F here, ahead; } Knots;
+
+static inline Knots knots_at(const __global float *tables, int nodes, I node, F share, I knot)
+{
+    Eight turns = load_eight(tables + 4 * (nodes + 1) + 2 * TABLE_SIZE(nodes), (node * PUPIL_DIRECTIONS + knot) * 4);
+    Knots k;
+    k.here = midway(turns.f[0], turns.f[2], share);
+    k.ahead = midway(turns.f[1], turns.f[3], share);
+    return k;
+}
+
+// The directions [turns] up to which `knot` and one more of PUPIL_DIRECTIONS equal shares of the area lie.
+static inline Knots knots_near(const __global float *tables, OutlinePlace at, const __global RealisticCamera *own, I knot)
+{
+#if PUPIL_RADIAL
+    return knots_at(tables, (int)own->pupil.grid.across, at.node, at.sx, knot);
+#else
+    int nodes = (int)own->pupil.lines.nodes;
+    int all = ((int)own->pupil.lines.lines + 1) * nodes;
+    Knots k = knots_at(tables, all, at.node, at.sx, knot);
+    Knots next = knots_at(tables, all, at.node + nodes, at.sx, knot);
+    k.here = midway(k.here, next.here, at.sy);
+    k.ahead = midway(k.ahead, next.ahead, at.sy);
+    return k;
+#endif
+}
 #endif
 
 static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
 {
+    OutlinePlace p = outline_place(fx, fy, own, tables);
     F turn = u * (float)PUPIL_DIRECTIONS;
     I direction = MIN(TO_I(turn), (I)(PUPIL_DIRECTIONS - 1));
+#if PUPIL_RING
+    Knots knots = knots_near(tables, p, own, direction);
+    u = midway(knots.here, knots.ahead, turn - TO_F(direction));
+    turn = u * (float)PUPIL_DIRECTIONS;
+    direction = MIN(TO_I(turn), (I)(PUPIL_DIRECTIONS - 1));
+#endif
     F between = turn - TO_F(direction);
     F s, c;
     sincos_turns(u, &s, &c);
-    OutlinePlace p = outline_place(fx, fy, own, tables);
     Outline o = outline_near(tables, p, own, direction, between);
     I lit = p.lit;
 #if PUPIL_RING
@@ -203,7 +241,7 @@ static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const 
     a.y = p.ey * pu + p.ex * pv;
     a.inverse_density = lit ? PI_F * o.a * o.b * o.r * o.r : ZERO;
 #if PUPIL_RING
-    a.inverse_density *= ONE - hole;
+    a.inverse_density *= (ONE - hole) * (knots.ahead - knots.here) * (float)PUPIL_DIRECTIONS;
 #endif
     return a;
 }
@@ -220,8 +258,13 @@ static inline F inverse_density_at(F fx, F fy, F x, F y, const __global Realisti
     I direction = MIN(TO_I(turn), (I)(PUPIL_DIRECTIONS - 1));
     o = outline_near(tables, p, own, direction, turn - TO_F(direction));
 #if PUPIL_RING
-    F r2 = u * u + v * v;
-    return (p.lit & (r2 < o.r * o.r) & (r2 >= o.hole * o.hole)) ? PI_F * o.a * o.b * o.r * o.r * (ONE - hole_of(o)) : ZERO;
+    I knot = FALSE;
+    for (int step = PUPIL_DIRECTIONS / 2; step > 0; step /= 2)
+        knot += knots_near(tables, p, own, knot + step).here * (float)PUPIL_DIRECTIONS <= turn ? (I)(step) : FALSE;
+    Knots knots = knots_near(tables, p, own, knot);
+    F r2 = u * u + v * v, slope = (knots.ahead - knots.here) * (float)PUPIL_DIRECTIONS;
+    return (p.lit & (r2 < o.r * o.r) & (r2 >= o.hole * o.hole))
+           ? PI_F * o.a * o.b * o.r * o.r * (ONE - hole_of(o)) * slope : ZERO;
 #else
     return (p.lit & (u * u + v * v < o.r * o.r)) ? PI_F * o.a * o.b * o.r * o.r : ZERO;
 #endif

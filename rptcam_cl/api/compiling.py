@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.api.job import Resolved, resolve
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.device.fork_server import CompileServer
+from rptcam_cl.device.devices import CompileServer
 from rptcam_cl.device.session import NotKeptError, Session
 from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.layers import GUIDES
@@ -111,7 +111,7 @@ def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) ->
 
 def _plan_for_glances(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
     """The plan of a scene for glances, made of the plan before where nothing but the lens differs."""
-    same_time = before.resolved.scene.shutter == resolved.shutter or _stands_still(before.resolved.scene, resolved)
+    same_time = before.resolved.scene.shutter == resolved.shutter or _is_still(before.resolved.scene, resolved)
     if same_time and set(changed_parts(before.scene, scene)) <= _OF_THE_LENS:
         if _moves_alone(before, scene, resolved):
             return with_pose(before.plan, resolved, parts)
@@ -126,11 +126,15 @@ def _is_of_another_pupil(before: Plan, after: Plan) -> bool:
     return bool(names) and all(name.startswith("PUPIL_") for name in names)
 
 
-def _stands_still(before: Scene, after: Scene) -> bool:
+def stands_still(scene: Scene) -> bool:
+    """Whether nothing in a scene moves."""
+    return not (scene.camera.motion or scene.shutter.keys or any(each.motion for each in scene.objects))
+
+
+def _is_still(before: Scene, after: Scene) -> bool:
     """Whether two scenes differ in the moment alone, and nothing in them moves."""
     shutter = before.shutter.model_copy(update={"open_s": after.shutter.open_s})
-    moving = after.camera.motion or after.shutter.keys or any(each.motion for each in after.objects)
-    return shutter == after.shutter and not moving
+    return shutter == after.shutter and stands_still(after)
 
 
 def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:

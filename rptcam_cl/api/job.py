@@ -45,11 +45,12 @@ from rptcam_cl.rendering.checkpoint import SUFFIX, Saver
 from rptcam_cl.rendering.diffraction import Diffraction, diffract, diffraction_of
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts
-from rptcam_cl.rendering.ground_truth import GroundTruth, ground_truth_of
 from rptcam_cl.rendering.lamps import aimed_plan
+from rptcam_cl.rendering.layers import GroundTruth, ground_truth_of
 from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
+from rptcam_cl.rendering.point_spread import Conjugates
 from rptcam_cl.rendering.progressive import Progress, Rendering, SavedState, render_plan, render_state, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import (
@@ -62,7 +63,6 @@ from rptcam_cl.rendering.several import (
     split_of,
     split_text,
 )
-from rptcam_cl.rendering.stigmatic import Conjugates
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.scene.film import ADAPTIVE_SPP, LIGHT_LAYER, LayerName
 from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene

@@ -41,8 +41,7 @@ from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.film import FilmLayout, group_pictures
 from rptcam_cl.rendering.ghosts import Ghosting
-from rptcam_cl.rendering.ground_truth import object_at
-from rptcam_cl.rendering.layers import Denoiser
+from rptcam_cl.rendering.layers import Denoiser, object_at
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.progressive import FilmRun, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
@@ -52,7 +51,7 @@ from rptcam_cl.scene.scene import Scene
 
 # What a render session hands out: frames, and what a change came to.
 
-QUEUE_SECONDS = 0.02  # of work that is enqueued before the device is waited for
+QUEUE_SECONDS = 0.006  # of work that is enqueued before the device is waited for
 FIRST_SLOTS = 1 << 14  # of the first wave, whose time is not known
 MOST_DENOISED = 1 << 21  # pixels, as denoising takes 150 bytes of memory for each
 

@@ -13,16 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options, size
-from rptcam_cl.cli.output import (
-    SCENE_SUFFIXES,
-    add_device,
-    add_scene,
-    as_bytes,
-    as_json,
-    loaded_scene,
-    port,
-    positive,
-)
+from rptcam_cl.cli.output import SCENE_SUFFIXES, add_device, add_scene, as_bytes, as_json, loaded_scene, port, positive
 from rptcam_cl.core.errors import DeviceError, InputError, NumericError
 from rptcam_cl.core.files import (
     SCENES,

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.optics.ray_trace import Rays
     from rptcam_cl.optics.spots import Setting
-    from rptcam_cl.rendering.copy_scores import FilmPoints
     from rptcam_cl.rendering.tolerance_run import ToleranceRun
+    from rptcam_cl.rendering.tolerances import FilmPoints
     from rptcam_cl.rendering.traceable_lens import Precision
 
 

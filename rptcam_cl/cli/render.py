@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.api.options import RENDER_OPTIONS, add_options, check_together
+from rptcam_cl.api.options import RENDER_OPTIONS, add_options, check_together, number
 from rptcam_cl.cli import output as summary
 from rptcam_cl.cli.frames import (
     Frame,
@@ -483,10 +483,26 @@ def add_develop(parser: argparse.ArgumentParser) -> None:
         help="make the picture of an anamorphic lens as much wider, as 1.36",
     )  # fmt: skip
     parser.add_argument(
+        "--peaking", type=number(float, 0.0, 1.0, "a number from 0 to 1"), metavar="LEVEL",
+        help="colour what is sharp at the scale of a pixel, the more the higher the level (the viewfinder's is 0.5)",
+    )  # fmt: skip
+    parser.add_argument(
         "--large", action="store_true",
         help="develop films of more than 67 million pixels, too, which take minutes however small their files are",
     )  # fmt: skip
     add_options(parser, "quiet")
+
+
+def _save_marked(image: Image, output: Path, level: float) -> None:
+    """Save a picture in which what is sharp at the scale of its pixels is coloured."""
+    from PIL import Image as Pillow
+
+    from rptcam_cl.viewfinder.instruments import PEAKING_COLOUR, peaking
+    from rptcam_cl.viewfinder.messages import codes_of
+
+    codes = codes_of(image)
+    codes[peaking(image.seen, level)] = PEAKING_COLOUR[:3]
+    Pillow.fromarray(codes).save(output)
 
 
 def run_develop(arguments: argparse.Namespace) -> int:
@@ -496,7 +512,10 @@ def run_develop(arguments: argparse.Namespace) -> int:
     from rptcam_cl.imaging.writers import check_output
 
     for output in arguments.outputs:
-        known_suffix(output, DEVELOPED_SUFFIXES, "is no developed picture")
+        if arguments.peaking is None:
+            known_suffix(output, DEVELOPED_SUFFIXES, "is no developed picture")
+        else:
+            known_suffix(output, (".png", ".jpg"), "takes no marks of what is sharp")
         check_output(output, [arguments.film])
     for raw in arguments.raws:
         check_raw_output(raw, [arguments.film])
@@ -510,7 +529,10 @@ def run_develop(arguments: argparse.Namespace) -> int:
         image = desqueezed(image, arguments.desqueeze)
     raws = [(image.raw(), path) for path in arguments.raws]
     for output in arguments.outputs:
-        image.save(output)
+        if arguments.peaking is None:
+            image.save(output)
+        else:
+            _save_marked(image, output, arguments.peaking)
     for numbers, path in raws:
         numbers.save(path)
     if not arguments.quiet:

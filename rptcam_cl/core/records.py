@@ -886,54 +886,23 @@ RECORDS = (
 
 
 CAMERA_RAY_FLOATS = 8  # origin, weight, direction and time: what the stream reads per slot
-PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "WEIGHT", "ORIGIN", "HIT", "T")
-SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
-LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
-MESH_FIELDS = ("TRIANGLE", "HIT_TRIANGLE", "B1", "B2", "FROM_TRIANGLE", "TARGET_TRIANGLE")
-TIME_FIELDS = ("TIME",)
-COLOUR_FIELDS = ("WAVELENGTH_SAMPLE",)
-LIGHT_TREE_FIELDS = ("NX", "NY", "NZ")
-LIGHT_LOBE_FIELDS = ("MIRROREDX", "MIRROREDY", "MIRROREDZ", "LOBE_WIDTH", "LOBE_SHARE")
-CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
-MEDIA_FIELDS = ("MEDIUM", "FROM_MEDIUM")
-ENTRY_FIELDS = ("ENTRYX", "ENTRYY", "ENTRYZ")
-PASSED_FIELDS = ("MIS",)
-GLASS_FIELDS = (
-    "LASTX", "LASTY", "LASTZ", "LAST_WX", "LAST_WY", "LAST_WZ", "LAST_PDF", "SHAREX", "SHAREY", "SHAREZ", "CHANCE",
-)  # fmt: skip
-GROUP_FIELDS = ("LIT_BY",)  # behind it the light of each group, three numbers
-STATE_FIELDS = (
-    PATH_FIELDS
-    + LIGHT_FIELDS
-    + MESH_FIELDS
-    + TIME_FIELDS
-    + COLOUR_FIELDS
-    + LIGHT_TREE_FIELDS
-    + LIGHT_LOBE_FIELDS
-    + CAUSTIC_FIELDS
-    + MEDIA_FIELDS
-    + ENTRY_FIELDS
-    + PASSED_FIELDS
-    + GLASS_FIELDS
-    + GROUP_FIELDS
+# The fields of a path in their order, each row with the facts of scenes whose paths need it, and all rows before it.
+_FIELDS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("OX OY OZ DX DY DZ BX BY BZ LX LY LZ WEIGHT ORIGIN HIT T", ()),
+    ("PDF REACH FROM TARGET SX SY SZ WX WY WZ CX CY CZ", ("HAS_EMITTERS",)),
+    ("TRIANGLE HIT_TRIANGLE B1 B2 FROM_TRIANGLE TARGET_TRIANGLE", ("HAS_MESH", "HAS_CURVE")),
+    ("TIME", ("MOVES",)),
+    ("WAVELENGTH_SAMPLE", ("SPECTRUM",)),
+    ("NX NY NZ", ("LIGHT_TREE",)),
+    ("MIRROREDX MIRROREDY MIRROREDZ LOBE_WIDTH LOBE_SHARE", ("LIGHT_LOBES",)),
+    ("SINCE_RECEIVER", ("CAUSTICS",)),
+    ("MEDIUM FROM_MEDIUM", ("HAS_MEDIA",)),
+    ("ENTRYX ENTRYY ENTRYZ", ("HAS_ENTRIES",)),
+    ("MIS", ("LIGHT_PASSES",)),
+    ("LASTX LASTY LASTZ LAST_WX LAST_WY LAST_WZ LAST_PDF SHAREX SHAREY SHAREZ CHANCE", ("LAMPS_BEHIND_GLASS",)),
+    ("LIT_BY", ("LIGHT_GROUPS",)),  # behind it the light of each group, three numbers
 )
-
-
-# The facts of a scene whose paths need fields, those of the last fields first.
-_NEEDED_BY = {
-    GROUP_FIELDS: ("LIGHT_GROUPS",),
-    GLASS_FIELDS: ("LAMPS_BEHIND_GLASS",),
-    PASSED_FIELDS: ("LIGHT_PASSES",),
-    ENTRY_FIELDS: ("HAS_ENTRIES",),
-    MEDIA_FIELDS: ("HAS_MEDIA",),
-    CAUSTIC_FIELDS: ("CAUSTICS",),
-    LIGHT_LOBE_FIELDS: ("LIGHT_LOBES",),
-    LIGHT_TREE_FIELDS: ("LIGHT_TREE",),
-    COLOUR_FIELDS: ("SPECTRUM",),
-    TIME_FIELDS: ("MOVES",),
-    MESH_FIELDS: ("HAS_MESH", "HAS_CURVE"),
-    LIGHT_FIELDS: ("HAS_EMITTERS",),
-}
+STATE_FIELDS = tuple(name for names, _ in _FIELDS for name in names.split())
 
 
 def floats_per_slot(facts: Mapping[str, int], *, stream: bool) -> int:
@@ -941,10 +910,10 @@ def floats_per_slot(facts: Mapping[str, int], *, stream: bool) -> int:
     if stream:
         return CAMERA_RAY_FLOATS
     floats = len(STATE_FIELDS) + 3 * facts["LIGHT_GROUPS"]
-    for fields, names in _NEEDED_BY.items():
-        if any(facts[name] for name in names):
-            return floats
-        floats -= len(fields)
+    for names, facts_of_row in reversed(_FIELDS):
+        if not facts_of_row or any(facts[fact] for fact in facts_of_row):
+            break
+        floats -= len(names.split())
     return floats
 
 

@@ -1,4 +1,4 @@
-"""OpenCL on this system: the binding, the drivers that it must be shown, and PoCL's processor and cache."""
+"""OpenCL on this system: the binding, the drivers that it is shown, PoCL's processor and cache, marks of processes."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import io
 import os
 import platform
 import re
+import secrets
 import shutil
 import struct
 import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.files import cache_dir, scratch_folder
-from rptcam_cl.device.fork_server import left_behind, mark_work
 
 #
 # The processor that PoCL compiles for: named anew where PoCL's own name for it makes its compiler fail.
@@ -35,7 +35,7 @@ from rptcam_cl.device.fork_server import left_behind, mark_work
 # is taken for ``znver3``). See pocl issues 512 and 1049. PoCL 3.0 has no option for it. Its record of the device
 # holds a pointer to the name, next to the one to the target triple; here it is set to a name that LLVM 14 knows.
 #
-# Delete this file when the oldest PoCL that pip may bring is 5.0 or newer.
+# Delete this part when the oldest PoCL that pip may bring is 5.0 or newer.
 
 AVX512 = frozenset({"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"})  # what Skylake-X has
 AVX2 = frozenset({"avx2", "fma", "bmi1", "bmi2", "f16c", "movbe"})
@@ -157,11 +157,93 @@ def _text(regions: list[tuple[int, int]], address: int) -> bytes:
 
 
 #
+# Marks of the processes at work in a folder, by which a later one sees that an earlier one has not ended well.
+#
+# Each process keeps a file and a lock on it, which the system takes back however the process ends. At its end it
+# removes the file. So a file without a lock was left by a process that was killed, or crashed, and may have cut short
+# what it was writing.
+
+_SUFFIX = ".at-work"
+_of_this_process: dict[Path, tuple[int, BinaryIO, Callable[[], bool]]] = {}
+_unfinished: list[None] = []  # one for each piece of work that the end of the process would cut short
+
+
+def left_behind(folder: Path) -> list[Path]:
+    """Return the marks in a folder whose processes have not ended well; none where there is no folder."""
+    try:
+        marks = [path for path in folder.iterdir() if path.suffix == _SUFFIX]
+    except OSError:
+        return []
+    return [mark for mark in marks if _is_left(mark)]
+
+
+def _is_left(mark: Path) -> bool:
+    import fcntl  # systems of the Unix kind alone have it
+
+    with contextlib.suppress(OSError), mark.open("rb") as file:  # it may just have been removed
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        return True
+    return False
+
+
+def mark_work(folder: Path, *, ended_well: Callable[[], bool]) -> None:
+    """Put the mark of this process into a folder, until it ends.
+
+    Parameters
+    ----------
+    folder
+        Made if need be.
+    ended_well
+        Called at the end: the mark stays where it returns False.
+
+    Raises
+    ------
+    OSError
+        When the folder cannot be written.
+    """
+    import fcntl
+
+    folder.mkdir(parents=True, exist_ok=True)
+    hidden = folder / f"{os.getpid()}-{secrets.token_hex(4)}.new"
+    file = hidden.open("xb")
+    fcntl.flock(file, fcntl.LOCK_EX)
+    mark = hidden.with_suffix(_SUFFIX)
+    hidden.rename(mark)  # locked already: nobody takes it for one left behind
+    _of_this_process[mark] = os.getpid(), file, ended_well
+    atexit.register(end_work)
+
+
+def leave_work() -> None:
+    """Leave the marks to the process that this one was forked from."""
+    for _, file, _ in _of_this_process.values():
+        file.close()
+    _of_this_process.clear()
+
+
+def end_work() -> None:
+    """Remove the marks of this process, which will do no more work; for those that end without Python's own end."""
+    while _of_this_process:
+        mark, (owner, _, ended_well) = _of_this_process.popitem()
+        if os.getpid() == owner and not _unfinished and ended_well():  # not at the end of a child with the same memory
+            mark.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def unfinished_work() -> Iterator[None]:
+    """Work of a thread that is not waited for: a process that ends meanwhile has not ended well."""
+    _unfinished.append(None)
+    try:
+        yield
+    finally:
+        _unfinished.pop()
+
+
+#
 # PoCL's cache of compiled kernels, made safe: a folder that can be written, and no file in it that was cut short.
 #
 # PoCL offers no device at all where it cannot make the folder, and brings the process down when it maps a kernel that
 # a full disk or a crash has cut short. Thousands of programs take seconds to look through. So that is done only where
-# something may have been cut short: after a process that did not end well (`rptcam_cl.device.fork_server`), what was
+# something may have been cut short: after a process that did not end well, what was
 # written since that one began; after a new start of the system, or a day, everything.
 #
 # Nobody but PoCL can find a program's code in its cache. So a note is put into a folder there for each program whose

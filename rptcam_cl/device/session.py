@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.remember import Disk, Memory, content_name
 from rptcam_cl.device import devices
-from rptcam_cl.device.drivers import instead, is_code_noted, load_opencl, note_code
-from rptcam_cl.device.fork_server import unfinished_work
+from rptcam_cl.device.drivers import instead, is_code_noted, load_opencl, note_code, unfinished_work
 from rptcam_cl.device.programs import Parameters, Program, assemble, options_of, program_name, quick_source, source_key
 
 # A chosen device with its context, queue and built programs.

@@ -237,7 +237,7 @@ class FileStore:
             self._copied[real] = name
             self._pending[name] = lambda target: _copy(real, target)
             reason = "unpacked" if packed else "copied, as it lies outside the folder of the scene"
-            self.report.noted(place, f"{path.name}: {reason}, to {name}")
+            self.report.noted(place, f"its file: {reason}, to {self.stem}_files/")
         return self._copied[real]
 
     def new_name(self, kind: str, name: str) -> str:

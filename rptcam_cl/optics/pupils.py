@@ -44,8 +44,6 @@ RING_SCAN = 40  # points along a direction where the middle is obstructed, besid
 SLIVER_SCAN = 8  # as many points beside each of them
 LIT_SCAN = 14  # film points
 LIT_BISECTIONS = 8
-FARTHEST = 1.75  # in the frame of the box round the pupil
-MOST_UNEVEN = 0.1  # share of its radius that an outline may lie off a circle that stands for it
 EDGE_NODES = 2  # nearest to the edge of the light, where the pupil closes faster than nodes follow
 EDGE_MARGIN = 0.15
 LINE_EDGE_MARGIN = 0.03  # the same on lines, whose nodes are dense there
@@ -71,6 +69,8 @@ class Fineness:
         Points along a direction, and steps between two of them.
     margin, tilted_margin : float
         Share of the radius beyond what was traced; for a round lens before a film that is tilted.
+    farthest : float
+        How far they are sought in their frame.
     """
 
     radial_nodes: int
@@ -82,6 +82,7 @@ class Fineness:
     bisections: int
     margin: float
     tilted_margin: float
+    farthest: float = 1.75
 
 
 FINE_OUTLINES = Fineness(41, 21, 8, 2, 2, 10, 6, 0.003, 0.006)
@@ -198,32 +199,110 @@ def _one_line(
     fineness: Fineness,
     others: Sequence[tuple[Lens, float]] = (),
 ) -> PupilShapes:
-    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
-    beside = [(narrowing_probes(other, its_mm, wavelength_nm), its_mm / film_distance_mm) for other, its_mm in others]
+    every = (lens, film_distance_mm), *others
+    states = [(narrowing_probes(each, mm, wavelength_nm), mm / film_distance_mm) for each, mm in every]
+    probes = states[0][0]
+    rings = COARSE_RINGS if fineness is COARSE_OUTLINES else RING_OUTLINES
+    if lens.is_obstructed and (ring := _ring_line([(of[-1], scale) for of, scale in states], radius_mm, rings)):
+        return ring
     # Coarse outlines find out by tracing them whether light reaches the corner; fine ones find how far it reaches.
-    lit = radius_mm if fineness is COARSE_OUTLINES else _lit_radius(probes, radius_mm, radial=True)
-    lit = max([lit, *(_lit_radius(of, radius_mm * scale, radial=True) / scale for of, scale in beside)])
+    lit = radius_mm
+    if fineness is not COARSE_OUTLINES:
+        lit = max(_lit_radius(of, radius_mm * scale, radial=True) / scale for of, scale in states)
     film = _film_line(lit, fineness.radial_nodes)
     centres, axes = _frames(probes, film, radial=True)
     if fineness is COARSE_OUTLINES and not axes.all():
         lit = _lit_radius(probes, radius_mm, radial=True)
         film = _film_line(lit, fineness.radial_nodes)
         centres, axes = _frames(probes, film, radial=True)
-    states = ((probes, 1.0), *beside)
     frames = between(centres), between(axes)
-    reaches = [reach_of(of[-1], scale * film, *frames, fineness, mirrored=True) for of, scale in states]
-    reach = np.max(reaches, axis=0)
+    reach = np.max([reach_of(of[-1], scale * film, *frames, fineness, mirrored=True) for of, scale in states], axis=0)
     radii = _envelope(reach[None], fineness.directions) * (1.0 + fineness.margin)
-    if lens.is_obstructed or fineness is FINEST_OUTLINES:
+    if fineness is FINEST_OUTLINES:
         radii = _from_neighbours(radii, radii == 0.0)
     if lit < radius_mm:
         radii[:, -EDGE_NODES:] *= 1.0 + EDGE_MARGIN
-    holes = [
-        _hole_of(of[-1], scale * film, *frames, fineness, each, mirrored=True)
-        for (of, scale), each in zip(states, reaches, strict=True) if lens.is_obstructed
-    ]  # fmt: skip
-    inner = _inner(np.min(holes, axis=0)[None], radii, fineness, np.array([lit < radius_mm])) if holes else None
-    return PupilShapes(np.array([lit]), centres[None], axes[None], radii, inner)
+    return PupilShapes(np.array([lit]), centres[None], axes[None], radii)
+
+
+#
+# Pupils of a round lens that something in the middle obstructs: rings, farther out crescents. Seen in the frame of the
+# stop's rim, their outer edge, even thin ones are smooth.
+
+RING_FARTHEST = 1.1  # in that frame
+RING_OUTLINES = replace(FINE_OUTLINES, bisections=9, margin=0.001, farthest=RING_FARTHEST)
+COARSE_RINGS = replace(RING_OUTLINES, radial_nodes=11, bisections=6, margin=0.004)
+RING_NODES = 20, 161  # as many as a ring moves by its radius over the film, at most
+RIM_STEPS = 4  # of a secant towards the rim
+
+
+def _ring_line(states: Sequence[tuple[FilmProbe, float]], radius_mm: float, fineness: Fineness) -> PupilShapes | None:
+    """Return outlines along one line and the holes in them; None where the rim of the stop is not seen or no light.
+
+    Parameters
+    ----------
+    states
+        Probes, and the scale of their films.
+    """
+
+    def seen(film: Array) -> tuple[Array, ...]:
+        frames = _stop_frames(states[0][0], film)
+        edges = [_edges(of, scale * film, frames, fineness, mirrored=True, holed=True) for of, scale in states]
+        return *frames, np.max([reach for reach, _ in edges], axis=0), np.min([hole for _, hole in edges], axis=0)
+
+    radii = np.linspace(0.0, radius_mm, LIT_SCAN)
+    film = np.stack([radii, np.zeros(LIT_SCAN)], axis=1)
+    lit = np.flatnonzero(seen(film)[2].any(axis=1))
+    if not len(lit):
+        return None
+    low = high = radii[lit[-1]]
+    for k in range(1, LIT_BISECTIONS + 1) if low < radius_mm else ():
+        high = low + radius_mm / (LIT_SCAN - 1) / 2**k
+        low = high if seen(np.array([[high, 0.0]]))[2].any() else low
+    (centres,), (axes,) = _stop_frames(states[0][0], np.array([[high, 0.0]]))
+    if not np.isfinite([centres, axes]).all():
+        return None
+    nodes = int(np.clip(RING_NODES[0] * abs(centres[0]) / axes[0], fineness.radial_nodes, RING_NODES[1]))
+    centres, axes, reach, holes = seen(_film_line(high, nodes))
+    outer = _held(reach, reach == 0.0) * (1.0 + fineness.margin)
+    inner = -_held(-holes, np.isinf(holes))
+    inner = np.maximum(np.where(np.isfinite(inner), inner, 0.0) - fineness.margin, 0.0)
+    return PupilShapes(np.array([high]), centres[None, ::2], axes[None, ::2], outer[None], inner[None])
+
+
+def _stop_frames(probe: FilmProbe, film: Array) -> tuple[Array, Array]:
+    """Return centres and half axes (points, 2) of the stop's rim seen from points on +x; not a number if it is not."""
+    lens, nm = probe.lens, probe.wavelength_nm
+    stop, pupil = limiting_surface(lens, nm), lens.first_order(nm).exit_pupil
+    chief, turns = _chief(lens, probe.distance, film, nm), np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]])
+    size = abs(pupil.diameter_mm / 2 * probe.distance / (probe.distance - pupil.distance_mm))
+    reach = np.full((len(film), 3, 1), size)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for _ in range(RIM_STEPS):
+            points = chief.aims[:, None, :2] + reach * turns
+            heights = _stop_heights(lens, probe.distance, np.repeat(film[:, 0], 3), points.reshape(-1, 2), nm)
+            reach *= lens.surfaces[stop].semi_diameter / heights.reshape(reach.shape)
+    right, left, up = np.moveaxis(reach[..., 0], 1, 0)
+    centres = np.stack([chief.aims[:, 0] + (right - left) / 2, np.zeros(len(film))], axis=1)
+    return centres, np.stack([(right + left) / 2, up], axis=1)
+
+
+def _held(values: Array, jumps: Mask) -> Array:
+    """Return values (nodes, DIRECTIONS) that, interpolated, hold those at points and directions between them too.
+
+    Parameters
+    ----------
+    values, jumps
+        (points, directions) as of `RING_OUTLINES`, and which of them do not go on smoothly.
+    """
+    wide = _envelope(values[None], RING_OUTLINES.directions)
+    wide = _from_neighbours(wide, jumps[None, ::2, ::2])[0]
+    nodes = np.where(jumps[::2, ::2], wide, values[::2, ::2])
+    fine = between(nodes)
+    fine = np.stack([fine, (fine + np.roll(fine, -1, axis=1)) / 2], axis=2).reshape(values.shape)
+    with np.errstate(invalid="ignore"):
+        short = np.where(jumps, 0.0, np.nan_to_num(np.maximum(values - fine, 0.0)))
+    return np.asarray(nodes + _envelope(short[None], RING_OUTLINES.directions)[0])
 
 
 def _inner(holes: Array, radii: Array, fineness: Fineness, closes: Mask) -> Array:
@@ -268,9 +347,8 @@ def _lines(
     holes[:] = np.inf
     for k, (other, mirrored) in enumerate(like):
         if other == k and axes[k].any():
-            seen = probes[k][-1], _closing_line(reach[k], nodes), centres[k], axes[k], fineness
-            edges[k] = reach_of(*seen)
-            holes[k] = _hole_of(*seen, edges[k]) if lens.is_obstructed else np.inf
+            seen = probes[k][-1], _closing_line(reach[k], nodes), (centres[k], axes[k]), fineness
+            edges[k], holes[k] = _edges(*seen, mirrored=False, holed=lens.is_obstructed)
         for values in (edges, holes):
             values[k] = np.roll(values[other][:, ::-1], 1, axis=1) if mirrored else values[other]
     margin = fineness.tilted_margin if lens.is_rotational else fineness.margin
@@ -366,30 +444,6 @@ def _frames(probes: list[FilmProbe], film: Array, *, radial: bool = False) -> tu
     weight = np.maximum(weight, 1.0)
     centres = np.where(borrow, _neighbours(np.where(lit, centres, 0.0)) / weight, centres)
     axes = np.where(borrow, _neighbours(axes) / weight, axes)
-    if probes[-1].lens.is_obstructed:  # of a thin ring even the slack of boxes is a large part
-        return _fit(probes[-1], film[::2], centres, axes, radial=radial)
-    return centres, axes
-
-
-def _fit(probe: FilmProbe, film: Array, centres: Array, axes: Array, *, radial: bool) -> tuple[Array, Array]:
-    """Return frames that fit the outlines themselves, where boxes are wider by up to a cell of their grids.
-
-    Along one line they are circles: seen from its own centre a ring is even, also where only an arc of it is open.
-    Between lines frames of circles and of boxes would mix.
-    """
-    reach = reach_of(probe, film, centres, axes, FINE_OUTLINES, mirrored=radial)
-    angles = np.arange(reach.shape[1]) * 2 * np.pi / reach.shape[1]
-    points = centres[:, None] + axes[:, None] * reach[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    centres, axes = centres.copy(), axes.copy()
-    for k in np.flatnonzero(np.any(reach > 0, axis=1)):
-        low, high, edge = points[k].min(axis=0), points[k].max(axis=0), points[k, reach[k] > 0]
-        centres[k], axes[k] = (low + high) / 2, (high - low) / 2
-        # a circle about (p, 0) through (x, y): x^2 + y^2 = 2 p x + q
-        rows, squares = np.column_stack([2 * edge[:, 0], np.ones(len(edge))]), np.sum(edge**2, axis=1)
-        (p, q), _, rank, _ = np.linalg.lstsq(rows, squares, rcond=None)
-        radius = float(np.sqrt(max(p * p + q, 0.0)))
-        if radial and rank == 2 and np.abs(np.hypot(*(edge - (p, 0.0)).T) - radius).max() < MOST_UNEVEN * radius:
-            centres[k], axes[k] = (p, 0.0), radius
     return centres, axes
 
 
@@ -416,31 +470,39 @@ def reach_of(
 ) -> Array:
     """Return how far the pupil reaches in its frame, shape (film points, directions); `mirrored`: as above, so below.
 
+    Where a pupil is not parted, directions in which nothing passes count as its middle.
+    """
+    return _edges(probe, film, (centres, axes), fineness, mirrored=mirrored, holed=False)[0]
+
+
+def _edges(
+    probe: FilmProbe, film: Array, frames: tuple[Array, Array], fineness: Fineness, *, mirrored: bool, holed: bool
+) -> tuple[Array, Array]:
+    """Return the reach as `reach_of`, and within what radius no ray of an obstructed lens passes.
+
     Along each direction points are tried from the outside inwards until one passes, then the edge behind it is
     bisected; so an outline that is not star-shaped from the centre is still held.
     """
     directions = fineness.directions * DIRECTIONS
     count = directions // 2 + 1 if mirrored else directions
     angles = np.arange(count) * 2 * np.pi / directions
-    across = axes[:, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    points, origins = (np.broadcast_to(values[:, None, :], across.shape) for values in (film, centres))
+    across = frames[1][:, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    points, origins = (np.broadcast_to(values[:, None, :], across.shape) for values in (film, frames[0]))
     scan = RING_SCAN if probe.lens.is_obstructed else fineness.scan
-    step = FARTHEST / scan
+    step = fineness.farthest / scan
     parted = probe.lens.is_obstructed or fineness is FINEST_OUTLINES  # whether directions in which nothing passes count
 
     def passing(rho: Array, of: Mask) -> Mask:
         return probe.passes(points[of], origins[of] + across[of] * rho[:, None])
 
-    low = np.zeros((len(film), count))
-    for k in range(scan, 0, -1):
+    low, steps = np.zeros((len(film), count)), np.full((len(film), count), step)
+    for parts in (1, SLIVER_SCAN) if parted else (1,):  # slivers in single directions
         dark = low == 0.0
-        low[dark] = np.where(passing(np.full(int(dark.sum()), k * step), dark), k * step, 0.0)
-    steps = np.full(low.shape, step)
-    if parted:  # slivers in single directions
-        dark = (low == 0.0) & np.any(low > 0, axis=1, keepdims=True)
-        steps[dark] = step / SLIVER_SCAN
-        for k in range(SLIVER_SCAN * scan, SLIVER_SCAN - 1, -1):
-            rho = k * step / SLIVER_SCAN
+        if parts > 1 and fineness.farthest > RING_FARTHEST:
+            dark &= np.any(low > 0, axis=1, keepdims=True)
+        steps[dark] = step / parts
+        for k in range(parts * scan, parts - 1, -1):
+            rho = k * step / parts
             low[dark] = np.where(passing(np.full(int(dark.sum()), rho), dark), rho, 0.0)
             dark &= low == 0.0
     high, lit = low + steps, low > 0
@@ -449,49 +511,31 @@ def reach_of(
         inside = passing(middle, lit)
         low[lit], high[lit] = np.where(inside, middle, low[lit]), np.where(inside, high[lit], middle)
     reach = np.where(lit if parted else lit.any(axis=1, keepdims=True), high, 0.0)
-    return np.concatenate([reach, reach[:, -2:0:-1]], axis=1) if mirrored else reach
+    hole = _hole_of(probe, film, frames[0], across, low, fineness) if holed else np.inf + low
+    if mirrored:
+        reach, hole = (np.concatenate([half, half[:, -2:0:-1]], axis=1) for half in (reach, hole))
+    return reach, hole
 
 
-def _hole_of(
-    probe: FilmProbe,
-    film: Array,
-    centres: Array,
-    axes: Array,
-    fineness: Fineness,
-    reach: Array,
-    *,
-    mirrored: bool = False,
-) -> Array:
-    """Return within what radius no ray passes, in the frame and shape of `reach_of`, whose result `reach` is.
+def _hole_of(probe: FilmProbe, film: Array, centres: Array, across: Array, inside: Array, fineness: Fineness) -> Array:
+    """Return within what radius no ray passes, up to where they do, which is `inside` (film points, directions).
 
-    Points are tried from the middle outwards, then the edge before the first that passes is bisected. Infinite in
-    directions of which no ray passes; 0 in all where the middle passes.
+    The edge before the first of some points that passes is bisected. Infinite in directions of which no ray passes; 0
+    in all where the middle passes.
     """
-    count = reach.shape[1] // 2 + 1 if mirrored else reach.shape[1]
-    angles, reach = np.arange(count) * 2 * np.pi / reach.shape[1], reach[:, :count]
-    across = axes[:, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
-    def passing(rho: Array, of: Mask) -> Mask:
-        points = centres[:, None] + across * rho[..., None]
-        return probe.passes(np.broadcast_to(film[:, None], points.shape)[of], points[of])
+    def passing(rho: Array) -> Mask:
+        return probe.passes(film[:, None], centres[:, None] + across * rho[..., None])
 
-    is_open = reach > 0
-    low, high, dark = np.zeros(reach.shape), reach.copy(), is_open.copy()
-    for k in range(RING_SCAN + 1):
-        rho = reach * (k / RING_SCAN)
-        hit = passing(rho, dark)
-        high[dark] = np.where(hit, rho[dark], high[dark])
-        low[dark] = np.where(hit, low[dark], rho[dark])
-        dark[dark] = ~hit
-    low = np.where(is_open, np.minimum(low, high), 0.0)
+    tried = [passing(inside * (k / RING_SCAN)) for k in range(RING_SCAN)]
+    first = np.where(np.any(tried, axis=0), np.argmax(tried, axis=0), RING_SCAN)
+    low, high = inside * (np.maximum(first - 1, 0) / RING_SCAN), inside * (first / RING_SCAN)
     for _ in range(fineness.bisections):
         middle = (low + high) / 2
-        inside = np.zeros(reach.shape, dtype=bool)
-        inside[is_open] = passing(middle, is_open)
-        low, high = np.where(inside, low, middle), np.where(inside, middle, high)
-    hole = np.where(is_open & (high > 0), low, 0.0)
-    hole = np.where(np.all((hole > 0) | ~is_open, axis=1, keepdims=True), np.where(is_open, hole, np.inf), 0.0)
-    return np.concatenate([hole, hole[:, -2:0:-1]], axis=1) if mirrored else hole
+        bright = passing(middle)
+        low, high = np.where(bright, low, middle), np.where(bright, middle, high)
+    hole = np.where(high > 0, low, 0.0)
+    return np.where(np.all((hole > 0) | (inside == 0), axis=1, keepdims=True), np.where(inside > 0, hole, np.inf), 0.0)
 
 
 def _envelope(reach: Array, directions: int) -> Array:
@@ -533,7 +577,7 @@ def _from_neighbours(values: Array, closed: Mask) -> Array:
 
 FINENESS = replace(FINE_OUTLINES, scan=10, bisections=8, margin=0.005)
 LEVELS = 8  # of rays between the middle and the farthest that passes
-WIDEST = 0.95  # first-order radii of the pupil, of which rays are sought up to `FARTHEST` times as far
+WIDEST = 0.95  # first-order radii of the pupil, of which rays are sought up to `farthest` times as far
 
 
 @dataclass(frozen=True, eq=False)
@@ -633,7 +677,7 @@ def _trace_state(
     lens: Lens, film_distance_mm: float, film: Array, wavelength_nm: float
 ) -> tuple[Array, Array, Array] | None:
     """Return centres, reach and heights of one state."""
-    stop, pupil = limiting_surface(lens, wavelength_nm), lens.first_order(wavelength_nm).exit_pupil
+    pupil = lens.first_order(wavelength_nm).exit_pupil
     size = abs(WIDEST * pupil.diameter_mm / 2 * film_distance_mm / (film_distance_mm - pupil.distance_mm))
     chief = _chief(lens, film_distance_mm, film, wavelength_nm)
     if not (np.isfinite(size) and chief.clear.all()) or lens.is_obstructed:
@@ -641,18 +685,27 @@ def _trace_state(
     centres, axes = chief.aims, np.full(film.shape, size)
     half = reach_of(FilmProbe(lens, film_distance_mm, wavelength_nm), film, centres, axes, FINENESS, mirrored=True)
     reach = half[:, : half.shape[1] // 2 + 1] * size
-    if not (reach.all() and reach.max() < (1.0 - 1.0 / FINENESS.scan) * FARTHEST * size):
+    if not (reach.all() and reach.max() < (1.0 - 1.0 / FINENESS.scan) * FINENESS.farthest * size):
         return None
     angles = np.linspace(0.0, np.pi, reach.shape[1])
     away = np.arange(1, LEVELS + 1)[:, None, None] / LEVELS * reach
     u, v = centres[:, :1] + away * np.cos(angles), away * np.sin(angles)
-    points = np.zeros((3, u.size))
-    points[0], points[2] = np.broadcast_to(film[:, :1], u.shape).ravel(), lens.film_z(film_distance_mm)
-    across = np.stack([u.ravel() - points[0], v.ravel(), np.full(u.size, -film_distance_mm)])
-    order = range(len(lens.surfaces) - 1, stop - 1, -1)
-    unit = across / np.sqrt(np.sum(across**2, axis=0))
-    at, _, _ = trace_crossings(lens, order, points, unit, wavelength_nm)
-    heights = np.hypot(at[0, :, 0], at[0, :, 1]).reshape(u.shape)
+    rear = np.stack([u.ravel(), v.ravel()], axis=1)
+    at_x = np.broadcast_to(film[:, :1], u.shape).ravel()
+    heights = _stop_heights(lens, film_distance_mm, at_x, rear, wavelength_nm).reshape(u.shape)
     if not (np.isfinite(heights).all() and heights[0].min() > 0 and np.all(np.diff(heights, axis=0) > 0)):
         return None
     return centres[:, 0], reach, heights
+
+
+def _stop_heights(lens: Lens, film_distance_mm: float, film_x: Array, rear: Array, wavelength_nm: float) -> Array:
+    """Return where rays cross the stop: distance from its middle [mm].
+
+    They go from film points on +x (n,) through points (n, 2) of the plane of the last vertex; rims do not count.
+    """
+    points = np.zeros((3, len(rear)))
+    points[0], points[2] = film_x, lens.film_z(film_distance_mm)
+    across = np.stack([rear[:, 0] - film_x, rear[:, 1], np.full(len(rear), -lens.sense * film_distance_mm)])
+    order = range(len(lens.surfaces) - 1, limiting_surface(lens, wavelength_nm) - 1, -1)
+    at, _, _ = trace_crossings(lens, order, points, across / np.sqrt(np.sum(across**2, axis=0)), wavelength_nm)
+    return np.hypot(at[0, :, 0], at[0, :, 1])

@@ -34,10 +34,9 @@ from rptcam_cl.rendering.film import (
     planes_of,
     removed_share_of,
 )
-from rptcam_cl.rendering.ground_truth import saved_truth
-from rptcam_cl.rendering.layers import OWNER_SLOTS, SLOT_PLANES, LayerPlanes, layer_arrays
+from rptcam_cl.rendering.layers import OWNER_SLOTS, SHARP, SLOT_PLANES, LayerPlanes, layer_arrays, saved_truth
 from rptcam_cl.rendering.progressive import SavedState
-from rptcam_cl.rendering.several import SHARP, WHOLE, FilmPart, Part, join_parts, part_of_facts, pixels_of, split_of
+from rptcam_cl.rendering.several import WHOLE, FilmPart, Part, join_parts, part_of_facts, pixels_of, split_of
 from rptcam_cl.scene.film import LAYER_NAMES, SHARP_LAYERS, Film
 from rptcam_cl.scene.scene import Scene
 

@@ -2,7 +2,7 @@
 
 The rays have brought the geometrical image. The film receives its convolution with what the opening, as that part of
 the film sees it, makes of a point: of a lens by its wavefront, whose aberrations the rays leave out
-(`rptcam_cl.rendering.stigmatic`), of other cameras by a perfect one. Small lamps are imaged by waves alone.
+(`stigmatic`), of other cameras by a perfect one. Small lamps are imaged by waves alone.
 docs/diffraction.md says why, and how far that is from the full wave image.
 """
 
@@ -25,15 +25,7 @@ from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.lamp_images import (
-    LampImage,
-    about,
-    brightness,
-    by_waves,
-    lamp_images,
-    pixel_mm,
-    without_lamps,
-)
+from rptcam_cl.rendering.lamps import LampImage, about, brightness, by_waves, lamp_images, pixel_mm, without_lamps
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_spread import (
     ANGLES,
@@ -41,7 +33,9 @@ from rptcam_cl.rendering.point_spread import (
     MIDDLE_NM,
     NEAR,
     REACH,
+    Conjugates,
     FarLight,
+    conjugates_of,
     fade,
     kernel_of_waves,
     near_kernel,
@@ -51,7 +45,6 @@ from rptcam_cl.rendering.point_spread import (
     strew,
     unit_px,
 )
-from rptcam_cl.rendering.stigmatic import Conjugates, conjugates_of
 from rptcam_cl.scene.scene import Scene
 
 #

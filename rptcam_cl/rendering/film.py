@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from functools import cached_property, lru_cache
 from math import fsum
@@ -537,3 +538,25 @@ def roulette_of(picture: NDArray[np.floating], layout: FilmLayout) -> Roulette:
     ratio = whole / np.maximum(cells, whole / MOST_SURVIVAL**0.5)
     shift = (TILE * (layout.tiles_skipped + 1)).bit_length() - 1
     return Roulette((SURVIVAL_SCALE * ratio * ratio).astype(np.float32), shift)
+
+
+# What JSON holds, saved among the arrays of a film.
+
+
+def array_of_text(data: dict[str, Any]) -> NDArray[np.uint32]:
+    """Encode what JSON holds as an array, to be saved among others."""
+    return np.frombuffer(json.dumps(data).encode("utf-32-le"), np.uint32)
+
+
+def text_of_array(array: NDArray[Any]) -> dict[str, Any]:
+    """Decode an array of `array_of_text`.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    data = json.loads(array.tobytes().decode("utf-32-le"))
+    if not isinstance(data, dict):
+        raise ValueError("text")
+    return data

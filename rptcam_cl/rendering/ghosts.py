@@ -26,14 +26,13 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, ghosts_have_colours, usable_nm
 from rptcam_cl.rendering.cameras.setting import LensSetting
-from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.film import FilmLayout, array_of_text, text_of_array
 from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among
 from rptcam_cl.rendering.lamps import Patches, lattice, patches_of, points_alone, points_at, square_patch, visible
 from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
 from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.several import array_of_text, text_of_array
 from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 

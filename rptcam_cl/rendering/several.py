@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 import warnings
@@ -20,6 +19,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout, RenderedFilm
+from rptcam_cl.rendering.layers import SHARP
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.film import RenderSettings
@@ -118,7 +118,6 @@ def is_shared(parts: Sequence[Part]) -> bool:
 # Which part of a film one of several runs renders, each anywhere: tiles of the picture, and samples of its pixels.
 
 Arrays = dict[str, NDArray[Any]]
-SHARP = "sharp:"  # begins the names of those of sharp layers
 _IN_PIXELS = ("film", "layers", SHARP)  # begin the names of those whose last axis is the pixels of the film's buffer
 
 
@@ -220,25 +219,6 @@ def part_of_facts(facts: Any) -> FilmPart:
     if not 1 <= number <= count or not (end is None or (type(end) is int and first < end < 2**32)):
         raise ValueError("part")
     return FilmPart(number, count, first, end)
-
-
-def array_of_text(data: dict[str, Any]) -> NDArray[np.uint32]:
-    """Encode what JSON holds as an array, to be saved among others."""
-    return np.frombuffer(json.dumps(data).encode("utf-32-le"), np.uint32)
-
-
-def text_of_array(array: NDArray[Any]) -> dict[str, Any]:
-    """Decode an array of `array_of_text`.
-
-    Raises
-    ------
-    ValueError
-        It is none.
-    """
-    data = json.loads(array.tobytes().decode("utf-32-le"))
-    if not isinstance(data, dict):
-        raise ValueError("text")
-    return data
 
 
 def pixels_of(tiles: NDArray[np.uint32]) -> NDArray[np.int64]:

@@ -19,16 +19,20 @@ from rptcam_cl.optics.as_built import Copies, Deviation, check_copies, film_poin
 from rptcam_cl.optics.charts import FAINT, INK, new_figure, series, styled
 from rptcam_cl.optics.design import Problem
 from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration
-from rptcam_cl.rendering.copy_scores import FilmPoints, Judge, Scores, judge_of, sample_field
 from rptcam_cl.rendering.tolerances import (
+    FilmPoints,
     Interval,
+    Judge,
     Limit,
+    Scores,
     Specification,
     alone,
     draw_values,
+    judge_of,
     limits,
     percentile,
     rank,
+    sample_field,
     share,
     specification,
 )
@@ -383,13 +387,7 @@ def loosest_set(
     if not (design < limit if by_spot else design > limit):
         unit = " µm of rms spot" if by_spot else " of modulation"
         raise InputError(f"{lens.name}: no tolerances reach {limit:g}{unit}: the design itself has {design:.4g}")
-    cost = dict.fromkeys((one.label for one in run.limits), 0.0)
-    for one in run.sensitivities:
-        added = one.spot_um**2 - design**2 if by_spot else design - one.mtf
-        cost[one.label] = max(cost[one.label], added if math.isfinite(added) else math.inf)
-    adds = np.array([cost[one.label] for one in run.limits])
-    worst = adds[np.isfinite(adds)].max(initial=0.0) or 1.0
-    shares = np.clip(np.where(np.isfinite(adds), adds, worst) / worst, _LEAST_COST, 1.0) ** (-1 / 3)
+    shares = _shares_by_cost(run, design, by_spot=by_spot)
     front, adjusted = _state(lens, spec)[1], limits(lens, spec, "compensators")
     judge, _, _ = judge_of(spec, run.copies, front, adjusted, trace)
     drawn, refocus = len(run.limits), run.tolerances.refocus
@@ -408,16 +406,32 @@ def loosest_set(
         middle = (low + high) / 2
         low, high = (middle, high) if 100 * reached(math.exp(middle)) >= percent else (low, middle)
     factors = np.minimum(math.exp(low) * shares, _LOOSEST)
+    name = f"{spec.tolerances.name or 'tolerances'}, {percent:g} % of {lens.name} at {limit:g}"
     entries = [alone(lens, spec, one, factor) for one, factor in zip(run.limits, factors.tolist(), strict=True)]
-    given = spec.tolerances.model_dump(mode="json", exclude_none=True, exclude={"tolerances", "source"})
-    kept = ("compensators", "distribution", "sigmas", "copies", "seed", "refocus", "f_number", "focus_distance_m",
-            "zoom", "temperature_c", "pressure_hpa", "barrel", "merit")  # fmt: skip
-    written = {"name": f"{given.get('name') or 'tolerances'}, {percent:g} % of {lens.name} at {limit:g}"}
-    written |= {key: given[key] for key in kept if key in given} | {"tolerances": entries}
+    written = _with_entries(spec, name, entries)
     return LoosestSet(
         written, factors, tuple(one.label for one in run.limits),
         tolerance(lens, written, copies=copies, seed=seed, with_sensitivities=False, trace=trace),
     )  # fmt: skip
+
+
+def _with_entries(spec: Specification, name: str, entries: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a specification as data, under a name, with other tolerances."""
+    given = spec.tolerances.model_dump(mode="json", exclude_none=True, exclude={"tolerances", "source"})
+    kept = ("compensators", "distribution", "sigmas", "copies", "seed", "refocus", "f_number", "focus_distance_m",
+            "zoom", "temperature_c", "pressure_hpa", "barrel", "merit")  # fmt: skip
+    return {"name": name} | {key: given[key] for key in kept if key in given} | {"tolerances": entries}
+
+
+def _shares_by_cost(run: ToleranceRun, design: float, *, by_spot: bool) -> NDArray[np.float64]:
+    """Return the size of each tolerance, relative to the others, of least cost for what they add to the merit."""
+    cost = dict.fromkeys((one.label for one in run.limits), 0.0)
+    for one in run.sensitivities:
+        added = one.spot_um**2 - design**2 if by_spot else design - one.mtf
+        cost[one.label] = max(cost[one.label], added if math.isfinite(added) else math.inf)
+    adds = np.array([cost[one.label] for one in run.limits])
+    worst = adds[np.isfinite(adds)].max(initial=0.0) or 1.0
+    return np.clip(np.where(np.isfinite(adds), adds, worst) / worst, _LEAST_COST, 1.0) ** (-1 / 3)
 
 
 # One copy of a lens, chosen by how good it is among all: the lens behind which a picture is taken.

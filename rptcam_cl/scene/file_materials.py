@@ -20,25 +20,21 @@ from rptcam_cl.scene.base import GREY, one_pixel
 from rptcam_cl.scene.materials import (
     LARGEST_INDEX,
     LEAST_BEND,
-    MOST_ASYMMETRY,
     MOST_BEND,
     MOST_INDEX,
     SMALLEST_ALPHA,
     SMALLEST_INDEX,
-    AbsorbingMaterial,
-    Attenuation,
     Dielectric,
     Emissive,
     Material,
     Matte,
     Mix,
     Principled,
-    ScatteringMedium,
     ThinFilm,
     ThinGlass,
     Translucent,
-    albedo_for,
 )
+from rptcam_cl.scene.media import MOST_ASYMMETRY, AbsorbingMaterial, Attenuation, ScatteringMedium, albedo_for
 from rptcam_cl.scene.quantities import LARGEST_GAIN, LARGEST_RADIANCE, Colour
 from rptcam_cl.scene.textures import AnisotropyMap, Bump, ImageTexture, NormalMap
 

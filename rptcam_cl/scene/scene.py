@@ -37,17 +37,8 @@ from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, FrameSequence, Sh
 from rptcam_cl.scene.film import SHARP_LAYERS, Film, PictureSettings, RenderSettings, Sensor, SpectrumSettings
 from rptcam_cl.scene.lens_settings import GRADES, AutoFocus, RealLens
 from rptcam_cl.scene.lights import WITH_UP, Environment, Light
-from rptcam_cl.scene.materials import (
-    Dielectric,
-    Emissive,
-    Hair,
-    Material,
-    Mix,
-    Principled,
-    SurroundingMedium,
-    with_material,
-    with_parts,
-)
+from rptcam_cl.scene.materials import Dielectric, Emissive, Hair, Material, Mix, Principled, with_material, with_parts
+from rptcam_cl.scene.media import SurroundingMedium
 from rptcam_cl.scene.meshes import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
 from rptcam_cl.scene.placement import PlacedObject, SceneObject, moments
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, SMALLEST_LENGTH

@@ -19,7 +19,6 @@ from rptcam_cl.scene.quantities import (
     GainColour,
     LightSpectrum,
     PatternAlbedo,
-    Position,
     Radiance,
     TexturePair,
     Turn,
@@ -403,33 +402,3 @@ class Bump(SceneModel):
 
     lengths: Literal["surface", "unit", "u"] = "surface"
     """What a step of 1 in u and v is on the surface: its true length, one unit of the scene, or for both that of u."""
-
-
-# Densities that change over space.
-
-
-class DensityGrid(FileReference):
-    """How dense a medium is from place to place: numbers by which its coefficients and emission are multiplied.
-
-    They are given in the middles of voxels, change evenly between them, and are nothing outside of their box.
-    """
-
-    grid: Annotated[str, Field(min_length=1, max_length=200)] | None = None
-    """Of an OpenVDB file: the name of the grid; by default `density`, or the only one."""
-
-    min: Position | None = None
-    """Lowest corner of the box [scene units]; of an OpenVDB file where its own coordinates say, by default."""
-
-    max: Position | None = None
-    """Highest corner of the box [scene units], as above."""
-
-    @model_validator(mode="after")
-    def _check_corners(self) -> DensityGrid:
-        if (self.min is None) != (self.max is None):
-            missing = "max" if self.max is None else "min"
-            raise refuse("is needed beside the other corner", allowed="both corners, or none", path=(missing,))
-        if self.min is not None and self.max is not None and any(
-            high - low <= 0 for low, high in zip(self.min, self.max, strict=True)
-        ):  # fmt: skip
-            raise refuse("must lie above min along every axis", got=self.max, path=("max",))
-        return self

@@ -164,7 +164,7 @@ class Delivery:
             "height": size[1],
             "full": list(slot.session.resolution),
             "scale": frame.scale,
-            "spp": frame.spp,
+            "spp": min(frame.spp, max(slot.session.spp, 1)),
             "target_spp": slot.target_spp,
             "ms": round(frame.seconds * 1e3, 2),
             "noise": frame.noise,
@@ -236,15 +236,8 @@ def dial_list(panel: Panel) -> list[Entry]:
 
 
 def _entry(name: str, label: str, kind: str, value: Any, text: str, **more: Any) -> Entry:
-    return {
-        "name": name,
-        "label": label,
-        "kind": kind,
-        "value": value,
-        "text": text,
-        "enabled": True,
-        "linked": None,
-    } | (more)
+    said = {"name": name, "label": label, "kind": kind, "value": value, "text": text}
+    return said | {"enabled": True, "linked": None} | more
 
 
 def _choice(name: str, label: str, value: Any, choices: dict[Any, str], **more: Any) -> Entry:
@@ -536,16 +529,8 @@ class Reports:
             return
         answers = tuple((client.number, client.answers) for client in clients)
         studio = self._studio
-        here = (
-            slot.session.generation,
-            slot.dials,
-            slot.messages,
-            studio.paused,
-            studio.denoises,
-            studio.recorder.is_on,
-            studio.selected,
-        )
-        reported = (*here, resting, *self._compare_state(), answers)
+        here = (slot.session.generation, slot.dials, slot.messages, studio.recorder.is_on, studio.selected)
+        reported = (*here, studio.paused, studio.denoises, resting, *self._compare_state(), answers)
         if reported != self._reported and not slot.wants_glance:
             self._reported, self._last_state = reported, time.monotonic()
             message = state_message(self._studio, slot)

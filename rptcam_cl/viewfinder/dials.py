@@ -434,13 +434,8 @@ def _exposure(panel: Panel, found: Linked) -> Exposure:
         return old.model_copy(update={"ev": dials.ev})
     kept: dict[str, Any] = {"neutral_density_stops": old.neutral_density_stops, "iso": settings.iso}
     if _is_metered_by_scene_alone(panel):
-        update = {
-            "ev": dials.ev,
-            "metering": dials.metering,
-            "spot_at": dials.spot_at,
-            "lock_cd_m2": dials.locked_cd_m2,
-        }
-        return old.model_copy(update=update)
+        metered = {"metering": dials.metering, "spot_at": dials.spot_at, "lock_cd_m2": dials.locked_cd_m2}
+        return old.model_copy(update={"ev": dials.ev} | metered)
     if f_number is not None:
         kept["f_number"] = f_number
     automatic = (dials.mode == "A" and not dials.auto_iso) or (dials.mode == "M" and dials.auto_iso)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.api.compiling import stands_still
 from rptcam_cl.api.session import Change, Frame, RenderSession
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
@@ -23,7 +24,7 @@ from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import follow_light
 from rptcam_cl.viewfinder.instruments import film_reading
 from rptcam_cl.viewfinder.messages import Codes, codes_of
-from rptcam_cl.viewfinder.panel import Dials, Panel, read_dials
+from rptcam_cl.viewfinder.panel import Dials, Panel, read_dials, value_per_radiance
 
 # How much to render at once: the scale of a glance and the samples of a take, from the speed measured.
 
@@ -102,6 +103,7 @@ REST_S = 0.25  # after the last movement of what is held, before the picture is 
 PAUSE = 2.0  # times what a take took, that the old picture leaves to the compilation of what comes after it
 POLL_S = 0.05  # between two looks whether the kernels of the film are there
 _SAME_FILM = ("none", "picture")  # kinds of change after which the film is as it was
+_OF_LIGHT = {"exposure", "shutter"}  # parts of a scene that only scale a film of what stands still
 _FILMS = itertools.count(1)
 _GROWN = 1.25  # by how much the samples of a film grow before it is finished once more
 _BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that the dials read
@@ -245,23 +247,48 @@ class Slot:
         InputError
             A value is wrong; nothing is changed.
         """
+        before = self.resolved
         change = self.session.change(dict(keys), wait=False)
         self.changes = with_changes(self.changes, keys)
         if dials is not None:
             self.dials = dials
         elif any(part in _BODY for part in change.keys):
             self.dials = read_dials(self.scene, self.dials)
-        self.note_change(transient, change)
+        is_lit_alike = set(change.keys) <= _OF_LIGHT and stands_still(self.scene)
+        self.note_change(transient, change, value_per_radiance(before) if is_lit_alike else None)
         return change
 
-    def note_change(self, transient: bool, change: Change) -> None:
-        """Note what a change came to: the picture is another from here on, or the film is developed in another way."""
+    def note_change(self, transient: bool, change: Change, value: float | None = None) -> None:
+        """Note what a change came to: the picture is another from here on, or the film is developed in another way.
+
+        Parameters
+        ----------
+        value
+            The film's value for radiance 1 before, where nothing but that has changed.
+        """
         self.follows_light = True
         self.note_hand(transient)
         self.compiling = self.session.is_waiting
         is_shown = change.kind in _SAME_FILM and self.show_again()
         if not is_shown and not self.compiling:
-            self._begin_anew()
+            self._begin_anew(None if value is None else self._brighter(value_per_radiance(self.resolved) / value))
+            self.show_again()
+
+    def _brighter(self, factor: float) -> Frame | None:
+        """Return the picture that is there in another exposure, which differs from one that is rendered by rounding."""
+        last, shown = self._last, self.shown
+        if last is None:
+            return None
+        if shown is not None and shown.clean is not None and shown.frame.generation == last.generation:
+            last = last if self.is_mixed else shown.frame  # for which that is known without its noise
+        lights, scale = last.lights, np.float32(factor)
+        frame = replace(
+            last, pixels=last.pixels * scale, generation=self.session.generation,
+            lights=lambda: {name: light * scale for name, light in lights().items()},
+        )  # fmt: skip
+        if shown is not None and shown.frame is last and shown.clean is not None:
+            self._clean = frame, shown.clean * scale
+        return frame
 
     def note_hand(self, transient: bool) -> None:
         """Note that a hand has turned something, and whether more will come at once."""
@@ -275,10 +302,7 @@ class Slot:
     def arrive(self) -> bool:
         """Show the change that has waited for its kernels, if they are there now; return whether they are."""
         if not self.compiling and self.rests_in() <= 0 and not self.wants_glance and self.session.relieve():
-            shown = self._last
-            self._begin_anew()
-            if shown is not None and shown.scale == 1:  # which stays until there is one as good
-                self.wants_glance, self._last, self._stays_for = False, shown, min(shown.spp, self.target_spp)
+            self._begin_anew(self._last)
             return True
         if not (self.compiling and self.session.ready):
             return False
@@ -286,12 +310,15 @@ class Slot:
         self._begin_anew()
         return True
 
-    def _begin_anew(self) -> None:
-        self.wants_glance, self._last, self._stays_for = True, None, 0
+    def _begin_anew(self, shown: Frame | None = None) -> None:
+        """Begin another film; a picture of full scale may stay until there is one as good."""
+        stays = shown is not None and shown.scale == 1 and not self.wants_glance
+        self.wants_glance, self._last = not stays, shown if stays else None
+        self._stays_for = min(shown.spp, self.target_spp) if shown is not None and stays else 0
         self.film, self.finished = next(_FILMS), None
         self._reaches_noise = self._unread = False
         self._next_samples, self._network_spp = 1, 0
-        self._film_begun, self._visible = time.monotonic(), (0.0, 0)
+        self._film_begun, self._visible = time.monotonic(), self._visible if stays else (0.0, 0)
 
     @property
     def next_generation(self) -> int:
@@ -376,7 +403,7 @@ class Slot:
     def clean_at(self, frame: Frame) -> dict[str, float] | None:
         """How many samples it takes until the noise is not seen, and how long from the film's beginning [s]."""
         noise = self.visible_noise(frame)
-        if noise is None:
+        if noise is None or frame.spp > self.session.spp:  # of the film before
             return None
         share = max((noise / CLEAN) ** 2, 1.0)
         seconds = share * (time.monotonic() - self._film_begun)
@@ -454,7 +481,7 @@ class Slot:
             return False
         if self.compiling or self.wants_glance or self.wants_showing or shown.frame.scale < 1 or last.scale < 1:
             return False
-        rests = time.monotonic() > self._film_begun + NETWORK_S
+        rests = time.monotonic() > self._film_begun + NETWORK_S and last.spp <= self.session.spp
         return rests and last.spp >= 2 * self._network_spp and not self._is_clean(last)
 
     def network_later(self) -> Callable[[], tuple[int, Frame, NDArray[np.float32]]]:

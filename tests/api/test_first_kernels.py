@@ -11,8 +11,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.api.session import RenderSession
-from rptcam_cl.device.devices import choose_device
-from rptcam_cl.device.fork_server import CompileServer
+from rptcam_cl.device.devices import CompileServer, choose_device
 from rptcam_cl.device.session import Session
 
 SCENE: dict[str, Any] = {

@@ -13,6 +13,7 @@ from rptcam_cl.imaging import image as film_files
 from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.scene.film import PictureSettings, WhiteBalance
+from rptcam_cl.viewfinder.instruments import PEAKING_COLOUR, peaking
 
 Command = Callable[..., Any]
 
@@ -31,6 +32,20 @@ def film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Image:
 def codes(path: str) -> np.ndarray:
     with PIL.Image.open(path) as picture:
         return np.asarray(picture)
+
+
+@pytest.mark.usefixtures("film")
+def test_peaking_colours_what_is_sharp_and_nothing_else(rptcam: Command) -> None:
+    film = Image(np.full((32, 48, 3), 0.1, np.float32), {})
+    film.pixels[:, 24:] = 0.8
+    film.save("edge.exr")
+    words = ("develop", "edge.exr", "-o")
+    assert rptcam(*words, "plain.png").code == rptcam(*words, "marked.png", "--peaking", "0.9").code == 0
+    plain, marked = codes("plain.png"), codes("marked.png")
+    sharp = peaking(film.seen, 0.9)
+    assert 0 < sharp.mean() < 1
+    assert (marked[sharp] == PEAKING_COLOUR[:3]).all() and np.array_equal(marked[~sharp], plain[~sharp])
+    assert "takes no marks of what is sharp" in rptcam(*words, "marked.tif", "--peaking", "0.9").err
 
 
 @pytest.mark.parametrize("name", ["film.exr", "film.npz"])

@@ -8,7 +8,7 @@ import pytest
 
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.files import CACHE_VARIABLE
-from rptcam_cl.device import fork_server
+from rptcam_cl.device import drivers
 from rptcam_cl.device import programs as program
 from rptcam_cl.device import session as early
 from rptcam_cl.device import session as sessions
@@ -131,10 +131,10 @@ def test_errors_of_the_thread_are_left_to_who_wants_the_device(monkeypatch, tmp_
 
 
 def test_process_that_ends_amid_the_work_of_a_thread_has_not_ended_well(tmp_path):
-    fork_server.mark_work(tmp_path, ended_well=lambda: True)
+    drivers.mark_work(tmp_path, ended_well=lambda: True)
     [mark] = tmp_path.iterdir()
-    with fork_server.unfinished_work():
-        fork_server.end_work()
+    with drivers.unfinished_work():
+        drivers.end_work()
     assert mark.exists()
 
 

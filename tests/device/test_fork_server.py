@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it
 TRIAL = """\
 import json, os, subprocess, sys, time
 from dataclasses import asdict
-from rptcam_cl.device import devices, fork_server
+from rptcam_cl.device import devices, drivers
 from rptcam_cl.device.drivers import load_opencl
 started = []
 run = subprocess.run
@@ -30,7 +30,7 @@ waiting = len(devices._fork_server)
 handle = load_opencl().get_platforms()[0].get_devices()[0]
 found = devices.try_device(handle)
 {more}
-marks = [mark for mark in fork_server._of_this_process if mark.exists()]
+marks = [mark for mark in drivers._of_this_process if mark.exists()]
 print(json.dumps([asdict(found), len(started), waiting, len(marks)]))
 """
 # Counts the programs in PoCL's cache before and after another is built, in the process that was made and here.
@@ -51,8 +51,8 @@ print(counts)
 """
 # It waits no time for orders, and is given the time to end.
 GONE = """\
-from rptcam_cl.device import fork_server
-fork_server.IDLE = 0.0
+from rptcam_cl.device import devices
+devices.IDLE = 0.0
 prepare = devices.prepare_trial
 def prepare_and_wait():
     prepare()

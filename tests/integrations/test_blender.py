@@ -166,6 +166,62 @@ def test_coat_of_a_black_ball_sends_back_fresnels_mean_as_in_cycles(tmp_path):
         assert ball == pytest.approx(smooth_mean(1.5), abs=2e-3)
 
 
+def half_vector_albedo(w, alpha, fresnel):
+    """Share of light from a direction that GGX facets send back after one reflection, by quadrature."""
+    mu, phi = np.meshgrid((np.arange(300) + 0.5) / 300, (np.arange(300) + 0.5) / 300 * 2 * np.pi, indexing="ij")
+    across = np.sqrt(1 - mu**2)
+    others = np.stack([across * np.cos(phi), across * np.sin(phi), mu], axis=-1)
+    return (facets(w, others, alpha, fresnel) * mu).sum() * 2 * np.pi / mu.size
+
+
+def facets(w, other, alpha, fresnel):
+    """BSDF of GGX facets with Smith's shadowing of both ways together (Heitz 2014)."""
+    half = w + other
+    half = half / np.linalg.norm(half, axis=-1, keepdims=True)
+    density = alpha**2 / (np.pi * (half[..., 2] ** 2 * (alpha**2 - 1) + 1) ** 2)
+    hidden = [(np.sqrt(1 + alpha**2 * (1 / each[..., 2] ** 2 - 1)) - 1) / 2 for each in (w, other)]
+    return fresnel((w * half).sum(-1)) * density / (1 + sum(hidden)) / (4 * w[..., 2] * other[..., 2])
+
+
+@pytest.mark.parametrize("degrees", [10, 45, 75])
+def test_principled_base_under_a_sun_is_each_programs_own_model(degrees, tmp_path):
+    """Seen 50 degrees from the normal: ours shares out the base both ways, Cycles by what its cover leaves there."""
+    from rptcam_cl.rendering.plan.materials import smooth_mean
+    from tests.integrations import cycles
+
+    scene = cycles.empty_scene((8, 8))
+    seen, lit, alpha = math.radians(50), math.radians(degrees), 0.25
+    scene.camera.location, scene.camera.rotation_euler = (6 * math.sin(seen), 0, 6 * math.cos(seen)), (0, seen, 0)
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 0.5
+    cycles.add("plane", cycles.material("p", Base_Color=(0.8, 0.8, 0.8, 1), Roughness=0.5), size=4)
+    cycles.add_lamp("SUN", (0, 0, 5), math.pi, rotation=(-lit, 0, 0), angle=0.0)
+    w, other = np.array([math.sin(seen), 0, math.cos(seen)]), np.array([0, math.sin(lit), math.cos(lit)])
+
+    def fresnel(c, index=1.5):
+        g = np.sqrt(index**2 - 1 + c**2)
+        return ((g - c) / (g + c)) ** 2 / 2 * (1 + ((c * (g + c) - 1) / (c * (g - c) + 1)) ** 2)
+
+    def schlick(c):
+        return 0.04 + 0.96 * (1 - c) ** 5
+
+    def mean(curve):
+        points, weights = np.polynomial.legendre.leggauss(12)
+        cosines = (points + 1) / 2
+        shares = [half_vector_albedo(np.array([np.sqrt(1 - c**2), 0, c]), alpha, curve) for c in cosines]
+        return float(weights @ (cosines * shares))
+
+    into, out = (half_vector_albedo(each, alpha, schlick) for each in (other, w))
+    base = 0.8 / np.pi * (1 - into) * (1 - out) / (1 - mean(schlick))
+    ours = (facets(w, other, alpha, schlick) + base) * np.pi * other[2]
+    whole, average = half_vector_albedo(w, alpha, np.ones_like), mean(np.ones_like)
+    smooth = smooth_mean(1.5)
+    often = 1 + smooth * average / (1 - smooth * (1 - average)) * (1 - whole) / whole  # light that meets facets again
+    base = 0.8 / np.pi * (1 - often * half_vector_albedo(w, alpha, fresnel))
+    theirs = (often * facets(w, other, alpha, fresnel) + base) * np.pi * other[2]
+    assert cycles.ours(16, depth=2).mean() == pytest.approx(ours, rel=2e-3)
+    assert cycles.of_cycles(tmp_path, 16, depth=2).mean() == pytest.approx(theirs, rel=1.5e-3)
+
+
 @pytest.mark.parametrize("roughness", [0.3, 0.5, 0.7])
 def test_sheen_sends_back_as_much_even_light_as_in_cycles(roughness, tmp_path):
     """Of another formula, by the roughness that makes them equal; 0.02 of what comes back, and 0.001 of the light."""

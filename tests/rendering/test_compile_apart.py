@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.device.devices import CompileServer
 from rptcam_cl.device.drivers import pocl_cache_folder
-from rptcam_cl.device.fork_server import CompileServer
 from rptcam_cl.device.session import open_session
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers

@@ -38,10 +38,10 @@ from rptcam_cl.rendering.point_spread import (
     point_opening,
     ray_picture,
     shares_of_white,
+    stigmatic,
     strew,
     wave_picture,
 )
-from rptcam_cl.rendering.stigmatic import stigmatic
 from rptcam_cl.scene.lens_settings import Dirt
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import scene_of

@@ -8,7 +8,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering import tracer
-from rptcam_cl.scene.materials import Droplets
+from rptcam_cl.scene.media import Droplets
 from tests.rendering.pictures import WHITE, bits, flat_mean, looking, pixels, scene_of, seed_of
 from tests.support.statistics import assert_equivalent
 

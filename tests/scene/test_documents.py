@@ -72,15 +72,12 @@ from rptcam_cl.scene.lights import (
 )
 from rptcam_cl.scene.load import load_scene, scene_json_schema
 from rptcam_cl.scene.materials import (
-    AbsorbingMaterial,
-    Attenuation,
     Boundary,
     BumpyMaterial,
     Conductor,
     CoveringMaterial,
     Dielectric,
     Emissive,
-    FogLayer,
     Hair,
     Matte,
     Measured,
@@ -91,11 +88,17 @@ from rptcam_cl.scene.materials import (
     Plastic,
     Principled,
     RoughMaterial,
-    ScatteringMedium,
-    SurroundingMedium,
     ThinFilm,
     ThinGlass,
     Translucent,
+)
+from rptcam_cl.scene.media import (
+    AbsorbingMaterial,
+    Attenuation,
+    DensityGrid,
+    FogLayer,
+    ScatteringMedium,
+    SurroundingMedium,
 )
 from rptcam_cl.scene.meshes import Displacement, MeshObject, MeshSource, NamedMesh
 from rptcam_cl.scene.placement import (
@@ -118,7 +121,6 @@ from rptcam_cl.scene.textures import (
     Blend,
     Bump,
     Checker,
-    DensityGrid,
     Dots,
     Gradient,
     Grid,

@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from rptcam_cl.device.devices import choose_device
-from rptcam_cl.device.fork_server import CompileServer
+from rptcam_cl.device.devices import CompileServer, choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.messages import Client

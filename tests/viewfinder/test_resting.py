@@ -48,11 +48,11 @@ def slots() -> Iterator[Any]:
 
 
 def rested(slot: Slot) -> None:
-    slot.show(slot.glance(), False, {})
+    slot.show(slot.glance() if slot.wants_glance else slot.again(), False, {})
     while not slot.is_done:
         frame = slot.refine(lambda: True)
-        assert frame is not None
-        slot.show(frame, False, {})
+        if frame is not None:
+            slot.show(frame, False, {})
         slot.follow()
     if slot.wants_finishing:
         assert slot.shown is not None and slot.shown.lacks == slot.comes_last
@@ -151,6 +151,32 @@ def test_the_needle_moves_by_the_stops_that_a_dial_turns(slots: Any) -> None:
         needles.append(meter_needle(Panel(slot.dials, slot.scene, slot.resolved, slot.reading_cd_m2)))
     assert all(needle is not None and math.isfinite(needle) for needle in needles)
     assert needles[1] - needles[0] == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("still", "dial", "value"), [(True, "shutter_s", 0.02), (True, "ev", 1), (False, "shutter_s", 0.02)]
+)
+def test_another_exposure_is_developed_at_once_where_nothing_moves(
+    slots: Any, still: bool, dial: str, value: float
+) -> None:
+    given = scene(**{name: part for name, part in PHYSICAL.items() if name != "sensor"})
+    if not still:
+        given["objects"][0]["motion"] = [{"time_s": 0}, {"time_s": 1, "translate": [0.1, 0, 0]}]
+    slot = slots(given)
+    rested(slot)
+    turned = turn_dial(Panel(slot.dials, slot.scene, slot.resolved, slot.reading_cd_m2), dial, value)
+    slot.change(turned.changes, dials=turned.dials)
+    assert slot.wants_glance is not still
+    if not still:
+        return
+    slot.show(slot.again(), False, {})
+    assert slot.shown is not None
+    at_once, codes = slot.shown.frame.pixels, slot.shown.codes
+    assert slot.refine(lambda: True) is None  # a sample more than none would be worse
+    rested(slot)
+    np.testing.assert_allclose(at_once, slot.session.pixels(), rtol=2e-6)
+    assert np.abs(codes.astype(int) - slot.shown.codes).max() <= 1
+    assert np.array_equal(slot.session.pixels(), rptcam_cl.render(slot.scene, spp=SPP).pixels)
 
 
 def test_kernels_that_come_while_a_film_is_read_make_no_picture_of_no_samples(

@@ -16,7 +16,7 @@ from rptcam_cl.api.combined import focus_stack
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device.fork_server import CompileServer
+from rptcam_cl.device.devices import CompileServer
 from rptcam_cl.device.session import open_session
 from rptcam_cl.imaging.image import Image, read_film, with_picture_settings
 from rptcam_cl.scene.load import load_scene, set_keys
@@ -194,7 +194,7 @@ def test_saved_scene_renders_to_the_same_bits(client: Page, tmp_path: Path) -> N
 
 def test_one_of_a_bracket_is_exposed_by_so_many_stops_more(client: Page, tmp_path: Path) -> None:
     client.send("view", id=5, format="png")
-    client.frame(lambda header: header["kind"] == "picture" and header["spp"] == 8)
+    client.frame(lambda header: header["media"] == "image/png" and header["spp"] == 8)  # later than what was reset
     plain = {ev: client.ask(6 + ev, "save", format="png", name="a", ev=ev).data for ev in (0, 1)}
     client.ask(10, "set", changes={"exposure.ev": 1.0})
     client.frame(lambda header: header["kind"] == "picture" and header["spp"] == 8 and header["answers"] == 10)

@@ -31,7 +31,8 @@ from rptcam_cl.exchange.pbrt.world import Context, Entity, MaterialName
 from rptcam_cl.rendering.plan.textures import metal_spectra
 from rptcam_cl.rendering.plan.textures import reflectance as metal_reflectance
 from rptcam_cl.scene.assets.measured import read_measured
-from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, MOST_ASYMMETRY, SMALLEST_INDEX, SUBSTANCES
+from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, SMALLEST_INDEX
+from rptcam_cl.scene.media import MOST_ASYMMETRY, SUBSTANCES
 from rptcam_cl.scene.textures import MOST_NESTED
 
 # Materials of ours as plain keys, and pbrt's roughness as GGX's alpha.

@@ -276,10 +276,13 @@ def _out_of_outlines(sampling: PupilSampling, film: Array, points: Array, margin
 
 
 def outline_radii(sampling: PupilSampling, nodes: int, start: int) -> list[Array]:
-    """Return the radii (nodes, directions) of the outlines in a table, and of the holes in them if it has any."""
+    """Return the radii (nodes, directions) of the outlines in a table; of rings those of holes, and `_knots` too."""
     size = 4 * nodes * pupils.DIRECTIONS
-    tables = [sampling.table[at : at + size] for at in ((start, start + size + 4) if sampling.ring else (start,))]
-    return [table.reshape(-1, pupils.DIRECTIONS, 4)[..., 0].astype(np.float64) for table in tables]
+    tables = (
+        sampling.table[at : at + size : 4]
+        for at in range(start, start + (2 * sampling.ring + 1) * (size + 4), size + 4)
+    )
+    return [table.reshape(-1, pupils.DIRECTIONS).astype(np.float64) for table in tables]
 
 
 def outlines_around(
@@ -292,7 +295,7 @@ def outlines_around(
         per_quarter, columns, lines = sampling.parameters
         nodes = int(lines + 1) * int(columns)
         start = 4 * (nodes + 1)
-        radii = (1 + sampling.ring) * 4 * (nodes * pupils.DIRECTIONS + 1)
+        radii = (1 + 2 * sampling.ring) * 4 * (nodes * pupils.DIRECTIONS + 1)
         reaches = sampling.table[start + radii :].astype(np.float64)
         along = pupils.quarters_of(film) * per_quarter
         line = np.minimum(along.astype(int), int(lines) - 1)
@@ -543,6 +546,7 @@ def tight_sampling(shapes: pupils.PupilShapes) -> PupilSampling:
     frames, last = np.concatenate([shapes.centres, shapes.axes], axis=-1), np.zeros(4)
     lines, nodes = frames.shape[:2]
     radii = [_with_ahead(values) for values in (shapes.radii, shapes.inner) if values is not None]
+    radii += [_with_ahead(_knots(shapes.radii, shapes.inner), 1.0)] if shapes.inner is not None else []
     if shapes.radial:
         parameters: PupilGrid | PupilLines = PupilGrid(1 / (shapes.reach[0] / (nodes - 1)), 0.0, nodes, 1)
         reaches: list[Array] = []
@@ -551,12 +555,23 @@ def tight_sampling(shapes: pupils.PupilShapes) -> PupilSampling:
         frames, *radii = (np.concatenate([values, values[:1]]) for values in (frames, *radii))
         reaches = [shapes.reach, shapes.reach[:1]]
     table = [frames.ravel(), last, *(part for values in radii for part in (values.ravel(), last)), *reaches]
-    ring = shapes.inner is not None
-    return PupilSampling("tight", PupilKind.OUTLINES, parameters, np.concatenate(table).astype(np.float32), ring=ring)
+    numbers, ring = np.concatenate(table).astype(np.float32), shapes.inner is not None
+    return PupilSampling("tight", PupilKind.OUTLINES, parameters, numbers, ring=ring)
 
 
-def _with_ahead(radii: Array) -> Array:
-    """Return radii (lines, nodes, directions) with those of the next direction, and both at the next node, beside."""
-    rows = np.stack([radii, np.roll(radii, -1, axis=-1)], axis=-1)
-    ahead = np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)
-    return np.concatenate([rows, ahead], axis=-1)
+def _knots(radii: Array, inner: Array) -> Array:
+    """Return the directions (lines, nodes, DIRECTIONS) up to which equal shares of the area of rings lie [turns]."""
+    ends = np.linspace(0.0, 1.0, pupils.DIRECTIONS + 1)
+    outer, hole = (
+        values**2 + values * np.roll(values, -1, -1) + np.roll(values, -1, -1) ** 2 for values in (radii, inner)
+    )
+    shares = np.cumsum(outer - hole + 1e-9, axis=-1).reshape(-1, pupils.DIRECTIONS)
+    knots = (np.interp(ends[:-1], np.append(0.0, own / own[-1]), ends) for own in shares)
+    return np.reshape([*knots], radii.shape)
+
+
+def _with_ahead(values: Array, turn: float = 0.0) -> Array:
+    """Return values (lines, nodes, directions), which grow by a number each turn, with those of the next direction, and
+    both at the next node, beside."""
+    rows = np.stack([values, np.concatenate([values[..., 1:], values[..., :1] + turn], axis=-1)], axis=-1)
+    return np.concatenate([rows, np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)], axis=-1)

@@ -45,7 +45,7 @@ from rptcam_cl.rendering.cameras.pupil import (
     tight_sampling,
     without_shape,
 )
-from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_rays, traced_rays
+from rptcam_cl.rendering.cameras.ray_map import LensRays, allowed_px, fitted_rays, traced_rays
 from rptcam_cl.rendering.cameras.setting import (
     DESIGN,
     CameraMetadata,
@@ -421,19 +421,10 @@ def realistic_model(
     on_axis_of = axis_irradiance if shared is None else partial(axis_irradiance, soon=disk_irradiance)
     irradiance = _paraxial_irradiance if windows else partial(axis_irradiance, soon=_axial) if coarse else on_axis_of
     clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
-    axial_colour = None
-    if dispersive:
-        taken, whole = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
-        if coarse:
-            whole = _glanced_axis(lens, film_distance_mm, camera.wavelength_nm, taken)
-        axis, samples = (_glanced_axis, _GLANCED_SAMPLES) if coarse else (on_axis_of, _AXIAL_SAMPLES)
-        axial_colour = _axial_colour(axis, samples, lens, film_distance_mm, taken, whole, (low, high))
+    seen = None if coarse else on_axis_of
+    axial_colour = _axial_colour(scene, setting, lens, (clear, on_axis), seen, (low, high)) if dispersive else None
     pupil = shared or _pupil(scene, setting, lens, sampled_nm, windows, coarse)
-    if camera.rays == "fitted":
-        range_nm = (low, high) if dispersive else None
-        through = fitted_rays(lens, setting, scene.film, range_nm, allowed_px(camera.accuracy))
-    else:
-        through = traced_rays(lens, setting, camera.precision, dispersive)
+    through = _rays_through(scene, setting, lens, (low, high) if dispersive else None)
     record = _record(scene, setting, lens, pupil, len(through.surfaces))
     entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
     metadata: CameraMetadata = {"camera": "realistic", **through.metadata, **setting.metadata}
@@ -462,6 +453,15 @@ def realistic_model(
         setting=setting,
         pupil=None if coarse else entrance,
     )
+
+
+def _rays_through(scene: Scene, setting: LensSetting, lens: Lens, range_nm: tuple[float, float] | None) -> LensRays:
+    """Choose how camera rays cross the lens, fitted or traced; of one colour where there is no range of wavelengths."""
+    camera = scene.camera.traced_camera
+    assert camera is not None
+    if camera.rays == "fitted":
+        return fitted_rays(lens, setting, scene.film, range_nm, allowed_px(camera.accuracy))
+    return traced_rays(lens, setting, camera.precision, dispersive=range_nm is not None)
 
 
 def _perspective(scene: Scene, setting: LensSetting) -> CameraMetadata:
@@ -594,22 +594,35 @@ def lens_tint(scene: Scene, setting: LensSetting) -> float:
 
 
 def _axial_colour(
-    irradiance: Callable[..., float],
-    samples: int,
+    scene: Scene,
+    setting: LensSetting,
     lens: Lens,
-    film_distance_mm: float,
-    losses: LensTransmission,
-    on_axis: float,
+    on_axis: tuple[float, float],
+    irradiance: Callable[..., float] | None,
     range_nm: tuple[float, float],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return wavelengths and the irradiance of each on the axis, over that of the camera's wavelength.
 
     Losses vary faster with the wavelength than pupils do, but almost as they do on the axis itself. From fewer samples
     a polynomial leads to the rest.
+
+    Parameters
+    ----------
+    on_axis
+        The irradiance of the camera's wavelength, without losses and with them.
+    irradiance
+        Returns it at a wavelength; for a glance None.
     """
+    camera, film_distance_mm = scene.camera.traced_camera, setting.film_distance_mm
+    assert camera is not None
+    losses, whole = (IDEAL, on_axis[0]) if shows_losses(scene) else (setting.transmission, on_axis[1])
+    samples = _AXIAL_SAMPLES
+    if irradiance is None:
+        irradiance, samples = _glanced_axis, _GLANCED_SAMPLES
+        whole = _glanced_axis(lens, film_distance_mm, camera.wavelength_nm, losses)
     few, wavelengths = np.linspace(*range_nm, _AXIAL_SAMPLES), np.linspace(*range_nm, _LOSS_SAMPLES)
     traced = np.linspace(*range_nm, samples)
-    seen = np.array([irradiance(lens, film_distance_mm, nm, losses) for nm in traced.tolist()]) / on_axis
+    seen = np.array([irradiance(lens, film_distance_mm, nm, losses) for nm in traced.tolist()]) / whole
     if samples < _AXIAL_SAMPLES:
         seen = np.polynomial.Polynomial.fit(traced, seen, samples - 1)(few)
     if not losses:

@@ -694,9 +694,9 @@ def pack_emitters(
         near = ~np.isin(records["kind"], list(FAR_EMITTERS))
         lamps = lamps_of(records[near], powers[near]) if near.sum() > (held is None) else None
         if lamps and (
-            held["LIGHT_TREE"] > 0
-            if held is not None
-            else variance_by_power(lamps, _lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN
+            variance_by_power(lamps, _lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN
+            if held is None
+            else held["LIGHT_TREE"] > 0
         ):
             order = np.argsort(~near, kind="stable")  # of_primitive stays: surfaces stand first
             records, powers, group = records[order], powers[order], group[order]

@@ -23,7 +23,6 @@ from rptcam_cl.rendering.plan.textures import (
     metal_spectra,
 )
 from rptcam_cl.scene.materials import (
-    AbsorbingMaterial,
     BumpyMaterial,
     Conductor,
     CoveringMaterial,
@@ -44,6 +43,7 @@ from rptcam_cl.scene.materials import (
     Translucent,
     alpha_pair,
 )
+from rptcam_cl.scene.media import AbsorbingMaterial
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, SpectralColour
 from rptcam_cl.scene.textures import Blend, ImageTexture, Mixture, Texture
 
@@ -624,7 +624,7 @@ class _Filler:
         reflectance = getattr(material, "reflectance", None)
         if reflectance is not None:
             self._colour(record, "color", "texture", reflectance, 1.0)
-        record["parameter"] = getattr(material, "parameter", 0.0)
+        record["parameter"] = getattr(material, "parameter", getattr(material, "index", 0.0))
         match material:
             case Emissive():
                 self._colour(record, "color", "texture", material.radiance, LARGEST_RADIANCE)

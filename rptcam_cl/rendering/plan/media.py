@@ -22,19 +22,10 @@ from rptcam_cl.rendering.plan.primitives import Primitives, Prototype
 from rptcam_cl.rendering.plan.textures import KnownSpectra
 from rptcam_cl.scene.base import describe, listed, near_name
 from rptcam_cl.scene.camera import pose_matrix
-from rptcam_cl.scene.materials import (
-    Boundary,
-    Dielectric,
-    Droplets,
-    Material,
-    Mix,
-    Principled,
-    ScatteringMedium,
-    has_holes,
-)
+from rptcam_cl.scene.materials import Boundary, Dielectric, Material, Mix, Principled, has_holes
+from rptcam_cl.scene.media import DensityGrid, Droplets, ScatteringMedium
 from rptcam_cl.scene.scene import Scene, Solid, holds_eye, world_corners
 from rptcam_cl.scene.shapes import Object, Plane
-from rptcam_cl.scene.textures import DensityGrid
 
 _MOST_MEDIA = 31  # whose numbers fit into MEDIUM_BITS of kernels/material/medium.h, 0 being empty space
 MEDIUM_BITS = 5

@@ -692,8 +692,6 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     facts |= _facts_of_shapes(primitives, meshes, shown.facts) | apart
     facts |= {
         "ENVIRONMENT": int(surroundings.kind),
-        "FEW_PRIMITIVES": int(len(primitives) <= FEW),
-        "HUGE_SPHERES": int(has_huge_sphere(primitives)),
         "HAS_HIDDEN": int(hidden.any()),
         "FACET_ENERGY": shown.facts["FACET_ENERGY"] * scene.render.multiple_scattering,
         "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
@@ -738,6 +736,8 @@ def _facts_of_shapes(
         "HAS_SHADING_NORMAL": int(bumpy or is_smooth),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.CURVE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.instanced),
+        "FEW_PRIMITIVES": int(len(primitives) <= FEW),
+        "HUGE_SPHERES": int(has_huge_sphere(primitives)),
     }
 
 

@@ -37,17 +37,7 @@ from rptcam_cl.scene.base import FileReference
 from rptcam_cl.scene.materials import Dielectric, Measured, MetalSpectrum
 from rptcam_cl.scene.quantities import SpectralColour
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.textures import (
-    Dots,
-    ImageTexture,
-    Marble,
-    Mixture,
-    Noise,
-    Pattern,
-    Perlin,
-    SinglePattern,
-    Texture,
-)
+from rptcam_cl.scene.textures import Dots, ImageTexture, Marble, Mixture, Noise, Pattern, Perlin, SinglePattern, Texture
 
 #
 # Spectra that the scene's colours are known by, constants of its metals, indices of its solids.

@@ -76,6 +76,10 @@ class _Material:
         model = int(self._number("illum", 2))
         gloss = self._colour("ks", (0.0, 0.0, 0.0))
         exponent = max(0.0, self._number("ns", 0.0))
+        heights = next((key for key in ("map_bump", "bump", "disp", "map_disp") if key in self._lines), "")
+        if heights in ("disp", "map_disp"):
+            problem = f"{heights} of {name} is shown as bumps (the key displacement of a mesh moves its surface)"
+            warnings.warn(f"{self._path}: {problem}", stacklevel=2)
         plain = FileMaterial(
             name=name,
             base_color=self._colour("kd", (0.8, 0.8, 0.8)),
@@ -88,8 +92,8 @@ class _Material:
             opacity=self._share("d", 1.0) if "d" in self._lines else min(1.0, max(0.0, 1 - self._number("tr", 0.0))),
             opacity_texture=self._texture("map_d"),
             normals=self._texture("norm") or self._texture("map_norm"),
-            bumps=self._texture("map_bump") or self._texture("bump"),
-            bumps_height=self._factor("map_bump" if "map_bump" in self._lines else "bump", "-bm"),
+            bumps=self._texture(heights),
+            bumps_height=self._factor(heights, "-bm"),
             emission=self._colour("ke", (1.0,) * 3 if "map_ke" in self._lines else (0.0,) * 3, most=math.inf),
             emission_texture=self._texture("map_ke"),
             both_sides=True,
@@ -143,13 +147,8 @@ class _Material:
         if not os.path.isfile(source) and os.path.isfile(beside):  # noqa: PTH113 -- these never raise
             warnings.warn(f"{self._path}: {name}: no such file; {beside.name} beside it is taken", stacklevel=2)
             source = beside
-        return FileTexture(
-            source,
-            name,
-            scale=options.get("-s", (1.0, 1.0)),
-            offset=options.get("-o", (0.0, 0.0)),
-            wrap="clamp" if "-clamp" in options else "repeat",
-        )
+        scale, offset = options.get("-s", (1.0, 1.0)), options.get("-o", (0.0, 0.0))
+        return FileTexture(source, name, scale, offset, wrap="clamp" if "-clamp" in options else "repeat")
 
 
 def _options(words: list[str]) -> tuple[dict[str, tuple[float, float]], str]:

@@ -24,8 +24,7 @@ from rptcam_cl.imaging.sensor import binned_exposure, pixel_area_m2, sensor_of
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.model import CameraModel, exposed
 from rptcam_cl.rendering.film import TILE, FilmLayout
-from rptcam_cl.rendering.ground_truth import Moments
-from rptcam_cl.rendering.layers import SeenEnds, SharpPass, follow_rays
+from rptcam_cl.rendering.layers import Moments, SeenEnds, SharpPass, follow_rays
 from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers

@@ -17,10 +17,9 @@ from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.spots import Setting, film_spots, mtf_table, setting, spot_table
-from rptcam_cl.rendering import copy_scores
-from rptcam_cl.rendering.copy_scores import Scores
+from rptcam_cl.rendering import tolerances
 from rptcam_cl.rendering.tolerance_run import ToleranceRun, loosest_set, report, tolerance, tolerance_chart
-from rptcam_cl.rendering.tolerances import percentile, rank, share, specification
+from rptcam_cl.rendering.tolerances import Scores, percentile, rank, share, specification
 from rptcam_cl.rendering.traceable_lens import CopiesTracer
 
 TRIPLET = load_lens("cooke-triplet-50mm")
@@ -58,7 +57,7 @@ def run() -> ToleranceRun:
 
 
 def test_sensitivities_are_those_of_another_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rptcam_cl.rendering.copy_scores._corners", lambda *_: np.zeros(0))  # its arms lay even
+    monkeypatch.setattr("rptcam_cl.rendering.tolerances._corners", lambda *_: np.zeros(0))  # its arms lay even
     merit = FIELDS | {"rings": 6, "arms": 12}
     run = tolerance(TRIPLET, {"refocus": False, "copies": 10, "merit": merit, "tolerances": TOLERANCES})
     found = {(one.label, one.direction): one.spot_change_um for one in run.sensitivities}
@@ -326,9 +325,9 @@ def test_rays_are_enough_where_the_most_find_the_same_modulation(
         def scores(self, *_: Any) -> Scores:
             return self.scored
 
-    monkeypatch.setattr(copy_scores, "Judge", Judge)
+    monkeypatch.setattr(tolerances, "Judge", Judge)
     given = SimpleNamespace(rings=None, arms=None), 20.0, SimpleNamespace(lens=TRIPLET), np.zeros(2)
-    rays, (few, many) = copy_scores._enough(lambda rings, arms: [Rays(rings)], *given)
+    rays, (few, many) = tolerances._enough(lambda rings, arms: [Rays(rings)], *given)
     assert rays == [enough]
     assert (few.modulation[0], many.modulation[0]) == (modulations[enough], 0.604)
 
@@ -373,7 +372,7 @@ def test_compensators_stand_where_no_neighbour_is_better(refocus: bool) -> None:
     assert (spacing[:9], decentre[:8]) == ("air space", "decentre")
     assert 0 < at_end < 1  # both what ends at its range and what does not is tried
 
-    judge, _, _ = copy_scores.judge_of(specification(given), run.copies, math.inf, ())
+    judge, _, _ = tolerances.judge_of(specification(given), run.copies, math.inf, ())
     settings = run.copies.values[:, len(run.limits) :].copy()
     best = judge.scores(run.copies, refocus).spot_um
     np.testing.assert_allclose(best, run.scores.spot_um, rtol=1e-12)

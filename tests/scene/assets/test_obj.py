@@ -128,6 +128,14 @@ def test_material_that_no_library_has_is_grey(read: Read, tmp_path: Path) -> Non
     assert contents.notes == (f"{tmp_path / 'a.obj'}: usemtl w: names no material; grey stands for it",)
 
 
+@pytest.mark.parametrize("word", ["disp", "map_disp"])
+def test_displacement_of_a_material_is_shown_as_bumps(read: Read, tmp_path: Path, word: str) -> None:
+    (tmp_path / "a.mtl").write_text(f"newmtl w\n{word} -bm 2 a.png\n")
+    with pytest.warns(UserWarning, match=f"a.mtl: {word} of w is shown as bumps"):
+        material = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].material
+    assert (material.bumps.name, material.bumps_height) == ("a.png", 2.0)
+
+
 def test_picture_of_another_machines_path_is_found_beside_the_file(read: Read, tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_text("newmtl w\nmap_Kd C:\\work\\wood.png\nmap_d /work/gone.png\n")
     (tmp_path / "wood.png").write_bytes(b"")
