@@ -79,8 +79,7 @@ class _Material:
         exponent = max(0.0, self._number("ns", 0.0))
         heights = next((key for key in ("map_bump", "bump", "disp", "map_disp") if key in self._lines), "")
         if heights in ("disp", "map_disp"):
-            problem = f"{heights} of {name} is shown as bumps (the key displacement of a mesh moves its surface)"
-            warnings.warn(f"{self._path}: {problem}", stacklevel=2)
+            warnings.warn(f"{self._path}: {heights} of {name} is shown as bumps; nothing is moved", stacklevel=2)
         plain = FileMaterial(
             name=name,
             base_color=self._colour("kd", (0.8, 0.8, 0.8)),
@@ -105,10 +104,8 @@ class _Material:
     def _with_model(self, plain: FileMaterial, model: int, gloss: Colour) -> FileMaterial:
         """Return the material with what the illumination model says: glass, or a mirror where nothing is diffuse."""
         if model in GLASS:
-            clear = self._colour("tf", (1.0, 1.0, 1.0))
-            return replace(
-                plain, matte=False, base_color=clear, base_texture=None, transmission=1, solid=True, opacity=1
-            )
+            tf = self._colour("tf", (1.0, 1.0, 1.0))
+            return replace(plain, matte=False, base_color=tf, base_texture=None, transmission=1, solid=True, opacity=1)
         if model in (3, 5) and max(gloss) > 0 and max(plain.base_color) == 0:
             return replace(plain, metallic=1.0, base_color=gloss)
         return plain
@@ -400,9 +397,9 @@ class _FaceLines:
             sizes = np.array([len(words) for _, words in single], np.int64)
             corners = np.array([self._corner(word, number) for number, words in single for word in words], np.int64)
         if (sizes < 3).any():
-            small = int(np.argmax(sizes < 3))
+            bad = int(np.argmax(sizes < 3))
             raise InputError(
-                f"{self.path}:{lines.numbers[small]}: is a face of {sizes[small]} corners (allowed: at least 3)"
+                f"{self.path}:{lines.numbers[bad]}: is a face of {sizes[bad]} corners (allowed: at least 3)"
             )
         self.corners.append(self._count_from_0(corners, np.repeat(before, sizes, axis=0), lines.numbers, sizes))
         self.sizes.append(sizes.astype(np.int32))
@@ -594,8 +591,7 @@ class _ObjReader:
         if word == b"vt":
             each = max(1, min(2, int(lines.words.min())))
         width = int(lines.words[0])
-        if word == b"v" and (lines.words == 6).all():
-            each = 6  # behind the position the colour of the vertex, as scanners and sculptors write it
+        each = 6 if word == b"v" and (lines.words == 6).all() else each  # with colours, as scanners write them
         numbers = parse_numbers(lines.text) if (lines.words == width).all() and width >= each else None
         if numbers is not None and len(numbers) == width * len(lines.numbers):
             numbers = numbers.reshape(-1, width)[:, :each]
