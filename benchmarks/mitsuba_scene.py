@@ -48,6 +48,10 @@ def describe(scene: Scene, *, roulette: bool, folder: Path, others: dict[str, An
         return description | others | _objects(shapes, folder)
     if scene.environment is not None:
         description["environment"] = _environment(scene)
+    for number, light in enumerate(scene.lights):
+        assert light.kind == "directional"
+        place = {"direction": list(light.direction), "irradiance": _rgb(light.irradiance)}
+        description[f"light_{number}"] = {"type": "directional"} | place
     return description | _objects(scene, folder)
 
 

@@ -48,6 +48,12 @@ static void sincos_turns(F u, F *sine, F *cosine)
     *sine = (q & 2) != 0 ? -y : y;
 }
 
+// What is left of a random number u that has chosen one of two sides, the first with probability `share`, that taken with `taken`.
+static inline F rest_of(F u, F share, I second, F taken)
+{
+    return MIN((second ? u - share : u) / taken, (F)(0.99999994f));
+}
+
 // A right-handed frame with z = n: Duff et al. 2017, «Building an orthonormal basis, revisited».
 static inline void frame(F3 n, F3 *s, F3 *t)
 {

@@ -79,8 +79,8 @@ static F3 light_through_glass(ShadowRay shadow, I on, I left, F wavelength_sampl
 #endif
         if (edges > 1 && ANY(met))      // the first edge is that of the shadow ray itself
             light = select3(met, mul(way.beta, radiance_of_lamp(vertex, way.ray.d)), light);
-        U4 random = hash4(AS_U(shadow.chance), (U)((uint)edges), (U)(0u), (uint2)(0x243f6a88u, 0x85a308d3u));
-        Scattered next = clear_sample(vertex, way.ray.d, unit_float(random.a));
+        Scattered next = clear_sample(vertex, way.ray.d, shadow.chance);
+        shadow.chance = next.left;
         way.beta = mul(way.beta, next.weight);
         on = on & NOT(met) & (max3(way.beta) > 0.0f);
         way.ray.o = departure(vertex, next.direction);

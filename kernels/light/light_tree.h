@@ -14,7 +14,6 @@
 #include "light/emitter.h"
 
 #define LEAST_FACING  0.01f     // so that no lamp is ruled out by an estimate
-#define BELOW_ONE     0.99999994f
 #define RECEIVER_SOFT 0.01f     // the same of the surface, squared: shading normals and lamps have extent
 
 // A cosine of which only the positive part counts, on average over directions that vary: `spread` is their variance.
@@ -124,12 +123,6 @@ static I pick_afar(Scene scene, Receiver receiver, I open, F u, F chance, F *pic
         open = open & NOT(here);
     }
     return picked;
-}
-
-// What is left of u where it has chosen one of two sides.
-static inline F rest_of(F u, F share, I second, F taken)
-{
-    return MIN((second ? u - share : u) / taken, (F)(BELOW_ONE));
 }
 
 // The emitter that u picks, and the probability of that.

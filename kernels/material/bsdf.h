@@ -13,6 +13,9 @@ typedef struct {
     F3 direction;
     F3 weight;   // BSDF * cosine / density
     F  pdf;      // solid-angle density; 0 where light sampling cannot compete
+#if LAMPS_BEHIND_GLASS
+    F  left;     // of `lobe` where smooth glass has chosen by it: as good as a random number of its own
+#endif
 } Scattered;
 
 // A direction about (0, 0, 1) of density z / pi.

@@ -26,6 +26,9 @@ static Scattered dielectric_sample(Vertex vertex, F3 d, Side side, F u, F v, F l
     out.weight = f3(squeeze, squeeze, squeeze);
 #endif
     out.pdf = ZERO;
+#if LAMPS_BEHIND_GLASS
+    out.left = rest_of(lobe, reflectance, NOT(reflects), reflects ? reflectance : 1.0f - reflectance);
+#endif
     return out;
 }
 #endif

@@ -67,6 +67,7 @@ static inline F3 scatter_eval(Vertex vertex, F3 d, F3 wo, F *pdf)
     return value;
 }
 
+#define KEEP_LEFT
 #define SAMPLE(name) \
     { \
         I mine = name##_is(vertex.kind); \
@@ -75,6 +76,7 @@ static inline F3 scatter_eval(Vertex vertex, F3 d, F3 wo, F *pdf)
             out.direction = select3(mine, own.direction, out.direction); \
             out.weight = select3(mine, own.weight, out.weight); \
             out.pdf = mine ? own.pdf : out.pdf; \
+            KEEP_LEFT \
         } \
     }
 
@@ -110,6 +112,9 @@ static inline I is_clear(Vertex vertex)
     return (vertex.kind == MATERIAL_DIELECTRIC) | (vertex.kind == MATERIAL_THIN_GLASS);
 }
 
+#undef KEEP_LEFT
+#define KEEP_LEFT out.left = mine ? own.left : out.left;
+
 // A direction on from smooth glass, as scatter_sample has it; weight 0 where the surface is of something else.
 static Scattered clear_sample(Vertex vertex, F3 d, F lobe)
 {
@@ -119,6 +124,7 @@ static Scattered clear_sample(Vertex vertex, F3 d, F lobe)
     out.direction = d;
     out.weight = f3(ZERO, ZERO, ZERO);
     out.pdf = ZERO;
+    out.left = lobe;
     WHEN(HAS_DIELECTRIC, SAMPLE(dielectric))
     WHEN(HAS_THIN_GLASS, SAMPLE(thin_glass))
 #if HAS_SHADING_NORMAL

@@ -43,6 +43,9 @@ static Scattered thin_glass_sample(Vertex vertex, F3 d, Side side, F u, F v, F l
     out.direction = normalized(way);
     out.weight = mul(vertex.color, weight);
     out.pdf = ZERO;
+#if LAMPS_BEHIND_GLASS
+    out.left = rest_of(lobe, share, NOT(reflects), reflects ? share : 1.0f - share);
+#endif
     return out;
 }
 #endif

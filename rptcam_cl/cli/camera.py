@@ -55,7 +55,7 @@ def flag(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def add_maps(parser: argparse.ArgumentParser) -> None:
+def _add_maps(parser: argparse.ArgumentParser) -> None:
     """Add the maps and what they need."""
     maps = parser.add_argument_group("maps of the lens")
     for name, text in (
@@ -280,7 +280,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--osl", type=Path, metavar="F.osl", help="write a shader for Cycles, which traces the lens")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="plot the residual, .svg, .png or .pdf")
-    add_maps(parser)
+    _add_maps(parser)
 
 
 def run_camera(arguments: argparse.Namespace) -> int:

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 _SUFFIXES = (".yaml", ".yml", ".dat", ".zmx", ".seq")
 
 
-def add_lens_convert(commands: Commands) -> None:
+def _add_lens_convert(commands: Commands) -> None:
     """Add the command."""
     text = "write a lens as a file of ours (.yaml), a pbrt table (.dat) or for Zemax (.zmx) or CODE V (.seq)"
     parser = add_command(commands, "convert", text, _run_lens_convert)
@@ -108,7 +108,7 @@ def _run_lens_convert(arguments: argparse.Namespace) -> int:
 _CONSTRAINTS = ("r1=r2", "r2=r3", "flat-r3")
 
 
-def add_lens_design(commands: Commands) -> None:
+def _add_lens_design(commands: Commands) -> None:
     """Add the command with its own commands."""
     text = "make a lens file of a single lens or an achromatic doublet"
     inner = add_command(commands, "design", text, run_nothing).add_commands("design_command")
@@ -226,7 +226,7 @@ def _doublet(arguments: argparse.Namespace) -> int:
 # ``rptcam lens draw``: a lens in cross-section with its rays.
 
 
-def add_lens_draw(commands: Commands) -> None:
+def _add_lens_draw(commands: Commands) -> None:
     """Add the command."""
     text = "draw a lens in cross-section, with rays traced by a device"
     description = f"{text.capitalize()}; a red cross is where a ray was blocked."
@@ -298,16 +298,16 @@ def add_lens(parser: Parser) -> None:
     lens_options.add_coating(info)
     info.add_argument("--json", action="store_true", help="print JSON")
     for add in (
-        add_lens_draw,
+        _add_lens_draw,
         lens_measures.add_lens_measurements,
         lens_measures.add_lens_breathing,
         lens_measures.add_lens_focus_scale,
         lens_measures.add_lens_tolerance,
         lens_measures.add_lens_ghosts,
         lens_measures.add_lens_trace,
-        add_lens_convert,
-        add_lens_design,
-        add_lens_optimise,
+        _add_lens_convert,
+        _add_lens_design,
+        _add_lens_optimise,
     ):
         add(inner)
 
@@ -403,7 +403,7 @@ ACROSS, STRIP = 1800, 70  # pixels of the built-in board over the film, and of t
 SQUARE = 10  # pixels of a square of the board
 
 
-def add_lens_optimise(commands: Commands) -> None:
+def _add_lens_optimise(commands: Commands) -> None:
     """Add the command."""
     text = "make a lens better: variables, bounds and merit by a file"
     parser = add_command(commands, "optimise", text, _run_lens_optimise)

@@ -785,13 +785,6 @@ def _check_steep(lens: Lens, beam: Beam) -> None:
         )
 
 
-def distortion(lens: Lens, film_distance_mm: float, field_degrees: float, wavelength_nm: float = LINE_D_NM) -> float:
-    """Return the chief ray's film height over that of the ideal f tan(angle), less 1, for an object at infinity."""
-    _, ray = chief_ray(lens, field_degrees, wavelength_nm)
-    ideal = lens.first_order(wavelength_nm).front_focal_length_mm * np.tan(np.radians(field_degrees))
-    return float(at_plane(ray.origins, ray.directions, lens.film_z(film_distance_mm))[0, 1] / ideal - 1.0)
-
-
 def _first_box(lens: Lens, beam: Beam) -> Array:
     """Return the corners (2, 2) of a box in the plane of the first vertex that holds every ray to the first surface."""
     first = lens.surfaces[0]

@@ -23,7 +23,7 @@ from rptcam_cl.optics.files.native import document_of
 from rptcam_cl.optics.glass import AIR
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens, names_a_file
-from rptcam_cl.optics.ray_trace import follows_derivatives
+from rptcam_cl.optics.ray_derivatives import follows_derivatives
 from rptcam_cl.optics.spots import default_fields, setting
 
 #

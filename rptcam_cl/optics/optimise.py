@@ -22,16 +22,15 @@ from rptcam_cl.optics.design import THIN, GlassChange, Problem, Solve, Term, Var
 from rptcam_cl.optics.files.glasses import find_glass, glasses_of
 from rptcam_cl.optics.glass import AIR, Medium, abbe_number, known_range
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.ray_trace import (
+from rptcam_cl.optics.ray_derivatives import (
     Paraxial,
     RaysWithDerivatives,
     Seeds,
-    Status,
     sag_with_derivatives,
-    trace,
     trace_paraxial,
     trace_with_derivatives,
 )
+from rptcam_cl.optics.ray_trace import Status, trace
 
 # The merit of a problem: residuals whose squares add up to the merit squared, with exact derivatives.
 
@@ -570,7 +569,6 @@ FTOL = 1e-6
 OPENINGS = (0.2, 0.4, 0.6, 0.8)  # of pupil and field, for starts that lose rays
 OPENING_EVALUATIONS = 60
 
-Glasses = dict[int, Medium]
 Progress = Callable[[str], object]
 
 

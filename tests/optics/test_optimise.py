@@ -14,7 +14,8 @@ from rptcam_cl.optics.glass import GLASSES, abbe_number
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.optimise import MeritFunction, neighbours, optimise
-from rptcam_cl.optics.ray_trace import Seeds, Status, trace, trace_with_derivatives
+from rptcam_cl.optics.ray_derivatives import Seeds, trace_with_derivatives
+from rptcam_cl.optics.ray_trace import Status, trace
 from rptcam_cl.optics.spots import Setting, spot, wavefront
 from rptcam_cl.rendering.tolerance_run import spot_of_copies
 from tests.support.cases import slow

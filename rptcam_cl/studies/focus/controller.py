@@ -467,14 +467,18 @@ def find_focus(
 
 def _adjusted(task: Task, report: FocusReport, farther: float) -> FocusReport:
     """Return a report with the focus so many depths of focus farther away, as far as it goes."""
-    drive = task.drive
-    low, high = drive.limits
-    state = drive.state_at(drive.coordinate(report.state) - drive.nearer * farther * drive.depth_of_focus)
-    state = min(max(state, low), high)
+    state = _state_beside(task.drive, report.state, farther)
     return replace(
-        report, state=state, film_distance_mm=drive.film_distance(state),
-        focus_distance_m=drive.object_distance(state, report.zone), notes={**report.notes, "adjustment": farther},
+        report, state=state, film_distance_mm=task.drive.film_distance(state),
+        focus_distance_m=task.drive.object_distance(state, report.zone), notes={**report.notes, "adjustment": farther},
     )  # fmt: skip
+
+
+def _state_beside(drive: Drive, state: float, farther: float) -> float:
+    """The state so many depths of focus farther away than another, as far as it goes."""
+    low, high = drive.limits
+    beside = drive.state_at(drive.coordinate(state) - drive.nearer * farther * drive.depth_of_focus)
+    return min(max(beside, low), high)
 
 
 def focus_of(task: Task, method: str) -> FocusReport:
@@ -518,9 +522,7 @@ def _by_criterion(task: Task, report: FocusReport) -> FocusReport:
         "beyond_spot": -off,  # depths of focus, towards nearer objects
         "shift_when_stopped": (stopped.sharpest() - view.sharpest()) / sharp,
     }
-    low, high = drive.limits
-    state = drive.state_at(drive.coordinate(report.state) - drive.nearer * off * drive.depth_of_focus)
-    state = min(max(state, low), high)
+    state = _state_beside(drive, report.state, off)
     film = drive.film_distance(state)
     distance = drive.object_distance(state, zone) if off else report.focus_distance_m
     return replace(
