@@ -16,6 +16,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import name_errors, read_whole
 from rptcam_cl.scene.assets import mesh
@@ -78,8 +79,7 @@ class _Material:
         exponent = max(0.0, self._number("ns", 0.0))
         heights = next((key for key in ("map_bump", "bump", "disp", "map_disp") if key in self._lines), "")
         if heights in ("disp", "map_disp"):
-            problem = f"{heights} of {name} is shown as bumps (the key displacement of a mesh moves its surface)"
-            warnings.warn(f"{self._path}: {problem}", stacklevel=2)
+            warnings.warn(f"{self._path}: {heights} of {name} is shown as bumps; nothing is moved", stacklevel=2)
         plain = FileMaterial(
             name=name,
             base_color=self._colour("kd", (0.8, 0.8, 0.8)),
@@ -104,10 +104,8 @@ class _Material:
     def _with_model(self, plain: FileMaterial, model: int, gloss: Colour) -> FileMaterial:
         """Return the material with what the illumination model says: glass, or a mirror where nothing is diffuse."""
         if model in GLASS:
-            clear = self._colour("tf", (1.0, 1.0, 1.0))
-            return replace(
-                plain, matte=False, base_color=clear, base_texture=None, transmission=1.0, solid=True, opacity=1.0
-            )
+            tf = self._colour("tf", (1.0, 1.0, 1.0))
+            return replace(plain, matte=False, base_color=tf, base_texture=None, transmission=1, solid=True, opacity=1)
         if model in (3, 5) and max(gloss) > 0 and max(plain.base_color) == 0:
             return replace(plain, metallic=1.0, base_color=gloss)
         return plain
@@ -399,9 +397,10 @@ class _FaceLines:
             sizes = np.array([len(words) for _, words in single], np.int64)
             corners = np.array([self._corner(word, number) for number, words in single for word in words], np.int64)
         if (sizes < 3).any():
-            small = int(np.argmax(sizes < 3))
-            place = f"{self.path}:{lines.numbers[small]}"
-            raise InputError(f"{place}: is a face of {sizes[small]} corners (allowed: at least 3)")
+            bad = int(np.argmax(sizes < 3))
+            raise InputError(
+                f"{self.path}:{lines.numbers[bad]}: is a face of {sizes[bad]} corners (allowed: at least 3)"
+            )
         self.corners.append(self._count_from_0(corners, np.repeat(before, sizes, axis=0), lines.numbers, sizes))
         self.sizes.append(sizes.astype(np.int32))
         self.lines.append(lines.numbers.astype(np.int32))
@@ -444,9 +443,8 @@ class _FaceLines:
 
     def _not_there(self, number: int, kind: int, index: int, count: int) -> InputError:
         allowed = f"1 to {count}, or -1 to -{count}" if count else "none, there are no such lines"
-        return InputError(
-            f"{self.path}:{number}: names a {_KINDS[kind]} that is not there (got {index}; allowed: {allowed})"
-        )
+        problem = f"names a {_KINDS[kind]} that is not there (got {index}; allowed: {allowed})"
+        return InputError(f"{self.path}:{number}: {problem}")
 
     def checked(self, counts: Counts) -> NDArray[np.int32]:
         """Return all corners (n, 3), after checking that they name rows of the whole file."""
@@ -485,13 +483,14 @@ def _alike(lines: _KeywordLines) -> NDArray[np.int64] | None:
 
 def _surface_of(
     faces: _FaceLines,
-    positions: NDArray[np.float64],
+    table: NDArray[np.float64],
     uvs: NDArray[np.float64],
     normals: NDArray[np.float64],
     material: int | None,
     name: str | None,
 ) -> mesh.MeshSurface:
-    """Return the surface of some faces, with a vertex for each different corner."""
+    """Return the surface of some faces, with a vertex for each different corner, of a table of places and colours."""
+    positions, colours = table[:, :3], table[:, 3:]
     corners = faces.checked((len(positions), len(uvs), len(normals)))
     has_uvs, has_normals = (bool((corners[:, kind] != _MISSING).any()) for kind in (1, 2))
     own, vertices = _different(corners, (len(positions), len(uvs), len(normals)))
@@ -504,6 +503,7 @@ def _surface_of(
         _rows(uvs, own[:, 1]) if has_uvs else None,
         material,
         name,
+        np.asarray(linear_from_srgb(np.clip(colours[own[:, 0]], 0, 1)), np.float32) if colours.size else None,
     )
 
 
@@ -591,6 +591,7 @@ class _ObjReader:
         if word == b"vt":
             each = max(1, min(2, int(lines.words.min())))
         width = int(lines.words[0])
+        each = 6 if word == b"v" and (lines.words == 6).all() else each  # with colours, as scanners write them
         numbers = parse_numbers(lines.text) if (lines.words == width).all() and width >= each else None
         if numbers is not None and len(numbers) == width * len(lines.numbers):
             numbers = numbers.reshape(-1, width)[:, :each]
@@ -603,8 +604,8 @@ class _ObjReader:
 
     def table(self, word: bytes) -> NDArray[np.float64]:
         """Return all rows of a keyword."""
-        width = 2 if word == b"vt" else 3
-        return np.concatenate(self.rows[word]) if self.rows[word] else np.empty((0, width))
+        width = min((rows.shape[1] for rows in self.rows[word]), default=2 if word == b"vt" else 3)
+        return np.concatenate([rows[:, :width] for rows in self.rows[word]] or [np.empty((0, width))])
 
 
 def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
@@ -631,7 +632,7 @@ def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
             notes.append(f"{path}:{number}: mtllib {name} is left out: {problem}; grey stands for its materials")
         else:
             materials |= _read_mtl(library)
-    positions, uvs, normals = (reader.table(word) for word in (b"v", b"vt", b"vn"))
+    vertices, uvs, normals = (reader.table(word) for word in (b"v", b"vt", b"vn"))
     surfaces: list[mesh.MeshSurface] = []
     used: list[FileMaterial] = []
     for name_, faces in reader.faces.items():
@@ -641,7 +642,7 @@ def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
             used.append(materials.get(name_ or "", FileMaterial(matte=True)))
             if name_ and name_ not in materials and not grey:
                 notes.append(f"{path}: usemtl {name_}: names no material; grey stands for it")
-        surfaces.append(_surface_of(faces, positions, uvs, normals, place, name_))
+        surfaces.append(_surface_of(faces, vertices, uvs, normals, place, name_))
     return mesh.Draft(surfaces, used, notes=notes)
 
 

@@ -232,3 +232,13 @@ def test_mesh_of_size_1_has_its_own_origin_where_it_is_farther_from_zero_than_fo
     mesh = read("a.obj", lines + "f 1 2 3\n").parts[0].mesh
     assert mesh.origin.tolist() == [origin, 0, 0]
     assert (mesh.positions + mesh.origin).tolist() == rows
+
+
+def test_colours_of_vertices_are_those_behind_their_places(read: Read, tmp_path: Path) -> None:
+    path = tmp_path / "scan.obj"
+    path.write_text("v 0 0 0 1 0 0\nv 1 0 0 0.5 0.5 2\nv 0 1 0 0 0 0\nf 1 3 2\n")
+    (surface,) = obj_blocks.read_obj(path, lambda name: name).surfaces
+    np.testing.assert_allclose(surface.colours, [[1, 0, 0], [0.2140411, 0.2140411, 1], [0, 0, 0]], atol=1e-6)
+    assert surface.positions.shape == (3, 3)
+    path.write_text("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nf 1 3 2\n")  # a weight and colours of some vertices are none
+    assert obj_blocks.read_obj(path, lambda name: name).surfaces[0].colours is None
