@@ -109,30 +109,31 @@ static inline F3 departure(Vertex vertex, F3 d)
 #endif
 }
 
-// Where light sampling would have done as a path did.
-static inline Departure departure_of(Path path)
+// Where light sampling would have done as a path did. Here and below a path is named by its address: of one passed by value
+// LLVM 14 lost the copy of a part, `receiver`, in sixteen lanes, so that lamps met by chance counted twice.
+static inline Departure departure_of(const Path *path)
 {
 #if LAMPS_BEHIND_GLASS
-    return path.scattered;
+    return path->scattered;
 #else
-    return (Departure){path.ray.o, path.ray.d, path.pdf};
+    return (Departure){path->ray.o, path->ray.d, path->pdf};
 #endif
 }
 
 // Its density where it looks for lamps and suns: none where photons bring what a receiver gets of them by glass.
-static inline F rival_of_lamps(Path path)
+static inline F rival_of_lamps(const Path *path)
 {
 #if LAMPS_BEHIND_GLASS && CAUSTICS
-    return path.since_receiver == 2 ? ZERO : path.scattered.pdf;
+    return path->since_receiver == 2 ? ZERO : path->scattered.pdf;
 #else
     return departure_of(path).pdf;
 #endif
 }
 
-static inline Receiver receiver_behind(Path path)
+static inline Receiver receiver_behind(const Path *path)
 {
 #if LIGHT_TREE
-    return path.receiver;
+    return path->receiver;
 #else
     return all_round();
 #endif
@@ -193,10 +194,10 @@ static Receiver receiver_of(Vertex vertex, F3 d)
 
 #if CAUSTICS
 // Lanes whose light comes by photons: from a receiver by glass and mirrors alone, the last of them one where photons start.
-static inline I lit_by_photons(Path path, Scene scene)
+static inline I lit_by_photons(const Path *path, Scene scene)
 {
-    I smooth = path.since_receiver == 2;
-    return smooth & ((caustic_role(smooth, path.ray.origin, scene) & ROLE_SURFACE) != 0);
+    I smooth = path->since_receiver == 2;
+    return smooth & ((caustic_role(smooth, path->ray.origin, scene) & ROLE_SURFACE) != 0);
 }
 #endif
 
@@ -219,7 +220,7 @@ static inline void leave_one_wavelength(Path *path, Vertex vertex, I on, Scene s
 
 #if HAS_LAMPS
 // Emission of the primitive that was hit, weighted against light sampling.
-static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i, Scene scene)
+static F3 emission(const Path *path, Vertex vertex, F3 radiance, I shines, F t, F cos_i, Scene scene)
 {
     F weight = ONE;
 #if HAS_EMITTERS
@@ -229,9 +230,9 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
     if (ANY(rival)) {
         I e = MAX(vertex.emitter, FALSE);
         F pick = emitter_pick(scene, e, from.o, receiver_behind(path));
-        F other = emitter_pdf(scene.emitters, e, pick, path.ray.o, path.ray.d, t, absolute(cos_i));
+        F other = emitter_pdf(scene.emitters, e, pick, path->ray.o, path->ray.d, t, absolute(cos_i));
 #if LAMPS_BEHIND_GLASS
-        other = path.pdf > 0.0f ? other : aim_pdf(scene.emitters, e, pick, from.o, from.d);
+        other = path->pdf > 0.0f ? other : aim_pdf(scene.emitters, e, pick, from.o, from.d);
 #endif
         weight = rival ? against_lights(from.pdf, other) : weight;
     }
@@ -239,11 +240,11 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
 #if CAUSTICS
     I sampled = shines & lit_by_photons(path, scene) & (vertex.emitter >= 0);
     if (ANY(sampled)) {
-        F other = emitter_pdf(scene.emitters, MAX(vertex.emitter, FALSE), ONE, path.ray.o, path.ray.d, t, absolute(cos_i));
+        F other = emitter_pdf(scene.emitters, MAX(vertex.emitter, FALSE), ONE, path->ray.o, path->ray.d, t, absolute(cos_i));
         shines = shines & NOT(sampled & (other > 0.0f));
     }
 #endif
-    return keep3(shines, scale(mul(path.beta, radiance), weight));
+    return keep3(shines, scale(mul(path->beta, radiance), weight));
 }
 #endif
 
@@ -330,14 +331,14 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     I escaped = living & (hit.primitive == NO_PRIMITIVE);
     if (ANY(escaped)) {
 #if CAUSTICS && EMITTER_SUNS
-        I sunless = lit_by_photons(*path, scene);
+        I sunless = lit_by_photons(path, scene);
 #else
         I sunless = FALSE;
 #endif
         I kind = path->ray.origin == NO_PRIMITIVE ? (I)(HIDDEN_FROM_CAMERA) : (I)(HIDDEN_FROM_REFLECTION);
-        Departure from = departure_of(*path);
-        F sun_rival = rival_of_lamps(*path);
-        Receiver receiver = receiver_behind(*path);
+        Departure from = departure_of(path);
+        F sun_rival = rival_of_lamps(path);
+        Receiver receiver = receiver_behind(path);
         F3 light = light_from_infinity(from, sun_rival, receiver, path->ray.d, sunless, kind, EVERY_GROUP, scene);
         path->radiance = add(path->radiance, keep3(escaped, mul(path->beta, light)));
 #if LIGHT_GROUPS
@@ -390,7 +391,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     if (ANY(lamp)) {
         F cos_i = -dot3(vertex.ng, path->ray.d);
         I shines = lamp & ((cos_i > 0.0f) | (vertex.parameter != 0.0f));
-        gather_light(path, TRUE, emission(*path, vertex, vertex.color, shines, hit.t, cos_i, scene),
+        gather_light(path, TRUE, emission(path, vertex, vertex.color, shines, hit.t, cos_i, scene),
                      group_of_primitive(scene, hit.primitive));
         on = on & NOT(lamp);
     }
@@ -399,7 +400,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     F front = -dot3(vertex.ng, path->ray.d);
     I glows = on & (front > 0.0f) & (max3(vertex.closure.glow) > 0.0f);
     if (ANY(glows))
-        gather_light(path, TRUE, emission(*path, vertex, vertex.closure.glow, glows, hit.t, front, scene),
+        gather_light(path, TRUE, emission(path, vertex, vertex.closure.glow, glows, hit.t, front, scene),
                      group_of_primitive(scene, hit.primitive));
 #endif
     // End paths of full length.

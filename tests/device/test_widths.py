@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
+from benchmarks.films import EXAMPLES, scenes
+from benchmarks.scenes import FULL_SIZE, render_samples, wavefront_of
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tracer
 from tests.device.probes import open_session, run
@@ -42,6 +44,19 @@ def test_passes_and_stream_give_pictures_that_agree(camera, lanes, monkeypatch):
         monkeypatch.setattr(tracer, "ORGANISATION", {"cpu": organisation, "gpu": organisation})
         pictures[organisation] = picture(camera, session, 5)
     assert np.isclose(pictures["passes"], pictures["stream"], rtol=1e-5, atol=1e-6).mean() > 0.98
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*FULL_SIZE, *(path.stem for path in EXAMPLES.glob("*.yaml"))])
+def test_sixteen_lanes_and_eight_give_the_same_film(name, monkeypatch):
+    """Where they do not, a compiler is wrong: lamps of `lighthouse` counted twice in sixteen, by stream and passes."""
+    films = []
+    for lanes in (16, 8):
+        monkeypatch.setattr(Session, "lanes", lanes)
+        wavefront = wavefront_of(scenes()[name], open_session(), organisation="stream")
+        render_samples(wavefront, 32)
+        films.append(wavefront.sums())
+    np.testing.assert_array_equal(*films)
 
 
 @pytest.mark.parametrize(("lanes", "plain"), [(1, 0), (8, 0), (16, 0), (16, 1)])

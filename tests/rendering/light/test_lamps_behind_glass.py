@@ -207,7 +207,7 @@ def test_picture_is_that_of_paths_that_find_lamps_by_chance(name, monkeypatch, t
 
 @pytest.mark.parametrize("name", ["lobes", *map(slow, ("globe", "spectral", "filament", "low sun", "many"))])
 def test_both_organisations_and_widths_render_the_same(name, monkeypatch):
-    """A compiler let paths count twice in sixteen lanes alone, where two branches in a row weighed them."""
+    """A compiler let paths count twice in sixteen lanes alone (`departure_of` of integrator/path.h)."""
     films = []
     for organisation, lanes in (("stream", 16), ("passes", 8)):
         monkeypatch.setattr(tracer, "ORGANISATION", dict.fromkeys(tracer.ORGANISATION, organisation))
