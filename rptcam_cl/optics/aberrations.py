@@ -548,14 +548,14 @@ def paraxial_rays(setting: Setting, field_degrees: float) -> tuple[Array, Array]
     if not far:  # from the object at -tangent times its distance, through the middle of the pupil
         ray[1, 1] = tangent * setting.object_distance_mm / away
     ray[1, 0] = -pupil.distance_mm * ray[1, 1]
-    ray[:, 0] += lens.surfaces[0].axial_shift * ray[:, 1]
+    ray[:, 0] += lens.axial_shifts[0] * ray[:, 1]
     indices, rays = lens.senses * lens.indices(setting.wavelength_nm), [ray]
     for k, surface in enumerate(lens.surfaces):
         power = surface.paraxial_curvature() * (indices[k + 1] - indices[k])
         power += surface.phase.power(setting.wavelength_nm) if surface.phase else 0.0
         slopes = (indices[k] * ray[:, 1] - power * ray[:, 0]) / indices[k + 1]
-        following = lens.surfaces[k + 1 : k + 2]  # none behind the last
-        gap = sum(surface.thickness + other.axial_shift - surface.axial_shift for other in following)
+        following = lens.axial_shifts[k + 1 : k + 2]  # none behind the last
+        gap = sum(surface.thickness + shift - lens.axial_shifts[k] for shift in following)
         ray = np.stack([ray[:, 0] + gap * slopes, slopes], axis=1)
         rays.append(ray)
     both = np.array(rays)

@@ -156,11 +156,11 @@ def system_matrix(
     Surfaces that are moved along the axis count where they stand; the whole begins and ends at the places of its
     vertices.
     """
-    indices, surfaces = lens.indices(wavelength_nm), lens.surfaces
+    indices, surfaces, shifts = lens.indices(wavelength_nm), lens.surfaces, lens.axial_shifts
     end = len(surfaces) - 1 if last is None else last
     matrix = np.eye(2)
-    if first == 0 and surfaces[0].axial_shift:
-        matrix[0, 1] = lens.senses[0] * surfaces[0].axial_shift / indices[0]
+    if first == 0 and shifts[0]:
+        matrix[0, 1] = lens.senses[0] * shifts[0] / indices[0]
     for k in range(first, end + 1):
         surface = surfaces[k]
         if k < end or refract_last:
@@ -168,9 +168,9 @@ def system_matrix(
             power = lens.senses[k] * surface.paraxial_curvature(section) * change
             power += surface.phase.power(wavelength_nm) if surface.phase else 0.0
             matrix = np.array([[1.0, 0.0], [-power, 1.0]]) @ matrix
-        if k < end or (last is None and surface.axial_shift):
-            to = surface.thickness + surfaces[k + 1].axial_shift if k < end else 0.0
-            gap = lens.senses[k + 1] * (to - surface.axial_shift)
+        if k < end or (last is None and shifts[k]):
+            to = surface.thickness + shifts[k + 1] if k < end else 0.0
+            gap = lens.senses[k + 1] * (to - shifts[k])
             matrix = np.array([[1.0, gap / indices[k + 1]], [0.0, 1.0]]) @ matrix
     return matrix
 
@@ -207,7 +207,7 @@ def _pupils(lens: Prescription, wavelength_nm: float, section: str) -> tuple[Pup
     (a, b), _ = system_matrix(lens, wavelength_nm, 0, stop, False, section).tolist()
     behind = system_matrix(lens, wavelength_nm, stop, section=section)
     if stop == 0:  # the whole begins at the place of the vertex, not at the stop
-        behind = behind @ [[1.0, -lens.senses[0] * lens.surfaces[0].axial_shift / indices[0]], [0.0, 1.0]]
+        behind = behind @ [[1.0, -lens.senses[0] * lens.axial_shifts[0] / indices[0]], [0.0, 1.0]]
     (_, rear_b), (_, rear_d) = behind.tolist()
     with np.errstate(divide="ignore", invalid="ignore"):
         entrance = Pupil(float(np.float64(b) * indices[0] / a), float(diameter / abs(a)))

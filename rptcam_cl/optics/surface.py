@@ -520,11 +520,6 @@ class Surface:
         """Return the weights of x^2 and y^2 in s: 1 where the surface curves."""
         return (0.0 if self.cylinder == "y" else 1.0, 0.0 if self.cylinder == "x" else 1.0)
 
-    @property
-    def axial_shift(self) -> float:
-        """How far its vertex stands behind its place along the axis [mm]."""
-        return self.pose.offset[2] if self.pose else 0.0
-
     def paraxial_curvature(self, section: str = "y") -> float:
         """Return the curvature at the vertex in the y-z or x-z section [1/mm], the r^2 term of an asphere included."""
         return self.shape.paraxial_curvature(self, section)
@@ -722,6 +717,11 @@ class Prescription:
         points = np.zeros((len(self.surfaces), 3, 1))
         points[:, 2, 0] = self.vertices
         return points
+
+    @cached_property
+    def axial_shifts(self) -> list[float]:
+        """How far each vertex stands behind its place along the axis [mm]; where mirrors fold that, 0: it bends on."""
+        return [surface.pose.offset[2] if surface.pose and not self.fold else 0.0 for surface in self.surfaces]
 
     @property
     def length(self) -> float:

@@ -119,6 +119,22 @@ def test_afocal_system_has_infinite_focal_length():
     assert load_lens(telescope).first_order().focal_length_mm == float("inf")
 
 
+def test_folded_lens_has_the_first_order_of_the_straight_one():
+    rows = [{"radius": 120, "thickness": 6, "glass": "N-BK7", "diameter": 40},
+            {"radius": -400, "thickness": 20, "diameter": 36, "stop": True}]  # fmt: skip
+    turned = [{"decentre": [0, -z, z], "tilt_degrees": [-90, 0, 0]} for z in (26, 20)]
+    mirror = {"thickness": -30, "mirror": True, "diameter": 60, "tilt_degrees": [-45, 0, 0]}
+    lens = {"name": "folded", "fold": {"decentre": [0, -26, 26], "tilt_degrees": [-90, 0, 0]}}
+    folded = load_lens(
+        lens | {"surfaces": [*(a | b for a, b in zip(rows, turned, strict=True)), mirror, {"diameter": 40}]}
+    )
+    straight = load_lens({"name": "x", "surfaces": [rows[0], rows[1] | {"thickness": 50}, {"diameter": 40}]})
+    first, same = folded.first_order(), straight.first_order()
+    assert first.focal_length_mm == pytest.approx(same.focal_length_mm, rel=1e-12)
+    assert abs(first.back_focal_distance_mm) == pytest.approx(same.back_focal_distance_mm, rel=1e-12)
+    assert first.entrance_pupil.distance_mm == pytest.approx(same.entrance_pupil.distance_mm, rel=1e-12)
+
+
 def test_surfaces_moved_along_the_axis_count_where_they_stand():
     rows = [{"radius": 50, "thickness": 5, "glass": {"nd": 1.5168, "vd": 64.2}, "diameter": 20},
             {"radius": -60, "diameter": 20, "thickness": 7}, {"stop": True, "diameter": 8, "thickness": 3},
