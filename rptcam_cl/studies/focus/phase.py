@@ -713,10 +713,10 @@ class PhaseSearch:
             samples = self.step(state, samples)
         raise NoContrast(f"no focus found in the zone after {MOST_PROBES} probes; the focus stays as it was")
 
-    def step(self, state: float, samples: int, precise: float = PRECISE) -> int:
-        """Probe from a state near the focus to a standard error; return with how many samples per pixel."""
+    def step(self, state: float, samples: int) -> int:
+        """Probe from a state near the focus, and return with how many samples per pixel."""
         match, probe = self.match, self.probe
-        needed = self._samples * (self.error * probe.stop / precise) ** 2  # by which its error falls to that
+        needed = self._samples * (self.error * probe.stop / PRECISE) ** 2  # by which its error falls to that
         samples = int(min(max(samples, needed), self.most))
         reach = max(DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
         refined = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
@@ -925,7 +925,7 @@ def focus_by_hybrid(task: Task) -> FocusReport:
         return _by_phase(task, search, probes, "phase")
     is_rough = search.error > ENOUGH and clearest_beside(task.renderer, search.state, search.zone) > DISAGREE / 2
     if is_rough or abs(peak.place - pointed) > DISAGREE * sharp:
-        search.step(probes.state_of(peak.place), NEAR_SAMPLES, DISAGREE / AGREEMENT)
+        search.step(probes.state_of(peak.place), NEAR_SAMPLES)
         away = abs(peak.place - probes.place_of(search.state)) / sharp
         if away > max(DISAGREE, AGREEMENT * search.error):
             return _by_phase(task, search, probes, "phase, as contrast is greatest elsewhere")
