@@ -1,4 +1,4 @@
-"""The scene on the device: every array of the plan under its kernels' name, its photon map, and its memory."""
+"""The scene on the device: every array of the plan under its kernels' name, and its memory."""
 
 from __future__ import annotations
 
@@ -12,19 +12,10 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import free_host_bytes
-from rptcam_cl.core.records import PHOTON_GRID, PHOTON_PASS, device_declarations
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import trees
 from rptcam_cl.rendering.cameras.model import CameraModel
-from rptcam_cl.rendering.film import (
-    CELL_BITS_MORE,
-    MOST_CELLS,
-    MOST_PHOTONS,
-    PHOTON_BYTES,
-    PhotonPass,
-    pass_of,
-    seed_words,
-)
+from rptcam_cl.rendering.caustics import PHOTON_BYTES, PhotonBuffers
 from rptcam_cl.rendering.plan.materials import facet_shares
 from rptcam_cl.rendering.plan.plan import Plan
 
@@ -147,191 +138,6 @@ def amount(count: int) -> str:
     return f"{count} bytes"
 
 
-# The photon map of a device: photons of a pass are traced there, sorted on the host, and put among the scene.
-
-_PHOTON_FLOATS = 8
-MARK = 7  # column of a photon
-_MOST_EDGES = 127
-SEED = 0x9E3779B97F4A7C15  # parts the random numbers of photons from those of camera paths
-_PILOT, PILOT_PHOTONS = 2**32 - 1, 1 << 14  # the pass that the first radius follows from
-NEIGHBOURS = 8
-KEPT = 2048  # photons of the pilot that are compared with each other
-_ROW = 64  # of those, whose neighbours are looked for together
-FIRST_PHOTONS = 10.0  # within the radius of a pass of one sample, where the light is
-
-Photons = NDArray[np.float32]
-
-
-class PhotonBuffers:
-    """What the kernels read of photons, as arguments by name; `current` says whose photons there are."""
-
-    def __init__(self, session: Session, plan: Plan) -> None:
-        self.photons = session.allocate(4 * _PHOTON_FLOATS * MOST_PHOTONS)
-        self.cells = session.allocate(4 * (MOST_CELLS + 1))
-        self.grid = session.upload(PHOTON_GRID.zeros(1))
-        self.current: tuple[Any, ...] | None = None
-        self.arguments = {
-            "caustic_roles": session.upload(plan.caustics.roles),
-            "photons": self.photons,
-            "photon_cells": self.cells,
-            "photon_grid": self.grid,
-        }
-
-
-class PhotonMap:
-    """Traces the photons of a pass when a sample needs them.
-
-    Parameters
-    ----------
-    session, plan
-        The device, and the scene.
-    scene, tree_facts : dict
-        Arguments for ``SCENE_PARAMETERS``, and the facts of the scene's trees.
-    buffers
-        Where the photons go.
-    max_depth
-        Longest path [edges].
-    pixels
-        Of the whole film, of which a crop or some tiles may be rendered.
-
-    Attributes
-    ----------
-    radius : float
-        Of the pass that was used last [m].
-    """
-
-    def __init__(
-        self,
-        session: Session,
-        plan: Plan,
-        scene: dict[str, Any],
-        tree_facts: dict[str, int],
-        buffers: PhotonBuffers,
-        max_depth: int,
-        pixels: int,
-    ) -> None:
-        self._session, self._buffers, self._pixels = session, buffers, pixels
-        self._max_edges = min(max_depth - 1, _MOST_EDGES)
-        self._surfaces = len(plan.caustics.curve) // 2 - 1
-        facts = plan.facts | tree_facts | {"VW": session.lanes}
-        program = session.program(["pass/photons.cl"], facts, device_declarations())
-        self._found = session.allocate(4 * _PHOTON_FLOATS * MOST_PHOTONS)
-        self._launch = session.bind(
-            program, "photons", **scene, surfaces=session.upload(plan.caustics.surfaces),
-            surface_curve=session.upload(plan.caustics.curve), found=self._found,
-            **{"pass": bytes(PHOTON_PASS.dtype.itemsize)},
-        )  # fmt: skip
-        self._token = object()  # an id would be given again
-        self.radius = 0.0
-        self._radii: dict[int, float] = {}  # of a pass of one sample, by seed [m]
-
-    def use(self, sample: int, seed: int) -> None:
-        """Have the photons in place that a sample sees."""
-        seen = pass_of(sample)
-        key = (self._token, seed, seen.number)
-        if self._buffers.current == key:
-            return
-        self._buffers.current = key
-        if seed not in self._radii:
-            pilot = self._trace(_PILOT, PILOT_PHOTONS, seed)
-            self._radii[seed] = first_radius(pilot, self._pixels)
-        photons = self._trace(seen.number, seen.photons(self._pixels), seed)
-        self.radius = self._radii[seed] * seen.shrinkage
-        self._put(photons, self.radius)
-
-    def _trace(self, number: int, count: int, seed: int) -> Photons:
-        """Return the photons of a pass that met a receiver."""
-        record = PHOTON_PASS.one(
-            seed=seed_words(seed ^ SEED), number=number, max_edges=self._max_edges, surfaces=self._surfaces,
-            per_photon=1 / count,
-        )  # fmt: skip
-        self._launch.set(**{"pass": record.tobytes()})
-        self._launch.enqueue(count // self._session.lanes, self._session.group)
-        photons = self._session.read(self._found, np.float32, count * _PHOTON_FLOATS).reshape(count, _PHOTON_FLOATS)
-        return np.asarray(photons[photons[:, MARK].view(np.int32) >= 0])
-
-    def _put(self, photons: Photons, radius: float) -> None:
-        grid, order, cells = sorted_by_cell(photons, radius)
-        self._session.write(self._buffers.grid, grid)
-        self._session.write(self._buffers.cells, cells)
-        if len(photons):
-            self._session.write(self._buffers.photons, photons[order])
-
-
-def sorted_by_cell(photons: Photons, radius: float) -> tuple[NDArray[np.void], NDArray[np.int64], NDArray[np.int32]]:
-    """How photons lie in memory for a radius [m]: the record ``PhotonGrid``, their order, the starts of cells.
-
-    Photons of a cell keep their order, so that sums over them do not depend on how they are sorted.
-    """
-    if not len(photons):
-        grid = PHOTON_GRID.one(low=1.0, high=(-1.0, -1.0, -1.0, 1.0))
-        return grid, np.zeros(0, np.int64), np.zeros(9, np.int32)
-    places = photons[:, :3]
-    low, high = places.min(axis=0), places.max(axis=0)
-    per_cell = np.float32(0.5 / radius)
-    most = min(len(photons).bit_length() + CELL_BITS_MORE, MOST_CELLS.bit_length() - 1)
-    bits = _periods((high - low) * per_cell, most)
-    mask_x, mask_y, mask_z = masks = (1 << bits) - 1
-    grid = PHOTON_GRID.one(
-        low=(*(low - radius), per_cell), high=(*(high + radius), radius), mask_x=mask_x, mask_y=mask_y, mask_z=mask_z
-    )
-    cell = np.floor(places * per_cell).astype(np.int64) & masks
-    bucket = (cell[:, 2] << (bits[0] + bits[1])) | (cell[:, 1] << bits[0]) | cell[:, 0]
-    key = np.sort((bucket << 32) | np.arange(len(photons)))
-    starts = np.zeros((1 << int(bits.sum())) + 1, np.int32)
-    np.cumsum(np.bincount(bucket, minlength=len(starts) - 1), out=starts[1:])
-    return grid, key & 0xFFFFFFFF, starts
-
-
-def _periods(cells: NDArray[np.float32], most: int) -> NDArray[np.int64]:
-    """Return the logarithms to base 2 of the periods along three axes, one at least, ``most`` together."""
-    bits = np.maximum(np.ceil(np.log2(np.maximum(cells.astype(np.float64), 1) + 1)), 1).astype(np.int64)
-    while bits.sum() > most:
-        bits[bits.argmax()] -= 1
-    return np.asarray(bits)
-
-
-def neighbours2(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the squares of the distances from places (3, n) to their neighbour number `NEIGHBOURS` [m²], in any order.
-
-    Along the longest side of their box: those in a row of it say how far away a neighbour can be.
-    """
-    along = int(np.ptp(places, axis=1).argmax())
-    places = places[:, places[along].argsort(kind="stable")]
-    found, here = [], places[along]
-
-    def among(own: slice, low: int, high: int) -> NDArray[np.float64]:
-        distance2 = np.zeros((len(here[own]), high - low))
-        for axis in places:
-            apart = axis[own, None] - axis[low:high]
-            distance2 += apart * apart
-        distance2.partition(NEIGHBOURS, axis=1)
-        return distance2[:, NEIGHBOURS]
-
-    for first in range(0, len(here), _ROW):
-        last = min(first + _ROW, len(here))
-        own, near = slice(first, last), (max(first - _ROW, 0), min(last + _ROW, len(here)))
-        reach = np.sqrt(among(own, *near).max()) * (1 + 1e-9)
-        low, high = np.searchsorted(here, here[first] - reach), np.searchsorted(here, here[last - 1] + reach, "right")
-        found.append(among(own, min(low, near[0]), max(high, near[1])))
-    return np.concatenate(found)
-
-
-def first_radius(pilot: Photons, pixels: int) -> float:
-    """Return the radius of a pass of one sample [m], for so many photons within it where most of them are.
-
-    It follows from the median of their distances to neighbours; 1 without any. Their power does not count: where a lamp
-    is rarely picked, one photon has that of many.
-    """
-    some = pilot[:: max(len(pilot) // KEPT, 1)]
-    if len(some) <= NEIGHBOURS:
-        return 1.0
-    median = np.median(neighbours2(some[:, :3].T.astype(np.float64)))
-    # photons per area in a pass of one sample, over that of these
-    more = PhotonPass(0, 0, 1).photons(pixels) / PILOT_PHOTONS * len(pilot) / len(some)
-    return max(float(np.sqrt(median * FIRST_PHOTONS / NEIGHBOURS / more)), 1e-9)
-
-
 # The scene on the device: every array of the plan, under the name that kernels have for it.
 
 _COMPARED_BYTES = 1 << 20  # of an array, up to which comparing it takes less time than a launch
@@ -377,7 +183,7 @@ class SceneBuffers:
         self.tree_facts: dict[str, int] = {}
         self._add_primitive_tree(earlier)
         self._add_meshes(earlier)
-        self.photons = PhotonBuffers(session, plan) if plan.caustics.active else None
+        self.photons = PhotonBuffers(session, plan.caustics) if plan.caustics.active else None
         self.scene |= {} if self.photons is None else self.photons.arguments
         self.trajectory = {"trajectory": self._buffer("trajectory", plan.trajectory)} if plan.facts["MOVES"] else {}
         self.filter = self._buffer("filter", plan.camera_filter.table)
@@ -413,7 +219,7 @@ class SceneBuffers:
         """Upload what `on_host` has made to a device."""
         other = self._map(lambda value: session.upload(value) if isinstance(value, np.ndarray) else value)
         if other._plan.caustics.active:
-            other.photons = PhotonBuffers(session, other._plan)
+            other.photons = PhotonBuffers(session, other._plan.caustics)
             other.scene |= other.photons.arguments
         return other
 

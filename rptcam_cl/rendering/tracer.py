@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.remember import Memory
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.rendering.cameras.model import CameraModel, CameraView
+from rptcam_cl.rendering.caustics import PhotonMap
 from rptcam_cl.rendering.film import (
     ALIKE,
     BLOCK,
@@ -48,7 +49,7 @@ from rptcam_cl.rendering.passes import (
     way_of,
 )
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.scene_buffers import PhotonMap, SceneBuffers, check_memory, memory_needs
+from rptcam_cl.rendering.scene_buffers import SceneBuffers, check_memory, memory_needs
 from rptcam_cl.scene.film import RenderSettings
 
 # The wavefront path tracer of one device: waves of paths go through the passes and add to the film.
@@ -175,9 +176,8 @@ class Wavefront(RenderedFilm):
         scene, pixels = self._held.scene, self.layout.full_width * self.layout.full_height
         if scene.photons is None or self._layers_only:
             return None
-        return PhotonMap(
-            self.session, plan, scene.scene, scene.tree_facts, scene.photons, self.settings.max_depth, pixels
-        )
+        facts, depth = plan.facts | scene.tree_facts, self.settings.max_depth
+        return PhotonMap(self.session, plan.caustics, facts, scene.scene, scene.photons, depth, pixels)
 
     def _allocate(self, plan: Plan, scene: SceneBuffers | None) -> WaveBuffers:
         session, layout, capacity = self.session, self.layout, self.capacity
