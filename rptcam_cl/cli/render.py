@@ -267,7 +267,7 @@ def _print_plan(arguments: argparse.Namespace, scene: Scene) -> int:
 
 def _forecast_lines(forecast: Forecast, preparing: float) -> list[str]:
     """What a render takes, as ``--plan`` prints it."""
-    from rptcam_cl.rendering.scene_buffers import amount
+    from rptcam_cl.rendering.tracer import amount
 
     memory = [f"{amount(needs.total)} on device {device}" for device, needs in forecast.devices.items()]
     limit = "at most " if forecast.at_most else ""
