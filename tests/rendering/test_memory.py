@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import rptcam_cl.rendering.scene_buffers as memory
+import rptcam_cl.rendering.tracer as memory
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session

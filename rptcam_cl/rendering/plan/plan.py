@@ -27,7 +27,7 @@ from rptcam_cl.core.records import (
     SpectrumKind,
 )
 from rptcam_cl.rendering.cameras.kinds import camera_model
-from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
+from rptcam_cl.rendering.cameras.lamp_aim import Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
 from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.caustics import Caustics, pack_caustics, stand_behind_glass, without_caustics
@@ -38,7 +38,6 @@ from rptcam_cl.rendering.plan.emitters import (
     light_groups,
     met_apart,
     pack_emitters,
-    visible_lamps,
 )
 from rptcam_cl.rendering.plan.environment import Surroundings
 from rptcam_cl.rendering.plan.geometry import (
@@ -330,7 +329,6 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "owners": owners_of(scene, primitives, parts),
         "eye_m": eye_m,
         "albedo": "media scatter light on and on" if media.active else largest_albedo(materials),
-        "lamps": visible_lamps(primitives, eye_m, table),
     }
 
 
@@ -381,7 +379,6 @@ class Plan:
     eye_m: NDArray[np.float64]
     albedo: LargestAlbedo
     colours: tuple[KnownSpectra, Materials]  # of the scene, for a camera in place of this one
-    lamps: tuple[SeenLamp, ...]  # that the eye sees
     is_rough: bool = False  # whether trees may be some made for other places of its meshes: soon there, slower to walk
     steps: tuple[Plan, ...] = ()  # of an exposure in which keys move, in place of this plan for its rays
 
@@ -516,7 +513,7 @@ def may_aim(plan: Plan, layers: Iterable[str] = ()) -> bool:
     layers
         That the picture is to have: those of a pixel's first ray need one that aims at nothing.
     """
-    return bool(plan.lamps) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or _FIRST_RAY & set(layers))
+    return bool(plan.emitters.seen) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or _FIRST_RAY & set(layers))
 
 
 def aim(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = True) -> Plan:
@@ -537,6 +534,6 @@ def aim(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = 
     def shows_in_world(sights: Sights) -> NDArray[np.bool_]:
         return shows(replace(sights, origins=sights.origins @ turn, targets=sights.targets @ turn))
 
-    lamps = [replace(lamp, centre=turn @ lamp.centre, axes=lamp.axes @ turn.T) for lamp in plan.lamps]
+    lamps = [replace(lamp, centre=turn @ lamp.centre, axes=lamp.axes @ turn.T) for lamp in plan.emitters.seen]
     camera = aimed_at_lamps(plan.camera, lamps, shows_in_world, sights, on_disk=on_disk)
     return plan if camera is plan.camera else replace(plan, camera=camera)

@@ -66,7 +66,7 @@ def seen_through(lamp, film):
 def test_lamps_with_the_eye_in_their_middle_are_left_out(lamp):
     shining = lamp | {"material": {"kind": "emissive", "radiance": 1, "two_sided": True}}
     with np.errstate(invalid="raise"):
-        assert make_plan(load_scene({"camera": THIN, "objects": [shining]})).lamps == ()
+        assert make_plan(load_scene({"camera": THIN, "objects": [shining]})).emitters.seen == ()
 
 
 @pytest.mark.parametrize("centre", ON_FILM.values(), ids=ON_FILM)
