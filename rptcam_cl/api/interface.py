@@ -31,7 +31,8 @@ from rptcam_cl.rendering.checkpoint import layout_of, merge_states, picture_of, 
 from rptcam_cl.rendering.diffraction import spread_of
 from rptcam_cl.rendering.ghosts import saved_ghosts
 from rptcam_cl.rendering.layers import saved_truth
-from rptcam_cl.scene.load import load_scene, scene_text, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene, scene_text
 from rptcam_cl.scene.scene import Scene
 
 if TYPE_CHECKING:

@@ -64,8 +64,9 @@ from rptcam_cl.rendering.several import (
     split_text,
 )
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
+from rptcam_cl.scene.changes import at_rest, change_scene, exposure_steps
 from rptcam_cl.scene.film import ADAPTIVE_SPP, LIGHT_LAYER, LayerName
-from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 SceneSource = Scene | str | Path | Mapping[str, Any]

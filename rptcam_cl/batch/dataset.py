@@ -33,7 +33,8 @@ from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.exchange.camera_models import COEFFICIENTS, View, calibrate, calibrate_best, view
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import LABELS, MOST_INSTANCES, TRUTH_FILES, categories_of, with_classes
-from rptcam_cl.scene.load import change_scene, load_scene, set_keys
+from rptcam_cl.scene.changes import change_scene, set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 # Errors of a frame begin with its number.

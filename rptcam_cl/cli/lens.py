@@ -579,7 +579,7 @@ def _write_pictures(found: "Optimised", scene: "Scene", spec: str, arguments: ar
     from rptcam_cl.core.files import replacing
     from rptcam_cl.core.strict_yaml import read_yaml
     from rptcam_cl.optics.files.export import lens_text
-    from rptcam_cl.scene.load import set_keys
+    from rptcam_cl.scene.changes import set_keys
 
     before, after = (read_yaml(lens_text(lens)).data for lens in (found.start, found.lens))
     copy = {"design": after, "as_built": {"percentile": f"{PERCENT}%", "spec": spec}}

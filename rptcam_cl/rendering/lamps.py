@@ -42,7 +42,7 @@ from rptcam_cl.rendering.point_spread import (
     wave_picture,
 )
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.scene.load import at_opening
+from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]

@@ -28,8 +28,9 @@ from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.film import RenderSettings
-from rptcam_cl.scene.load import change_scene, load_scene, with_camera
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import in_focus
 from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent

@@ -3,7 +3,8 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.load import at_opening, exposure_steps, load_scene
+from rptcam_cl.scene.changes import at_opening, exposure_steps
+from rptcam_cl.scene.load import load_scene
 
 LENS = {"kind": "realistic", "lens": "dgauss-50mm", "eye": [0, 0, 0], "target": [0, 0, -1], "focus": {"distance_m": 2}}
 PULL = {"camera.focus.distance_m": [{"time_s": 0, "value": 2}, {"time_s": 1, "value": 4}]}

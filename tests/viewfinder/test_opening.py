@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from rptcam_cl.api.session import RenderSession
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.server import ViewServer
 from rptcam_cl.viewfinder.studio import open_session

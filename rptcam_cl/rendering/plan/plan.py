@@ -55,8 +55,8 @@ from rptcam_cl.rendering.plan.media import Media, about_camera, hidden_from, pac
 from rptcam_cl.rendering.plan.primitives import PlanParts, Primitives, scene_primitives
 from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures
 from rptcam_cl.scene.base import FileReference, file_references
+from rptcam_cl.scene.changes import at_opening, exposure_steps
 from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.load import at_opening, exposure_steps
 from rptcam_cl.scene.scene import Scene
 
 # What the numbers of a path's light are, and which wavelengths paths have.

@@ -37,7 +37,8 @@ from rptcam_cl.batch.cluster_run import render_on_cluster
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
 from rptcam_cl.rendering.checkpoint import read_checkpoint, read_part, write_checkpoint
 from rptcam_cl.rendering.several import FilmPart
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from tests.batch.cluster.conftest import cluster
 
 WORLD: dict[str, Any] = {

@@ -7,7 +7,7 @@ import yaml
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.focus.controller import zone_of_object
 from rptcam_cl.studies.focus.probe import Zone
 from tests.rendering.pictures import seed_of

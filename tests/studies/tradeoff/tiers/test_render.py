@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.api.interface import render
 from rptcam_cl.cli import main
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.tier_models import equivalent
 from tests.studies.tradeoff.tiers.cases import BALL, scene_of
 
