@@ -625,19 +625,7 @@ class PointImage:
 
 
 def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None = None) -> PointImage:
-    """Return the image of one field, its wavelengths together.
-
-    Parameters
-    ----------
-    spots : sequence of FilmSpot
-        Of one field.
-    pixels : int
-        Along each side.
-    width_um : float, optional
-        Side of the image; as large as the light needs when absent.
-    """
-    if pixels < 2:
-        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
+    """Return the image of one field by rays, its wavelengths together; pixels and width as of `psf`."""
     points = pool(spots)
     facts, less = spot_facts(points), fewer(spots)
     off, radii = _radii(points)
@@ -698,7 +686,19 @@ def psf(
     width_um: float | None,
     diffraction: bool,
 ) -> charts.Measured:
-    """Return facts of the image of a point, and the image."""
+    """Return facts of the image of a point, and the image.
+
+    Parameters
+    ----------
+    pixels : int
+        Along each side of the image.
+    width_um : float or None
+        Side of the image; as large as the light needs when absent.
+    diffraction : bool
+        Whether it is by wave optics in place of rays.
+    """
+    if pixels < 2:
+        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
     if diffraction:
         waves = field_waves(setting, [field_degrees], wavelengths_nm, rays)
         image = wave_point_image(waves, pixels, width_um)
@@ -840,19 +840,7 @@ def _transfer_errors(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLi
 
 
 def wave_point_image(group: Sequence[PupilFunction], pixels: int, width_um: float | None = None) -> PointImage:
-    """Return the image of one field, its wavelengths together, about the middle of its light.
-
-    Parameters
-    ----------
-    group : sequence of PupilFunction
-        Of one field.
-    pixels : int
-        Along each side.
-    width_um : float, optional
-        Side of the image; as large as the light needs when absent.
-    """
-    if pixels < 2:
-        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
+    """Return the image of one field by waves, its wavelengths together, about the middle of its light; as `psf`."""
     weights = _weights(group)
     middles = np.array([wave.chief + centroid(wave) for wave in group])
     middle = weights @ middles

@@ -427,11 +427,11 @@ def realistic_model(
     through = _rays_through(scene, setting, lens, (low, high) if dispersive else None)
     record = _record(scene, setting, lens, pupil, len(through.surfaces))
     entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
-    metadata: CameraMetadata = {"camera": "realistic", **through.metadata, **setting.metadata}
-    metadata |= {"on_axis_irradiance": on_axis}
-    if losses:
-        metadata["transmittance"] = on_axis / clear
-    metadata = {**metadata, **pupil.metadata, **movements_metadata(camera), **colour, **_perspective(scene, setting)}
+    metadata: CameraMetadata = {
+        "camera": "realistic", **through.metadata, **setting.metadata, "on_axis_irradiance": on_axis,
+        **({"transmittance": on_axis / clear} if losses else {}), **pupil.metadata, **movements_metadata(camera),
+        **colour, **_perspective(scene, setting),
+    }  # fmt: skip
     if entrance is not None:
         metadata["entrance_pupil"] = entrance.described()
     return CameraModel(
