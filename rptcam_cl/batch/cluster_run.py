@@ -202,13 +202,19 @@ def render_on_cluster(
     given = read_scene(scene)
     applied, spp = _divisible(given, options)
     parcel, job = pack_scene(given), Job(options, device, allow_mixed=allow_mixed)
+    to_cluster = partial(connect, cluster, workers, tls, device, allow_mixed=allow_mixed)
+    with _parts_folder(folder, resume=resume) as (parts, kept_text):
+        return _Run(parts, parcel, job, applied, spp, on_progress, should_stop, kept_text).image(to_cluster)
+
+
+@contextlib.contextmanager
+def _parts_folder(folder: str | Path | None, *, resume: bool) -> Iterator[tuple[PartsFolder, str]]:
+    """The folder of parts, emptied unless a render goes on, and what errors say of it; by default it goes at the end."""
     with scratch_folder() as scratch:
         parts = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
         if not resume:
             parts.clear()
-        kept_text = "" if folder is None else f"; {parts.path} holds the parts that came back (--resume goes on)"
-        run = _Run(parts, parcel, job, applied, spp, on_progress, should_stop, kept_text)
-        return run.image(partial(connect, cluster, workers, tls, device, allow_mixed=allow_mixed))
+        yield parts, "" if folder is None else f"; {parts.path} holds the parts that came back (--resume goes on)"
 
 
 def _divisible(scene: Scene, options: Mapping[str, Any]) -> tuple[Scene, int]:

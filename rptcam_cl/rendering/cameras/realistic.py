@@ -408,11 +408,10 @@ def realistic_model(
         Parts of the film that will be rendered, where not the whole is: then only the pupils seen from there are found,
         in a tenth of the time, and `exposure: relative` goes by first-order optics.
     """
-    camera = scene.camera.traced_camera
+    camera, losses = scene.camera.traced_camera, setting.transmission
     assert camera is not None
     check_film(setting.lens, setting.film_distance_mm, scene)
     lens, film_distance_mm = shaped(scene, setting).lens, setting.film_distance_mm
-    losses = setting.transmission
     dispersive, colour = _colour(scene, setting, lens_colour)
     low, high = usable_nm(lens, losses if dispersive else IDEAL)
     sampled_nm = (camera.wavelength_nm, low, high) if dispersive else (camera.wavelength_nm,)

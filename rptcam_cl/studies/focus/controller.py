@@ -396,11 +396,6 @@ class FocusOptions:
         Called with every probe.
     on_state
         Called with every state that the focus is taken to be in by now, first that of the distance by rays.
-
-    Raises
-    ------
-    InputError
-        Where settings are asked for that are not valid.
     """
 
     method: str | None = None
