@@ -209,7 +209,7 @@ def render_on_cluster(
 
 @contextlib.contextmanager
 def _parts_folder(folder: str | Path | None, *, resume: bool) -> Iterator[tuple[PartsFolder, str]]:
-    """The folder of parts, emptied unless a render goes on, and what errors say of it; by default it goes at the end."""
+    """The folder of parts, emptied unless a render goes on, and what errors say of it; by default it goes at last."""
     with scratch_folder() as scratch:
         parts = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
         if not resume:
@@ -323,8 +323,7 @@ class _Run:
 
     def _report_progress(self, share: float, seconds: float) -> None:
         if self.on_progress is not None:
-            pixels = self.scene.film.resolution[0] * self.scene.film.resolution[1]
-            rate = share * pixels * self.spp / max(seconds, 1e-9) / 1e6
+            rate = share * math.prod(self.scene.film.resolution) * self.spp / max(seconds, 1e-9) / 1e6
             done = round(share * self.spp)
             self.on_progress(Progress("render", done, self.spp, seconds, rate, None, tiles_done=share))
 
