@@ -741,7 +741,6 @@ POSE = {"eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso"}
 REMEMBERED = 512  # camera models
 SAMPLES = ("spp", "spp_min", "spp_mean")
 STOP = ("f_number", "stop_diameter_mm")
-GOOD_PX = 0.05  # residual at which the search for the simplest camera model ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -912,18 +911,13 @@ class _Cameras:
         if known is None and seen.is_of_any_stop:
             known = self._lit.find(optics)
         if known is None:
-            if self._model == "auto":
-                fit = calibrate_best(seen, list(COEFFICIENTS), GOOD_PX)
-            else:
-                fit = calibrate(seen, self._model)
+            is_free = self._model == "auto"
+            fit = calibrate_best(seen, list(COEFFICIENTS)) if is_free else calibrate(seen, self._model)
+            of = fit.named
             known = {
                 "model": fit.model,
-                "parameters": fit.named,
-                "matrix": [
-                    [fit.named["fx"], 0.0, fit.named["cx"]],
-                    [0.0, fit.named["fy"], fit.named["cy"]],
-                    [0.0, 0.0, 1.0],
-                ],
+                "parameters": of,
+                "matrix": [[of["fx"], 0.0, of["cx"]], [0.0, of["fy"], of["cy"]], [0.0, 0.0, 1.0]],
                 "largest_error_px": fit.max_px,
                 "rms_error_px": fit.rms_px,
             }

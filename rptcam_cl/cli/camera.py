@@ -211,7 +211,6 @@ def _write(files: list["File"]) -> None:
 
 
 MODELS = ("auto", "pinhole", "brown_conrady", "rational", "thin_prism", "kannala_brandt")
-GOOD_PX = 0.05  # residual at which the search for a model ends, where no other is given
 POOR_PX = 0.1  # residual from which on there is a warning, where no other is given
 
 
@@ -302,7 +301,7 @@ def run_camera(arguments: argparse.Namespace) -> int:
 def _choose_model(arguments: argparse.Namespace, seen: "View") -> "Calibration":
     """The requested model, or the simplest that fits and that all files to be written can hold."""
     from rptcam_cl.exchange.camera_files import HELD, check_held
-    from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best
+    from rptcam_cl.exchange.camera_models import COEFFICIENTS, GOOD_PX, calibrate, calibrate_best
 
     forms = [name for name in (*TEXTS, "colmap") if getattr(arguments, name) is not None]
     allowed = arguments.max_residual_px

@@ -137,22 +137,40 @@ def widest_field(setting: Setting, section: str = "y") -> float:
 
     Half of the meridional fan of the axis passes, and what passes stays together on the film.
     """
-    low, high = 0.0, STEEPEST
-    axis, blur = _measure_fan(setting, 0.0, section)
-    if axis == 0:
+    if _measure_fan(setting, 0.0, section)[0] == 0:
         raise InputError(f"{setting.lens.name}: the ray on the axis does not come through")
-    focal_length = abs(setting.lens.first_order(setting.wavelength_nm, section).focal_length_mm)
-    largest = max(LARGEST_SPOT * focal_length, 2 * blur)
-    for _ in range(12):
+    focal_length_mm = setting.lens.first_order(setting.wavelength_nm, section).focal_length_mm
+    return widest_by(lambda degrees: _measure_fan(setting, degrees, section), focal_length_mm, 12)
+
+
+def widest_by(
+    see: Callable[[float], tuple[float, float]], focal_length_mm: float, rounds: int, steepest: float = STEEPEST
+) -> float:
+    """Return the largest field [degrees] that keeps half of the beam on the axis, and it together on the film.
+
+    Parameters
+    ----------
+    see
+        Returns how much of a field passes, and its rms on the film [mm].
+    rounds
+        By which the interval up to the steepest field is halved.
+    """
+    low, high, (axis, blur) = 0.0, steepest, see(0.0)
+    largest = max(LARGEST_SPOT * abs(focal_length_mm), 2 * blur)
+    for _ in range(rounds):
         middle = (low + high) / 2
-        width, spread = _measure_fan(setting, middle, section)
+        width, spread = see(middle)
         low, high = (middle, high) if width >= LEFT_OPEN * axis and spread <= largest else (low, middle)
     return low
 
 
 def default_fields(setting: Setting, shares: Sequence[float] = SHARES, section: str = "y") -> list[float]:
     """Return the axis and parts of the widest field [degrees], rounded to be read."""
-    widest = widest_field(setting, section)
+    return parts_of_field(widest_field(setting, section), shares)
+
+
+def parts_of_field(widest: float, shares: Sequence[float] = SHARES) -> list[float]:
+    """Return parts of a widest field [degrees], rounded to be read."""
     digits = 1 - math.floor(math.log10(widest)) if widest > 0 else 0
     return [round(share * widest, max(digits, 0)) for share in shares]
 
