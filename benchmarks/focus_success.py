@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session

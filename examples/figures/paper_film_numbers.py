@@ -12,7 +12,7 @@ from examples.figures.blur import card_blur, thin_lens_blurs
 from examples.figures.figure import ROOT
 from examples.figures.numbers import Numbers, Row
 from examples.figures.paper_lens_numbers import blur_on_film, paper_singlet
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.imaging.development import srgb_from_linear
 from rptcam_cl.optics.charts import add_key, new_figure, series, styled
 from rptcam_cl.optics.lens import film_distance

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.api.interface import render
-from rptcam_cl.api.job import RenderOptions, SceneSource, SeriesRenderer, read_scene, resolve
+from rptcam_cl.api.job import RenderOptions, SceneSource, SeriesRenderer, read_scene, render, resolve
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError

@@ -21,8 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.api.interface import settle
-from rptcam_cl.api.job import SeriesRenderer
+from rptcam_cl.api.job import SeriesRenderer, settle
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError, out_of_range

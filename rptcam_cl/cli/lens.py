@@ -575,7 +575,7 @@ def _scene(given: str, problem: "Problem") -> "Scene":
 
 def _write_pictures(found: "Optimised", scene: "Scene", spec: str, arguments: argparse.Namespace) -> None:
     """Render the scene through the lens before, after, and as built, each a file, and all on one sheet."""
-    from rptcam_cl.api.interface import render
+    from rptcam_cl.api.job import render
     from rptcam_cl.core.files import replacing
     from rptcam_cl.core.strict_yaml import read_yaml
     from rptcam_cl.optics.files.export import lens_text

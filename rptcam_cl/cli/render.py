@@ -310,7 +310,7 @@ def _render(
 
     Ctrl-C ends it unless something else does.
     """
-    from rptcam_cl.api.interface import render
+    from rptcam_cl.api.job import render
     from rptcam_cl.imaging.image import Image
 
     with contextlib.ExitStack() as stack:
@@ -432,7 +432,7 @@ def add_merge(parser: argparse.ArgumentParser) -> None:
 
 def run_merge(arguments: argparse.Namespace) -> int:
     """Put together the parts that `rptcam render --part` and --samples made, anywhere."""
-    from rptcam_cl.api.interface import merge
+    from rptcam_cl.api.job import merge
     from rptcam_cl.imaging.writers import check_output
     from rptcam_cl.rendering.checkpoint import SUFFIX
 

@@ -13,7 +13,7 @@ import yaml
 from PIL import Image as Pillow
 
 from rptcam_cl.api.combined import focus_stack
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.devices import CompileServer

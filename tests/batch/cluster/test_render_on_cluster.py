@@ -26,8 +26,7 @@ import pytest
 from PIL import Image as Picture
 
 import rptcam_cl
-from rptcam_cl.api.interface import merge
-from rptcam_cl.api.job import RenderJob, RenderOptions
+from rptcam_cl.api.job import RenderJob, RenderOptions, merge
 from rptcam_cl.batch import cluster as client
 from rptcam_cl.batch import cluster as tasks
 from rptcam_cl.batch import cluster as tasks_out

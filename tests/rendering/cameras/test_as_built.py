@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.optics.library import load_lens

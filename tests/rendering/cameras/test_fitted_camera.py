@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.changes import change_scene

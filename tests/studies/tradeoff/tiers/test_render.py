@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.cli import main
 from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.tier_models import equivalent
