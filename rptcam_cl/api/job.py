@@ -1,6 +1,6 @@
 """A render from its scene to its picture: options, focus and exposure, plan, kernels, samples, layers and metadata.
 
-`render` does it by one call, `settle` finds what a scene leaves open, `merge` makes one picture of parts.
+`render` does it by one call, and `merge` makes one picture of parts that were rendered anywhere.
 """
 
 from __future__ import annotations
