@@ -236,28 +236,6 @@ def push(
 NODES = 257  # of the table between coordinate and vergence
 
 
-@dataclass(frozen=True)
-class Followed:
-    """The focus of a frame.
-
-    Attributes
-    ----------
-    place : float
-        Coordinate of the focus.
-    expected : float
-        Coordinate at which the subject was expected.
-    speed : float
-        Of the drive [mm/s].
-    is_limited : bool
-        Whether the drive was at its greatest speed and behind.
-    """
-
-    place: float
-    expected: float
-    speed: float
-    is_limited: bool
-
-
 class Servo:
     """Continuous autofocus, on one subject after the other.
 
@@ -271,12 +249,24 @@ class Servo:
         Returns 1 / distance of what is sharp at a coordinate [1/m], rising or falling all the way.
     settings
         Of the sequence.
+
+    Attributes
+    ----------
+    place : float
+        Coordinate of the focus.
+    expected : float
+        Coordinate at which the subject is expected.
+    speed : float
+        Of the drive [mm/s].
+    is_limited : bool
+        Whether the drive was at its greatest speed and behind at the last frame.
     """
 
     def __init__(
         self, place: float, limits: DriveLimits, vergence: Callable[[float], float], settings: ContinuousFocus
     ) -> None:
-        self._place, self._speed, self._held, self._expected = place, 0.0, place, place
+        self.place, self.expected, self.speed, self.is_limited = place, place, 0.0, False
+        self._held = place
         self._limits, self._exact, self._settings = limits, vergence, settings
         self._time_s = 0.0
         self._waiting: list[tuple[float, float | None, float]] = []  # of measurements: time, place and error
@@ -314,8 +304,8 @@ class Servo:
         """
         self._waiting.append((self._time_s, place, error))
 
-    def next_frame(self, frame_s: float, sharp_mm: float) -> Followed:
-        """Go on to the next frame, and return the focus of it.
+    def next_frame(self, frame_s: float, sharp_mm: float) -> None:
+        """Go on to the next frame.
 
         Parameters
         ----------
@@ -324,17 +314,16 @@ class Servo:
         sharp_mm
             Depth of focus, in units of the coordinate.
         """
-        begun, steps, limited = self._time_s, max(math.ceil(frame_s / STEP_S - 1e-9), 1), False
+        begun, steps = self._time_s, max(math.ceil(frame_s / STEP_S - 1e-9), 1)
         step_s = frame_s / steps
         for step in range(1, steps + 1):
             self._time_s = begun + step * step_s
             self._take_in(sharp_mm)
             before, self._held = self._held, self._hold(sharp_mm)
             wanted_speed = (self._held - before) / step_s
-            self._place, self._speed = push(self._place, self._speed, self._held, wanted_speed, step_s, self._limits)
-            behind = abs(self._held - self._place) > sharp_mm / 4
-            limited = behind and abs(self._speed) > 0.999 * self._limits.speed
-        return Followed(self._place, self._expected, self._speed, limited)
+            self.place, self.speed = push(self.place, self.speed, self._held, wanted_speed, step_s, self._limits)
+            behind = abs(self._held - self.place) > sharp_mm / 4
+            self.is_limited = behind and abs(self.speed) > 0.999 * self._limits.speed
 
     def _take_in(self, sharp_mm: float) -> None:
         """Take what is known by now to the motion of the subject."""
@@ -370,10 +359,10 @@ class Servo:
         settings, track = self._settings, self._track.sure
         there = track.vergence_at(min(self._time_s, track.time_s + settings.delay_s + settings.lock_s))
         low, high = self._limits.reach
-        self._expected = min(max(self._coordinate(there), low), high)
-        moves = abs(track.rate) * settings.lock_s / self._worth(self._expected, sharp_mm)
+        self.expected = min(max(self._coordinate(there), low), high)
+        moves = abs(track.rate) * settings.lock_s / self._worth(self.expected, sharp_mm)
         band = max(settings.hold - moves, 0.0) * sharp_mm
-        return min(max(self._held, self._expected - band), self._expected + band)
+        return min(max(self._held, self.expected - band), self.expected + band)
 
 
 def servo_of(drive: Drive, place: float, settings: ContinuousFocus) -> Servo:
@@ -581,10 +570,11 @@ class FrameTracker:
             self._servo, place, where = servo_of(drive, measured, settings), measured, state
             metadata |= {"state": state, "expected": state, "speed": 0.0, "at_greatest_speed": False}
         else:
-            frame = self._servo.next_frame(frame_s, sharp)
-            place, where = frame.place, drive.state_at(frame.place)
-            metadata |= {"state": where, "expected": drive.state_at(frame.expected), "speed": frame.speed / sharp}
-            metadata["at_greatest_speed"] = frame.is_limited
+            servo = self._servo
+            servo.next_frame(frame_s, sharp)
+            place, where = servo.place, drive.state_at(servo.place)
+            metadata |= {"state": where, "expected": drive.state_at(servo.expected), "speed": servo.speed / sharp}
+            metadata["at_greatest_speed"] = servo.is_limited
         metadata["off"] = None if measured is None else (place - measured) / sharp
         self._servo.measure(measured, error)
         self._lens = lens
