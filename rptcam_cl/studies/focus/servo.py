@@ -80,7 +80,7 @@ def slopes(state: Array, t: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Track:
+class _Track:
     """What is known of a subject's motion, taken for calm and for agile.
 
     Attributes
@@ -101,7 +101,7 @@ class Track:
     chances: Array
 
     @classmethod
-    def start(cls, time_s: float, vergence: float, error: float) -> Track:
+    def start(cls, time_s: float, vergence: float, error: float) -> _Track:
         """Return the track of a subject just seen."""
         known = np.diag([error**2, (FAST * vergence**2) ** 2, 0.0])
         agile = known + np.diag([0.0, 0.0, AGILE**2])
@@ -113,7 +113,7 @@ class Track:
         return float(self.chances @ self.states[:, 1])
 
     @property
-    def sure(self) -> Track:
+    def sure(self) -> _Track:
         """The track with its motion as far as it is more than chance: at rest, noise alone seems to move a subject."""
         doubt = CERTAIN**2 * float(self.covariances[0, 1, 1])
         share = max(1 - doubt / self.rate**2, 0.0) if self.rate else 0.0
@@ -123,7 +123,7 @@ class Track:
         """Return the vergence at a later moment [1/m]."""
         return float(self.chances @ [moved(state, time_s - self.time_s)[0] for state in self.states])
 
-    def at(self, time_s: float, sharp: float) -> Track:
+    def at(self, time_s: float, sharp: float) -> _Track:
         """Return the expected track at a later moment, where a depth of focus is worth so much [1/m]."""
         joint = self.chances[:, None] * np.array([[STAYS, 1 - STAYS], [1 - STAYS, STAYS]])
         chances, t = joint.sum(axis=0), time_s - self.time_s
@@ -139,9 +139,9 @@ class Track:
             new = kind * AGILE**2 * -math.expm1(-2 * t / AGILE_S)
             states.append(state)
             covariances.append(by @ spread @ by.T + np.outer(pushed, pushed) + np.diag([0.0, 0.0, new]))
-        return Track(time_s, np.array(states), np.array(covariances), chances)
+        return _Track(time_s, np.array(states), np.array(covariances), chances)
 
-    def follow(self, time_s: float, vergence: float, error: float, sharp: float) -> Track | None:
+    def follow(self, time_s: float, vergence: float, error: float, sharp: float) -> _Track | None:
         """Return the track after a measurement; None where another subject must have been measured.
 
         Parameters
@@ -270,8 +270,8 @@ class Servo:
         self._limits, self._exact, self._settings = limits, vergence, settings
         self._time_s = 0.0
         self._waiting: list[tuple[float, float | None, float]] = []  # of measurements: time, place and error
-        self._track: Track | None = None
-        self._other: Track | None = None
+        self._track: _Track | None = None
+        self._other: _Track | None = None
         self._since_s = 0.0
 
     @cached_property
@@ -335,7 +335,7 @@ class Servo:
             vergence, sharp = self._vergence(place), self._worth(place, sharp_mm)
             off = max(error / sharp_mm, LEAST_ERROR) * sharp
             if self._track is None:
-                self._track = Track.start(time_s, vergence, off)
+                self._track = _Track.start(time_s, vergence, off)
                 continue
             track = self._track.follow(time_s, vergence, off, sharp)
             if track is not None:
@@ -343,7 +343,7 @@ class Servo:
                 continue
             other = None if self._other is None else self._other.follow(time_s, vergence, off, sharp)
             if other is None:
-                other, self._since_s = Track.start(time_s, vergence, off), time_s
+                other, self._since_s = _Track.start(time_s, vergence, off), time_s
             self._other = other
             if time_s - self._since_s >= self._settings.lock_s - 1e-9:
                 self._track, self._other = other, None
@@ -365,7 +365,7 @@ class Servo:
         return min(max(self._held, self.expected - band), self.expected + band)
 
 
-def servo_of(drive: Drive, place: float, settings: ContinuousFocus) -> Servo:
+def _servo_of(drive: Drive, place: float, settings: ContinuousFocus) -> Servo:
     """Return a servo of a camera's drive that begins in focus."""
     limits = _drive_limits(drive, settings)
     return Servo(place, limits, lambda at: drive.first_order_vergence(drive.state_at(at)), settings)
@@ -567,7 +567,7 @@ class FrameTracker:
         if self._servo is None or (lens != self._lens and measured is not None):
             if state is None or measured is None:
                 raise InputError("camera.focus.auto: nothing to focus on in the first frame")
-            self._servo, place, where = servo_of(drive, measured, settings), measured, state
+            self._servo, place, where = _servo_of(drive, measured, settings), measured, state
             metadata |= {"state": state, "expected": state, "speed": 0.0, "at_greatest_speed": False}
         else:
             servo = self._servo
