@@ -17,10 +17,9 @@ from rptcam_cl.api.job import (
     plain_data,
     read_scene,
     resolve,
-    takes_options,
     with_ghosts,
 )
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import dataclass, takes_options
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import check_writable, replacing
 from rptcam_cl.device.devices import choose_device, list_devices, problem_of

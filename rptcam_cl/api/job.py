@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import math
 import os
-import re
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
-from functools import partial, wraps
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, Self, TypeVar
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -238,42 +236,6 @@ class RenderOptions:
         if spp is None or scene.render.noise is not None or takes_more or len(sessions) > 1:
             return sessions
         return [sessions[0].for_samples(spp * FilmLayout.of(scene.film).pixels)]
-
-
-Keywords = ParamSpec("Keywords")
-Result = TypeVar("Result")
-
-
-def takes_options(
-    options: Callable[Keywords, RenderOptions],
-) -> Callable[[Callable[..., Result]], Callable[Concatenate[SceneSource, Keywords], Result]]:
-    """Let a function have all options in place of its ``**options``: typed, in its signature and in its help."""
-
-    def decorate(function: Callable[..., Result]) -> Callable[Concatenate[SceneSource, Keywords], Result]:
-        explained = str(options.__doc__).partition("----------\n")[2].partition("\n    Raises\n")[0]
-        function.__doc__ = re.sub(r"    \*\*options\n.*\n", lambda match: explained, str(function.__doc__))
-        return with_keywords(*(each.name for each in fields(RenderOptions)))(function)
-
-    return decorate
-
-
-def with_keywords(*names: str) -> Callable[[Callable[..., Result]], Callable[..., Result]]:
-    """Let a function have some fields of `RenderOptions`, and no others, in place of its ``**``."""
-
-    def decorate(function: Callable[..., Result]) -> Callable[..., Result]:
-        own, options = inspect.signature(function), inspect.signature(RenderOptions).parameters
-        named = [each for each in own.parameters.values() if each.kind is not each.VAR_KEYWORD]
-        signature = own.replace(parameters=[*named, *(options[name] for name in names)])
-
-        @wraps(function)
-        def call(*arguments: Any, **keywords: Any) -> Result:
-            signature.bind(*arguments, **keywords)
-            return function(*arguments, **keywords)
-
-        call.__signature__ = signature  # type: ignore[attr-defined]
-        return call
-
-    return decorate
 
 
 # What a scene leaves to be found, and what its image is put together of.

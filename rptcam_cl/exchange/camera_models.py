@@ -683,7 +683,10 @@ def _unfolded(errors: Array, count: int, axis: int) -> Array:
     return np.concatenate([errors, other], axis=1 - axis)
 
 
-def calibrate_best(view: View, models: Sequence[str], allowed_px: float) -> Calibration:
+GOOD_PX = 0.05  # residual at which the search for the simplest model ends, where no other is given
+
+
+def calibrate_best(view: View, models: Sequence[str], allowed_px: float = GOOD_PX) -> Calibration:
     """Return the first model that errs by at most some pixels, or the best of those that fit at all."""
     fits: list[Calibration] = []
     refused: InputError | None = None

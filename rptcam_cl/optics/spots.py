@@ -137,22 +137,40 @@ def widest_field(setting: Setting, section: str = "y") -> float:
 
     Half of the meridional fan of the axis passes, and what passes stays together on the film.
     """
-    low, high = 0.0, STEEPEST
-    axis, blur = _measure_fan(setting, 0.0, section)
-    if axis == 0:
+    if _measure_fan(setting, 0.0, section)[0] == 0:
         raise InputError(f"{setting.lens.name}: the ray on the axis does not come through")
-    focal_length = abs(setting.lens.first_order(setting.wavelength_nm, section).focal_length_mm)
-    largest = max(LARGEST_SPOT * focal_length, 2 * blur)
-    for _ in range(12):
+    focal_length_mm = setting.lens.first_order(setting.wavelength_nm, section).focal_length_mm
+    return widest_by(lambda degrees: _measure_fan(setting, degrees, section), focal_length_mm, 12)
+
+
+def widest_by(
+    see: Callable[[float], tuple[float, float]], focal_length_mm: float, rounds: int, steepest: float = STEEPEST
+) -> float:
+    """Return the largest field [degrees] that keeps half of the beam on the axis, and it together on the film.
+
+    Parameters
+    ----------
+    see
+        Returns how much of a field passes, and its rms on the film [mm].
+    rounds
+        By which the interval up to the steepest field is halved.
+    """
+    low, high, (axis, blur) = 0.0, steepest, see(0.0)
+    largest = max(LARGEST_SPOT * abs(focal_length_mm), 2 * blur)
+    for _ in range(rounds):
         middle = (low + high) / 2
-        width, spread = _measure_fan(setting, middle, section)
+        width, spread = see(middle)
         low, high = (middle, high) if width >= LEFT_OPEN * axis and spread <= largest else (low, middle)
     return low
 
 
 def default_fields(setting: Setting, shares: Sequence[float] = SHARES, section: str = "y") -> list[float]:
     """Return the axis and parts of the widest field [degrees], rounded to be read."""
-    widest = widest_field(setting, section)
+    return parts_of_field(widest_field(setting, section), shares)
+
+
+def parts_of_field(widest: float, shares: Sequence[float] = SHARES) -> list[float]:
+    """Return parts of a widest field [degrees], rounded to be read."""
     digits = 1 - math.floor(math.log10(widest)) if widest > 0 else 0
     return [round(share * widest, max(digits, 0)) for share in shares]
 
@@ -623,19 +641,7 @@ class PointImage:
 
 
 def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None = None) -> PointImage:
-    """Return the image of one field, its wavelengths together.
-
-    Parameters
-    ----------
-    spots : sequence of FilmSpot
-        Of one field.
-    pixels : int
-        Along each side.
-    width_um : float, optional
-        Side of the image; as large as the light needs when absent.
-    """
-    if pixels < 2:
-        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
+    """Return the image of one field by rays, its wavelengths together; pixels and width as of `psf`."""
     points = pool(spots)
     facts, less = spot_facts(points), fewer(spots)
     off, radii = _radii(points)
@@ -696,7 +702,19 @@ def psf(
     width_um: float | None,
     diffraction: bool,
 ) -> charts.Measured:
-    """Return facts of the image of a point, and the image."""
+    """Return facts of the image of a point, and the image.
+
+    Parameters
+    ----------
+    pixels : int
+        Along each side of the image.
+    width_um : float or None
+        Side of the image; as large as the light needs when absent.
+    diffraction : bool
+        Whether it is by wave optics in place of rays.
+    """
+    if pixels < 2:
+        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
     if diffraction:
         waves = field_waves(setting, [field_degrees], wavelengths_nm, rays)
         image = wave_point_image(waves, pixels, width_um)
@@ -838,19 +856,7 @@ def _transfer_errors(
 
 
 def wave_point_image(group: Sequence[PupilFunction], pixels: int, width_um: float | None = None) -> PointImage:
-    """Return the image of one field, its wavelengths together, about the middle of its light.
-
-    Parameters
-    ----------
-    group : sequence of PupilFunction
-        Of one field.
-    pixels : int
-        Along each side.
-    width_um : float, optional
-        Side of the image; as large as the light needs when absent.
-    """
-    if pixels < 2:
-        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
+    """Return the image of one field by waves, its wavelengths together, about the middle of its light; as `psf`."""
     weights = _weights(group)
     middles = np.array([wave.chief + centroid(wave) for wave in group])
     middle = weights @ middles

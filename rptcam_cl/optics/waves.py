@@ -14,6 +14,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam, chief_ray, is_steep, passing_beam, without_rims
 from rptcam_cl.optics.lens import Lens, at_conjugates
 from rptcam_cl.optics.ray_trace import Rays, at_plane, trace_crossings
+from rptcam_cl.optics.shapes import MM_PER_NM
 from rptcam_cl.optics.surface import StopMask, Surface
 
 #
@@ -42,7 +43,6 @@ NODES = (48, 96)  # traced each way, of which the cells are interpolated
 STENCIL = 10  # nodes each way that a cell takes
 SAMPLE = 200  # cells that are traced, too
 SAME_WAVES = 1e-6  # by which these may differ
-MM_PER_NM = 1e-6
 NEVER_0 = float(np.finfo(np.float64).tiny)
 
 

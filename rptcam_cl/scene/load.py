@@ -340,7 +340,7 @@ def _parent(data: dict[Any, Any], path: KeyPath, text: str) -> Any:
 def _copy_to_change(value: Any) -> Any:
     """Return a copy of a mapping, a list or a part of a scene, to be changed; other values as they are."""
     if isinstance(value, SceneModel):
-        return _fields(value)
+        return set_fields(value)
     if isinstance(value, Mapping):
         return dict(value)
     return list(value) if isinstance(value, (list, tuple)) else value
@@ -406,9 +406,9 @@ def change_scene(scene: Scene, **parts: Mapping[str, Any]) -> Scene:
     InputError
         When the changed scene is not valid.
     """
-    data = _fields(scene)
+    data = set_fields(scene)
     for name, changes in parts.items():
-        data[name] = _fields(getattr(scene, name)) | dict(changes)
+        data[name] = set_fields(getattr(scene, name)) | dict(changes)
     return _checked(scene, data, parts)
 
 
@@ -420,7 +420,7 @@ def with_camera(scene: Scene, keys: Mapping[str, Any]) -> Scene:
     InputError
         When the camera is not valid, or does not fit the scene.
     """
-    return _checked(scene, _fields(scene) | {"camera": dict(keys)}, ("camera",))
+    return _checked(scene, set_fields(scene) | {"camera": dict(keys)}, ("camera",))
 
 
 def _checked(scene: Scene, data: dict[str, Any], changed: Iterable[str]) -> Scene:
@@ -431,7 +431,7 @@ def _checked(scene: Scene, data: dict[str, Any], changed: Iterable[str]) -> Scen
         raise input_error(problem, data, lambda path, at_key: "") from None
 
 
-def _fields(part: SceneModel) -> dict[str, Any]:
+def set_fields(part: SceneModel) -> dict[str, Any]:
     """Return the keys that were given to a part of a scene."""
     return {name: getattr(part, name) for name in part.model_fields_set}
 

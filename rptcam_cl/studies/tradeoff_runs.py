@@ -29,7 +29,7 @@ from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.film import RenderSettings
-from rptcam_cl.scene.load import change_scene, load_scene, with_camera
+from rptcam_cl.scene.load import change_scene, load_scene, set_fields, with_camera
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import in_focus
 from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent
@@ -521,7 +521,7 @@ def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
     """Return the scene in focus, with the exposure that its most accurate picture is metered to."""
     sharp, _ = in_focus(scene, session, None)
     shot = resolve_exposure(most_accurate(sharp).scene, session)[0]
-    return change_scene(sharp, exposure=_set_keys(shot.exposure), shutter=_set_keys(shot.shutter))
+    return change_scene(sharp, exposure=set_fields(shot.exposure), shutter=set_fields(shot.shutter))
 
 
 def _diffraction(scene: Scene) -> dict[str, Any] | None:
@@ -575,10 +575,6 @@ def _conditions(
         "diffraction": _diffraction(scene),
         "ghosts": _ghosts(scene),
     }
-
-
-def _set_keys(part: Any) -> dict[str, Any]:
-    return {name: getattr(part, name) for name in part.model_fields_set}
 
 
 def _measure(ready: list[Ready], pictures: Pictures) -> list[MeasuredVariant]:
