@@ -38,6 +38,7 @@ from rptcam_cl.optics.spots import (
     wave_point_image,
 )
 from rptcam_cl.optics.waves import PupilFunction, diffraction_mtf
+from tests.support.cases import slow
 
 RNG = np.random.default_rng(7)
 
@@ -200,7 +201,9 @@ def test_a_field_that_nothing_reaches_is_an_empty_row_among_others() -> None:
         film_spots(state, [60.0], [587.56], 24)
 
 
-@pytest.mark.parametrize("name", ["tessar-100mm", "dgauss-50mm", "microscope-20x", "fisheye-10mm", "telephoto-400mm"])
+@pytest.mark.parametrize(
+    "name", ["tessar-100mm", "microscope-20x", "fisheye-10mm", *map(slow, ("dgauss-50mm", "telephoto-400mm"))]
+)
 @pytest.mark.parametrize("f_number", [None, 16.0])
 def test_modulation_is_never_above_the_limit_of_diffraction(name: str, f_number: float | None) -> None:
     state = setting(load_lens(name), f_number=f_number)
