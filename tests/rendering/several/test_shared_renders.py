@@ -40,7 +40,7 @@ def taken(image):
     return {device["id"]: device["samples"] for device in image.stats["devices"]}
 
 
-@pytest.mark.parametrize("name", ["pinhole", pytest.param("lens", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["pinhole", slow("lens")])
 def test_shared_picture_is_that_of_one_device(name, first, second, whole):
     options = {"size": SIZE, "seed": 3, "spp": 41, "layers": LAYERS}
     made = rptcam_cl.load_scene(scene(name), LIMITED)
