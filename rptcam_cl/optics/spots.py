@@ -594,14 +594,12 @@ def mtf(
     curves: Callable[[Sequence[Any], ArrayLike], list[Array] | None]
     if diffraction:
         groups, curves = by_field(field_waves(setting, fields, wavelengths_nm, rays)), _wave_transfer
+        values = {one: _wave_transfer(group, frequencies_per_mm) for one, group in groups.items()}
+        errors = [_transfer_errors(group, frequencies_per_mm, values[one]) for one, group in groups.items()]
         rows = [
             row | {"error": error}
-            for one, group in groups.items()
-            for row, error in zip(
-                table_of({one: curves(group, frequencies_per_mm)}, frequencies_per_mm),
-                _transfer_errors(group, frequencies_per_mm), strict=True,
-            )
-        ]  # fmt: skip
+            for row, error in zip(table_of(values, frequencies_per_mm), np.concatenate(errors).tolist(), strict=True)
+        ]
     else:
         spots = film_spots(setting, fields, wavelengths_nm, rays, mtf_moves(frequencies_per_mm))
         groups, curves, rows = by_field(spots), field_mtf, mtf_table(spots, frequencies_per_mm)
@@ -849,12 +847,12 @@ def _modulation(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -
     return [np.abs(np.tensordot(weights, [part[axis] for part in parts], 1)) for axis in (0, 1)]
 
 
-def _transfer_errors(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[float]:
+def _transfer_errors(
+    group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike, all_cells: Sequence[Array]
+) -> Array:
     """Return by how much a third of the cells across the pupil changes the modulation of one field, over `FINER`."""
-    all_cells = np.array(_modulation(group, frequencies_per_mm))
     parts = [_modulation(part, frequencies_per_mm) for part in zip(*(wave.thirds() for wave in group), strict=True)]
-    errors: list[float] = (np.abs(np.array(parts) - all_cells).max(axis=(0, 1)) / FINER).tolist()
-    return errors
+    return np.asarray(np.abs(np.array(parts) - np.array(all_cells[:2])).max(axis=(0, 1)) / FINER)
 
 
 def wave_point_image(group: Sequence[PupilFunction], pixels: int, width_um: float | None = None) -> PointImage:
