@@ -240,19 +240,15 @@ class Ready:
     ----------
     configuration : Variant
     wavefront : Wavefront
+    plan : Plan
     start_s : float
         Time from the scene to the first ray [s]; programs shared with an earlier configuration are there already.
-    facts : dict
-        What a picture's metadata would say of camera and spectrum.
-    truncation : dict
-        Bound on the light of longer paths, from `rendering.truncation`.
     """
 
     configuration: Variant
     wavefront: Wavefront
+    plan: Plan
     start_s: float
-    facts: dict[str, Any]
-    truncation: dict[str, Any]
 
 
 def prepare(
@@ -290,9 +286,7 @@ def prepare(
         plan, buffers = aimed_plan(plan, session, settings.layers)
         wavefront = Wavefront(session, plan, layout, settings, buffers=buffers)
         wavefront.warm_up()
-        facts = plan.camera.metadata | plan.spectrum.metadata
-        rest = truncation(plan.albedo, configuration.scene.render.max_depth)
-        ready.append(Ready(configuration, wavefront, time.perf_counter() - begun, facts, rest))
+        ready.append(Ready(configuration, wavefront, plan, time.perf_counter() - begun))
     return ready, skipped
 
 
@@ -558,6 +552,8 @@ def _conditions(
     scene: Scene, session: Session, ready: list[Ready], pictures: Pictures, decision: Decision | None
 ) -> dict[str, Any]:
     """The conditions of a comparison: the members of a report that no measurement is in."""
+    reference = ready[0].plan
+    described = reference.camera.metadata | reference.spectrum.metadata
     return {
         "scene": scene.content_hash(),
         "device": session.info.name,
@@ -568,8 +564,8 @@ def _conditions(
         "long_tiles": len(pictures.long.chosen),
         "seeds": pictures.seeds,
         "by_cpu": pictures.by_cpu,
-        "lens_colour_px": ready[0].facts.get("lens_colour_px"),
-        "truncation": ready[0].truncation,
+        "lens_colour_px": described.get("lens_colour_px"),
+        "truncation": truncation(reference.albedo, ready[0].configuration.scene.render.max_depth),
         "cameras": () if decision is None else decision.errors,
         "allowed": "" if decision is None else decision.tier,
         "diffraction": _diffraction(scene),
