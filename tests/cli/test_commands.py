@@ -12,6 +12,7 @@ import pytest
 from rptcam_cl.cli import COMMANDS, build_parser, output
 from rptcam_cl.core import __version__
 from rptcam_cl.core.errors import DeviceError
+from tests.support.cases import slow
 
 Command = Callable[..., Any]
 
@@ -102,7 +103,7 @@ def test_machine_without_opencl_platforms_gets_the_remedy(tmp_path: Path) -> Non
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(("words", "name"), [pytest.param([], "scene", marks=pytest.mark.slow), (["--lens"], "lens")])
+@pytest.mark.parametrize(("words", "name"), [slow([], "scene"), (["--lens"], "lens")])
 def test_schema_is_the_published_one(rptcam: Command, checkout: Path, words: list[str], name: str) -> None:
     run = rptcam("schema", *words)
     assert run.code == 0

@@ -42,20 +42,6 @@ def test_intersections(group):
     assert np.isfinite(worst)
 
 
-def test_the_centre_form_of_the_sphere_fails_where_ours_does_not():
-    failures = 0
-    for case in EXTREMES["intersect"]:
-        if case["group"] != "radius_sweep" or case["expected"]["status"] != "hit" or abs(radius(case)) < 1e8:
-            continue
-        p, d, r = np.array(case["p"]), column(case["d"])[:, 0], radius(case)
-        to_centre = np.array([0, 0, r]) - p
-        b = to_centre @ d
-        with np.errstate(invalid="ignore"):
-            distance = b - np.sign(r) * np.sign(d[2]) * np.sqrt(max(b * b - to_centre @ to_centre + r * r, 0))
-        failures += np.abs(p + distance * d - case["expected"]["point"]).max() > 1e-9
-    assert failures > 5
-
-
 @pytest.mark.parametrize("group", sorted({case["group"] for case in EXTREMES["refract"]}))
 def test_refractions(group):
     for case in EXTREMES["refract"]:

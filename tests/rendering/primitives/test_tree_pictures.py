@@ -96,11 +96,7 @@ def painted(objects):
 
 @pytest.mark.parametrize(
     "objects",
-    [
-        pytest.param(ROOM["objects"], marks=pytest.mark.slow),
-        painted(ROOM["objects"][:1]) + ROOM["objects"][1:],
-        pytest.param(painted(ROOM["objects"]), marks=pytest.mark.slow),
-    ],
+    [slow(ROOM["objects"]), painted(ROOM["objects"][:1]) + ROOM["objects"][1:], slow(painted(ROOM["objects"]))],
     ids=["plain", "painted floor", "all painted"],
 )
 def test_tables_of_few_primitives_change_no_bit(session, objects):

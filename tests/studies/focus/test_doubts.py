@@ -34,7 +34,7 @@ def too_near(method):
     return scene_of([target(0.16, 0.1, noise(60)), target(4.0, 4.0, noise(60))], camera)
 
 
-@pytest.mark.parametrize("method", [m if m == "depth" else pytest.param(m, marks=pytest.mark.slow) for m in METHODS])
+@pytest.mark.parametrize("method", [m if m == "depth" else slow(m) for m in METHODS])
 def test_every_method_says_that_the_target_is_nearer_than_possible(method):
     with pytest.raises(OutOfReach, match=WORDS) as refusal:
         rptcam_cl.autofocus(too_near(method))
