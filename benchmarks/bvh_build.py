@@ -28,12 +28,12 @@ from rptcam_cl.rendering.tree_build import (
     binary_tree,
     build_bvh,
     max_binary_depth,
-    quality,
     reinsert,
     sort_into_leaves,
     widen,
 )
 from rptcam_cl.studies.selfcheck_suite import bumpy_ball, torus_knot
+from tests.rendering.trees.trees import quality
 
 Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]
 STAGES = ("sort into leaves", "binary tree", "move nodes", "wide nodes")

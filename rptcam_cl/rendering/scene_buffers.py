@@ -152,7 +152,7 @@ def _build(
         tree = tree_build.tree_of_few(lower, upper, LEAF)
     else:
         tree = tree_build.build_bvh(lower, upper, width=2, leaf_size=LEAF, session=session)
-    return _nodes(tree), tree.blocks[tree.blocks >= 0], tree_build.stack_size(tree_build.quality(tree).depth)
+    return _nodes(tree), tree.blocks[tree.blocks >= 0], tree_build.stack_size(tree_build.longest_way(tree.children)[0])
 
 
 def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tuple[Array, Array]:

@@ -14,11 +14,11 @@ from rptcam_cl.rendering.tree_build import (
     Builder,
     binary_tree,
     build_bvh,
-    quality,
     reinsert,
     widen,
 )
 from tests.rendering.trees.meshes import boxes_of, hall, knot, soup
+from tests.rendering.trees.trees import quality
 
 WIDTH, LEAF = 8, 8
 
