@@ -8,7 +8,8 @@ import pytest
 import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.rendering import tracer
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
 from tests.support.cases import slow

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.batch import dataset as frames
 from rptcam_cl.batch.dataset import dataset, read_specification, values_of_frame
 from rptcam_cl.cli import main

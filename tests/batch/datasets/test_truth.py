@@ -13,7 +13,7 @@ import PIL.Image
 import pytest
 from pycocotools.coco import COCO
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.batch.dataset import dataset, read_specification
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError

@@ -15,7 +15,8 @@ from rptcam_cl.rendering.passes import PreciseLens
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import camera_buffers
 from rptcam_cl.rendering.traceable_lens import trace_on_device
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import wave_record
 from tests.support.cases import fast, slow
 

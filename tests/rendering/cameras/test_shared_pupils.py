@@ -12,7 +12,8 @@ from rptcam_cl.rendering.cameras import realistic
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.pupil import PupilSampling, left_out
 from rptcam_cl.rendering.cameras.setting import film_frame, half_film_mm, lens_setting
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from tests.support.cases import slow
 

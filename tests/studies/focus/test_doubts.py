@@ -14,8 +14,8 @@ import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, NumericError
 from rptcam_cl.device.session import open_session
+from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.lens_settings import AutoFocus
-from rptcam_cl.scene.load import set_keys
 from rptcam_cl.studies.focus import contrast
 from rptcam_cl.studies.focus.controller import METHODS, follow_focus, with_warnings
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Zone
