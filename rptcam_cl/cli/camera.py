@@ -19,8 +19,6 @@ from rptcam_cl.cli.output import (
     add_device,
     add_scene,
     as_json,
-    focus_method,
-    focus_policy,
     loaded_scene,
     point,
     positive,
@@ -279,7 +277,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
 def run_camera(arguments: argparse.Namespace) -> int:
     """The camera for computer vision: intrinsics, distortion and pose, fitted to the chief rays of the lens."""
     from rptcam_cl.exchange.camera_models import subject, view
-    from rptcam_cl.scene.load import camera_changes
+    from rptcam_cl.scene.changes import camera_changes
 
     _check_camera_files(arguments)
     scene = subject(arguments.source, arguments.overrides, size=arguments.size, film_mm=arguments.film)
@@ -351,6 +349,22 @@ def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") 
 
 # ``rptcam focus``: autofocus of a scene's camera.
 
+
+def _word_of(names_of: str) -> Callable[[str], str]:
+    """The parser of a word of a list of `scene.lens_settings`, ``METHODS`` or ``POLICIES``."""
+
+    def parse(text: str) -> str:
+        from rptcam_cl.scene import lens_settings
+        from rptcam_cl.scene.base import near_name
+
+        names: tuple[str, ...] = getattr(lens_settings, names_of)
+        if text not in names:
+            raise argparse.ArgumentTypeError(f"got {text}{near_name(text, names)}; allowed {', '.join(names)}")
+        return text
+
+    return parse
+
+
 # fmt: off
 _PLACES = (
     Option(
@@ -369,12 +383,12 @@ _PLACES = (
 FOCUS_OPTIONS = (
     Option(
         "method", "--method", "contrast, laplacian, variance, depth, phase or hybrid (default: the scene's, or"
-        " contrast)", focus_method, "NAME",
+        " contrast)", _word_of("METHODS"), "NAME",
     ),
     *_PLACES,
     Option(
         "policy", "--policy", "which of several zones decides: closest (default), farthest, centre or weighted",
-        focus_policy, "NAME",
+        _word_of("POLICIES"), "NAME",
     ),
     Option(
         "criterion", "--criterion", "what depth and phase call sharpest: spot (default), pixel, or mtf@30 with line"
@@ -435,7 +449,7 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
     from dataclasses import astuple
 
     from rptcam_cl.device.session import open_session
-    from rptcam_cl.scene.load import change_scene, set_keys
+    from rptcam_cl.scene.changes import change_scene, set_keys
     from rptcam_cl.studies.focus.controller import FocusOptions, zones_of
     from rptcam_cl.studies.focus.servo import FrameFocus, FrameTracker, doubts_of, servo_plot, summary_of
 

@@ -358,7 +358,7 @@ def at_best_focus(setting: Setting, wavelengths_nm: Sequence[float], field_degre
     return replace(setting, film_distance_mm=distance)
 
 
-def by_field(of_fields: Sequence[OfField]) -> dict[float, list[OfField]]:
+def _by_field(of_fields: Sequence[OfField]) -> dict[float, list[OfField]]:
     """Return the spots or wavefronts of each field, in order."""
     groups: dict[float, list[OfField]] = {}
     for one in of_fields:
@@ -390,7 +390,7 @@ def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
     ``rms_error_um`` and ``largest_error_um`` are what half as many rays across change.
     """
     rows: list[dict[str, Any]] = []
-    for degrees, group in by_field(spots).items():
+    for degrees, group in _by_field(spots).items():
         for spot in group:
             rows.append(_row(degrees, spot.wavelength_nm, [spot]))
         if len(group) > 1:
@@ -408,7 +408,7 @@ def _row(degrees: float, wavelength_nm: float | None, group: Sequence[FilmSpot])
     return {"field_degrees": degrees, "wavelength_nm": wavelength_nm, **facts, **errors}
 
 
-def panels_of(title: str, count: int, rest: float, **shared: Any) -> tuple[Figure, NDArray[Any]]:
+def _panels_of(title: str, count: int, rest: float, **shared: Any) -> tuple[Figure, NDArray[Any]]:
     """Return a figure of so many charts in rows, with room for the rest [inches], and the charts (rows, columns)."""
     rows = math.ceil(count / PANELS)
     figure = charts.new_figure(title, (charts.SIZE[0], rows * PANEL + rest))
@@ -424,8 +424,8 @@ def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
     from matplotlib.lines import Line2D
 
     spots = [spot for spot in spots if len(spot.points)]
-    groups = by_field(spots)
-    figure, panels = panels_of(
+    groups = _by_field(spots)
+    figure, panels = _panels_of(
         f"{setting.lens.name}: spots on the film", len(groups), TITLE_AND_KEY, sharex=True, sharey=True
     )
     centres = {field: pool(group).mean(axis=0) for field, group in groups.items()}
@@ -530,7 +530,7 @@ def mtf_table(spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) ->
 
     ``error`` is what half as many rays across change of either modulation.
     """
-    groups = by_field(spots)
+    groups = _by_field(spots)
     fields = {degrees: field_mtf(group, frequencies_per_mm) for degrees, group in groups.items()}
     rows = table_of(fields, frequencies_per_mm)
     before = table_of(
@@ -593,7 +593,7 @@ def mtf(
     groups: Mapping[float, Sequence[Any]]
     curves: Callable[[Sequence[Any], ArrayLike], list[Array] | None]
     if diffraction:
-        groups, curves = by_field(field_waves(setting, fields, wavelengths_nm, rays)), _wave_transfer
+        groups, curves = _by_field(field_waves(setting, fields, wavelengths_nm, rays)), _wave_transfer
         values = {one: _wave_transfer(group, frequencies_per_mm) for one, group in groups.items()}
         errors = [_transfer_errors(group, frequencies_per_mm, values[one]) for one, group in groups.items()]
         rows = [
@@ -602,7 +602,7 @@ def mtf(
         ]
     else:
         spots = film_spots(setting, fields, wavelengths_nm, rays, mtf_moves(frequencies_per_mm))
-        groups, curves, rows = by_field(spots), field_mtf, mtf_table(spots, frequencies_per_mm)
+        groups, curves, rows = _by_field(spots), field_mtf, mtf_table(spots, frequencies_per_mm)
     how = " by wave optics" if diffraction else ", geometrical times diffraction"
     frequencies = np.linspace(0.0, max(frequencies_per_mm), CURVE)
 
@@ -792,7 +792,7 @@ def _wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
 @charts.styled()
 def _wavefront_chart(setting: Setting, waves: Sequence[PupilFunction]) -> Figure:
     """Return the maps of path differences over the pupil side by side, to one scale, in direction cosines."""
-    figure, panels = panels_of(f"{setting.lens.name}: wavefront at the exit pupil", len(waves), TITLE)
+    figure, panels = _panels_of(f"{setting.lens.name}: wavefront at the exit pupil", len(waves), TITLE)
     maps = [_map(wave) for wave in waves]
     most = max(float(np.nanmax(np.abs(part))) for part in maps) or 1.0
     for axes, wave, part in zip(panels.flat, waves, maps, strict=False):

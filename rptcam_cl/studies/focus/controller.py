@@ -21,8 +21,9 @@ from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.ideal import bright_parts
 from rptcam_cl.rendering.layers import Moments
 from rptcam_cl.scene.base import listed, near_name
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
-from rptcam_cl.scene.load import change_scene, input_error, load_scene
+from rptcam_cl.scene.load import input_error, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.contrast import (
     aim,
@@ -269,7 +270,7 @@ HALVED = 0.5  # side of the zone round a point of the scene, in those of a point
 POINT_ROUNDS = 3  # in which focus and exposure of the place of a point follow from that place
 
 
-def zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | None) -> Zone:
+def _zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | None) -> Zone:
     """Return a zone round a point, and put the focus where the point is seen from.
 
     Parameters
@@ -502,7 +503,7 @@ def find_focus(
         raise InputError("camera.focus.auto.sensor: the scene has none (allowed: sensor: {} in the scene, or without)")
     renderer = ProbeRenderer(scene, session, sensor=settings.sensor)
     if zones is None and settings.at is not None:
-        zones = [zone_of_point(renderer, settings.at, settings.object)]
+        zones = [_zone_of_point(renderer, settings.at, settings.object)]
     if zones is None and settings.object is not None:
         zones = [zone_of_object(renderer, settings.object)]
     task = Task(
