@@ -579,11 +579,7 @@ def _spread_light(film: Array, width: float) -> Array:
     reach = int(np.ceil(width))
     tent = np.maximum(width - np.abs(np.arange(-reach, reach + 1)), 0.0)
     tent /= tent.sum()
-    if len(tent) <= 3 and tent[1] == 1.0:
-        return film
-    band = np.zeros((_BAND, _BAND + 2 * reach))
-    for row in range(_BAND):
-        band[row, row : row + len(tent)] = tent
+    band = sum(weight * np.eye(_BAND, _BAND + 2 * reach, k) for k, weight in enumerate(tent))
     for _ in range(2):  # along the rows, and along the columns
         size, flat = len(film), film.reshape(len(film), -1)
         places = np.arange(-reach, size + reach) % (2 * size)
