@@ -13,8 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rptcam_cl.api.interface import merge
-from rptcam_cl.api.job import RenderOptions, SceneSource, check_divisible, plain_data, read_scene
+from rptcam_cl.api.job import RenderOptions, SceneSource, check_divisible, merge, plain_data, read_scene
 from rptcam_cl.api.options import OF_A_CLUSTER
 from rptcam_cl.batch.cluster import (
     Credentials,

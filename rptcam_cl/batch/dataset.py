@@ -21,8 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.api.interface import settle
-from rptcam_cl.api.job import SeriesRenderer
+from rptcam_cl.api.job import SeriesRenderer, settle
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError, out_of_range
@@ -33,7 +32,8 @@ from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.exchange.camera_models import COEFFICIENTS, View, calibrate, calibrate_best, view
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import LABELS, MOST_INSTANCES, TRUTH_FILES, categories_of, with_classes
-from rptcam_cl.scene.load import change_scene, load_scene, set_keys
+from rptcam_cl.scene.changes import change_scene, set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 # Errors of a frame begin with its number.

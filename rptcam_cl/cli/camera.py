@@ -277,7 +277,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
 def run_camera(arguments: argparse.Namespace) -> int:
     """The camera for computer vision: intrinsics, distortion and pose, fitted to the chief rays of the lens."""
     from rptcam_cl.exchange.camera_models import subject, view
-    from rptcam_cl.scene.load import camera_changes
+    from rptcam_cl.scene.changes import camera_changes
 
     _check_camera_files(arguments)
     scene = subject(arguments.source, arguments.overrides, size=arguments.size, film_mm=arguments.film)
@@ -449,7 +449,7 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
     from dataclasses import astuple
 
     from rptcam_cl.device.session import open_session
-    from rptcam_cl.scene.load import change_scene, set_keys
+    from rptcam_cl.scene.changes import change_scene, set_keys
     from rptcam_cl.studies.focus.controller import FocusOptions, zones_of
     from rptcam_cl.studies.focus.servo import FrameFocus, FrameTracker, doubts_of, servo_plot, summary_of
 

@@ -36,7 +36,8 @@ from rptcam_cl.rendering.cameras.setting import (
 )
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.scene.camera import pose_matrix
-from rptcam_cl.scene.load import at_opening, change_scene, load_scene
+from rptcam_cl.scene.changes import at_opening, change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 if TYPE_CHECKING:

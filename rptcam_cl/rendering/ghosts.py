@@ -33,7 +33,7 @@ from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
 from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.scene.load import at_opening
+from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.scene import Scene
 
 # What lights the front of a lens: points of lamps and suns, in the lens's frame, as far as nothing hides them.

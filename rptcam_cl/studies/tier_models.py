@@ -18,7 +18,7 @@ from rptcam_cl.rendering.cameras.lens_records import FAR_MM, disperses, usable_n
 from rptcam_cl.rendering.cameras.ray_map import RayMap, allowed_px, fitted_map
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_camera, lens_setting, lens_to_focus, on_film
 from rptcam_cl.scene.assets.mesh import MeshPlacement
-from rptcam_cl.scene.load import change_scene, with_camera
+from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.materials import Emissive, Material, Matte, Mix, Translucent
 from rptcam_cl.scene.meshes import LoadedMesh
 from rptcam_cl.scene.scene import Scene, Solid

@@ -23,9 +23,9 @@ from rptcam_cl.rendering.cameras.lens_records import EXTREMES_NM, FAR_MM, colour
 from rptcam_cl.rendering.cameras.ray_map import RayMap
 from rptcam_cl.rendering.cameras.realistic import lens_tint, shows_losses
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, lens_setting, on_film
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.lens_settings import Accuracy
-from rptcam_cl.scene.load import change_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.tier_models import (
     RINGS,

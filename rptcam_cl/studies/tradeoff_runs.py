@@ -28,8 +28,9 @@ from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.film import RenderSettings
-from rptcam_cl.scene.load import change_scene, load_scene, set_fields, with_camera
+from rptcam_cl.scene.load import given_keys, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import in_focus
 from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent
@@ -515,7 +516,7 @@ def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
     """Return the scene in focus, with the exposure that its most accurate picture is metered to."""
     sharp, _ = in_focus(scene, session, None)
     shot = resolve_exposure(most_accurate(sharp).scene, session)[0]
-    return change_scene(sharp, exposure=set_fields(shot.exposure), shutter=set_fields(shot.shutter))
+    return change_scene(sharp, exposure=given_keys(shot.exposure), shutter=given_keys(shot.shutter))
 
 
 def _diffraction(scene: Scene) -> dict[str, Any] | None:

@@ -4,7 +4,7 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.camera import RealisticCamera
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.materials import Matte
 from rptcam_cl.scene.shapes import Sphere
 

@@ -3,7 +3,8 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.load import at_opening, exposure_steps, load_scene
+from rptcam_cl.scene.changes import at_opening, exposure_steps
+from rptcam_cl.scene.load import load_scene
 
 from .conftest import SMALL, Load
 

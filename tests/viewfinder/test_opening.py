@@ -14,7 +14,8 @@ import yaml
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.device.devices import CompileServer, choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.messages import Client
 from rptcam_cl.viewfinder.server import ViewServer

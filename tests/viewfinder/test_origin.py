@@ -12,7 +12,8 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import named_files
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.viewfinder.slot import with_changes
 from rptcam_cl.viewfinder.studio import Origin, Watch
 

@@ -31,8 +31,8 @@ from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, is_tinted, known
 from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
 from rptcam_cl.rendering.cameras.ideal import shaped
 from rptcam_cl.rendering.cameras.setting import LensSetting, LossFiller, lens_setting
+from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 
 # How a lens bends each wavelength: ratios of indices as polynomials for the device, and whether a picture shows it.

@@ -21,8 +21,9 @@ from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.ideal import bright_parts
 from rptcam_cl.rendering.layers import Moments
 from rptcam_cl.scene.base import listed, near_name
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
-from rptcam_cl.scene.load import change_scene, input_error, load_scene
+from rptcam_cl.scene.load import input_error, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.contrast import (
     aim,

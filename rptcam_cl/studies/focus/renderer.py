@@ -29,9 +29,9 @@ from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.changes import at_opening, change_scene
 from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.lights import ConstantEnvironment
-from rptcam_cl.scene.load import at_opening, change_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
 from rptcam_cl.studies.focus.probe import (

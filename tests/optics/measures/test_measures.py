@@ -245,7 +245,7 @@ def test_t_numbers_count_what_a_ring_leaves_and_near_objects(hole: float, focus_
     assert row["t_number_coated"] is None
 
 
-@pytest.mark.parametrize("pixel", [0.249, pytest.param(0.499, marks=pytest.mark.slow)])  # in wavelengths times f-number
+@pytest.mark.parametrize("pixel", [0.249, slow(0.499)])  # in wavelengths times f-number
 def test_pixels_of_a_diffracted_point_have_the_mean_of_the_airy_pattern(pixel: float) -> None:
     rows = [{"thickness": 3, "glass": {"index": 1.5}, "diameter": 26, "stop": True},
             {"radius": -25, "conic": -2.25, "diameter": 26}]  # fmt: skip
@@ -281,8 +281,7 @@ def test_radii_of_several_wavelengths_hold_shares_of_all_their_light() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "f_number", "degrees"),
-    [pytest.param("tessar-102mm", 8.0, 29.0, marks=pytest.mark.slow), ("cylinder-pair", 8.0, 0.0)],
+    ("name", "f_number", "degrees"), [slow("tessar-102mm", 8.0, 29.0), ("cylinder-pair", 8.0, 0.0)]
 )
 def test_figures_by_default_are_those_of_many_rays_and_say_how_exact_they_are(
     name: str, f_number: float, degrees: float

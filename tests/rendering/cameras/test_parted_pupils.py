@@ -105,7 +105,7 @@ def test_spread_points_fill_their_box_evenly():
     assert counts.min() >= 58
 
 
-@pytest.mark.parametrize("f_number", [4.53, pytest.param(5.2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("f_number", [4.53, slow(5.2)])
 def test_slivers_between_nodes_are_traced_finer_and_not_given_up(f_number):
     eye = load_lens("human-eye")  # of an eye stopped down, rims cut slivers at 54 degrees
     eye = eye.with_stop_diameter(eye.stop_diameter_for(f_number))
@@ -142,7 +142,7 @@ def test_nine_of_ten_rays_of_every_pupil_pass(name):
             assert share_that_passes(used.lens, back, radius, sampling) >= 0.9, (f_number, distance_m)
 
 
-@pytest.mark.parametrize(("f_number", "half"), [(7.0, 37.7), pytest.param(10.2, 15.3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("f_number", "half"), [(7.0, 37.7), slow(10.2, 15.3)])
 def test_crescents_of_a_ring_are_held_with_their_hole(f_number, half):
     lens = load_lens("mirror-500mm")
     lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number))
@@ -157,7 +157,7 @@ def test_crescents_of_a_ring_are_held_with_their_hole(f_number, half):
     assert passes[drawn].mean() > 0.8
 
 
-@pytest.mark.parametrize("f_number", [12.0, pytest.param(8.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("f_number", [12.0, slow(8.0)])
 def test_devices_receive_the_light_of_thin_rings_and_crescents(session, f_number):
     lens = load_lens("mirror-500mm")  # at f/12 the middle of the film was black
     back, columns, samples = back_distance(lens), 15, 1024

@@ -6,16 +6,20 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
 from rptcam_cl.core.records import CAUSTIC_SURFACE, Kind, curves
-from rptcam_cl.rendering.film import MOST_CELLS, MOST_PHOTONS, PhotonPass, pass_of, within_passes
-from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.scene_buffers import (
+from rptcam_cl.rendering.caustics import (
     FIRST_PHOTONS,
+    MOST_CELLS,
+    MOST_PHOTONS,
     NEIGHBOURS,
     PILOT_PHOTONS,
+    PhotonPass,
     first_radius,
     neighbours2,
+    pass_of,
     sorted_by_cell,
+    within_passes,
 )
+from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session, run
 from tests.rendering.caustics.test_photons import LAMP, ball, glasses, lamp, scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.rendering import tree_build, trees
+from rptcam_cl.rendering import scene_buffers, tree_build
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tracer import Wavefront
@@ -52,9 +52,9 @@ def test_scene_gets_a_tree_from_the_break_even_on(monkeypatch, tmp_path):
     built = []
     build = tree_build.tree_of_few
     monkeypatch.setattr(tree_build, "tree_of_few", lambda *a: built.append(len(a[0])) or build(*a))
-    for count in (trees.BREAK_EVEN - 1, trees.BREAK_EVEN):
+    for count in (scene_buffers.BREAK_EVEN - 1, scene_buffers.BREAK_EVEN):
         rptcam_cl.render(cloud(count), spp=1)
-    assert built == [trees.BREAK_EVEN]
+    assert built == [scene_buffers.BREAK_EVEN]
 
 
 ROOM = {
@@ -96,11 +96,7 @@ def painted(objects):
 
 @pytest.mark.parametrize(
     "objects",
-    [
-        pytest.param(ROOM["objects"], marks=pytest.mark.slow),
-        painted(ROOM["objects"][:1]) + ROOM["objects"][1:],
-        pytest.param(painted(ROOM["objects"]), marks=pytest.mark.slow),
-    ],
+    [slow(ROOM["objects"]), painted(ROOM["objects"][:1]) + ROOM["objects"][1:], slow(painted(ROOM["objects"]))],
     ids=["plain", "painted floor", "all painted"],
 )
 def test_tables_of_few_primitives_change_no_bit(session, objects):

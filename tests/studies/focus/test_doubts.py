@@ -14,8 +14,8 @@ import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, NumericError
 from rptcam_cl.device.session import open_session
+from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.lens_settings import AutoFocus
-from rptcam_cl.scene.load import set_keys
 from rptcam_cl.studies.focus import contrast
 from rptcam_cl.studies.focus.controller import METHODS, follow_focus, with_warnings
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Zone
@@ -34,7 +34,7 @@ def too_near(method):
     return scene_of([target(0.16, 0.1, noise(60)), target(4.0, 4.0, noise(60))], camera)
 
 
-@pytest.mark.parametrize("method", [m if m == "depth" else pytest.param(m, marks=pytest.mark.slow) for m in METHODS])
+@pytest.mark.parametrize("method", [m if m == "depth" else slow(m) for m in METHODS])
 def test_every_method_says_that_the_target_is_nearer_than_possible(method):
     with pytest.raises(OutOfReach, match=WORDS) as refusal:
         rptcam_cl.autofocus(too_near(method))

@@ -8,7 +8,7 @@ import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
 from rptcam_cl.optics.charts import chart_svg
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.focus.controller import zone_of_object
 from rptcam_cl.studies.focus.probe import FocusReport, ProbeRecord, Zone, focus_plot
 from tests.rendering.pictures import seed_of

@@ -15,6 +15,7 @@ from rptcam_cl.studies.tiers import choose_camera
 from rptcam_cl.studies.tradeoff import Advice
 from rptcam_cl.studies.tradeoff_errors import AS_IT_IS, NoiseLaw, noise_law
 from rptcam_cl.studies.tradeoff_runs import ladder, mark, measure_tradeoff, most_accurate
+from tests.support.cases import slow
 
 
 def law(exponent):
@@ -64,7 +65,7 @@ def test_no_noise_takes_no_samples():
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 SCENES = [
-    pytest.param("sunny_sixteen.yaml", [], marks=pytest.mark.slow),
+    slow("sunny_sixteen.yaml", []),
     ("still_life.yaml", ["render.sampler=independent", "render.clamp=10"]),
     ("paper/figure_4.yaml", ["camera.pupil=thick", "camera.accuracy=auto"]),
 ]

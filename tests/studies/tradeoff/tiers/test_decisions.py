@@ -9,7 +9,7 @@ import pytest
 from rptcam_cl.optics.surface import star
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import lens_to_focus
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.tiers import choose_camera, measure_lens
 from tests.studies.tradeoff.tiers.cases import BALL, scene_of
 from tests.support.cases import one_in
