@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.ray_trace import Status, passed_rays
+from rptcam_cl.optics.ray_trace import Status, passed_rays, refract
+from rptcam_cl.optics.surface import Surface
 from tests.optics.truth import CASES, NAMES, truth, truth_lens
 
 POSITION = 1e-9  # mm; the tables agree with two other programs to 1e-12
@@ -135,3 +136,18 @@ def test_no_ray_may_pass() -> None:
         lens, np.array([[0.0, 500.0, -9.0]]), np.array([[0.0, 0.0, 1.0]]), 550.0, "scene"
     )
     assert len(rows) == 0 and points.shape == directions.shape == (3, 0)
+
+
+def test_weierstrass_points_are_stigmatic():
+    # Light from R / n beyond the centre seems, once outside, to come from n R beyond it: exactly, at every angle.
+    n, r = 1.5, 10.0
+    angles = np.radians(np.linspace(-56, 56, 20))
+    source = np.array([[0.0], [0.0], [-r - r / n]]) * np.ones(20)
+    directions = np.stack([np.zeros(20), np.sin(angles), np.cos(angles)])
+    hits = Surface(curvature=-1 / r).meet(source, directions)
+    bent, through = refract(directions, hits.normals, hits.cosines, np.array(n))
+    assert np.all(through) and np.all(hits.met)
+    crossing = hits.points[2] - hits.points[1] / bent[1] * bent[2]
+    np.testing.assert_allclose(crossing, -r - n * r, atol=1e-11)
+    wrong, _ = refract(directions, hits.normals, hits.cosines, np.array(n + 1e-4))
+    assert np.abs(hits.points[2] - hits.points[1] / wrong[1] * wrong[2] + r + n * r).max() > 1e-4

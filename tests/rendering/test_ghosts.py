@@ -20,7 +20,8 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
 from rptcam_cl.optics.surface import blades
 from rptcam_cl.rendering import ghosts as ghost_film
-from rptcam_cl.rendering.ghosts import WAVES_NM, GhostFilm
+from rptcam_cl.rendering.ghosts import WAVES_NM, GhostFilm, _as_one, _spread_light
+from rptcam_cl.rendering.lamps import _on_sphere
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.scene.load import load_scene
@@ -354,3 +355,25 @@ def test_ghosts_are_spread_by_the_pixels_that_they_cover(share: float) -> None:
     width = ghost_film.WIDTH * (pixels**0.5 / (0.5 * rays / pixels)) ** (1 / 3)
     steps = np.log(width) / np.log(ghost_film.FINER)
     assert abs(film._spread_steps(way, rays) - steps) <= 0.5
+
+
+def test_lamp_that_shows_small_is_one_source_of_all_its_light() -> None:
+    lamp, front = np.array([0.2, -0.1, -10.0, 0.01]), np.zeros(3)
+    places, areas, patches = _on_sphere(lamp, front)
+    points = np.column_stack([places, np.ones(len(places))]), areas[:, None] * [1.0, 2.0, 3.0], np.zeros((16, 2))
+    (at, light, target), whole = _as_one(points, patches, front)
+    assert len(at) == len(target) == len(whole) == 1
+    assert at[0, :3] == pytest.approx(lamp[:3], abs=1e-12)
+    assert light[0] == pytest.approx(np.pi * 1e-4 * np.array([1.0, 2.0, 3.0]), rel=1e-5)
+    edge = whole.at(np.ones(8), np.arange(8) / 8) - lamp[:3]
+    assert np.linalg.norm(edge, axis=1) == pytest.approx(0.01)
+    assert _as_one(points, patches, np.array([0.0, 0.0, -9.0]))[0][0] is points[0]  # from 1 m it shows large
+
+
+def test_light_is_spread_by_a_tent_and_mirrored_at_the_border() -> None:
+    film, width = np.random.default_rng(1).random((70, 9, 3)), 2.56
+    tent = np.maximum(width - np.abs(np.arange(-3, 4)), 0.0)
+    wide = np.pad(film, [(3, 3), (3, 3), (0, 0)], mode="symmetric")
+    by_rows = np.apply_along_axis(np.convolve, 0, wide, tent / tent.sum(), "valid")
+    expected = np.apply_along_axis(np.convolve, 1, by_rows, tent / tent.sum(), "valid")
+    assert _spread_light(film, width) == pytest.approx(expected, rel=1e-12)

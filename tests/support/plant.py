@@ -46,7 +46,7 @@ TESTS = {
     " rendering/cameras/test_losses rendering/test_transmission",
     "scene/assets": "scene/test_boards exchange/starting",
     "optics": "rendering/tolerances rendering/layers/test_blur cli/test_lens_views cli/test_lens cli/test_breathing"
-    " cli/test_lens_tolerance rendering/cameras/test_as_built",
+    " cli/test_lens_tolerance rendering/cameras/test_as_built rendering/cameras/test_extremes",
     "core": "device/test_layout device/test_signatures rendering/test_world scene/assets/test_remembered_pictures"
     " imaging/sensor",
     "device": "rendering/several",

@@ -233,7 +233,7 @@ def test_top_at_the_end_of_what_was_searched_is_none_but_for_infinity(place, ins
     peak = SimpleNamespace(place=place, inside=inside)
     stand_ins = {
         "_round": ([], 8), "_widen": {0: peak}, "_still_possible": [0], "_next_step": 1.0, "_three_places": [],
-        "_for_measure": 1.0, "_for_place": 1.0, "_refine": peak, "choose_zone": 0,
+        "_for_measure": 1.0, "_for_place": 1.0, "_refine": peak, "choose_zone": 0, "_narrow_zones": None,
     }  # fmt: skip
     for name, value in stand_ins.items():
         monkeypatch.setattr(contrast, name, lambda *_, value=value: value)
