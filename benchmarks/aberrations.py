@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 
 from benchmarks.report import print_table
 from benchmarks.worker import Worker, WorkerError
-from rptcam_cl.api.interface import load_lens
 from rptcam_cl.core import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.optics import aberrations, ray_trace, spots
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.waves import ExitRays
+from rptcam_cl.rendering.traceable_lens import load_lens
 
 Array = NDArray[np.float64]
 Figures = dict[str, Array]

@@ -22,7 +22,8 @@ from benchmarks.samplers import measure as measure_noise
 from benchmarks.scenes import wavefront_of
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 MASK = "mask.png"

@@ -25,9 +25,10 @@ from benchmarks.stopwatch import timed
 from rptcam_cl.api.job import resolve
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering import scene_buffers
+from rptcam_cl.rendering import caustics
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 GLASS = {"kind": "dielectric", "index": 1.5}
@@ -148,12 +149,12 @@ def render(wavefront: Wavefront, seed: int, spp: int) -> tuple[Film, float]:
 
 def reference_of(scene: Scene, session: Session, spp: int) -> Film:
     """Return a picture by photons of a third of the radius."""
-    usual = scene_buffers.FIRST_PHOTONS
-    scene_buffers.FIRST_PHOTONS = usual / 9
+    usual = caustics.FIRST_PHOTONS
+    caustics.FIRST_PHOTONS = usual / 9
     try:
         return render(wavefront_of(scene, session), 1000, spp)[0]
     finally:
-        scene_buffers.FIRST_PHOTONS = usual
+        caustics.FIRST_PHOTONS = usual
 
 
 def error_of(picture: Film, reference: Film) -> float:

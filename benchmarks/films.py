@@ -20,7 +20,8 @@ from benchmarks.scenes import FULL_SIZE, reference_scene, render_samples, wavefr
 from rptcam_cl.core.errors import RptcamError
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"

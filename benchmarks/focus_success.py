@@ -26,11 +26,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.scene.load import change_scene, load_scene, set_keys
+from rptcam_cl.scene.changes import change_scene, set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import BY_DETAILS, focus_of
 from rptcam_cl.studies.focus.phase import DETAILS, half_view

@@ -20,7 +20,8 @@ from benchmarks.stopwatch import cores, fastest, timed
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 Points = Iterator[tuple[str, Wavefront]]

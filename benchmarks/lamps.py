@@ -19,7 +19,8 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.samplers import SAMPLERS, measure
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from tests.rendering.light.pictures import save_exr
 

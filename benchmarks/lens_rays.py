@@ -20,13 +20,12 @@ from benchmarks.peak import peak_flops
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.stopwatch import Times, cores, fastest
 from benchmarks.worker import Worker, WorkerError
-from rptcam_cl.api.interface import load_lens
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.lens_records import lens_records
-from rptcam_cl.rendering.traceable_lens import PACKETS, TraceableLens
+from rptcam_cl.rendering.traceable_lens import PACKETS, TraceableLens, load_lens
 
 LENS = "dgauss-50mm"
 FILM_DISTANCE_MM = 36.3972  # focused at 8.8 m

@@ -17,7 +17,7 @@ def prescription(scene: Any) -> dict[str, Any]:
     """Return the lens of a scene's camera, its film and the circles to aim at [mm], scene side first."""
     import numpy as np
 
-    from rptcam_cl.api.interface import load_lens
+    from rptcam_cl.rendering.traceable_lens import load_lens
 
     camera, lens = scene.camera, load_lens(scene.camera.lens)
     distance = camera.focus.film_distance_mm

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.stopwatch import cores
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.device.session import Session
 from rptcam_cl.scene.scene import Scene
 

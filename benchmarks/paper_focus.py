@@ -19,7 +19,7 @@ from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.imaging.development import srgb_from_linear
 from rptcam_cl.optics.charts import add_key, encode, new_chart, series, styled
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.focus.probe import BEST, MEASURES, Zone
 from rptcam_cl.studies.focus.renderer import ProbeRenderer
 

@@ -17,7 +17,7 @@ from benchmarks.stopwatch import cores, timed
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 
 SCENES = ("A", "A_lens", "B", "C")
 PUPILS = ("rear", "thick", "bounds", "tight")

@@ -23,7 +23,8 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lens_records import disperses
-from rptcam_cl.scene.load import change_scene, load_scene, with_camera
+from rptcam_cl.scene.changes import change_scene, with_camera
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 LENSES: tuple[tuple[str, dict[str, Any], float], ...] = (  # with what is set of it, and the width of the film [mm]

@@ -17,7 +17,8 @@ from benchmarks.scenes import reference_scene, render_samples, wavefront_of
 from benchmarks.stopwatch import timed
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 SAMPLERS = ("independent", "lattice")

@@ -13,7 +13,8 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from tests.support.mesh_scene import write_meshes
 

@@ -10,14 +10,15 @@ if TYPE_CHECKING:
     from typing import Any
 
     from rptcam_cl.api.combined import sweep
-    from rptcam_cl.api.interface import devices, load_lens, merge, render, settle
+    from rptcam_cl.api.job import merge, render, settle
     from rptcam_cl.api.session import Change, Frame, RenderSession
     from rptcam_cl.batch.cluster_run import render_on_cluster
     from rptcam_cl.batch.dataset import dataset
-    from rptcam_cl.device.devices import choose_device
+    from rptcam_cl.device.devices import choose_device, devices
     from rptcam_cl.imaging.image import Image, develop
     from rptcam_cl.rendering.progressive import Progress
     from rptcam_cl.rendering.tolerance_run import tolerance
+    from rptcam_cl.rendering.traceable_lens import load_lens
     from rptcam_cl.scene.load import load_scene
     from rptcam_cl.scene.scene import Scene
     from rptcam_cl.studies.focus.controller import autofocus, focused_scene
@@ -26,15 +27,16 @@ if TYPE_CHECKING:
 
 # Where the interface is, imported at the first use of a name, so that ``rptcam_cl.optics`` alone needs no OpenCL.
 _MODULES = {
-    "api.interface": "devices load_lens merge render settle",
+    "api.job": "merge render settle",
     "api.session": "Change Frame RenderSession",
     "api.combined": "sweep",
     "batch.cluster_run": "render_on_cluster",
     "batch.dataset": "dataset",
-    "device.devices": "choose_device",
+    "device.devices": "choose_device devices",
     "imaging.image": "Image develop",
     "rendering.progressive": "Progress",
     "rendering.tolerance_run": "tolerance",
+    "rendering.traceable_lens": "load_lens",
     "scene.load": "load_scene",
     "scene.scene": "Scene",
     "studies.focus.controller": "autofocus focused_scene",

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from examples.figures.figure import Figure, shared
 from examples.figures.numbers import Numbers, Row
 from examples.figures.shares import passing_share
-from rptcam_cl.api.interface import load_lens, render
+from rptcam_cl.api.job import render
 from rptcam_cl.optics.irradiance import film_irradiance, image_circle
+from rptcam_cl.rendering.traceable_lens import load_lens
 
 # Lens, film distance and stop [mm]: irradiance of the film at these radii [mm] for a world of radiance 1.
 RADII = (0, 5, 10, 15, 20, 25, 30, 35)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 
 ACROSS = 800  # pixels
 MIDDLE = [0.495, 0.505, 0.495, 0.505]

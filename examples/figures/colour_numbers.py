@@ -8,10 +8,11 @@ import numpy as np
 
 from examples.figures.numbers import Numbers, Ours, Row
 from examples.figures.paper_lens_numbers import blur_on_film, paper_doublet
-from rptcam_cl.api.interface import load_lens, render
+from rptcam_cl.api.job import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.glass import AbbeLinear
 from rptcam_cl.optics.lens import object_distance
+from rptcam_cl.rendering.traceable_lens import load_lens
 
 WAVELENGTHS_NM = (400, 486.1, 589.3, 656.3, 700)
 COLUMNS = tuple(f"{wavelength:g} nm" for wavelength in WAVELENGTHS_NM)

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from examples.figures.numbers import Numbers, Ours, Row
-from rptcam_cl.api.interface import load_lens
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.irradiance import image_circle
 from rptcam_cl.optics.lens import Lens, film_distance, object_distance
+from rptcam_cl.rendering.traceable_lens import load_lens
 
 PIXEL_MM = 70 / math.hypot(300, 300)  # of the assignment of 2015: 300 x 300 pixels, 70 mm across
 

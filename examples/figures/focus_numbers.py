@@ -6,10 +6,9 @@ import numpy as np
 
 from examples.figures.figure import ROOT
 from examples.figures.numbers import Numbers, Row
-from rptcam_cl.api.interface import load_lens
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.optics.lens import film_distance
-from rptcam_cl.rendering.traceable_lens import TraceableLens
+from rptcam_cl.rendering.traceable_lens import TraceableLens, load_lens
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import autofocus

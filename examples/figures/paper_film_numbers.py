@@ -12,11 +12,12 @@ from examples.figures.blur import card_blur, thin_lens_blurs
 from examples.figures.figure import ROOT
 from examples.figures.numbers import Numbers, Row
 from examples.figures.paper_lens_numbers import blur_on_film, paper_singlet
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.imaging.development import srgb_from_linear
 from rptcam_cl.optics.charts import add_key, new_figure, series, styled
 from rptcam_cl.optics.lens import film_distance
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies.focus.controller import autofocus
 
 # Figure 1: lamps by colour; the green one is in focus.

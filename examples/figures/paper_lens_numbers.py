@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 
 from examples.figures.numbers import Numbers, Row
-from rptcam_cl.api.interface import load_lens
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.optics.charts import Drawing
 from rptcam_cl.optics.design import GlassChoice, doublet_radii, image_distances
 from rptcam_cl.optics.drawing import View, draw_lens
 from rptcam_cl.optics.lens import film_distance, object_distance
 from rptcam_cl.optics.spots import setting
-from rptcam_cl.rendering.traceable_lens import TraceableLens
+from rptcam_cl.rendering.traceable_lens import TraceableLens, load_lens
 
 NEAR_AXIS = 0.01  # share of the clear radius
 THICKNESS = 0.01

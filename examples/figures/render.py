@@ -25,7 +25,7 @@ from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import replacing
 from rptcam_cl.imaging.image import SETTINGS
 from rptcam_cl.optics.charts import encode
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 
 SECTIONS = (PAPER, REPORT, ASSIGNMENT_2015, ASSIGNMENT_2003)
 # Factors on the size and on the samples, and whether the noise that is left may be removed.

@@ -13,7 +13,8 @@ from examples.figures.figure import shared
 from examples.figures.numbers import Numbers, Row
 from examples.figures.paper_lens_numbers import blur_on_film
 from examples.figures.shares import passing_share
-from rptcam_cl.api.interface import load_lens, render
+from rptcam_cl.api.job import render
+from rptcam_cl.rendering.traceable_lens import load_lens
 
 BALLS = (2, 3, 4)  # distances [m]
 BEFORE_MM = 300.0  # from a point to the middle of the biconcave lens

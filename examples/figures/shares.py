@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rptcam_cl.api.interface import load_lens
+from rptcam_cl.rendering.traceable_lens import load_lens
 
 ACROSS = 600  # rays over the diameter of the disk
 

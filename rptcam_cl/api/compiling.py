@@ -22,9 +22,9 @@ from rptcam_cl.rendering.plan.plan import Plan, make_plan, serve, with_film, wit
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import SMALL, Wavefront, WavefrontPool, order, warm_up_denoiser
+from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2
 from rptcam_cl.scene.film import Film, RenderSettings
-from rptcam_cl.scene.load import set_keys
 from rptcam_cl.scene.scene import Scene
 
 # A scene as a session renders it, and what changes of it come to.

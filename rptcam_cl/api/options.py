@@ -184,8 +184,8 @@ NOT_WITH = {
 
 
 @dataclass(frozen=True)
-class RenderOption:
-    """An option of ``rptcam render``, which may be a keyword of `rptcam_cl.render` as well.
+class Option:
+    """An option of a command, which may be a keyword of the Python call of the same name as well.
 
     Attributes
     ----------
@@ -235,111 +235,111 @@ LISTED: dict[str, Any] = {"action": "append", "default": []}
 
 # fmt: off
 RENDER_OPTIONS = (
-    RenderOption(
+    Option(
         "outputs", "-o --output", f"picture to write, format by suffix: {listed(DEVELOPED_SUFFIXES, 'and')} developed,"
         f" {listed(FILM_SUFFIXES, 'and')} linear; may be repeated", Path, "OUT", more=SEVERAL | {"required": True},
     ),
-    RenderOption(
+    Option(
         "raws", "--raw", f"also write a raw file of the scene's sensor, format by suffix: {listed(RAW_SUFFIXES)}; may"
         " be repeated", Path, "OUT", not_with="part", more=LISTED,
     ),
-    RenderOption("spp", "--spp", "samples per pixel, in place of the scene's", spp, "N", key="render.spp"),
-    RenderOption(
+    Option("spp", "--spp", "samples per pixel, in place of the scene's", spp, "N", key="render.spp"),
+    Option(
         "seconds", "--time", "stop after this rendering time, as 60s or 5min", duration, "TIME",
         not_with="part cluster",
     ),
-    RenderOption(
+    Option(
         "noise", "--noise", "sample each tile of 8 x 8 pixels until its relative standard error is X, as 0.02 or 2%%",
         share, "X", not_with="part cluster", key="render.noise",
     ),
-    RenderOption(
+    Option(
         "resume", "--resume", "continue from OUT.rpck, which an interrupted render leaves, and keep it, so that samples"
         " can be added",
     ),
-    RenderOption(
+    Option(
         "allow_mixed", "--allow-mixed", "join what other code, another numpy or another driver has made, too, and name"
         " all in the metadata",
     ),
-    RenderOption("seed", "--seed", "seed of the random numbers", seed, "N", key="render.seed"),
-    RenderOption("size", "--size", "resolution in pixels", size, "WxH", key="film.resolution"),
-    RenderOption(
+    Option("seed", "--seed", "seed of the random numbers", seed, "N", key="render.seed"),
+    Option("size", "--size", "resolution in pixels", size, "WxH", key="film.resolution"),
+    Option(
         "crop", "--crop", "render only this window, in fractions of the picture from the left and the top", crop,
         "x0,x1,y0,y1", key="film.crop",
     ),
-    RenderOption(
+    Option(
         "layers", "--layers", f"record these auxiliary layers in {listed(LAYER_SUFFIXES, 'and')} outputs, as"
         " depth,normal; all for every one but lights", layers, "NAME,...", key="render.layers",
     ),
-    RenderOption(
+    Option(
         "denoise", "--denoise", "remove the remaining noise (biased); needs rptcam_cl[denoise]",
         not_with="part cluster",
     ),
-    RenderOption(
+    Option(
         "device", "--device", "an index as 0:0, a part of a name, cpu, gpu, auto or all (default: $RPTCAM_DEVICE,"
         " $PYOPENCL_CTX, auto); may be repeated for several devices that share the render", str, "SPEC", more=SEVERAL,
     ),
-    RenderOption(
+    Option(
         "split", "--split", "share of each device, as 0:0=0.7,1:0=0.3 (default: by speed, which is measured)", str,
         "SPEC=SHARE,...", not_with="cluster",
     ),
-    RenderOption(
+    Option(
         "overrides", "--set", "replace a value of the scene file, as camera.f_number=4; may be repeated", str,
         "key.path=value", more=LISTED,
     ),
-    RenderOption(
+    Option(
         "missing", "--missing", "files that are not there: an error that names them all (default), or grey in place of"
         " pictures, and meshes left out, each with a warning", str,
         more={"choices": ("error", "grey"), "default": "error"},
     ),
-    RenderOption(
+    Option(
         "part", "--part", "render part K of N parts of the tiles, to be merged; -o names a file that ends in .rpck",
         part, "K/N", not_with="frames cluster truth",
     ),
-    RenderOption(
+    Option(
         "samples", "--samples", "render these samples of each pixel alone, as 64:128, likewise", sample_range,
         "FIRST:END", not_with="frames cluster truth",
     ),
-    RenderOption(
+    Option(
         "plan", "--plan", "print the memory, the kernel launches and the time that the render will take, and render"
         " nothing", not_with="frames cluster",
     ),
-    RenderOption(
+    Option(
         "truth", "--truth", "also write COCO annotations, masks of instances and classes, and the rays of all pixels"
         " into this folder", Path, "DIR",
     ),
-    RenderOption(
+    Option(
         "frames", "--frames", "render these frames of the scene's sequence, as 1-240 or 1-240:2; #### in names of files"
         " is the frame; with --resume, frames that are there are kept", frame_range, "FIRST-LAST[:STEP]",
         not_with="truth",
     ),
-    RenderOption(
+    Option(
         "video", "--video", "with --frames and a film among the outputs (.exr, .npz): also a video, .mov (ProRes), .mkv"
         " (FFV1), .mp4 (H.264) or .webm (AV1); needs rptcam_cl[video]", Path, "OUT",
     ),
-    RenderOption(
+    Option(
         "cluster", "--cluster", "render on the workers of this scheduler of dask.distributed, as tls://host:8786", str,
         "ADDRESS", not_with="truth",
     ),
-    RenderOption(
+    Option(
         "workers", "--workers", "render in N processes of this machine, likewise", int, "N", not_with="truth"
     ),
-    RenderOption(
+    Option(
         "tls", "--tls", "certificate files (PEM) for an address tls://…: authority, certificate, key; none: take tcp://"
         " on a machine where all users are trusted", str, "CA,CERT,KEY",
     ),
-    RenderOption(
+    Option(
         "stats", "--stats", "write statistics of the render", Path, "FILE.json", not_with="part frames cluster"
     ),
-    RenderOption(
+    Option(
         "strict", "--strict", "fail, with exit code 5, when numbers cannot be trusted or autofocus failed; the picture"
         " is still written", not_with="cluster",
     ),
-    RenderOption("quiet", "--quiet", "print only warnings and errors"),
-    RenderOption(
+    Option("quiet", "--quiet", "print only warnings and errors"),
+    Option(
         "preview", "--preview", "write the picture so far to the outputs now and then, as every 10s", duration, "TIME",
         not_with="part frames cluster",
     ),
-    RenderOption(
+    Option(
         "watch", "--watch", "render again whenever the scene file or a file that it names changes, until Ctrl-C",
         not_with="part frames cluster",
     ),
@@ -355,7 +355,7 @@ OF_A_CLUSTER = tuple(
 """Keywords that replace keys of a scene that a cluster renders."""
 
 
-def excluded_by(mode: str) -> list[RenderOption]:
+def excluded_by(mode: str) -> list[Option]:
     """The options that do not go with a mode of `NOT_WITH`."""
     return [option for option in RENDER_OPTIONS if mode in option.not_with.split()]
 

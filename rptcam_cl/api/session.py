@@ -46,7 +46,7 @@ from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.progressive import FilmRun, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.load import set_keys
+from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.scene import Scene
 
 # What a render session hands out: frames, and what a change came to.
@@ -287,7 +287,7 @@ class RenderSession:
         return self._compiler.is_film_ready(self._shown, self._film_plan)
 
     def change(self, changes: Mapping[str, Any], *, wait: bool = True) -> Change:
-        """Set keys of the scene, as `rptcam_cl.scene.load` does; the film is empty then, unless it stays the same.
+        """Set keys of the scene, as `rptcam_cl.scene.changes` does; the film is empty then, unless it stays the same.
 
         Parameters
         ----------

@@ -33,12 +33,11 @@ from rptcam_cl.core.files import (
 from rptcam_cl.core.remember import Maker, Memory, OneMaker, is_maker, made_by
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.rendering.several import FilmPart
+from rptcam_cl.scene.base import LARGEST_FILE
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 # A scene with all its files as bytes, so that a machine that has none of them can render it.
-
-LARGEST_FILE = 2 << 30  # bytes
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rptcam_cl.api.interface import merge
-from rptcam_cl.api.job import RenderOptions, SceneSource, check_divisible, plain_data, read_scene, with_keywords
+from rptcam_cl.api.job import RenderOptions, SceneSource, check_divisible, merge, plain_data, read_scene
 from rptcam_cl.api.options import OF_A_CLUSTER
 from rptcam_cl.batch.cluster import (
     Credentials,
@@ -31,7 +30,7 @@ from rptcam_cl.batch.cluster import (
     render_scene,
 )
 from rptcam_cl.core import __version__
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import dataclass, with_keywords
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.files import make_folder, remove_strays, replacing, resolve_links, scratch_folder
 from rptcam_cl.core.remember import OneMaker, made_by
@@ -144,7 +143,7 @@ CLIENT_S = 0.04  # that a part costs the client at most, so that it keeps up wit
 PARTS_A_WORKER = 4  # at least, so that all end at about the same time
 
 
-@with_keywords(*OF_A_CLUSTER)
+@with_keywords(RenderOptions, *OF_A_CLUSTER)
 def render_on_cluster(
     scene: SceneSource,
     cluster: str | None = None,
@@ -174,8 +173,6 @@ def render_on_cluster(
     tls
         Certificates, for an address that begins with ``tls://``; False for ``tcp://`` on a machine where all users
         are trusted, since any of them can run programs by it.
-    device
-        Of each worker, as for `choose_device`.
     folder
         Where parts are kept until the picture is whole; by default one that goes with the call.
     resume
@@ -183,12 +180,10 @@ def render_on_cluster(
     allow_mixed
         Whether workers and parts of other code, another numpy or another driver are taken too; the metadata name all
         under ``mixed``.
-    on_progress
-        Called with a `Progress` after each part.
-    should_stop
-        Asked several times a second; True ends the render and raises `InterruptedError`.
-    spp, seed, size, crop, layers
-        As for `rptcam_cl.render`.
+    on_progress, should_stop
+        Called with a `Progress` after each part; asked several times a second, where True ends the render.
+    spp, seed, size, crop, layers, device
+        As for `rptcam_cl.render`; the device is that of each worker.
 
     Raises
     ------
@@ -204,19 +199,31 @@ def render_on_cluster(
     """
     check_cluster(cluster, workers, tls)
     given = read_scene(scene)
-    settings = RenderOptions(**options)
-    applied = settings.apply_to(given)
-    check_divisible(applied)
-    samples = settings.most_spp(applied)
-    assert samples is not None, "without a time it ends by samples"
+    applied, spp = _divisible(given, options)
     parcel, job = pack_scene(given), Job(options, device, allow_mixed=allow_mixed)
+    to_cluster = partial(connect, cluster, workers, tls, device, allow_mixed=allow_mixed)
+    with _parts_folder(folder, resume=resume) as (parts, kept_text):
+        return _Run(parts, parcel, job, applied, spp, on_progress, should_stop, kept_text).image(to_cluster)
+
+
+@contextlib.contextmanager
+def _parts_folder(folder: str | Path | None, *, resume: bool) -> Iterator[tuple[PartsFolder, str]]:
+    """The folder of parts, emptied unless a render goes on, and what errors say of it; by default it goes at last."""
     with scratch_folder() as scratch:
         parts = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
         if not resume:
             parts.clear()
-        kept_text = "" if folder is None else f"; {parts.path} holds the parts that came back (--resume goes on)"
-        run = _Run(parts, parcel, job, applied, samples, on_progress, should_stop, kept_text)
-        return run.image(partial(connect, cluster, workers, tls, device, allow_mixed=allow_mixed))
+        yield parts, "" if folder is None else f"; {parts.path} holds the parts that came back (--resume goes on)"
+
+
+def _divisible(scene: Scene, options: Mapping[str, Any]) -> tuple[Scene, int]:
+    """The scene with options that it has to take in parts, and the samples of each pixel."""
+    settings = RenderOptions(**options)
+    applied = settings.apply_to(scene)
+    check_divisible(applied)
+    spp = settings.most_spp(applied)
+    assert spp is not None, "without a time it ends by samples"
+    return applied, spp
 
 
 def parts_of(seconds: float, workers: int) -> int:
@@ -315,8 +322,7 @@ class _Run:
 
     def _report_progress(self, share: float, seconds: float) -> None:
         if self.on_progress is not None:
-            pixels = self.scene.film.resolution[0] * self.scene.film.resolution[1]
-            rate = share * pixels * self.spp / max(seconds, 1e-9) / 1e6
+            rate = share * math.prod(self.scene.film.resolution) * self.spp / max(seconds, 1e-9) / 1e6
             done = round(share * self.spp)
             self.on_progress(Progress("render", done, self.spp, seconds, rate, None, tiles_done=share))
 
@@ -362,7 +368,7 @@ def render_scenes_on_cluster(
     check_cluster(cluster, workers, tls)
     words = dict(settings or {})
     for scene in scenes.values():
-        check_divisible(RenderOptions(**words).apply_to(scene))
+        _divisible(scene, words)
     if not scenes:
         return
     parcel = pack_scene(*scenes.values())

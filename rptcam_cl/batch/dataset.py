@@ -21,8 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.api.interface import settle
-from rptcam_cl.api.job import SeriesRenderer
+from rptcam_cl.api.job import SeriesRenderer, settle
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError, out_of_range
@@ -33,7 +32,8 @@ from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.exchange.camera_models import COEFFICIENTS, View, calibrate, calibrate_best, view
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import LABELS, MOST_INSTANCES, TRUTH_FILES, categories_of, with_classes
-from rptcam_cl.scene.load import change_scene, load_scene, set_keys
+from rptcam_cl.scene.changes import change_scene, set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 # Errors of a frame begin with its number.
@@ -741,7 +741,6 @@ POSE = {"eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso"}
 REMEMBERED = 512  # camera models
 SAMPLES = ("spp", "spp_min", "spp_mean")
 STOP = ("f_number", "stop_diameter_mm")
-GOOD_PX = 0.05  # residual at which the search for the simplest camera model ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -864,7 +863,9 @@ def _frames(
         with number_errors(index):
             if scene.requested_autofocus is not None:
                 scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
-            image = renderer.render(_with_labels(scene) if wanted.truth else scene)
+            if wanted.truth:  # masks and annotations need these layers
+                scene = change_scene(scene, render={"layers": tuple(dict.fromkeys((*scene.render.layers, *LABELS)))})
+            image = renderer.render(scene)
             if "class_names" in image.metadata:
                 layers, metadata = with_classes(image.layers, image.metadata, wanted.classes)
                 image = replace(image, layers=layers, metadata=metadata)
@@ -886,11 +887,6 @@ def _frames(
         yield DatasetFrame(index, values, record, image)
     if place is not None:
         place.finish()
-
-
-def _with_labels(scene: Scene) -> Scene:
-    """Return a scene with the layers that masks and annotations need."""
-    return change_scene(scene, render={"layers": tuple(dict.fromkeys((*scene.render.layers, *LABELS)))})
 
 
 class _Cameras:
@@ -915,14 +911,13 @@ class _Cameras:
         if known is None and seen.is_of_any_stop:
             known = self._lit.find(optics)
         if known is None:
-            if self._model == "auto":
-                fit = calibrate_best(seen, list(COEFFICIENTS), GOOD_PX)
-            else:
-                fit = calibrate(seen, self._model)
+            is_free = self._model == "auto"
+            fit = calibrate_best(seen, list(COEFFICIENTS)) if is_free else calibrate(seen, self._model)
+            of = fit.named
             known = {
                 "model": fit.model,
-                "parameters": fit.named,
-                "matrix": _matrix(fit.named),
+                "parameters": of,
+                "matrix": [[of["fx"], 0.0, of["cx"]], [0.0, of["fy"], of["cy"]], [0.0, 0.0, 1.0]],
                 "largest_error_px": fit.max_px,
                 "rms_error_px": fit.rms_px,
             }
@@ -940,8 +935,3 @@ def _content(seen: View) -> tuple[str, str]:
     if seen.setting is not None:
         facts += [seen.setting.film_distance_mm, seen.setting.lens.vertices.tobytes()]
     return hashlib.sha256(repr(facts).encode()).hexdigest(), repr(stop)
-
-
-def _matrix(named: Mapping[str, float]) -> list[list[float]]:
-    """Return K; the centre of the first pixel is 0.5."""
-    return [[named["fx"], 0.0, named["cx"]], [0.0, named["fy"], named["cy"]], [0.0, 0.0, 1.0]]

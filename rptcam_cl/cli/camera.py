@@ -13,14 +13,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.api.options import add_options, crop, duration, frame_range, share, size
+from rptcam_cl.api.options import SEVERAL, Option, add_options, crop, duration, frame_range, share, size
 from rptcam_cl.cli.lens_options import check_picture, distances, numbers, wavelengths, write, write_picture
 from rptcam_cl.cli.output import (
     add_device,
     add_scene,
     as_json,
-    focus_method,
-    focus_policy,
     loaded_scene,
     point,
     positive,
@@ -29,6 +27,7 @@ from rptcam_cl.cli.output import (
     say_on_stderr,
 )
 from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import listed
 
 if TYPE_CHECKING:
     from rptcam_cl.exchange.camera_models import Calibration, View
@@ -210,7 +209,6 @@ def _write(files: list["File"]) -> None:
 
 
 MODELS = ("auto", "pinhole", "brown_conrady", "rational", "thin_prism", "kannala_brandt")
-GOOD_PX = 0.05  # residual at which the search for a model ends, where no other is given
 POOR_PX = 0.1  # residual from which on there is a warning, where no other is given
 
 
@@ -279,7 +277,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
 def run_camera(arguments: argparse.Namespace) -> int:
     """The camera for computer vision: intrinsics, distortion and pose, fitted to the chief rays of the lens."""
     from rptcam_cl.exchange.camera_models import subject, view
-    from rptcam_cl.scene.load import camera_changes
+    from rptcam_cl.scene.changes import camera_changes
 
     _check_camera_files(arguments)
     scene = subject(arguments.source, arguments.overrides, size=arguments.size, film_mm=arguments.film)
@@ -301,7 +299,7 @@ def run_camera(arguments: argparse.Namespace) -> int:
 def _choose_model(arguments: argparse.Namespace, seen: "View") -> "Calibration":
     """The requested model, or the simplest that fits and that all files to be written can hold."""
     from rptcam_cl.exchange.camera_files import HELD, check_held
-    from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best
+    from rptcam_cl.exchange.camera_models import COEFFICIENTS, GOOD_PX, calibrate, calibrate_best
 
     forms = [name for name in (*TEXTS, "colmap") if getattr(arguments, name) is not None]
     allowed = arguments.max_residual_px
@@ -351,42 +349,64 @@ def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") 
 
 # ``rptcam focus``: autofocus of a scene's camera.
 
-_ZONES = ("zones", "zones_file", "mask", "point", "object", "at")
+
+def _word_of(names_of: str) -> Callable[[str], str]:
+    """The parser of a word of a list of `scene.lens_settings`, ``METHODS`` or ``POLICIES``."""
+
+    def parse(text: str) -> str:
+        from rptcam_cl.scene import lens_settings
+        from rptcam_cl.scene.base import near_name
+
+        names: tuple[str, ...] = getattr(lens_settings, names_of)
+        if text not in names:
+            raise argparse.ArgumentTypeError(f"got {text}{near_name(text, names)}; allowed {', '.join(names)}")
+        return text
+
+    return parse
+
+
+# fmt: off
+_PLACES = (
+    Option(
+        "zones", "--zone", "rectangle to focus on, in fractions of the picture from the left and the top; may be"
+        " repeated", crop, "x0,x1,y0,y1", more=SEVERAL,
+    ),
+    Option("zones_file", "--zones", "file with a line xleft xright ytop ybottom each", Path, "FILE"),
+    Option("mask", "--mask", "picture that is bright where to focus", Path, "FILE"),
+    Option("point", "--point", "point to focus on, in the same fractions", point, "x,y"),
+    Option("object", "--object", "object to focus on, wherever it is seen", str, "NAME"),
+    Option(
+        "at", "--at", "point of the scene to focus on; with --object in that object's own coordinates, as an eye of a"
+        " face", place, "x,y,z",
+    ),
+)
+FOCUS_OPTIONS = (
+    Option(
+        "method", "--method", "contrast, laplacian, variance, depth, phase or hybrid (default: the scene's, or"
+        " contrast)", _word_of("METHODS"), "NAME",
+    ),
+    *_PLACES,
+    Option(
+        "policy", "--policy", "which of several zones decides: closest (default), farthest, centre or weighted",
+        _word_of("POLICIES"), "NAME",
+    ),
+    Option(
+        "criterion", "--criterion", "what depth and phase call sharpest: spot (default), pixel, or mtf@30 with line"
+        " pairs per mm of the film", str, "NAME",
+    ),
+    Option(
+        "sensor", "--sensor", "probe with the noise and the white of the scene's sensor, in the exposure of the"
+        " picture", more={"action": "store_const", "const": True},
+    ),
+)
+# fmt: on
 
 
 def add_focus(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     add_scene(parser)
-    parser.add_argument(
-        "--method", type=focus_method, metavar="NAME",
-        help="contrast, laplacian, variance, depth, phase or hybrid (default: the scene's, or contrast)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--zone", action="append", type=crop, metavar="x0,x1,y0,y1", dest="zones",
-        help="rectangle to focus on, in fractions of the picture from the left and the top; may be repeated",
-    )  # fmt: skip
-    parser.add_argument(
-        "--zones", type=Path, metavar="FILE", dest="zones_file", help="file with a line xleft xright ytop ybottom each"
-    )
-    parser.add_argument("--mask", type=Path, metavar="FILE", help="picture that is bright where to focus")
-    parser.add_argument("--point", type=point, metavar="x,y", help="point to focus on, in the same fractions")
-    parser.add_argument("--object", metavar="NAME", help="object to focus on, wherever it is seen")
-    parser.add_argument(
-        "--at", type=place, metavar="x,y,z",
-        help="point of the scene to focus on; with --object in that object's own coordinates, as an eye of a face",
-    )  # fmt: skip
-    parser.add_argument(
-        "--policy", type=focus_policy, metavar="NAME",
-        help="which of several zones decides: closest (default), farthest, centre or weighted",
-    )  # fmt: skip
-    parser.add_argument(
-        "--criterion", metavar="NAME",
-        help="what depth and phase call sharpest: spot (default), pixel, or mtf@30 with line pairs per mm of the film",
-    )  # fmt: skip
-    parser.add_argument(
-        "--sensor", action="store_const", const=True,
-        help="probe with the noise and the white of the scene's sensor, in the exposure of the picture",
-    )  # fmt: skip
+    for option in FOCUS_OPTIONS:
+        option.add_to(parser)
     add_options(parser, "seed")
     add_device(parser)
     add_options(parser, "overrides")
@@ -403,9 +423,9 @@ def add_focus(parser: argparse.ArgumentParser) -> None:
 
 def run_focus(arguments: argparse.Namespace) -> int:
     """Find the focus of a scene's camera by probing through its lens; prints where the film has to be."""
-    given = [name for name in _ZONES if getattr(arguments, name) is not None]
+    given = [option.name for option in _PLACES if getattr(arguments, option.name) is not None]
     if len(given) > 1 and given != ["object", "at"]:
-        raise InputError("rptcam focus: takes one of --zone, --zones, --mask, --point, --object and --at")
+        raise InputError(f"rptcam focus: takes one of {listed((option.flag for option in _PLACES), 'and')}")
     check_picture(arguments.plot, str(arguments.scene))
     from rptcam_cl.studies.focus.controller import autofocus
     from rptcam_cl.studies.focus.probe import focus_plot
@@ -413,16 +433,7 @@ def run_focus(arguments: argparse.Namespace) -> int:
     scene = loaded_scene(arguments)
     if arguments.frames is not None:
         return _follow_frames(arguments, scene)
-    report = autofocus(
-        scene,
-        arguments.method,
-        **_where(arguments),
-        policy=arguments.policy,
-        criterion=arguments.criterion,
-        sensor=arguments.sensor,
-        seed=arguments.seed,
-        device=arguments.device,
-    )
+    report = autofocus(scene, **_focus_keywords(arguments))
     print_warnings(report.warnings)
     if arguments.plot is not None:
         write_picture(focus_plot(report, f"{arguments.scene.stem}: autofocus by {report.method}"), arguments.plot)
@@ -438,16 +449,13 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
     from dataclasses import astuple
 
     from rptcam_cl.device.session import open_session
-    from rptcam_cl.scene.load import change_scene, set_keys
-    from rptcam_cl.studies.focus.controller import focus_settings, zones_of
+    from rptcam_cl.scene.changes import change_scene, set_keys
+    from rptcam_cl.studies.focus.controller import FocusOptions, zones_of
     from rptcam_cl.studies.focus.servo import FrameFocus, FrameTracker, doubts_of, servo_plot, summary_of
 
-    where = _where(arguments)
-    if (mask := where.pop("mask")) is not None:
-        where["mask"] = {"file": mask}
-    keys = {name: getattr(arguments, name) for name in ("method", "policy", "criterion", "sensor")}
-    if scene.requested_autofocus is None or any(value is not None for value in (*where.values(), *keys.values())):
-        settings = focus_settings(scene, keys, where)
+    given = FocusOptions(**_focus_keywords(arguments))
+    if scene.requested_autofocus is None or given.keys:
+        settings = given.settings_of(scene)
         data = settings.model_dump(exclude_unset=True, exclude={"zones_from", "mask"})
         if settings.zones_from is not None or settings.mask is not None:
             data["zones"] = [list(astuple(zone)) for zone in zones_of(scene, settings)]
@@ -472,17 +480,18 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
     return 0
 
 
-def _where(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return zones, mask, point, object or place to focus on, as `autofocus` takes them."""
+def _focus_keywords(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The keywords of `autofocus` that the command has as options, files read."""
     from rptcam_cl.rendering.cameras.ideal import bright_parts
     from rptcam_cl.scene.lens_settings import read_zones
 
-    zones, mask = arguments.zones, arguments.mask
-    if arguments.zones_file is not None:
-        zones = read_zones(arguments.zones_file, str(arguments.zones_file))
-    if mask is not None:
-        mask = bright_parts(mask, str(mask))
-    return {"zones": zones, "mask": mask, **{name: getattr(arguments, name) for name in ("point", "object", "at")}}
+    names = ("seed", "device", *(option.name for option in FOCUS_OPTIONS))
+    given = {name: getattr(arguments, name) for name in names}
+    if (file := given.pop("zones_file")) is not None:
+        given["zones"] = read_zones(file, str(file))
+    if given["mask"] is not None:
+        given["mask"] = bright_parts(given["mask"], str(given["mask"]))
+    return given
 
 
 def _print_focus(report: "FocusReport") -> None:

@@ -185,7 +185,7 @@ def add_settle(parser: argparse.ArgumentParser) -> None:
 
 def run_settle(arguments: argparse.Namespace) -> int:
     """Write a scene whose auto focus, accuracy and exposure are found, so that parts and frames agree."""
-    from rptcam_cl.api.interface import settle
+    from rptcam_cl.api.job import settle
 
     known_suffix(arguments.output, SCENE_SUFFIXES, NOT_SCENE)
     check_writable(arguments.output, [arguments.scene])
@@ -388,7 +388,7 @@ def _line(device: dict[str, Any]) -> str:
 
 def run_devices(arguments: argparse.Namespace) -> int:
     """List the OpenCL devices; * marks the default."""
-    from rptcam_cl.api.interface import devices
+    from rptcam_cl.device.devices import devices
 
     listed = devices()
     print(as_json(listed) if arguments.json else "\n".join(map(_line, listed)))

@@ -64,14 +64,14 @@ def sequence_of(scene: "Scene") -> "FrameSequence":
 
 def _scene_of_frame(scene: "Scene", frame: int) -> "Scene":
     """The scene of a frame that stands alone."""
-    from rptcam_cl.scene.load import set_keys
+    from rptcam_cl.scene.changes import set_keys
 
     return set_keys(scene, sequence_of(scene).changes(scene.shutter.open_s, frame))
 
 
 def _frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[int, "Scene"]]:
     """The scene of each frame, checked before any is rendered."""
-    from rptcam_cl.scene.load import at_rest
+    from rptcam_cl.scene.changes import at_rest
 
     scenes = []
     for frame in arguments.frames:
@@ -439,7 +439,7 @@ def run_sweep(arguments: argparse.Namespace) -> int:
     kept.
     """
     from rptcam_cl.api.combined import sweep
-    from rptcam_cl.scene.load import set_keys
+    from rptcam_cl.scene.changes import set_keys
 
     over = _over(arguments.keys)
     scene = loaded_scene(arguments)

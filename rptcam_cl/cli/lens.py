@@ -575,11 +575,11 @@ def _scene(given: str, problem: "Problem") -> "Scene":
 
 def _write_pictures(found: "Optimised", scene: "Scene", spec: str, arguments: argparse.Namespace) -> None:
     """Render the scene through the lens before, after, and as built, each a file, and all on one sheet."""
-    from rptcam_cl.api.interface import render
+    from rptcam_cl.api.job import render
     from rptcam_cl.core.files import replacing
     from rptcam_cl.core.strict_yaml import read_yaml
     from rptcam_cl.optics.files.export import lens_text
-    from rptcam_cl.scene.load import set_keys
+    from rptcam_cl.scene.changes import set_keys
 
     before, after = (read_yaml(lens_text(lens)).data for lens in (found.start, found.lens))
     copy = {"design": after, "as_built": {"percentile": f"{PERCENT}%", "spec": spec}}

@@ -526,28 +526,6 @@ def point(text: str) -> tuple[float, float]:
     return x, y
 
 
-def focus_method(text: str) -> str:
-    """Name of a method of autofocus."""
-    from rptcam_cl.scene.lens_settings import METHODS
-
-    return _one_of(METHODS, text)
-
-
-def focus_policy(text: str) -> str:
-    """Which of several zones decides."""
-    from rptcam_cl.scene.lens_settings import POLICIES
-
-    return _one_of(POLICIES, text)
-
-
-def _one_of(names: Sequence[str], text: str) -> str:
-    from rptcam_cl.scene.base import near_name
-
-    if text not in names:
-        raise argparse.ArgumentTypeError(f"got {text}{near_name(text, names)}; allowed {', '.join(names)}")
-    return text
-
-
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """Add the scene file."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")

@@ -267,7 +267,7 @@ def _print_plan(arguments: argparse.Namespace, scene: Scene) -> int:
 
 def _forecast_lines(forecast: Forecast, preparing: float) -> list[str]:
     """What a render takes, as ``--plan`` prints it."""
-    from rptcam_cl.rendering.scene_buffers import amount
+    from rptcam_cl.rendering.tracer import amount
 
     memory = [f"{amount(needs.total)} on device {device}" for device, needs in forecast.devices.items()]
     limit = "at most " if forecast.at_most else ""
@@ -310,7 +310,7 @@ def _render(
 
     Ctrl-C ends it unless something else does.
     """
-    from rptcam_cl.api.interface import render
+    from rptcam_cl.api.job import render
     from rptcam_cl.imaging.image import Image
 
     with contextlib.ExitStack() as stack:
@@ -432,7 +432,7 @@ def add_merge(parser: argparse.ArgumentParser) -> None:
 
 def run_merge(arguments: argparse.Namespace) -> int:
     """Put together the parts that `rptcam render --part` and --samples made, anywhere."""
-    from rptcam_cl.api.interface import merge
+    from rptcam_cl.api.job import merge
     from rptcam_cl.imaging.writers import check_output
     from rptcam_cl.rendering.checkpoint import SUFFIX
 

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import inspect
+import re
 from collections.abc import Callable, Sequence
-from typing import Any, NoReturn, Self, TypeVar, dataclass_transform, overload
+from functools import wraps
+from typing import Any, Concatenate, NoReturn, ParamSpec, Self, TypeVar, dataclass_transform, overload
 
 Class = TypeVar("Class", bound=type)
 
@@ -138,3 +141,41 @@ class Rows:
             own = type(values[0])
             columns.append(own.joined(values) if issubclass(own, Rows) else np.concatenate(values))
         return cls(*columns)
+
+
+# Functions whose keywords are the fields of a dataclass, declared and explained there.
+
+Keywords = ParamSpec("Keywords")
+Result = TypeVar("Result")
+First = TypeVar("First")
+
+
+def takes_options(
+    options: Callable[Keywords, Any],
+) -> Callable[[Callable[Concatenate[First, ...], Result]], Callable[Concatenate[First, Keywords], Result]]:
+    """Let a function have the fields of a dataclass in place of its ``**options``: in its signature and its help."""
+
+    def decorate(function: Callable[Concatenate[First, ...], Result]) -> Callable[Concatenate[First, Keywords], Result]:
+        explained = str(options.__doc__).partition("----------\n")[2].partition("\n    Raises\n")[0]
+        function.__doc__ = re.sub(r"    \*\*options\n.*\n", lambda match: explained, str(function.__doc__))
+        return with_keywords(options, *(each.name for each in dataclasses.fields(options)))(function)  # type: ignore[arg-type]
+
+    return decorate
+
+
+def with_keywords(options: Callable[..., Any], *names: str) -> Callable[[Callable[..., Result]], Callable[..., Result]]:
+    """Let a function have some fields of a dataclass, and no others, in place of its ``**``."""
+
+    def decorate(function: Callable[..., Result]) -> Callable[..., Result]:
+        own, fields = inspect.signature(function), inspect.signature(options).parameters
+        named = [each for each in own.parameters.values() if each.kind is not each.VAR_KEYWORD]
+        signature = own.replace(parameters=[*named, *(fields[name] for name in names)])
+
+        @wraps(function)
+        def call(*arguments: Any, **keywords: Any) -> Result:
+            return function(**signature.bind(*arguments, **keywords).arguments)
+
+        call.__signature__ = signature  # type: ignore[attr-defined]
+        return call
+
+    return decorate

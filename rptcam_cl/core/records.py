@@ -970,3 +970,13 @@ def curves(shares: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np
     pairs = np.zeros((len(shares), cells + 1, 2), np.float32)
     pairs[..., 0], pairs[:, :-1, 1], pairs[:, -1, 1] = sums_32, guides, cells - 1
     return pairs.reshape(len(shares), -1), np.diff(sums_32.astype(np.float64), axis=1)
+
+
+def seed_words(seed: int) -> tuple[int, int]:
+    """Return two 32-bit words of a 64-bit seed, mixed so that neighbouring seeds are unrelated (splitmix64)."""
+    mask = (1 << 64) - 1
+    z = (seed + 0x9E3779B97F4A7C15) & mask
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & mask
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & mask
+    z ^= z >> 31
+    return z & 0xFFFFFFFF, z >> 32

@@ -612,6 +612,23 @@ def list_devices() -> list[DeviceInfo]:
     return devices
 
 
+def devices() -> list[dict[str, Any]]:
+    """Return every OpenCL device as a mapping of id, name, platform, type, compute_units, memory_bytes, fp64,
+    problem and default.
+
+    ``problem`` is why it cannot be used, None where it can; ``default`` marks the one that ``auto`` chooses.
+    """
+    listed = list_devices()
+    problems = {device.id: problem_of(device) for device in listed}
+    chosen = None if all(problems.values()) else choose_device("auto").id
+    names = ("id", "name", "platform", "type", "compute_units", "memory_bytes", "fp64")
+    return [
+        {name: getattr(device, name) for name in names}
+        | {"problem": problems[device.id], "default": device.id == chosen}
+        for device in listed
+    ]
+
+
 def _devices_of(cl: Any, index: int, platform: Any) -> list[DeviceInfo]:
     """Return the devices of a platform, or one without a handle that says how its driver failed."""
     try:

@@ -233,7 +233,6 @@ class Program:
     ----------
     name : str
         See `program_name`.
-    source : str
 
     Raises
     ------
@@ -244,10 +243,10 @@ class Program:
     def __init__(self, context: Any, device: Any, source: str) -> None:
         import pyopencl as cl
 
-        self.identity = hashlib.sha256(source.encode()).hexdigest()
+        self._text = source.encode()  # half of what a string with one Greek letter takes
+        self.identity = hashlib.sha256(self._text).hexdigest()
         self.name = program_name(device, source)
         self.is_noted = False  # that its code was generated
-        self.source = source
         self._idle: dict[str, list[Any]] = {}
         try:
             self.handle = build_program(context, device, source, list(options_of(device, source)))
@@ -262,9 +261,19 @@ class Program:
         return self._idle.setdefault(name, [])
 
     @property
+    def source(self) -> str:
+        """OpenCL C, all of it."""
+        return self._text.decode()
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its source."""
+        return len(self._text)
+
+    @property
     def is_quick(self) -> bool:
         """Whether it is one of `quick_source`."""
-        return self.source.startswith(_QUICK)
+        return self._text.startswith(_QUICK.encode())
 
     @cached_property
     def parameters(self) -> Parameters:

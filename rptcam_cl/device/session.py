@@ -34,7 +34,7 @@ _LLVMPIPE_LOOP_LIMIT = 65535
 ORGANISATION = "RPTCAM_ORGANISATION"  # environment variable; PASSES has any device work as a GPU does, for tests
 PASSES = "passes"
 FEW_SAMPLES = 1 << 20  # of all pictures of a process, up to which quick programs are worth their slowness
-_MOST_PROGRAMS = 48  # that a session keeps; those used longest ago are let go
+_MOST_SOURCE = 12 << 20  # bytes of the programs that a session keeps, as PoCL has ten times as many for them
 _opening = threading.Lock()
 
 
@@ -165,7 +165,7 @@ class Session:
         except cl.Error as error:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
         self._library_arch = devices.try_device(info.handle).library_arch
-        self._programs: Memory[Program] = Memory(_MOST_PROGRAMS)
+        self._programs: Memory[Program] = Memory(most_bytes=_MOST_SOURCE)
         self._building = threading.Lock()
         self._launched: list[Program] = []  # whose code is not noted
         self._events: list[tuple[str, Any]] = []  # of launches that may not have run
@@ -295,7 +295,7 @@ class Session:
     def alone(self) -> Session:
         """Return a session as `beside`, whose programs are not among those of this one."""
         other = self.beside()
-        other._programs = Memory(_MOST_PROGRAMS)
+        other._programs = Memory(most_bytes=_MOST_SOURCE)
         return other
 
     def quick(self) -> Session:

@@ -36,7 +36,8 @@ from rptcam_cl.rendering.cameras.setting import (
 )
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.scene.camera import pose_matrix
-from rptcam_cl.scene.load import at_opening, change_scene, load_scene
+from rptcam_cl.scene.changes import at_opening, change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -683,7 +684,10 @@ def _unfolded(errors: Array, count: int, axis: int) -> Array:
     return np.concatenate([errors, other], axis=1 - axis)
 
 
-def calibrate_best(view: View, models: Sequence[str], allowed_px: float) -> Calibration:
+GOOD_PX = 0.05  # residual at which the search for the simplest model ends, where no other is given
+
+
+def calibrate_best(view: View, models: Sequence[str], allowed_px: float = GOOD_PX) -> Calibration:
     """Return the first model that errs by at most some pixels, or the best of those that fit at all."""
     fits: list[Calibration] = []
     refused: InputError | None = None

@@ -180,11 +180,12 @@ class Report:
 
 
 TABLED = 32  # places from which a table holds them
+COAT_INDEX = 1.5  # of the clear coat of principled materials
 
 
 # Files that the scene of ours names: referenced where a scene may read them, copied beside it otherwise.
 
-_LARGEST_COPY = 4 << 30
+LARGEST_COPY = 4 << 30  # bytes
 
 
 @dataclass
@@ -306,7 +307,7 @@ def _check_file(check: Callable[[Path], object], path: Path, place: Place) -> No
 
 def _copy(source: Path, target: Path) -> None:
     try:
-        target.write_bytes(read_limited(source, str(source), _LARGEST_COPY))
+        target.write_bytes(read_limited(source, str(source), LARGEST_COPY))
     except MemoryError:
         raise InputError(f"{source}: is too large to be copied") from None
 

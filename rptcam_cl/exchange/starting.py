@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, name_errors, named_files, read_whole, replacing
+from rptcam_cl.exchange.conversion import LARGEST_COPY
 from rptcam_cl.optics.beams import crossings
 from rptcam_cl.optics.irradiance import image_circle
 from rptcam_cl.optics.lens import film_distance
@@ -27,8 +28,6 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.meshes import GLTF, read_mesh_file
 
 # Files that a new scene names: those elsewhere are copied beside it, because a scene reads its own folder only.
-
-_LARGEST_COPY = 4 << 30  # bytes
 
 
 @dataclass
@@ -97,7 +96,7 @@ class CopiedFiles:
 
 def _content(path: Path) -> bytes:
     with name_errors(path):
-        return read_whole(path, _LARGEST_COPY)
+        return read_whole(path, LARGEST_COPY)
 
 
 def _check_file(path: Path) -> Path:

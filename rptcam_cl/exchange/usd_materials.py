@@ -16,7 +16,7 @@ import numpy as np
 from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import Array, FileStore, Report, nested
+from rptcam_cl.exchange.conversion import COAT_INDEX, Array, FileStore, Report, nested
 from rptcam_cl.scene.assets.pictures import SUFFIXES
 from rptcam_cl.scene.materials import LEAST_BEND, MOST_BEND, MOST_INDEX
 from rptcam_cl.scene.textures import MOST_NESTED
@@ -92,7 +92,6 @@ _OPENPBR = {
     "opacity": "geometry_opacity", "thin_walled": "geometry_thin_walled", "normal": "geometry_normal",
     "coat_normal": "geometry_coat_normal",
 }  # fmt: skip
-_COAT_INDEX = 1.5  # of ours
 _NITS = 1000.0  # OpenPBR has luminances; a radiance of 1 stands for so many
 
 
@@ -190,8 +189,8 @@ class Shading:
             "clearcoat_roughness": get.number("coat_roughness", 0.0 if open_pbr else 0.1), **holes,
         }  # fmt: skip
         coat_index = float(get.plain(of["coat_IOR"], 1.6 if open_pbr else 1.5))
-        if keys["clearcoat"] and abs(coat_index - _COAT_INDEX) > 1e-3:
-            self.report.say("approximated", f"a coat of index {_COAT_INDEX}", get.shader.GetPrim())
+        if keys["clearcoat"] and abs(coat_index - COAT_INDEX) > 1e-3:
+            self.report.say("approximated", f"a coat of index {COAT_INDEX}", get.shader.GetPrim())
         if (sheen := float(np.mean(get.plain(of["sheen"], 0.0)))) > 0:
             keys["sheen"] = get.colour(of["sheen_color"], (1, 1, 1), factor=sheen)
             keys["sheen_roughness"] = get.number(of["sheen_roughness"], 0.5 if open_pbr else 0.3)

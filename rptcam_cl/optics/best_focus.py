@@ -39,6 +39,7 @@ RING_ROUNDS = 4
 AIMED = 4  # rounds after which the direction of the object point stays
 CONVERGED = 1e-11  # of the film distance, between two rounds
 CONVERGED_AT_A_POINT = 1e-6  # the same where the rays that pass are counted, not integrated
+MOST_ROUNDS, FEW_ROUNDS = 8, 3  # in each of which the marginal ray is found 128 times as well
 FEW_ACROSS, FEW_COARSE, FEW_AIMS = 48, 32, 24  # rays for a place that need not be exact: off by 0.004 of 2 N c, at most
 FEW_AIMED = 2  # by 0.035 (27 points of 9 lenses, the most where aberrations are many times that)
 AIMED_WITHIN = 10.0  # times as near as is enough: a direction aimed at from farther off is not that of the place itself
@@ -50,6 +51,8 @@ def best_film_distance(
     measured_from: str = "film",
     wavelengths_nm: Sequence[float] = (LINE_D_NM,),
     field_degrees: float = 0.0,
+    within_mm: float = 0.0,
+    start_mm: float | None = None,
 ) -> float:
     """Return the distance from the last vertex to the film with the least rms spot [mm].
 
@@ -63,17 +66,19 @@ def best_film_distance(
         Several are pooled with equal weights.
     field_degrees : float
         Off the axis the spot is that of the whole oblique beam, at the first wavelength.
+    within_mm, start_mm
+        As in `best_film_distance_at`.
     """
     if measured_from not in MEASURED_FROM:
         raise InputError(f'measured_from must be "film" or "front" (got {measured_from!r})')
     paraxial = film_distance(lens, object_distance_mm, measured_from, wavelengths_nm[0])
     if measured_from == "front" or np.isinf(object_distance_mm):
         return _best(lens, object_distance_mm, wavelengths_nm, field_degrees, paraxial)
-    film_distance_mm = paraxial
+    film_distance_mm, rounds = start_mm or paraxial, FEW_ROUNDS if within_mm > 0 else MOST_ROUNDS
     for _ in range(ROUNDS):
         front = object_distance_mm - lens.length - lens.sense * film_distance_mm
-        new = _best(lens, front, wavelengths_nm, field_degrees, film_distance_mm)
-        if abs(new - film_distance_mm) <= CONVERGED * abs(film_distance_mm):
+        new = _best(lens, front, wavelengths_nm, field_degrees, film_distance_mm, rounds)
+        if abs(new - film_distance_mm) <= max(CONVERGED * abs(film_distance_mm), within_mm):
             return new
         film_distance_mm = new
     return film_distance_mm
@@ -160,12 +165,19 @@ def _beam_to(
     return Beam(float(angle), front_mm, float(azimuth))
 
 
-def _best(lens: Lens, front_mm: float, wavelengths_nm: Sequence[float], field_degrees: float, start: float) -> float:
+def _best(
+    lens: Lens,
+    front_mm: float,
+    wavelengths_nm: Sequence[float],
+    field_degrees: float,
+    start: float,
+    rounds: int = MOST_ROUNDS,
+) -> float:
     if field_degrees or not lens.is_rotational:
         return start + spot(lens, start, Beam(field_degrees, front_mm), wavelengths_nm[0]).best_shift
     top, bottom = 0.0, 0.0
     for wavelength in wavelengths_nm:
-        heights, slopes, weights = _zones(lens, front_mm, wavelength)
+        heights, slopes, weights = _zones(lens, front_mm, wavelength, rounds)
         top += float(np.sum(weights * heights * slopes))
         bottom += float(np.sum(weights * slopes * slopes))
     return -top / bottom
@@ -187,14 +199,16 @@ def axial_blur(lens: Lens, film_distance_mm: float, front_mm: float, wavelength_
     return float(np.sqrt(np.sum(weights * (heights + film_distance_mm * slopes) ** 2)))
 
 
-def _zones(lens: Lens, front_mm: float, wavelength_nm: float) -> tuple[Array, Array, Array]:
+def _zones(lens: Lens, front_mm: float, wavelength_nm: float, rounds: int = MOST_ROUNDS) -> tuple[Array, Array, Array]:
     """Return height at the last vertex, slope along the light and weight of meridional rays.
 
     They are spread evenly over the entrance pupil, from the edge of what obstructs its middle.
     """
     plane, limit = _pupil_plane(lens, front_mm, wavelength_nm)
-    reach = _ring if lens.is_obstructed else _disk
-    inner, outer = reach(lens, front_mm, plane, limit, wavelength_nm)
+    if lens.is_obstructed:
+        inner, outer = _ring(lens, front_mm, plane, limit, wavelength_nm)
+    else:
+        inner, outer = 0.0, _marginal_height(lens, front_mm, plane, limit, wavelength_nm, rounds)
     nodes, weights = np.polynomial.legendre.leggauss(ZONES)
     share = inner / outer
     radii = outer * np.sqrt(share * share + (1.0 - share * share) * ((nodes + 1) / 2))
@@ -232,19 +246,21 @@ def _ring(lens: Lens, front_mm: float, plane: float, limit: float, wavelength_nm
     return float(inner[-1]), float(outer[0])
 
 
-def _disk(lens: Lens, front_mm: float, plane: float, limit: float, wavelength_nm: float) -> tuple[float, float]:
-    """Return 0 and the largest height in a plane below which every ray from the axial object point passes [mm]."""
+def _marginal_height(
+    lens: Lens, front_mm: float, plane: float, limit: float, wavelength_nm: float, rounds: int
+) -> float:
+    """Return the largest height in a plane below which every ray from the axial object point passes [mm]."""
     low, high = 0.0, limit
-    for _ in range(8):
+    for _ in range(rounds):
         trial = np.linspace(low, high, 129)
         passed = lens.trace(*_meridional(front_mm, plane, trial), wavelength_nm, start="scene").passed
         if passed.all():
-            return 0.0, high
+            return high
         first = int(np.argmin(passed))
         if first == 0:
             raise InputError(f"{lens.name}: the ray on the axis does not come through")
         low, high = trial[first - 1], trial[first]
-    return 0.0, low
+    return low
 
 
 def _meridional(front_mm: float, plane: float, heights: Array) -> tuple[Array, Array]:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts, drawing
 from rptcam_cl.optics.aberrations import FINE, fields_of
@@ -352,32 +351,19 @@ def _thin_limits(focal_mm: float, f_number: float, focus_mm: float, circle_mm: f
     return u * square / (square + slack) + v, u * square / (square - slack) + v if slack < square else math.inf
 
 
-@dataclass(frozen=True)
-class _Focus:
-    """A lens focused at a distance by its least spot."""
-
-    lens: Lens
-    film_mm: float
-    front_mm: float
-    wavelength_nm: float
-
-    @property
-    def behind_mm(self) -> float:
-        """From the first vertex to the film."""
-        return self.lens.length + self.lens.sense * self.film_mm
-
-    def blur(self, vergence: float) -> float:
-        """Return the diameter of the disk that spreads as much as the picture of a point of a vergence [1/mm] [mm]."""
-        away = 1 / vergence if vergence > 0 else math.inf
-        return OF_A_DISK * axial_blur(self.lens, self.film_mm, away, self.wavelength_nm)
+def _blur(at: Setting, vergence: float) -> float:
+    """Return the diameter of the disk that spreads as much as the picture of a point of a vergence [1/mm] [mm]."""
+    away = 1 / vergence if vergence > 0 else math.inf
+    return OF_A_DISK * axial_blur(at.lens, at.film, away, at.wavelength_nm)
 
 
-def _focus_lens(lens: Lens, focus_mm: float, wavelength_nm: float) -> _Focus:
+def _focus_lens(lens: Lens, focus_mm: float, wavelength_nm: float) -> Setting:
+    """Return a lens focused at a distance from the film by its least spot."""
     lens, film = brought_to_focus(lens, focus_mm, wavelength_nm)
     front = focus_mm - lens.length - lens.sense * film
     if front <= 0:
         raise InputError(f"{lens.name}: cannot be focused at {focus_mm:g} mm from the film, within the lens")
-    return _Focus(lens, best_film_distance(lens, front, "front", (wavelength_nm,)), front, wavelength_nm)
+    return Setting(lens, best_film_distance(lens, front, "front", (wavelength_nm,)), front, wavelength_nm)
 
 
 def _crossing(excess: Callable[[float], float], inside: float, outside: float) -> float:
@@ -396,16 +382,16 @@ def _crossing(excess: Callable[[float], float], inside: float, outside: float) -
     return middle
 
 
-def _traced_limits(at: _Focus, circle_mm: float) -> tuple[float, float] | None:
+def _traced_limits(at: Setting, circle_mm: float) -> tuple[float, float] | None:
     """Return the nearest and the farthest distance from the film whose points blur no wider than a circle [mm].
 
     None where the lens makes nothing as sharp.
     """
 
     def excess(vergence: float) -> float:
-        return at.blur(vergence) / circle_mm - 1
+        return _blur(at, vergence) / circle_mm - 1
 
-    own = 1 / at.front_mm
+    own = 1 / at.object_distance_mm
     if excess(own) > 0:
         return None
     step = max(own, circle_mm / at.lens.first_order(at.wavelength_nm).focal_length_mm ** 2)
@@ -415,7 +401,7 @@ def _traced_limits(at: _Focus, circle_mm: float) -> tuple[float, float] | None:
         near += step
     near = _crossing(excess, own, near)
     far = math.inf if excess(0.0) <= 0 else 1 / _crossing(excess, own, 0.0)
-    return 1 / near + at.behind_mm, far + at.behind_mm
+    return 1 / near + at.film_z, far + at.film_z
 
 
 def _hyperfocal(lens: Lens, circle_mm: float, wavelength_nm: float) -> float | None:
@@ -423,7 +409,7 @@ def _hyperfocal(lens: Lens, circle_mm: float, wavelength_nm: float) -> float | N
 
     def excess(reciprocal: float) -> float:
         focus = 1 / reciprocal if reciprocal else math.inf
-        return _focus_lens(lens, focus, wavelength_nm).blur(0.0) / circle_mm - 1
+        return _blur(_focus_lens(lens, focus, wavelength_nm), 0.0) / circle_mm - 1
 
     if excess(0.0) > 0:
         return None
@@ -464,7 +450,7 @@ def depth_of_field(
         thin_beyond = focal_mm**2 / (f_number * circle_mm) + 2 * focal_mm + f_number * circle_mm  # to the film
         for distance in distances_m:
             at = _focus_lens(stopped, 1e3 * distance, wavelength_nm)
-            blur, limits = at.blur(1 / at.front_mm), _traced_limits(at, circle_mm)
+            blur, limits = _blur(at, 1 / at.object_distance_mm), _traced_limits(at, circle_mm)
             thin = _thin_limits(focal_mm, f_number, 1e3 * distance, circle_mm)
             near, far = (None, None) if limits is None else (1e-3 * limits[0], 1e-3 * limits[1])
             near_thin, far_thin = (None if math.isnan(end) else 1e-3 * end for end in thin)

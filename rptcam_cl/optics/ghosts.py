@@ -134,8 +134,7 @@ def meet(lit: Lit, beam: PolarisedBeam, k: int, forward: bool, *, counted: bool 
         Whether the light that is lost on the way is noted.
     """
     whole, surface = lit.whole, lit.whole.surfaces[k]
-    sense = whole.senses[k] if forward else -whole.senses[k + 1]
-    hits, _, met = arrive(whole, k, sense, beam.points, beam.directions)
+    hits, _, met = arrive(whole, k, forward, beam.points, beam.directions)
     good = met & surface.clears(hits.points[0], hits.points[1])
     light, missed, blocked = np.zeros(len(good)), 0.0, 0.0
     if counted:

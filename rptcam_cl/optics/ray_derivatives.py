@@ -64,7 +64,7 @@ class Seeds:
         return list(np.maximum.accumulate(last))
 
 
-class ProfileDerivatives:
+class _ProfileDerivatives:
     """Sag z of a profile over s = r^2 with z' = dz/ds and z'', and the derivatives of z and z' by its numbers."""
 
     def __init__(self, surface: Surface, s: Array) -> None:
@@ -116,7 +116,7 @@ def sag_with_derivatives(surface: Surface, height: float, seeds: Seeds, k: int) 
     """
     s, q, c = height * height, 1.0 + surface.conic, surface.curvature
     near = min(s, REACH / (q * c * c)) if q * c * c > 0 else s
-    profile, beyond = ProfileDerivatives(surface, np.array([near])), s - near
+    profile, beyond = _ProfileDerivatives(surface, np.array([near])), s - near
     total = np.zeros(seeds.curvatures.shape[1])
     for seed, z, slope in profile.seeded(seeds, k, len(total)):
         total = total + seed * (z[0] + slope[0] * beyond)
@@ -254,7 +254,7 @@ class RaysWithDerivatives:
         d, dp, dd = self.directions, [a[:count] for a in self.points_by], [a[:count] for a in self.directions_by]
         moved = [dp[i] + length * dd[i] for i in range(3)]
         x, y = at[0], at[1]
-        profile = ProfileDerivatives(surface, x * x + y * y)
+        profile = _ProfileDerivatives(surface, x * x + y * y)
         rows = profile.seeded(self.seeds, k, count)
         dlength = -(normal[0] * moved[0] + normal[1] * moved[1] + normal[2] * moved[2])
         for seed, z, _ in rows:

@@ -305,13 +305,12 @@ def _trace_passing(
     good, beside = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
     for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
         surface, previous = lens.surfaces[k], _region_of(lens, k - 1 if forward else k + 1)
-        hits, d, met = arrive(lens, k, lens.senses[k] if forward else -lens.senses[k + 1], p, d)
+        hits, d, met = arrive(lens, k, forward, p, d)
         good &= met & surface.clears(hits.points[0], hits.points[1])
         if surface.region is not None or previous is not None:
             beside, apart = sides(surface.region, previous, hits.points[0], hits.points[1], beside)
             good &= apart
-        before, after = (indices[k], indices[k + 1]) if forward else (indices[k + 1], indices[k])
-        bent, through = bend(surface, hits, d, before, after, wavelength_nm)
+        bent, through = bend(surface, hits, d, *_on_both_sides(indices, k, forward), wavelength_nm)
         d = np.where(beside, d, bent) if surface.region else bent
         good &= through | beside if surface.region else through
         p, d = leave(lens, k, hits.points, d)
@@ -349,11 +348,10 @@ def trace_crossings(
     lost = np.zeros(p.shape[1], dtype=bool)
     with np.errstate(all="ignore"):
         for k in order:
-            hits, d, met = arrive(lens, k, lens.senses[k] if towards_film else -lens.senses[k + 1], p, d)
+            hits, d, met = arrive(lens, k, towards_film, p, d)
             lost |= ~met
             places[k] = np.where(lost[:, None], np.nan, hits.points[:2].T)
-            before, after = (indices[k], indices[k + 1]) if towards_film else (indices[k + 1], indices[k])
-            d, through = bend(lens.surfaces[k], hits, d, before, after, wavelength_nm)
+            d, through = bend(lens.surfaces[k], hits, d, *_on_both_sides(indices, k, towards_film), wavelength_nm)
             lost |= ~through
             p, d = leave(lens, k, hits.points, d)
     points, directions = (np.where(lost[:, None], np.nan, values.T) for values in (p, d))
@@ -392,12 +390,12 @@ def axis_points(origins: Array, directions: Array) -> Array:
         return np.where(across > 1e-14, origins[:, 2] + step * directions[:, 2], np.nan)
 
 
-def arrive(lens: Prescription, k: int, sense: float, p: Array, d: Array) -> tuple[Hits, Array, Mask]:
+def arrive(lens: Prescription, k: int, forward: bool, p: Array, d: Array) -> tuple[Hits, Array, Mask]:
     """Return where rays (3, n) hit a surface and their directions, both in its frame, and which of them meet it.
 
-    They have to come to it with z in a sense, 1 or -1.
+    They have to come to it as light does on its way to the film (`forward`), or away from it.
     """
-    surface = lens.surfaces[k]
+    surface, sense = lens.surfaces[k], lens.senses[k] if forward else -lens.senses[k + 1]
     p = p - lens.shifts[k]
     p, d = surface.pose.inward(p, d) if surface.pose else (p, d)
     hits = surface.meet(p, d)
@@ -409,6 +407,11 @@ def leave(lens: Prescription, k: int, p: Array, d: Array) -> tuple[Array, Array]
     pose = lens.surfaces[k].pose
     p, d = pose.outward(p, d) if pose else (p, d)
     return p + lens.shifts[k], d
+
+
+def _on_both_sides(indices: Array, k: int, forward: bool) -> tuple[Array, Array]:
+    """Return the indices of the media before and behind a surface, as rays meet them."""
+    return (indices[k], indices[k + 1]) if forward else (indices[k + 1], indices[k])
 
 
 def _region_of(lens: Prescription, k: int) -> Region | None:
@@ -499,8 +502,7 @@ class _RaysUnderWay:
     def cross(self, lens: Prescription, number: int, forward: bool) -> None:
         """Move every ray to a surface, and refract or reflect it there."""
         surface, previous = lens.surfaces[number], _region_of(lens, number - 1 if forward else number + 1)
-        sense = lens.senses[number] if forward else -lens.senses[number + 1]
-        hits, directions, met = arrive(lens, number, sense, self.p, self.d)
+        hits, directions, met = arrive(lens, number, forward, self.p, self.d)
         kept: tuple[Array, ...] = (hits.points, hits.distances, hits.normals, hits.cosines, directions)
         if hits.undecided is not None:
             lost = hits.undecided & ~met

@@ -137,22 +137,40 @@ def widest_field(setting: Setting, section: str = "y") -> float:
 
     Half of the meridional fan of the axis passes, and what passes stays together on the film.
     """
-    low, high = 0.0, STEEPEST
-    axis, blur = _measure_fan(setting, 0.0, section)
-    if axis == 0:
+    if _measure_fan(setting, 0.0, section)[0] == 0:
         raise InputError(f"{setting.lens.name}: the ray on the axis does not come through")
-    focal_length = abs(setting.lens.first_order(setting.wavelength_nm, section).focal_length_mm)
-    largest = max(LARGEST_SPOT * focal_length, 2 * blur)
-    for _ in range(12):
+    focal_length_mm = setting.lens.first_order(setting.wavelength_nm, section).focal_length_mm
+    return widest_by(lambda degrees: _measure_fan(setting, degrees, section), focal_length_mm, 12)
+
+
+def widest_by(
+    see: Callable[[float], tuple[float, float]], focal_length_mm: float, rounds: int, steepest: float = STEEPEST
+) -> float:
+    """Return the largest field [degrees] that keeps half of the beam on the axis, and it together on the film.
+
+    Parameters
+    ----------
+    see
+        Returns how much of a field passes, and its rms on the film [mm].
+    rounds
+        By which the interval up to the steepest field is halved.
+    """
+    low, high, (axis, blur) = 0.0, steepest, see(0.0)
+    largest = max(LARGEST_SPOT * abs(focal_length_mm), 2 * blur)
+    for _ in range(rounds):
         middle = (low + high) / 2
-        width, spread = _measure_fan(setting, middle, section)
+        width, spread = see(middle)
         low, high = (middle, high) if width >= LEFT_OPEN * axis and spread <= largest else (low, middle)
     return low
 
 
 def default_fields(setting: Setting, shares: Sequence[float] = SHARES, section: str = "y") -> list[float]:
     """Return the axis and parts of the widest field [degrees], rounded to be read."""
-    widest = widest_field(setting, section)
+    return parts_of_field(widest_field(setting, section), shares)
+
+
+def parts_of_field(widest: float, shares: Sequence[float] = SHARES) -> list[float]:
+    """Return parts of a widest field [degrees], rounded to be read."""
     digits = 1 - math.floor(math.log10(widest)) if widest > 0 else 0
     return [round(share * widest, max(digits, 0)) for share in shares]
 
@@ -340,7 +358,7 @@ def at_best_focus(setting: Setting, wavelengths_nm: Sequence[float], field_degre
     return replace(setting, film_distance_mm=distance)
 
 
-def by_field(of_fields: Sequence[OfField]) -> dict[float, list[OfField]]:
+def _by_field(of_fields: Sequence[OfField]) -> dict[float, list[OfField]]:
     """Return the spots or wavefronts of each field, in order."""
     groups: dict[float, list[OfField]] = {}
     for one in of_fields:
@@ -372,7 +390,7 @@ def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
     ``rms_error_um`` and ``largest_error_um`` are what half as many rays across change.
     """
     rows: list[dict[str, Any]] = []
-    for degrees, group in by_field(spots).items():
+    for degrees, group in _by_field(spots).items():
         for spot in group:
             rows.append(_row(degrees, spot.wavelength_nm, [spot]))
         if len(group) > 1:
@@ -390,7 +408,7 @@ def _row(degrees: float, wavelength_nm: float | None, group: Sequence[FilmSpot])
     return {"field_degrees": degrees, "wavelength_nm": wavelength_nm, **facts, **errors}
 
 
-def panels_of(title: str, count: int, rest: float, **shared: Any) -> tuple[Figure, NDArray[Any]]:
+def _panels_of(title: str, count: int, rest: float, **shared: Any) -> tuple[Figure, NDArray[Any]]:
     """Return a figure of so many charts in rows, with room for the rest [inches], and the charts (rows, columns)."""
     rows = math.ceil(count / PANELS)
     figure = charts.new_figure(title, (charts.SIZE[0], rows * PANEL + rest))
@@ -406,8 +424,8 @@ def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
     from matplotlib.lines import Line2D
 
     spots = [spot for spot in spots if len(spot.points)]
-    groups = by_field(spots)
-    figure, panels = panels_of(
+    groups = _by_field(spots)
+    figure, panels = _panels_of(
         f"{setting.lens.name}: spots on the film", len(groups), TITLE_AND_KEY, sharex=True, sharey=True
     )
     centres = {field: pool(group).mean(axis=0) for field, group in groups.items()}
@@ -512,7 +530,7 @@ def mtf_table(spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) ->
 
     ``error`` is what half as many rays across change of either modulation.
     """
-    groups = by_field(spots)
+    groups = _by_field(spots)
     fields = {degrees: field_mtf(group, frequencies_per_mm) for degrees, group in groups.items()}
     rows = table_of(fields, frequencies_per_mm)
     before = table_of(
@@ -575,18 +593,16 @@ def mtf(
     groups: Mapping[float, Sequence[Any]]
     curves: Callable[[Sequence[Any], ArrayLike], list[Array] | None]
     if diffraction:
-        groups, curves = by_field(field_waves(setting, fields, wavelengths_nm, rays)), _wave_transfer
+        groups, curves = _by_field(field_waves(setting, fields, wavelengths_nm, rays)), _wave_transfer
+        values = {one: _wave_transfer(group, frequencies_per_mm) for one, group in groups.items()}
+        errors = [_transfer_errors(group, frequencies_per_mm, values[one]) for one, group in groups.items()]
         rows = [
             row | {"error": error}
-            for one, group in groups.items()
-            for row, error in zip(
-                table_of({one: curves(group, frequencies_per_mm)}, frequencies_per_mm),
-                _transfer_errors(group, frequencies_per_mm), strict=True,
-            )
-        ]  # fmt: skip
+            for row, error in zip(table_of(values, frequencies_per_mm), np.concatenate(errors).tolist(), strict=True)
+        ]
     else:
         spots = film_spots(setting, fields, wavelengths_nm, rays, mtf_moves(frequencies_per_mm))
-        groups, curves, rows = by_field(spots), field_mtf, mtf_table(spots, frequencies_per_mm)
+        groups, curves, rows = _by_field(spots), field_mtf, mtf_table(spots, frequencies_per_mm)
     how = " by wave optics" if diffraction else ", geometrical times diffraction"
     frequencies = np.linspace(0.0, max(frequencies_per_mm), CURVE)
 
@@ -625,19 +641,7 @@ class PointImage:
 
 
 def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None = None) -> PointImage:
-    """Return the image of one field, its wavelengths together.
-
-    Parameters
-    ----------
-    spots : sequence of FilmSpot
-        Of one field.
-    pixels : int
-        Along each side.
-    width_um : float, optional
-        Side of the image; as large as the light needs when absent.
-    """
-    if pixels < 2:
-        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
+    """Return the image of one field by rays, its wavelengths together; pixels and width as of `psf`."""
     points = pool(spots)
     facts, less = spot_facts(points), fewer(spots)
     off, radii = _radii(points)
@@ -698,7 +702,19 @@ def psf(
     width_um: float | None,
     diffraction: bool,
 ) -> charts.Measured:
-    """Return facts of the image of a point, and the image."""
+    """Return facts of the image of a point, and the image.
+
+    Parameters
+    ----------
+    pixels : int
+        Along each side of the image.
+    width_um : float or None
+        Side of the image; as large as the light needs when absent.
+    diffraction : bool
+        Whether it is by wave optics in place of rays.
+    """
+    if pixels < 2:
+        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
     if diffraction:
         waves = field_waves(setting, [field_degrees], wavelengths_nm, rays)
         image = wave_point_image(waves, pixels, width_um)
@@ -776,7 +792,7 @@ def _wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
 @charts.styled()
 def _wavefront_chart(setting: Setting, waves: Sequence[PupilFunction]) -> Figure:
     """Return the maps of path differences over the pupil side by side, to one scale, in direction cosines."""
-    figure, panels = panels_of(f"{setting.lens.name}: wavefront at the exit pupil", len(waves), TITLE)
+    figure, panels = _panels_of(f"{setting.lens.name}: wavefront at the exit pupil", len(waves), TITLE)
     maps = [_map(wave) for wave in waves]
     most = max(float(np.nanmax(np.abs(part))) for part in maps) or 1.0
     for axes, wave, part in zip(panels.flat, waves, maps, strict=False):
@@ -831,28 +847,16 @@ def _modulation(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -
     return [np.abs(np.tensordot(weights, [part[axis] for part in parts], 1)) for axis in (0, 1)]
 
 
-def _transfer_errors(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[float]:
+def _transfer_errors(
+    group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike, all_cells: Sequence[Array]
+) -> Array:
     """Return by how much a third of the cells across the pupil changes the modulation of one field, over `FINER`."""
-    all_cells = np.array(_modulation(group, frequencies_per_mm))
     parts = [_modulation(part, frequencies_per_mm) for part in zip(*(wave.thirds() for wave in group), strict=True)]
-    errors: list[float] = (np.abs(np.array(parts) - all_cells).max(axis=(0, 1)) / FINER).tolist()
-    return errors
+    return np.asarray(np.abs(np.array(parts) - np.array(all_cells[:2])).max(axis=(0, 1)) / FINER)
 
 
 def wave_point_image(group: Sequence[PupilFunction], pixels: int, width_um: float | None = None) -> PointImage:
-    """Return the image of one field, its wavelengths together, about the middle of its light.
-
-    Parameters
-    ----------
-    group : sequence of PupilFunction
-        Of one field.
-    pixels : int
-        Along each side.
-    width_um : float, optional
-        Side of the image; as large as the light needs when absent.
-    """
-    if pixels < 2:
-        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
+    """Return the image of one field by waves, its wavelengths together, about the middle of its light; as `psf`."""
     weights = _weights(group)
     middles = np.array([wave.chief + centroid(wave) for wave in group])
     middle = weights @ middles

@@ -14,6 +14,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam, chief_ray, is_steep, passing_beam, without_rims
 from rptcam_cl.optics.lens import Lens, at_conjugates
 from rptcam_cl.optics.ray_trace import Rays, at_plane, trace_crossings
+from rptcam_cl.optics.shapes import MM_PER_NM
 from rptcam_cl.optics.surface import StopMask, Surface
 
 #
@@ -36,13 +37,12 @@ FIT_ACROSS = 48  # rays across the beam that the inverse of the ray map is fitte
 POWERS = 10  # of that fit
 ROOM = 1.06  # width of the grid in widths of the pupil
 NEWTON = 8
-EXACT = 1e-12  # direction cosines to which a ray meets its place on the grid
+EXACT = 1e-10  # direction cosines to which a ray meets its place on the grid: 1e-7 waves where it is 1 mm off
 FINER = 8  # rays across a cell that the edge of the pupil runs through
 NODES = (48, 96)  # traced each way, of which the cells are interpolated
 STENCIL = 10  # nodes each way that a cell takes
 SAMPLE = 200  # cells that are traced, too
 SAME_WAVES = 1e-6  # by which these may differ
-MM_PER_NM = 1e-6
 NEVER_0 = float(np.finfo(np.float64).tiny)
 
 
@@ -192,6 +192,8 @@ class ExitRays:
         self.lens, self.beam, self.wavelength_nm, self.film_z = lens, beam, wavelength_nm, film_z
         self.open = at_conjugates(without_rims(lens), beam.object_distance_mm, wavelength_nm)
         self._nodes: dict[int, tuple[Array, tuple[Array, Array], Array, Mask]] = {}
+        self._too_few: set[int] = set()  # nodes between which rays differ from those that are interpolated
+        self._lit: Mask = np.ones((1, 1), dtype=bool)  # where light may pass, by the cells of the last grid
         indices = lens.indices(wavelength_nm)
         self.first_index, self.index = float(indices[0]), float(indices[-1])
         pupil_z = lens.film_z(lens.first_order().exit_pupil.distance_mm) if sphere_z is None else sphere_z
@@ -243,10 +245,14 @@ class ExitRays:
         step = float(offsets[1] - offsets[0])
         targets = np.stack(np.meshgrid(cosines_x, cosines_y), axis=-1)
         for nodes in (*(count for count in NODES if count < cells), 0):
+            if nodes in self._too_few:
+                continue
             parts = points, plane, sphere, coverage = self._on_cells(targets, nodes)
-            self._trace_cells(parts, targets, step)
             if nodes == 0 or self._agrees(targets, plane, coverage > 0):
                 break
+            self._too_few.add(nodes)
+        self._trace_cells(parts, targets, step)
+        self._lit = _near(_near(coverage > 0))
         density = self._density(points, step)
         coverage = np.where(np.isfinite(density), coverage, 0.0)
         return PupilFunction(
@@ -285,7 +291,8 @@ class ExitRays:
     def _trace_cells(self, parts: tuple[Array, Array, Array, Array], targets: Array, step: float) -> None:
         """Trace the cells whose points are not known, where light may pass."""
         points, plane, sphere, coverage = parts
-        unknown = ~np.isfinite(points[..., 0])
+        last = (np.arange(len(points)) * len(self._lit)) // len(points)
+        unknown = ~np.isfinite(points[..., 0]) & self._lit[np.ix_(last, last)]
         lit = coverage > 0
         lit[unknown] = self._passes(self.inverse(targets[unknown]))
         rest = _near(_near(lit)) & unknown
@@ -317,16 +324,18 @@ class ExitRays:
     def _find_rays(self, targets: Array) -> tuple[Array, Rays, Mask]:
         """Return the points of the first vertex plane whose rays leave in given directions, the rays, and which do."""
         guess = self.inverse(targets)
-        points = guess.copy()
+        points, off_target = guess.copy(), np.arange(len(guess))
         for _ in range(NEWTON):
-            rays = self._trace(points)
-            good = rays.passed
-            off = np.where(good[:, None], targets - rays.directions[:, :2], 0.0)
-            if np.abs(off).max(initial=0.0) < EXACT:
+            rays = self._trace(points[off_target])
+            off = targets[off_target] - rays.directions[:, :2]
+            is_off = rays.passed & (np.abs(off).max(axis=1) >= EXACT)
+            off_target, off = off_target[is_off], off[is_off]
+            if not len(off_target):
                 break
-            points = points + guess - self.inverse(targets - off)
-        near = np.abs(off).max(axis=1) < 1e-9
-        return points, rays, good & near
+            points[off_target] += guess[off_target] - self.inverse(targets[off_target] - off)
+        rays = self._trace(points)
+        near = np.abs(targets - rays.directions[:, :2]).max(axis=1) < 1e-9
+        return points, rays, rays.passed & near
 
     def _density(self, points: Array, step: float) -> Array:
         """Return the flux per unit of direction cosines: of even light on a plane, or even intensity of a source."""
@@ -365,17 +374,16 @@ def _coverage_by_places(limits: Sequence[tuple[Surface, Array, Array]], shape: t
 
     Cells on an edge count by FINER times FINER places within, to second order of the places about them.
     """
-    passes = np.ones(shape, dtype=bool)
-    for surface, x, y in limits:
-        passes &= surface.clears(x, y)
-    edge = _by_an_edge(passes)
-    if any(isinstance(surface.stop_shape, StopMask) for surface, _, _ in limits):
-        edge = np.ones(shape, dtype=bool)  # the holes of a mask may be smaller than a cell
+    passing = [surface.clears(x, y) for surface, x, y in limits]
+    passes = np.logical_and.reduce(passing) if limits else np.ones(shape, dtype=bool)
+    has_mask = any(isinstance(surface.stop_shape, StopMask) for surface, _, _ in limits)
+    edge = np.ones(shape, dtype=bool) if has_mask else _by_an_edge(passes)  # holes may be smaller than a cell
     parts = np.ones((int(edge.sum()), FINER**2), dtype=bool)
     within = (np.arange(FINER) + 0.5) / FINER - 0.5
     moves = np.stack(np.meshgrid(within, within), axis=-1).reshape(-1, 2)
-    for surface, x, y in limits:
-        parts &= surface.clears(_about(x, edge, moves), _about(y, edge, moves))
+    for (surface, x, y), own in zip(limits, passing, strict=True):
+        cells = edge if has_mask else edge & _near(~own)
+        parts[cells[edge]] &= surface.clears(_about(x, cells, moves), _about(y, cells, moves))
     coverage = passes.astype(np.float64)
     coverage[edge] = parts.mean(axis=1)
     return coverage
@@ -434,7 +442,7 @@ def _fit(box: Array, cosines: Array, points: Array) -> Callable[[Array], Array]:
 
     def inverse(cosines: Array) -> Array:
         in_x, in_y = terms(cosines)
-        return np.asarray(np.sum(np.tensordot(in_x, factors, 1) * in_y[:, None], axis=2))
+        return np.asarray(np.einsum("nik,nk->ni", np.tensordot(in_x, factors, 1), in_y))
 
     return inverse
 

@@ -32,8 +32,8 @@ from rptcam_cl.rendering.passes import traces_in_float64
 from rptcam_cl.rendering.plan.materials import LargestAlbedo
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.progressive import FilmRun, Rendering
-from rptcam_cl.rendering.scene_buffers import MemoryNeeds
 from rptcam_cl.rendering.several import WHOLE, AnyWavefront, FilmPart, SharedWavefront, is_shared
+from rptcam_cl.rendering.tracer import MemoryNeeds
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shapes import Board
 

@@ -20,6 +20,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.device.session import Session
+from rptcam_cl.optics.waves import AIRY
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_points
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
@@ -128,7 +129,6 @@ def _convolve(plane: Array, kernel: Array, *, within: bool = False) -> Array:
 # The film with what its openings make of it.
 
 _FINEST_PX = 0.03  # wavelength times f-number, below which no ring of a lamp shows
-AIRY = 1.2196698912665045  # radius of the first dark ring, in wavelength times f-number
 SHOWS_PX = 0.5  # Airy radius from which `auto` takes it: as much as `camera.accuracy: auto` lets light stray
 LAMP = 16.0  # times the mean of the film, from which a pixel counts as a lamp
 _WIDE_PX = 2.0  # length of a lamp's straight edges, from which its far light is as wide as they are

@@ -33,7 +33,7 @@ from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
 from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.scene.load import at_opening
+from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.scene import Scene
 
 # What lights the front of a lens: points of lamps and suns, in the lens's frame, as far as nothing hides them.
@@ -43,6 +43,7 @@ Array = NDArray[np.float64]
 _FRONT_POINTS = 8  # that look for what hides them
 MOST = 512  # points that light is traced from
 STEEPEST = 85.0  # degrees from the axis
+_SMALL = 3e-3  # radius of a lamp over its distance, up to which all of it shines through the same parts of the front
 FAINT = 1e-3  # of all light, below which the faintest sources beside highlights are left out
 _PENCIL = 2.0  # in place of 0 and 1, of a source whose light has the curvature of its own
 
@@ -118,7 +119,7 @@ def _ghost_sources(
         elif lamp is None:
             left_out.add(EmitterKind(int(record["kind"])).name.lower())
         else:
-            (at, light, target), around = lamp
+            (at, light, target), around = _as_one(*lamp, front.vertex)
             points.append((at, shown * light, target, _spectrum_of(record, light)))
             patches.append(around)
     if not points:
@@ -142,6 +143,18 @@ def _ghost_sources(
     direct = Sources(places[bright], light[bright] * seen[bright, None], kinds, dropped, known[bright], own)
     pencils = highlights(plan, session, buffers, lamps_among(mirrored, parts, front.vertex), front)
     return direct if pencils is None else _with_pencils(direct, pencils, turn)
+
+
+def _as_one(
+    points: tuple[Array, Array, Array], patches: Patches, vertex: Array
+) -> tuple[tuple[Array, Array, Array], Patches]:
+    """Return points and patches of an emitter; of a lamp that shows small from the front one, of all of it."""
+    at, light, target = points
+    size = max(float(np.linalg.norm(side, axis=1).max()) for side in (patches.first, patches.second))
+    if len(at) == 1 or not at[0, 3] or size > _SMALL * np.linalg.norm(at[:, :3] - vertex, axis=1).min():
+        return points, patches
+    whole = replace(patches[:1], cell=np.array([[0.0, 0.0, 1.0, 1.0]]), normal=patches.normal.mean(axis=0)[None])
+    return (at.mean(axis=0)[None], light.sum(axis=0)[None], target[:1]), whole
 
 
 def _spectrum_of(record: np.void, irradiance: Array) -> Array:
@@ -305,6 +318,7 @@ _SHARING = 0.7  # power to which ways share rays: between alike and by what each
 WIDTH, FINER = 1.7, 1.6  # of the spread of a way's light [pixels], by trial; ratio of one width to the next
 LEAST_SPREAD = 2  # steps from one pixel, below which the points of a sun would show
 STEP = LATTICE / (1 << 32)
+_BAND = 32  # rows of a film that are spread at once
 PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])  # steps of the plane's plastic sequence (Roberts 2018)
 
 
@@ -565,17 +579,17 @@ def _spread_light(film: Array, width: float) -> Array:
     reach = int(np.ceil(width))
     tent = np.maximum(width - np.abs(np.arange(-reach, reach + 1)), 0.0)
     tent /= tent.sum()
-    if len(tent) <= 3 and tent[1] == 1.0:
-        return film
-    for axis in (0, 1):
-        widths = [(0, 0)] * 3
-        widths[axis] = (reach, reach)
-        padded = np.pad(film, widths, mode="symmetric")
-        size = film.shape[axis]
-        film = np.zeros_like(film)
-        for i, weight in enumerate(tent):
-            film += weight * (padded[i : i + size] if axis == 0 else padded[:, i : i + size])
-    return film
+    band = sum(weight * np.eye(_BAND, _BAND + 2 * reach, k) for k, weight in enumerate(tent))
+    for _ in range(2):  # along the rows, and along the columns
+        size, flat = len(film), film.reshape(len(film), -1)
+        places = np.arange(-reach, size + reach) % (2 * size)
+        mirrored, spread = np.minimum(places, 2 * size - 1 - places), np.empty_like(flat)
+        for first in range(0, size, _BAND):
+            out = spread[first : first + _BAND]
+            wide = len(out) + 2 * reach
+            np.matmul(band[: len(out), :wide], flat[mirrored[first : first + wide]], out=out)
+        film = spread.reshape(film.shape).swapaxes(0, 1)
+    return np.ascontiguousarray(film)
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ from rptcam_cl.rendering.point_spread import (
     wave_picture,
 )
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.scene.load import at_opening
+from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -525,53 +526,71 @@ def lamp_images(
         Light of lamps in pixels beside the picture: its middle [pixels]; red, green and blue; number of the lamp;
         radius of its farthest ray [pixels]; number of its picture by waves, -1 without.
     """
-    scene, beside = at_opening(scene), [np.zeros((0, 8))]
-    turn, view = np.eye(4), plan.camera.view
+    scene, turn = at_opening(scene), np.eye(4)
     turn[:3, :3] = scene.camera.world_from_camera()[:3, :3]
-    pupil = turn[:3, :3] @ [0.0, 0.0, view.pupil_z_m]
-    lamps, images = list(_lamps(plan, pupil)), list[LampImage]()
+    pupil = turn[:3, :3] @ [0.0, 0.0, plan.camera.view.pupil_z_m]
+    lamps, images, beside = list(_lamps(plan, pupil)), list[LampImage](), [np.zeros((0, 8))]
     if not lamps:
         return images, beside[0]
-    camera, lens = camera_of(scene), scene.camera.lens_camera
+    layout, on_film = FilmLayout.of(scene.film), np.array(scene.film.resolution)
+    nm = MIDDLE_NM if (lens := scene.camera.lens_camera) is None else lens.wavelength_nm
+    film = _LampFilm(pupils, seen, pixel_mm(scene), bool(plan.facts.get("LENS_SPLITS")), nm, units, conjugates)
+    every = [_points(lamp, _LAMP_POINTS) @ turn for lamp in lamps]
+    camera, spots = camera_of(scene), pupil + plan.camera.view.pupil_radius_m * _disk(_PUPIL_POINTS) @ turn[:3, :3].T
     film_z = 0.0 if (setting := camera.setting) is None else setting.lens.film_z(setting.film_distance_mm)
-    splits = bool(plan.facts.get("LENS_SPLITS"))
-    nm = MIDDLE_NM if lens is None else lens.wavelength_nm
-    film, layout = _LampFilm(pupils, seen, pixel_mm(scene), splits, nm, units, conjugates), FilmLayout.of(scene.film)
-    every, chief = [_points(lamp, _LAMP_POINTS) @ turn for lamp in lamps], camera.chief_rays()
-    sharp, shown = _places(chief, every), np.zeros(len(lamps))
-    off = [k for k, places in enumerate(sharp) if session is not None and not layout.holds(places).all()]
-    if off and session is not None:
-        chief = chief.wider(_BESIDE)
-        for k, places in zip(off, _places(chief, [every[k] for k in off]), strict=True):
-            sharp[k] = places
-        off = [k for k in off if np.isfinite(sharp[k]).all()]
-        spots = pupil + view.pupil_radius_m * _disk(_PUPIL_POINTS) @ turn[:3, :3].T
-        shown[off] = _shown(session, plan, [lamps[k] for k in off], spots)
+    chief, sharp, shown = _find_lamps(camera.chief_rays(), layout, lamps, every, spots, plan, session)
     for number, (lamp, own, places) in enumerate(zip(lamps, every, sharp, strict=True)):
         checkpoint()
-        middle, on_film = places.mean(axis=0), np.array(scene.film.resolution)
+        middle = places.mean(axis=0)
         is_on = ((middle > -0.5) & (middle < on_film + 0.5)).all()
         if not (np.ptp(places, axis=0).max() <= _WIDEST_PX and (shown[number] > 0 or (is_on and units > 0))):
             continue
         point, source = film_points(scene, middle[None])[0, :2], source_of(own.mean(axis=0), film_z)
-        light: Array = np.zeros(3)
-        if shown[number] > 0:
-            away = np.abs(2 * middle / on_film - 1).max()
-            share = shown[number] * float(np.clip(5 - 5 * away / _BESIDE, 0.0, 1.0))
-            light = share * plan.camera.value * _light(film, chief, lamp, own.mean(axis=0), middle, point)
+        among = partial(_among, lamp, own, places, turn)
+        value = shown[number] * _counts(middle, on_film) * plan.camera.value
+        light = value * _light(film, chief, lamp, own.mean(axis=0), middle, point) if value > 0 else np.zeros(3)
         opening, image = _opening(film, point, source), None
         if units > 0 and opening is not None and (is_on or shown[number] > 1 - UNLIKE):
-            image = _image(film, _among(lamp, own, places, turn, _POINTS_A_PIXEL), point, source, opening, light)
-        if image is not None and (is_on or image.meets(layout)):
+            image = _image(film, among(_POINTS_A_PIXEL), point, source, opening, light)
+        if is_shown := image is not None and (is_on or image.meets(layout)):
             images.append(image)
         if light.any():
             rays = _rays(film, opening) if image is None else np.zeros((1, 2))  # its far light comes from its middle
-            among = _among(lamp, own, places, turn, _POINTS_BESIDE, _MOST_BESIDE * 8 // len(rays))
-            of_image = len(images) - 1 if images and images[-1] is image else -1
-            out = _beside(layout, among, rays, light)
+            out, of_image = _beside(layout, among, rays, light), len(images) - 1 if is_shown else -1
             radius = 0.0 if opening is None else opening.radius_mm / film.pixel
             beside.append(np.column_stack([out, np.tile([number, radius, of_image], (len(out), 1))]))
     return images, np.concatenate(beside)
+
+
+def _counts(place: Array, on_film: NDArray[np.int_]) -> float:
+    """Return how far a lamp beside the picture counts, by its place [pixels]: less and less towards `_BESIDE`."""
+    return float(np.clip(5 - 5 * np.abs(2 * place / on_film - 1).max() / _BESIDE, 0.0, 1.0))
+
+
+def _find_lamps(
+    chief: CameraRays,
+    layout: FilmLayout,
+    lamps: Sequence[_Lamp],
+    every: Sequence[Array],
+    spots: Array,
+    plan: Plan,
+    session: Session | None,
+) -> tuple[CameraRays, list[Array], Array]:
+    """Find where the picture shows the points of each lamp [pixels], and how much of those beside it nothing hides.
+
+    With the chief rays that lead to all of them. Without a session the share is 0, as it is of lamps on the picture;
+    ``spots`` are places of the pupil, about the eye [m].
+    """
+    sharp, shown = _places(chief, every), np.zeros(len(lamps))
+    off = [k for k, places in enumerate(sharp) if not layout.holds(places).all()]
+    if not off or session is None:
+        return chief, sharp, shown
+    chief = chief.wider(_BESIDE)
+    for k, places in zip(off, _places(chief, [every[k] for k in off]), strict=True):
+        sharp[k] = places
+    off = [k for k in off if np.isfinite(sharp[k]).all()]
+    shown[off] = _shown(session, plan, [lamps[k] for k in off], spots)
+    return chief, sharp, shown
 
 
 def pixel_mm(scene: Scene) -> tuple[float, float]:
@@ -680,9 +699,9 @@ def _rays(film: _LampFilm, opening: PointOpening | None) -> Array:
     return np.asarray(places[np.linspace(0, len(places) - 1, min(_RAYS_BESIDE, len(places))).astype(int)])
 
 
-def _beside(layout: FilmLayout, places: Array, rays: Array, light: Array) -> Array:
+def _beside(layout: FilmLayout, among: Callable[[float, float], Array], rays: Array, light: Array) -> Array:
     """Return middle and light of what lies in each pixel beside the picture (n, 5), of places of a lamp with rays."""
-    every = (places[:, None] + rays).reshape(-1, 2)
+    every = (among(_POINTS_BESIDE, _MOST_BESIDE * 8 // len(rays))[:, None] + rays).reshape(-1, 2)
     out = every[~layout.holds(every)]
     _, own, counts = np.unique(np.floor(out), axis=0, return_inverse=True, return_counts=True)
     middles = [np.bincount(own.ravel(), axis, len(counts)) / np.maximum(counts, 1) for axis in out.T]

@@ -24,8 +24,8 @@ from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.plan.primitives import object_frame
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.camera import pose_matrix
+from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.film import FILM_LAYERS, LAYER_NAMES, SHARP_LAYERS, LayerName
-from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 
 # What given rays meet, one each: the ground of all layers that know no blur.

@@ -19,9 +19,9 @@ from rptcam_cl.rendering.plan.plan import make_plan, serve
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.progressive import render_plan
 from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.changes import at_rest, set_keys
 from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO, MOST_STOPS, Exposure
 from rptcam_cl.scene.film import Film, FilmFilter, RenderSettings
-from rptcam_cl.scene.load import at_rest, set_keys
 from rptcam_cl.scene.quantities import LONGEST_S, SHORTEST_S
 from rptcam_cl.scene.scene import Scene
 

@@ -283,8 +283,9 @@ class FarLight:
         y = np.arange(float(height)) * (self.pixel_mm[1] / self._pixel)
         table = self.table(float(np.hypot(x[-1], y[-1])))
         upper = self.at(table, x, y)
-        for row in range(height):
-            upper[:, row] *= 1 - fade(np.hypot(x, y[row]), self.reach)
+        near = np.abs(x) < self.reach + 2
+        for row in np.flatnonzero(y < self.reach + 2):
+            upper[:, row, near] *= 1 - fade(np.hypot(x[near], y[row]), self.reach)
         return np.concatenate([upper[:, :0:-1, ::-1], upper], axis=1)
 
     def table(self, farthest: float, across: float = 1.0, out: float = 0.0) -> tuple[Array, Array]:

@@ -399,13 +399,7 @@ def loosest_set(
         good = merit <= limit if by_spot else merit >= limit
         return share(int(np.count_nonzero(good)), len(good)).low
 
-    low, high = math.log(_TIGHTEST), math.log(_LOOSEST)
-    if reached(math.exp(high)) * 100 >= percent:
-        low = high
-    for _ in range(0 if low == high else STEPS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if 100 * reached(math.exp(middle)) >= percent else (low, middle)
-    factors = np.minimum(math.exp(low) * shares, _LOOSEST)
+    factors = np.minimum(_loosest_scale(lambda scale: 100 * reached(scale) >= percent) * shares, _LOOSEST)
     name = f"{spec.tolerances.name or 'tolerances'}, {percent:g} % of {lens.name} at {limit:g}"
     entries = [alone(lens, spec, one, factor) for one, factor in zip(run.limits, factors.tolist(), strict=True)]
     written = _with_entries(spec, name, entries)
@@ -413,6 +407,17 @@ def loosest_set(
         written, factors, tuple(one.label for one in run.limits),
         tolerance(lens, written, copies=copies, seed=seed, with_sensitivities=False, trace=trace),
     )  # fmt: skip
+
+
+def _loosest_scale(is_enough: Callable[[float], bool]) -> float:
+    """Return the largest scale of all tolerances at which copies are good enough."""
+    low, high = math.log(_TIGHTEST), math.log(_LOOSEST)
+    if is_enough(math.exp(high)):
+        return math.exp(high)
+    for _ in range(STEPS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if is_enough(math.exp(middle)) else (low, middle)
+    return math.exp(low)
 
 
 def _with_entries(spec: Specification, name: str, entries: list[dict[str, Any]]) -> dict[str, Any]:

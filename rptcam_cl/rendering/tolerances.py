@@ -21,6 +21,7 @@ from rptcam_cl.optics.as_built import Copies, Deviation, film_points, first_met,
 from rptcam_cl.optics.beams import Beam, passing_beam
 from rptcam_cl.optics.glass import AIR, abbe_number
 from rptcam_cl.optics.lens import Lens, film_distance
+from rptcam_cl.optics.spots import parts_of_field, widest_by
 from rptcam_cl.optics.waves import diffraction_mtf
 from rptcam_cl.scene.lens_settings import GRADES, OF_EITHER, Distribution, Merit, Tolerance, Tolerances, grade
 from rptcam_cl.scene.load import input_error
@@ -419,9 +420,6 @@ FilmPoints = Callable[[Copies, Array, Array, float, float], tuple[Array, Array]]
 
 # The rays by which copies of a lens are judged: for each field the nodes of a quadrature over the beam that passes.
 
-SHARES = (0.0, 0.7, 1.0)  # of the widest field, that are seen by default
-LEFT_OPEN = 0.5  # of the beam on the axis, that the widest field keeps
-LARGEST_SPOT = 0.02  # rms in focal lengths that it may have, unless that on the axis is larger
 STEEPEST = 60.0  # degrees
 SEARCH = 32  # rays across a beam that seek the widest field
 COARSE = 48  # rays across a beam that seek its middle
@@ -502,15 +500,7 @@ def default_fields(lens: Lens, film_distance_mm: float, object_distance_mm: floa
         film = rays.origins[good, :2] + slopes * (lens.film_z(film_distance_mm) - rays.origins[good, 2:])
         return float(good.sum()), float(np.sqrt(np.var(film, axis=0).sum())) if good.any() else math.inf
 
-    area, blur = see(0.0)
-    largest = max(LARGEST_SPOT * abs(lens.first_order(wavelength_nm).focal_length_mm), 2 * blur)
-    low, high = 0.0, STEEPEST
-    for _ in range(9):
-        middle = (low + high) / 2
-        left, spread = see(middle)
-        low, high = (middle, high) if left >= LEFT_OPEN * area and spread <= largest else (low, middle)
-    digits = max(1 - math.floor(math.log10(low)), 0) if low > 0 else 0
-    return [round(share * low, digits) for share in SHARES]
+    return parts_of_field(widest_by(see, lens.first_order(wavelength_nm).focal_length_mm, 9, STEEPEST))
 
 
 Sampler = Callable[[int, int], list[FieldRays]]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.optics.as_built import Copies
 from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.library import load_lens as read_lens
 from rptcam_cl.optics.measures import Measurable
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, Rays
 
@@ -97,6 +99,11 @@ class TraceableLens(Lens, Measurable):
 def traceable(lens: Lens) -> TraceableLens:
     """Return a lens with the same prescription that can be traced on a device."""
     return TraceableLens(**{field.name: getattr(lens, field.name) for field in fields(lens)})
+
+
+def load_lens(source: str | Path | Mapping[str, Any]) -> TraceableLens:
+    """Return the lens of a name in the library, a file, or a mapping of the same form; it can be traced on devices."""
+    return traceable(read_lens(source))
 
 
 def device_tracer(

@@ -316,33 +316,6 @@ class Bvh:
         return self.bounds.nbytes + self.children.nbytes + self.blocks.nbytes
 
 
-@dataclass(frozen=True)
-class Quality:
-    """Figures of a tree.
-
-    Attributes
-    ----------
-    cost
-        Expected steps of a ray that meets the root's box: nodes and leaf blocks, each weighted by its area over the
-        root's (surface area heuristic).
-    nodes, blocks
-        How many there are.
-    fill
-        Mean share of a leaf block's places that is used.
-    depth
-        Nodes on the longest way from the root to a leaf.
-    stack
-        Most entries that a traversal holds which pushes every child of a node and then takes the last.
-    """
-
-    cost: float
-    nodes: int
-    blocks: int
-    fill: float
-    depth: int
-    stack: int
-
-
 def leaf_boxes(bvh: Bvh) -> NDArray[np.float32]:
     """Return the lowest and highest corners (blocks, 2, 3) of the leaf blocks, as the nodes above have them."""
     node, child = np.nonzero(bvh.children < 0)
@@ -378,22 +351,8 @@ def stack_size(entries: int) -> int:
     return -(-entries // STACK_STEP) * STACK_STEP
 
 
-def quality(bvh: Bvh) -> Quality:
-    """Return the figures of a tree."""
-    depth, stack = longest_way(bvh.children)
-    used = int(np.count_nonzero(bvh.blocks >= 0))
-    return Quality(
-        cost=_cost(bvh),
-        nodes=len(bvh.children),
-        blocks=len(bvh.blocks),
-        fill=used / max(bvh.blocks.size, 1),
-        depth=depth,
-        stack=stack,
-    )
-
-
 def stack_entries(bvh: Bvh) -> int:
-    """Return the most entries that a traversal holds; see `Quality`."""
+    """Return the most entries that a traversal holds which pushes every child of a node and then takes the last."""
     return longest_way(bvh.children)[1]
 
 
@@ -431,16 +390,6 @@ def _are_all(indices: NDArray[np.int32], count: int) -> bool:
     if int(indices.min()) < 0 or int(indices.max()) >= count:
         return False
     return bool((np.bincount(indices, minlength=count) == 1).all())
-
-
-def _cost(bvh: Bvh) -> float:
-    bounds = bvh.bounds.astype(np.float64)
-    used = bvh.children != EMPTY
-    extent = np.where(used[:, None], bounds[:, 3:] - bounds[:, :3], 0.0)
-    areas = extent[:, 0] * extent[:, 1] + extent[:, 1] * extent[:, 2] + extent[:, 2] * extent[:, 0]
-    root = np.maximum(bounds[0, 3:].max(axis=1) - bounds[0, :3].min(axis=1), 0.0)
-    root_area = float(root[0] * root[1] + root[1] * root[2] + root[2] * root[0])
-    return 1.0 + float(areas.sum()) / root_area if root_area > 0.0 else 1.0
 
 
 def longest_way(children: NDArray[np.int32]) -> tuple[int, int]:

@@ -14,11 +14,11 @@ from rptcam_cl.optics.film_probe import FINE, FilmProbe, narrowing_probes, pupil
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.surface import StopMask, StopShape, cut_polygon
 from rptcam_cl.rendering.cameras.ideal import ThickLens, stop_shape, thick_lens_of
-from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm
+from rptcam_cl.rendering.cameras.lens_records import FAR_MM, disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap, allowed_px, fitted_map
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_camera, lens_setting, lens_to_focus, on_film
 from rptcam_cl.scene.assets.mesh import MeshPlacement
-from rptcam_cl.scene.load import change_scene, with_camera
+from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.materials import Emissive, Material, Matte, Mix, Translucent
 from rptcam_cl.scene.meshes import LoadedMesh
 from rptcam_cl.scene.scene import Scene, Solid
@@ -465,7 +465,6 @@ def _triangle_depths(triangles: Array, view: VisibleWorld) -> list[float]:
     return [float(seen[:, 2].min()), float(seen[:, 2].max())] if len(seen) else []
 
 
-FAR_MM = 1e9  # stands for everything farther
 MOMENTS = 9  # at which objects that move are looked at
 FEW = 32  # places of an object that are all cut
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))  # of a box's corners

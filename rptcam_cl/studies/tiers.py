@@ -19,16 +19,15 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.surface import StopMask, StopShape
 from rptcam_cl.rendering.cameras.ideal import shaped, stop_shape
 from rptcam_cl.rendering.cameras.kinds import camera_model
-from rptcam_cl.rendering.cameras.lens_records import EXTREMES_NM, colour_error_px, disperses, usable_nm
+from rptcam_cl.rendering.cameras.lens_records import EXTREMES_NM, FAR_MM, colour_error_px, disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap
 from rptcam_cl.rendering.cameras.realistic import lens_tint, shows_losses
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, lens_setting, on_film
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.lens_settings import Accuracy
-from rptcam_cl.scene.load import change_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.tier_models import (
-    FAR_MM,
     RINGS,
     WITH_COLOURS,
     WITH_SHAPES,

@@ -140,6 +140,12 @@ class TradeoffReport:
         """Return the errors of a configuration's camera model, where it is not the traced lens."""
         return next((each for each in self.cameras if each.tier == measurement.tier), None)
 
+    @property
+    def slowed(self) -> float:
+        """How many times as long renders took by the clock as on an idle machine."""
+        full = self.measurements[0]
+        return full.wall_sample_s.value / full.sample_s.value
+
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain values; what is infinite becomes null in JSON, which means never (or always)."""
         values = asdict(self)
@@ -275,31 +281,40 @@ def advise_for_time(measurements: Sequence[MeasuredVariant], seconds: float) -> 
 
     Its name is None where the time is too short for one sample per pixel.
     """
-    measurements = _may_be_advised(measurements)
-    errors = [each.error_after(seconds) for each in measurements]
-    likely = [each.error_after(seconds, "value") for each in measurements]
-    best = _clear_best([each.error_after(seconds) for each in _at_their_worst(measurements)])
-    name = measurements[best].name if math.isfinite(errors[best]) else None
-    perhaps = _perhaps_better(measurements, likely, errors, best)
-    if name is None:
+    best, error, full_error, perhaps = _choose(measurements, lambda each, end: each.error_after(seconds, end))
+    if math.isinf(error):
         return Advice("time", seconds, None, seconds, math.inf, 0, math.inf, math.inf, seconds, math.inf, perhaps)
-    samples = int(seconds / measurements[best].sample_s.value)
-    ends = measurements[best].errors_after(samples * measurements[best].sample_s.value)
-    return Advice("time", seconds, name, seconds, errors[best], samples, *ends, seconds, errors[0], perhaps)
+    samples = int(seconds / best.sample_s.value)
+    ends = best.errors_after(samples * best.sample_s.value)
+    return Advice("time", seconds, best.name, seconds, error, samples, *ends, seconds, full_error, perhaps)
 
 
 def advise_for_error(measurements: Sequence[MeasuredVariant], error: float) -> Advice:
     """Return the configuration that reaches an error first; the most accurate one unless another is clearly faster."""
+    best, time, full_time, perhaps = _choose(measurements, lambda each, end: each.seconds_until(error, end))
+    if math.isinf(time):
+        return Advice("error", error, None, math.inf, error, 0, 0.0, math.inf, full_time, error, perhaps)
+    samples = max(math.ceil(time / best.sample_s.value), 1)
+    ends = best.errors_after(samples * best.sample_s.value)
+    return Advice("error", error, best.name, time, error, samples, *ends, full_time, error, perhaps)
+
+
+def _choose(
+    measurements: Sequence[MeasuredVariant], value_of: Callable[[MeasuredVariant, str], float]
+) -> tuple[MeasuredVariant, float, float, str | None]:
+    """Return the measurement of the least value, that value and that of the first one, and what may be better still.
+
+    The first one is it unless another is clearly better with the worst noise and time that its interval allows. What
+    may be better is another whose likely value, with its bias as measured, is clearly less than the value of the best.
+    """
     measurements = _may_be_advised(measurements)
-    times = [each.seconds_until(error) for each in measurements]
-    likely = [each.seconds_until(error, "value") for each in measurements]
-    best = _clear_best([each.seconds_until(error) for each in _at_their_worst(measurements)])
-    perhaps = _perhaps_better(measurements, likely, times, best)
-    if math.isinf(times[best]):
-        return Advice("error", error, None, math.inf, error, 0, 0.0, math.inf, times[0], error, perhaps)
-    samples = max(math.ceil(times[best] / measurements[best].sample_s.value), 1)
-    ends = measurements[best].errors_after(samples * measurements[best].sample_s.value)
-    return Advice("error", error, measurements[best].name, times[best], error, samples, *ends, times[0], error, perhaps)
+    full, *others = measurements
+    at_worst = [full, *(_at_worst(other, full.rate.value) for other in others)]
+    best = _clear_best([value_of(each, "high") for each in at_worst])
+    likely = [value_of(each, "value") for each in measurements]
+    value, perhaps = value_of(measurements[best], "high"), likely.index(min(likely))
+    is_open = perhaps != best and WORTH * likely[perhaps] < value
+    return measurements[best], value, value_of(full, "high"), measurements[perhaps].name if is_open else None
 
 
 def _may_be_advised(measurements: Sequence[MeasuredVariant]) -> list[MeasuredVariant]:
@@ -318,12 +333,8 @@ def _may_be_advised(measurements: Sequence[MeasuredVariant]) -> list[MeasuredVar
     return [full, *kept]
 
 
-def _at_their_worst(measurements: Sequence[MeasuredVariant]) -> list[MeasuredVariant]:
-    """Return the measurements with the worst noise and time, relative to the first, that their intervals allow."""
-    return [measurements[0], *(_at_worst(each, measurements[0].rate.value) for each in measurements[1:])]
-
-
 def _at_worst(measurement: MeasuredVariant, full_rate: float) -> MeasuredVariant:
+    """Return a measurement with the worst noise and time, relative to the first, that its interval allows."""
     if not (full_rate > 0 and measurement.rate.value > 0):
         return replace(measurement, sample_s=replace(measurement.sample_s, value=measurement.sample_s.high))
     times = full_rate / measurement.gain.low / measurement.rate.value if measurement.gain.low > 0 else math.inf
@@ -335,14 +346,6 @@ def _clear_best(values: Sequence[float]) -> int:
     """Return the index of the least value if it is clearly less than the first, else 0."""
     best = min(range(len(values)), key=values.__getitem__)
     return 0 if values[0] <= WORTH * values[best] else best
-
-
-def _perhaps_better(
-    measurements: Sequence[MeasuredVariant], likely: Sequence[float], sure: Sequence[float], chosen: int
-) -> str | None:
-    """Return the name of another one whose likely value is clearly less than the sure value of the one chosen."""
-    best = min(range(len(measurements)), key=likely.__getitem__)
-    return measurements[best].name if best != chosen and WORTH * likely[best] < sure[chosen] else None
 
 
 # The lines that matter: what to set, what it costs, what it gains; then what is probable or too close to call.
@@ -469,11 +472,11 @@ def caveats(report: TradeoffReport) -> list[str]:
         f" samples per pixel, {report.long_tiles} tiles with {most}. Brackets are intervals of 95 %."
     ]
     said += [*_rare_path_warnings(report), *_why_longer(report)]
-    clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
     if report.by_cpu:
         said.append("Times are CPU times divided by the number of cores: those of a render on an idle machine.")
-    if clock > SHOWS_LOAD:
-        said.append(f"Wall times were {clock:.1f} times as long, as other work shared the machine or cores were idle.")
+    if report.slowed > SHOWS_LOAD:
+        slowed = f"{report.slowed:.1f} times as long"
+        said.append(f"Wall times were {slowed}, as other work shared the machine or cores were idle.")
     said += [f"The same picture: {' = '.join((f.name, *f.same_as))}." for f in report.measurements if f.same_as]
     reasons: dict[str, list[str]] = {}
     for name, why in report.skipped.items():
@@ -499,9 +502,8 @@ def _why_longer(report: TradeoffReport) -> list[str]:
     if not report.budget or report.seconds <= LATE * report.budget:
         return []
     preparing = sum(each.start_s for each in report.measurements)
-    first = report.measurements[0]
-    busy = first.wall_sample_s.value / first.sample_s.value
-    shared = f"; renders took {busy:.1f} times as long as on an idle machine" if busy > SHOWS_LOAD else ""
+    busy = report.slowed > SHOWS_LOAD
+    shared = f"; renders took {report.slowed:.1f} times as long as on an idle machine" if busy else ""
     return [
         f"Measuring took {seconds(report.seconds)} in place of {seconds(report.budget)}: preparing"
         f" {len(report.measurements)} ways to render took {seconds(preparing)}, renders and all else"

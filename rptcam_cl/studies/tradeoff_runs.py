@@ -28,8 +28,9 @@ from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.film import RenderSettings
-from rptcam_cl.scene.load import change_scene, load_scene, with_camera
+from rptcam_cl.scene.load import given_keys, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import in_focus
 from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent
@@ -240,19 +241,15 @@ class Ready:
     ----------
     configuration : Variant
     wavefront : Wavefront
+    plan : Plan
     start_s : float
         Time from the scene to the first ray [s]; programs shared with an earlier configuration are there already.
-    facts : dict
-        What a picture's metadata would say of camera and spectrum.
-    truncation : dict
-        Bound on the light of longer paths, from `rendering.truncation`.
     """
 
     configuration: Variant
     wavefront: Wavefront
+    plan: Plan
     start_s: float
-    facts: dict[str, Any]
-    truncation: dict[str, Any]
 
 
 def prepare(
@@ -290,9 +287,7 @@ def prepare(
         plan, buffers = aimed_plan(plan, session, settings.layers)
         wavefront = Wavefront(session, plan, layout, settings, buffers=buffers)
         wavefront.warm_up()
-        facts = plan.camera.metadata | plan.spectrum.metadata
-        rest = truncation(plan.albedo, configuration.scene.render.max_depth)
-        ready.append(Ready(configuration, wavefront, time.perf_counter() - begun, facts, rest))
+        ready.append(Ready(configuration, wavefront, plan, time.perf_counter() - begun))
     return ready, skipped
 
 
@@ -521,7 +516,7 @@ def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
     """Return the scene in focus, with the exposure that its most accurate picture is metered to."""
     sharp, _ = in_focus(scene, session, None)
     shot = resolve_exposure(most_accurate(sharp).scene, session)[0]
-    return change_scene(sharp, exposure=_set_keys(shot.exposure), shutter=_set_keys(shot.shutter))
+    return change_scene(sharp, exposure=given_keys(shot.exposure), shutter=given_keys(shot.shutter))
 
 
 def _diffraction(scene: Scene) -> dict[str, Any] | None:
@@ -558,6 +553,8 @@ def _conditions(
     scene: Scene, session: Session, ready: list[Ready], pictures: Pictures, decision: Decision | None
 ) -> dict[str, Any]:
     """The conditions of a comparison: the members of a report that no measurement is in."""
+    reference = ready[0].plan
+    described = reference.camera.metadata | reference.spectrum.metadata
     return {
         "scene": scene.content_hash(),
         "device": session.info.name,
@@ -568,17 +565,13 @@ def _conditions(
         "long_tiles": len(pictures.long.chosen),
         "seeds": pictures.seeds,
         "by_cpu": pictures.by_cpu,
-        "lens_colour_px": ready[0].facts.get("lens_colour_px"),
-        "truncation": ready[0].truncation,
+        "lens_colour_px": described.get("lens_colour_px"),
+        "truncation": truncation(reference.albedo, ready[0].configuration.scene.render.max_depth),
         "cameras": () if decision is None else decision.errors,
         "allowed": "" if decision is None else decision.tier,
         "diffraction": _diffraction(scene),
         "ghosts": _ghosts(scene),
     }
-
-
-def _set_keys(part: Any) -> dict[str, Any]:
-    return {name: getattr(part, name) for name in part.model_fields_set}
 
 
 def _measure(ready: list[Ready], pictures: Pictures) -> list[MeasuredVariant]:

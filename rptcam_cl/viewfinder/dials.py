@@ -22,10 +22,10 @@ from rptcam_cl.rendering.cameras.model import values_per_irradiance
 from rptcam_cl.rendering.cameras.setting import lens_camera
 from rptcam_cl.scene.base import listed, near_name
 from rptcam_cl.scene.camera import LensCamera
+from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2, MOST_STOPS, Exposure
 from rptcam_cl.scene.film import COOLEST, HOTTEST, LIGHTS, NO_BALANCE, SIDES_MM, TONES
 from rptcam_cl.scene.lens_settings import PolygonAperture
-from rptcam_cl.scene.load import change_scene, with_camera
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, nearest_focus_m, perspective
 from rptcam_cl.viewfinder.panel import (

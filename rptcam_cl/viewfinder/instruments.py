@@ -20,8 +20,8 @@ from rptcam_cl.rendering.cameras.model import values_per_irradiance
 from rptcam_cl.rendering.metering import SPOT_AREA, weights
 from rptcam_cl.scene.base import FLOAT32_MIN_NORMAL
 from rptcam_cl.scene.camera import Camera
+from rptcam_cl.scene.changes import at_opening, with_camera
 from rptcam_cl.scene.exposure import Exposure
-from rptcam_cl.scene.load import at_opening, with_camera
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.tier_models import equivalent
 from rptcam_cl.viewfinder.panel import focal_length_mm, irradiance_per_radiance, value_per_radiance

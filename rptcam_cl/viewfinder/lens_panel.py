@@ -26,8 +26,8 @@ from rptcam_cl.rendering.cameras.kinds import Perspective, camera_of
 from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, film_point, lens_setting
 from rptcam_cl.rendering.traceable_lens import LensTracer
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.lens_settings import Focus
-from rptcam_cl.scene.load import change_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import focus_drive
 from rptcam_cl.studies.focus.probe import circle_of_confusion

@@ -13,9 +13,9 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
+from rptcam_cl.scene.changes import at_opening, change_scene
 from rptcam_cl.scene.exposure import MOST_FRAMES, Exposure, FrameSequence
 from rptcam_cl.scene.lens_settings import ImageAperture
-from rptcam_cl.scene.load import at_opening, change_scene
 from rptcam_cl.scene.scene import Scene
 
 # Results that depend on a scene's optics alone, kept for the last few of them: most dials leave the lens as it is.

@@ -23,8 +23,9 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import FileState, file_state, named_files, plain
 from rptcam_cl.core.strict_yaml import read_yaml
+from rptcam_cl.scene.changes import change_scene, set_keys
 from rptcam_cl.scene.film import LIGHT_LAYER
-from rptcam_cl.scene.load import change_scene, load_scene, scene_text, set_keys
+from rptcam_cl.scene.load import load_scene, scene_text
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder import timeline
 from rptcam_cl.viewfinder.background import Background

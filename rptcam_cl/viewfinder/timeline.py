@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.exposure import MOST_FRAMES, FrameSequence, value_at
-from rptcam_cl.scene.load import set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import as_paths, turn_focus, zoom_kind, zoom_range, zoomed_mm
 from rptcam_cl.viewfinder.lens_panel import nearest_focus_m, perspective

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-import rptcam_cl.rendering.trees as trees
+import rptcam_cl.rendering.scene_buffers as trees
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.rendering import tree_build
 from rptcam_cl.scene import scene as scene_module
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from tests.api.test_session import assert_has_bits_of_render
 
 

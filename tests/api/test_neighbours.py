@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.load import load_scene
 

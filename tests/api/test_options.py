@@ -11,12 +11,13 @@ from typing import Any
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api import interface, options
+from rptcam_cl.api import options
 from rptcam_cl.api.job import RenderOptions
 from rptcam_cl.api.options import NOT_WITH, OF_A_CLUSTER, RENDER_OPTIONS, SCENE_KEYS
 from rptcam_cl.batch.cluster_run import render_on_cluster
 from rptcam_cl.core import MAX_SPP
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.device import devices as opencl
 from rptcam_cl.scene.film import SINGLE_LAYERS
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
@@ -132,10 +133,10 @@ def test_devices_tell_which_one_is_taken_and_what_is_wrong_with_others(
 ) -> None:
     facts = {"name": "n", "platform": "p", "type": "cpu", "compute_units": 2, "memory_bytes": 3, "fp64": True}
     listed = [SimpleNamespace(id=name, **facts) for name in ("0:0", "0:1")]
-    monkeypatch.setattr(interface, "list_devices", lambda: listed)
-    monkeypatch.setattr(interface, "problem_of", lambda device: None if usable and device is listed[1] else "broken")
-    monkeypatch.setattr(interface, "choose_device", lambda name: listed[1])
-    first, second = interface.devices()
+    monkeypatch.setattr(opencl, "list_devices", lambda: listed)
+    monkeypatch.setattr(opencl, "problem_of", lambda device: None if usable and device is listed[1] else "broken")
+    monkeypatch.setattr(opencl, "choose_device", lambda name: listed[1])
+    first, second = opencl.devices()
     assert first == {"id": "0:0", **facts, "problem": "broken", "default": False}
     assert second == {"id": "0:1", **facts, "problem": None if usable else "broken", "default": usable}
 

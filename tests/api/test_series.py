@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import render
-from rptcam_cl.api.job import SeriesRenderer
+from rptcam_cl.api.job import SeriesRenderer, render
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 
 SCENE: dict[str, Any] = {
     "camera": {

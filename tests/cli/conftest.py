@@ -59,7 +59,7 @@ class Renderer:
 @pytest.fixture
 def renderer(monkeypatch: pytest.MonkeyPatch) -> Renderer:
     stand_in = Renderer()
-    monkeypatch.setattr("rptcam_cl.api.interface.render", stand_in)
+    monkeypatch.setattr("rptcam_cl.api.job.render", stand_in)
     return stand_in
 
 

@@ -12,6 +12,7 @@ import pytest
 from rptcam_cl.cli import COMMANDS, build_parser, output
 from rptcam_cl.core import __version__
 from rptcam_cl.core.errors import DeviceError
+from tests.support.cases import slow
 
 Command = Callable[..., Any]
 
@@ -69,7 +70,7 @@ def test_misspelt_command_gets_exit_code_2_and_a_hint(rptcam: Command, words: li
 
 
 def test_devices_are_listed_with_the_default_marked(rptcam: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rptcam_cl.api.interface.devices", lambda: DEVICES)
+    monkeypatch.setattr("rptcam_cl.device.devices.devices", lambda: DEVICES)
     run = rptcam("devices")
     assert run.code == 0
     assert run.out.splitlines() == [
@@ -83,7 +84,7 @@ def test_missing_device_is_exit_code_3_with_the_remedy(rptcam: Command, monkeypa
     def fail() -> None:
         raise DeviceError("no OpenCL platform was found; install one")
 
-    monkeypatch.setattr("rptcam_cl.api.interface.devices", fail)
+    monkeypatch.setattr("rptcam_cl.device.devices.devices", fail)
     run = rptcam("devices", "--json")
     assert (run.code, run.out, run.err) == (3, "", "error: no OpenCL platform was found; install one\n")
 
@@ -102,7 +103,7 @@ def test_machine_without_opencl_platforms_gets_the_remedy(tmp_path: Path) -> Non
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(("words", "name"), [pytest.param([], "scene", marks=pytest.mark.slow), (["--lens"], "lens")])
+@pytest.mark.parametrize(("words", "name"), [slow([], "scene"), (["--lens"], "lens")])
 def test_schema_is_the_published_one(rptcam: Command, checkout: Path, words: list[str], name: str) -> None:
     run = rptcam("schema", *words)
     assert run.code == 0
@@ -161,7 +162,7 @@ def test_interrupt_before_the_renderer_starts_is_130(rptcam: Command, monkeypatc
     def press() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rptcam_cl.api.interface.devices", press)
+    monkeypatch.setattr("rptcam_cl.device.devices.devices", press)
     run = rptcam("devices")
     assert (run.code, run.err) == (130, "interrupted\n")
 

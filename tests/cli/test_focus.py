@@ -10,6 +10,7 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies.focus import controller
+from tests.support.cases import slow
 
 SCENE = """\
 film: {resolution: [60, 40], size_mm: [36, 24]}
@@ -96,7 +97,7 @@ def test_table_for_people(rptcam: Any, scene: Path) -> None:
         (["--zones", "none.txt"], "none.txt: cannot be read"),
         (["--plot", "curve.jpg"], "unknown kind of picture"),
         (["--method", "depth", "--plot", "curve.svg"], "method depth has no curve"),
-        pytest.param(["--set", "objects=[]"], "no contrast in the zone", marks=pytest.mark.slow),
+        slow(["--set", "objects=[]"], "no contrast in the zone"),
         (["--set", "camera={kind: pinhole, eye: [0, 0, 0], target: [0, 0, -1], fov_degrees: 40}"], "no focus to find"),
     ],
 )

@@ -14,7 +14,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.cli import render
 from rptcam_cl.imaging.image import read_film
-from rptcam_cl.scene.load import set_keys
+from rptcam_cl.scene.changes import set_keys
 
 Command = Callable[..., Any]
 SEQUENCE = """

@@ -11,7 +11,7 @@ import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import open_session
 from rptcam_cl.imaging.image import read_film
-from rptcam_cl.scene.load import set_keys
+from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.servo import FrameTracker
 

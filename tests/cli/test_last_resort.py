@@ -15,6 +15,7 @@ import pytest
 from rptcam_cl import cli
 from rptcam_cl.device.programs import _build_failure
 from rptcam_cl.imaging.image import read_film
+from tests.support.cases import slow
 
 
 def broken(arguments: object) -> int:
@@ -115,10 +116,7 @@ def in_shell(line: str, folder: Path) -> subprocess.CompletedProcess[bytes]:
     return subprocess.run(["bash", "-c", line], cwd=folder, capture_output=True, check=False)
 
 
-@pytest.mark.parametrize(
-    "streams",
-    ["<&- >&- 2>&-", *(pytest.param(one, marks=pytest.mark.slow) for one in ("2>/dev/full", "2>&-", "2> >(true)"))],
-)
+@pytest.mark.parametrize("streams", ["<&- >&- 2>&-", *(slow(one) for one in ("2>/dev/full", "2>&-", "2> >(true)"))])
 def test_closed_streams_hold_no_picture_up_and_nothing_is_written_into_it(streams: str, tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(SCENE, "utf-8")
     done = in_shell(f"rptcam render scene.yaml --spp 1 -o a.png -o a.exr {streams}", tmp_path)
@@ -132,7 +130,7 @@ def test_closed_streams_hold_no_picture_up_and_nothing_is_written_into_it(stream
     [
         ("rptcam schema --lens >&-", 4, b"error: standard output: Bad file descriptor\n"),
         ("rptcam --help >&-", 4, b"error: standard output: Bad file descriptor\n"),
-        pytest.param("rptcam schema --lens >&- 2>&-", 4, b"", marks=pytest.mark.slow),
+        slow("rptcam schema --lens >&- 2>&-", 4, b""),
         ("rptcam render no.yaml -o a.png 2>&-", 2, b""),
         ("rptcam render no.yaml -o a.png 2>&1 | true; exit ${PIPESTATUS[0]}", 2, b""),
     ],

@@ -17,6 +17,7 @@ from rptcam_cl.optics.files.glasses import WORDS
 from rptcam_cl.optics.glass import Layer, LayerStack, QuarterWave, constant_reflectance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.lens_settings import COATINGS
+from tests.support.cases import slow
 
 Command = Callable[..., Any]
 
@@ -128,7 +129,7 @@ def test_wave_optics_of_a_lens_as_numbers_and_as_pictures(rptcam: Command, tmp_p
         (["draw", "ball", "--zoom", "tele", "--focal-length-mm", "60"], "not allowed with"),
         (["draw", "tessar-102mm", "--wavelengths", "100"], "allowed wavelengths from 200 to 3000 nm"),
         (["spot", "biconcave"], "no real image"),
-        pytest.param(["spot", "dgauss-50mm", "--fields", "80"], "nothing of a beam", marks=pytest.mark.slow),
+        slow(["spot", "dgauss-50mm", "--fields", "80"], "nothing of a beam"),
         (["spot", "dgauss-50mm", "--wavelengths=-5"], "allowed wavelengths from 200 to 3000 nm"),
         (["mtf", "dgauss-50mm", "--frequencies", "0"], "above 0"),
         (["psf", "dgauss-50mm", "-o", "psf.jpg"], "allowed: .svg, .png, .pdf, .npy"),
@@ -152,9 +153,7 @@ def test_wave_optics_of_a_lens_as_numbers_and_as_pictures(rptcam: Command, tmp_p
         (["transmittance", "planar-1897", "--wavelengths", "1200"], "is known from 300 to 1060 nm"),
         (["info", "ball", "--transmission", "coated"], "does not say how it is coated"),
         (["info", "ball", "--transmission", "bare", "--coating", "mgf2"], "has no effect with --transmission bare"),
-        pytest.param(
-            ["distortion", "dgauss-50mm", "--fields", "80"], "reaches the centre of the stop", marks=pytest.mark.slow
-        ),
+        slow(["distortion", "dgauss-50mm", "--fields", "80"], "reaches the centre of the stop"),
     ],
 )
 def test_what_cannot_be_shown_is_said(rptcam: Command, words: list[str], message: str) -> None:

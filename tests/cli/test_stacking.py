@@ -12,7 +12,8 @@ import rptcam_cl
 from rptcam_cl.api.combined import _blend, dual_pixels, focus_stack, focusing_screen, resized
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import read_film
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 
 FLOOR = """
 film: {resolution: [180, 120]}

@@ -7,7 +7,7 @@ from PIL import Image, ImageDraw
 from rptcam_cl.rendering.cameras.ideal import stop_shape
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays
-from tests.support.cases import fast
+from tests.support.cases import fast, slow
 from tests.support.statistics import chi_squared
 
 RADIUS = 0.25
@@ -49,7 +49,7 @@ def counts(x, y):
     return np.histogram2d(x, y, bins=(edges, edges))[0]
 
 
-@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
+@pytest.mark.parametrize("lanes", [slow(1), 8])
 @pytest.mark.parametrize("name", SHAPES)
 def test_points_are_even_over_the_shape(name, lanes, session, folder):
     given = scene(name, folder)

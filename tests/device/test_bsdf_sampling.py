@@ -89,17 +89,6 @@ def agreement(session, got, material, wi):
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_samples_follow_the_stated_density(session, name):
-    for cosine, side in cases(name):
-        wi = direction(cosine, 0.05) * side
-        got = scatter(session, MATERIALS[name], wi, numbers=numbers(name))
-        p, more = agreement(session, got, MATERIALS[name], wi)
-        assert p > LEVEL, (cosine, side, p)
-        # the rest is delta light or has no way on: a count of chance
-        assert abs(more) < Z * 0.5 * np.sqrt(COUNT), (cosine, side, more)
-
-
-@pytest.mark.parametrize("name", MATERIALS)
 def test_weight_of_a_sample_is_value_over_density(session, name):
     for cosine, side in cases(name):
         wi = direction(cosine, 0.05) * side
@@ -128,10 +117,16 @@ FIT = 1.0032  # of the share that facets scatter once, by which more may come ba
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_no_more_light_comes_back_than_arrives(session, name):
+def test_samples_follow_the_density_and_no_more_light_comes_back(session, name):
     index = 1.0 if name == "leaf" or "hair" in name else MATERIALS[name].get("index", 1.5)
     for cosine, side in [*cases(name), (0.02, 1)]:
-        got = scatter(session, MATERIALS[name], direction(cosine, 0.05) * side, numbers=numbers(name))
+        wi = direction(cosine, 0.05) * side
+        got = scatter(session, MATERIALS[name], wi, numbers=numbers(name))
+        if cosine > 0.02:
+            p, more = agreement(session, got, MATERIALS[name], wi)
+            assert p > LEVEL, (cosine, side, p)
+            # the rest is delta light or has no way on: a count of chance
+            assert abs(more) < Z * 0.5 * np.sqrt(COUNT), (cosine, side, more)
         # radiance behind a surface of index n is n^2 times as large: undone, so that energy is compared
         beyond = np.sign(got.direction[:, 2]) != side
         energy = got.weight[:, 1] * np.where(beyond, index ** (2 * side), 1.0)

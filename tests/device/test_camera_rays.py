@@ -10,6 +10,7 @@ from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays, camera_slots
+from tests.support.cases import slow
 from tests.support.statistics import ALPHA, Z, chi_squared, moment_scores
 
 POSE = {"eye": [1, 2, 3], "target": [4, 0, 1], "up": [0, 0, 1]}
@@ -155,7 +156,7 @@ def through(lens, resolution=(24, 16), **options):
     return scene("realistic", resolution, None, lens=lens, focus={"distance_m": distance}, **options)
 
 
-@pytest.mark.parametrize("flip", [True, False])
+@pytest.mark.parametrize("flip", [True, slow(False)])
 @pytest.mark.parametrize("lens", LENSES)
 def test_rays_through_a_lens_come_from_their_pixel_when_traced_back(session, lens, flip):
     loaded = load_scene(through(lens, flip=flip))
@@ -218,7 +219,7 @@ PUPILS = [tier for tier in get_args(RealisticCamera.model_fields["pupil"].annota
 
 
 @pytest.mark.parametrize("pupil", PUPILS)
-@pytest.mark.parametrize("resolution", [(1, 1), (5, 3), (33, 17)])
+@pytest.mark.parametrize("resolution", [(1, 1), slow((5, 3)), slow((33, 17))])
 def test_no_lane_reads_beyond_the_pupil_table(session, resolution, pupil):
     # not even those of padding, whose film points lie many films away
     scene = load_scene(through("dgauss-50mm", resolution, pupil=pupil))

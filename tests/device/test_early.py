@@ -1,8 +1,10 @@
 """The device opened by a thread: what was built last time is built before it is wanted, and nothing fails there."""
 
+import gc
 import subprocess
 import sys
 import threading
+import weakref
 
 import pytest
 
@@ -161,3 +163,23 @@ def test_second_render_of_a_scene_finds_its_programs_built(monkeypatch, tmp_path
 
     assert programs()[-1] == ["main", "True"]  # what was before is to read PoCL's library
     assert programs() == [["beside", "True"]]
+
+
+def test_programs_of_many_scenes_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = next(iter(SOURCES))
+    monkeypatch.setattr(sessions, "_MOST_SOURCE", 4 * len(source))
+    built: list[weakref.ref[Program]] = []
+
+    def build(self: Session, text: str) -> Program:
+        program = Program(self.context, self.info.handle, text)
+        built.append(weakref.ref(program))
+        return program
+
+    monkeypatch.setattr(Session, "_built", build)
+    monkeypatch.setattr(sessions, "assemble", lambda files, facts, declarations, library_arch: source)
+    device = Session(open_session().info)
+    for number in range(12):
+        device.program(["one.cl"], {"NUMBER": number}, "")
+        device.program(["one.cl"], {"NUMBER": 0}, "")  # what is used stays
+    gc.collect()
+    assert [each() is not None for each in built] == [True] + 8 * [False] + 3 * [True]

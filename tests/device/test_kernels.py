@@ -19,8 +19,8 @@ from rptcam_cl.rendering.tree_build import FACTS, FILES
 from rptcam_cl.scene.film import LAYER_NAMES
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.test_world import PLANE, still_life
+from tests.support.cases import slow
 
-PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_dir() / "pass").glob("*.cl"))
 CAMERAS = sorted(
     path.stem
     for path in (kernels_dir() / "camera").glob("*.h")
@@ -172,98 +172,89 @@ def test_scene_with_everything_turns_every_fact_on():
 
 
 # What widths differ in is the same few macros in every pass: the fast tests have each pass at one of them.
-ONE_LANE_TOO = [pytest.param(1, marks=pytest.mark.slow), 8]
-LENS_PASSES = (
-    "pass/generate.cl",
-    "pass/trace_rays.cl",
-    "pass/trace_copies.cl",
-    "pass/aim_rays.cl",
-    "pass/trace_lens.cl",
-)
-SCENE_PASSES = [name for name in PASSES if name not in (*LENS_PASSES, "pass/denoise.cl", "pass/travel.cl")]
-MEDIA_PASSES = [
-    "pass/travel.cl",
-    "pass/shade.cl",
-    "pass/shadow.cl",
-    "pass/stream.cl",
-    "pass/layers.cl",
-    "pass/sharp.cl",
-]
+ONE_LANE_TOO = [slow(1), 8]
+SCENE_PASSES = ("film intersect shade shadow photons", "ghosts guides layers", "occluded", "sharp", "stream")
+OWN_TESTS = {"aim_rays", "denoise", "generate", "trace_copies", "trace_lens", "trace_rays", "travel"}
 
 
-@pytest.mark.parametrize("short", [pytest.param(0, marks=pytest.mark.slow), 1])
-@pytest.mark.parametrize("file", ["pass/intersect.cl", "pass/shade.cl"])
-def test_meshes_compile_for_trees_of_four(session, file, short):
+def test_every_pass_is_compiled():
+    files = {path.stem for path in (kernels_dir() / "pass").glob("*.cl")}
+    assert files == OWN_TESTS | {name for names in SCENE_PASSES for name in names.split()}
+
+
+def compiled(*groups):
+    """Files in one program, which reads what they share once, for the fast tests; each alone for the slow ones."""
+    alone = [[f"pass/{name}.cl"] for names in groups if len(names.split()) > 1 for name in names.split()]
+    together = [[f"pass/{name}.cl" for name in names.split()] for names in groups]
+    return pytest.mark.parametrize("files", [*together, *map(slow, alone)], ids=" ".join)
+
+
+@pytest.mark.parametrize("short", [slow(0), 1])
+@compiled("intersect shade")
+def test_meshes_compile_for_trees_of_four(session, files, short):
     of_four = {"BVH_WIDTH": 4, "LEAF_WIDTH": 4, "BVH_STACK": 32, "SHORT_STACK": short}
-    without_warnings(session, [file], all_facts() | of_four | {"VW": 1})
+    without_warnings(session, files, all_facts() | of_four | {"VW": 1})
 
 
 @pytest.mark.parametrize("lanes", ONE_LANE_TOO)
-@pytest.mark.parametrize("file", SCENE_PASSES)
-def test_pass_with_everything_compiles_alone_without_a_warning(session, file, lanes):
+@compiled(*SCENE_PASSES)
+def test_passes_with_everything_compile_without_a_warning(session, files, lanes):
     facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | GLASS | MADE | PHOTONS | GHOSTS | {"VW": lanes}
-    without_warnings(session, [file], facts)
+    without_warnings(session, files, facts)
 
 
 @pytest.mark.parametrize("lanes", ONE_LANE_TOO)
-@pytest.mark.parametrize("file", MEDIA_PASSES)
-def test_pass_with_media_and_everything_compiles_alone_without_a_warning(session, file, lanes):
+@compiled("travel shade shadow", "stream", "layers", "sharp")
+def test_passes_with_media_and_everything_compile_without_a_warning(session, files, lanes):
     facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | MADE | MEDIA | GROUPS | TABLES | {"VW": lanes}
-    without_warnings(session, [file], facts)
+    without_warnings(session, files, facts)
 
 
 @pytest.mark.parametrize("lanes", ONE_LANE_TOO)
-@pytest.mark.parametrize("file", [f"pass/{name}.cl" for name in ("shade", "shadow", "stream")])
-def test_pass_that_follows_glass_to_lamps_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], all_facts() | TREES | MADE | GROUPS | BEHIND | {"VW": lanes})
+@compiled("shade shadow", "stream")
+def test_passes_that_follow_glass_to_lamps_compile_without_a_warning(session, files, lanes):
+    without_warnings(session, files, all_facts() | TREES | MADE | GROUPS | BEHIND | {"VW": lanes})
 
 
 @pytest.mark.parametrize(
     ("bounded", "layered", "gridded"),
-    [(0, 0, 0), *(pytest.param(*each, marks=pytest.mark.slow) for each in product((0, 1), repeat=3) if any(each))],
+    [(0, 0, 0), *(slow(*each) for each in product((0, 1), repeat=3) if any(each))],
 )
-@pytest.mark.parametrize("file", ["pass/travel.cl", "pass/shadow.cl", "pass/stream.cl"])
-def test_pass_with_media_alone_compiles_without_a_warning(session, file, bounded, layered, gridded):
+@compiled("travel shadow", "stream")
+def test_passes_with_media_alone_compile_without_a_warning(session, files, bounded, layered, gridded):
     facts = {"HAS_BOUNDARY": bounded, "HAS_LAYERED_FOG": layered, "HAS_DENSITY": gridded, "HAS_DROPLETS": 0, "VW": 8}
     facts |= {"HAS_ENTRIES": 0}  # whose colours are textures
-    without_warnings(session, [file], least_facts() | READ | MEDIA | facts)
+    without_warnings(session, files, least_facts() | READ | MEDIA | facts)
 
 
-@pytest.mark.parametrize("file", ["pass/intersect.cl", "pass/shadow.cl"])
-def test_walks_side_by_side_compile_without_a_warning(session, file):
+@compiled("intersect shadow")
+def test_walks_side_by_side_compile_without_a_warning(session, files):
     facts = all_facts() | TREES | {"VW": 16}
-    without_warnings(session, [file], facts)
-    without_warnings(session, [file], facts | {"HAS_INSTANCES": 0, "HAS_OPACITY": 0})
+    without_warnings(session, files, facts)
+    without_warnings(session, files, facts | {"HAS_INSTANCES": 0, "HAS_OPACITY": 0})
 
 
-@pytest.mark.parametrize("file", ["pass/stream.cl", "pass/shade.cl", "pass/film.cl"])
-def test_pass_compiles_for_red_green_and_blue_of_one_wavelength(session, file):
-    facts = (
-        all_facts()
-        | TREES
-        | GLASS
-        | READ
-        | {"SPECTRUM": 1, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "VW": 8}
-        | ALONE
-    )
-    without_warnings(session, [file], facts)
+@compiled("shade film", "stream")
+def test_passes_compile_for_red_green_and_blue_of_one_wavelength(session, files):
+    rgb = {"SPECTRUM": 1, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "VW": 8}
+    without_warnings(session, files, all_facts() | TREES | GLASS | READ | rgb | ALONE)
 
 
-@pytest.mark.parametrize("lanes", [1, pytest.param(8, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("file", [name for name in SCENE_PASSES if name != "pass/photons.cl"])
-def test_pass_with_the_least_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], least_facts() | layer_facts(["coverage"]) | READ | {"VW": lanes})
+@pytest.mark.parametrize("lanes", [1, slow(8)])
+@compiled(*(names.removesuffix(" photons") for names in SCENE_PASSES))
+def test_passes_with_the_least_compile_without_a_warning(session, files, lanes):
+    without_warnings(session, files, least_facts() | layer_facts(["coverage"]) | READ | {"VW": lanes})
 
 
 @pytest.mark.parametrize("lanes", ONE_LANE_TOO)
-@pytest.mark.parametrize("file", ["pass/photons.cl", "pass/shade.cl", "pass/stream.cl"])
-def test_least_that_has_photons_compiles_alone_without_a_warning(session, file, lanes):
+@compiled("photons shade", "stream")
+def test_least_that_has_photons_compiles_without_a_warning(session, files, lanes):
     shine = {"shape": "sphere", "center": [0, 0, 1], "radius": 0.5}
     scene = still_life() | {"lights": LIGHTS[:1], "environment": None, "materials": {"glass": {"kind": "dielectric"}}}
     scene |= {"objects": [PLANE | {"material": RARE[1]["material"]}, shine | {"material": "glass"}]}
     facts = facts_of(scene | {"render": {"caustics": "on"}})
     assert facts["CAUSTICS"] == 1
-    without_warnings(session, [file], facts | layer_facts(["coverage"]) | READ | {"VW": lanes})
+    without_warnings(session, files, facts | layer_facts(["coverage"]) | READ | {"VW": lanes})
 
 
 @pytest.mark.parametrize("camera", ["pinhole", "environment", "thick_lens"])
@@ -271,7 +262,7 @@ def test_stream_makes_the_rays_of_a_camera_without_surfaces(session, camera):
     without_warnings(session, ["pass/stream.cl"], least_facts() | MADE | {"CAMERA_FILE": f"camera/{camera}.h", "VW": 8})
 
 
-@pytest.mark.parametrize("scene", [pytest.param(least_facts, marks=pytest.mark.slow), all_facts])
+@pytest.mark.parametrize("scene", [slow(least_facts), all_facts])
 @pytest.mark.parametrize(("camera", "lanes", "packets"), [("realistic", 16, 2), ("realistic", 1, 1), ("fitted", 8, 1)])
 def test_stream_takes_the_rays_of_its_pixels_through_a_lens_first(session, scene, camera, lanes, packets):
     facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_PACKETS": packets, "VW": lanes}
@@ -283,7 +274,7 @@ def test_stream_takes_the_rays_of_its_pixels_through_a_lens_first(session, scene
     without_warnings(session, ["pass/stream.cl"], scene() | KEPT | facts)
 
 
-@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, slow(16)])
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("stream", [0, 1])
 def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream):
@@ -304,7 +295,7 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
         without_warnings(session, ["pass/generate.cl"], facts)
 
 
-@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, slow(16)])
 def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes})
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes, **dict.fromkeys(LOSSES, 1)})
@@ -312,7 +303,7 @@ def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
         without_warnings(session, ["pass/trace_copies.cl"], {"VW": lanes, "LENS_POSE": pose, "LENS_MIRROR": pose})
 
 
-@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, slow(16)])
 def test_passes_about_a_lens_in_float64_compile_alone_without_a_warning(session, lanes):
     for rest in (0, 1):
         facts = {"CAMERA_FILE": "camera/realistic.h", "CAMERA_HAS_LENS": 1, "CAMERA_PACKETS": 1, "LENS_FLOAT64": 1}
@@ -329,16 +320,16 @@ def test_passes_about_a_lens_in_float64_compile_alone_without_a_warning(session,
         without_warnings(session, ["pass/trace_lens.cl"], facts | {"VW": min(lanes, 8), "DOUBLE": 1})
 
 
-@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lanes", [*ONE_LANE_TOO, slow(16)])
 def test_steps_of_denoising_compile_alone_without_a_warning(session, lanes):
     for step in ("FIRST", "TINTED", "LAST"):
         facts = dict.fromkeys(("FIRST", "TINTED", "LAST"), 0) | {step: 1, "VW": lanes}
         without_warnings(session, ["pass/denoise.cl"], facts)
 
 
-@pytest.mark.parametrize("file", FILES)
-def test_kernel_that_builds_trees_compiles_alone_without_a_warning(session, file):
-    without_warnings(session, [file], FACTS)
+@pytest.mark.parametrize("files", [FILES, *(slow([file]) for file in FILES)], ids=lambda files: files[0])
+def test_kernels_that_build_trees_compile_without_a_warning(session, files):
+    without_warnings(session, files, FACTS)
 
 
 @pytest.mark.parametrize("path", sorted(kernels_dir().rglob("*.cl")), ids=lambda path: path.stem)

@@ -12,6 +12,7 @@ from rptcam_cl.device import devices, drivers
 from rptcam_cl.device.devices import Trial, is_pocl, try_here
 from rptcam_cl.device.drivers import AVX2, AVX512, known_processor, rename_as_before, rename_processor
 from tests.device.probes import open_session
+from tests.support.cases import slow
 
 UNKNOWN = """
 import ctypes, sys
@@ -41,7 +42,7 @@ def on_pocl():
     return is_pocl(open_session().info.handle)
 
 
-@pytest.mark.parametrize("more", ["", pytest.param(RENDER, marks=pytest.mark.slow)], ids=["trial", "picture"])
+@pytest.mark.parametrize("more", ["", slow(RENDER)], ids=["trial", "picture"])
 def test_unknown_processor_is_renamed_and_kernels_build(tmp_path, more):
     if not on_pocl():
         pytest.skip("the device is not PoCL's")

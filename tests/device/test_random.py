@@ -111,11 +111,6 @@ def test_counters_of_a_render_give_no_duplicates(session):
         assert len(np.unique(values, axis=0)) == COUNT
 
 
-def test_xor_of_pixel_and_sample_would_give_duplicates():
-    # the control: 512 x 512 counters collapse to 512 keys
-    assert len(np.unique((INDEX & 511) ^ (INDEX >> 9))) == 512
-
-
 @pytest.mark.parametrize("other", [(12346, 67890), (12345, 67891), (67890, 12345)])
 def test_seeds_give_unrelated_numbers(session, other):
     first = random4(session, INDEX, 3, 4).astype(float) - 0.5

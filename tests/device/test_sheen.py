@@ -6,10 +6,11 @@ import pytest
 from rptcam_cl.rendering.plan.materials import sheen_albedo, sheen_lobe
 from tests.device import bsdfs
 from tests.device.scattering import direction, scatter
+from tests.support.cases import slow
 
 WHITE = [1.0, 1.0, 1.0]
 ALPHAS = [0.01, 0.04, 0.16, 0.36, 1.0]
-SOME_ALPHAS = [a if a in (ALPHAS[0], 0.16, ALPHAS[-1]) else pytest.param(a, marks=pytest.mark.slow) for a in ALPHAS]
+SOME_ALPHAS = [a if a in (ALPHAS[0], 0.16, ALPHAS[-1]) else slow(a) for a in ALPHAS]
 
 
 def hemisphere(count):
@@ -62,7 +63,7 @@ def test_no_direction_gets_back_more_than_arrives(alpha):
     assert (sheen_lobe(alpha)[0] == 1) == (alpha > 0.0625)
 
 
-@pytest.mark.parametrize("roughness", [0.3, pytest.param(0.6, marks=pytest.mark.slow), 1.0])
+@pytest.mark.parametrize("roughness", [0.3, slow(0.6), 1.0])
 @pytest.mark.parametrize("again", [False, True])
 def test_base_gets_what_the_sheen_leaves(session, roughness, again):
     base = {"kind": "principled", "base_color": [0.8, 0.4, 0.2], "roughness": 0.7}
@@ -80,7 +81,7 @@ def test_base_gets_what_the_sheen_leaves(session, roughness, again):
     assert np.abs(off).mean() < 0.02
 
 
-@pytest.mark.parametrize("roughness", [0.1, pytest.param(0.5, marks=pytest.mark.slow), 1.0])
+@pytest.mark.parametrize("roughness", [0.1, slow(0.5), 1.0])
 def test_white_cloth_over_a_white_base_keeps_its_light(session, roughness):
     """All of it with the light that fibres and base pass between them, to the fit of the share at grazing angles."""
     rng = np.random.default_rng(8)

@@ -11,11 +11,12 @@ from rptcam_cl.rendering import tracer
 from tests.device.probes import open_session, run
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
+from tests.support.cases import slow
 from tests.support.statistics import assert_same_tiles, sampled
 
 SIZE, SPP = (48, 32), 32
 CAMERAS = {"pinhole": {}, "lens": {"camera": LENS}}
-SLOW = [pytest.param(*pair, marks=pytest.mark.slow) for pair in (("pinhole", 8), ("lens", 1), ("lens", 8))]
+SLOW = [slow(*pair) for pair in (("pinhole", 8), ("lens", 1), ("lens", 8))]
 
 
 def picture(camera, session, seed):
@@ -23,7 +24,7 @@ def picture(camera, session, seed):
     return np.asarray(image).astype(np.float64)
 
 
-@pytest.mark.parametrize("camera", [pytest.param("pinhole", marks=pytest.mark.slow), "lens"])
+@pytest.mark.parametrize("camera", [slow("pinhole"), "lens"])
 def test_one_lane_and_eight_give_pictures_that_agree(camera, monkeypatch):
     session = open_session()
     eight = [picture(camera, session, seed) for seed in range(4)]

@@ -13,8 +13,9 @@ from rptcam_cl.imaging.development import developed_values, srgb_from_linear
 from rptcam_cl.imaging.formats import profile
 from rptcam_cl.imaging.image import Image, develop, read_film, with_picture_settings
 from rptcam_cl.scene.assets.grading import load_table
+from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.film import PictureSettings
-from rptcam_cl.scene.load import load_picture, load_scene, set_keys
+from rptcam_cl.scene.load import load_picture, load_scene
 
 ROUNDING = 5e-7  # some steps of float32 below 1
 SCENE = {"camera": {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 40}}

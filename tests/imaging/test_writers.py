@@ -1,18 +1,25 @@
+import io
 import json
+import struct
+import zlib
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 import PIL.Image
+import png as pypng
 import pytest
 
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import DEVELOPED_SUFFIXES, FILM_SUFFIXES, LAYER_SUFFIXES, RAW_SUFFIXES
 from rptcam_cl.imaging import formats, writers
 from rptcam_cl.imaging.development import quantise
-from rptcam_cl.imaging.image import Image
+from rptcam_cl.imaging.formats import _BAND_BYTES, write_png_to
+from rptcam_cl.imaging.image import Image, read_film
 from rptcam_cl.imaging.writers import check_output
 from rptcam_cl.scene.film import PictureSettings
+from tests.support.cases import slow
 
 METADATA = {
     "scene_hash": "5e1f",
@@ -200,3 +207,97 @@ def test_exr_says_how_wide_its_pixels_are(size, aspect, tmp_path):
     Image(np.ones((8, 8, 3), np.float32), metadata).save(tmp_path / "a.exr")
     with OpenEXR.File(str(tmp_path / "a.exr")) as file:
         assert file.header()["pixelAspectRatio"] == pytest.approx(aspect)
+
+
+EXIF = b"MM\0*\0\0\0\x08\0\0\0\0\0\0"
+
+
+def written(codes, texts=None, *, encoded=True):
+    stream = io.BytesIO()
+    write_png_to(stream, codes, texts or {}, EXIF, encoded=encoded)
+    return stream.getvalue()
+
+
+def chunks(content):
+    place, found = 8, []
+    while place < len(content):
+        [length] = struct.unpack_from(">I", content, place)
+        name, data = content[place + 4 : place + 8], content[place + 8 : place + 8 + length]
+        [checksum] = struct.unpack_from(">I", content, place + 8 + length)
+        assert checksum == zlib.crc32(name + data)
+        found.append((name, data))
+        place += 12 + length
+    return found
+
+
+def picture(height, width, dtype):
+    random = np.random.default_rng(height)
+    smooth = np.linspace(0, np.iinfo(dtype).max, width * 3).reshape(1, width, 3)
+    noise = random.integers(0, np.iinfo(dtype).max // 8, (height, width, 3))
+    return (smooth / 2 + noise).astype(dtype)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize(("height", "width"), [(1, 1), (2, 1), (1, 2), (7, 5), (701, 600), slow(3, 200_000)])
+def test_other_programs_read_every_code(height, width, dtype):
+    codes = picture(height, width, dtype)
+    content = written(codes)
+    columns, rows, pixels, facts = pypng.Reader(bytes=content).asDirect()
+    assert (columns, rows, facts["bitdepth"]) == (width, height, 8 * codes.itemsize)
+    assert np.array_equal(np.vstack(list(pixels)).reshape(codes.shape), codes)
+    packed = b"".join(data for name, data in chunks(content) if name == b"IDAT")
+    assert len(zlib.decompress(packed)) == height * (3 * width * codes.itemsize + 1)  # its checksum holds, too
+    if dtype == np.uint8:
+        with PIL.Image.open(io.BytesIO(content)) as image:
+            assert np.array_equal(np.asarray(image), codes)
+
+
+def test_large_pictures_are_compressed_in_bands():
+    codes = picture(701, 600, np.uint8)
+    bands = [name for name, _ in chunks(written(codes))].count(b"IDAT") - 1  # the last one is the checksum
+    assert bands == -(-701 // (_BAND_BYTES // (3 * 600))) == 3
+
+
+def test_texts_have_any_letters_and_stand_before_the_pixels():
+    texts = {"lens": "Gauß 50 mm", "scene": "日本\nline", "empty": ""}
+    content = written(picture(3, 4, np.uint8), texts)
+    with PIL.Image.open(io.BytesIO(content)) as image:
+        assert image.text == texts
+        assert image.info["srgb"] == 0
+    names = [name for name, _ in chunks(content)]
+    assert names == [b"IHDR", b"sRGB", b"tEXt", b"iTXt", b"tEXt", b"eXIf", b"IDAT", b"IDAT", b"IEND"]
+
+
+def test_linear_codes_have_a_profile_that_says_so():
+    with PIL.Image.open(io.BytesIO(written(picture(3, 4, np.uint8), encoded=False))) as image:
+        assert image.info["icc_profile"]
+        assert "srgb" not in image.info
+
+
+def header_of(path: Path, **metadata: object) -> dict[str, object]:
+    Image(np.zeros((4, 4, 3), np.float32), dict(metadata)).save(path)
+    with OpenEXR.File(str(path)) as file:
+        return dict(file.header())
+
+
+def test_frames_have_smpte_time_codes(tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    header = header_of(path, frame=90_000, timecode="01:02:29:23", frames_per_second=24.0)
+    code = header["timeCode"]
+    assert (code.hours, code.minutes, code.seconds, code.frame) == (1, 2, 29, 23)  # type: ignore[attr-defined]
+    assert not code.dropFrame  # type: ignore[attr-defined]
+    assert b"timeCode\x00timecode\x00\x08\x00\x00\x00\x23\x29\x02\x01" in path.read_bytes()  # two digits a byte
+    assert header["framesPerSecond"] == Fraction(24)
+    assert read_film(path).metadata["timecode"] == "01:02:29:23"
+
+
+@pytest.mark.parametrize(("rate", "wanted"), [(24000 / 1001, Fraction(24000, 1001)), (12.5, Fraction(25, 2))])
+def test_frame_rates_are_rational(tmp_path: Path, rate: float, wanted: Fraction) -> None:
+    assert header_of(tmp_path / "a.exr", timecode="00:00:00:00", frames_per_second=rate)["framesPerSecond"] == wanted
+
+
+@pytest.mark.parametrize("code", ["00:00:00:48", "30:00:00:00", "now"])
+def test_what_smpte_cannot_say_is_text_alone(tmp_path: Path, code: str) -> None:
+    header = header_of(tmp_path / "a.exr", timecode=code, frames_per_second=60.0)
+    assert "timeCode" not in header
+    assert header["timecode"] == code

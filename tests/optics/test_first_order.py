@@ -5,8 +5,11 @@ import pytest
 
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.optics.aberrations import paraxial_rays
+from rptcam_cl.optics.glass import ConstantIndex
+from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.optics.spots import setting
+from rptcam_cl.optics.surface import Surface
 from tests.optics.truth import CASES, NAMES, truth, truth_lens
 
 RELATIVE = 1e-10
@@ -161,3 +164,12 @@ def test_surfaces_moved_along_the_axis_count_where_they_stand():
     ours, theirs = (load_lens({"name": "x", "surfaces": s}).first_order() for s in (stop_first, at_gap))
     assert ours.exit_pupil.distance_mm == pytest.approx(theirs.exit_pupil.distance_mm, rel=1e-12)
     assert ours.entrance_pupil.distance_mm == pytest.approx(1, rel=1e-12)
+
+
+def test_focal_length_over_fifteen_decades_of_radius():
+    for row in truth("extremes_open")["systems"]["plano_convex_EFL"]:
+        surfaces = (
+            Surface(1 / row["R1"], 0.0, ConstantIndex(row["n"]), row["R1"] / 2),
+            Surface(semi_diameter=row["R1"] / 2),
+        )
+        assert Lens("x", surfaces).first_order().focal_length_mm == pytest.approx(row["EFL"], rel=1e-14)

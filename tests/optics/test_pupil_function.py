@@ -133,7 +133,7 @@ PERFECT = {
 }
 
 
-@pytest.mark.parametrize("f_number", [8, *(pytest.param(n, marks=pytest.mark.slow) for n in (11, 16, 22, 32))])
+@pytest.mark.parametrize("f_number", [8, *(slow(n) for n in (11, 16, 22, 32))])
 def test_a_lens_without_aberrations_has_the_airy_pattern(f_number: float) -> None:
     lens = load_lens(PERFECT)
     lens = lens.with_stop_diameter(50 / f_number)
@@ -159,7 +159,7 @@ def test_wavefront_of_a_lens_whose_exit_pupil_is_at_infinity() -> None:
     np.testing.assert_allclose(waves(100.0), waves(100.0 + 1e-9), atol=1e-4)
 
 
-@pytest.mark.parametrize("shape", [0, pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.parametrize("shape", [0, slow(1), 2])
 def test_stop_shapes_have_their_closed_patterns(shape: int) -> None:
     from rptcam_cl.optics.surface import polygon
 

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.optics.ray_trace import Status
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import Status, passed_rays, refract
+from rptcam_cl.optics.surface import Surface
 from tests.optics.truth import CASES, NAMES, truth, truth_lens
 
 POSITION = 1e-9  # mm; the tables agree with two other programs to 1e-12
@@ -101,3 +103,51 @@ def test_total_internal_reflection_is_named():
     assert rays.status.tolist() == [Status.ok, Status.ok]
     inside = wedge.trace([[0, 9.0, 30.0]], [[0, 0, -1.0]])
     assert (inside.status[0], inside.surface[0]) == (Status.total_internal_reflection, 0)
+
+
+LENSES = ("dgauss-50mm", "fisheye-10mm", "mirror-500mm", "phone-5.6mm", "anamorphic-100mm", "zoom-70-200mm")
+
+
+@pytest.mark.parametrize("start", ["film", "scene"])
+@pytest.mark.parametrize("name", LENSES)
+def test_rays_that_pass_are_those_of_the_trace(name: str, start: str) -> None:
+    lens, rng = load_lens(name), np.random.default_rng(5)
+    size = lens.surfaces[0].semi_diameter
+    if start == "scene":
+        origins = np.column_stack([rng.uniform(-1.3, 1.3, (3000, 2)) * size, np.full(3000, -3 * size)])
+        directions = np.column_stack([rng.normal(0, 0.01, (3000, 2)), np.ones(3000)])
+    else:
+        z = lens.film_z(lens.first_order().focal_length_mm)
+        origins = np.column_stack([rng.uniform(-0.3, 0.3, (3000, 2)) * size, np.full(3000, z)])
+        directions = (
+            np.column_stack([rng.uniform(-1.3, 1.3, (3000, 2)) * size, np.full(3000, lens.length / 2)]) - origins
+        )
+    rays = lens.trace(origins, directions, 550.0, start)
+    rows, points, after = passed_rays(lens, origins, directions, 550.0, start)
+    assert 0 < len(rows) < 3000
+    assert np.array_equal(rows, np.flatnonzero(rays.passed))
+    assert points.T.tobytes() == rays.origins[rows].tobytes()
+    assert after.T.tobytes() == rays.directions[rows].tobytes()
+
+
+def test_no_ray_may_pass() -> None:
+    lens = load_lens("dgauss-50mm")
+    rows, points, directions = passed_rays(
+        lens, np.array([[0.0, 500.0, -9.0]]), np.array([[0.0, 0.0, 1.0]]), 550.0, "scene"
+    )
+    assert len(rows) == 0 and points.shape == directions.shape == (3, 0)
+
+
+def test_weierstrass_points_are_stigmatic():
+    # Light from R / n beyond the centre seems, once outside, to come from n R beyond it: exactly, at every angle.
+    n, r = 1.5, 10.0
+    angles = np.radians(np.linspace(-56, 56, 20))
+    source = np.array([[0.0], [0.0], [-r - r / n]]) * np.ones(20)
+    directions = np.stack([np.zeros(20), np.sin(angles), np.cos(angles)])
+    hits = Surface(curvature=-1 / r).meet(source, directions)
+    bent, through = refract(directions, hits.normals, hits.cosines, np.array(n))
+    assert np.all(through) and np.all(hits.met)
+    crossing = hits.points[2] - hits.points[1] / bent[1] * bent[2]
+    np.testing.assert_allclose(crossing, -r - n * r, atol=1e-11)
+    wrong, _ = refract(directions, hits.normals, hits.cosines, np.array(n + 1e-4))
+    assert np.abs(hits.points[2] - hits.points[1] / wrong[1] * wrong[2] + r + n * r).max() > 1e-4

@@ -22,9 +22,10 @@ from benchmarks.mitsuba_scene import describe
 from benchmarks.mitsuba_worker import find_llvm
 from benchmarks.scenes import reference_scene
 from benchmarks.worker import Worker, WorkerError
-from rptcam_cl.api.interface import load_lens, render
+from rptcam_cl.api.job import render
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.traceable_lens import load_lens
 from tests.support.browsing import needs_chromium
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"

@@ -159,7 +159,7 @@ def test_a_circle_is_found() -> None:
         ("scene", "def late():\n    from rptcam_cl import render"),
         ("device", "import rptcam_cl.scene.scene"),
         ("imaging", "from rptcam_cl.device.devices import choose_device"),
-        ("optics", "from rptcam_cl.api.interface import devices"),
+        ("optics", "from rptcam_cl.api.job import render"),
         ("rendering", "from rptcam_cl.optics.lens import _cached"),
     ],
 )

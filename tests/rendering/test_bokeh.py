@@ -12,6 +12,7 @@ from rptcam_cl.rendering import lamps
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import lamp, seed_of
+from tests.support.cases import slow
 from tests.support.statistics import assert_same_tiles, sampled
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -92,9 +93,7 @@ def film(scene, name, count, spp, *, aims):
     return sampled([np.asarray(image).astype(np.float64) for image in images])
 
 
-@pytest.mark.parametrize(
-    "name", ["far", *(pytest.param(name, marks=pytest.mark.slow) for name in CASES if name != "far")]
-)
+@pytest.mark.parametrize("name", ["far", *(slow(name) for name in CASES if name != "far")])
 def test_aimed_rays_make_the_same_picture(name):
     many = name not in ("far", "thin heart")
     aimed = film(CASES[name], name, 12, 512 if many else 64, aims=True)

@@ -52,7 +52,8 @@ def test_second_render_in_a_process_is_the_same(named):
     assert bits(scene(name), seed=3) == plain
 
 
-@pytest.mark.parametrize("named", [slow("lens"), "pinhole"], indirect=True)
+@pytest.mark.slow  # `test_resume.py` has another process go on to the same bits
+@pytest.mark.parametrize("named", THROUGH, indirect=True)
 def test_another_process_makes_the_same_bits(named):
     name, plain = named
     program = f"from tests.rendering import test_determinism as t; print(t.bits(t.scene({name!r}), seed=3))"

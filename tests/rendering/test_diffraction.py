@@ -45,6 +45,7 @@ from rptcam_cl.rendering.point_spread import (
 from rptcam_cl.scene.lens_settings import Dirt
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import scene_of
+from tests.support.cases import slow
 
 WAVES_NM, SHARES = np.array(point_spread.WAVES_NM), shares_of_white(point_spread.WAVES_NM)
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -62,7 +63,7 @@ def perfect_mtf(share):
     return 2 / np.pi * (np.arccos(inside) - inside * np.sqrt(1 - inside**2))
 
 
-@pytest.mark.parametrize("f_number", [16, pytest.param(32, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("f_number", [16, slow(32)])
 def test_kernel_of_a_round_opening_has_the_transfer_of_its_wavelengths(f_number):
     found, pixel = found_of(f_number=f_number), 0.2 / 64
     assert found.airy_radius_px == pytest.approx(1.22 * 550e-6 * f_number / pixel, rel=0.01)
@@ -77,9 +78,7 @@ def test_kernel_of_a_round_opening_has_the_transfer_of_its_wavelengths(f_number)
             assert got == pytest.approx([exact, exact], abs=0.01)  # the reach leaves out 0.5 % of the light
 
 
-@pytest.mark.parametrize(
-    "pixel_mm", [pytest.param(0.06, marks=pytest.mark.slow), pytest.param(0.14, marks=pytest.mark.slow), 1.0]
-)
+@pytest.mark.parametrize("pixel_mm", [slow(0.06), slow(0.14), 1.0])
 def test_a_pixel_much_larger_than_the_airy_disk_keeps_its_light(pixel_mm):
     found = found_of(width_mm=64 * pixel_mm, f_number=2)
     _, kernels = found.spread.kernels
@@ -152,8 +151,7 @@ def test_auto_takes_it_where_the_airy_radius_shows():
 
 
 @pytest.mark.parametrize(
-    ("lens", "f_number"),
-    [pytest.param("dgauss-50mm", 64.0, marks=pytest.mark.slow), ("dgauss-50mm", 128.0), ("fisheye-10mm", 90.0)],
+    ("lens", "f_number"), [slow("dgauss-50mm", 64.0), ("dgauss-50mm", 128.0), ("fisheye-10mm", 90.0)]
 )
 def test_openings_far_smaller_than_the_rear_of_the_lens_are_found(lens: str, f_number: float) -> None:
     camera = {"kind": "realistic", "lens": lens, "f_number": f_number, "focus": {"distance_m": 1000}, **POSE}
@@ -241,8 +239,8 @@ def lens_scene(lens, f_number, objects=(), resolution=(3600, 2400), distance_m=1
 
 @pytest.mark.parametrize(
     ("lens", "f_number"),
-    [("dgauss-50mm", 8.0), pytest.param("wide-22mm", 11.0, marks=pytest.mark.slow),
-     pytest.param("telephoto-250mm", 8.0, marks=pytest.mark.slow)],
+    [("dgauss-50mm", 8.0), slow("wide-22mm", 11.0),
+     slow("telephoto-250mm", 8.0)],
 )  # fmt: skip
 def test_kernels_of_a_lens_have_the_transfer_of_its_waves_off_the_axis(lens, f_number):
     """The pupil function of `optics.waves` is traced from the scene through other code."""
@@ -267,7 +265,7 @@ def test_kernels_of_a_lens_have_the_transfer_of_its_waves_off_the_axis(lens, f_n
         np.testing.assert_allclose(np.abs(turned @ kernel.sum(axis=1 - axis)), exact, atol=0.015)
 
 
-@pytest.mark.parametrize("flip", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("flip", [True, slow(False)])
 def test_rays_go_to_the_conjugates_of_their_film_points(flip):
     """A small lamp at the conjugate of a place lights that place alone, and through the lens itself others too."""
     scene = lens_scene("dgauss-50mm", 5.6, distance_m=2.0)
@@ -342,7 +340,7 @@ def test_parts_are_merged_with_the_diffraction_of_the_whole(tmp_path):
     assert not np.array_equal(merged, whole["direct"])
 
 
-@pytest.mark.parametrize("blades", [5, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("blades", [5, slow(6)])
 def test_spikes_are_one_for_each_direction_across_a_blade_and_grow_with_the_wavelength(blades):
     found = found_of(f_number=22, aperture={"shape": "polygon", "blades": blades})
     pupil, pixel, reach = found.openings.pupils(np.zeros(2)), 0.2 / 64, 220
@@ -401,7 +399,7 @@ def test_far_light_that_falls_beside_the_film_is_what_its_kernel_lacks():
     assert shares - kernel_sum == pytest.approx(beyond, rel=0.03)
 
 
-@pytest.mark.parametrize("blades", [pytest.param(5, marks=pytest.mark.slow), 6])
+@pytest.mark.parametrize("blades", [slow(5), 6])
 def test_far_spikes_stand_across_blades_and_are_one_for_each_direction(blades):
     star = light_of(blades).kernel(160, 160)[1]
     down, right = np.mgrid[-159:160, -159:160]
@@ -589,8 +587,8 @@ def test_lamps_on_pixels_too_large_for_their_rings_have_the_film_of_the_rays(wav
 
 @pytest.mark.parametrize(
     ("lens", "f_number"),
-    [("double-gauss-50mm-f1.1", 8.0), pytest.param("fisheye-10mm", 8.0, marks=pytest.mark.slow),
-     pytest.param("retrofocus-35mm", 5.6, marks=pytest.mark.slow)],
+    [("double-gauss-50mm-f1.1", 8.0), slow("fisheye-10mm", 8.0),
+     slow("retrofocus-35mm", 5.6)],
 )  # fmt: skip
 def test_nothing_moves_and_even_light_stays_even_where_the_image_circle_ends(lens, f_number):
     camera = {"kind": "realistic", "lens": lens, "f_number": f_number, "focus": {"distance_m": 3}, "diffraction": "on"}
@@ -677,7 +675,7 @@ def film_beside(right_px, camera, crop=None, wall=()):
 @pytest.mark.parametrize(
     ("right_px", "camera"),
     [(3.3, AT_10_M)]
-    + [pytest.param(*case, marks=pytest.mark.slow) for case in (
+    + [slow(*case) for case in (
         (0.3, AT_10_M | BLADES), (0.7, AT_10_M | BLADES), (1.7, AT_10_M | BLADES), (40.0, AT_10_M | BLADES),
         (8.3, BLURRED), (20.3, BLURRED), (3.3, BLURRED | {"f_number": 4}), (0.7, REAL), (8.3, REAL),
     )],

@@ -20,7 +20,8 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
 from rptcam_cl.optics.surface import blades
 from rptcam_cl.rendering import ghosts as ghost_film
-from rptcam_cl.rendering.ghosts import WAVES_NM, GhostFilm
+from rptcam_cl.rendering.ghosts import WAVES_NM, GhostFilm, _as_one, _spread_light
+from rptcam_cl.rendering.lamps import _on_sphere
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.scene.load import load_scene
@@ -62,6 +63,16 @@ def expected(image: rptcam_cl.Image, beam: Beam, **lit: Any) -> tuple[float, flo
     flux = sum(ghost.flux_in_frame for ghost in found.ghosts)
     middle = sum(ghost.flux_in_frame * ghost.centroid_mm[1] for ghost in found.ghosts if ghost.flux_in_frame > 0)
     return flux * image.metadata["values_per_irradiance"] / PIXEL_MM2, middle / flux
+
+
+def ghosts_alone(session: Session, text: dict[str, Any]) -> rptcam_cl.Image:
+    """The ghosts of a scene without its picture, whose kernels take longest to compile."""
+    loaded = load_scene(text)
+    plan = make_plan(loaded)
+    film = GhostFilm(loaded, plan, session)
+    pixels, said = film.light()
+    known = dict(plan.camera.metadata) | {"film_distance_mm": film.film_distance, "ghosts": said}
+    return rptcam_cl.Image(pixels.astype(np.float32), metadata=known, layers={"ghosts": pixels.astype(np.float32)})
 
 
 def centre_y(ghosts: np.ndarray) -> float:
@@ -121,33 +132,31 @@ def test_a_barrel_adds_its_share_of_the_mean_film(bare: rptcam_cl.Image) -> None
         rptcam_cl.render(scene(sun(10.0), barrel_reflectance=0.1, ghosts="off"))
 
 
-def test_what_hides_the_sun_hides_its_ghosts() -> None:
-    image = rptcam_cl.render(scene(sun(10.0), objects=(ball(-3.5),)))
+def test_what_hides_the_sun_hides_its_ghosts(session: Session) -> None:
+    image = ghosts_alone(session, scene(sun(10.0), objects=(ball(-3.5),)))
     assert not image["ghosts"].any()
     assert image.metadata["ghosts"]["sources"] == 0
 
 
-def test_ghosts_are_of_what_the_camera_sees(bare: rptcam_cl.Image) -> None:
+def test_ghosts_are_of_what_the_camera_sees(bare: rptcam_cl.Image, session: Session) -> None:
     unseen = {"visible": {"camera": False}}
-    image = rptcam_cl.render(scene(sun(10.0) | unseen))
+    image = ghosts_alone(session, scene(sun(10.0) | unseen))
     assert not image["ghosts"].any()
     assert image.metadata["ghosts"]["sources"] == 0
-    behind = rptcam_cl.render(scene(sun(10.0), objects=(ball(-3.5) | unseen,)))
+    behind = ghosts_alone(session, scene(sun(10.0), objects=(ball(-3.5) | unseen,)))
     np.testing.assert_array_equal(behind["ghosts"], bare["ghosts"])
 
 
-def test_a_sun_outside_of_the_frame_has_ghosts_within() -> None:
-    image = rptcam_cl.render(scene(sun(20.0), lens=MANY_PAIRS))  # 18 mm from the middle of a frame 24 mm high
+def test_a_sun_outside_of_the_frame_has_ghosts_within(session: Session) -> None:
+    image = ghosts_alone(session, scene(sun(20.0), lens=MANY_PAIRS))  # 18 mm from the middle of a frame 24 mm high
     total, _ = expected(image, Beam(20.0), lens=load_lens(MANY_PAIRS))
     left = 1 - image.metadata["ghosts"]["dropped_share"]
     assert image["ghosts"][..., 1].sum(dtype=np.float64) == pytest.approx(IRRADIANCE * total * left, rel=5e-3)
 
 
-@pytest.mark.parametrize(
-    ("name", "degrees"), [("fisheye-10mm", 30.0), pytest.param("zoom-70-200mm", 3.0, marks=pytest.mark.slow)]
-)
-def test_a_small_opening_behind_a_wide_front_has_its_ghosts(name: str, degrees: float) -> None:
-    image = rptcam_cl.render(scene(sun(degrees), lens=name, f_number=16))
+@pytest.mark.parametrize(("name", "degrees"), [("fisheye-10mm", 30.0), slow("zoom-70-200mm", 3.0)])
+def test_a_small_opening_behind_a_wide_front_has_its_ghosts(name: str, degrees: float, session: Session) -> None:
+    image = ghosts_alone(session, scene(sun(degrees), lens=name, f_number=16))
     lens = load_lens(name)
     lens = lens.with_stop_diameter(lens.stop_diameter_for(16.0))
     total, y = expected(image, Beam(degrees), lens=lens)
@@ -156,13 +165,13 @@ def test_a_small_opening_behind_a_wide_front_has_its_ghosts(name: str, degrees: 
     assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)
 
 
-def test_a_coating_measured_over_few_wavelengths_keeps_its_last_values_beyond() -> None:
+def test_a_coating_measured_over_few_wavelengths_keeps_its_last_values_beyond(session: Session) -> None:
     def ghosts(reflectance: Any) -> np.ndarray:
         rows = [{"radius": 60, "thickness": 6, "glass": {"index": 1.6}, "diameter": 24, "stop": True},
                 {"radius": -60, "diameter": 24}]  # fmt: skip
         rows = [row | {"coating": {"reflectance": reflectance}} for row in rows]
         lens = {"name": "Single lens", "surfaces": rows}
-        return rptcam_cl.render(scene(sun(10.0), lens=lens, transmission="coated"))["ghosts"]
+        return ghosts_alone(session, scene(sun(10.0), lens=lens, transmission="coated"))["ghosts"]
 
     measured = {"wavelengths_nm": [500, 550, 600], "values": [0.02, 0.02, 0.020001]}
     np.testing.assert_allclose(ghosts(measured).sum(axis=(0, 1)), ghosts(0.02).sum(axis=(0, 1)), rtol=2e-3)
@@ -198,18 +207,16 @@ def test_ghosts_take_the_shape_of_the_stop() -> None:
     ("written", "coating", "purple"),
     [
         ("mgf2", MAGNESIUM_FLUORIDE, True),
-        pytest.param(
-            {"layers": [{"index": 1.38, "thickness_nm": 70}]}, QuarterWave(1.38, 386.4), False, marks=pytest.mark.slow
-        ),  # for violet: yellow
-        pytest.param(METAL, LayerStack((Layer(1.46, 70.0), Layer(0.9, 3.0, 2.6))), True, marks=pytest.mark.slow),
-        pytest.param(
-            THREE, LayerStack((Layer(1.38, 99.6), Layer(2.1, 131.0), Layer(1.7, 80.9))), True, marks=pytest.mark.slow
-        ),
+        slow({"layers": [{"index": 1.38, "thickness_nm": 70}]}, QuarterWave(1.38, 386.4), False),  # for violet: yellow
+        slow(METAL, LayerStack((Layer(1.46, 70.0), Layer(0.9, 3.0, 2.6))), True),
+        slow(THREE, LayerStack((Layer(1.38, 99.6), Layer(2.1, 131.0), Layer(1.7, 80.9))), True),
     ],
     ids=["a quarter wave", "thinner", "metal", "three layers"],
 )
-def test_layers_colour_ghosts_as_their_closed_form_says(written: Any, coating: Coating, purple: bool) -> None:
-    image = rptcam_cl.render(scene(sun(10.0), transmission={"coating": written}))
+def test_layers_colour_ghosts_as_their_closed_form_says(
+    written: Any, coating: Coating, purple: bool, session: Session
+) -> None:
+    image = ghosts_alone(session, scene(sun(10.0), transmission={"coating": written}))
     lens = with_coating(load_lens(LENS), coating)
     sums = np.array([expected(image, Beam(10.0), lens=lens, wave=wave)[0] for wave in WAVES_NM])
     colour = IRRADIANCE * sums @ shares_of_white(WAVES_NM) * (1 - image.metadata["ghosts"]["dropped_share"])
@@ -222,14 +229,10 @@ def test_ghosts_of_a_line_have_the_reflectance_at_its_wavelength(mode: str, sess
     line = 589.3
     text = scene(sun(10.0) | {"irradiance": {"lines_nm": {line: 1.0}, "scale": 800.0}})
     text["camera"]["transmission"] = {"coating": {"layers": [{"index": 1.38, "thickness_nm": 70}]}}
-    loaded = load_scene(text | {"spectrum": mode})
-    plan = make_plan(loaded)
-    film = GhostFilm(loaded, plan, session)
-    pixels, said = film.light()
-    known = dict(plan.camera.metadata) | {"film_distance_mm": film.film_distance}
-    image = rptcam_cl.Image(pixels.astype(np.float32), metadata=known)
+    image = ghosts_alone(session, text | {"spectrum": mode})
+    pixels = image["ghosts"].astype(np.float64)
     lens = with_coating(load_lens(LENS), QuarterWave(1.38, 386.4))
-    total = expected(image, Beam(10.0), lens=lens, wave=line)[0] * (1 - said["dropped_share"])
+    total = expected(image, Beam(10.0), lens=lens, wave=line)[0] * (1 - image.metadata["ghosts"]["dropped_share"])
     colour = srgb_from_spectrum(800.0 * lines_on_grid([[line, 1.0]]))
     assert colour[2] < 0  # a line lies outside of sRGB
     if mode == "rgb":  # by the bands of red and green, where the layer reflects otherwise
@@ -261,9 +264,9 @@ def test_ghosts_of_a_coloured_sun_are_the_same_with_wavelengths(bare: rptcam_cl.
     np.testing.assert_allclose(image["ghosts"], bare["ghosts"] * [1, 0.5, 0.125], rtol=1e-5)
 
 
-def test_a_lamp_has_the_ghosts_of_its_distance() -> None:
+def test_a_lamp_has_the_ghosts_of_its_distance(session: Session) -> None:
     lamp = {"kind": "point", "position": [0, -0.3, -2], "intensity": [50, 50, 50]}
-    image = rptcam_cl.render(scene(lamp, lens=MANY_PAIRS, focus={"distance_m": 2}))
+    image = ghosts_alone(session, scene(lamp, lens=MANY_PAIRS, focus={"distance_m": 2}))
     lens = load_lens(MANY_PAIRS)
     film_z = image.metadata["film_distance_mm"] + lens.length
     away = 2000 - film_z
@@ -352,3 +355,25 @@ def test_ghosts_are_spread_by_the_pixels_that_they_cover(share: float) -> None:
     width = ghost_film.WIDTH * (pixels**0.5 / (0.5 * rays / pixels)) ** (1 / 3)
     steps = np.log(width) / np.log(ghost_film.FINER)
     assert abs(film._spread_steps(way, rays) - steps) <= 0.5
+
+
+def test_lamp_that_shows_small_is_one_source_of_all_its_light() -> None:
+    lamp, front = np.array([0.2, -0.1, -10.0, 0.01]), np.zeros(3)
+    places, areas, patches = _on_sphere(lamp, front)
+    points = np.column_stack([places, np.ones(len(places))]), areas[:, None] * [1.0, 2.0, 3.0], np.zeros((16, 2))
+    (at, light, target), whole = _as_one(points, patches, front)
+    assert len(at) == len(target) == len(whole) == 1
+    assert at[0, :3] == pytest.approx(lamp[:3], abs=1e-12)
+    assert light[0] == pytest.approx(np.pi * 1e-4 * np.array([1.0, 2.0, 3.0]), rel=1e-5)
+    edge = whole.at(np.ones(8), np.arange(8) / 8) - lamp[:3]
+    assert np.linalg.norm(edge, axis=1) == pytest.approx(0.01)
+    assert _as_one(points, patches, np.array([0.0, 0.0, -9.0]))[0][0] is points[0]  # from 1 m it shows large
+
+
+def test_light_is_spread_by_a_tent_and_mirrored_at_the_border() -> None:
+    film, width = np.random.default_rng(1).random((70, 9, 3)), 2.56
+    tent = np.maximum(width - np.abs(np.arange(-3, 4)), 0.0)
+    wide = np.pad(film, [(3, 3), (3, 3), (0, 0)], mode="symmetric")
+    by_rows = np.apply_along_axis(np.convolve, 0, wide, tent / tent.sum(), "valid")
+    expected = np.apply_along_axis(np.convolve, 1, by_rows, tent / tent.sum(), "valid")
+    assert _spread_light(film, width) == pytest.approx(expected, rel=1e-12)

@@ -8,7 +8,8 @@ from rptcam_cl.rendering.film import TILE, FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.progressive import render_plan
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session
 from tests.rendering.pictures import seed_of
 from tests.rendering.test_determinism import LENS

@@ -19,6 +19,7 @@ from tests.rendering.test_media import (
     directions,
     henyey_greenstein,
 )
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(60)
@@ -77,14 +78,7 @@ def points(lamps):
 
 
 # the camera in the even part, in the thinning one, and far above a layer; tolerances are five standard errors
-@pytest.mark.parametrize(
-    ("height", "base", "noise"),
-    [
-        pytest.param(0.5, 0.2, 2e-3, marks=pytest.mark.slow),
-        (0.5, -0.6, 2e-3),
-        pytest.param(0.01, -0.1, 5e-3, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("height", "base", "noise"), [slow(0.5, 0.2, 2e-3), (0.5, -0.6, 2e-3), slow(0.01, -0.1, 5e-3)])
 def test_layer_scatters_light_of_points_once_as_quadrature_does(height, base, noise):
     mean = pixels(fog_of(points(LAMPS), height, base), seed=seed_of(f"layer {height} {base}"), spp=512)
     np.testing.assert_allclose(mean.mean(axis=(0, 1)), scattered_once(LAMPS, height, base), rtol=noise)

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.film import FilmLayout, seed_words
+from rptcam_cl.core.records import seed_words
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays
 from tests.rendering.pictures import lamp, scene_of, seed_of
 from tests.support.statistics import Z

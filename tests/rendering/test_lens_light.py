@@ -12,6 +12,7 @@ import rptcam_cl
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.library import load_lens
 from tests.rendering.pictures import WHITE, batches, flat_mean, pixels, scene_of, seed_of
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent, assert_same_tiles
 
 TRUTH = Path(__file__).parents[1] / "data" / "lens_truth"
@@ -113,7 +114,7 @@ def test_light_falls_off_across_the_film_as_in_float64(name):
     "name",
     [
         "dgauss-50mm",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ASSIGNMENT if name != "dgauss-50mm"),
+        *(slow(name) for name in ASSIGNMENT if name != "dgauss-50mm"),
         "human-eye",  # whose film lies in vitreous, not in air
     ],
 )
@@ -128,10 +129,7 @@ def test_on_axis_irradiance_in_the_metadata_is_that_of_the_film(name):
     assert_equivalent(relative[0], error[0], 1.0, 0.005)
 
 
-@pytest.mark.parametrize(
-    ("name", "stop"),
-    [*(pytest.param(name, None, marks=pytest.mark.slow) for name in ASSIGNMENT), ("wide-22mm", 3.0)],
-)
+@pytest.mark.parametrize(("name", "stop"), [*(slow(name, None) for name in ASSIGNMENT), ("wide-22mm", 3.0)])
 def test_every_way_to_aim_at_the_pupil_gives_the_same_picture(name, stop):
     distance, width = ASSIGNMENT[name]
     options = {"stop_diameter_mm": stop} if stop else {}

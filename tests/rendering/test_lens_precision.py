@@ -8,9 +8,11 @@ import pytest
 import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.rendering import tracer
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
+from tests.support.cases import slow
 
 SIZE, SPP = (48, 32), 16
 MOVING = {
@@ -40,12 +42,7 @@ def both(scene, **options):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "organisation"),
-    [
-        ("moving", "passes"),
-        pytest.param("everything", "stream", marks=pytest.mark.slow),
-        pytest.param("everything", "passes", marks=pytest.mark.slow),
-        pytest.param("moving", "stream", marks=pytest.mark.slow),
-    ],
+    [("moving", "passes"), slow("everything", "stream"), slow("everything", "passes"), slow("moving", "stream")],
 )
 def test_picture_is_that_of_float32_but_for_paths_that_rounding_sends_elsewhere(name, organisation, monkeypatch):
     monkeypatch.setattr(tracer, "ORGANISATION", {"cpu": organisation, "gpu": organisation})

@@ -10,6 +10,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering import tracer
 from rptcam_cl.scene.media import Droplets
 from tests.rendering.pictures import WHITE, bits, flat_mean, looking, pixels, scene_of, seed_of
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent
 
 ABSORPTION, SCATTERING, ASYMMETRY = np.array([0.05, 0.02, 0.01]), np.array([0.1, 0.2, 0.3]), 0.5
@@ -182,9 +183,7 @@ def test_droplets_scatter_light_of_points_once_as_quadrature_does(diameter):
     np.testing.assert_allclose(mean, expected, rtol=2 * NOISE)
 
 
-@pytest.mark.parametrize(
-    "diameter", [None, pytest.param(5, marks=pytest.mark.slow), pytest.param(20, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("diameter", [None, slow(5), slow(20)])
 def test_ball_scatters_the_sky_once_as_quadrature_does(diameter):
     """Of a gradient of radiance z / 2 + 1 / 2 over directions, which phase sampling alone finds."""
     medium = {"scattering_per_m": 0.4} | ({"asymmetry": 0.6} if diameter is None else {"droplets_um": diameter})

@@ -5,15 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import rptcam_cl.rendering.scene_buffers as memory
+import rptcam_cl.rendering.tracer as memory
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.passes import way_of
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.scene_buffers import MemoryNeeds, check_memory, memory_needs
-from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.rendering.tracer import MemoryNeeds, Wavefront, check_memory, memory_needs
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies.selfcheck import globe
 from tests.rendering.pictures import MATTE, looking, scene_of

@@ -38,6 +38,10 @@ def weights_of(shape):
     solids.test_weights_add_up_to_the_solid_angle(open_session(), scene, make_plan(scene), shape, "skewed and mirrored")
 
 
+def samples_of(name):
+    bsdf_sampling.test_samples_follow_the_density_and_no_more_light_comes_back(open_session(), name)
+
+
 def pixel_of_rays():
     rays.test_rays_through_a_lens_come_from_their_pixel_when_traced_back(open_session(), "dgauss-50mm", True)
 
@@ -178,9 +182,9 @@ MUTANTS = [
     Mutant("refracted radiance not divided by n squared", "density * unshadowed / (eta * eta)", "density * unshadowed",
            lambda: bsdf_values.test_rough_dielectric_is_walters(open_session(), 0.5, 1.5, False)),
     Mutant("coat chosen at no cost", "density += lobes.coat * (coat_density - density);", "",
-           lambda: bsdf_sampling.test_samples_follow_the_stated_density(open_session(), "coated")),
+           lambda: samples_of("coated")),
     Mutant("base chosen at no cost", "density += lobes.under * (up - density);", "",
-           lambda: bsdf_sampling.test_samples_follow_the_stated_density(open_session(), "rough plastic")),
+           lambda: samples_of("rough plastic")),
     Mutant("base does not lose the way out", "1.0f - share_above_base(vertex, f3(wo.x, wo.y, MAX(wo.z, ZERO)))", "1.0f",
            lambda: bsdf_values.test_reflection_is_the_same_either_way(open_session(), "principled")),
     Mutant("absorption also outside", "I inside = dot3(vertex.ng, d) > 0.0f;", "I inside = TRUE;",

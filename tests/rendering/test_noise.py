@@ -54,7 +54,7 @@ def stopped(target, seed):
     return means, samples, estimate.error
 
 
-@pytest.mark.parametrize(("target", "bias"), [(0.5, 0.01), pytest.param(0.2, 0.0025, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("target", "bias"), [(0.5, 0.01), slow(0.2, 0.0025)])
 def test_rare_spikes_keep_their_mean_where_tiles_decide(target, bias):
     # of these spikes a pixel needs 256 and 1600 samples
     means, samples, _ = stopped(target, f"spikes {target}")

@@ -18,6 +18,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
+from tests.support.cases import slow
 
 SIZE = (48, 32)
 EXAMPLES = [pytest.param(path, marks=pytest.mark.slow, id=name) for name, path in example_scenes().items()]
@@ -41,7 +42,7 @@ def kinds(session: Session) -> set[bool]:
     return {program.is_quick for program in session.programs}
 
 
-@pytest.mark.parametrize("scene", [still_life(), still_life() | {"camera": LENS}, *EXAMPLES])
+@pytest.mark.parametrize("scene", [slow(still_life()), still_life() | {"camera": LENS}, *EXAMPLES])
 def test_quick_kernels_have_the_bits_of_full_ones(scene: dict[str, Any] | Path, opened: Callable[..., Session]) -> None:
     try:
         given = load_scene(scene)

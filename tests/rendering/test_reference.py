@@ -15,7 +15,7 @@ from tests.support.statistics import ALPHA, Sampled, assert_equivalent, overall,
 
 FOLDER = Path(__file__).parents[1] / "data" / "reference"
 BATCHES = 4
-SPP = {"A": 32, "A_thin": 32, "A_lens": 48, "B": 50, "C": 48}  # x 4 x 64 pixels: at least 8192 samples a tile
+SPP = {"A": 32, "A_thin": 32, "A_lens": 48, "B": 32, "C": 48}  # x 4 x 64 pixels: at least 8192 samples a tile
 
 
 def reference(name: str) -> tuple[Sampled, Sampled]:

@@ -33,11 +33,12 @@ def room(material, scale):
         "kind": "constant", "radiance": [0.1, 0.1, 0.2]})  # fmt: skip
 
 
+@pytest.mark.slow  # what they are made of adds to `test_world.py`, where the sizes are
 @pytest.mark.parametrize(
     "material",
     [
-        pytest.param({"kind": "plastic", "reflectance": [0.6, 0.2, 0.1]}, marks=pytest.mark.slow),
-        pytest.param({"kind": "conductor", "metal": "gold", "roughness": 0.3}, marks=pytest.mark.slow),
+        {"kind": "plastic", "reflectance": [0.6, 0.2, 0.1]},
+        {"kind": "conductor", "metal": "gold", "roughness": 0.3},
         {"kind": "principled", "base_color": [0.6, 0.2, 0.1], "roughness": 0.4, "clearcoat": 1.0, "sheen": 0.5},
     ],
     ids=lambda material: material["kind"],

@@ -12,7 +12,8 @@ from rptcam_cl.rendering.plan.plan import Plan, make_plan, serve
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.progressive import FilmRun
 from rptcam_cl.rendering.tracer import WavefrontPool
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from tests.support.statistics import assert_same_tiles, sampled
 

@@ -58,7 +58,7 @@ def test_scene_that_leaves_nothing_open_is_written_as_it_is(tmp_path):
 def test_scene_that_names_files_stays_in_its_folder(tmp_path, monkeypatch):
     (tmp_path / "lens.yaml").write_text("surfaces:\n- {stop: true, diameter: 10}\n")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("rptcam_cl.api.interface.open_sessions", None)
+    monkeypatch.setattr("rptcam_cl.api.job.open_sessions", None)
     (tmp_path / "other").mkdir()
     with pytest.raises(InputError, match=r"other/a\.yaml: the scene names files in its own folder .allowed: a name in"):
         rptcam_cl.settle(still_life() | {"camera": CAMERA | {"lens": "lens.yaml"}}, "other/a.yaml")
@@ -67,7 +67,7 @@ def test_scene_that_names_files_stays_in_its_folder(tmp_path, monkeypatch):
 @pytest.mark.parametrize("there", ["scene.yaml", "./scene.yaml", "none/a.yaml"])
 def test_file_that_cannot_be_written_is_named_before_anything_is_measured(there, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("rptcam_cl.api.interface.open_sessions", None)
+    monkeypatch.setattr("rptcam_cl.api.job.open_sessions", None)
     given = json.dumps(scene(CAMERA))
     (tmp_path / "scene.yaml").write_text(given)
     with pytest.raises((InputError, StateError), match=there.split("/")[0]):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.rendering.film import seed_words
+from rptcam_cl.core.records import seed_words
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays, open_session
 from tests.rendering.pictures import looking, pixels, scene_of

@@ -12,7 +12,7 @@ from rptcam_cl.api import combined
 from rptcam_cl.api.job import SeriesRenderer
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.scene.load import set_keys
+from rptcam_cl.scene.changes import set_keys
 from tests.rendering.test_world import still_life
 
 OVER = {"camera.fov_degrees": [30, 50.0], "picture.ev": [0, 1, 2]}

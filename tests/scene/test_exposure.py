@@ -3,7 +3,8 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 
 from .conftest import EVERYTHING, SMALL, Load
 

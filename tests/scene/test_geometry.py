@@ -11,6 +11,7 @@ from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.placement import SceneObject
+from rptcam_cl.scene.quantities import cross
 from rptcam_cl.scene.scene import world_corners
 
 from .conftest import SMALL, Load
@@ -108,3 +109,11 @@ def test_solid_contains_what_is_inside(keys: dict[str, Any], inside: list[float]
     assert isinstance(item, SceneObject)
     assert item.contains(np.array(inside))
     assert not item.contains(np.array(outside))
+
+
+def test_the_cross_product_is_that_of_numpy_bit_by_bit() -> None:
+    random = np.random.default_rng(5)
+    for scale in (1e-8, 1.0, 1e12):
+        for a, b in random.normal(size=(200, 2, 3)) * scale:
+            assert np.array_equal(cross(a, b), np.cross(a, b))
+    assert np.array_equal(cross([1, 0, 0], (0, 1, 0)), [0, 0, 1])

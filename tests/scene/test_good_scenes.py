@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import plain
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.scene.camera import RealisticCamera, ThickLensCamera
 from rptcam_cl.scene.lights import ConstantEnvironment, GradientEnvironment
-from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.load import load_scene, scene_text
 from rptcam_cl.scene.materials import Matte
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shapes import Sphere
@@ -199,3 +202,33 @@ def test_large_scene_loads_in_proportion_to_its_objects() -> None:
     small, large = (read_yaml(SMALL).data | {"objects": [ball] * count} for count in (300, 3000))
     assert len(load_scene(large).objects) == 3000
     assert calls(lambda: load_scene(large)) < 11 * calls(lambda: load_scene(small))
+
+
+WORDS = [
+    "1e-3", "0o17", "on", "2:8", "1_000", ".5e3", "0x1F", "null", "~", "12e03", "=", "<<", "a: b", "- a", "#1", "",
+    " x", "true", ".inf", ".nan", "ä\u2028b", "'", '"', "1" * 60,
+]  # fmt: skip
+TEXT = st.text("aeFxo019.-+_:#'\"{}[], ~&*!|>%@ä", max_size=8) | st.sampled_from(WORDS)
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False) | st.integers(-(2**63), 2**63) | st.booleans() | st.none()
+PARTS = st.sampled_from(["film", "camera", "materials", "objects", "lights", "sensor"])
+VALUES = st.recursive(
+    NUMBERS | TEXT, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(TEXT, inner, max_size=3)
+)
+
+
+@given(st.dictionaries(PARTS, VALUES, min_size=1))
+def test_text_reads_back_as_the_same_data(data: dict[str, object]) -> None:
+    for name in ("objects", "lights"):
+        if name in data:
+            data[name] = [data[name]]
+    if "materials" in data:
+        data["materials"] = dict.fromkeys(WORDS[:4], data["materials"])
+    read = read_yaml(scene_text(data)).data
+    assert read == plain(data)
+
+
+def test_objects_stand_on_a_line_each_below_the_comments() -> None:
+    text = scene_text({"objects": [{"shape": "sphere"}, {"shape": "box"}], "film": {"width_mm": 36}}, ("one\ntwo",))
+    assert text.splitlines() == [
+        "# one", "# two", "film: {width_mm: 36}", "objects:", "  - {shape: sphere}", "  - {shape: box}",
+    ]  # fmt: skip

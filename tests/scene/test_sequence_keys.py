@@ -8,8 +8,9 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import film_frame, lens_setting
 from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.exposure import FrameSequence
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.load import load_scene
 from tests.optics.test_floating import BENCH
 
 LENS = {"kind": "realistic", "lens": "zoom-70-200mm", "eye": [0, 0, 0], "target": [0, 0, -1]}

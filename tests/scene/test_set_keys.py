@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.load import change_scene, load_scene, set_keys
+from rptcam_cl.scene.changes import change_scene, set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 DATA: dict[str, Any] = {

@@ -46,7 +46,7 @@ TESTS = {
     " rendering/cameras/test_losses rendering/test_transmission",
     "scene/assets": "scene/test_boards exchange/starting",
     "optics": "rendering/tolerances rendering/layers/test_blur cli/test_lens_views cli/test_lens cli/test_breathing"
-    " cli/test_lens_tolerance rendering/cameras/test_as_built",
+    " cli/test_lens_tolerance rendering/cameras/test_as_built rendering/cameras/test_extremes",
     "core": "device/test_layout device/test_signatures rendering/test_world scene/assets/test_remembered_pictures"
     " imaging/sensor",
     "device": "rendering/several",
@@ -55,7 +55,7 @@ TESTS = {
     "cli": "exchange/calibration/test_camera_outputs exchange/calibration/test_camera_files exchange/pbrt/test_command"
     " exchange/calibration/test_maps studies/tradeoff/test_command optics/measures/test_lens_views"
     " studies/selfcheck/test_suite",
-    "api": "rendering/test_honest_errors cli/test_sweep cli/test_series cli/test_render cli/test_parts"
+    "api": "rendering/test_honest_errors cli/test_sweep cli/test_render cli/test_parts"
     " cli/test_frames_that_follow"
     " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders"
     " rendering/test_merge rendering/test_ghosts rendering/test_diffraction rendering/test_stages imaging/test_denoise"
@@ -75,7 +75,7 @@ TESTS = {
     "kernels/geometry": "rendering/primitives rendering/test_shapes rendering/test_meshes rendering/meshes"
     " rendering/motion rendering/test_opacity",
     "kernels/integrator": "rendering/test_furnaces rendering/layers rendering/test_world rendering/test_determinism"
-    " rendering/test_clamp rendering/test_checkpoint rendering/test_roulette device/test_kernels"
+    " rendering/test_samples rendering/test_checkpoint rendering/test_roulette device/test_kernels"
     " rendering/truth/test_cryptomatte",
     "kernels/caustics": "rendering/caustics",
     "kernels/build": "rendering/trees",

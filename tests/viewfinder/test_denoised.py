@@ -11,7 +11,7 @@ import yaml
 from numpy.typing import NDArray
 from PIL import Image as Pillow
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.api.session import Frame, RenderSession
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.viewfinder import slot as module

@@ -16,6 +16,7 @@ from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import turn_dial
 from rptcam_cl.viewfinder.instruments import film_reading, spot_meter
 from rptcam_cl.viewfinder.panel import Panel, irradiance_per_radiance, read_dials, value_per_radiance
+from tests.support.cases import slow
 
 AGREEMENT_EV = 0.01
 METERINGS: list[dict[str, Any]] = [
@@ -47,7 +48,7 @@ def pictures() -> dict[str, Any]:
     return {name: (item, rptcam_cl.render(item, spp=64).pixels) for name, item in scenes.items()}
 
 
-@pytest.mark.parametrize("kind", ["relative", "irradiance", "physical"])
+@pytest.mark.parametrize("kind", ["relative", slow("irradiance"), "physical"])
 @pytest.mark.parametrize("metering", METERINGS, ids=lambda value: str(value["metering"]))
 def test_meter_agrees_with_automatic_exposure(pictures: dict[str, Any], kind: str, metering: dict[str, Any]) -> None:
     resolved, pixels = pictures[kind]

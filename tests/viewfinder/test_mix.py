@@ -15,7 +15,8 @@ import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import read_film, relit
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.viewfinder.panel import Dials, Panel
 from rptcam_cl.viewfinder.things import mix_entries, turn_mix
 from tests.viewfinder.page_client import SCENE, Page, at_rest, page, serving

@@ -13,13 +13,14 @@ import yaml
 from PIL import Image as Pillow
 
 from rptcam_cl.api.combined import focus_stack
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.devices import CompileServer
 from rptcam_cl.device.session import open_session
 from rptcam_cl.imaging.image import Image, read_film, with_picture_settings
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies.focus.controller import autofocus
 from rptcam_cl.viewfinder import requests
 from rptcam_cl.viewfinder.delivery import dial_list

@@ -11,7 +11,7 @@ import yaml
 
 import rptcam_cl
 from rptcam_cl.imaging.image import read_film
-from rptcam_cl.scene.load import set_keys
+from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.viewfinder.moves import viewpoint_of
 from rptcam_cl.viewfinder.panel import Panel, read_dials
 from rptcam_cl.viewfinder.things import add_thing, fields_of, lamps_of, switch_lamp, turn_thing

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance, srgb_from_reflectance
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import Array, nested
+from rptcam_cl.exchange.conversion import COAT_INDEX, Array, nested
 from rptcam_cl.exchange.pbrt.textures import (
     Shade,
     coefficients,
@@ -39,7 +39,6 @@ from rptcam_cl.scene.textures import MOST_NESTED
 
 Keys = dict[str, Any]
 
-_COAT_INDEX = 1.5  # of the clear coat of principled materials
 
 # A share of light that is too small to matter.
 _NOTHING = 1e-6
@@ -493,7 +492,7 @@ def _coated_conductor(context: Context, material: Entity) -> Keys:
     metal = _metal_keys(context, material, "conductor.")
     cover, base = (alphas(context, material, 0.0, prefix) for prefix in ("interface.", "conductor."))
     index = _index_of(context, material, "interface.eta")
-    about = "" if abs(index - _COAT_INDEX) < 1e-3 else f" of index {_COAT_INDEX}"
+    about = "" if abs(index - COAT_INDEX) < 1e-3 else f" of index {COAT_INDEX}"
     context.approximated(material, f"a metal under a clear coat{about}; what goes to and fro between them as head-on")
     colour = metal.get("reflectance")
     keys: Keys = {
@@ -524,7 +523,7 @@ def _colour_below(metal: Keys, index: float) -> list[float]:
         n, k = np.array(constants["n"]), np.array(constants["k"])
     below = metal_reflectance(np.asarray((n + 1j * k) / index, np.complex128))
     once = srgb_from_reflectance(below) if isinstance(constants, str) else below
-    cover = ((_COAT_INDEX - 1) / (_COAT_INDEX + 1)) ** 2
+    cover = ((COAT_INDEX - 1) / (COAT_INDEX + 1)) ** 2
     colours: list[float] = np.clip(once / (1 - cover * once), 0, 1).tolist()
     return colours
 

@@ -69,7 +69,6 @@ POWERS = dict(zip("ABCDEFGHJ", range(4, 22, 2), strict=True))
 SENSES = (-1.0, -1.0, 1.0)
 TILTS = ("XDE", "YDE", "ZDE", "ADE", "BDE", "CDE")
 INFINITE = ("inf", "+inf", "infinity", "+infinity")
-FAR = 1e9  # an object beyond this is at infinity
 _PARTS = re.compile(r"'[^']*'|\"[^\"]*\"|!|[^!'\"]+|['\"]")
 _SPLIT = re.compile(r""";(?=(?:[^'"]|'[^']*'|"[^"]*")*$)""")
 _QUALIFIER = re.compile(r"S(\d{1,4}|[OISA])(-\d{1,4})?(?:\.\.S?(\d{1,4}|[OIS])(-\d{1,4})?)?", re.ASCII | re.IGNORECASE)
@@ -119,39 +118,12 @@ class _SeqSurface:
         return (1.0 / self.value if self.value else 0.0) if self.radius_mode else self.value
 
 
-@dataclass
-class _Zoom:
-    """Positions of a zoom, counted from 1: how many, their names, and where object and pupil differ."""
-
-    count: int = 1
-    names: dict[int, str] = field(default_factory=dict)
-    objects: dict[int, float] = field(default_factory=dict)
-    pupils: dict[int, float] = field(default_factory=dict)
-
-    def take(self, values: dict[int, float], rest: list[str], line: int, table: LensTable) -> None:
-        """Take numbers of one position (``Z2 5``) or of all from the first on."""
-        first = int(rest[0][1:]) if rest and _POSITION.fullmatch(rest[0]) else 0
-        for place, value in enumerate(_numbers(rest[1:2] if first else rest, table, line), start=first or 1):
-            values[place] = value
-
-    def add_to(self, table: LensTable, surfaces: list[_SeqSurface]) -> None:
-        """Give a table its positions."""
-        every = range(1, self.count + 1)
-        values = [[surface.positions.get(k, surface.thickness) for k in every] for surface in surfaces]
-        away = [self.objects.get(k, table.object_distance) for k in every]
-        pupils = [self.pupils.get(k, table.pupil_diameter or 0.0) for k in every] if self.pupils else []
-        names = [self.names.get(k, str(k)) for k in every]
-        table.add_positions(names, dict(enumerate(values)), [a if 0 < abs(a) < FAR else math.inf for a in away],
-                            values[-1], pupils)  # fmt: skip
-
-
 def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a CODE V sequence; glasses of `makers` come first."""
     table = LensTable(path, makers=makers, working=True)
     statements = _statements(text)
     private = _private_glasses(statements, path)
-    zoom = _Zoom()
-    surfaces = _parse(statements, table, private, zoom)
+    surfaces = _parse(statements, table, private)
     _choose_radii(surfaces, table)
     frame = AxisFrame(SENSES)
     for place, surface in enumerate(surfaces):
@@ -174,8 +146,8 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     table.place(frame)
     if table.rows and not any(surface.stop for surface in surfaces):
         table.rows[0]["stop"] = True  # as in that program
-    if zoom.count > 1 and table.rows:
-        zoom.add_to(table, surfaces)
+    if table.zoom.count > 1 and table.rows:
+        table.add_positions([[s.positions.get(k, s.thickness) for k in table.zoom.numbers] for s in surfaces])
     table.size_stop()
     return with_sharp_states(table.lens(), path)
 
@@ -198,7 +170,7 @@ def _statements(text: str) -> list[tuple[int, list[str]]]:
 
 
 def _parse(
-    statements: list[tuple[int, list[str]]], table: LensTable, private_ones: Mapping[str, Any], zoom: _Zoom
+    statements: list[tuple[int, list[str]]], table: LensTable, private_ones: Mapping[str, Any]
 ) -> list[_SeqSurface]:
     surfaces: list[_SeqSurface] = []
     radius_mode: bool | None = None
@@ -216,8 +188,7 @@ def _parse(
         elif key in ("SO", "S0", "SI"):
             inside = False
             if key != "SI" and len(rest) > 1:
-                away = _numbers(rest[1:2], table, line)[0]
-                table.object_distance = away if 0 < abs(away) < FAR else float("inf")
+                table.set_object(_numbers(rest[1:2], table, line)[0])
             if key != "SI" and (medium := _medium(rest[2] if rest[2:] else "", line, table, private_ones)) is not None:
                 table.keys["object_medium"] = medium
         elif key == "S" or (key[0] == "S" and key[1:].isdigit()):
@@ -226,7 +197,7 @@ def _parse(
             glass = rest[2] if len(rest) > 2 else ""
             surfaces.append(_SeqSurface(line, value, thickness, glass, radius_mode))
         elif rest and (key == "ZOO" or _of_position(key, rest)):
-            _zoomed(words[1:] if key == "ZOO" else words, surfaces, zoom, line, table)
+            _zoomed(words[1:] if key == "ZOO" else words, surfaces, line, table)
         elif rest and not key.startswith("TIT") and (qualifier := _QUALIFIER.fullmatch(rest[0])):
             for target in _targets(qualifier, surfaces):
                 _take(target, key, rest[1:], line, table)
@@ -250,8 +221,15 @@ def _of_position(key: str, rest: list[str]) -> bool:
     return of_object or (of_position and (key == "EPD" or key.startswith("TIT")))
 
 
-def _zoomed(words: list[str], surfaces: list[_SeqSurface], zoom: _Zoom, line: int, table: LensTable) -> None:
+def _take_of_positions(values: dict[int, float], rest: list[str], line: int, table: LensTable) -> None:
+    """Take numbers of one position (``Z2 5``) or of all from the first on."""
+    first = int(rest[0][1:]) if rest and _POSITION.fullmatch(rest[0]) else 0
+    values |= dict(enumerate(_numbers(rest[1:2] if first else rest, table, line), start=first or 1))
+
+
+def _zoomed(words: list[str], surfaces: list[_SeqSurface], line: int, table: LensTable) -> None:
     """Take what positions differ in: ``3`` of them, ``THI S5 1.9 20``, ``THI SO Z2 500``, ``EPD 20 25``, titles."""
+    zoom = table.zoom
     key, rest = words[0].upper(), words[1:]
     qualifier = _QUALIFIER.fullmatch(rest[0]) if rest else None
     if key.isdecimal():
@@ -261,13 +239,13 @@ def _zoomed(words: list[str], surfaces: list[_SeqSurface], zoom: _Zoom, line: in
     elif key.startswith("TIT"):  # all positions, each in quotes of its own
         zoom.names |= dict(enumerate((text.strip("'\"").strip() for text in _QUOTED.findall(" ".join(rest))), start=1))
     elif key == "EPD":
-        zoom.take(zoom.pupils, rest, line, table)
+        _take_of_positions(zoom.pupils, rest, line, table)
         table.pupil_diameter = table.pupil_diameter or zoom.pupils.get(1)
     elif key == "THI" and rest and rest[0].upper() in ("SO", "S0"):
-        zoom.take(zoom.objects, rest[1:], line, table)
+        _take_of_positions(zoom.objects, rest[1:], line, table)
     elif key == "THI" and qualifier:
         for target in _targets(qualifier, surfaces):
-            zoom.take(target.positions, rest[1:], line, table)
+            _take_of_positions(target.positions, rest[1:], line, table)
             target.thickness = target.positions.get(1, target.thickness)
     elif key not in QUIET:
         table.note(line, f"{key} of the positions of a zoom is ignored: spaces, object and pupil alone may differ")

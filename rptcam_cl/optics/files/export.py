@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, permutations, zip_longest
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from rptcam_cl.optics.glass import (
 )
 from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration, limiting_surface
 from rptcam_cl.optics.shapes import Biconic, Diffractive, Grating, IdealLens, Toroid, short_radius
-from rptcam_cl.optics.spots import default_fields, setting
+from rptcam_cl.optics.spots import Setting, default_fields, setting
 from rptcam_cl.optics.surface import FocusState, Region, StopShape, Surface, SurfacePose, tilt_of
 
 # What files of other programs have in common when a lens is written: what they cannot say, beam, rows, tilts.
@@ -67,38 +67,31 @@ def rows_of(lens: Lens, film_distance_mm: float) -> Iterator[tuple[Surface, floa
         yield surface, curvature, lens.sense * film_distance_mm if k == last else surface.thickness, k == stop
 
 
-class Position(NamedTuple):
-    """A lens as it stands in one position of a zoom, or focused nearer; object and film from its ends [mm]."""
+def _positions_of(lens: Lens) -> tuple[list[str], list[Setting]]:
+    """Return the zoom positions of a lens, far away, and then those of their floating groups in the same order.
 
-    name: str
-    lens: Lens
-    object_mm: float
-    film_mm: float
-
-
-def positions_of(lens: Lens) -> list[Position]:
-    """Return the zoom positions of a lens, far away, and then those of their floating groups in the same order."""
+    First come their names; each is the lens as it stands there, or as it is focused nearer.
+    """
     far = [in_configuration(lens, each.name) for each in lens.configurations] or [lens]
-    names = [each.name for each in lens.configurations] or ["far"]
-    places = [
-        Position(name, state, math.inf, setting(replace(state, configurations=())).film_distance_mm or 0.0)
-        for name, state in zip(names, far, strict=True)
-    ]
+    own_names = [each.name for each in lens.configurations] or ["far"]
+    names = list(own_names)
+    places = [Setting(state, setting(replace(state, configurations=())).film_distance_mm or 0.0) for state in far]
     for states in zip_longest(*(state.floating for state in far)):
-        for name, state, near in zip(names, far, states, strict=True):
+        for name, state, near in zip(own_names, far, states, strict=True):
             if near is None:
                 raise InputError(f"{lens.name}: its zoom positions focus nearer in different numbers of states")
             focused, film = brought_to_focus(replace(state, configurations=()), near.distance_mm)
             away = near.distance_mm - focused.length - film
-            places.append(Position(f"{name}, {near.distance_mm:g} mm", focused, away, film))
-    return places
+            names.append(f"{name}, {near.distance_mm:g} mm")
+            places.append(Setting(focused, film, away))
+    return names, places
 
 
-def _varied(places: Sequence[Position]) -> Iterator[tuple[int, list[float]]]:
+def _varied(places: Sequence[Setting]) -> Iterator[tuple[int, list[float]]]:
     """Yield the surfaces behind which spaces differ between positions, with these; the last one's ends at the film."""
     last = len(places[0].lens.surfaces) - 1
     for k in range(last + 1):
-        gaps = [one.film_mm if k == last else one.lens.surfaces[k].thickness for one in places]
+        gaps = [one.film if k == last else one.lens.surfaces[k].thickness for one in places]
         if len(set(gaps)) > 1:
             yield k, gaps
 
@@ -229,20 +222,20 @@ def codev_text(lens: Lens) -> str:
         lines += ["PRV", f"  PWL {numbers(PRIVATE_NM)}"]
         lines += [f"  '{name}' {numbers(_indices(medium))}" for medium, name in private.items()]
         lines.append("END")
-    places = positions_of(lens)
     lines.append("SO 0.0 1.0E+13")
     for (surface, curvature, gap, is_stop), word in zip(rows_of(lens, film), words, strict=True):
         lines.append(f"S {number(curvature)} {number(gap)} {word}".rstrip())
         lines += [f"  {line}" for line in _details(surface, is_stop)]
-    return "\n".join([*lines, "SI 0.0 0.0", *_codev_positions(places), "GO", ""])
+    return "\n".join([*lines, "SI 0.0 0.0", *_codev_positions(lens), "GO", ""])
 
 
-def _codev_positions(places: Sequence[Position]) -> Iterator[str]:
+def _codev_positions(lens: Lens) -> Iterator[str]:
+    names, places = _positions_of(lens)
     if len(places) == 1:
         return
     yield f"ZOO {len(places)}"
-    yield from (f"TIT Z{z} '{one_line(one.name)}'" for z, one in enumerate(places, start=1))
-    away = [1e13 if math.isinf(one.object_mm) else one.object_mm for one in places]
+    yield from (f"TIT Z{z} '{one_line(name)}'" for z, name in enumerate(names, start=1))
+    away = [min(one.object_distance_mm, 1e13) for one in places]
     if len(set(away)) > 1:
         yield f"ZOO THI SO {numbers(away)}"
     yield f"ZOO EPD {numbers(one.lens.first_order().entrance_pupil.diameter_mm for one in places)}"
@@ -351,16 +344,17 @@ def zemax_text(lens: Lens) -> str:
     blocks.append(["  TYPE STANDARD", "  CURV 0.0", "  DISZ 0.0"])
     for k, block in enumerate(blocks):
         lines += [f"SURF {k}", *block]
-    lines += _zemax_positions(positions_of(lens), behind)
+    lines += _zemax_positions(lens, behind)
     return "\n".join([*lines, ""])
 
 
-def _zemax_positions(places: Sequence[Position], behind: Sequence[int]) -> Iterator[str]:
+def _zemax_positions(lens: Lens, behind: Sequence[int]) -> Iterator[str]:
+    _, places = _positions_of(lens)
     if len(places) == 1:
         return
     yield f"MNUM {len(places)} 1"
     pupils = [one.lens.first_order().entrance_pupil.diameter_mm for one in places]
-    away = [1e10 if math.isinf(one.object_mm) else one.object_mm for one in places]
+    away = [min(one.object_distance_mm, 1e10) for one in places]
     spaces = [(0, away)] if len(set(away)) > 1 else []
     for k, gaps in _varied(places):
         pose = places[0].lens.surfaces[k].pose

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import field, replace
 from typing import Any
 
@@ -119,6 +119,28 @@ FLATTEST = 0.2  # cosine of the light on a tilted surface, at least, for the cho
 RIM = 1.05  # clear diameters that a file does not give leave this margin around the beam
 
 
+FAR = 1e9  # an object beyond this is at infinity
+
+
+def _object_distance(value: float) -> float:
+    return value if 0 < abs(value) < FAR else math.inf
+
+
+@dataclass
+class ZoomPositions:
+    """Positions of a zoom, counted from 1: how many, and their names, objects and pupils where these differ [unit]."""
+
+    count: int = 1
+    names: dict[int, str] = field(default_factory=dict)
+    objects: dict[int, float] = field(default_factory=dict)
+    pupils: dict[int, float] = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> range:
+        """Their numbers."""
+        return range(1, self.count + 1)
+
+
 @dataclass
 class LensTable:
     """A lens file under construction.
@@ -151,6 +173,8 @@ class LensTable:
         From the object to the first surface [unit], infinite for most lenses.
     pupils : dict
         Diameter of the entrance pupil [unit] of each zoom position, where they differ.
+    zoom : ZoomPositions
+        As the file counts them.
     """
 
     path: str
@@ -171,6 +195,7 @@ class LensTable:
     object_distance: float = float("inf")
     field_kind: int = 0
     pupils: dict[str, float] = field(default_factory=dict)
+    zoom: ZoomPositions = field(default_factory=ZoomPositions)
 
     def set_field(self, widest: float) -> None:
         """Take the widest field as Zemax counts it: an angle, an object height or an image height, by `field_kind`."""
@@ -216,28 +241,25 @@ class LensTable:
         ]
         return in_configuration(replace(lens, configurations=tuple(positions)), positions[0].name)
 
-    def add_positions(
-        self,
-        names: Sequence[str],
-        gaps: Mapping[int, Sequence[float]],
-        objects: Sequence[float],
-        backs: Sequence[float],
-        pupils: Sequence[float] = (),
-    ) -> None:
+    def set_object(self, distance: float) -> None:
+        """Take the distance of the object, infinite for 0 and for what lies beyond `FAR`."""
+        self.object_distance = _object_distance(distance)
+
+    def add_positions(self, gaps: Sequence[Sequence[float]]) -> None:
         """Take positions of a zoom whose objects are far, and with near objects the states of groups that float.
 
         The near positions belong to the far ones in their order.
 
         Parameters
         ----------
-        gaps : mapping of row to its thickness in each position [unit]
-        objects, backs : sequences of float
-            From the object to the first surface, infinite where it is far, and from the last one to the film [unit].
-        pupils : sequence of float
-            Diameters of the entrance pupils [unit]; empty where all positions have one.
+        gaps : for each row its thickness in each position, of the last one that to the film [unit]
         """
+        zoom, backs = self.zoom, gaps[-1]
+        names = [zoom.names.get(k, str(k)) for k in zoom.numbers]
+        objects = [_object_distance(zoom.objects.get(k, self.object_distance)) for k in zoom.numbers]
+        pupils = [zoom.pupils.get(k, self.pupil_diameter or 0.0) for k in zoom.numbers] if zoom.pupils else []
         last = len(self.rows) - 1
-        varied = {row: values for row, values in gaps.items() if row < last and len(set(values)) > 1}
+        varied = {row: values for row, values in enumerate(gaps) if row < last and len(set(values)) > 1}
         far = [k for k, away in enumerate(objects) if not 0 < away < FARTHEST]
         near = [k for k, away in enumerate(objects) if 0 < away < FARTHEST]
         if not varied or not far or len(near) % len(far):

@@ -28,7 +28,6 @@ PLACEHOLDER = (1.5, 40.0)  # what Zemax writes beside the name of a catalogue gl
 MOST_FORBES = 18
 FORBES_ERROR = 1e-6  # of a sag by powers of r [unit], which no ray notices
 NEARLY = 1 + 1e-9
-FAR = 1e9  # an object beyond this is at infinity
 # What changes the rays and is not read; everything else that is not read has no optical meaning.
 MEANT_WORDS = "OBSC ELAP UDAP UDAD USAP UOBS ROBS SQOB ELOB SPID XDAT NSCS GRIN TEMP"
 MEANT = frozenset(MEANT_WORDS.split())
@@ -74,12 +73,11 @@ class _ZmxSurface:
 def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a sequential Zemax file; glasses of `makers` come first, then those of its own catalogues."""
     table = LensTable(path, makers=makers)
-    many = _Configurations()
-    surfaces = _parse(text, table, many)
+    spaces: dict[int, dict[int, float]] = {}  # behind surfaces, by their numbers, in each position
+    surfaces = _parse(text, table, spaces)
     if len(surfaces) < 3:
         raise InputError(f"{path}: a lens needs surfaces between object and image")
-    distance = surfaces[0].values.get("DISZ", 0.0)
-    table.object_distance = distance if 0 < abs(distance) < FAR else float("inf")
+    table.set_object(surfaces[0].values.get("DISZ", 0.0))
     if surfaces[0].glass and not surfaces[0].is_mirror:
         table.keys["object_medium"] = _glass(surfaces[0], table)
     _drop_collimator(surfaces, table)
@@ -111,35 +109,19 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     _bend_image(frame, surfaces, table)
     table.place(frame)
     _trim(table, openings)
-    if many.count > 1 and parts:
-        many.add_to(table, parts)
+    if table.zoom.count > 1 and parts:
+        table.zoom.objects = spaces.get(0, {})
+        table.add_positions([[_gap(part, spaces, k) for k in table.zoom.numbers] for part in parts])
     table.size_stop()
     return with_sharp_states(table.lens(), path)
 
 
-@dataclass
-class _Configurations:
-    """How many a file has, and the thickness behind surfaces, by their numbers, in each from 1 on."""
-
-    count: int = 1
-    pupils: dict[int, float] = field(default_factory=dict)
-    values: dict[int, dict[int, float]] = field(default_factory=dict)
-
-    def add_to(self, table: LensTable, parts: list[list[_ZmxSurface]]) -> None:
-        """Give a table its positions: of each row the surface and the breaks behind it."""
-        every = range(1, self.count + 1)
-
-        def gap(surface: _ZmxSurface, k: int) -> float:
-            return self.values.get(surface.number, {}).get(k, surface.values.get("DISZ", 0.0))
-
-        gaps = {row: [sum(gap(part, k) for part in group) for k in every] for row, group in enumerate(parts)}
-        away = [self.values.get(0, {}).get(k, table.object_distance) for k in every]
-        pupils = [self.pupils.get(k, table.pupil_diameter or 0.0) for k in every] if self.pupils else []
-        table.add_positions([str(k) for k in every], gaps, [a if 0 < abs(a) < FAR else math.inf for a in away],
-                            gaps[len(parts) - 1], pupils)  # fmt: skip
+def _gap(part: list[_ZmxSurface], spaces: dict[int, dict[int, float]], position: int) -> float:
+    """Return the thickness behind a surface, with those of the breaks behind it, in a position."""
+    return sum(spaces.get(each.number, {}).get(position, each.values.get("DISZ", 0.0)) for each in part)
 
 
-def _parse(text: str, table: LensTable, many: _Configurations) -> list[_ZmxSurface]:
+def _parse(text: str, table: LensTable, spaces: dict[int, dict[int, float]]) -> list[_ZmxSurface]:
     surfaces: list[_ZmxSurface] = []
     for line, raw in enumerate(text.lstrip("\ufeff").splitlines(), start=1):
         words = raw.split()
@@ -149,14 +131,14 @@ def _parse(text: str, table: LensTable, many: _Configurations) -> list[_ZmxSurfa
         if key == "SURF":
             surfaces.append(_ZmxSurface(line, number=len(surfaces)))
         elif key == "MNUM" and rest and rest[0].isdecimal():
-            many.count = int(rest[0])
+            table.zoom.count = int(rest[0])
         elif key == "THIC":
             surface, position, value = numbers(rest[:3], table.path, line, 3)
-            many.values.setdefault(int(surface), {})[int(position)] = value
-        elif key == "APER" and many.count > 1 and table.pupil_diameter:
+            spaces.setdefault(int(surface), {})[int(position)] = value
+        elif key == "APER" and table.zoom.count > 1 and table.pupil_diameter:
             _, position, value = numbers(rest[:3], table.path, line, 3)
-            many.pupils[int(position)] = value
-        elif key in OF_CONFIGURATIONS and many.count > 1:
+            table.zoom.pupils[int(position)] = value
+        elif key in OF_CONFIGURATIONS and table.zoom.count > 1:
             if rest[1:2] == ["1"]:
                 table.note(line, f"{key} of configurations is ignored: spaces, object and pupil alone may differ")
         elif surfaces and key not in _HEADER:

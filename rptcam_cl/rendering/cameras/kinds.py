@@ -71,8 +71,8 @@ from rptcam_cl.scene.camera import (
     ThinLensCamera,
     kinds_where,
 )
+from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.film import LensColour
-from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]

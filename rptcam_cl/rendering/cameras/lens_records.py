@@ -31,8 +31,8 @@ from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, is_tinted, known
 from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
 from rptcam_cl.rendering.cameras.ideal import shaped
 from rptcam_cl.rendering.cameras.setting import LensSetting, LossFiller, lens_setting
+from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 
 # How a lens bends each wavelength: ratios of indices as polynomials for the device, and whether a picture shows it.
@@ -49,7 +49,7 @@ STAYS = 0.005  # share of it that its sampling error may be
 _CLEARLY = 4  # sampling errors off a bound, from which it needs to be known no better
 WIDER = 1.2  # radii of the exit pupil that rays aim at, as it grows and moves off the axis
 LATTICE = np.array([1, 182667, 469891, 498753])  # Cools, Kuo and Nuyens 2006
-FAR_MM = 1e9  # object plane where none is sharp
+FAR_MM = 1e9  # stands for everything farther: the object plane where none is sharp
 
 
 def disperses(lens: Lens) -> bool:

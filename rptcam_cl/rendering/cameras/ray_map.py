@@ -25,7 +25,7 @@ from rptcam_cl.optics.beams import Crossings, crossings
 from rptcam_cl.optics.film_probe import narrowing_probes, pupil_boxes
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import LensTransmission
-from rptcam_cl.rendering.cameras.lens_records import LensRecords, lens_records
+from rptcam_cl.rendering.cameras.lens_records import FAR_MM, LensRecords, lens_records
 from rptcam_cl.rendering.cameras.model import SURFACE_BY_SURFACE
 from rptcam_cl.rendering.cameras.pupil import by_content, without_shape
 from rptcam_cl.rendering.cameras.setting import CameraMetadata, LensSetting
@@ -380,7 +380,6 @@ def _light_error(lens: Lens, fitted: RayMap, sample: _Sample, passes: Mask) -> f
 # How the rays of a realistic camera come through its lens: surface by surface, or by polynomials fitted to that.
 
 REMEMBERED = 64  # lens states whose polynomials are kept
-FAR_MM = 1e9  # stands for what is farther
 
 
 @dataclass(frozen=True)

@@ -408,11 +408,10 @@ def realistic_model(
         Parts of the film that will be rendered, where not the whole is: then only the pupils seen from there are found,
         in a tenth of the time, and `exposure: relative` goes by first-order optics.
     """
-    camera = scene.camera.traced_camera
+    camera, losses = scene.camera.traced_camera, setting.transmission
     assert camera is not None
     check_film(setting.lens, setting.film_distance_mm, scene)
     lens, film_distance_mm = shaped(scene, setting).lens, setting.film_distance_mm
-    losses = setting.transmission
     dispersive, colour = _colour(scene, setting, lens_colour)
     low, high = usable_nm(lens, losses if dispersive else IDEAL)
     sampled_nm = (camera.wavelength_nm, low, high) if dispersive else (camera.wavelength_nm,)
@@ -427,11 +426,11 @@ def realistic_model(
     through = _rays_through(scene, setting, lens, (low, high) if dispersive else None)
     record = _record(scene, setting, lens, pupil, len(through.surfaces))
     entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
-    metadata: CameraMetadata = {"camera": "realistic", **through.metadata, **setting.metadata}
-    metadata |= {"on_axis_irradiance": on_axis}
-    if losses:
-        metadata["transmittance"] = on_axis / clear
-    metadata = {**metadata, **pupil.metadata, **movements_metadata(camera), **colour, **_perspective(scene, setting)}
+    metadata: CameraMetadata = {
+        "camera": "realistic", **through.metadata, **setting.metadata, "on_axis_irradiance": on_axis,
+        **({"transmittance": on_axis / clear} if losses else {}), **pupil.metadata, **movements_metadata(camera),
+        **colour, **_perspective(scene, setting),
+    }  # fmt: skip
     if entrance is not None:
         metadata["entrance_pupil"] = entrance.described()
     return CameraModel(

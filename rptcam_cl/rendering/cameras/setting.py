@@ -37,8 +37,8 @@ from rptcam_cl.optics.lens import (
 from rptcam_cl.optics.ray_trace import LensTransmission, axis_points, has_coatings, known_nm, with_coating
 from rptcam_cl.rendering.cameras.pupil import SamplingMetadata, by_content, on_disk, without_shape
 from rptcam_cl.scene.camera import NO_MOVEMENTS, NOT_FOUND_YET, CameraKind, LensCamera, pose_matrix
+from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.lens_settings import CoatingLayers, Focus
-from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.placement import CameraKeyframe
 from rptcam_cl.scene.scene import Scene
 

@@ -482,8 +482,11 @@ def light_groups(scene: Scene, primitives: Primitives, *, has_glow: bool) -> Lig
     return LightGroups(tuple(number), of_primitive, of_light, number[sky[0]] if sky else 0)
 
 
+_BLACK = (0.0, 0.0, 0.0)
+
+
 def _is_shining(material: Material) -> bool:
-    return isinstance(material, Emissive) or (isinstance(material, Principled) and material.emission != BLACK)
+    return isinstance(material, Emissive) or (isinstance(material, Principled) and material.emission != _BLACK)
 
 
 Found = tuple[NDArray[np.void], NDArray[np.float64]]
@@ -492,8 +495,8 @@ Found = tuple[NDArray[np.void], NDArray[np.float64]]
 @dataclass(frozen=True)
 class Emitters:
     """Records, the sampled emitter of each primitive, the kinds there are, the curve that picks by power, the tree
-    that picks instead where there are many lamps, whether lamps may be so far away that rays end before them, and the
-    group of each lamp."""
+    that picks instead where there are many lamps, whether lamps may be so far away that rays end before them, the
+    group of each lamp, and lamps that the camera may see out of focus, about the eye [m]."""
 
     records: NDArray[np.void]
     of_primitive: dict[int, int]
@@ -503,6 +506,7 @@ class Emitters:
     tree: LightTree | None = None
     tiny: bool = False
     groups: NDArray[np.int32] = field(default_factory=lambda: np.zeros(1, np.int32))
+    seen: tuple[SeenLamp, ...] = ()
 
     @property
     def shining(self) -> NDArray[np.void]:
@@ -556,14 +560,15 @@ _SAMPLED = {Kind.RECTANGLE: _flat, Kind.DISK: _flat, Kind.SPHERE: _sphere, **dic
 
 
 @dataclass(frozen=True)
-class Glow:
+class _Glow:
     """What a material emits: radiance, mean over a texture; the texture's index or -1; whether the back shines; the
-    number of its spectrum."""
+    number of its spectrum; whether the material has holes."""
 
     radiance: NDArray[np.float64]
     texture: int
     two_sided: bool
     number: int
+    has_holes: bool
 
     @property
     def strength(self) -> float:
@@ -577,9 +582,9 @@ class Glow:
         return {"radiance": radiance, "texture": self.texture, "two_sided": self.two_sided}
 
 
-def glow_of(material: Material, textures: TextureTable, spectra: KnownSpectra) -> Glow:
+def _glow_of(material: Material, textures: TextureTable, spectra: KnownSpectra) -> _Glow:
     """Find the light that a material emits; its texture and its spectrum are entered."""
-    emitted: Texture | Colour = (0.0, 0.0, 0.0)
+    emitted: Texture | Colour = _BLACK
     two_sided = False
     if isinstance(material, Emissive):
         emitted, two_sided = material.radiance, material.two_sided
@@ -587,26 +592,18 @@ def glow_of(material: Material, textures: TextureTable, spectra: KnownSpectra) -
         emitted = material.emission
     colour, texture = textures.slot(emitted, limit=LARGEST_RADIANCE)
     number = spectra.number(emitted, light=True)
-    return Glow(np.array(colour) if texture < 0 else textures.mean(texture), texture, two_sided, number)
+    radiance = np.array(colour) if texture < 0 else textures.mean(texture)
+    return _Glow(radiance, texture, two_sided, number, has_holes(material))
 
 
-def _surface_emitter(index: int, primitive: Primitive, glow: Glow) -> Found | None:
-    """Return record and power [W, luminance] of an emissive primitive, or None when it is not sampled."""
-    if primitive.kind not in _SAMPLED:
-        return None
-    records = EMITTER.one(primitive=index, triangle=-1, **glow.members)
-    area = _SAMPLED[primitive.kind](primitive, records[0])
-    return records, np.array([np.pi * area * glow.strength])
-
-
-def _mesh_emitters(
-    index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64], glow: Glow
-) -> Found:
-    """Return records and powers [W, luminance] of the triangles of an emissive mesh."""
-    assert primitive.mesh is not None
-    records, areas = triangle_emitters(primitive.mesh, primitive.placement, eye)
-    fill(records, primitive=index, triangle=first_triangle + np.arange(len(records)), **glow.members)
-    return records, np.pi * areas * glow.strength
+def _glowing(
+    primitives: Primitives, textures: TextureTable, spectra: KnownSpectra
+) -> list[tuple[int, Primitive, _Glow]]:
+    """Find the primitives that shine and stand still: their numbers, and what they emit."""
+    materials = {id(each.material): each.material for each in primitives.prototypes}
+    glows = {key: _glow_of(material, textures, spectra) for key, material in materials.items()}
+    still = primitives.among(lambda each: glows[id(each.material)].strength > 0 and each.trajectory is None)
+    return [(index, primitive, glows[id(primitive.material)]) for index, primitive in still]
 
 
 def _scene_reach(primitives: Primitives, eye: NDArray[np.float64]) -> float:
@@ -672,7 +669,9 @@ def pack_emitters(
         where there is none.
     """
     eye = scene.metres_per_unit * np.array(scene.camera.eye)
-    chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye, textures, spectra)
+    glowing = _glowing(primitives, textures, spectra)
+    first_mesh = len(primitives) - len(first_triangles)
+    chosen, of_primitive = _surface_emitters(glowing, first_triangles, first_mesh, eye)
     far = surroundings.kind is EnvironmentKind.IMAGE or surroundings.sun is not None or len(scene.lights) > 0
     reach = _scene_reach(primitives, eye) if far else 1.0
     lights = _light_emitters(scene, textures, spectra, surroundings, reach, groups)
@@ -680,31 +679,58 @@ def pack_emitters(
     is_dark = held is not None and held["HAS_EMITTERS"] > 0 and not chosen
     if is_dark:
         chosen = [(np.array([_without_surface()], EMITTER.dtype), np.ones(1))]
-    count = sum(len(records) for records, _ in chosen)
-    group = np.zeros(max(count, 1), np.int32)
-    records, curve, tree = EMITTER.zeros(count), np.zeros((1, 2), np.float32), None
-    if chosen:
-        records[:] = np.concatenate([part for part, _ in chosen])
-        if groups.names:
-            group[:] = groups.of_primitive[np.maximum(records["primitive"], 0)]
-            group[count - len(lights) :] = [each for _, _, each in lights]
-        powers = np.concatenate([power for _, power in chosen])
+    records, powers, group = _joined(chosen, [each for _, _, each in lights], groups)
+    count, curve, tree = len(powers), np.zeros((1, 2), np.float32), None
+    if count:
         curve, chance = curves(powers[None])
         records["pick"] = chance[0]
-        near = ~np.isin(records["kind"], list(FAR_EMITTERS))
-        lamps = lamps_of(records[near], powers[near]) if near.sum() > (held is None) else None
-        if lamps and (
-            variance_by_power(lamps, _lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN
-            if held is None
-            else held["LIGHT_TREE"] > 0
-        ):
-            order = np.argsort(~near, kind="stable")  # of_primitive stays: surfaces stand first
+        if (lamps := _lamps_of_tree(records, powers, primitives, of_primitive, eye, held)) is not None:
+            # `of_primitive` stays: surfaces stand first
+            order = np.argsort(np.isin(records["kind"], list(FAR_EMITTERS)), kind="stable")
             records, powers, group = records[order], powers[order], group[order]
             tree = _with_tree(records, powers, lamps, reach, surroundings)
         _note_infinity(records["kind"], surroundings)
     kinds = frozenset(EmitterKind(kind) for kind in set(records["kind"][:count].tolist()) if not is_dark)
-    tiny = _has_tiny(records, primitives, eye)
-    return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny, group)
+    tiny, seen = _has_tiny(records, primitives, eye), _seen_lamps(glowing, eye)
+    return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny, group, seen)
+
+
+def _joined(
+    chosen: list[Found], of_lights: list[int], groups: LightGroups
+) -> tuple[NDArray[np.void], Array, NDArray[np.int32]]:
+    """Return the records, powers and groups of all lamps; lights without a surface, whose groups are given, come last.
+
+    Of records and groups there is at least one, as OpenCL has no empty buffers.
+    """
+    count = sum(len(records) for records, _ in chosen)
+    records, group = EMITTER.zeros(count), np.zeros(max(count, 1), np.int32)
+    if not chosen:
+        return records, np.zeros(0), group
+    records[:] = np.concatenate([part for part, _ in chosen])
+    if groups.names:
+        group[:] = groups.of_primitive[np.maximum(records["primitive"], 0)]
+        group[count - len(of_lights) :] = of_lights
+    return records, np.concatenate([power for _, power in chosen]), group
+
+
+def _lamps_of_tree(
+    records: NDArray[np.void],
+    powers: Array,
+    primitives: Primitives,
+    of_primitive: Mapping[int, int],
+    eye: Array,
+    held: Mapping[str, int] | None,
+) -> Lamps | None:
+    """Return the lamps that a tree is to be made of; None where they are picked by their power."""
+    near = ~np.isin(records["kind"], list(FAR_EMITTERS))
+    if not near.sum() > (held is None):
+        return None
+    lamps = lamps_of(records[near], powers[near])
+    if held is None:
+        gains = variance_by_power(lamps, _lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN
+    else:
+        gains = held["LIGHT_TREE"] > 0
+    return lamps if gains else None
 
 
 def _light_emitters(
@@ -755,38 +781,30 @@ def _note_infinity(kinds: NDArray[np.int32], surroundings: Surroundings) -> None
 
 
 def _surface_emitters(
-    primitives: Primitives,
-    first_triangles: NDArray[np.int32],
-    eye: NDArray[np.float64],
-    textures: TextureTable,
-    spectra: KnownSpectra,
+    glowing: list[tuple[int, Primitive, _Glow]], first_triangles: NDArray[np.int32], first_mesh: int, eye: Array
 ) -> tuple[list[Found], dict[int, int]]:
-    """Return records and powers of what shines, primitive by primitive, and the first emitter of each of them."""
+    """Return records and powers of what shines, primitive by primitive, and the first emitter of each of them.
+
+    A sample would have to ask whether it lies in a hole, or follow what moves; paths find what shines there.
+    """
     chosen: list[Found] = []
     of_primitive: dict[int, int] = {}
     count = 0
-    first_mesh = len(primitives) - len(first_triangles)
-    shining = {}
-    for material in {id(each.material): each.material for each in primitives.prototypes}.values():
-        glow = glow_of(material, textures, spectra)
-        # A sample would have to ask whether it lies in a hole, or follow what moves; paths find what shines there.
-        if glow.strength > 0 and not has_holes(material):
-            shining[id(material)] = glow
-    for index, primitive in primitives.among(lambda each: id(each.material) in shining and each.trajectory is None):
-        glow = shining[id(primitive.material)]
+    for index, primitive, glow in glowing:
+        if glow.has_holes or not (primitive.mesh is not None or primitive.kind in _SAMPLED):
+            continue
         if primitive.mesh is None:
-            emitter = _surface_emitter(index, primitive, glow)
+            records = EMITTER.one(primitive=index, triangle=-1, **glow.members)
+            areas = np.array([_SAMPLED[primitive.kind](primitive, records[0])])
         else:
-            emitter = _mesh_emitters(index, primitive, first_triangles[index - first_mesh], eye, glow)
-        if emitter is not None:
-            of_primitive[index] = count
-            count += len(emitter[0])
-            emitter[0]["hidden"] = primitive.hidden
-            chosen.append(emitter)
+            records, areas = triangle_emitters(primitive.mesh, primitive.placement, eye)
+            triangles = first_triangles[index - first_mesh] + np.arange(len(records))
+            fill(records, primitive=index, triangle=triangles, **glow.members)
+        records["hidden"] = primitive.hidden
+        of_primitive[index] = count
+        count += len(records)
+        chosen.append((records, np.pi * areas * glow.strength))
     return chosen, of_primitive
-
-
-BLACK = (0.0, 0.0, 0.0)
 
 
 def met_apart(primitives: Primitives, emitters: Emitters) -> dict[str, int]:
@@ -805,8 +823,7 @@ def met_apart(primitives: Primitives, emitters: Emitters) -> dict[str, int]:
     for index, primitive in primitives.among(lambda each: each.hidden & either != 0):
         kinds = primitive.hidden & either
         is_sampled, material = index in emitters.of_primitive, primitive.material
-        shines = isinstance(material, Emissive) or (isinstance(material, Principled) and material.emission != BLACK)
-        if shines and kinds & Hidden.FROM_REFLECTION and not is_sampled:
+        if _is_shining(material) and kinds & Hidden.FROM_REFLECTION and not is_sampled:
             raise InputError(
                 f"objects.{primitive.object}.visible.reflection: this lamp would light nothing: what moves, has holes"
                 " or is a plane is found by its reflection alone (allowed: true)"
@@ -827,27 +844,20 @@ _OUTLINE_STEPS = 32  # of an outline
 ANGLES = np.linspace(0.0, np.pi / 2, 16, endpoint=False)  # at which the least rectangle about a lamp is looked for
 
 
-def visible_lamps(primitives: Primitives, eye: Array, textures: TextureTable) -> tuple[SeenLamp, ...]:
-    """Find the lamps that stand still, as seen from the eye, in the world about it [m].
+def _seen_lamps(glowing: list[tuple[int, Primitive, _Glow]], eye: Array) -> tuple[SeenLamp, ...]:
+    """Return lamps as seen from the eye, in the world about it [m].
 
     Planes, lamps around the eye and those that turn their back to it are left out.
     """
-    materials = {id(each.material): each.material for each in primitives.prototypes}
-    glows = {key: glow_of(material, textures, KnownSpectra()) for key, material in materials.items()}
-    shining = {key: glow for key, glow in glows.items() if glow.strength > 0}
-    seen = primitives.among(
-        lambda each: (
-            id(each.material) in shining
-            and each.trajectory is None
-            and each.kind is not Kind.PLANE
-            and not each.hidden & Hidden.FROM_CAMERA
-        )
+    lamps = (
+        _see_lamp(primitive, eye, glow)
+        for _, primitive, glow in glowing
+        if primitive.kind is not Kind.PLANE and not primitive.hidden & Hidden.FROM_CAMERA
     )
-    lamps = (_see_lamp(primitive, eye, shining[id(primitive.material)]) for _, primitive in seen)
     return tuple(lamp for lamp in lamps if lamp is not None)
 
 
-def _see_lamp(primitive: Primitive, eye: Array, glow: Glow) -> SeenLamp | None:
+def _see_lamp(primitive: Primitive, eye: Array, glow: _Glow) -> SeenLamp | None:
     outline = _outline(primitive, eye, two_sided=glow.two_sided)
     if outline is None or np.linalg.norm(outline[0]) <= 1.5 * np.linalg.norm(outline[1], axis=1).max():
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
 from typing import Any
 
@@ -14,7 +14,6 @@ from rptcam_cl.core.colour import (
     WAVELENGTHS_NM,
     cie_1931,
     daylight_65,
-    luminance,
     response_curves,
     rgb_basis,
     srgb_from_xyz,
@@ -22,31 +21,23 @@ from rptcam_cl.core.colour import (
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import (
-    CAUSTIC_SURFACE,
-    SIZELESS_EMITTERS,
-    EmitterKind,
     EnvironmentKind,
     Kind,
     MaterialKind,
     SpectrumKind,
-    curves,
-    fill,
 )
 from rptcam_cl.rendering.cameras.kinds import camera_model
-from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
+from rptcam_cl.rendering.cameras.lamp_aim import Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
 from rptcam_cl.rendering.cameras.setting import on_film
+from rptcam_cl.rendering.caustics import Caustics, pack_caustics, stand_behind_glass, without_caustics
 from rptcam_cl.rendering.plan.emitters import (
-    SOLIDS,
     Emitters,
     LightGroups,
-    area_of_solid,
     hidden_from_camera,
     light_groups,
     met_apart,
     pack_emitters,
-    triangle_emitters,
-    visible_lamps,
 )
 from rptcam_cl.rendering.plan.environment import Surroundings
 from rptcam_cl.rendering.plan.geometry import (
@@ -61,23 +52,11 @@ from rptcam_cl.rendering.plan.geometry import (
 )
 from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
 from rptcam_cl.rendering.plan.media import Media, about_camera, hidden_from, pack_media
-from rptcam_cl.rendering.plan.primitives import PlanParts, Primitive, Primitives, Prototype, scene_primitives
+from rptcam_cl.rendering.plan.primitives import PlanParts, Primitives, scene_primitives
 from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures
 from rptcam_cl.scene.base import FileReference, file_references
+from rptcam_cl.scene.changes import at_opening, exposure_steps
 from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.load import at_opening, exposure_steps
-from rptcam_cl.scene.materials import (
-    Dielectric,
-    Material,
-    Matte,
-    Mirror,
-    Mix,
-    Plastic,
-    Principled,
-    ThinGlass,
-    Translucent,
-    has_holes,
-)
 from rptcam_cl.scene.scene import Scene
 
 # What the numbers of a path's light are, and which wavelengths paths have.
@@ -259,375 +238,6 @@ def _left_of_white(table: NDArray[np.float32], white: Array, axial: _AxialColour
     return np.asarray((weights * seen[:, None]).mean(axis=0) / weights.mean(axis=0))
 
 
-#
-# Caustics: where photons start and end, and whether a scene has any.
-#
-# Photons start at smooth glass and mirrors with light of the lamps that light sampling knows, and end at receivers:
-# surfaces that scatter light widely. `kernels/pass/photons.cl` traces them.
-
-PHOTONS = "on: photons (biased: what they bring is blurred, less with more samples)"
-SURFACE, _RECEIVER = 1, 2  # roles of primitives
-_SMALL_LAMP_SR = 0.01  # a lamp that glass or a mirror sees so large is found by paths
-LEAST_SHARE = 0.1  # of the lamps' light on glass and mirrors that must come from smaller ones
-_LEAST_VIEWS, _MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
-# Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
-_LEAST_ALPHA = 0.04
-_WITHOUT_SIZE = (*SIZELESS_EMITTERS, EmitterKind.DIRECTIONAL)
-
-# Area of the canonical shapes [1].
-_AREA = {
-    Kind.SPHERE: 4 * np.pi,
-    Kind.ELLIPSOID: 4 * np.pi,
-    Kind.RECTANGLE: 1.0,
-    Kind.DISK: np.pi,
-    Kind.CYLINDER: 2 * np.pi,
-    Kind.CONE: np.sqrt(2) * np.pi,
-}
-
-
-@dataclass(frozen=True)
-class Caustics:
-    """Where photons start and end.
-
-    Attributes
-    ----------
-    active : bool
-        Whether photons are traced.
-    choice : str or None
-        What was decided and why; None where the scene leaves it off, or has none and does not ask.
-    surfaces : array of CausticSurface
-        Smooth glass and mirrors; boxes as their faces, meshes as triangles.
-    curve : (n,) array
-        Picks among them by area.
-    roles : (primitives,) array
-        What each primitive is: bits of `SURFACE` and `_RECEIVER`.
-    """
-
-    active: bool
-    choice: str | None
-    surfaces: NDArray[np.void]
-    curve: NDArray[np.float32]
-    roles: NDArray[np.int32]
-
-    @property
-    def facts(self) -> dict[str, int]:
-        """Whether the kernels must know of photons."""
-        return {"CAUSTICS": int(self.active)}
-
-
-def _pack_caustics(
-    scene: Scene,
-    primitives: Primitives,
-    first_triangles: NDArray[np.int32],
-    emitters: Emitters,
-    eye: Array,
-    *,
-    has_media: bool,
-) -> Caustics:
-    """Return the caustics of a scene, inactive where it has none or leaves them off.
-
-    Parameters
-    ----------
-    scene
-        The scene; ``render.caustics`` says what is wanted.
-    primitives
-        Its primitives, meshes last.
-    first_triangles
-        Of those that are meshes, in their order.
-    emitters
-        The lamps that light sampling chooses from.
-    eye
-        (3,), where the camera stands [m].
-    has_media
-        Whether fog and its like leave less of a photon's light, for which photons do not know how.
-
-    Raises
-    ------
-    InputError
-        With ``render.caustics: on`` where objects move.
-    """
-    wanted = scene.render.caustics
-    if wanted == "off":
-        return _without(None)
-    roles = primitives.of_each(lambda each: 0 if each.hidden else _role(each))
-    if reason := _nothing_to_do(roles, emitters):
-        return _without(reason if "caustics" in scene.render.model_fields_set else None)
-    if any(each.trajectory is not None for each in primitives.prototypes):
-        if wanted == "on":
-            raise InputError("render.caustics: objects that move have none (allowed: off or auto, or objects at rest)")
-        return _without("objects move")
-    if has_media:
-        return _without("media such as fog")
-    if "lights" in scene.render.layers:
-        if wanted == "on":
-            raise InputError(
-                "render.layers: lights: photons do not know their lamp (allowed: render.caustics off or auto)"
-            )
-        return _without("the layer lights, as photons do not know their lamp")
-    surfaces, areas, places = _surfaces(primitives, first_triangles, roles, eye)
-    if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, roles, surfaces, places, eye)):
-        return _without(reason)
-    curve, _ = curves(areas[None])
-    return Caustics(True, PHOTONS, surfaces, curve.ravel(), roles)
-
-
-def _without(reason: str | None) -> Caustics:
-    choice = None if reason is None else f"off: {reason}"
-    return Caustics(False, choice, CAUSTIC_SURFACE.zeros(1), np.zeros(4, np.float32), np.zeros(1, np.int32))
-
-
-def _is_smooth(material: Material) -> bool:
-    if isinstance(material, Dielectric):
-        return material.alphas is None
-    return isinstance(material, (Mirror, ThinGlass))
-
-
-def _receives(material: Material) -> bool:
-    if isinstance(material, Principled):
-        roughness = material.roughness
-        rough = not isinstance(roughness, float) or roughness**2 >= _LEAST_ALPHA
-        others = material.metallic, material.transmission
-        return rough and all(not isinstance(share, float) or share < 0.5 for share in others)
-    if isinstance(material, Plastic):
-        return material.alphas is None or min(material.alphas) >= _LEAST_ALPHA
-    return isinstance(material, Matte | Translucent)
-
-
-def _role(prototype: Prototype) -> int:
-    material = prototype.material
-    parts: Sequence[Material] = material.materials if isinstance(material, Mix) else (material,)
-    if any(map(_receives, parts)):
-        return _RECEIVER
-    smooth = any(map(_is_smooth, parts)) and prototype.kind is not Kind.PLANE and not has_holes(material)
-    return SURFACE if smooth else 0
-
-
-# What lies behind clear glass: light samples follow it to the lamps, where paths would find them by chance alone.
-
-_AFAR = (EmitterKind.SUN, EmitterKind.ENVIRONMENT)
-_FOLLOWED = (EmitterKind.SPHERE, EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE, *_AFAR)
-_MOST_LAMPS = 64  # the most likely ones, that are looked for within glass
-_THIN = 0.1  # of the next side of a box of glass: a pane
-_CUBE, _TUBE, _SQUARE = ((-1, -1, -1), (1, 1, 1)), ((-1, -1, 0), (1, 1, 1)), ((-1, -1, 0), (1, 1, 0))
-# Boxes about the canonical shapes.
-_BOXES = {Kind.SPHERE: _CUBE, Kind.ELLIPSOID: _CUBE, Kind.BOX: _CUBE, Kind.CYLINDER: _TUBE, Kind.CONE: _TUBE}
-_BOXES |= {Kind.RECTANGLE: ((0, 0, 0), (1, 1, 0)), Kind.DISK: _SQUARE}
-
-
-def _glass_bodies(primitives: Primitives, eye: Array) -> Iterator[tuple[Array, Array, Array, NDArray[np.int64]]]:
-    """Yield bodies of clear glass: world to canonical shape (n, 4, 4), ends of its box, axis across panes (else -1)."""
-    glass = primitives.chosen(primitives.runs_of(_is_glass_body))
-    boxes = np.array([_BOXES[each.kind] if each.mesh is None else each.mesh.bounds() for each in glass.prototypes])
-    for _, runs, placements in glass.places.blocks():
-        low, high = boxes[glass.prototype_of[runs]].transpose(1, 0, 2)
-        sides = (high - low) * np.linalg.norm(placements[:, :3, :3], axis=1)
-        least, next_one, _ = np.sort(sides, axis=1).T
-        inverse = np.linalg.inv(placements).astype(np.float64)
-        of_meshes = np.where(glass.kinds[runs] == Kind.MESH, 1.0, 0.0)[:, None] * eye  # they stand about the scene
-        inverse[:, :3, 3] += (inverse[:, :3, :3] @ of_meshes[:, :, None])[..., 0]
-        yield inverse, low, high, np.where(least < _THIN * next_one, sides.argmin(axis=1), -1)
-
-
-def _stand_behind_glass(primitives: Primitives, emitters: Emitters, eye: Array) -> bool:
-    """Return whether lamps stand within clear glass, by the box about it, or there are panes of it."""
-    lamps = emitters.shining[np.isin(emitters.shining["kind"], _FOLLOWED)]
-    mixes = [each.material for each in primitives.prototypes if isinstance(each.material, Mix)]
-    if not len(lamps) or any(_is_clear(part) for mix in mixes for part in mix.materials):
-        return False
-    near = lamps[~np.isin(lamps["kind"], _AFAR)]
-    places = near["a"][np.argsort(-near["pick"], kind="stable")[:_MOST_LAMPS], :3].astype(np.float64)
-    for inverse, low, high, across in _glass_bodies(primitives, eye):
-        within = places @ np.swapaxes(inverse[:, :3, :3], 1, 2) + inverse[:, None, :3, 3]
-        inside = (within > low[:, None]) & (within < high[:, None])
-        if inside.all(axis=2).any() or (across >= 0).any():
-            return True
-    return False
-
-
-def _lies_behind_panes(primitives: Primitives, roles: NDArray[np.int32], suns: NDArray[np.void], eye: Array) -> bool:
-    """Return whether panes are all glass and mirrors that there are, and the eye is where none mirrors a sun to."""
-    directions, panes = suns["normal"][:, :3].astype(np.float64), 0
-    for inverse, low, high, across in _glass_bodies(primitives, eye):
-        each = np.arange(len(across))
-        eye_side = inverse[each, across, 3] - (low + high)[each, across] / 2
-        if (across < 0).any() or (eye_side * (directions @ inverse[each, across, :3].T) >= 0).any():
-            return False
-        panes += len(across)
-    return panes == np.count_nonzero(roles == SURFACE)
-
-
-def _is_glass_body(prototype: Prototype) -> bool:
-    is_flat = prototype.kind in (Kind.RECTANGLE, Kind.DISK)  # of solid glass one face of something
-    known = prototype.mesh is not None or prototype.kind in _BOXES
-    return known and (isinstance(prototype.material, ThinGlass) or (_is_clear(prototype.material) and not is_flat))
-
-
-def _is_clear(material: Material) -> bool:
-    return _is_smooth(material) and not isinstance(material, Mirror)
-
-
-def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
-    if not set(emitters.kinds) - {EmitterKind.ENVIRONMENT}:
-        return "no lamp that light sampling knows"
-    if not (roles == SURFACE).any():
-        return "no smooth glass and no mirror of finite size"
-    if not (roles == _RECEIVER).any():
-        return "no surface that scatters light widely"
-    return None
-
-
-def _surfaces(
-    primitives: Primitives,
-    first_triangles: NDArray[np.int32],
-    roles: NDArray[np.int32],
-    eye: NDArray[np.float64],
-) -> tuple[NDArray[np.void], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the records of smooth glass and mirrors, their areas [m²], and of triangles the middles about the eye."""
-    records, areas, places = [], [], []
-    first_mesh = len(primitives) - len(first_triangles)
-    for index in np.flatnonzero(roles == SURFACE).tolist():
-        primitive = primitives[index]
-        if primitive.mesh is not None:
-            triangles, area = triangle_emitters(primitive.mesh, primitive.placement, eye)
-            place = (triangles["a"] + (triangles["u"] + triangles["v"]) / 3)[:, :3]
-            own = CAUSTIC_SURFACE.zeros(len(area))
-            own["kind"], own["area"] = Kind.MESH, area
-            own["triangle"] = first_triangles[index - first_mesh] + np.arange(len(area))
-        else:
-            own, area = _shape_surfaces(primitive)
-            place = np.zeros((len(own), 3))
-        own["primitive"] = index
-        records.append(own)
-        areas.append(area)
-        places.append(place)
-    return np.concatenate(records), np.concatenate(areas), np.concatenate(places)
-
-
-def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.float64]]:
-    kind, placements = primitive.kind, [primitive.placement]
-    if kind is Kind.BOX:
-        kind, placements = Kind.RECTANGLE, [primitive.placement @ face for face in _FACES]
-    records = CAUSTIC_SURFACE.zeros(len(placements))
-    row_x, row_y, row_z, _ = np.moveaxis(np.array(placements), 1, 0)
-    fill(records, kind=kind, triangle=-1, area=_AREA[kind], row_x=row_x, row_y=row_y, row_z=row_z)
-    return records, np.array([_area_of(kind, placement[:3, :3]) for placement in placements])
-
-
-def _cube_faces() -> list[NDArray[np.float64]]:
-    """Return the placements of the unit square on the six faces of the cube from -1 to 1."""
-    faces = []
-    for axis in range(3):
-        for side in (-1.0, 1.0):
-            face = np.zeros((4, 4))
-            face[(axis + 1) % 3, 0] = face[(axis + 2) % 3, 1] = 2.0
-            face[axis, 2] = 1.0
-            face[:3, 3] = -1.0
-            face[axis, 3], face[3, 3] = side, 1.0
-            faces.append(face)
-    return faces
-
-
-_FACES = _cube_faces()
-
-
-def _area_of(kind: Kind, linear: NDArray[np.float64]) -> float:
-    """Return the area of a canonical shape under a linear map, by its mean growth over 256 normals."""
-    turn, up = np.linspace(0, 2 * np.pi, 16, endpoint=False), (np.arange(16) + 0.5) / 8 - 1
-    around, z = (grid.ravel() for grid in np.meshgrid(turn, up))
-    aside = {Kind.CYLINDER: np.ones_like(z), Kind.CONE: np.full_like(z, 0.5**0.5)}.get(kind, np.sqrt(1 - z * z))
-    height = {Kind.CYLINDER: np.zeros_like(z), Kind.CONE: np.full_like(z, 0.5**0.5)}.get(kind, z)
-    normals = np.stack([aside * np.cos(around), aside * np.sin(around), height], axis=1)
-    if kind in (Kind.RECTANGLE, Kind.DISK):
-        normals = np.array([[0.0, 0.0, 1.0]])
-    x, y, z_row = linear
-    cofactors = np.array([np.cross(y, z_row), np.cross(z_row, x), np.cross(x, y)])
-    return float(_AREA[kind] * np.linalg.norm(normals @ cofactors.T, axis=1).mean())
-
-
-def _left_to_paths(
-    scene: Scene,
-    primitives: Primitives,
-    emitters: Emitters,
-    roles: NDArray[np.int32],
-    surfaces: NDArray[np.void],
-    places: NDArray[np.float64],
-    eye: Array,
-) -> str | None:
-    """Return why `auto` leaves the light of glass and mirrors to paths, None where photons are worth their cost."""
-    if scene.shutter.keys:
-        return "keys move while the shutter is open"
-    if scene.render.clamp is not None:
-        return "render.clamp takes away what paths find seldom"
-    records = emitters.records[: emitters.count]
-    if np.isin(records["kind"], _WITHOUT_SIZE).any():
-        return None
-    lamps, is_sun = records[records["kind"] != EmitterKind.ENVIRONMENT], records["kind"] == EmitterKind.SUN
-    if len(lamps) == is_sun.sum() and _lies_behind_panes(primitives, roles, lamps, eye):
-        return "light samples find the sun through the panes"
-    share = _share_of_small_lamps(primitives, lamps, surfaces, places)
-    if share >= LEAST_SHARE:
-        return None
-    return (
-        f"paths find the lamps: those below {_SMALL_LAMP_SR} sr bring {share:.0%} of their light to glass and mirrors"
-    )
-
-
-def _share_of_small_lamps(
-    primitives: Primitives, lamps: NDArray[np.void], surfaces: NDArray[np.void], places: NDArray[np.float64]
-) -> float:
-    """How much of the lamps' irradiance on glass and mirrors comes from lamps that are seen small from there."""
-    suns = lamps["kind"] == EmitterKind.SUN
-    _, lamp = np.unique(np.where(suns, -1 - np.arange(len(lamps)), lamps["primitive"]), return_inverse=True)
-    size = _sizes(primitives, lamps)
-    corner = np.isin(lamps["kind"], (EmitterKind.RECTANGLE, EmitterKind.TRIANGLE))
-    middle = np.where(lamps["kind"] == EmitterKind.TRIANGLE, 1 / 3, 0.5 * corner)[:, None]
-    centres = (lamps["a"] + middle * (lamps["u"] + lamps["v"]))[:, :3].astype(np.float64)
-    brightness = luminance(lamps["radiance"][:, :3].astype(np.float64))
-    small = every = 0.0
-    views = int(np.clip(10**6 // len(lamps), _LEAST_VIEWS, _MOST_VIEWS))
-    for k in np.unique(np.linspace(0, len(surfaces) - 1, views).astype(int)):
-        nearest = places[k] if surfaces[k]["kind"] == Kind.MESH else _nearest(surfaces[k], centres)
-        distance2 = ((nearest - centres) ** 2).sum(axis=1)
-        angle = np.minimum(size / np.where(suns, 1.0, np.maximum(distance2, 1e-12)), 2 * np.pi)
-        whole = np.bincount(lamp, angle)
-        light = np.bincount(lamp, angle * brightness)
-        small, every = small + light[whole < _SMALL_LAMP_SR].sum(), every + light.sum()
-    return float(small / every) if every > 0 else 0.0
-
-
-def _sizes(primitives: Primitives, lamps: NDArray[np.void]) -> NDArray[np.float64]:
-    """Return the area that lamps show [m²]; of suns their solid angle [sr]."""
-    kinds, extents = lamps["kind"], lamps["a"][:, 3].astype(np.float64)
-    sizes = np.where(np.isin(kinds, (EmitterKind.SPHERE, EmitterKind.SUN)), np.pi * extents, extents)
-    sizes = np.where(kinds == EmitterKind.SPHERE, sizes * extents, sizes)
-    solids = np.flatnonzero(np.isin(kinds, list(SOLIDS.values())))
-    lamp_of = dict(zip(lamps["primitive"][solids].tolist(), solids.tolist(), strict=True))
-    for index, lamp in lamp_of.items():
-        solid = primitives[index]
-        sizes[lamp] = area_of_solid(solid.kind, solid.placement[:3, :3]) / 4  # what a convex body shows on average
-    return sizes
-
-
-def _nearest(surface: np.void, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the points of a shape near to points (n, 3): the nearest ones where it is not stretched."""
-    placement = np.array([surface[name] for name in ("row_x", "row_y", "row_z")], np.float64)
-    x, y, z = (np.linalg.pinv(placement[:, :3]) @ (points - placement[:, 3]).T).astype(np.float64)
-    kind, radius = surface["kind"], np.maximum(np.hypot(x, y), 1e-12)
-    if kind == Kind.RECTANGLE:
-        inside = np.stack([np.clip(x, 0, 1), np.clip(y, 0, 1), 0 * z])
-    elif kind == Kind.DISK:
-        inside = np.stack([x, y, 0 * z]) / np.maximum(radius, 1)
-    elif kind == Kind.CYLINDER:
-        inside = np.stack([x / radius, y / radius, np.clip(z, 0, 1)])
-    elif kind == Kind.CONE:
-        height = np.clip(z, 0, 1)
-        inside = np.stack([(1 - height) * x / radius, (1 - height) * y / radius, height])
-    else:
-        assert kind in (Kind.SPHERE, Kind.ELLIPSOID), kind
-        inside = np.stack([x, y, z]) / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12)
-    return np.asarray((placement[:, :3] @ inside).T + placement[:, 3])
-
-
 # What a plan says of a scene but for its camera: primitives, materials, lamps and surroundings.
 
 # What wants the frame of u and v.
@@ -680,9 +290,9 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
     if parts.held is None or parts.held["CAUSTICS"]:
-        caustics = _pack_caustics(scene, primitives, first_triangles, emitters, eye_m, has_media=media.active)
+        caustics = pack_caustics(scene, primitives, first_triangles, emitters, eye_m, has_media=media.active)
     else:
-        caustics = _without("photons take other kernels")
+        caustics = without_caustics("photons take other kernels")
     apart = met_apart(primitives, emitters)
     is_held_off = parts.held is not None and not parts.held["LAMPS_BEHIND_GLASS"]
     ways_alone = media.active or any(apart.values()) or is_held_off
@@ -696,7 +306,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "FACET_ENERGY": shown.facts["FACET_ENERGY"] * scene.render.multiple_scattering,
         "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
         "HIDDEN_SKY": int(scene.environment is not None and hidden_from_camera(scene.environment, scene) > 0),
-        "LAMPS_BEHIND_GLASS": int(not ways_alone and _stand_behind_glass(primitives, emitters, eye_m)),
+        "LAMPS_BEHIND_GLASS": int(not ways_alone and stand_behind_glass(primitives, emitters, eye_m)),
         "LIGHT_GROUPS": len(groups.names),
         "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in _LOBED)),
     }
@@ -719,7 +329,6 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "owners": owners_of(scene, primitives, parts),
         "eye_m": eye_m,
         "albedo": "media scatter light on and on" if media.active else largest_albedo(materials),
-        "lamps": visible_lamps(primitives, eye_m, table),
     }
 
 
@@ -770,7 +379,6 @@ class Plan:
     eye_m: NDArray[np.float64]
     albedo: LargestAlbedo
     colours: tuple[KnownSpectra, Materials]  # of the scene, for a camera in place of this one
-    lamps: tuple[SeenLamp, ...]  # that the eye sees
     is_rough: bool = False  # whether trees may be some made for other places of its meshes: soon there, slower to walk
     steps: tuple[Plan, ...] = ()  # of an exposure in which keys move, in place of this plan for its rays
 
@@ -905,7 +513,7 @@ def may_aim(plan: Plan, layers: Iterable[str] = ()) -> bool:
     layers
         That the picture is to have: those of a pixel's first ray need one that aims at nothing.
     """
-    return bool(plan.lamps) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or _FIRST_RAY & set(layers))
+    return bool(plan.emitters.seen) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or _FIRST_RAY & set(layers))
 
 
 def aim(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = True) -> Plan:
@@ -926,6 +534,6 @@ def aim(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = 
     def shows_in_world(sights: Sights) -> NDArray[np.bool_]:
         return shows(replace(sights, origins=sights.origins @ turn, targets=sights.targets @ turn))
 
-    lamps = [replace(lamp, centre=turn @ lamp.centre, axes=lamp.axes @ turn.T) for lamp in plan.lamps]
+    lamps = [replace(lamp, centre=turn @ lamp.centre, axes=lamp.axes @ turn.T) for lamp in plan.emitters.seen]
     camera = aimed_at_lamps(plan.camera, lamps, shows_in_world, sights, on_disk=on_disk)
     return plan if camera is plan.camera else replace(plan, camera=camera)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,10 @@ from rptcam_cl.studies.focus.probe import (
     Probe,
     ProbeRecord,
     Zone,
+    ZoneImage,
     choose_zone,
     peak_of,
+    rich_part,
 )
 from rptcam_cl.studies.focus.renderer import MOST_SAMPLES, SIGHT_ACROSS, Probes, Task, probability_within
 
@@ -347,6 +350,8 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
             step = min(step, WIDEST / 2 * probes.drive.depth_of_focus)
         more = _for_measure(made, zones) if start is None else _for_place(probes, peaks, zones, before, step)
         samples = max(min(max(int(more * samples), FIRST_SAMPLES), probes.most, probes.affordable), samples)
+        if samples > first:
+            _narrow_zones(probes, made, zones)
         centre = _centre(peaks, zones)
         made, samples = _round(probes, _three_places(probes, centre, step), stop, samples, zones, centre)
         peaks = _widen(probes, made, zones, step, samples)
@@ -378,6 +383,7 @@ def _round(
             break
         if samples * (CLEAR / (_significance(made, zones) + LUCK)) ** 2 > most:  # as noise falls by the root of them
             break
+        _narrow_zones(probes, made, zones)
         samples = min(4 * samples, most)
     if not seen:
         raise no_contrast(_why_unseen(probes, made, zones, samples), is_flat=True)
@@ -478,6 +484,25 @@ def _still_possible(policy: Policy, probes: Probes, peaks: dict[int, Peak], zone
     return [zone]
 
 
+def _narrow_zones(probes: Probes, made: Sequence[Probe], zones: list[int]) -> None:
+    """Have the probes to come show of some zones only where the sharpest one shows most detail, near the focus."""
+    if probes.task.near is None:
+        return
+    parts = list(probes.task.zones)
+    for zone in zones:
+        top = _top(made, zone)
+        image, before = top.images[zone], top.measures[zone]
+        part = rich_part(image.luminance)
+        if part is None:
+            continue
+        left, right, above, below = part
+        shown = image.parts[:, above:below, left:right]
+        after = probes.measure.of(ZoneImage(shown, image.samples))
+        if after.value > max(before.value, probes.measure.least):  # to this measure, too
+            parts[zone] = probes.task.renderer.part_of(parts[zone], part)
+    probes.task = replace(probes.task, zones=tuple(parts))
+
+
 def _centre(peaks: dict[int, Peak], zones: list[int]) -> float:
     places = [peaks[zone].place for zone in zones]
     return (min(places) + max(places)) / 2
@@ -515,6 +540,7 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
         if not is_converged:
             widest *= 2  # so coarse a texture, or so blurred a picture, tells little nearer by
             more = 4.0 if peak.rise < CLEAR else float(np.clip(1.5 * (PRECISE * peak.error / sharp) ** 2, 1.5, 16))
+            _narrow_zones(probes, made, [zone])
             samples, made, reference = min(int(more * samples), most), [], peak.place
         for place in _three_places(probes, peak.place, step):
             if not any(abs(probe.place - place) < 0.25 * step for probe in made):

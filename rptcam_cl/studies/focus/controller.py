@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import astuple, replace
+from dataclasses import KW_ONLY, astuple, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from rptcam_cl.core.dataclass import dataclass, takes_options
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.imaging.writers import MARKED
@@ -20,8 +21,9 @@ from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.ideal import bright_parts
 from rptcam_cl.rendering.layers import Moments
 from rptcam_cl.scene.base import listed, near_name
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
-from rptcam_cl.scene.load import change_scene, input_error, load_scene
+from rptcam_cl.scene.load import input_error, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.contrast import (
     aim,
@@ -268,7 +270,7 @@ HALVED = 0.5  # side of the zone round a point of the scene, in those of a point
 POINT_ROUNDS = 3  # in which focus and exposure of the place of a point follow from that place
 
 
-def zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | None) -> Zone:
+def _zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | None) -> Zone:
     """Return a zone round a point, and put the focus where the point is seen from.
 
     Parameters
@@ -359,31 +361,84 @@ PLACES = ("zones", "zones_from", "mask", "point", "object", "at")
 POINT_SIZE = 0.05  # of the diagonal: the side of the zone round a point
 
 
-def focus_settings(scene: Scene, keys: Mapping[str, Any], where: Mapping[str, Any]) -> AutoFocus:
-    """Return the autofocus settings of a scene, or the default ones, with some keys replaced.
+@dataclass(frozen=True)
+class FocusOptions:
+    """The keyword arguments of `autofocus`, which has them from here (`takes_options`).
 
     Parameters
     ----------
-    keys
-        Of the settings, as far as given.
-    where
-        Ways to say what to focus on, as far as given; one replaces that of the scene.
-
-    Raises
-    ------
-    InputError
-        When the result is not valid.
+    method
+        ``contrast``, ``laplacian``, ``variance``, ``depth``, ``phase`` or ``hybrid``; see docs/autofocus.md.
+    zones
+        Rectangles [x0, x1, y0, y1] of the picture to focus on, in fractions from its left and top edges.
+    point
+        A point [x, y] to focus on, in the same fractions.
+    object
+        Name of an object to focus on.
+    at
+        A point [x, y, z] to focus on, of the scene, or of `object` in its own coordinates [scene units].
+    mask
+        Picture (height, width) above 0 where to focus, as large as the whole picture in any resolution.
+    policy
+        Which of several zones decides: ``closest``, ``farthest``, ``centre`` or ``weighted``.
+    criterion
+        What `depth` and `phase` call sharpest: ``spot``, ``pixel``, or ``mtf@30`` with line pairs per mm of the film.
+    adjustment
+        How far the focus is set beside what is found [depths of focus]; above 0 farther away.
+    sensor
+        Whether probes have the noise and the white of the scene's sensor, in the exposure of the picture.
+    near
+        Focus state near which the focus is expected, as `FocusReport.state` of a picture just before.
+    seed
+        In place of the scene's.
+    device
+        As for `render`.
+    on_probe
+        Called with every probe.
+    on_state
+        Called with every state that the focus is taken to be in by now, first that of the distance by rays.
     """
-    given = scene.requested_autofocus or AutoFocus()
-    known = {name: getattr(given, name) for name in given.model_fields_set}
-    places = {key: value for key, value in where.items() if value is not None}
-    if places:
-        known = {key: value for key, value in known.items() if key not in PLACES}
-    data = known | {key: value for key, value in keys.items() if value is not None} | places
-    try:
-        return AutoFocus.model_validate(data)
-    except ValidationError as problem:
-        raise input_error(problem, data, lambda path, at_key: "") from None
+
+    method: str | None = None
+    _: KW_ONLY
+    zones: Sequence[Sequence[float]] | None = None
+    point: tuple[float, float] | None = None
+    object: str | None = None
+    at: tuple[float, float, float] | None = None
+    mask: NDArray[Any] | None = None
+    policy: str | None = None
+    criterion: str | None = None
+    adjustment: float | None = None
+    sensor: bool | None = None
+    near: float | None = None
+    seed: int | None = None
+    device: str | Session | None = None
+    on_probe: Callable[[Probe], Any] | None = None
+    on_state: Callable[[float], Any] | None = None
+
+    @property
+    def keys(self) -> dict[str, Any]:
+        """The keys of ``camera.focus.auto`` that they replace."""
+        given = {name: getattr(self, name, None) for name in AutoFocus.model_fields}
+        given["mask"] = None if self.mask is None else {"file": np.asarray(self.mask)}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def settings_of(self, scene: Scene) -> AutoFocus:
+        """The autofocus settings of a scene, or the default ones, with these keys; a place replaces that of the scene.
+
+        Raises
+        ------
+        InputError
+            When the result is not valid.
+        """
+        given, keys = scene.requested_autofocus or AutoFocus(), self.keys
+        replaced = PLACES if keys.keys() & set(PLACES) else ()
+        known = {name: getattr(given, name) for name in given.model_fields_set if name not in replaced}
+        data = known | keys
+        try:
+            return AutoFocus.model_validate(data)
+        except ValidationError as problem:
+            raise input_error(problem, data, lambda path, at_key: "") from None
 
 
 def zones_of(scene: Scene, settings: AutoFocus) -> tuple[Zone, ...]:
@@ -448,7 +503,7 @@ def find_focus(
         raise InputError("camera.focus.auto.sensor: the scene has none (allowed: sensor: {} in the scene, or without)")
     renderer = ProbeRenderer(scene, session, sensor=settings.sensor)
     if zones is None and settings.at is not None:
-        zones = [zone_of_point(renderer, settings.at, settings.object)]
+        zones = [_zone_of_point(renderer, settings.at, settings.object)]
     if zones is None and settings.object is not None:
         zones = [zone_of_object(renderer, settings.object)]
     task = Task(
@@ -656,61 +711,16 @@ def _at_the_end(drive: Drive, settings: AutoFocus, problem: OutOfReach) -> Focus
     )
 
 
-def autofocus(
-    scene: Scene | str | Path | Mapping[str, Any],
-    method: str | None = None,
-    *,
-    zones: Sequence[Sequence[float]] | None = None,
-    point: tuple[float, float] | None = None,
-    object: str | None = None,
-    at: tuple[float, float, float] | None = None,
-    mask: NDArray[Any] | None = None,
-    policy: str | None = None,
-    criterion: str | None = None,
-    adjustment: float | None = None,
-    sensor: bool | None = None,
-    near: float | None = None,
-    seed: int | None = None,
-    device: str | Session | None = None,
-    on_probe: Callable[[Probe], Any] | None = None,
-    on_state: Callable[[float], Any] | None = None,
-) -> FocusReport:
+@takes_options(FocusOptions)
+def autofocus(scene: Scene | str | Path | Mapping[str, Any], **options: Any) -> FocusReport:
     """Return the focus that the camera of a scene finds; the scene stays as it is, see `focused_scene`.
 
     What is not given is as in the scene's ``camera.focus.auto``, or else by contrast in a zone in the middle.
 
     Parameters
     ----------
-    method
-        ``contrast``, ``laplacian``, ``variance``, ``depth``, ``phase`` or ``hybrid``; see docs/autofocus.md.
-    zones
-        Rectangles [x0, x1, y0, y1] of the picture to focus on, in fractions from its left and top edges.
-    point
-        A point [x, y] to focus on, in the same fractions.
-    object
-        Name of an object to focus on.
-    at
-        A point [x, y, z] to focus on, of the scene, or of `object` in its own coordinates [scene units].
-    mask
-        Picture (height, width) above 0 where to focus, as large as the whole picture in any resolution.
-    policy
-        Which of several zones decides: ``closest``, ``farthest``, ``centre`` or ``weighted``.
-    criterion
-        What `depth` and `phase` call sharpest: ``spot``, ``pixel``, or ``mtf@30`` with line pairs per mm of the film.
-    adjustment
-        How far the focus is set beside what is found [depths of focus]; above 0 farther away.
-    sensor
-        Whether probes have the noise and the white of the scene's sensor, in the exposure of the picture.
-    near
-        Focus state near which the focus is expected, as `FocusReport.state` of a picture just before.
-    seed
-        In place of the scene's.
-    device
-        As for `render`.
-    on_probe
-        Called with every probe.
-    on_state
-        Called with every state that the focus is taken to be in by now, first that of the distance by rays.
+    **options
+        Those of `FocusOptions`.
 
     Raises
     ------
@@ -723,12 +733,9 @@ def autofocus(
     DeviceError
         No device fits, or a kernel failed.
     """
-    scene = scene if isinstance(scene, Scene) else load_scene(scene)
-    if seed is not None:
-        scene = change_scene(scene, render={"seed": seed})
-    held = None if mask is None else {"file": np.asarray(mask)}
-    where = {"zones": zones, "point": point, "object": object, "at": at, "mask": held}
-    keys = {"method": method, "policy": policy, "criterion": criterion, "adjustment": adjustment, "sensor": sensor}
-    settings = focus_settings(scene, keys, where)
-    session = device if isinstance(device, Session) else open_session(device)
-    return find_focus(scene, session, settings, near=near, on_probe=on_probe, on_state=on_state)
+    given, scene = FocusOptions(**options), scene if isinstance(scene, Scene) else load_scene(scene)
+    if given.seed is not None:
+        scene = change_scene(scene, render={"seed": given.seed})
+    settings = given.settings_of(scene)
+    session = given.device if isinstance(given.device, Session) else open_session(given.device)
+    return find_focus(scene, session, settings, near=given.near, on_probe=given.on_probe, on_state=given.on_state)

@@ -346,17 +346,16 @@ class LensDrive(Drive):
         distance_mm += depth  # to the film in the zone
         if self.own_camera.traced_camera is None:
             return film_distance(lens, distance_mm, wavelength_nm=wavelength) - depth
-        if not (x or y) and lens.is_rotational:
-            return best_film_distance(lens, distance_mm, wavelengths_nm=(wavelength,)) - depth
         thick = film_distance(lens, distance_mm, wavelength_nm=wavelength)
-        found = best_film_distance_at(
-            lens,
-            (x, y),
-            distance_mm,
-            wavelength_nm=wavelength,
-            within_mm=NEAR_ENOUGH * self.sharp_mm,
-            start_mm=thick + self._beyond_thick.get(zone, 0.0),
-        )
+        within, start = NEAR_ENOUGH * self.sharp_mm, thick + self._beyond_thick.get(zone, 0.0)
+        if not (x or y) and lens.is_rotational:
+            found = best_film_distance(
+                lens, distance_mm, wavelengths_nm=(wavelength,), within_mm=within, start_mm=start
+            )
+        else:
+            found = best_film_distance_at(
+                lens, (x, y), distance_mm, wavelength_nm=wavelength, within_mm=within, start_mm=start
+            )
         self._beyond_thick[zone] = found - thick
         return found - depth
 

@@ -33,6 +33,7 @@ from rptcam_cl.studies.focus.probe import (
     block_sums,
     choose_zone,
     circle_of_confusion,
+    rich_part,
     without_trend,
 )
 from rptcam_cl.studies.focus.renderer import MOST_OF_SEARCH, ProbeRenderer, Probes, Task, probability_within
@@ -461,7 +462,7 @@ def _taper(count: int, before: int, behind: int) -> Array:
 # lens stays within the zone; the next ones go through the opening of the picture, where displacements are large and
 # the distance is precise.
 
-MARGIN_STEP = 8  # margins are multiples of so many pixels, so that probes can share their buffers
+MARGIN_STEP = 4  # margins are multiples of so many pixels, so that probes can share their buffers
 
 
 @dataclass(frozen=True)
@@ -575,6 +576,7 @@ _SPLITS: tuple[Split, ...] = ("x", "y")
 DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepared for
 LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
 NEAR = 1.0  # depths of focus: a probe so near to the focus that it found is the last one
+SEEN = 3.0  # depths of focus: a probe so near shows where the details of a zone lie
 PRECISE, ENOUGH = 0.06, 0.125  # depths of focus: standard error aimed at, and taken
 MOST_PROBES = 12
 SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
@@ -718,11 +720,23 @@ class PhaseSearch:
         match, probe = self.match, self.probe
         needed = self._samples * (self.error * probe.stop / PRECISE) ** 2  # by which its error falls to that
         samples = int(min(max(samples, needed), self.most))
+        if samples > self._samples:
+            self.narrow_zone()
         reach = max(DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
         refined = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
         if refined is None or refined.refusal in ("flat", "vague"):  # the first probe has distinguished rivals
             raise no_contrast(REASONS["flat" if refined is None else str(refined.refusal)])
         return samples
+
+    def narrow_zone(self) -> None:
+        """Go on with the part of the zone that the last probe, near the focus, shows most detail in."""
+        if self.moved > SEEN:
+            return
+        (left, right, above, below), parts = self.probe.halves.margin, self.probe.halves.parts.sum(axis=0)
+        _, height, width = parts.shape
+        zone = parts[:, above : height - below, left : width - right]
+        if (part := rich_part(zone, max(left, right), (self.probe.view.axis,))) is not None:
+            self.zone = self.renderer.part_of(self.zone, part)
 
     def _starts(self, start: float) -> Iterator[float]:
         yield start
@@ -835,9 +849,9 @@ def focus_by_phase(task: Task) -> FocusReport:
         When no zone gives a distance.
     """
     search = _phase_search(task)
-    state = search.finish()
+    zone, state = search.zone, search.finish()
     sure = probability_within(0.25, search.error)
-    report = task.report("phase", state, search.zone, search.error * task.drive.depth_of_focus, sure, search.records())
+    report = task.report("phase", state, zone, search.error * task.drive.depth_of_focus, sure, search.records())
     report.notes.update(search.notes())
     return report
 
@@ -907,7 +921,9 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     search = None
     try:
         search = _phase_search(task)
+        zone = search.zone
         _approach(search)
+        search.narrow_zone()
     except NoContrast as problem:
         if problem.is_flat and search is None:  # one that shows detail first may lose it for want of samples
             raise
@@ -922,26 +938,26 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     try:
         peak, _ = greatest_contrast(probes, Policy.CENTRE, (pointed, reach))
     except NoContrast:
-        return _by_phase(task, search, probes, "phase")
+        return _by_phase(task, search, zone, probes, "phase")
     is_rough = search.error > ENOUGH and clearest_beside(task.renderer, search.state, search.zone) > DISAGREE / 2
     if is_rough or abs(peak.place - pointed) > DISAGREE * sharp:
         search.step(probes.state_of(peak.place), NEAR_SAMPLES)
         away = abs(peak.place - probes.place_of(search.state)) / sharp
         if away > max(DISAGREE, AGREEMENT * search.error):
-            return _by_phase(task, search, probes, "phase, as contrast is greatest elsewhere")
+            return _by_phase(task, search, zone, probes, "phase, as contrast is greatest elsewhere")
     sure = probability_within(sharp / 4, peak.error)
     records = search.records() + probes.records(0)
-    report = task.report("hybrid", probes.state_of(peak.place), search.zone, peak.error, sure, records)
+    report = task.report("hybrid", probes.state_of(peak.place), zone, peak.error, sure, records)
     report.notes["finished_by"] = "contrast"
     return report
 
 
-def _by_phase(task: Task, search: PhaseSearch, probes: Probes, why: str) -> FocusReport:
+def _by_phase(task: Task, search: PhaseSearch, zone: Zone, probes: Probes, why: str) -> FocusReport:
     """Return the focus that phase detection finds with further probes."""
     state = search.finish()
     error = search.error * task.drive.depth_of_focus
     sure = probability_within(0.25, search.error)
-    report = task.report("hybrid", state, search.zone, error, sure, search.records() + probes.records(0))
+    report = task.report("hybrid", state, zone, error, sure, search.records() + probes.records(0))
     report.notes["finished_by"] = why
     return report
 

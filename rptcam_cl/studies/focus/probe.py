@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, astuple, field, replace
 from enum import StrEnum
 from functools import lru_cache
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -351,6 +353,79 @@ def block_sums(picture: Array) -> Array:
     return np.array([block.sum() for row in rows for block in np.array_split(row, BLOCKS, axis=1)])
 
 
+SEEN_BY = 2  # pixels each way that are taken together, as details of an edge are wider and noise is not
+BLOCK, MOST_BLOCKS, LEAST_BLOCKS = 8, 8, 3  # pixels; of a zone along its shorter side; of its part, each way
+MOST_OF_IT, WORTH = 0.5, 1.5  # least share of a zone's detail, and times as much of it a pixel, that its part has
+SURE = 3.0  # standard errors of the noise, of the zone's detail and of its part's
+
+
+def rich_part(parts: Array, margin: int = 0, axes: Sequence[int] = (0, 1)) -> tuple[int, int, int, int] | None:
+    """Find the rectangle of a zone that shows most detail for the pixels to render; None where that is all of it.
+
+    Where a zone has one edge, nearly all its samples show nothing but noise.
+
+    Parameters
+    ----------
+    parts : (count, height, width) array
+        The luminance of the zone, taken `count` times with independent noise.
+    margin
+        Pixels that have to be rendered round it.
+    axes
+        Along which details count: 0 across, 1 down.
+
+    Returns
+    -------
+    tuple or None
+        First column, that behind the last, first row, that behind the last.
+    """
+    height, width = parts.shape[1:]
+    side = max(BLOCK, SEEN_BY * -(-min(height, width) // (MOST_BLOCKS * SEEN_BY)))
+    rows, columns = height // side, width // side
+    if min(rows, columns) < LEAST_BLOCKS or rows * columns == LEAST_BLOCKS**2:
+        return None
+    sums, noises = (np.pad(each.cumsum(0).cumsum(1), ((1, 0), (1, 0))) for each in _detail(parts, axes, side))
+    whole, best, found = sums[-1, -1], None, 0.0
+    if whole <= SURE * math.sqrt(noises[-1, -1]):
+        return None
+    most = WORTH * whole / ((height + 2 * margin) * (width + 2 * margin))
+    for top, bottom in combinations(range(rows + 1), 2):
+        for left, right in combinations(range(columns + 1), 2):
+            if min(bottom - top, right - left) < LEAST_BLOCKS:
+                continue
+            part, noise = (
+                each[bottom, right] - each[top, right] - each[bottom, left] + each[top, left] for each in (sums, noises)
+            )
+            worth = part / (((bottom - top) * side + 2 * margin) * ((right - left) * side + 2 * margin))
+            if part >= MOST_OF_IT * whole and part > SURE * math.sqrt(noise) and worth > most:
+                most, best, found = worth, (left * side, right * side, top * side, bottom * side), part
+    if best is None:
+        return None
+    left, right, top, bottom = best
+    own, _ = _detail(parts[:, top:bottom, left:right], axes, side)  # what is as wide as the part is a trend in it
+    return best if own.sum() >= MOST_OF_IT * found else None
+
+
+def _detail(parts: Array, axes: Sequence[int], side: int) -> tuple[Array, Array]:
+    """Return the detail that blocks of a side show, as `energy` without that of the noise, and the noise's variance."""
+    count, height, width = parts.shape
+    rows, columns, fine = height // side, width // side, side // SEEN_BY
+    shown = without_trend(parts)[:, : rows * side, : columns * side]
+    seen = shown.reshape(count, rows * fine, SEEN_BY, columns * fine, SEEN_BY).mean(axis=(2, 4))
+    found = np.zeros((2, rows, columns))
+    for axis in axes:
+        step = np.zeros_like(seen)  # between neighbours but one; 0 at the ends
+        if axis == 0:
+            step[:, :, 1:-1] = seen[:, :, 2:] - seen[:, :, :-2]
+        else:
+            step[:, 1:-1] = seen[:, 2:] - seen[:, :-2]
+        pairs = (step.sum(axis=0) ** 2 - np.square(step).sum(axis=0)) / (count * (count - 1))
+        # twice the squared variance, and half as much again for neighbours, which share a picture
+        noise = 3.0 * count / (count - 1) * np.square(step.var(axis=0, ddof=1) / count)
+        both = np.stack([pairs, noise])
+        found += both.reshape(2, rows, fine, columns, fine).sum(axis=(2, 4))
+    return found[0], found[1]
+
+
 def _plain_variance(image: ZoneImage) -> Estimate:
     """Return the variance of the luminance as it is, noise and exposure included: what the rptcam paper maximises."""
     luminance = image.luminance
@@ -406,6 +481,8 @@ class Probe:
     samples : int
         Of all pixels of all zones.
     seconds : float
+    images : list of ZoneImage
+        What was measured of each zone.
     """
 
     place: float
@@ -415,6 +492,7 @@ class Probe:
     measures: list[Estimate]
     samples: int
     seconds: float
+    images: Sequence[ZoneImage] = ()
 
 
 DETAIL = 1.5  # power of the image scale by which the contrast between pixels falls: 1 to 2 for natural textures

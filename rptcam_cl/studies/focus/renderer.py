@@ -29,9 +29,9 @@ from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.changes import at_opening, change_scene
 from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.lights import ConstantEnvironment
-from rptcam_cl.scene.load import at_opening, change_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
 from rptcam_cl.studies.focus.probe import (
@@ -289,6 +289,7 @@ class ProbeRenderer:
         self._white: tuple[Plan, SceneBuffers] | None = None
         self._sharp: SharpPass | None = None
         self._sights: dict[tuple[float, Zone], Sight] = {}
+        self._wholes: dict[Zone, Zone] = {}  # of parts of zones
 
     @property
     def view(self) -> ZoneView:
@@ -300,13 +301,22 @@ class ProbeRenderer:
         """Choose the zones of the probes that follow, and how many pixels across and down to show beyond them."""
         chosen, view = tuple(zones), self._view
         if view is None or view.zones != chosen:
-            view = ZoneView.of(self.scene, chosen, margin)
+            wholes = tuple(self._wholes.get(zone, zone) for zone in chosen)
+            view = replace(ZoneView.of(self.scene, wholes, margin), zones=chosen)
         elif view.margin != margin:
             view = replace(view, margin=margin)
         if view is not self._view:
             self._view = view
             self._wavefronts.clear()
         return view
+
+    def part_of(self, zone: Zone, ranges: Ranges) -> Zone:
+        """Return some columns and rows of a zone of the view as a zone of its own, which is seen in the same pixels."""
+        (x, _, y, _), (width, height) = self.view.pixels_of(zone), self.view.resolution
+        left, right, top, bottom = (each + side for each, side in zip(ranges, (0.25, -0.25) * 2, strict=True))
+        part = Zone((x + left) / width, (x + right) / width, (y + top) / height, (y + bottom) / height)
+        self._wholes[part] = self._wholes.get(zone, zone)
+        return part
 
     def measure(
         self,
@@ -677,7 +687,8 @@ class Probes:
         pixels = sum(image.parts.shape[1] * image.parts.shape[2] for image in images)
         measures = [self.measure.of(image) for image in images]
         scale = self.drive.image_scale(self.state_of(place), self.state_of(self.ends[0]) if fixed is None else fixed)
-        probe = Probe(place, stop, reference, scale, measures, pixels * images[0].samples, time.perf_counter() - begun)
+        taken, seconds = pixels * images[0].samples, time.perf_counter() - begun
+        probe = Probe(place, stop, reference, scale, measures, taken, seconds, images)
         self.made.append(probe)
         if self.task.on_probe is not None:
             self.task.on_probe(probe)

@@ -24,8 +24,8 @@ from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.charts import FAINT, INK, add_key, new_figure, series, styled
 from rptcam_cl.rendering.metering import resolve_exposure
+from rptcam_cl.scene.changes import at_rest, change_scene, set_keys
 from rptcam_cl.scene.exposure import ContinuousFocus
-from rptcam_cl.scene.load import at_rest, change_scene, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import find_focus, in_focus
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
@@ -80,7 +80,7 @@ def slopes(state: Array, t: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Track:
+class _Track:
     """What is known of a subject's motion, taken for calm and for agile.
 
     Attributes
@@ -101,7 +101,7 @@ class Track:
     chances: Array
 
     @classmethod
-    def start(cls, time_s: float, vergence: float, error: float) -> Track:
+    def start(cls, time_s: float, vergence: float, error: float) -> _Track:
         """Return the track of a subject just seen."""
         known = np.diag([error**2, (FAST * vergence**2) ** 2, 0.0])
         agile = known + np.diag([0.0, 0.0, AGILE**2])
@@ -113,7 +113,7 @@ class Track:
         return float(self.chances @ self.states[:, 1])
 
     @property
-    def sure(self) -> Track:
+    def sure(self) -> _Track:
         """The track with its motion as far as it is more than chance: at rest, noise alone seems to move a subject."""
         doubt = CERTAIN**2 * float(self.covariances[0, 1, 1])
         share = max(1 - doubt / self.rate**2, 0.0) if self.rate else 0.0
@@ -123,7 +123,7 @@ class Track:
         """Return the vergence at a later moment [1/m]."""
         return float(self.chances @ [moved(state, time_s - self.time_s)[0] for state in self.states])
 
-    def at(self, time_s: float, sharp: float) -> Track:
+    def at(self, time_s: float, sharp: float) -> _Track:
         """Return the expected track at a later moment, where a depth of focus is worth so much [1/m]."""
         joint = self.chances[:, None] * np.array([[STAYS, 1 - STAYS], [1 - STAYS, STAYS]])
         chances, t = joint.sum(axis=0), time_s - self.time_s
@@ -139,9 +139,9 @@ class Track:
             new = kind * AGILE**2 * -math.expm1(-2 * t / AGILE_S)
             states.append(state)
             covariances.append(by @ spread @ by.T + np.outer(pushed, pushed) + np.diag([0.0, 0.0, new]))
-        return Track(time_s, np.array(states), np.array(covariances), chances)
+        return _Track(time_s, np.array(states), np.array(covariances), chances)
 
-    def follow(self, time_s: float, vergence: float, error: float, sharp: float) -> Track | None:
+    def follow(self, time_s: float, vergence: float, error: float, sharp: float) -> _Track | None:
         """Return the track after a measurement; None where another subject must have been measured.
 
         Parameters
@@ -236,28 +236,6 @@ def push(
 NODES = 257  # of the table between coordinate and vergence
 
 
-@dataclass(frozen=True)
-class Followed:
-    """The focus of a frame.
-
-    Attributes
-    ----------
-    place : float
-        Coordinate of the focus.
-    expected : float
-        Coordinate at which the subject was expected.
-    speed : float
-        Of the drive [mm/s].
-    is_limited : bool
-        Whether the drive was at its greatest speed and behind.
-    """
-
-    place: float
-    expected: float
-    speed: float
-    is_limited: bool
-
-
 class Servo:
     """Continuous autofocus, on one subject after the other.
 
@@ -271,17 +249,29 @@ class Servo:
         Returns 1 / distance of what is sharp at a coordinate [1/m], rising or falling all the way.
     settings
         Of the sequence.
+
+    Attributes
+    ----------
+    place : float
+        Coordinate of the focus.
+    expected : float
+        Coordinate at which the subject is expected.
+    speed : float
+        Of the drive [mm/s].
+    is_limited : bool
+        Whether the drive was at its greatest speed and behind at the last frame.
     """
 
     def __init__(
         self, place: float, limits: DriveLimits, vergence: Callable[[float], float], settings: ContinuousFocus
     ) -> None:
-        self._place, self._speed, self._held, self._expected = place, 0.0, place, place
+        self.place, self.expected, self.speed, self.is_limited = place, place, 0.0, False
+        self._held = place
         self._limits, self._exact, self._settings = limits, vergence, settings
         self._time_s = 0.0
         self._waiting: list[tuple[float, float | None, float]] = []  # of measurements: time, place and error
-        self._track: Track | None = None
-        self._other: Track | None = None
+        self._track: _Track | None = None
+        self._other: _Track | None = None
         self._since_s = 0.0
 
     @cached_property
@@ -314,8 +304,8 @@ class Servo:
         """
         self._waiting.append((self._time_s, place, error))
 
-    def next_frame(self, frame_s: float, sharp_mm: float) -> Followed:
-        """Go on to the next frame, and return the focus of it.
+    def next_frame(self, frame_s: float, sharp_mm: float) -> None:
+        """Go on to the next frame.
 
         Parameters
         ----------
@@ -324,17 +314,16 @@ class Servo:
         sharp_mm
             Depth of focus, in units of the coordinate.
         """
-        begun, steps, limited = self._time_s, max(math.ceil(frame_s / STEP_S - 1e-9), 1), False
+        begun, steps = self._time_s, max(math.ceil(frame_s / STEP_S - 1e-9), 1)
         step_s = frame_s / steps
         for step in range(1, steps + 1):
             self._time_s = begun + step * step_s
             self._take_in(sharp_mm)
             before, self._held = self._held, self._hold(sharp_mm)
             wanted_speed = (self._held - before) / step_s
-            self._place, self._speed = push(self._place, self._speed, self._held, wanted_speed, step_s, self._limits)
-            behind = abs(self._held - self._place) > sharp_mm / 4
-            limited = behind and abs(self._speed) > 0.999 * self._limits.speed
-        return Followed(self._place, self._expected, self._speed, limited)
+            self.place, self.speed = push(self.place, self.speed, self._held, wanted_speed, step_s, self._limits)
+            behind = abs(self._held - self.place) > sharp_mm / 4
+            self.is_limited = behind and abs(self.speed) > 0.999 * self._limits.speed
 
     def _take_in(self, sharp_mm: float) -> None:
         """Take what is known by now to the motion of the subject."""
@@ -346,7 +335,7 @@ class Servo:
             vergence, sharp = self._vergence(place), self._worth(place, sharp_mm)
             off = max(error / sharp_mm, LEAST_ERROR) * sharp
             if self._track is None:
-                self._track = Track.start(time_s, vergence, off)
+                self._track = _Track.start(time_s, vergence, off)
                 continue
             track = self._track.follow(time_s, vergence, off, sharp)
             if track is not None:
@@ -354,7 +343,7 @@ class Servo:
                 continue
             other = None if self._other is None else self._other.follow(time_s, vergence, off, sharp)
             if other is None:
-                other, self._since_s = Track.start(time_s, vergence, off), time_s
+                other, self._since_s = _Track.start(time_s, vergence, off), time_s
             self._other = other
             if time_s - self._since_s >= self._settings.lock_s - 1e-9:
                 self._track, self._other = other, None
@@ -370,13 +359,13 @@ class Servo:
         settings, track = self._settings, self._track.sure
         there = track.vergence_at(min(self._time_s, track.time_s + settings.delay_s + settings.lock_s))
         low, high = self._limits.reach
-        self._expected = min(max(self._coordinate(there), low), high)
-        moves = abs(track.rate) * settings.lock_s / self._worth(self._expected, sharp_mm)
+        self.expected = min(max(self._coordinate(there), low), high)
+        moves = abs(track.rate) * settings.lock_s / self._worth(self.expected, sharp_mm)
         band = max(settings.hold - moves, 0.0) * sharp_mm
-        return min(max(self._held, self._expected - band), self._expected + band)
+        return min(max(self._held, self.expected - band), self.expected + band)
 
 
-def servo_of(drive: Drive, place: float, settings: ContinuousFocus) -> Servo:
+def _servo_of(drive: Drive, place: float, settings: ContinuousFocus) -> Servo:
     """Return a servo of a camera's drive that begins in focus."""
     limits = _drive_limits(drive, settings)
     return Servo(place, limits, lambda at: drive.first_order_vergence(drive.state_at(at)), settings)
@@ -578,13 +567,14 @@ class FrameTracker:
         if self._servo is None or (lens != self._lens and measured is not None):
             if state is None or measured is None:
                 raise InputError("camera.focus.auto: nothing to focus on in the first frame")
-            self._servo, place, where = servo_of(drive, measured, settings), measured, state
+            self._servo, place, where = _servo_of(drive, measured, settings), measured, state
             metadata |= {"state": state, "expected": state, "speed": 0.0, "at_greatest_speed": False}
         else:
-            frame = self._servo.next_frame(frame_s, sharp)
-            place, where = frame.place, drive.state_at(frame.place)
-            metadata |= {"state": where, "expected": drive.state_at(frame.expected), "speed": frame.speed / sharp}
-            metadata["at_greatest_speed"] = frame.is_limited
+            servo = self._servo
+            servo.next_frame(frame_s, sharp)
+            place, where = servo.place, drive.state_at(servo.place)
+            metadata |= {"state": where, "expected": drive.state_at(servo.expected), "speed": servo.speed / sharp}
+            metadata["at_greatest_speed"] = servo.is_limited
         metadata["off"] = None if measured is None else (place - measured) / sharp
         self._servo.measure(measured, error)
         self._lens = lens

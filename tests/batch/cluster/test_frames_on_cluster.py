@@ -13,7 +13,7 @@ from rptcam_cl.batch.cluster import RenderedPart, TasksOut
 from rptcam_cl.batch.cluster_run import parts_of, render_scenes_on_cluster
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import read_film
-from rptcam_cl.scene.load import set_keys
+from rptcam_cl.scene.changes import set_keys
 from tests.cli.conftest import rptcam  # noqa: F401
 
 Command = Callable[..., Any]

@@ -26,8 +26,7 @@ import pytest
 from PIL import Image as Picture
 
 import rptcam_cl
-from rptcam_cl.api.interface import merge
-from rptcam_cl.api.job import RenderJob, RenderOptions
+from rptcam_cl.api.job import RenderJob, RenderOptions, merge
 from rptcam_cl.batch import cluster as client
 from rptcam_cl.batch import cluster as tasks
 from rptcam_cl.batch import cluster as tasks_out
@@ -37,7 +36,8 @@ from rptcam_cl.batch.cluster_run import render_on_cluster
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
 from rptcam_cl.rendering.checkpoint import read_checkpoint, read_part, write_checkpoint
 from rptcam_cl.rendering.several import FilmPart
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from tests.batch.cluster.conftest import cluster
 
 WORLD: dict[str, Any] = {

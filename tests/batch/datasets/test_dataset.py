@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.batch import dataset as frames
 from rptcam_cl.batch.dataset import dataset, read_specification, values_of_frame
 from rptcam_cl.cli import main
@@ -26,6 +26,7 @@ from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.remember import forget
 from rptcam_cl.exchange.camera_models import View, calibrate_best, project
 from rptcam_cl.imaging.image import read_film
+from tests.support.cases import slow
 
 SCENE = """\
 film: {resolution: [16, 12], width_mm: 36}
@@ -196,7 +197,7 @@ def test_states_drawn_from_a_continuum_share_pupils_and_frames_stay_what_they_ar
 @pytest.mark.parametrize(
     "key, lens",
     [
-        pytest.param("camera.focal_length_mm: {uniform: [100, 101]}", "zoom-70-200mm", marks=pytest.mark.slow),
+        slow("camera.focal_length_mm: {uniform: [100, 101]}", "zoom-70-200mm"),
         ("camera.movements.rise_mm: {uniform: [-2, 2]}", "dgauss-50mm"),
     ],
 )
@@ -218,11 +219,7 @@ def test_zooms_and_shifts_drawn_from_a_continuum_share_pupils(key: str, lens: st
     assert np.array_equal(alone.image.pixels, whole[2].image.pixels)
 
 
-@pytest.mark.parametrize(
-    ("width_mm", "fits"),
-    [(36, 1), pytest.param(50, 3, marks=pytest.mark.slow)],
-    ids=["light in the corners", "dark corners"],
-)
+@pytest.mark.parametrize(("width_mm", "fits"), [(36, 1), slow(50, 3)], ids=["light in the corners", "dark corners"])
 def test_f_numbers_share_a_camera_model_and_frames_stay_what_they_are_alone(
     place: Path, width_mm: float, fits: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

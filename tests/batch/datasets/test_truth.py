@@ -13,11 +13,12 @@ import PIL.Image
 import pytest
 from pycocotools.coco import COCO
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.batch.dataset import dataset, read_specification
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.writers import LABELS
+from tests.support.cases import slow
 
 SCENE = """\
 film: {resolution: [32, 24], width_mm: 36}
@@ -157,7 +158,7 @@ DRAWN = {
 }
 
 
-@pytest.mark.parametrize("drawn", [pytest.param("a label", marks=pytest.mark.slow), *list(DRAWN)[1:]])
+@pytest.mark.parametrize("drawn", [slow("a label"), *list(DRAWN)[1:]])
 def test_a_class_has_one_number_in_all_frames_masks_and_annotations(place: Path, drawn: str) -> None:
     text = LABELLED.replace("objects.0.radius: {uniform: [0.3, 0.5]}", DRAWN[drawn])
     text = text.replace("[depth]", "[sharp_class_id]").replace("frames: 4", "frames: 6")

@@ -18,7 +18,8 @@ from rptcam_cl.core.colour import (
     xyz_from_spectrum,
 )
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.load import change_scene, load_scene, scene_json_schema
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene, scene_json_schema
 from rptcam_cl.scene.quantities import SpectralColour
 
 from .conftest import SCENE

@@ -22,6 +22,7 @@ from rptcam_cl.exchange.camera_models import (
 from rptcam_cl.optics.beams import chief_ray, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.load import load_scene
+from tests.support.cases import slow
 
 ALLOWED_PX = 0.05
 # Lens, model, size of the picture [pixels] and of the film [mm].
@@ -34,7 +35,7 @@ LENSES = [
     ("phone-5.6mm", "rational", (256, 192), (5.6, 4.2)),
 ]
 QUICK = ("dgauss-50mm", "fisheye-10mm")  # a lens for each of two models
-EACH_LENS = [case if case[0] in QUICK else pytest.param(*case, marks=pytest.mark.slow) for case in LENSES]
+EACH_LENS = [case if case[0] in QUICK else slow(*case) for case in LENSES]
 
 
 def camera(lens, size=(768, 512), film=(36.0, 24.0), overrides=()):
@@ -151,10 +152,8 @@ def test_residual_is_that_of_the_corners_without_opencv():
     ("lens", "model", "size", "film"),
     [
         ("phone-5.6mm", "brown_conrady", (240, 180), (5.3, 4.0)),  # once 0.19 for 0.42 px, which lie in the corners
-        pytest.param("phone-5.6mm", "rational", (240, 180), (5.3, 4.0), marks=pytest.mark.slow),  # along the edges
-        pytest.param(
-            "phone-5.6mm", "rational", (240, 180), (6.1, 4.6), marks=pytest.mark.slow
-        ),  # at the edge of the light
+        slow("phone-5.6mm", "rational", (240, 180), (5.3, 4.0)),  # along the edges
+        slow("phone-5.6mm", "rational", (240, 180), (6.1, 4.6)),  # at the edge of the light
         ("fisheye-10mm", "rational", (1024, 768), (21.0, 15.75)),
         ("anamorphic-100mm", "brown_conrady", (600, 400), (36.0, 24.0)),
     ],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.exchange.camera_maps import point_images, st_maps, vignetting_map
 from rptcam_cl.exchange.camera_models import calibrate, view
 from rptcam_cl.scene.load import load_scene

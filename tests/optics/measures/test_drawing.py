@@ -6,7 +6,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import load_lens as traced_lens
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import open_session
 from rptcam_cl.optics.charts import Path
@@ -15,6 +14,7 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import Status
 from rptcam_cl.optics.spots import default_fields, section_rays, setting, widest_field
 from rptcam_cl.rendering.traceable_lens import device_tracer
+from rptcam_cl.rendering.traceable_lens import load_lens as traced_lens
 from tests.support.lenses import each_lens
 
 SPHERE = {

@@ -38,6 +38,7 @@ from rptcam_cl.optics.spots import (
     wave_point_image,
 )
 from rptcam_cl.optics.waves import PupilFunction, diffraction_mtf
+from tests.support.cases import slow
 
 RNG = np.random.default_rng(7)
 
@@ -200,7 +201,9 @@ def test_a_field_that_nothing_reaches_is_an_empty_row_among_others() -> None:
         film_spots(state, [60.0], [587.56], 24)
 
 
-@pytest.mark.parametrize("name", ["tessar-100mm", "dgauss-50mm", "microscope-20x", "fisheye-10mm", "telephoto-400mm"])
+@pytest.mark.parametrize(
+    "name", ["tessar-100mm", "microscope-20x", "fisheye-10mm", *map(slow, ("dgauss-50mm", "telephoto-400mm"))]
+)
 @pytest.mark.parametrize("f_number", [None, 16.0])
 def test_modulation_is_never_above_the_limit_of_diffraction(name: str, f_number: float | None) -> None:
     state = setting(load_lens(name), f_number=f_number)
@@ -242,7 +245,7 @@ def test_t_numbers_count_what_a_ring_leaves_and_near_objects(hole: float, focus_
     assert row["t_number_coated"] is None
 
 
-@pytest.mark.parametrize("pixel", [0.249, pytest.param(0.499, marks=pytest.mark.slow)])  # in wavelengths times f-number
+@pytest.mark.parametrize("pixel", [0.249, slow(0.499)])  # in wavelengths times f-number
 def test_pixels_of_a_diffracted_point_have_the_mean_of_the_airy_pattern(pixel: float) -> None:
     rows = [{"thickness": 3, "glass": {"index": 1.5}, "diameter": 26, "stop": True},
             {"radius": -25, "conic": -2.25, "diameter": 26}]  # fmt: skip
@@ -278,8 +281,7 @@ def test_radii_of_several_wavelengths_hold_shares_of_all_their_light() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "f_number", "degrees"),
-    [pytest.param("tessar-102mm", 8.0, 29.0, marks=pytest.mark.slow), ("cylinder-pair", 8.0, 0.0)],
+    ("name", "f_number", "degrees"), [slow("tessar-102mm", 8.0, 29.0), ("cylinder-pair", 8.0, 0.0)]
 )
 def test_figures_by_default_are_those_of_many_rays_and_say_how_exact_they_are(
     name: str, f_number: float, degrees: float

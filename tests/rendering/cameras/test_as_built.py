@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import design_to_focus, film_for_infinity, lens_setting
-from rptcam_cl.scene.load import change_scene, load_scene, set_keys
+from rptcam_cl.scene.changes import change_scene, set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import GroupDrive
 from tests.rendering.cameras.beams import PRECISIONS, doubtful, film_beam, on_device

@@ -7,7 +7,8 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.scene.load import at_opening, exposure_steps, load_scene, set_keys
+from rptcam_cl.scene.changes import at_opening, exposure_steps, set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.viewfinder.lens_panel import perspective
 
 MATERIAL = {"kind": "matte", "reflectance": 0.5}

@@ -14,6 +14,7 @@ from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays
 from tests.rendering.pictures import MATTE, WHITE, scene_of
+from tests.support.cases import slow
 from tests.support.statistics import Z
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -33,7 +34,7 @@ MORE_CAMERAS = {
     "cylinders": {"kind": "realistic", "lens": "cylinder-pair", "focus": {"film_distance_mm": 100.0}, **POSE},
     "thin lens": THIN,
 }
-EVERY_CAMERA = [*CAMERAS, *(pytest.param(name, marks=pytest.mark.slow) for name in MORE_CAMERAS)]
+EVERY_CAMERA = [*CAMERAS, *(slow(name) for name in MORE_CAMERAS)]
 PLACE = np.array([2000.0, 900.0])  # pixels: 8 mm off the axis, where the double Gauss vignettes
 SAMPLES = 64  # of each of the 64 pixels round the place
 

@@ -14,7 +14,8 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.cameras import pupil
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.pupil import pupil_sampling
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 
 NAME, BACK_MM, HALF_MM, NM = "dgauss-50mm", 38.0, (18.0, 12.0), 550.0
 entrance_pupil = sys.modules["rptcam_cl.rendering.cameras.setting"]  # its package has a function of this name

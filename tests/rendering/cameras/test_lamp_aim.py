@@ -11,7 +11,8 @@ from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, aimed_at_lamps
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays
 from tests.support.statistics import Z, moment_scores
 
@@ -66,7 +67,7 @@ def seen_through(lamp, film):
 def test_lamps_with_the_eye_in_their_middle_are_left_out(lamp):
     shining = lamp | {"material": {"kind": "emissive", "radiance": 1, "two_sided": True}}
     with np.errstate(invalid="raise"):
-        assert make_plan(load_scene({"camera": THIN, "objects": [shining]})).lamps == ()
+        assert make_plan(load_scene({"camera": THIN, "objects": [shining]})).emitters.seen == ()
 
 
 @pytest.mark.parametrize("centre", ON_FILM.values(), ids=ON_FILM)

@@ -13,7 +13,9 @@ pytestmark = pytest.mark.slow
 
 
 def one_wavelength(name, kind):
-    return lambda session: losses.test_rays_of_one_wavelength_keep_what_the_reference_says(session, name, kind)
+    return lambda session: losses.test_rays_of_one_wavelength_keep_what_the_reference_says(
+        session, name, kind, "single"
+    )
 
 
 def many_wavelengths(name, kind):

@@ -10,7 +10,8 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import Status
 from rptcam_cl.rendering.cameras.kinds import camera_model, camera_of
 from rptcam_cl.rendering.cameras.setting import film_frame, half_film_mm, lens_setting
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays
 from tests.support.statistics import Z
 

@@ -15,9 +15,10 @@ from rptcam_cl.rendering.passes import PreciseLens
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import camera_buffers
 from rptcam_cl.rendering.traceable_lens import trace_on_device
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import wave_record
-from tests.support.cases import fast
+from tests.support.cases import fast, slow
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
 ROUNDING = 2.0**-24
@@ -125,7 +126,7 @@ def test_rays_in_single_precision_err_by_more(session):
     assert direction > 2 * ROUNDING
 
 
-@pytest.mark.parametrize("name", ["aspheres", pytest.param("coated, coloured, five blades", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["aspheres", slow("coated, coloured, five blades")])
 def test_one_lane_and_eight_make_the_same_rays(session, name, monkeypatch):
     scene = scene_through(name)
     _, eight = rays_between(session, scene)

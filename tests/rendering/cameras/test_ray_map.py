@@ -12,6 +12,7 @@ from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.cameras.lens_records import usable_nm
 from rptcam_cl.rendering.cameras.ray_map import LARGEST_ERROR_PX, LARGEST_ORDER, exponents, ray_map, terms
+from tests.support.cases import slow
 
 HALF_FILM_MM = (18.0, 12.0)
 PIXELS_PER_MM = 1920 / 36
@@ -67,7 +68,7 @@ def test_terms_do_not_change_when_the_lens_turns():
     np.testing.assert_allclose(terms(x @ turn, y @ turn, colour, powers), terms(x, y, colour, powers), rtol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["dgauss-50mm", pytest.param("wide-22mm", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["dgauss-50mm", slow("wide-22mm")])
 def test_polynomials_follow_rays_at_every_azimuth(name):
     lens, back, found = mapped(name)
     film, aims, rays = rays_of(lens, back, 587.5618)

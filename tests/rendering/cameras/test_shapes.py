@@ -15,6 +15,7 @@ from rptcam_cl.rendering import traceable_lens
 from rptcam_cl.rendering.traceable_lens import trace_on_device
 from tests.optics.test_surfaces import SHAPES
 from tests.rendering.cameras.beams import PRECISIONS, doubtful, film_beam, generator, on_device
+from tests.support.cases import slow
 
 GLASS = ConstantIndex(1.5)
 END = Surface(semi_diameter=6.0)
@@ -42,7 +43,7 @@ def assert_traced_alike(session, lens, start, precision):
     assert np.abs(got.directions - wanted.directions)[both].max() <= direction
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("precision", ["single", slow("double")])
 @pytest.mark.parametrize("start", ["film", "scene"])
 @pytest.mark.parametrize("name", SHAPES)
 def test_every_shape(session, name, start, precision):

@@ -12,7 +12,8 @@ from rptcam_cl.rendering.cameras import realistic
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.pupil import PupilSampling, left_out
 from rptcam_cl.rendering.cameras.setting import film_frame, half_film_mm, lens_setting
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from tests.support.cases import slow
 
@@ -77,9 +78,9 @@ def test_a_cell_holds_the_pupils_of_all_its_states(
     "lens, lengths_mm, method",
     [
         ("zoom-70-200mm", (72.1, 193), "thick"),
-        pytest.param("zoom-70-200mm", (130, 140), "spot", marks=pytest.mark.slow),  # about the middle configuration
-        pytest.param("zoom-35-51mm", (35.1, 51), "thick", marks=pytest.mark.slow),
-        pytest.param("zoom-80-200mm", (80.1, 199), "thick", marks=pytest.mark.slow),
+        slow("zoom-70-200mm", (130, 140), "spot"),  # about the middle configuration
+        slow("zoom-35-51mm", (35.1, 51), "thick"),
+        slow("zoom-80-200mm", (80.1, 199), "thick"),
     ],
 )
 def test_a_cell_of_zoom_holds_the_pupils_of_all_its_states(
@@ -110,7 +111,7 @@ def test_focal_lengths_of_a_cell_have_one_table(monkeypatch: pytest.MonkeyPatch)
         shared(set_keys(scene, {"camera.focal_length_mm": 106.0}))
 
 
-@pytest.mark.parametrize("lens", ["dgauss-50mm", pytest.param("retrofocus-35mm", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lens", ["dgauss-50mm", slow("retrofocus-35mm")])
 def test_a_film_that_is_shifted_has_the_table_of_a_larger_one(lens: str, monkeypatch: pytest.MonkeyPatch) -> None:
     base = scene_of(lens, 16, 4, f_number=4.1, movements={"rise_mm": 3.0, "shift_mm": -2.0})
     assert camera_model(base).metadata["pupil"] == "shared"

@@ -197,7 +197,7 @@ def test_picture_is_that_of_paths_that_find_lamps_by_chance(name, monkeypatch, t
     scene = load_scene(scene_of(objects, SEEN, depth=8, resolution=(24, 16), **rest), base_dir=tmp_path)
     assert plans.make_plan(scene).facts["LAMPS_BEHIND_GLASS"] == 1
     followed = batches(scene, name, 8, spp=2048)
-    monkeypatch.setattr(plans, "_stand_behind_glass", lambda *_: False)
+    monkeypatch.setattr(plans, "stand_behind_glass", lambda *_: False)
     assert plans.make_plan(scene).facts["LAMPS_BEHIND_GLASS"] == 0
     by_chance = batches(scene, name, 8, spp=12288)
     assert_same_tiles(followed, by_chance)

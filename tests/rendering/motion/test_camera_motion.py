@@ -20,6 +20,7 @@ from tests.rendering.motion.pictures import (
     still_mean,
 )
 from tests.rendering.pictures import pixels
+from tests.support.cases import slow
 from tests.support.statistics import assert_same_tiles
 
 LENS = {"kind": "thin_lens", "fov_degrees": 40, "aperture_radius_m": 0.2, "focus_distance_m": 5.0, **POSE}
@@ -55,7 +56,7 @@ def test_camera_holds_before_the_first_keyframe_and_after_the_last(session, open
     assert held.tobytes() == film(scene_with(camera=PINHOLE | pose_at(moment)), session).tobytes()
 
 
-@pytest.mark.parametrize("camera", [pytest.param(PINHOLE, marks=pytest.mark.slow), LENS])
+@pytest.mark.parametrize("camera", [slow(PINHOLE), LENS])
 def test_exposure_is_the_mean_of_still_pictures(session, camera):
     options = {"spp": 64}
     blurred = exposures(moving(camera), session, "blurred", **options)

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.load import at_opening, load_scene
+from rptcam_cl.scene.changes import at_opening
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.motion.pictures import BALL, PINHOLE, scene_with
 
 LENS = {

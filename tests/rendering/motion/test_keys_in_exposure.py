@@ -6,7 +6,8 @@ import pytest
 import rptcam_cl
 from rptcam_cl.rendering.film import step_of
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.scene.load import exposure_steps, load_scene, set_keys
+from rptcam_cl.scene.changes import exposure_steps, set_keys
+from rptcam_cl.scene.load import load_scene
 from tests.support.cases import fast
 
 BALL = {"name": "ball", "shape": "sphere", "center": [0, 0, 0], "radius": 1}

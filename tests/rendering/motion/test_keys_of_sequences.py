@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 
 SCENE = {
     "film": {"resolution": [36, 24], "size_mm": [36, 24]},

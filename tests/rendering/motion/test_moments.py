@@ -7,6 +7,7 @@ import pytest
 
 from tests.rendering.motion.pictures import FLOOR, film, scene_with
 from tests.rendering.motion.test_object_motion import SHAPES, WAY, moved, place_at
+from tests.support.cases import slow
 from tests.support.mutants import changed_kernels
 
 IMAGE = str(Path(__file__).parents[3] / "examples" / "studio" / "tiles.jpg")
@@ -41,9 +42,7 @@ SHARE = 0.2  # of the exposure, after which all paths fall on the film in a copy
 
 
 @pytest.mark.parametrize("t", [0.4, 1.7])
-@pytest.mark.parametrize(
-    "group", [pytest.param("coated", marks=pytest.mark.slow), pytest.param("bent", marks=pytest.mark.slow), "open"]
-)
+@pytest.mark.parametrize("group", [slow("coated"), slow("bent"), "open"])
 def test_exposure_at_one_time_is_the_still_picture(session, group, t):
     items = [
         moved(SHAPES[shape] | {"material": material}, [{"scale": 0.5}, {"translate": [k % 2 - 0.6, 0.7 * (k // 2), 0]}])

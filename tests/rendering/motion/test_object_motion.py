@@ -68,7 +68,7 @@ def moved(item, steps):
     return item | {"transform": [*item.get("transform", []), *steps]}
 
 
-FLAT = pytest.param(("box", "disk", "rectangle", "mesh"), marks=pytest.mark.slow)  # test_moments.py has each of them
+FLAT = slow(("box", "disk", "rectangle", "mesh"))  # test_moments.py has each of them
 
 
 @pytest.mark.slow

@@ -8,7 +8,8 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.plan.primitives import mesh_parts
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.meshes import MeshObject
 from rptcam_cl.scene.scene import Scene
 

@@ -10,7 +10,8 @@ from PIL import Image
 from rptcam_cl.rendering.plan import geometry, primitives
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from tests.rendering.plan.test_with_lens import assert_same
 

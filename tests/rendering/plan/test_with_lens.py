@@ -8,7 +8,8 @@ import pytest
 
 from rptcam_cl.rendering.plan.plan import make_plan, with_lens, with_pose
 from rptcam_cl.rendering.plan.primitives import TablePlaces
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import load_scene
 
 SCENE: dict[str, Any] = {
     "camera": {

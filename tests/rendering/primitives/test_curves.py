@@ -8,6 +8,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.shapes import bezier_pieces
 from rptcam_cl.studies.selfcheck import TracedScene
 from tests.rendering.primitives.trees import with_tree
+from tests.support.cases import slow
 
 WHITE_HAIR = {"kind": "hair", "reflectance": 1, "roughness": 0.2, "roughness_across": 0.4}
 
@@ -40,7 +41,7 @@ def nearest(o, d, controls, widths):
     return np.where(room >= 0, depth, np.inf).min(), np.abs(np.where(np.isfinite(room), room, 1)).min()
 
 
-@pytest.mark.parametrize("tree", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("tree", [True, slow(False)])
 def test_rays_meet_curves_where_float64_does(session, monkeypatch, tree):
     rng = np.random.default_rng(4)
     with_tree(monkeypatch, tree)

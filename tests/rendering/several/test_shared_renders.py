@@ -19,7 +19,8 @@ from tests.rendering.test_resume import SIZE, bits, scene, until
 from tests.support.cases import slow
 
 SPLIT = {"0:1": 0.7, "0:2": 0.3}
-LAYERS = ["depth", "object_id", "samples"]
+LAYERS = ["depth", "object_id", "samples", "variance"]  # the same everywhere, as is the limit: one program
+LIMITED = ["render.clamp=3"]
 
 
 def same(one, other):
@@ -39,10 +40,10 @@ def taken(image):
     return {device["id"]: device["samples"] for device in image.stats["devices"]}
 
 
-@pytest.mark.parametrize("name", ["pinhole", pytest.param("lens", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["pinhole", slow("lens")])
 def test_shared_picture_is_that_of_one_device(name, first, second, whole):
     options = {"size": SIZE, "seed": 3, "spp": 41, "layers": LAYERS}
-    made = rptcam_cl.load_scene(scene(name), ["render.clamp=3"])
+    made = rptcam_cl.load_scene(scene(name), LIMITED)
     alone = rptcam_cl.render(made, device=whole, **options)
     shared = rptcam_cl.render(made, device=[first, second], **options)
     assert same(shared, alone)
@@ -65,9 +66,10 @@ def test_shares_are_those_asked_for(first, second):
 
 
 def test_noise_target_stops_the_same_tiles(first, second, whole):
-    options = {"size": SIZE, "noise": 0.1, "layers": ["samples", "variance"]}
-    alone = rptcam_cl.render(scene("pinhole"), device=whole, **options)
-    assert same(rptcam_cl.render(scene("pinhole"), device=[first, second], split=SPLIT, **options), alone)
+    options = {"size": SIZE, "noise": 0.1, "layers": LAYERS}
+    made = rptcam_cl.load_scene(scene("pinhole"), LIMITED)
+    alone = rptcam_cl.render(made, device=whole, **options)
+    assert same(rptcam_cl.render(made, device=[first, second], split=SPLIT, **options), alone)
     assert alone["samples"].std() > 0
 
 
@@ -101,15 +103,15 @@ def test_auto_exposure_and_focus_are_those_of_one_device(first, second, whole):
     )
 
 
-@pytest.mark.parametrize("launches", [2, *map(slow, (3, 6))])
-def test_device_that_fails_is_dropped_and_nothing_is_lost(launches, first, second, whole):
+@pytest.mark.parametrize(("name", "launches"), [("pinhole", 2), *map(slow, ("lens", "lens"), (3, 6))])
+def test_device_that_fails_is_dropped_and_nothing_is_lost(name, launches, first, second, whole):
     options = {"size": SIZE, "seed": 3, "spp": 41, "layers": LAYERS}
-    alone = rptcam_cl.render(scene("lens"), device=whole, **options)
+    made = rptcam_cl.load_scene(scene(name), LIMITED)
+    alone = rptcam_cl.render(made, device=whole, **options)
     second.healthy_launches = 5 + launches  # two of them to scout, three to warm up
     with pytest.warns(UserWarning, match=r"0:2 .* made to fail; it is dropped, and what it has made is made again"):
-        shared = rptcam_cl.render(
-            scene("lens"), device=[first, second], split={"0:1": 0.25, "0:2": 0.75}, wave_size=1024, **options
-        )
+        split = {"0:1": 0.25, "0:2": 0.75}
+        shared = rptcam_cl.render(made, device=[first, second], split=split, wave_size=1024, **options)
     assert same(shared, alone)
     assert taken(shared) == {"0:1": shared.stats["samples"], "0:2": 0}
     assert "made to fail" in shared.stats["devices"][1]["dropped"]
@@ -176,20 +178,21 @@ def test_device_that_cannot_begin_is_an_error_where_it_was_named(first, second):
 
 
 def test_interrupted_shared_render_goes_on_to_the_same_bits_on_whatever_devices(first, second, whole, tmp_path):
+    made = rptcam_cl.load_scene(scene("pinhole"), LIMITED)
     options = {"size": SIZE, "seed": 3, "layers": LAYERS, "checkpoint": tmp_path / "a.rpck", "resume": True}
-    alone = rptcam_cl.render(scene("lens"), size=SIZE, seed=3, layers=LAYERS, spp=60, device=whole)
+    alone = rptcam_cl.render(made, size=SIZE, seed=3, layers=LAYERS, spp=60, device=whole)
     part = rptcam_cl.render(
-        scene("lens"), spp=60, device=[first, second], split=SPLIT, should_stop=until(1), wave_size=1024, **options
+        made, spp=60, device=[first, second], split=SPLIT, should_stop=until(1), wave_size=1024, **options
     )
     assert part.stats["interrupted"]
     done = part.stats["spp"]
     assert done < 40
-    more = rptcam_cl.render(scene("lens"), spp=40, device=[first, second], **options)  # by the shares of before
+    more = rptcam_cl.render(made, spp=40, device=[first, second], **options)  # by the shares of before
     assert more.stats["work"] == [{"samples": [0, 40], "split": "0:1=0.7,0:2=0.3"}]
-    idle = rptcam_cl.render(scene("lens"), spp=20, device=[first, second], **options)  # which has them already
+    idle = rptcam_cl.render(made, spp=20, device=[first, second], **options)  # which has them already
     assert same(idle, more)
     assert (taken(idle), idle.stats["work"]) == ({"0:1": 0, "0:2": 0}, more.stats["work"])
-    rest = rptcam_cl.render(scene("lens"), spp=60, device=whole, **options)
+    rest = rptcam_cl.render(made, spp=60, device=whole, **options)
     assert rest.stats["resumed_from"] == 40
     assert same(rest, alone)
     assert rest.stats["work"] == [*more.stats["work"], {"samples": [40, 60], "split": "0:0=1"}]

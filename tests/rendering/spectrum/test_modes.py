@@ -16,6 +16,7 @@ from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session
 from tests.rendering.pictures import WHITE, batches, bits, looking, pixels, scene_of, seed_of
 from tests.rendering.spectrum.scenes import SINGLET_BACK_MM, paper_camera, room, singlet, white_wall
+from tests.support.cases import slow
 from tests.support.statistics import Z, assert_equivalent, assert_same_tiles, chi_squared
 
 SMALL = {"resolution": (48, 32)}
@@ -145,11 +146,7 @@ def test_lens_of_hardly_any_dispersion_gives_the_picture_of_rgb(mode):
 
 @pytest.mark.parametrize(
     ("sampler", "v"),
-    [
-        ("lattice", 3),
-        *(pytest.param("lattice", v, marks=pytest.mark.slow) for v in (200, 10)),
-        *(pytest.param("independent", v, marks=pytest.mark.slow) for v in (200, 10, 3)),
-    ],
+    [("lattice", 3), *(slow("lattice", v) for v in (200, 10)), *(slow("independent", v) for v in (200, 10, 3))],
 )
 @pytest.mark.parametrize("mode", FORCED)
 def test_white_wall_stays_white(mode, v, sampler):
@@ -236,7 +233,7 @@ def test_organisations_and_widths_agree(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", ["dispersive", pytest.param("spectral", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("mode", ["dispersive", slow("spectral")])
 def test_resumed_picture_has_the_bits_of_the_whole(mode, tmp_path):
     scene = {**room(GLASS_BALL, **SMALL), "spectrum": mode}
     whole = rptcam_cl.render(scene, spp=19, seed=4)

@@ -4,7 +4,6 @@ import pytest
 
 from tests.device.probes import open_session
 from tests.rendering.cameras import test_wavelengths as rays
-from tests.rendering.spectrum import test_colour_noise as noise
 from tests.rendering.spectrum import test_fringes as fringes
 from tests.rendering.spectrum import test_modes as modes
 from tests.rendering.spectrum import test_prism as prism
@@ -49,9 +48,9 @@ MUTANTS = [
     Mutant("white is even", "return mul(surface_in(h, rgb), h.white);", "return surface_in(h, rgb);",
            modes.test_colours_that_reflect_white_light_once_are_the_same_in_spectra),
     Mutant("third wavelength twice", "c.z = c.x + 2 * (WAVELENGTH_CELLS / 3);", "c.z = c.x + WAVELENGTH_CELLS / 3;",
-           noise.test_three_wavelengths_of_white_leave_little_noise),
+           fringes.test_three_wavelengths_of_white_leave_little_noise),
     Mutant("weighted without having met the glass", "#if LENS_SPLITS\n    light = mul", "#if 1\n    light = mul",
-           noise.test_light_that_meets_no_dispersive_glass_has_the_noise_of_rgb),
+           fringes.test_light_that_meets_no_dispersive_glass_has_the_noise_of_rgb),
 ]  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.tolerances import components, elements, limits, specification
 from rptcam_cl.rendering.traceable_lens import CopiesTracer
+from tests.support.cases import slow
 
 SIZES = {
     "radius": 2e-3,
@@ -58,7 +59,7 @@ def test_rays_through_all_copies_are_those_through_each(name: str) -> None:
         np.testing.assert_allclose(slopes[number][rays.passed], slope[rays.passed], atol=1e-13)
 
 
-LARGER = [pytest.param(name, marks=pytest.mark.slow) for name in ("phone-5.6mm", "cylinder-pair", "human-eye")]
+LARGER = [slow(name) for name in ("phone-5.6mm", "cylinder-pair", "human-eye")]
 
 
 @pytest.mark.parametrize("name", ["cooke-triplet-50mm", *LARGER])

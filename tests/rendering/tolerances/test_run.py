@@ -21,6 +21,7 @@ from rptcam_cl.rendering import tolerances
 from rptcam_cl.rendering.tolerance_run import ToleranceRun, loosest_set, report, tolerance, tolerance_chart
 from rptcam_cl.rendering.tolerances import Scores, percentile, rank, share, specification
 from rptcam_cl.rendering.traceable_lens import CopiesTracer
+from tests.support.cases import slow
 
 TRIPLET = load_lens("cooke-triplet-50mm")
 D_NM = 587.5618
@@ -357,7 +358,7 @@ def test_loosest_set_costs_less_than_one_factor_for_all_and_other_copies_reach_i
         loosest_set(TRIPLET, given, 2.0, 80.0)
 
 
-@pytest.mark.parametrize("refocus", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("refocus", [True, slow(False)])
 def test_compensators_stand_where_no_neighbour_is_better(refocus: bool) -> None:
     given = {"copies": 12, "refocus": refocus, "merit": FIELDS | {"rings": 4, "arms": 8}, "tolerances": [
         {"radius_percent": 0.2}, {"spacing_mm": 0.05}, {"wedge_um": 50}, {"decentre_mm": 0.05}, {"index": 0.001},

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.tree_build import EMPTY, build_bvh, quality
-from tests.rendering.trees.trees import check
+from rptcam_cl.rendering.tree_build import EMPTY, build_bvh
+from tests.rendering.trees.trees import check, quality
 
 
 def points(*columns):

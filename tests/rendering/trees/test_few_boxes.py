@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.rendering import tree_build
-from rptcam_cl.rendering.tree_build import FEW, build_bvh, quality, tree_of_few
+from rptcam_cl.rendering.tree_build import FEW, build_bvh, tree_of_few
 from tests.rendering.trees.test_degenerate_boxes import SETS
-from tests.rendering.trees.trees import check
+from tests.rendering.trees.trees import check, quality
 
 LEAF = 4
 MORE_COST = 1.15  # than trees whose nodes have moved to better places: 1.09 was the most found

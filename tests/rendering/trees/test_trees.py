@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.tree_build import STACK_STEP, build_bvh, quality, stack_size
+from rptcam_cl.rendering.tree_build import STACK_STEP, build_bvh, stack_size
 from tests.rendering.trees.meshes import boxes_of, hall, knot, nearest, rays_through, soup
-from tests.rendering.trees.trees import check, traverse
+from tests.rendering.trees.trees import check, quality, traverse
 
 LAYOUTS = [(8, 8), (4, 4), (8, 1), (2, 2)]
 MESHES = {"soup": lambda: soup(5000), "knot": knot, "hall": hall}

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from tests.rendering.truth.test_sharp_layers import GLASS, GREY, PINHOLE, SKY, panel
 from tests.support.cases import slow

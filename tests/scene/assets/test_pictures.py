@@ -391,7 +391,7 @@ def test_missing_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_scene_names_the_place_of_a_bad_picture(tmp_path: Path) -> None:
-    from rptcam_cl.api.interface import render
+    from rptcam_cl.api.job import render
     from rptcam_cl.scene.load import load_scene
 
     (tmp_path / "bad.png").write_bytes(PNG[:500])

@@ -9,6 +9,7 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.studies.focus.probe import Zone
 from rptcam_cl.studies.focus.renderer import ProbeRenderer
 from tests.studies.focus.scenes import lens_camera, scene_of, target
+from tests.support.cases import slow
 
 FILM_MM = 49.497  # 70 mm across the corners
 CLOSEUP = ("dgauss-50mm", 125.0, 62.09, (0.58, 0.64, 0.38, 0.46))
@@ -52,9 +53,7 @@ MORE = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("place", "texture", "method"), [*CASES, *(pytest.param(*case, marks=pytest.mark.slow) for case in MORE)]
-)
+@pytest.mark.parametrize(("place", "texture", "method"), [*CASES, *(slow(*case) for case in MORE)])
 def test_targets_of_the_assignment_are_found(place, texture, method):
     _, _, film_mm, zone = place
     scene = cone_before(*place, texture, method)

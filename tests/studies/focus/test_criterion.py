@@ -11,6 +11,7 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies.focus.drives import focus_drive
 from rptcam_cl.studies.focus.probe import Zone
 from tests.studies.focus.scenes import CENTRE, lens_camera, noise, scene_of, target
+from tests.support.cases import slow
 
 DISTANCE_M = 4.0
 ACROSS = 96  # rays over the first surface, of which about a third passes
@@ -46,10 +47,10 @@ def sharpest(places: np.ndarray, slopes: np.ndarray, per_mm: float, reach_mm: fl
     ("lens", "zone", "f_number"),
     [
         ("dgauss-50mm", Zone(0.7, 0.75, 0.6, 0.66), 2.8),
-        pytest.param("tessar-100mm", CENTRE, 4.5, marks=pytest.mark.slow),
-        pytest.param("tessar-100mm", Zone(0.75, 0.8, 0.3, 0.36), 4.5, marks=pytest.mark.slow),
-        pytest.param("dgauss-50mm", CENTRE, 2.2, marks=pytest.mark.slow),
-        pytest.param("double-gauss-50mm-f1.8", Zone(0.15, 0.2, 0.2, 0.26), 2.0, marks=pytest.mark.slow),
+        slow("tessar-100mm", CENTRE, 4.5),
+        slow("tessar-100mm", Zone(0.75, 0.8, 0.3, 0.36), 4.5),
+        slow("dgauss-50mm", CENTRE, 2.2),
+        slow("double-gauss-50mm-f1.8", Zone(0.15, 0.2, 0.2, 0.26), 2.0),
     ],
 )
 def test_focus_by_a_criterion_is_where_a_scan_through_the_focus_has_it(lens, zone, f_number):

@@ -14,8 +14,8 @@ import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, NumericError
 from rptcam_cl.device.session import open_session
+from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.lens_settings import AutoFocus
-from rptcam_cl.scene.load import set_keys
 from rptcam_cl.studies.focus import contrast
 from rptcam_cl.studies.focus.controller import METHODS, follow_focus, with_warnings
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Zone
@@ -34,7 +34,7 @@ def too_near(method):
     return scene_of([target(0.16, 0.1, noise(60)), target(4.0, 4.0, noise(60))], camera)
 
 
-@pytest.mark.parametrize("method", [m if m == "depth" else pytest.param(m, marks=pytest.mark.slow) for m in METHODS])
+@pytest.mark.parametrize("method", [m if m == "depth" else slow(m) for m in METHODS])
 def test_every_method_says_that_the_target_is_nearer_than_possible(method):
     with pytest.raises(OutOfReach, match=WORDS) as refusal:
         rptcam_cl.autofocus(too_near(method))
@@ -233,7 +233,7 @@ def test_top_at_the_end_of_what_was_searched_is_none_but_for_infinity(place, ins
     peak = SimpleNamespace(place=place, inside=inside)
     stand_ins = {
         "_round": ([], 8), "_widen": {0: peak}, "_still_possible": [0], "_next_step": 1.0, "_three_places": [],
-        "_for_measure": 1.0, "_for_place": 1.0, "_refine": peak, "choose_zone": 0,
+        "_for_measure": 1.0, "_for_place": 1.0, "_refine": peak, "choose_zone": 0, "_narrow_zones": None,
     }  # fmt: skip
     for name, value in stand_ins.items():
         monkeypatch.setattr(contrast, name, lambda *_, value=value: value)

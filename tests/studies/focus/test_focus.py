@@ -46,9 +46,7 @@ CASES = {
 SLOW = ("double Gauss f/2", "wide f/5.6", "telephoto f/5.6", "singlet f/10", "doublet f/8", "thick lens")
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in CASES]
-)
+@pytest.mark.parametrize("name", [slow(name) if name in SLOW else name for name in CASES])
 def test_contrast_is_greatest_where_the_spot_is_least(name):
     camera, focal_length, distance, zone = CASES[name]
     scene = scene_of([wall(distance, focal_length)], camera)
@@ -63,7 +61,7 @@ def test_contrast_is_greatest_where_the_spot_is_least(name):
     assert abs(1 / report.focus_distance_m - 1 / distance) <= 0.05 / distance + abs(error) * depth
 
 
-@pytest.mark.parametrize("method", ["depth", *(pytest.param(m, marks=pytest.mark.slow) for m in ("phase", "contrast"))])
+@pytest.mark.parametrize("method", ["depth", *(slow(m) for m in ("phase", "contrast"))])
 def test_lens_of_mirrors_is_focused_though_its_middle_is_obstructed(method):
     # probes through a small opening look through the middle
     scene = scene_of([target(12.0, 0.6, noise(40))], lens_camera("mirror-500mm"))
@@ -129,10 +127,8 @@ NEAR_AND_FAR = [target(1.0, 0.6, noise(120), x=-0.62), target(3.0, 3.0, noise(30
 LEFT_AND_RIGHT = [[0.24, 0.29, 0.42, 0.495], [0.7, 0.75, 0.42, 0.495]]
 
 
-@pytest.mark.parametrize("method", ["contrast", pytest.param("depth", marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    ("policy", "distance"), [pytest.param("closest", 1.0, marks=pytest.mark.slow), ("farthest", 3.0)]
-)
+@pytest.mark.parametrize("method", ["contrast", slow("depth")])
+@pytest.mark.parametrize(("policy", "distance"), [slow("closest", 1.0), ("farthest", 3.0)])
 def test_two_objects_and_two_zones(policy, distance, method):
     auto = {"method": method, "zones": LEFT_AND_RIGHT, "policy": policy}
     scene = scene_of(NEAR_AND_FAR, lens_camera("dgauss-50mm", focus={"auto": auto}))
@@ -244,7 +240,7 @@ def test_frame_without_contrast_keeps_the_focus():
     "camera",
     [
         lens_camera("dgauss-50mm", focus={"auto": "depth"}),
-        pytest.param(lens_camera(with_group(), focus={"auto": {"method": "depth"}}), marks=pytest.mark.slow),
+        slow(lens_camera(with_group(), focus={"auto": {"method": "depth"}})),
         slow({"kind": "thin_lens", "fov_degrees": 40, "aperture_radius_m": 0.01, "focus": {"auto": "depth"}, **POSE}),
     ],
     ids=["lens", "group", "thin lens"],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.studies.focus.probe import MEASURES, ZoneImage, energy
+from rptcam_cl.studies.focus.probe import MEASURES, ZoneImage, energy, rich_part
 from tests.rendering.pictures import seed_of
 
 QUADRATIC = ["normalised_variance", "tenengrad", "brenner", "energy_of_laplacian", "wavelet"]
@@ -137,3 +137,30 @@ def test_measure_of_a_wave_is_the_square_of_its_filters_gain(name, gain2, turned
     wave = np.tile(1 + 0.2 * np.sin(2 * np.pi * (np.arange(64) + 0.5) / period), (64, 1))
     found = MEASURES[name].of(image_of(wave.T if turned else wave, 0.0, np.random.default_rng(0)))
     assert found.value == pytest.approx(gain2(2 * np.pi / period) * 0.2**2 / 2, rel=0.03)
+
+
+def edge_in_noise(noise: float, seed: int = 0) -> np.ndarray:
+    """Four pictures of a grey zone with one dark bar of 20 by 6 pixels at the left, with noise of their own."""
+    shown = np.ones((48, 48))
+    shown[10:30, 8:14] = 0.4
+    return shown + noise * np.random.default_rng(seed).standard_normal((4, 48, 48))
+
+
+@pytest.mark.parametrize("noise", [1e-3, 0.2])
+def test_part_of_a_zone_is_where_its_details_are(noise: float) -> None:
+    part = rich_part(edge_in_noise(noise))
+    assert part is not None
+    left, right, top, bottom = part
+    assert left <= 8 and right >= 14 and top <= 12 and bottom >= 28
+    assert (right - left) * (bottom - top) <= 48 * 48 / 2
+
+
+def test_zones_of_even_or_of_coarse_detail_and_of_noise_stay_whole() -> None:
+    dice = np.random.default_rng(1)
+    spots = np.repeat(np.repeat(dice.random((16, 16)), 3, axis=0), 3, axis=1)
+    assert rich_part(spots + 0.05 * dice.standard_normal((4, 48, 48))) is None  # everywhere alike
+    x = np.linspace(-1, 1, 48)
+    bowl = np.exp(-2 * ((x - 0.5) ** 2 + (x[:, None] + 0.5) ** 2))  # wider than any part: a trend in it
+    assert rich_part(1 + bowl + 0.01 * dice.standard_normal((4, 48, 48))) is None
+    assert sum(rich_part(1 + dice.standard_normal((4, 48, 48))) is not None for _ in range(20)) == 0
+    assert rich_part(np.ones((4, 48, 48))) is None

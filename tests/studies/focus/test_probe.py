@@ -7,9 +7,10 @@ import yaml
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.optics.charts import chart_svg
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.focus.controller import zone_of_object
-from rptcam_cl.studies.focus.probe import Zone
+from rptcam_cl.studies.focus.probe import FocusReport, ProbeRecord, Zone, focus_plot
 from tests.rendering.pictures import seed_of
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.support.cases import fast, slow
@@ -197,3 +198,31 @@ def test_zone_shows_what_lies_behind_glass_and_in_mirrors_where_it_seems_to_be(b
     report = rptcam_cl.autofocus(scene, "depth", zones=[[0.495, 0.505, 0.495, 0.505]])
     assert report.focus_distance_m == pytest.approx(depth, rel=1e-3)
     assert ("through glass" if before is PANE else "in a mirror") in report.remarks[0]
+
+
+def report_of(method, quantities):
+    probes = [ProbeRecord(40 + k, 40.0 + k, 1.0 / (1 + k), 0.01, 1.0, 9, 0.1, q) for k, q in enumerate(quantities)]
+    return FocusReport(method, 41.0, 41.0, 1.0, 1.0, 0.01, 0.1, CENTRE, probes=probes)
+
+
+@pytest.mark.parametrize(
+    ("method", "quantities", "shown", "hidden"),
+    [
+        ("contrast", ["contrast"] * 4, "of the greatest [%]", "displacement"),
+        ("phase", ["displacement"] * 2, "displacement of the halves", "of the greatest [%]"),
+        ("hybrid", ["displacement"] + ["contrast"] * 3, "displacement of the halves", "nan"),
+    ],
+)
+def test_plot_shows_what_the_method_looked_at(method, quantities, shown, hidden):
+    text = chart_svg(focus_plot(report_of(method, quantities), "title"))
+    assert shown in text
+    assert hidden not in text
+    assert "found</text>" in text
+    if method == "hybrid":
+        assert "of the greatest [%]" in text
+
+
+def test_too_few_probes_are_no_curve():
+    for method, quantity in (("depth", "distance"), ("phase", "displacement")):
+        with pytest.raises(InputError, match="no curve to draw"):
+            focus_plot(report_of(method, [quantity]), "title")

@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.focus_success import BLANK_EVERY, outcome, random_case, wilson
 from rptcam_cl.device.session import open_session
+from tests.support.cases import slow
 
 CASES = 10
 TARGETS = [number for number in range(29) if number % BLANK_EVERY != BLANK_EVERY - 1][:26]
@@ -21,7 +22,7 @@ def test_random_cases_end_in_focus_or_in_a_refusal(method):
     assert [row["case"] for row in found if not row["good"]] == []
 
 
-@pytest.mark.parametrize("number", [4, *(pytest.param(n, marks=pytest.mark.slow) for n in (8, 11))])
+@pytest.mark.parametrize("number", [4, *(slow(n) for n in (8, 11))])
 def test_laplacian_finds_what_is_faint_far_or_coarse(number):
     assert outcome(random_case(number), "laplacian", open_session(None))["miss"] < 0.25
 
@@ -35,7 +36,7 @@ def test_most_of_26_targets_are_found(method):
     assert [row["reason"] for row in found if row["reason"]] == []
 
 
-@pytest.mark.parametrize("number", [40, pytest.param(178, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("number", [40, slow(178)])
 def test_hybrid_goes_by_the_halves_where_aberrations_move_the_contrast(number):
     """Behind a wide open single lens details are clearest half a depth of focus and more from the least spot.
 

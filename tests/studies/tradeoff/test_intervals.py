@@ -21,6 +21,7 @@ from rptcam_cl.studies.tradeoff_errors import (
     student_quantile,
 )
 from tests.studies.tradeoff.synthetic import MANY, NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured, spread
+from tests.support.cases import slow
 
 EVERY = 16  # tiles
 TRIALS = 60
@@ -90,7 +91,7 @@ def test_light_that_no_two_pictures_miss_in_the_same_pixel_is_missing_all_the_sa
     assert found.bias.value == pytest.approx(missing**2, rel=1e-3)
 
 
-@pytest.mark.parametrize("fall", [pytest.param(1.0, marks=pytest.mark.slow), 1.5])
+@pytest.mark.parametrize("fall", [slow(1.0), 1.5])
 def test_fall_of_noise_is_found(fall):
     rng, trials = np.random.default_rng(8), 40
     found = [measured(rng, np.zeros(EVERY * PER_TILE), EVERY, EVERY, 200, fall)[1] for _ in range(trials)]

@@ -1,9 +1,21 @@
 """How noise falls: sums of even blocks."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from rptcam_cl.studies.tradeoff_errors import NoiseLaw, noise_law
+from benchmarks.advice import CASES, Case, check, faults
+from benchmarks.obtained import EDGE, Obtained, Reference
+from rptcam_cl.device.session import open_session
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.studies.tiers import choose_camera
+from rptcam_cl.studies.tradeoff import Advice
+from rptcam_cl.studies.tradeoff_errors import AS_IT_IS, NoiseLaw, noise_law
+from rptcam_cl.studies.tradeoff_runs import ladder, mark, measure_tradeoff, most_accurate
+from tests.support.cases import slow
 
 
 def law(exponent):
@@ -49,3 +61,124 @@ def test_laws_of_replicates_are_those_of_each():
 def test_no_noise_takes_no_samples():
     none = NoiseLaw((8.0, 128.0), (0.0, 0.0), -1.0, -1.0)
     assert none.after(5.0) == 0 and none.until(1e-4) == 0
+
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+SCENES = [
+    slow("sunny_sixteen.yaml", []),
+    ("still_life.yaml", ["render.sampler=independent", "render.clamp=10"]),
+    ("paper/figure_4.yaml", ["camera.pupil=thick", "camera.accuracy=auto"]),
+]
+
+
+def picture(scene):
+    """What two scenes of the same picture have in common."""
+    scene = choose_camera(scene).scene
+    return mark(make_plan(scene), scene.render), scene.render.clamp, scene.render.sampler
+
+
+@pytest.mark.parametrize(("name", "overrides"), SCENES)
+def test_scene_that_is_set_so_is_the_one_that_was_measured(name, overrides):
+    found = ladder(load_scene(EXAMPLES / name, overrides))[0]
+    measured = {each.name: picture(each.scene) for each in found}
+    assert len(found) > 5 and len(set(measured.values())) > 2  # the comparison can tell
+    for configuration in found:
+        asked = load_scene(EXAMPLES / name, [*overrides, *configuration.settings])
+        assert picture(asked) == measured[configuration.name], configuration.name
+        if configuration.name == AS_IT_IS:
+            assert configuration.settings == ()
+
+
+def test_same_way_is_asked_for_by_what_is_shorter():
+    scene = load_scene(EXAMPLES / "sunny_sixteen.yaml")
+    by_name = {each.name: each for each in ladder(scene)[0]}
+    both = by_name["spectrum: rgb"].with_name_of(by_name[AS_IT_IS])
+    assert by_name["spectrum: rgb"].settings and both.settings == ()
+    assert both.same_as == (AS_IT_IS,)
+    assert by_name["thick lens"].settings == ("camera.kind=thick_lens", "spectrum.lens=on")
+
+
+def test_full_traces_every_surface_whatever_the_scene_leaves_out():
+    cheap = [
+        "camera.rays=fitted",
+        "camera.pupil=rear",
+        "camera.accuracy=auto",
+        "render.clamp=3",
+        "render.sampler=independent",
+    ]
+    full = most_accurate(load_scene(EXAMPLES / "sunny_sixteen.yaml", cheap)).scene
+    assert (full.camera.rays, full.camera.pupil, full.camera.accuracy) == ("traced", "auto", None)
+    assert (full.render.clamp, full.render.sampler) == (None, "lattice")
+
+
+SHAPE = (30, 44, 3)  # tiles at two edges are not whole
+BIAS, NOISE = 0.05, 0.1  # of the picture, and its standard deviation
+PROMISE = Advice("time", 2.0, "quick", 2.0, 0.03, 100, 0.027, 0.032, 2.0, 0.05, None)
+
+
+def pictures(rng, count, bias, noise):
+    return [1 + bias + noise * rng.standard_normal(SHAPE) for _ in range(count)]
+
+
+def test_error_is_found_through_references_as_noisy_as_the_picture():
+    rng = np.random.default_rng(0)
+    truth = (BIAS**2 + NOISE**2) / (1 + EDGE**2)
+    trials = [Reference(pictures(rng, 4, 0, NOISE)).of(pictures(rng, 4, BIAS, NOISE), 1.0) for _ in range(200)]
+    values = np.array([trial.relmse for trial in trials])
+    assert values.mean() == pytest.approx(truth, abs=4 * values.std() / 200**0.5)
+    told = np.mean([trial.uncertainty for trial in trials])
+    assert told == pytest.approx(values.std(), rel=0.3)
+    first = pictures(rng, 1, 0, NOISE)
+    once = Reference([first[0], first[0]]).relmse(pictures(rng, 1, BIAS, NOISE)[0])  # a control: with itself
+    assert once.mean() > 1.5 * truth
+
+
+def came(error, seconds=2.0, uncertainty=1e-5):
+    return Obtained(seconds, error**2, uncertainty)
+
+
+@pytest.mark.parametrize(
+    ("obtained", "full", "said"),
+    [
+        (came(0.03), came(0.05), ()),
+        (came(0.03), None, ()),
+        (came(0.036), came(0.05), ("errs by more",)),
+        (came(0.02), came(0.05), ("errs by less",)),
+        (came(0.033, uncertainty=5e-5), came(0.05), ()),
+        (came(0.03, uncertainty=3e-4), came(0.05), ("unsure",)),
+        (came(0.03, seconds=2.6), came(0.05), ("time is off",)),
+        (came(0.03, seconds=1.4), came(0.05), ("time is off",)),
+        (came(0.03), came(0.027), ("full is better",)),
+        (came(0.03), came(0.0297), ()),
+    ],
+)
+def test_what_is_wrong_with_an_advice_is_told(obtained, full, said):
+    assert faults(PROMISE, 2.0, obtained, full) == said
+
+
+def test_every_case_can_be_loaded():
+    names = [case.name for case in CASES]
+    assert len(set(names)) == 5
+    for case in CASES:
+        assert load_scene(case.path, case.overrides).objects
+
+
+@pytest.mark.slow
+def test_advice_holds_and_a_spoiled_one_is_found_wrong():
+    case = Case(
+        "landscape", Path(__file__).resolve().parents[3] / "examples" / "sunny_sixteen.yaml", (96, 54), 1.0, 0.05
+    )
+    session = open_session(None)
+    scene = load_scene(case.path)
+    report = measure_tradeoff(scene, budget=20, seconds=case.seconds, error=case.error, size=case.size, device=session)
+    wrong = {fault for verdict in check(case, report, session, 6.0) for fault in verdict.faults}
+    assert not wrong - {"time is off"}, wrong  # other work on the machine may disturb even CPU times
+
+    quick = report.advice[0]
+    spoiled = (
+        replace(quick, least_error=quick.least_error / 3, most_error=quick.most_error / 3),
+        replace(quick, samples=quick.samples // 9),
+        replace(quick, chosen="thin lens"),
+    )
+    for verdict in check(case, replace(report, advice=spoiled), session, 6.0):
+        assert "errs by more" in verdict.faults, verdict

@@ -8,7 +8,8 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies import tradeoff_errors, tradeoff_runs
 from rptcam_cl.studies.tradeoff_errors import EDGE
 from rptcam_cl.studies.tradeoff_runs import _measure, ladder, prepare, render_by_turns, run, spread_tiles

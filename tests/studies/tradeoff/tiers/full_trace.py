@@ -15,7 +15,7 @@ from rptcam_cl.rendering.cameras import film_pupil
 from rptcam_cl.rendering.cameras.ideal import stop_shape
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.setting import lens_setting
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 
 ACROSS = 120  # rays across a pupil
 LIGHT_RAYS = 4  # for each of these, where its light is measured

@@ -1,6 +1,7 @@
 """What `camera.accuracy` decides: the camera model, whether colours are traced, and what it says of both."""
 
 import json
+from itertools import product
 
 import numpy as np
 import pytest
@@ -8,9 +9,10 @@ import pytest
 from rptcam_cl.optics.surface import star
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import lens_to_focus
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.tiers import choose_camera, measure_lens
 from tests.studies.tradeoff.tiers.cases import BALL, scene_of
+from tests.support.cases import one_in
 
 STAR = {"shape": "star", "points": 5}
 NEAR = BALL | {"center": [0, 0, -4]}
@@ -130,8 +132,7 @@ def test_lens_that_a_thin_lens_stands_for_costs_no_surfaces():
     assert len(model.surfaces) == 1  # the empty one
 
 
-@pytest.mark.parametrize("width", [64, 160, 640])
-@pytest.mark.parametrize("film_mm", [6, 12, 24])
+@pytest.mark.parametrize(("film_mm", "width"), one_in(4, product((6, 12, 24), (64, 160, 640))))
 def test_fisheye_is_never_a_pinhole(width, film_mm):
     film = {"resolution": [width, width], "width_mm": film_mm}
     found = choose_camera(scene_of("fisheye-10mm", accuracy="auto", film=film, focus=50.0, f_number=22))

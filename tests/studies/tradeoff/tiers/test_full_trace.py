@@ -12,7 +12,7 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.cameras.ray_map import LARGEST_ERROR_PX, LARGEST_LIGHT_ERROR
 from rptcam_cl.rendering.cameras.setting import lens_setting
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.tier_models import equivalent
 from rptcam_cl.studies.tiers import EFFECTS, choose_camera
 from tests.studies.tradeoff.tiers import full_trace

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import render
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.api.job import render
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.tier_models import equivalent
 from rptcam_cl.studies.tiers import choose_camera
 from tests.studies.tradeoff.tiers.cases import scene_of

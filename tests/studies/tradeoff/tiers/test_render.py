@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from rptcam_cl.api.interface import render
+from rptcam_cl.api.job import render
 from rptcam_cl.cli import main
-from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.tier_models import equivalent
 from tests.studies.tradeoff.tiers.cases import BALL, scene_of
 

@@ -1,0 +1,667 @@
+"""Caustics by photons: whether a scene has any, where photons start and end, and the photon map of a pass.
+
+Photons start at smooth glass and mirrors with light of the lamps that light sampling knows, and end at receivers:
+surfaces that scatter light widely. `kernels/pass/photons.cl` traces them. What lies behind clear glass, light samples
+follow where there are no photons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.colour import luminance
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import (
+    CAUSTIC_SURFACE,
+    PHOTON_GRID,
+    PHOTON_PASS,
+    SIZELESS_EMITTERS,
+    EmitterKind,
+    Kind,
+    curves,
+    device_declarations,
+    fill,
+    seed_words,
+)
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.plan.emitters import SOLIDS, Emitters, area_of_solid, triangle_emitters
+from rptcam_cl.rendering.plan.primitives import Primitive, Primitives, Prototype
+from rptcam_cl.scene.materials import (
+    Dielectric,
+    Material,
+    Matte,
+    Mirror,
+    Mix,
+    Plastic,
+    Principled,
+    ThinGlass,
+    Translucent,
+    has_holes,
+)
+from rptcam_cl.scene.scene import Scene
+
+Array = NDArray[np.float64]
+
+# Whether a scene has caustics, and where their photons start and end.
+
+_ON = "on: photons (biased: what they bring is blurred, less with more samples)"
+_SURFACE, _RECEIVER = 1, 2  # roles of primitives
+_SMALL_LAMP_SR = 0.01  # a lamp that glass or a mirror sees so large is found by paths
+_LEAST_SHARE = 0.1  # of the lamps' light on glass and mirrors that must come from smaller ones
+_LEAST_VIEWS, _MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
+# Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
+_LEAST_ALPHA = 0.04
+_WITHOUT_SIZE = (*SIZELESS_EMITTERS, EmitterKind.DIRECTIONAL)
+
+# Area of the canonical shapes [1].
+_AREA = {
+    Kind.SPHERE: 4 * np.pi,
+    Kind.ELLIPSOID: 4 * np.pi,
+    Kind.RECTANGLE: 1.0,
+    Kind.DISK: np.pi,
+    Kind.CYLINDER: 2 * np.pi,
+    Kind.CONE: np.sqrt(2) * np.pi,
+}
+
+
+@dataclass(frozen=True)
+class Caustics:
+    """Where photons start and end.
+
+    Attributes
+    ----------
+    active : bool
+        Whether photons are traced.
+    choice : str or None
+        What was decided and why; None where the scene leaves it off, or has none and does not ask.
+    surfaces : array of CausticSurface
+        Smooth glass and mirrors; boxes as their faces, meshes as triangles.
+    curve : (n,) array
+        Picks among them by area.
+    roles : (primitives,) array
+        What each primitive is: bits of `_SURFACE` and `_RECEIVER`.
+    """
+
+    active: bool
+    choice: str | None
+    surfaces: NDArray[np.void]
+    curve: NDArray[np.float32]
+    roles: NDArray[np.int32]
+
+    @property
+    def facts(self) -> dict[str, int]:
+        """Whether the kernels must know of photons."""
+        return {"CAUSTICS": int(self.active)}
+
+
+def pack_caustics(
+    scene: Scene,
+    primitives: Primitives,
+    first_triangles: NDArray[np.int32],
+    emitters: Emitters,
+    eye: Array,
+    *,
+    has_media: bool,
+) -> Caustics:
+    """Return the caustics of a scene, inactive where it has none or leaves them off.
+
+    Parameters
+    ----------
+    scene
+        The scene; ``render.caustics`` says what is wanted.
+    primitives
+        Its primitives, meshes last.
+    first_triangles
+        Of those that are meshes, in their order.
+    emitters
+        The lamps that light sampling chooses from.
+    eye
+        (3,), where the camera stands [m].
+    has_media
+        Whether fog and its like leave less of a photon's light, for which photons do not know how.
+
+    Raises
+    ------
+    InputError
+        With ``render.caustics: on`` where objects move.
+    """
+    wanted = scene.render.caustics
+    if wanted == "off":
+        return without_caustics(None)
+    roles = primitives.of_each(lambda each: 0 if each.hidden else _role(each))
+    if reason := _nothing_to_do(roles, emitters):
+        return without_caustics(reason if "caustics" in scene.render.model_fields_set else None)
+    if any(each.trajectory is not None for each in primitives.prototypes):
+        if wanted == "on":
+            raise InputError("render.caustics: objects that move have none (allowed: off or auto, or objects at rest)")
+        return without_caustics("objects move")
+    if has_media:
+        return without_caustics("media such as fog")
+    if "lights" in scene.render.layers:
+        if wanted == "on":
+            raise InputError(
+                "render.layers: lights: photons do not know their lamp (allowed: render.caustics off or auto)"
+            )
+        return without_caustics("the layer lights, as photons do not know their lamp")
+    surfaces, areas, places = _surfaces(primitives, first_triangles, roles, eye)
+    if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, roles, surfaces, places, eye)):
+        return without_caustics(reason)
+    curve, _ = curves(areas[None])
+    return Caustics(True, _ON, surfaces, curve.ravel(), roles)
+
+
+def without_caustics(reason: str | None) -> Caustics:
+    """Make inactive caustics; the reason is what the metadata say, None for nothing."""
+    choice = None if reason is None else f"off: {reason}"
+    return Caustics(False, choice, CAUSTIC_SURFACE.zeros(1), np.zeros(4, np.float32), np.zeros(1, np.int32))
+
+
+def _is_smooth(material: Material) -> bool:
+    if isinstance(material, Dielectric):
+        return material.alphas is None
+    return isinstance(material, (Mirror, ThinGlass))
+
+
+def _receives(material: Material) -> bool:
+    if isinstance(material, Principled):
+        roughness = material.roughness
+        rough = not isinstance(roughness, float) or roughness**2 >= _LEAST_ALPHA
+        others = material.metallic, material.transmission
+        return rough and all(not isinstance(share, float) or share < 0.5 for share in others)
+    if isinstance(material, Plastic):
+        return material.alphas is None or min(material.alphas) >= _LEAST_ALPHA
+    return isinstance(material, Matte | Translucent)
+
+
+def _role(prototype: Prototype) -> int:
+    material = prototype.material
+    parts: Sequence[Material] = material.materials if isinstance(material, Mix) else (material,)
+    if any(map(_receives, parts)):
+        return _RECEIVER
+    smooth = any(map(_is_smooth, parts)) and prototype.kind is not Kind.PLANE and not has_holes(material)
+    return _SURFACE if smooth else 0
+
+
+# What lies behind clear glass: light samples follow it to the lamps, where paths would find them by chance alone.
+
+_AFAR = (EmitterKind.SUN, EmitterKind.ENVIRONMENT)
+_FOLLOWED = (EmitterKind.SPHERE, EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE, *_AFAR)
+_MOST_LAMPS = 64  # the most likely ones, that are looked for within glass
+_THIN = 0.1  # of the next side of a box of glass: a pane
+_CUBE, _TUBE, _SQUARE = ((-1, -1, -1), (1, 1, 1)), ((-1, -1, 0), (1, 1, 1)), ((-1, -1, 0), (1, 1, 0))
+# Boxes about the canonical shapes.
+_BOXES = {Kind.SPHERE: _CUBE, Kind.ELLIPSOID: _CUBE, Kind.BOX: _CUBE, Kind.CYLINDER: _TUBE, Kind.CONE: _TUBE}
+_BOXES |= {Kind.RECTANGLE: ((0, 0, 0), (1, 1, 0)), Kind.DISK: _SQUARE}
+
+
+def _glass_bodies(primitives: Primitives, eye: Array) -> Iterator[tuple[Array, Array, Array, NDArray[np.int64]]]:
+    """Yield bodies of clear glass: world to canonical shape (n, 4, 4), ends of its box, axis across panes (else -1)."""
+    glass = primitives.chosen(primitives.runs_of(_is_glass_body))
+    boxes = np.array([_BOXES[each.kind] if each.mesh is None else each.mesh.bounds() for each in glass.prototypes])
+    for _, runs, placements in glass.places.blocks():
+        low, high = boxes[glass.prototype_of[runs]].transpose(1, 0, 2)
+        sides = (high - low) * np.linalg.norm(placements[:, :3, :3], axis=1)
+        least, next_one, _ = np.sort(sides, axis=1).T
+        inverse = np.linalg.inv(placements).astype(np.float64)
+        of_meshes = np.where(glass.kinds[runs] == Kind.MESH, 1.0, 0.0)[:, None] * eye  # they stand about the scene
+        inverse[:, :3, 3] += (inverse[:, :3, :3] @ of_meshes[:, :, None])[..., 0]
+        yield inverse, low, high, np.where(least < _THIN * next_one, sides.argmin(axis=1), -1)
+
+
+def stand_behind_glass(primitives: Primitives, emitters: Emitters, eye: Array) -> bool:
+    """Return whether lamps stand within clear glass, by the box about it, or there are panes of it."""
+    lamps = emitters.shining[np.isin(emitters.shining["kind"], _FOLLOWED)]
+    mixes = [each.material for each in primitives.prototypes if isinstance(each.material, Mix)]
+    if not len(lamps) or any(_is_clear(part) for mix in mixes for part in mix.materials):
+        return False
+    near = lamps[~np.isin(lamps["kind"], _AFAR)]
+    places = near["a"][np.argsort(-near["pick"], kind="stable")[:_MOST_LAMPS], :3].astype(np.float64)
+    for inverse, low, high, across in _glass_bodies(primitives, eye):
+        within = places @ np.swapaxes(inverse[:, :3, :3], 1, 2) + inverse[:, None, :3, 3]
+        inside = (within > low[:, None]) & (within < high[:, None])
+        if inside.all(axis=2).any() or (across >= 0).any():
+            return True
+    return False
+
+
+def _lies_behind_panes(primitives: Primitives, roles: NDArray[np.int32], suns: NDArray[np.void], eye: Array) -> bool:
+    """Return whether panes are all glass and mirrors that there are, and the eye is where none mirrors a sun to."""
+    directions, panes = suns["normal"][:, :3].astype(np.float64), 0
+    for inverse, low, high, across in _glass_bodies(primitives, eye):
+        each = np.arange(len(across))
+        eye_side = inverse[each, across, 3] - (low + high)[each, across] / 2
+        if (across < 0).any() or (eye_side * (directions @ inverse[each, across, :3].T) >= 0).any():
+            return False
+        panes += len(across)
+    return panes == np.count_nonzero(roles == _SURFACE)
+
+
+def _is_glass_body(prototype: Prototype) -> bool:
+    is_flat = prototype.kind in (Kind.RECTANGLE, Kind.DISK)  # of solid glass one face of something
+    known = prototype.mesh is not None or prototype.kind in _BOXES
+    return known and (isinstance(prototype.material, ThinGlass) or (_is_clear(prototype.material) and not is_flat))
+
+
+def _is_clear(material: Material) -> bool:
+    return _is_smooth(material) and not isinstance(material, Mirror)
+
+
+def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
+    if not set(emitters.kinds) - {EmitterKind.ENVIRONMENT}:
+        return "no lamp that light sampling knows"
+    if not (roles == _SURFACE).any():
+        return "no smooth glass and no mirror of finite size"
+    if not (roles == _RECEIVER).any():
+        return "no surface that scatters light widely"
+    return None
+
+
+def _surfaces(
+    primitives: Primitives,
+    first_triangles: NDArray[np.int32],
+    roles: NDArray[np.int32],
+    eye: NDArray[np.float64],
+) -> tuple[NDArray[np.void], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the records of smooth glass and mirrors, their areas [m²], and of triangles the middles about the eye."""
+    records, areas, places = [], [], []
+    first_mesh = len(primitives) - len(first_triangles)
+    for index in np.flatnonzero(roles == _SURFACE).tolist():
+        primitive = primitives[index]
+        if primitive.mesh is not None:
+            triangles, area = triangle_emitters(primitive.mesh, primitive.placement, eye)
+            place = (triangles["a"] + (triangles["u"] + triangles["v"]) / 3)[:, :3]
+            own = CAUSTIC_SURFACE.zeros(len(area))
+            own["kind"], own["area"] = Kind.MESH, area
+            own["triangle"] = first_triangles[index - first_mesh] + np.arange(len(area))
+        else:
+            own, area = _shape_surfaces(primitive)
+            place = np.zeros((len(own), 3))
+        own["primitive"] = index
+        records.append(own)
+        areas.append(area)
+        places.append(place)
+    return np.concatenate(records), np.concatenate(areas), np.concatenate(places)
+
+
+def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    kind, placements = primitive.kind, [primitive.placement]
+    if kind is Kind.BOX:
+        kind, placements = Kind.RECTANGLE, [primitive.placement @ face for face in _FACES]
+    records = CAUSTIC_SURFACE.zeros(len(placements))
+    row_x, row_y, row_z, _ = np.moveaxis(np.array(placements), 1, 0)
+    fill(records, kind=kind, triangle=-1, area=_AREA[kind], row_x=row_x, row_y=row_y, row_z=row_z)
+    return records, np.array([_area_of(kind, placement[:3, :3]) for placement in placements])
+
+
+def _cube_faces() -> list[NDArray[np.float64]]:
+    """Return the placements of the unit square on the six faces of the cube from -1 to 1."""
+    faces = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            face = np.zeros((4, 4))
+            face[(axis + 1) % 3, 0] = face[(axis + 2) % 3, 1] = 2.0
+            face[axis, 2] = 1.0
+            face[:3, 3] = -1.0
+            face[axis, 3], face[3, 3] = side, 1.0
+            faces.append(face)
+    return faces
+
+
+_FACES = _cube_faces()
+
+
+def _area_of(kind: Kind, linear: NDArray[np.float64]) -> float:
+    """Return the area of a canonical shape under a linear map, by its mean growth over 256 normals."""
+    turn, up = np.linspace(0, 2 * np.pi, 16, endpoint=False), (np.arange(16) + 0.5) / 8 - 1
+    around, z = (grid.ravel() for grid in np.meshgrid(turn, up))
+    aside = {Kind.CYLINDER: np.ones_like(z), Kind.CONE: np.full_like(z, 0.5**0.5)}.get(kind, np.sqrt(1 - z * z))
+    height = {Kind.CYLINDER: np.zeros_like(z), Kind.CONE: np.full_like(z, 0.5**0.5)}.get(kind, z)
+    normals = np.stack([aside * np.cos(around), aside * np.sin(around), height], axis=1)
+    if kind in (Kind.RECTANGLE, Kind.DISK):
+        normals = np.array([[0.0, 0.0, 1.0]])
+    x, y, z_row = linear
+    cofactors = np.array([np.cross(y, z_row), np.cross(z_row, x), np.cross(x, y)])
+    return float(_AREA[kind] * np.linalg.norm(normals @ cofactors.T, axis=1).mean())
+
+
+def _left_to_paths(
+    scene: Scene,
+    primitives: Primitives,
+    emitters: Emitters,
+    roles: NDArray[np.int32],
+    surfaces: NDArray[np.void],
+    places: NDArray[np.float64],
+    eye: Array,
+) -> str | None:
+    """Return why `auto` leaves the light of glass and mirrors to paths, None where photons are worth their cost."""
+    if scene.shutter.keys:
+        return "keys move while the shutter is open"
+    if scene.render.clamp is not None:
+        return "render.clamp takes away what paths find seldom"
+    records = emitters.records[: emitters.count]
+    if np.isin(records["kind"], _WITHOUT_SIZE).any():
+        return None
+    lamps, is_sun = records[records["kind"] != EmitterKind.ENVIRONMENT], records["kind"] == EmitterKind.SUN
+    if len(lamps) == is_sun.sum() and _lies_behind_panes(primitives, roles, lamps, eye):
+        return "light samples find the sun through the panes"
+    share = _share_of_small_lamps(primitives, lamps, surfaces, places)
+    if share >= _LEAST_SHARE:
+        return None
+    return (
+        f"paths find the lamps: those below {_SMALL_LAMP_SR} sr bring {share:.0%} of their light to glass and mirrors"
+    )
+
+
+def _share_of_small_lamps(
+    primitives: Primitives, lamps: NDArray[np.void], surfaces: NDArray[np.void], places: NDArray[np.float64]
+) -> float:
+    """How much of the lamps' irradiance on glass and mirrors comes from lamps that are seen small from there."""
+    suns = lamps["kind"] == EmitterKind.SUN
+    _, lamp = np.unique(np.where(suns, -1 - np.arange(len(lamps)), lamps["primitive"]), return_inverse=True)
+    size = _sizes(primitives, lamps)
+    corner = np.isin(lamps["kind"], (EmitterKind.RECTANGLE, EmitterKind.TRIANGLE))
+    middle = np.where(lamps["kind"] == EmitterKind.TRIANGLE, 1 / 3, 0.5 * corner)[:, None]
+    centres = (lamps["a"] + middle * (lamps["u"] + lamps["v"]))[:, :3].astype(np.float64)
+    brightness = luminance(lamps["radiance"][:, :3].astype(np.float64))
+    small = every = 0.0
+    views = int(np.clip(10**6 // len(lamps), _LEAST_VIEWS, _MOST_VIEWS))
+    for k in np.unique(np.linspace(0, len(surfaces) - 1, views).astype(int)):
+        nearest = places[k] if surfaces[k]["kind"] == Kind.MESH else _nearest(surfaces[k], centres)
+        distance2 = ((nearest - centres) ** 2).sum(axis=1)
+        angle = np.minimum(size / np.where(suns, 1.0, np.maximum(distance2, 1e-12)), 2 * np.pi)
+        whole = np.bincount(lamp, angle)
+        light = np.bincount(lamp, angle * brightness)
+        small, every = small + light[whole < _SMALL_LAMP_SR].sum(), every + light.sum()
+    return float(small / every) if every > 0 else 0.0
+
+
+def _sizes(primitives: Primitives, lamps: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return the area that lamps show [m²]; of suns their solid angle [sr]."""
+    kinds, extents = lamps["kind"], lamps["a"][:, 3].astype(np.float64)
+    sizes = np.where(np.isin(kinds, (EmitterKind.SPHERE, EmitterKind.SUN)), np.pi * extents, extents)
+    sizes = np.where(kinds == EmitterKind.SPHERE, sizes * extents, sizes)
+    solids = np.flatnonzero(np.isin(kinds, list(SOLIDS.values())))
+    lamp_of = dict(zip(lamps["primitive"][solids].tolist(), solids.tolist(), strict=True))
+    for index, lamp in lamp_of.items():
+        solid = primitives[index]
+        sizes[lamp] = area_of_solid(solid.kind, solid.placement[:3, :3]) / 4  # what a convex body shows on average
+    return sizes
+
+
+def _nearest(surface: np.void, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points of a shape near to points (n, 3): the nearest ones where it is not stretched."""
+    placement = np.array([surface[name] for name in ("row_x", "row_y", "row_z")], np.float64)
+    x, y, z = (np.linalg.pinv(placement[:, :3]) @ (points - placement[:, 3]).T).astype(np.float64)
+    kind, radius = surface["kind"], np.maximum(np.hypot(x, y), 1e-12)
+    if kind == Kind.RECTANGLE:
+        inside = np.stack([np.clip(x, 0, 1), np.clip(y, 0, 1), 0 * z])
+    elif kind == Kind.DISK:
+        inside = np.stack([x, y, 0 * z]) / np.maximum(radius, 1)
+    elif kind == Kind.CYLINDER:
+        inside = np.stack([x / radius, y / radius, np.clip(z, 0, 1)])
+    elif kind == Kind.CONE:
+        height = np.clip(z, 0, 1)
+        inside = np.stack([(1 - height) * x / radius, (1 - height) * y / radius, height])
+    else:
+        assert kind in (Kind.SPHERE, Kind.ELLIPSOID), kind
+        inside = np.stack([x, y, z]) / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12)
+    return np.asarray((placement[:, :3] @ inside).T + placement[:, 3])
+
+
+# Which photons belong to which samples: the passes of the photon map, their sizes and radii.
+#
+# Every sample of the film sees the photons of one pass, which is a function of the sample's number alone: so are its
+# radius and its photons. The picture then depends on neither waves nor tiles, and parts of its samples can be merged.
+# The mean over the passes converges to the truth as their radius shrinks (Hachisuka et al. 2008; independent passes:
+# Knaus and Zwicker 2011).
+
+_SHORT_PASSES = (0, 1, 2, 4, 8)  # first samples, so that few samples have a picture as well
+_PASS_SAMPLES = 16  # samples of every later pass
+_PHOTONS_PER_SAMPLE = 0.25  # and pixel of the whole film
+_LEAST_PHOTONS, MOST_PHOTONS = 1 << 12, 1 << 18  # of a pass; a lattice is good for so many
+# Cells repeat after so many for a photon, so that few of those that a vertex looks into hold photons of elsewhere.
+CELL_BITS_MORE = 3
+MOST_CELLS = MOST_PHOTONS << CELL_BITS_MORE
+PHOTON_BYTES = 2 * 4 * 8 * MOST_PHOTONS + 4 * (MOST_CELLS + 1)  # as traced and as sorted, and the cells
+# The radius shrinks with samples to this power: with the bias of a disk, radius², and the variance,
+# 1 / (samples radius²), their mean square falls fastest so, with samples^(-2/3).
+_SHRINKING = -1 / 6
+
+
+@dataclass(frozen=True)
+class PhotonPass:
+    """One pass.
+
+    Attributes
+    ----------
+    number : int
+    first, samples : int
+        The film's samples that see it.
+    """
+
+    number: int
+    first: int
+    samples: int
+
+    def photons(self, pixels: int) -> int:
+        """How many photons it has for a film of so many pixels, a power of two."""
+        wanted = self.samples * pixels * _PHOTONS_PER_SAMPLE
+        return min(max(1 << max(round(wanted), 1).bit_length() - 1, _LEAST_PHOTONS), MOST_PHOTONS)
+
+    @property
+    def shrinkage(self) -> float:
+        """What its radius is of that of the first pass."""
+        return float((self.first + 0.5 * (self.samples + 1)) ** _SHRINKING)
+
+
+def pass_of(sample: int) -> PhotonPass:
+    """Return the pass that a sample sees."""
+    if sample >= _PASS_SAMPLES:
+        number, first = divmod(sample, _PASS_SAMPLES)[0], sample - sample % _PASS_SAMPLES
+        return PhotonPass(number + len(_SHORT_PASSES) - 1, first, _PASS_SAMPLES)
+    ends = (*_SHORT_PASSES[1:], _PASS_SAMPLES)
+    number = sum(sample >= end for end in ends)
+    return PhotonPass(number, _SHORT_PASSES[number], ends[number] - _SHORT_PASSES[number])
+
+
+def within_passes(first: int, samples: int, most: int) -> Iterator[tuple[int, int]]:
+    """Yield first sample and number of the pieces of a range of samples that see one pass each, at most so long."""
+    end = first + samples
+    while first < end:
+        seen = pass_of(first)
+        count = min(most, end - first, seen.first + seen.samples - first)
+        yield first, count
+        first += count
+
+
+# The photon map of a device: photons of a pass are traced there, sorted on the host, and put among the scene.
+
+_PHOTON_FLOATS = 8
+_MARK = 7  # column of a photon
+_MOST_EDGES = 127
+_SEED = 0x9E3779B97F4A7C15  # parts the random numbers of photons from those of camera paths
+_PILOT, PILOT_PHOTONS = 2**32 - 1, 1 << 14  # the pass that the first radius follows from
+NEIGHBOURS = 8
+_KEPT = 2048  # photons of the pilot that are compared with each other
+_ROW = 64  # of those, whose neighbours are looked for together
+FIRST_PHOTONS = 10.0  # within the radius of a pass of one sample, where the light is
+
+Photons = NDArray[np.float32]
+
+
+class PhotonBuffers:
+    """What the kernels read of photons, as arguments by name; `current` says whose photons there are."""
+
+    def __init__(self, session: Session, caustics: Caustics) -> None:
+        self.photons = session.allocate(4 * _PHOTON_FLOATS * MOST_PHOTONS)
+        self.cells = session.allocate(4 * (MOST_CELLS + 1))
+        self.grid = session.upload(PHOTON_GRID.zeros(1))
+        self.current: tuple[Any, ...] | None = None
+        self.arguments = {
+            "caustic_roles": session.upload(caustics.roles),
+            "photons": self.photons,
+            "photon_cells": self.cells,
+            "photon_grid": self.grid,
+        }
+
+
+class PhotonMap:
+    """Traces the photons of a pass when a sample needs them.
+
+    Parameters
+    ----------
+    session
+        The device.
+    caustics
+        Where photons start.
+    facts
+        Of the scene and its trees.
+    scene : dict
+        Arguments for ``SCENE_PARAMETERS``.
+    buffers
+        Where the photons go.
+    max_depth
+        Longest path [edges].
+    pixels
+        Of the whole film, of which a crop or some tiles may be rendered.
+
+    Attributes
+    ----------
+    radius : float
+        Of the pass that was used last [m].
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        caustics: Caustics,
+        facts: Mapping[str, int],
+        scene: dict[str, Any],
+        buffers: PhotonBuffers,
+        max_depth: int,
+        pixels: int,
+    ) -> None:
+        self._session, self._buffers, self._pixels = session, buffers, pixels
+        self._max_edges = min(max_depth - 1, _MOST_EDGES)
+        self._surfaces = len(caustics.curve) // 2 - 1
+        program = session.program(["pass/photons.cl"], {**facts, "VW": session.lanes}, device_declarations())
+        self._found = session.allocate(4 * _PHOTON_FLOATS * MOST_PHOTONS)
+        self._launch = session.bind(
+            program, "photons", **scene, surfaces=session.upload(caustics.surfaces),
+            surface_curve=session.upload(caustics.curve), found=self._found,
+            **{"pass": bytes(PHOTON_PASS.dtype.itemsize)},
+        )  # fmt: skip
+        self._token = object()  # an id would be given again
+        self.radius = 0.0
+        self._radii: dict[int, float] = {}  # of a pass of one sample, by seed [m]
+
+    def use(self, sample: int, seed: int) -> None:
+        """Have the photons in place that a sample sees."""
+        seen = pass_of(sample)
+        key = (self._token, seed, seen.number)
+        if self._buffers.current == key:
+            return
+        self._buffers.current = key
+        if seed not in self._radii:
+            pilot = self._trace(_PILOT, PILOT_PHOTONS, seed)
+            self._radii[seed] = first_radius(pilot, self._pixels)
+        photons = self._trace(seen.number, seen.photons(self._pixels), seed)
+        self.radius = self._radii[seed] * seen.shrinkage
+        self._put(photons, self.radius)
+
+    def _trace(self, number: int, count: int, seed: int) -> Photons:
+        """Return the photons of a pass that met a receiver."""
+        record = PHOTON_PASS.one(
+            seed=seed_words(seed ^ _SEED), number=number, max_edges=self._max_edges, surfaces=self._surfaces,
+            per_photon=1 / count,
+        )  # fmt: skip
+        self._launch.set(**{"pass": record.tobytes()})
+        self._launch.enqueue(count // self._session.lanes, self._session.group)
+        photons = self._session.read(self._found, np.float32, count * _PHOTON_FLOATS).reshape(count, _PHOTON_FLOATS)
+        return np.asarray(photons[photons[:, _MARK].view(np.int32) >= 0])
+
+    def _put(self, photons: Photons, radius: float) -> None:
+        grid, order, cells = sorted_by_cell(photons, radius)
+        self._session.write(self._buffers.grid, grid)
+        self._session.write(self._buffers.cells, cells)
+        if len(photons):
+            self._session.write(self._buffers.photons, photons[order])
+
+
+def sorted_by_cell(photons: Photons, radius: float) -> tuple[NDArray[np.void], NDArray[np.int64], NDArray[np.int32]]:
+    """How photons lie in memory for a radius [m]: the record ``PhotonGrid``, their order, the starts of cells.
+
+    Photons of a cell keep their order, so that sums over them do not depend on how they are sorted.
+    """
+    if not len(photons):
+        grid = PHOTON_GRID.one(low=1.0, high=(-1.0, -1.0, -1.0, 1.0))
+        return grid, np.zeros(0, np.int64), np.zeros(9, np.int32)
+    places = photons[:, :3]
+    low, high = places.min(axis=0), places.max(axis=0)
+    per_cell = np.float32(0.5 / radius)
+    most = min(len(photons).bit_length() + CELL_BITS_MORE, MOST_CELLS.bit_length() - 1)
+    bits = _periods((high - low) * per_cell, most)
+    mask_x, mask_y, mask_z = masks = (1 << bits) - 1
+    grid = PHOTON_GRID.one(
+        low=(*(low - radius), per_cell), high=(*(high + radius), radius), mask_x=mask_x, mask_y=mask_y, mask_z=mask_z
+    )
+    cell = np.floor(places * per_cell).astype(np.int64) & masks
+    bucket = (cell[:, 2] << (bits[0] + bits[1])) | (cell[:, 1] << bits[0]) | cell[:, 0]
+    key = np.sort((bucket << 32) | np.arange(len(photons)))
+    starts = np.zeros((1 << int(bits.sum())) + 1, np.int32)
+    np.cumsum(np.bincount(bucket, minlength=len(starts) - 1), out=starts[1:])
+    return grid, key & 0xFFFFFFFF, starts
+
+
+def _periods(cells: NDArray[np.float32], most: int) -> NDArray[np.int64]:
+    """Return the logarithms to base 2 of the periods along three axes, one at least, ``most`` together."""
+    bits = np.maximum(np.ceil(np.log2(np.maximum(cells.astype(np.float64), 1) + 1)), 1).astype(np.int64)
+    while bits.sum() > most:
+        bits[bits.argmax()] -= 1
+    return np.asarray(bits)
+
+
+def neighbours2(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the squares of the distances from places (3, n) to their neighbour number `NEIGHBOURS` [m²], in any order.
+
+    Along the longest side of their box: those in a row of it say how far away a neighbour can be.
+    """
+    along = int(np.ptp(places, axis=1).argmax())
+    places = places[:, places[along].argsort(kind="stable")]
+    found, here = [], places[along]
+
+    def among(own: slice, low: int, high: int) -> NDArray[np.float64]:
+        distance2 = np.zeros((len(here[own]), high - low))
+        for axis in places:
+            apart = axis[own, None] - axis[low:high]
+            distance2 += apart * apart
+        distance2.partition(NEIGHBOURS, axis=1)
+        return distance2[:, NEIGHBOURS]
+
+    for first in range(0, len(here), _ROW):
+        last = min(first + _ROW, len(here))
+        own, near = slice(first, last), (max(first - _ROW, 0), min(last + _ROW, len(here)))
+        reach = np.sqrt(among(own, *near).max()) * (1 + 1e-9)
+        low, high = np.searchsorted(here, here[first] - reach), np.searchsorted(here, here[last - 1] + reach, "right")
+        found.append(among(own, min(low, near[0]), max(high, near[1])))
+    return np.concatenate(found)
+
+
+def first_radius(pilot: Photons, pixels: int) -> float:
+    """Return the radius of a pass of one sample [m], for so many photons within it where most of them are.
+
+    It follows from the median of their distances to neighbours; 1 without any. Their power does not count: where a lamp
+    is rarely picked, one photon has that of many.
+    """
+    some = pilot[:: max(len(pilot) // _KEPT, 1)]
+    if len(some) <= NEIGHBOURS:
+        return 1.0
+    median = np.median(neighbours2(some[:, :3].T.astype(np.float64)))
+    # photons per area in a pass of one sample, over that of these
+    more = PhotonPass(0, 0, 1).photons(pixels) / PILOT_PHOTONS * len(pilot) / len(some)
+    return max(float(np.sqrt(median * FIRST_PHOTONS / NEIGHBOURS / more)), 1e-9)
