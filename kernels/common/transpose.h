@@ -1,4 +1,4 @@
-// Eight neighbouring floats in memory per lane: written and read whole, turned by shuffles instead of lane by lane.
+// Eight or four neighbouring words in memory per lane: written and read whole, turned by shuffles instead of lane by lane.
 #ifndef TRANSPOSE_H
 #define TRANSPOSE_H
 #include "common/width.h"
@@ -138,5 +138,38 @@ static void store_eight(__global float *p, uint first, Eight e)
 }
 #endif
 #endif
+
+// Four neighbouring words of each lane, loaded whole and turned by shuffles.
+static void load_four(const __global uint *words, I i, I *a, I *b, I *c, I *d)
+{
+#if VW == 8 && !DOUBLE
+    const __global float *p = (const __global float *)words;
+    float8 r0 = (float8)(vload4(0, p + i.s0), vload4(0, p + i.s4));
+    float8 r1 = (float8)(vload4(0, p + i.s1), vload4(0, p + i.s5));
+    float8 r2 = (float8)(vload4(0, p + i.s2), vload4(0, p + i.s6));
+    float8 r3 = (float8)(vload4(0, p + i.s3), vload4(0, p + i.s7));
+    float8 low = PAIR_LO(r0, r1), low_next = PAIR_LO(r2, r3), high = PAIR_HI(r0, r1), high_next = PAIR_HI(r2, r3);
+    *a = AS_I(QUAD_LO(low, low_next));
+    *b = AS_I(QUAD_HI(low, low_next));
+    *c = AS_I(QUAD_LO(high, high_next));
+    *d = AS_I(QUAD_HI(high, high_next));
+#elif VW == 16 && defined CLANG_AVX512
+    const __global float *p = (const __global float *)words;
+    float16 r0 = (float16)(vload4(0, p + i.s0), vload4(0, p + i.s4), vload4(0, p + i.s8), vload4(0, p + i.sc));
+    float16 r1 = (float16)(vload4(0, p + i.s1), vload4(0, p + i.s5), vload4(0, p + i.s9), vload4(0, p + i.sd));
+    float16 r2 = (float16)(vload4(0, p + i.s2), vload4(0, p + i.s6), vload4(0, p + i.sa), vload4(0, p + i.se));
+    float16 r3 = (float16)(vload4(0, p + i.s3), vload4(0, p + i.s7), vload4(0, p + i.sb), vload4(0, p + i.sf));
+    float16 low = LO_FLOATS(r0, r1), low_next = LO_FLOATS(r2, r3), high = HI_FLOATS(r0, r1), high_next = HI_FLOATS(r2, r3);
+    *a = AS_I(LO_PAIRS(low, low_next));
+    *b = AS_I(HI_PAIRS(low, low_next));
+    *c = AS_I(LO_PAIRS(high, high_next));
+    *d = AS_I(HI_PAIRS(high, high_next));
+#else
+    *a = AS_I(GATHER(U, words, i, ));
+    *b = AS_I(GATHER(U, words, i + 1, ));
+    *c = AS_I(GATHER(U, words, i + 2, ));
+    *d = AS_I(GATHER(U, words, i + 3, ));
+#endif
+}
 
 #endif

@@ -27,28 +27,6 @@ static inline F3 texel_of(int format, I low, I high)
     return format == TEXEL_SRGB ? f3(srgb_decoded(c.x), srgb_decoded(c.y), srgb_decoded(c.z)) : c;
 }
 
-// Four neighbouring words of each lane, loaded whole and turned by shuffles.
-static void load_four(const __global uint *words, I i, I *a, I *b, I *c, I *d)
-{
-#if VW == 8
-    const __global float *p = (const __global float *)words;
-    float8 r0 = (float8)(vload4(0, p + i.s0), vload4(0, p + i.s4));
-    float8 r1 = (float8)(vload4(0, p + i.s1), vload4(0, p + i.s5));
-    float8 r2 = (float8)(vload4(0, p + i.s2), vload4(0, p + i.s6));
-    float8 r3 = (float8)(vload4(0, p + i.s3), vload4(0, p + i.s7));
-    float8 low = PAIR_LO(r0, r1), low_next = PAIR_LO(r2, r3), high = PAIR_HI(r0, r1), high_next = PAIR_HI(r2, r3);
-    *a = AS_I(QUAD_LO(low, low_next));
-    *b = AS_I(QUAD_HI(low, low_next));
-    *c = AS_I(QUAD_LO(high, high_next));
-    *d = AS_I(QUAD_HI(high, high_next));
-#else
-    *a = AS_I(GATHER(U, words, i, ));
-    *b = AS_I(GATHER(U, words, i + 1, ));
-    *c = AS_I(GATHER(U, words, i + 2, ));
-    *d = AS_I(GATHER(U, words, i + 3, ));
-#endif
-}
-
 // The texels at an index and to its right.
 static inline void texel_pair(const __global uint *texels, int format, I index, F3 *left, F3 *right)
 {

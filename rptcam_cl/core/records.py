@@ -968,7 +968,7 @@ def curves(shares: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np
     steps = np.arange(cells) / cells
     guides = np.array([np.searchsorted(row, steps, side="right") - 1 for row in sums_32]).clip(0, cells - 1)
     pairs = np.zeros((len(shares), cells + 1, 2), np.float32)
-    pairs[..., 0], pairs[:, :-1, 1] = sums_32, guides
+    pairs[..., 0], pairs[:, :-1, 1], pairs[:, -1, 1] = sums_32, guides, cells - 1
     return pairs.reshape(len(shares), -1), np.diff(sums_32.astype(np.float64), axis=1)
 
 

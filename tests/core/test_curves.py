@@ -20,11 +20,14 @@ WEIGHTS = {
 
 
 def cells_of(curve: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """Return the cells of numbers as ``kernels/common/curve.h`` finds them: from the guide onwards."""
+    """Return the cells of numbers as ``kernels/common/curve.h`` finds them: between two guides."""
     count = len(curve) // 2 - 1
-    cells = curve[2 * np.minimum((numbers * count).astype(int), count - 1) + 1].astype(int)
-    while (on := (curve[2 * cells + 2] <= numbers) & (cells < count - 1)).any():
-        cells[on] += 1
+    at = np.minimum((numbers * count).astype(int), count - 1)
+    cells, last = curve[2 * at + 1].astype(int), curve[2 * at + 3].astype(int)
+    while (cells < last).any():
+        middle = (cells + last + 1) // 2
+        before = curve[2 * middle] <= numbers
+        cells, last = np.where(before, middle, cells), np.where(before, last, middle - 1)
     return cells
 
 
