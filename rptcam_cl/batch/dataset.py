@@ -863,9 +863,7 @@ def _frames(
         with number_errors(index):
             if scene.requested_autofocus is not None:
                 scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
-            if wanted.truth:  # masks and annotations need these layers
-                scene = change_scene(scene, render={"layers": tuple(dict.fromkeys((*scene.render.layers, *LABELS)))})
-            image = renderer.render(scene)
+            image = renderer.render(_with_labels(scene) if wanted.truth else scene)
             if "class_names" in image.metadata:
                 layers, metadata = with_classes(image.layers, image.metadata, wanted.classes)
                 image = replace(image, layers=layers, metadata=metadata)
@@ -887,6 +885,11 @@ def _frames(
         yield DatasetFrame(index, values, record, image)
     if place is not None:
         place.finish()
+
+
+def _with_labels(scene: Scene) -> Scene:
+    """The scene with the layers that masks and annotations need, beside those that files of a frame hold."""
+    return change_scene(scene, render={"layers": tuple(dict.fromkeys((*scene.render.layers, *LABELS)))})
 
 
 class _Cameras:
