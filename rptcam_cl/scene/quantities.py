@@ -617,6 +617,7 @@ Coefficient = Annotated[
     Colour, ColourForms(LARGEST_RADIANCE, "is too large for float32", TabulatedSpectrum, coefficient)
 ]
 PatternAlbedo = Annotated[Colour, ColourForms(1.0, "would reflect more light than arrives")]
+PatternColour = Annotated[Colour, ColourForms(1.0, "is above 1: a brighter pattern is an image with gain")]
 GainColour = Annotated[Colour, ColourForms(LARGEST_GAIN, "is too large a factor")]
 
 SHORTEST_S = 1e-9

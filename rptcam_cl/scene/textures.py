@@ -18,7 +18,7 @@ from rptcam_cl.scene.quantities import (
     Fraction,
     GainColour,
     LightSpectrum,
-    PatternAlbedo,
+    PatternColour,
     Radiance,
     TexturePair,
     Turn,
@@ -91,10 +91,10 @@ class Checker(Blend):
     kind: Literal["checker"]
     """Kind of texture."""
 
-    even: PatternAlbedo
+    even: PatternColour
     """Colour of even cells; channels 0 to 1."""
 
-    odd: PatternAlbedo
+    odd: PatternColour
     """Colour of odd cells; channels 0 to 1."""
 
 
@@ -107,10 +107,10 @@ class Grid(Blend):
     kind: Literal["grid"]
     """Kind of texture."""
 
-    background: PatternAlbedo
+    background: PatternColour
     """Colour between the lines; channels 0 to 1."""
 
-    line: PatternAlbedo
+    line: PatternColour
     """Colour of the lines; channels 0 to 1."""
 
     line_width: Fraction
@@ -130,10 +130,10 @@ class Gradient(Blend):
     kind: Literal["gradient"]
     """Kind of texture."""
 
-    start: PatternAlbedo
+    start: PatternColour
     """Colour at 0; channels 0 to 1."""
 
-    end: PatternAlbedo
+    end: PatternColour
     """Colour at 1; channels 0 to 1."""
 
 
@@ -149,10 +149,10 @@ class Noise(Blend):
     kind: Literal["noise"]
     """Kind of texture."""
 
-    low: PatternAlbedo
+    low: PatternColour
     """Colour where the noise is lowest; channels 0 to 1."""
 
-    high: PatternAlbedo
+    high: PatternColour
     """Colour where the noise is highest; channels 0 to 1."""
 
     octaves: Octaves = 4
@@ -180,10 +180,10 @@ class Perlin(Blend):
     form: Literal["sum", "turbulence", "wind"] = "sum"
     """Sum of octaves (pbrt's fbm), sum of their sizes (wrinkled), or waves under gusts (windy)."""
 
-    low: PatternAlbedo = (0.0, 0.0, 0.0)
+    low: PatternColour = (0.0, 0.0, 0.0)
     """Colour where the sum is 0 or less; channels 0 to 1."""
 
-    high: PatternAlbedo = (1.0, 1.0, 1.0)
+    high: PatternColour = (1.0, 1.0, 1.0)
     """Colour where the sum is 1 or more; channels 0 to 1."""
 
     octaves: Octaves = 8
@@ -217,7 +217,7 @@ class Marble(Blend):
     variation: Annotated[float, Field(ge=-1e6, le=1e6), NUMBER] = 0.2
     """How far the noise shifts the sine [radians]."""
 
-    tint: PatternAlbedo = (1.0, 1.0, 1.0)
+    tint: PatternColour = (1.0, 1.0, 1.0)
     """Factor on the colours; channels 0 to 1."""
 
     form: Literal["pbrt-v4", "pbrt-v3"] = "pbrt-v4"
@@ -245,10 +245,10 @@ class Dots(Blend):
     kind: Literal["dots"]
     """Kind of texture."""
 
-    inside: PatternAlbedo
+    inside: PatternColour
     """Colour of the spots; channels 0 to 1."""
 
-    outside: PatternAlbedo
+    outside: PatternColour
     """Colour between them; channels 0 to 1."""
 
     @property
