@@ -283,7 +283,8 @@ class Session:
             A word that no program before had.
         """
         if self.generates_late and not devices.builds_apart(self.info.handle):
-            self._built(f"__kernel void k{name}(__global float *out) {{ out[0] = sqrt(out[0]); }}\n")
+            text = f"__kernel void k{name}(__global float *out) {{ out[0] = sqrt(out[0]); }}\n"
+            self._built(assemble([], {}, text, library_arch=None))
 
     def beside(self) -> Session:
         """Return a session of the same device, buffers and programs with a queue of its own, for another thread."""

@@ -12,7 +12,7 @@ from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.files import kernels_dir
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device.devices import try_device
-from rptcam_cl.device.programs import BUILD_OPTIONS, assemble
+from rptcam_cl.device.programs import BUILD_OPTIONS, assemble, options_of
 from rptcam_cl.rendering.layers import LayerPlanes
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tree_build import FACTS, FILES
@@ -142,7 +142,7 @@ def without_warnings(session, files, facts):
     source = assemble(files, facts, device_declarations(), library_arch=try_device(session.info.handle).library_arch)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        options = [option for option in BUILD_OPTIONS if option != "-w"]
+        options = [option for option in options_of(session.info.handle, source) if option != "-w"]
         # the compiler warns of what it reads, and only then optimises, which takes four fifths of its time
         options += ["-Werror", "-cl-opt-disable"]
         cl.Program(session.context, NO_ABI + source).build(options, [session.info.handle])

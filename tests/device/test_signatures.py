@@ -1,13 +1,16 @@
 """Arguments of kernels are bound by name, and the names are those of the kernels."""
 
 import itertools
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rptcam_cl.core.records import device_declarations
-from rptcam_cl.device.programs import BUILD_OPTIONS, assemble, kernel_parameters
+from rptcam_cl.device import programs
+from rptcam_cl.device.programs import BUILD_OPTIONS, assemble, expand, kernel_parameters
 from tests.support.cases import one_in
 
 SOURCE = """
@@ -68,6 +71,36 @@ def test_the_driver_reads_the_list_of_the_scene_alike(session, tmp_path, spectru
     assert kernel_parameters(source)["listed"] == tuple(names)
     assert ("colours" in names, "segments" in names) == (spectrum, motion)
     assert ("primitive_nodes" in names, "mesh_low" in names) == (tree, mesh)
+
+
+def overloads(declarations):
+    """Each overload as (result, name, types of its parameters), with what a compiler may take it for."""
+    text = declarations.replace("__attribute__((overloadable, const))", "__ovld __cnfn")
+    text = text.replace("__attribute__((overloadable, pure))", "__ovld __purefn")
+    text = text.replace("__attribute__((overloadable))", "__ovld").replace("unsigned int", "uint")
+    for result, kind, name, given in re.findall(r"(\w+)\s+__ovld ?(__\w+)?\s*(\w+)\s*\(([^)]*)\)\s*;", text):
+        types = [re.sub(r"\b__private\b", "", each).replace("*", " * ") for each in given.split(",")]
+        # a name, if any, comes last; a pointer without a space is to private memory
+        yield result, kind, name, tuple(
+            " ".join(sorted(re.sub(r"(?<=[\w*] )[a-z]\w*$", "", each.strip()).split())) for each in types
+        )
+
+
+def test_builtins_are_declared_as_the_driver_does(session):
+    folder = Path(pytest.importorskip("pocl_binary_distribution").__file__).parent / ".libs/share/pocl/include"
+    text = "#define DECLARES_BUILTINS\n" + expand(["common/builtins.h"], {})
+    macros = {}
+    active = programs._active_lines(programs._COMMENT.sub(" ", text), macros)
+    lines = [programs._expand_macros(line, macros) for line in active]
+    ours = set(overloads("\n".join(lines).replace("##", "")))
+    theirs = set(overloads((folder / "opencl-c.h").read_text(encoding="utf-8")))
+    names = {name for _, _, name, _ in ours}
+    assert {"sqrt", "clz", "vload8", "convert_float16"} <= names
+    assert ours - theirs == set()
+    narrow = re.compile(r"half|char|short|volatile int|volatile uint")  # what kernels do not compute with, and OpenCL 2
+    assert [each for each in theirs - ours if each[2] in names and not narrow.search(" ".join((each[0], *each[3])))] == []
+    # of a narrow integer only these depend on its width
+    assert {each for each in ours if each[2] == "clz"} >= {(t, "__cnfn", "clz", (t,)) for t in ("uchar", "ushort")}
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from rptcam_cl.core.errors import MissingFileError
 from rptcam_cl.core.files import example_scenes
 from rptcam_cl.device import session as sessions
 from rptcam_cl.device.devices import choose_device
-from rptcam_cl.device.programs import BUILD_OPTIONS, options_of, quick_source
+from rptcam_cl.device.programs import BUILD_OPTIONS, assemble, options_of, quick_source
 from rptcam_cl.device.session import Session
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.test_determinism import LENS
@@ -85,3 +85,12 @@ def test_a_driver_that_optimises_late_need_not_do_so_at_first() -> None:
     assert options("OpenCL 3.0 PoCL 6.0  Linux, Release", quick) == ["-cl-opt-disable"]
     assert "-cl-opt-disable" not in options("OpenCL 3.0 PoCL 7.1  Linux, Release", quick)
     assert options("OpenCL 3.0 PoCL 3.0-rc2  Linux, Release", "__kernel void one() {}\n") == []
+
+
+def test_the_driver_with_a_long_header_reads_the_declarations_of_the_kernels_in_its_place() -> None:
+    def options(version: str, source: str) -> set[str]:
+        return set(options_of(SimpleNamespace(platform=SimpleNamespace(version=version)), source))
+
+    source = assemble([], {}, "__kernel void one() {}\n", library_arch=None)
+    assert options("OpenCL 3.0 PoCL 3.0-rc2  Linux", source) > options("OpenCL 3.0 PoCL 3.1  Linux", source)
+    assert options("OpenCL 3.0 PoCL 3.0-rc2  Linux", quick_source(source)) >= {"-D_OPENCL_H_", "-DDECLARES_BUILTINS"}
