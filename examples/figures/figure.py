@@ -6,6 +6,7 @@ import argparse
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -142,9 +143,14 @@ class Section:
         return [figure for group in self.groups for figure in group.figures]
 
 
+@cache
+def _gallery_commands() -> list[list[str]]:
+    return commands(PAGE.read_text("utf-8"))
+
+
 def shared(name: str, title: str) -> Figure:
     """Return a picture that the gallery of `examples/README.md` shows too, by the command printed there."""
-    for words in commands(PAGE.read_text("utf-8")):
+    for words in _gallery_commands():
         if words[:2] == ["rptcam", "render"] and Path(words[words.index("-o") + 1]).stem == name:
             return _from_command(words[2:], title)
     raise KeyError(f"{PAGE} has no command that makes {name}")

@@ -208,6 +208,12 @@ def assemble(files: list[str], facts: Mapping[str, int | str], declarations: str
     return expand([_BUILTINS], {}) + "\n".join(head) + "\n" + declarations + body + tail
 
 
+def small_source(name: str) -> str:
+    """Return the text of a program that needs PoCL's built-in functions and little else; ``name`` is a word."""
+    text = f"__kernel void k{name}(__global float *out) {{ out[0] = sqrt(out[0]); }}\n"
+    return assemble([], {}, text, library_arch=None)
+
+
 def quick_source(source: str) -> str:
     """Return the text of a program that compiles sooner for PoCL, runs slower and computes the same bits."""
     return f"{_QUICK}{_SMALL}{source}#pragma clang attribute pop\n"

@@ -21,7 +21,16 @@ from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.remember import Disk, Memory, content_name
 from rptcam_cl.device import devices
 from rptcam_cl.device.drivers import instead, is_code_noted, load_opencl, note_code, unfinished_work
-from rptcam_cl.device.programs import Parameters, Program, assemble, options_of, program_name, quick_source, source_key
+from rptcam_cl.device.programs import (
+    Parameters,
+    Program,
+    assemble,
+    options_of,
+    program_name,
+    quick_source,
+    small_source,
+    source_key,
+)
 
 # A chosen device with its context, queue and built programs.
 
@@ -283,8 +292,7 @@ class Session:
             A word that no program before had.
         """
         if self.generates_late and not devices.builds_apart(self.info.handle):
-            text = f"__kernel void k{name}(__global float *out) {{ out[0] = sqrt(out[0]); }}\n"
-            self._built(assemble([], {}, text, library_arch=None))
+            self._built(small_source(name))
 
     def beside(self) -> Session:
         """Return a session of the same device, buffers and programs with a queue of its own, for another thread."""

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from scipy.signal.windows import tukey
 from scipy.special import erf
 
 from rptcam_cl.api.combined import _window, mtf50_at
@@ -55,6 +54,8 @@ def test_edge_with_what_is_no_number_has_none():
 
 @pytest.mark.parametrize("length", [9, 96])
 def test_window_over_an_edge_is_that_of_tukey(length):
+    from scipy.signal.windows import tukey  # every process that collects tests would wait for it
+
     np.testing.assert_allclose(_window(length), tukey(length, 0.5), atol=1e-12)
 
 
