@@ -156,7 +156,7 @@ def test_lamps_have_the_power_that_blender_gives_them():
     ],
 )  # fmt: skip
 def test_lamps_that_go_by_their_size_give_as_much_more(kind, sizes, factor):
-    """A ball has its surface, a sun its area at the distance 1, an area lamp its own; without a size it is 4 (Cycles)."""
+    """A ball has its surface, a sun its area at distance 1, an area lamp its own; without a size it is 4 (Cycles)."""
     lamp = BlenderLamp("l", kind, EYE, (100.0, 50.0, 25.0), **sizes)
     (_, one), (_, other) = (lamp_keys(each, Report()) for each in (lamp, replace(lamp, normalized=False)))
     key = "irradiance" if kind == "SUN" else "intensity"
