@@ -304,7 +304,8 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "ENVIRONMENT": int(surroundings.kind),
         "HAS_HIDDEN": int(hidden.any()),
         "FACET_ENERGY": shown.facts["FACET_ENERGY"] * scene.render.multiple_scattering,
-        "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
+        "FACET_SHARES": shown.facts["FACET_SHARES"]
+        * (scene.render.multiple_scattering or shown.facts["HAS_BRUSHED_BASE"]),
         "HIDDEN_SKY": int(scene.environment is not None and hidden_from_camera(scene.environment, scene) > 0),
         "LAMPS_BEHIND_GLASS": int(not ways_alone and stand_behind_glass(primitives, emitters, eye_m)),
         "LIGHT_GROUPS": len(groups.names),
