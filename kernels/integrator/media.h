@@ -384,7 +384,8 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
         }
 #endif
 #if HAS_EMITTERS
-        I lightable = murky & (path->depth < rules.max_depth);
+        I shade = GATHER(I, scene.media, path->medium & MEDIUM_MASK, .in_shade);
+        I lightable = murky & (path->depth < rules.max_depth) & (shade == 0);
         if (ANY(lightable))
             add_scattered(path, s, t, scatters & lightable, lightable, scene, rules AT_MET(tracked) AT_MET(c.guess));
 #endif

@@ -713,7 +713,7 @@ MEDIUM = Record(
         ("int", "blocks_x"),
         ("int", "blocks_y"),
         ("int", "blocks_z"),
-        ("int", "reserved_0"),
+        ("int", "in_shade"),  # whether glass keeps all light samples out, so that none are made
     ),
 )
 DENSITY_BLOCK = 8  # voxels along a side of a block of a grid of densities
