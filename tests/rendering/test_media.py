@@ -8,6 +8,8 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering import tracer
+from rptcam_cl.rendering.plan import media
+from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.media import Droplets
 from tests.rendering.pictures import WHITE, bits, flat_mean, looking, pixels, scene_of, seed_of
 from tests.support.cases import slow
@@ -253,6 +255,32 @@ def layer_of(absorption, low, high):
 
 ACROSS = {"kind": "orthographic", "width_m": 4} | {key: EYE[key] for key in ("eye", "target", "up")}
 UP = looking([0, 0, -1], [0, 0, 1], up=[0, 1, 0], fov=0.1)
+
+
+def test_light_samples_are_left_out_where_glass_stops_them_all(monkeypatch):
+    milk = BALL | {
+        "material": {"kind": "dielectric", "interior": {"scattering_per_m": [4, 5, 6], "absorption_per_m": 0.1}}
+    }
+    lamp = {"shape": "sphere", "center": [0.2, 0, 0.1], "radius": 0.2, "material": {"kind": "emissive", "radiance": 5}}
+    above = lamp | {"center": [0, 0, 3]}
+    open_milk = milk | {"material": milk["material"] | {"kind": "boundary"}}
+    cases = {
+        1: [[milk, above]],
+        0: [
+            [milk, lamp],
+            [milk, above | {"radius": 2.5}],
+            [open_milk, above],
+            [milk | {"visible": {"shadow": False}}, above],
+        ],
+    }
+    for marked, scenes in cases.items():
+        for objects in scenes:
+            scene = scene_of(objects, looking([0, -4, 1], [0, 0, 0], fov=40), depth=40, resolution=(32, 32))
+            assert make_plan(rptcam_cl.load_scene(scene)).media.records["in_shade"][1:].tolist() == [marked], objects
+    scene = scene_of([milk, above], looking([0, -4, 1], [0, 0, 0], fov=40), depth=40, resolution=(32, 32))
+    left_out = pixels(scene, spp=4)
+    monkeypatch.setattr(media, "_mark_shade", lambda *_: None)
+    np.testing.assert_array_equal(pixels(scene, spp=4), left_out)
 
 
 def test_rays_lose_what_media_on_their_way_take():
