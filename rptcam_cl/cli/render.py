@@ -56,6 +56,7 @@ from rptcam_cl.core.files import (
     example_scenes,
     known_suffix,
     listed,
+    replacing,
 )
 
 if TYPE_CHECKING:
@@ -502,7 +503,8 @@ def _save_marked(image: Image, output: Path, level: float) -> None:
 
     codes = codes_of(image)
     codes[peaking(image.seen, level)] = PEAKING_COLOUR[:3]
-    Pillow.fromarray(codes).save(output)
+    with replacing(output) as temporary:
+        Pillow.fromarray(codes).save(temporary, "PNG" if output.suffix.lower() == ".png" else "JPEG")
 
 
 def run_develop(arguments: argparse.Namespace) -> int:
