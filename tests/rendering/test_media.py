@@ -35,17 +35,21 @@ def directions(fov, count):
     return d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
-def scattered_once(lamps, intensity, phase_of=lambda cosine: henyey_greenstein(ASYMMETRY, cosine)):
-    """Mean radiance that fog before the wall scatters once from points of light, by Gauss's quadrature."""
+def scattered_once(lamps, intensity, phase_of=lambda cosine: henyey_greenstein(ASYMMETRY, cosine), share_of=None):
+    """Mean radiance that fog before the wall scatters once from points of light, by Gauss's quadrature.
+
+    ``share_of`` is what a lamp of a number sends in a direction.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(200)
     d = directions(20, 48)
     length = 5 / d[:, 1]
     t = length[:, None] * (nodes + 1) / 2
     total = np.zeros(3)
-    for lamp in lamps:
+    for number, lamp in enumerate(lamps):
         to = np.array(lamp) - t[..., None] * d[:, None]
         r = np.linalg.norm(to, axis=-1)
         phase = phase_of(np.einsum("ijk,ik->ij", to, d) / r)
+        phase *= 1 if share_of is None else share_of(number, -to / r[..., None])
         left = np.exp(-(ABSORPTION + SCATTERING) * (t + r)[..., None])
         each = SCATTERING * left * (phase / r**2 * weights * length[:, None] / 2)[..., None]
         total += intensity * each.sum(axis=1).mean(axis=0)
@@ -64,6 +68,28 @@ def fog_of_points(lamps, **rest):
 def test_fog_scatters_light_of_points_once_as_quadrature_does():
     mean = pixels(fog_of_points(LAMPS), seed=seed_of("points in fog"), spp=256).mean(axis=(0, 1))
     np.testing.assert_allclose(mean, scattered_once(LAMPS, 1.0), rtol=NOISE)
+
+
+# Position, axis and angle of spots: across the view, along it from aside and from behind, towards it, and a wide one.
+SPOTS = [
+    ([1.6, 2.5, 0.3], [-1, 0.2, -0.1], 15), ([-1.4, 1.0, 0.9], [0.5, 1, -0.3], 40),
+    ([0.2, -0.5, -0.1], [0, 1, 0.1], 20), ([0.3, 4.8, 0.2], [-0.1, -1, 0], 12), ([-1.5, 3.0, 0.2], [1, 0, 0.1], 120),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("number", range(len(SPOTS)))
+def test_fog_scatters_the_beam_of_a_spot_once_as_quadrature_does(number):
+    position, axis, angle = SPOTS[number]
+    light = {"kind": "spot", "position": position, "direction": axis, "outer_degrees": angle, "inner_degrees": 0}
+
+    def share(_, way):
+        outer = np.cos(np.radians(angle))
+        x = np.clip((way @ axis / np.linalg.norm(axis) - outer) / (1 - outer), 0, 1)
+        return x * x * (3 - 2 * x)
+
+    scene = fog_of_points([]) | {"lights": [light | {"intensity": 1.0}]}
+    mean = pixels(scene, seed=seed_of("beam in fog"), spp=256).mean(axis=(0, 1))
+    np.testing.assert_allclose(mean, scattered_once([position], 1.0, share_of=share), rtol=3 * NOISE)
 
 
 @pytest.mark.slow
