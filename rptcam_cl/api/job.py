@@ -51,7 +51,7 @@ from rptcam_cl.rendering.layers import GroundTruth, ground_truth_of, saved_truth
 from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
-from rptcam_cl.rendering.point_spread import Conjugates
+from rptcam_cl.rendering.point_waves import Conjugates
 from rptcam_cl.rendering.progressive import Progress, Rendering, SavedState, render_plan, render_state, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import (

@@ -34,11 +34,8 @@ from rptcam_cl.rendering.point_spread import (
     MIDDLE_NM,
     NEAR,
     REACH,
-    Conjugates,
     FarLight,
-    conjugates_of,
     fade,
-    kernel_of_waves,
     near_kernel,
     quick,
     reach_px,
@@ -46,6 +43,7 @@ from rptcam_cl.rendering.point_spread import (
     strew,
     unit_px,
 )
+from rptcam_cl.rendering.point_waves import Conjugates, conjugates_of, kernel_of_waves
 from rptcam_cl.scene.scene import Scene
 
 #

@@ -24,19 +24,14 @@ from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.lamp_aim import Polynomial, Sights
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import Plan, aim, may_aim
-from rptcam_cl.rendering.point_spread import (
-    FINE,
-    MIDDLE_NM,
-    WAVES_NM,
+from rptcam_cl.rendering.point_spread import FINE, MIDDLE_NM, WAVES_NM, fade, quick, shares_of_white
+from rptcam_cl.rendering.point_waves import (
     Conjugates,
     PointOpening,
     PointWave,
-    fade,
     point_opening,
     point_wave,
-    quick,
     ray_picture,
-    shares_of_white,
     source_of,
     stigmatic,
     wave_picture,
