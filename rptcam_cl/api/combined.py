@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.api.job import RenderOptions, SceneSource, SeriesRenderer, read_scene, render, resolve
+from rptcam_cl.api.job import SeriesRenderer, render, resolve
+from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
@@ -30,6 +31,7 @@ from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.ideal import stop_shape
 from rptcam_cl.scene.changes import at_rest, change_scene, set_keys
+from rptcam_cl.scene.load import SceneSource, read_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import Drive, WholeLens, focus_drive
 from rptcam_cl.studies.focus.probe import Zone, circle_of_confusion

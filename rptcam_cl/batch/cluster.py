@@ -21,7 +21,8 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Literal
 
-from rptcam_cl.api.job import RenderJob, RenderOptions, plain_data
+from rptcam_cl.api.job import RenderJob
+from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError, out_of_range
@@ -34,7 +35,7 @@ from rptcam_cl.core.remember import Maker, Memory, OneMaker, is_maker, made_by
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.rendering.several import FilmPart
 from rptcam_cl.scene.base import LARGEST_FILE
-from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.load import load_scene, plain_data
 from rptcam_cl.scene.scene import Scene
 
 # A scene with all its files as bytes, so that a machine that has none of them can render it.

@@ -611,7 +611,7 @@ def device_of(arguments: argparse.Namespace) -> str | list[str] | None:
 
 def render_keywords(arguments: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     """The keyword arguments of `rptcam_cl.render`."""
-    from rptcam_cl.api.job import RenderOptions
+    from rptcam_cl.api.options import RenderOptions
 
     given = vars(arguments)
     keywords = {option.name: given[option.name] for option in fields(RenderOptions) if option.name in given}
@@ -625,7 +625,7 @@ def render_keywords(arguments: argparse.Namespace, scene: Scene) -> dict[str, An
 
 def apply_options(arguments: argparse.Namespace, scene: Scene) -> Scene:
     """The scene with all options applied."""
-    from rptcam_cl.api.job import RenderOptions
+    from rptcam_cl.api.options import RenderOptions
 
     return RenderOptions(**render_keywords(arguments, scene)).apply_to(scene)
 

@@ -21,6 +21,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.waves import AIRY
+from rptcam_cl.rendering import point_spread
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_points
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
@@ -28,21 +29,6 @@ from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.lamps import LampImage, about, brightness, by_waves, lamp_images, pixel_mm, without_lamps
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.point_spread import (
-    ANGLES,
-    FEW_ANGLES,
-    MIDDLE_NM,
-    NEAR,
-    REACH,
-    FarLight,
-    fade,
-    near_kernel,
-    quick,
-    reach_px,
-    received,
-    strew,
-    unit_px,
-)
 from rptcam_cl.rendering.point_waves import Conjugates, conjugates_of, kernel_of_waves
 from rptcam_cl.scene.scene import Scene
 
@@ -117,7 +103,7 @@ def _convolve(plane: Array, kernel: Array, *, within: bool = False) -> Array:
     Of what is nowhere negative, nothing is negative.
     """
     height, width = plane.shape if within else (a + b - 1 for a, b in zip(plane.shape, kernel.shape, strict=True))
-    shape = quick(height), quick(width)
+    shape = point_spread.quick(height), point_spread.quick(width)
     spread = np.fft.irfft2(np.fft.rfft2(plane, shape) * np.fft.rfft2(kernel, shape), shape)[:height, :width]
     spread = spread[kernel.shape[0] - 1 :, kernel.shape[1] - 1 :] if within else spread  # what comes round lies before
     return np.maximum(spread, 0.0) if plane.min() >= 0 and kernel.min() >= 0 else spread
@@ -180,7 +166,7 @@ class FilmSpread:
     edges: Array | None = None
     lamps: tuple[LampImage, ...] = ()
     beside: Array = field(default_factory=lambda: np.zeros((0, 8)))
-    directions: int = ANGLES
+    directions: int = point_spread.ANGLES
 
     @property
     def reach(self) -> int:
@@ -196,14 +182,14 @@ class FilmSpread:
         return _nodes(self.resolution, self.order), own
 
     @cached_property
-    def _far_light(self) -> FarLight:
+    def _far_light(self) -> point_spread.FarLight:
         assert self.edges is not None
-        return FarLight(self.edges, self.index, self.pixel_mm, self.reach, self.directions)
+        return point_spread.FarLight(self.edges, self.index, self.pixel_mm, self.reach, self.directions)
 
     @cached_property
     def _of_plain_films(self) -> FilmSpread:
         """The same for films without lamps, which show no spikes."""
-        return replace(self, directions=FEW_ANGLES)
+        return replace(self, directions=point_spread.FEW_ANGLES)
 
     @cached_property
     def far(self) -> tuple[Array, Array]:
@@ -217,7 +203,7 @@ class FilmSpread:
         is_dark = np.append(by_lamps, np.zeros((1, 3)), axis=0).sum(axis=1) == 0  # the last stands for no picture
         beside = self.beside[is_dark[self.beside[:, 7].astype(int)]]
         has_stars = bright.any() or by_lamps.any() or len(beside) > 0
-        if self.edges is not None and self.directions > FEW_ANGLES and not has_stars:
+        if self.edges is not None and self.directions > point_spread.FEW_ANGLES and not has_stars:
             return self._of_plain_films.over(pixels, layout)
         if by_lamps.any():
             planes, by_lamps = without_lamps(planes, offset, self.lamps, by_lamps)
@@ -226,8 +212,8 @@ class FilmSpread:
         spread = blur(planes, bright, offset, nodes, kernels)
         if self.edges is not None:
             shares, light = self.far
-            spread += strew(planes + self._at_lamps(planes.shape, offset, by_lamps), light)
-            around = shares[:, None, None] - received(light, planes.shape[1:])
+            spread += point_spread.strew(planes + self._at_lamps(planes.shape, offset, by_lamps), light)
+            around = shares[:, None, None] - point_spread.received(light, planes.shape[1:])
             spread += around * (planes - bright).mean(axis=(1, 2))[:, None, None]  # as bright beside the film as on it
         if by_lamps.any():
             spread += by_waves(planes.shape, offset, self._near_lamps, by_lamps)
@@ -260,7 +246,7 @@ class FilmSpread:
                 i, j = rows + lamp.row - row + middle[0], columns + lamp.column - column + middle[1]
                 good = np.ix_((i >= 0) & (i < light.shape[1]), (j >= 0) & (j < light.shape[2]))
                 inner[:, good[0], good[1]] += share * light[:, i[good[0]], j[good[1]]]
-            inner *= fade(np.hypot(x[None, :], y[:, None]), lamp.reach)
+            inner *= point_spread.fade(np.hypot(x[None, :], y[:, None]), lamp.reach)
             near.append(replace(lamp, waves=(lamp.waves - inner).astype(np.float32)))
         return near
 
@@ -334,7 +320,7 @@ class FilmSpread:
         few = self._far_light.at(table, x - some_columns, some_rows - y)  # x runs to the left
         light = np.asarray(_hats(some_rows, rows).T @ few @ _hats(some_columns, columns))
         away = np.hypot(columns - x, rows[:, None] - y)
-        return np.asarray(light * (1 - fade(away, reach)))
+        return np.asarray(light * (1 - point_spread.fade(away, reach)))
 
     def _at_lamps(self, shape: tuple[int, ...], offset: tuple[int, int], light: Array) -> Array:
         """Return planes with the light of lamps (n, 3) in the pixels about the middle of each."""
@@ -421,7 +407,7 @@ class FilmOpenings:
     def enough(self) -> FilmOpenings:
         """The same with more nodes, where aberrations change from one to the next by what shows."""
         known = [] if self.conjugates is None else [wave for each in self.conjugates.waves for wave in each.values()]
-        if all(wave.strehl(MIDDLE_NM) > GOOD for wave in known):
+        if all(wave.strehl(point_spread.MIDDLE_NM) > GOOD for wave in known):
             return self
         return FilmOpenings(self.scene, self.pupils, MORE_NODES)
 
@@ -514,14 +500,20 @@ class Diffraction:
             conjugates = openings.conjugates
             assert conjugates is not None
             waves = conjugates.by_wavelength(splits=bool(self.plan.facts.get("LENS_SPLITS")))
-        wide = 0.0 if waves is None else max(wave(MIDDLE_NM).radius_mm for wave in waves if wave is not None)
-        unit, largest, edges = max(unit_px(pupil, pixel) for pupil in pupils), max(film.resolution), openings.edges
+        wide = (
+            0.0 if waves is None else max(wave(point_spread.MIDDLE_NM).radius_mm for wave in waves if wave is not None)
+        )
+        unit, largest, edges = (
+            max(point_spread.unit_px(pupil, pixel) for pupil in pupils),
+            max(film.resolution),
+            openings.edges,
+        )
         wider = int(np.ceil(wide / min(map(abs, pixel))))
-        reach = reach_px(unit, largest, NEAR, wider)
+        reach = point_spread.reach_px(unit, largest, point_spread.NEAR, wider)
         if edges is None or not reach < largest:
-            edges, reach = None, reach_px(unit, largest, REACH, wider)
+            edges, reach = None, point_spread.reach_px(unit, largest, point_spread.REACH, wider)
         near = [
-            near_kernel(pupil, pixel, reach) if wave is None else kernel_of_waves(wave, pixel, reach)
+            point_spread.near_kernel(pupil, pixel, reach) if wave is None else kernel_of_waves(wave, pixel, reach)
             for pupil, wave in zip(pupils, waves or [None] * len(pupils), strict=True)
         ]
         size = abs(pixel[0]), abs(pixel[1])
@@ -531,7 +523,10 @@ class Diffraction:
         spread = FilmSpread(film.resolution, window, size, openings.order, small, middle.index, edges)
         if self.plan is None:
             return spread
-        known, units = list(zip(openings.points, pupils, strict=True)), REACH if edges is None else NEAR
+        known, units = (
+            list(zip(openings.points, pupils, strict=True)),
+            point_spread.REACH if edges is None else point_spread.NEAR,
+        )
         units = units if unit >= _FINEST_PX else 0.0
         lamps, beside = lamp_images(self.scene, self.plan, openings.pupils, known, units, conjugates, self.session)
         return replace(spread, lamps=tuple(lamps), beside=beside)
@@ -573,7 +568,7 @@ def diffraction_of(scene: Scene) -> Diffraction | None:
         return Diffraction(scene, False, None, None)
     try:
         pupils = camera_of(scene).film_pupils()
-        radius = AIRY * unit_px(pupils(np.zeros(2)), pixel_mm(scene))
+        radius = AIRY * point_spread.unit_px(pupils(np.zeros(2)), pixel_mm(scene))
     except InputError:
         if choice == "on":
             raise

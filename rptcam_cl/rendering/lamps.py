@@ -18,6 +18,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import EmitterKind, Hidden, PatchMap, device_declarations
 from rptcam_cl.core.remember import checkpoint, content_name, identity_of_code
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import point_waves
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays, seen_places
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_points
 from rptcam_cl.rendering.cameras.kinds import camera_of
@@ -25,17 +26,6 @@ from rptcam_cl.rendering.cameras.lamp_aim import Polynomial, Sights
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import Plan, aim, may_aim
 from rptcam_cl.rendering.point_spread import FINE, MIDDLE_NM, WAVES_NM, fade, quick, shares_of_white
-from rptcam_cl.rendering.point_waves import (
-    Conjugates,
-    PointOpening,
-    PointWave,
-    point_opening,
-    point_wave,
-    ray_picture,
-    source_of,
-    stigmatic,
-    wave_picture,
-)
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.scene import Scene
@@ -322,7 +312,7 @@ def aimed_plan(
     session: Session,
     layers: Iterable[str] = (),
     buffers: SceneBuffers | None = None,
-    conjugates: Conjugates | None = None,
+    conjugates: point_waves.Conjugates | None = None,
 ) -> tuple[Plan, SceneBuffers | None]:
     """Return the plan with camera rays that aim at lamps out of focus, and the scene on the device where it was needed.
 
@@ -339,7 +329,7 @@ def aimed_plan(
     conjugates
         That rays go towards where waves bring what the lens is off; None for the rays of the lens.
     """
-    given, plan = plan, stigmatic(plan, conjugates)
+    given, plan = plan, point_waves.stigmatic(plan, conjugates)
     if not may_aim(plan, layers):
         return plan, None if plan is given or buffers is None else SceneBuffers(session, plan, buffers)
     held = [buffers]
@@ -466,7 +456,7 @@ class _LampFilm:
     splits: bool
     nm: float
     units: float
-    conjugates: Conjugates | None
+    conjugates: point_waves.Conjugates | None
 
     @property
     def pixel(self) -> float:
@@ -502,7 +492,7 @@ def lamp_images(
     pupils: FilmPupils,
     seen: Sequence[tuple[Array, FilmPupil]],
     units: float,
-    conjugates: Conjugates | None,
+    conjugates: point_waves.Conjugates | None,
     session: Session | None = None,
 ) -> tuple[list[LampImage], Array]:
     """Return the pictures of lamps that waves change, near them as far as a kernel reaches, and what falls beside.
@@ -540,7 +530,7 @@ def lamp_images(
         is_on = ((middle > -0.5) & (middle < on_film + 0.5)).all()
         if not (np.ptp(places, axis=0).max() <= _WIDEST_PX and (shown[number] > 0 or (is_on and units > 0))):
             continue
-        point, source = film_points(scene, middle[None])[0, :2], source_of(own.mean(axis=0), film_z)
+        point, source = film_points(scene, middle[None])[0, :2], point_waves.source_of(own.mean(axis=0), film_z)
         among = partial(_among, lamp, own, places, turn)
         value = shown[number] * _counts(middle, on_film) * plan.camera.value
         light = value * _light(film, chief, lamp, own.mean(axis=0), middle, point) if value > 0 else np.zeros(3)
@@ -686,7 +676,7 @@ def _light(film: _LampFilm, chief: CameraRays, lamp: _Lamp, at: Array, place: Ar
         return np.zeros(3)
 
 
-def _rays(film: _LampFilm, opening: PointOpening | None) -> Array:
+def _rays(film: _LampFilm, opening: point_waves.PointOpening | None) -> Array:
     """Return where some rays of a point of a lamp fall (n, 2), from its sharp place [pixels]."""
     if opening is None or opening.radius_mm < 0.5 * film.pixel:
         return np.zeros((1, 2))
@@ -707,17 +697,17 @@ def _beside(layout: FilmLayout, among: Callable[[float, float], Array], rays: Ar
 # Their pictures.
 
 
-def _opening(film: _LampFilm, point: Array, source: Array) -> PointOpening | None:
+def _opening(film: _LampFilm, point: Array, source: Array) -> point_waves.PointOpening | None:
     """Return the opening for a lamp; None where it is not known."""
     near = min(film.seen, key=lambda known: float(np.linalg.norm(known[0] - point)))
     try:
-        return point_opening(film.pupils, near, point, source, film.nm)
+        return point_waves.point_opening(film.pupils, near, point, source, film.nm)
     except InputError:
         return None
 
 
 def _image(
-    film: _LampFilm, places: Array, point: Array, source: Array, opening: PointOpening, light: Array
+    film: _LampFilm, places: Array, point: Array, source: Array, opening: point_waves.PointOpening, light: Array
 ) -> LampImage | None:
     """Return the picture of a lamp by the places of its points; None where waves do not change it, or are not known."""
     middle, pixel = places.mean(axis=0), film.pixel
@@ -733,7 +723,10 @@ def _image(
             return None
         wave = opening.wave(min(reach / unit, 160.0))
         waves_nm = WAVES_NM if unit > _FEW_WAVES_PX else WAVES_NM[1::3]
-        split = [point_wave(film.pupils, wave.pupil, point, source, nm) for nm in (waves_nm if film.splits else ())]
+        split = [
+            point_waves.point_wave(film.pupils, wave.pupil, point, source, nm)
+            for nm in (waves_nm if film.splits else ())
+        ]
         by_rays = [_as_rendered(film, each, point, middle, nm) for each, nm in zip(
             split or [wave], waves_nm if film.splits else (film.nm,), strict=True)]  # fmt: skip
     except InputError:
@@ -761,12 +754,14 @@ def _image(
     return LampImage(int(first[0]), int(first[1]), *pictures, (x, y), radius, tuple(light.tolist()))
 
 
-def _as_rendered(film: _LampFilm, wave: PointWave, point: Array, place: Array, nm: float) -> PointWave:
+def _as_rendered(
+    film: _LampFilm, wave: point_waves.PointWave, point: Array, place: Array, nm: float
+) -> point_waves.PointWave:
     """Return the light of a lamp as rays of the film bring it: those to conjugates leave out what these are off."""
     share = 0.0 if film.conjugates is None else float(film.conjugates.share(place[None])[0])
     if film.conjugates is None or share == 0:
         return wave
-    own = point_wave(film.pupils, wave.pupil, point, film.conjugates.source(place), nm)
+    own = point_waves.point_wave(film.pupils, wave.pupil, point, film.conjugates.source(place), nm)
     return replace(wave, places=wave.places - share * own.places)
 
 
@@ -805,21 +800,25 @@ def _finer(unit: float, nm: float) -> int:
     return max(int(np.ceil(FINE / unit * 550.0 / nm)), 1)
 
 
-def _wave_pixels(wave: PointWave, nm: float, pixel_mm: tuple[float, float], offsets: Array, unit: float) -> Array:
+def _wave_pixels(
+    wave: point_waves.PointWave, nm: float, pixel_mm: tuple[float, float], offsets: Array, unit: float
+) -> Array:
     """Return the light of each pixel, of 1 altogether."""
     finer = _finer(unit, nm)
     within = (np.arange(finer) + 0.5) / finer - 0.5
     x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
-    light = wave_picture(wave, nm, x, y) * abs(pixel_mm[0] * pixel_mm[1]) / finer**2
+    light = point_waves.wave_picture(wave, nm, x, y) * abs(pixel_mm[0] * pixel_mm[1]) / finer**2
     size = offsets.shape[1]
     return np.asarray(light.reshape(size, finer, size, finer).sum(axis=(1, 3)))
 
 
-def _ray_pixels(wave: PointWave, pixel_mm: tuple[float, float], offsets: Array) -> Array:
+def _ray_pixels(wave: point_waves.PointWave, pixel_mm: tuple[float, float], offsets: Array) -> Array:
     within = (np.arange(_RAYS_FINER) + 0.5) / _RAYS_FINER - 0.5
     x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
     size = offsets.shape[1]
-    return np.asarray(ray_picture(wave, x, y).reshape(size, _RAYS_FINER, size, _RAYS_FINER).sum(axis=(1, 3)))
+    return np.asarray(
+        point_waves.ray_picture(wave, x, y).reshape(size, _RAYS_FINER, size, _RAYS_FINER).sum(axis=(1, 3))
+    )
 
 
 #

@@ -10,20 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import scene_trees
 from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.caustics import PhotonBuffers
 from rptcam_cl.rendering.plan.materials import facet_shares
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.scene_trees import (
-    DeviceTree,
-    MeshTrees,
-    mesh_trees,
-    placed_blocks,
-    placed_trees,
-    placed_triangles,
-    placed_vertices,
-    primitive_tree,
-)
 
 _COMPARED_BYTES = 1 << 20  # of an array, up to which comparing it takes less time than a launch
 
@@ -134,33 +125,35 @@ class SceneBuffers:
             tree = earlier._tree
         else:
             new = earlier is None  # the next plan of a series has other primitives
-            tree = primitive_tree(plan.primitives, plan.kind_end, self._session, plan.movements, on_disk=new)
-        self._tree: DeviceTree | None = tree
+            tree = scene_trees.primitive_tree(
+                plan.primitives, plan.kind_end, self._session, plan.movements, on_disk=new
+            )
+        self._tree: scene_trees.DeviceTree | None = tree
         if tree is not None:
             self.tree_facts |= tree[1]
             self.scene |= {name: self._buffer(name, array) for name, array in tree[0].items()}
 
     def _add_meshes(self, earlier: SceneBuffers | None) -> None:
         plan = self._plan
-        self._trees: MeshTrees | None = None
-        self._placed: DeviceTree | None = None
+        self._trees: scene_trees.MeshTrees | None = None
+        self._placed: scene_trees.DeviceTree | None = None
         if plan.meshes is None:
             return
         before = None if earlier is None else earlier._trees
-        self._trees = own = mesh_trees(plan.meshes, self._session, before, rough=plan.is_rough)
+        self._trees = own = scene_trees.mesh_trees(plan.meshes, self._session, before, rough=plan.is_rough)
         if earlier is not None and before is not None and own.has_blocks_of(before):
             self._take_triangles(earlier, before, own)
         else:
-            for name, array in {**placed_triangles(own), "triangles": plan.meshes.triangles}.items():
+            for name, array in {**scene_trees.placed_triangles(own), "triangles": plan.meshes.triangles}.items():
                 self.scene[name] = self._buffer(name, array, in_place=True)
         if earlier is not None and earlier._plan.meshes is plan.meshes and _moves_alike(earlier._plan, plan):
             self._placed = earlier._placed if own is before else None
-        arrays, facts = self._placed = self._placed or placed_trees(own, self._session, plan.movements)
+        arrays, facts = self._placed = self._placed or scene_trees.placed_trees(own, self._session, plan.movements)
         self.tree_facts |= facts
         for name, value in arrays.items():
             self.scene[name] = self._buffer(name, value, in_place=True) if isinstance(value, np.ndarray) else value
 
-    def _take_triangles(self, earlier: SceneBuffers, before: MeshTrees, own: MeshTrees) -> None:
+    def _take_triangles(self, earlier: SceneBuffers, before: scene_trees.MeshTrees, own: scene_trees.MeshTrees) -> None:
         """Take the triangles of earlier arrays; those that lie elsewhere about the eye are moved on the device."""
         for name in ("vertices", "triangles", "blocks"):
             self._uploaded[name], self.scene[name] = self._before[name], earlier.scene[name]
@@ -169,9 +162,9 @@ class SceneBuffers:
         if before.meshes.vertices is own.meshes.vertices and not shifted:
             return
         blocks, buffer = self._before["blocks"]
-        self.scene["vertices"] = self._buffer("vertices", placed_vertices(own.meshes), in_place=True)
+        self.scene["vertices"] = self._buffer("vertices", scene_trees.placed_vertices(own.meshes), in_place=True)
         given = self.scene["vertices"], self.scene["triangles"]
-        self.scene["blocks"] = placed_blocks(self._session, buffer, len(blocks), *given)
+        self.scene["blocks"] = scene_trees.placed_blocks(self._session, buffer, len(blocks), *given)
         self._uploaded["blocks"] = blocks, self.scene["blocks"]
 
 

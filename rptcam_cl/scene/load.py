@@ -52,6 +52,14 @@ def _text(dumper: Any, value: str) -> Any:
 _Dumper.add_representer(str, _text)
 
 
+def plain_data(scene: Scene) -> dict[str, Any]:
+    """Return the data of a scene, as a file has them."""
+    return {
+        name: value.model_dump(mode="json", exclude_unset=True) if hasattr(value, "model_dump") else plain(value)
+        for name, value in scene.made_of.items()
+    }
+
+
 def scene_text(scene: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:
     """Return the YAML text of a scene's data; comments stand above it."""
     lines = [f"# {line}" for comment in comments for line in comment.splitlines()]
@@ -451,6 +459,14 @@ def load_scene(
     except ValidationError as problem:
         raise input_error(problem, data, where) from None
     return with_files(scene, where, missing)
+
+
+SceneSource = Scene | str | Path | Mapping[str, Any]
+
+
+def read_scene(source: SceneSource) -> Scene:
+    """Return the scene itself, or that of anything that `load_scene` takes."""
+    return source if isinstance(source, Scene) else load_scene(source)
 
 
 def _as_scene_mapping(data: Any, document: Document | None) -> dict[Any, Any]:

@@ -14,20 +14,9 @@ from rptcam_cl.core.errors import DeviceError, InputError, StateError
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.probe import FocusReport, Probe
-from rptcam_cl.viewfinder import messages, timeline
+from rptcam_cl.viewfinder import messages, moves, timeline
 from rptcam_cl.viewfinder.background import Background, BackgroundTask
 from rptcam_cl.viewfinder.dials import turn_dial, turn_focus, zoom_by
-from rptcam_cl.viewfinder.moves import (
-    check_search,
-    describe_focus,
-    focus_at,
-    focus_changes,
-    focus_order,
-    focus_zones,
-    moved,
-    state_changes,
-    viewpoint_of,
-)
 from rptcam_cl.viewfinder.panel import Clock
 from rptcam_cl.viewfinder.slot import Slot
 from rptcam_cl.viewfinder.studio import History, Studio, place_of, scene_error, text_of, values_before
@@ -178,8 +167,8 @@ class Requests:
             if turned.changes:
                 self._change("A", turned.changes, transient=message.transient, dials=turned.dials)
         else:
-            before = viewpoint_of(slot.resolved)
-            keys = moved(before, message.kind, message.dx, message.dy, message.dz).changes(before)
+            before = moves.viewpoint_of(slot.resolved)
+            keys = moves.moved(before, message.kind, message.dx, message.dy, message.dz).changes(before)
             if keys:
                 self._change("A", keys, transient=message.transient)
 
@@ -204,7 +193,7 @@ class Requests:
         """Return whether another process is still at the kernels of a search for focus; the picture goes on then."""
         slot = self._studio.slot("A")
         method = message.method if isinstance(message, messages.Autofocus) else None
-        order = partial(focus_order, slot.session.device.info.id, slot.scene, method, place)
+        order = partial(moves.focus_order, slot.session.device.info.id, slot.scene, method, place)
         if slot.session.is_carried_out(("focus", method), order):
             return False
         request = (client, message)
@@ -217,14 +206,14 @@ class Requests:
     def _focus(self, client: messages.Client, message: messages.FocusRequest) -> None:
         self._leave_other_search(message)
         if not self._compiles(client, message, point=(message.x, message.y)):
-            self._search(client, message, partial(focus_at, x=message.x, y=message.y))
+            self._search(client, message, partial(moves.focus_at, x=message.x, y=message.y))
 
     def _autofocus(self, client: messages.Client, message: messages.Autofocus) -> None:
         self._leave_other_search(message)
         zones = None if message.zones is None else [tuple(zone) for zone in message.zones]
-        check_search(message.method, zones)
+        moves.check_search(message.method, zones)
         if not self._compiles(client, message, zones=zones):
-            self._search(client, message, partial(focus_zones, method=message.method, zones=zones))
+            self._search(client, message, partial(moves.focus_zones, method=message.method, zones=zones))
 
     def _leave_other_search(self, message: messages.FocusRequest | messages.Autofocus) -> None:
         if all(waiting is not message for _, waiting in self._announced):
@@ -257,7 +246,7 @@ class Requests:
 
         def done(report: FocusReport) -> None:
             self._studio.change("A", self._found(scene, report))
-            client.outbox.answer({"type": "focused", "id": message.id, **describe_focus(report)})
+            client.outbox.answer({"type": "focused", "id": message.id, **moves.describe_focus(report)})
 
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "change", place_of(str(problem)))
@@ -275,13 +264,13 @@ class Requests:
         if recorder.is_on or timeline.is_keyed(scene, "focus"):
             keys = turn_focus(panel, report.focus_distance_m or 0.0).changes
             return recorder.rewrite(panel, keys, transient=False)
-        return focus_changes(scene, report)
+        return moves.focus_changes(scene, report)
 
     def _follow(self, scene: Scene, state: float, followed: set[str]) -> None:
         """Set the focus to where a search takes it to be by now."""
         if self._studio.recorder.is_on or timeline.is_keyed(scene, "focus"):
             return
-        keys = state_changes(scene, state)
+        keys = moves.state_changes(scene, state)
         with contextlib.suppress(InputError):  # what cannot be shown is not
             self._studio.change("A", keys)
             followed.update(keys)
@@ -438,7 +427,7 @@ class Requests:
 
     def _add(self, client: messages.Client, message: messages.Add) -> None:
         slot = self._studio.slot("A")
-        changes, name = add_thing(slot.panel, viewpoint_of(slot.resolved), message.what)
+        changes, name = add_thing(slot.panel, moves.viewpoint_of(slot.resolved), message.what)
         self._change("A", changes)
         self._studio.selected = name
 

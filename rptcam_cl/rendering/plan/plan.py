@@ -31,6 +31,7 @@ from rptcam_cl.rendering.cameras.lamp_aim import Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
 from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.caustics import Caustics, pack_caustics, stand_behind_glass, without_caustics
+from rptcam_cl.rendering.plan import geometry
 from rptcam_cl.rendering.plan.emitters import (
     Emitters,
     LightGroups,
@@ -40,16 +41,6 @@ from rptcam_cl.rendering.plan.emitters import (
     pack_emitters,
 )
 from rptcam_cl.rendering.plan.environment import Surroundings
-from rptcam_cl.rendering.plan.geometry import (
-    ObjectMovements,
-    Owners,
-    PackedMeshes,
-    has_huge_sphere,
-    owners_of,
-    pack_movements,
-    pack_primitives,
-    with_meshes,
-)
 from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
 from rptcam_cl.rendering.plan.media import Media, about_camera, hidden_from, pack_media
 from rptcam_cl.rendering.plan.primitives import PlanParts, Primitives, scene_primitives
@@ -277,7 +268,7 @@ _LOBED = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_PLASTIC
 
 def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[str, Any]:
     tables = [item.instances.matrices(scene.folders) for item in scene.objects if item.instances is not None]
-    primitives, meshes = with_meshes(scene_primitives(scene, parts), scene, parts)
+    primitives, meshes = geometry.with_meshes(scene_primitives(scene, parts), scene, parts)
     materials = {id(each.material): each.material for each in primitives.prototypes}.values()
     seen = parts.appearance(scene, materials, files)
     table, spectra, surroundings = seen.table, seen.spectra, seen.surroundings
@@ -287,8 +278,8 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings, groups, parts.held)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     textures = parts.textures(seen).seen_from(scene.camera.eye)
-    records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
-    movements = pack_movements(scene, primitives)
+    records, kind_end = geometry.pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
+    movements = geometry.pack_movements(scene, primitives)
     if parts.held is None or parts.held["CAUSTICS"]:
         caustics = pack_caustics(scene, primitives, first_triangles, emitters, eye_m, has_media=media.active)
     else:
@@ -326,14 +317,14 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "caustics": caustics,
         "media": media,
         "meshes": meshes,
-        "owners": owners_of(scene, primitives, parts),
+        "owners": geometry.owners_of(scene, primitives, parts),
         "eye_m": eye_m,
         "albedo": "media scatter light on and on" if media.active else largest_albedo(materials),
     }
 
 
 def _facts_of_shapes(
-    primitives: Primitives, meshes: PackedMeshes | None, materials: Mapping[str, int]
+    primitives: Primitives, meshes: geometry.PackedMeshes | None, materials: Mapping[str, int]
 ) -> dict[str, int]:
     """Find which kinds of primitives there are, and what their surfaces require beside positions and normals."""
     kinds = {each.kind for each in primitives.prototypes}
@@ -346,7 +337,7 @@ def _facts_of_shapes(
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.CURVE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.instanced),
         "FEW_PRIMITIVES": int(len(primitives) <= FEW),
-        "HUGE_SPHERES": int(has_huge_sphere(primitives)),
+        "HUGE_SPHERES": int(geometry.has_huge_sphere(primitives)),
     }
 
 
@@ -363,7 +354,7 @@ class Plan:
     camera_filter: FilterTable
     trajectory: NDArray[np.float32]
     primitives: NDArray[np.void]
-    movements: ObjectMovements
+    movements: geometry.ObjectMovements
     kind_end: NDArray[np.int32]
     hidden: NDArray[np.int32]
     materials: NDArray[np.void]
@@ -374,8 +365,8 @@ class Plan:
     caustics: Caustics
     media: Media
     primitive_count: int
-    meshes: PackedMeshes | None
-    owners: Owners
+    meshes: geometry.PackedMeshes | None
+    owners: geometry.Owners
     eye_m: NDArray[np.float64]
     albedo: LargestAlbedo
     colours: tuple[KnownSpectra, Materials]  # of the scene, for a camera in place of this one

@@ -25,14 +25,7 @@ from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
 from rptcam_cl.scene.load import input_error, load_scene
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.focus.contrast import (
-    aim,
-    check_reach,
-    focus_by_contrast,
-    focus_by_depth,
-    focus_by_laplacian,
-    focus_by_variance,
-)
+from rptcam_cl.studies.focus import contrast
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
 from rptcam_cl.studies.focus.phase import clearest_beside, focus_by_hybrid, focus_by_phase, half_view
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Probe, Zone
@@ -60,7 +53,7 @@ def with_warnings(task: Task, report: FocusReport) -> FocusReport:
     """
     failure = _failure(report)
     if failure is not None or _is_at_an_end(task, report.state):
-        check_reach(task, report.state)
+        contrast.check_reach(task, report.state)
     failure = failure or _nothing_sharp(task, report)
     state, zone = report.state, report.zone
     words = (_other_distance(task, report), _astigmatism(task, state, zone), _passage(task, state, zone))
@@ -349,10 +342,10 @@ def _find_deepest(seen: NDArray[np.bool_]) -> tuple[int, int, float]:
 
 
 METHODS: dict[str, Callable[[Task], FocusReport]] = {
-    "contrast": focus_by_contrast,
-    "laplacian": focus_by_laplacian,
-    "variance": focus_by_variance,
-    "depth": focus_by_depth,
+    "contrast": contrast.focus_by_contrast,
+    "laplacian": contrast.focus_by_laplacian,
+    "variance": contrast.focus_by_variance,
+    "depth": contrast.focus_by_depth,
     "phase": focus_by_phase,
     "hybrid": focus_by_hybrid,
 }
@@ -548,7 +541,7 @@ def focus_of(task: Task, method: str) -> FocusReport:
         report = search(task, method)
     except NoContrast as problem:
         state = task.renderer.state if task.near is None else task.near
-        check_reach(task, state)
+        contrast.check_reach(task, state)
         causes = [_why_unseen(task, state, zone) for zone in task.zones]
         if (cause := next(filter(None, causes), None)) is None:
             raise
@@ -607,7 +600,7 @@ def search(task: Task, method: str) -> FocusReport:
     NoContrast, OutOfReach
         As the method does.
     """
-    aimed = aim(task) if method in AIMED else None
+    aimed = contrast.aim(task) if method in AIMED else None
     if aimed is None:
         return METHODS[method](task)
     near, zones = aimed
