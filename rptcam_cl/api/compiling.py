@@ -14,9 +14,9 @@ from rptcam_cl.api.job import Resolved, resolve
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device.devices import CompileServer
 from rptcam_cl.device.session import NotKeptError, Session
+from rptcam_cl.rendering.account import reading_cd_m2
 from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.layers import GUIDES
-from rptcam_cl.rendering.metering import reading_cd_m2
 from rptcam_cl.rendering.passes import signature
 from rptcam_cl.rendering.plan.plan import Plan, make_plan, serve, with_film, with_lens, with_pose
 from rptcam_cl.rendering.plan.primitives import PlanParts

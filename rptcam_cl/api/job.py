@@ -27,6 +27,7 @@ from rptcam_cl.imaging.image import Image, develop, folders_of_film, with_pictur
 from rptcam_cl.imaging.sensor import check_sensor, sensor_of
 from rptcam_cl.imaging.writers import NAMES, ranked
 from rptcam_cl.rendering import account
+from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.checkpoint import SUFFIX, Saver, layout_of, merge_states, picture_of, write_checkpoint
 from rptcam_cl.rendering.diffraction import Diffraction, diffract, diffraction_of, spread_of
@@ -34,7 +35,6 @@ from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts, saved_ghosts
 from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.layers import GroundTruth, ground_truth_of, saved_truth
-from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.point_waves import Conjugates

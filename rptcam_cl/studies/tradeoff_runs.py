@@ -19,12 +19,11 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.optics.ghosts import Lit, find_ghosts
-from rptcam_cl.rendering.account import truncation
+from rptcam_cl.rendering.account import resolve_exposure, truncation
 from rptcam_cl.rendering.cameras.lens_records import ghost_setting
 from rptcam_cl.rendering.diffraction import diffraction_of
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.lamps import aimed_plan
-from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront

@@ -15,9 +15,8 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.development import srgb_from_linear
 from rptcam_cl.imaging.formats import RawImage
-from rptcam_cl.rendering.account import window
+from rptcam_cl.rendering.account import SPOT_AREA, weights, window
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
-from rptcam_cl.rendering.metering import SPOT_AREA, weights
 from rptcam_cl.scene.base import FLOAT32_MIN_NORMAL
 from rptcam_cl.scene.camera import Camera
 from rptcam_cl.scene.changes import at_opening, with_camera

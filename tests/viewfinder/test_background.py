@@ -15,7 +15,7 @@ from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import autofocus
-from rptcam_cl.viewfinder import engine, moves
+from rptcam_cl.viewfinder import engine, requests
 from rptcam_cl.viewfinder.background import Background, BackgroundTask
 from tests.support.browsing import needs_chromium, served, settled, until, visited
 from tests.support.cases import slow
@@ -51,7 +51,7 @@ class Search:
 @pytest.fixture
 def search(monkeypatch: pytest.MonkeyPatch) -> Search:
     found = Search()
-    monkeypatch.setattr(moves, "focus_at", found)
+    monkeypatch.setattr(requests, "focus_at", found)
     return found
 
 

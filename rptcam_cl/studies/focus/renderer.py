@@ -21,11 +21,11 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session
 from rptcam_cl.imaging.sensor import binned_exposure, pixel_area_m2, sensor_of
+from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.model import CameraModel, exposed
 from rptcam_cl.rendering.film import TILE, FilmLayout
 from rptcam_cl.rendering.layers import Moments, SeenEnds, SharpPass, follow_rays
-from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront

@@ -23,7 +23,7 @@ from rptcam_cl.core.files import kernels_dir
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.charts import FAINT, INK, add_key, new_figure, series, styled
-from rptcam_cl.rendering.metering import resolve_exposure
+from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.scene.changes import at_rest, change_scene, set_keys
 from rptcam_cl.scene.exposure import ContinuousFocus
 from rptcam_cl.scene.scene import Scene
