@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rptcam_cl.core import MAX_SEED, MAX_SPP
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, out_of_range
+from rptcam_cl.core.errors import InputError, near_name, out_of_range
 from rptcam_cl.core.files import DEVELOPED_SUFFIXES, FILM_SUFFIXES, LAYER_SUFFIXES, RAW_SUFFIXES, listed
 
 if TYPE_CHECKING:  # the command line shows its help without them
@@ -27,12 +26,6 @@ if TYPE_CHECKING:  # the command line shows its help without them
 # Words of the command line as values, with their ranges.
 
 Number = TypeVar("Number", int, float)
-
-
-def nearest(word: str, known: Iterable[str], prefix: str = "") -> str:
-    """The text ``; did you mean ...?`` with the known word most like ``word``, after a prefix, or nothing."""
-    matches = difflib.get_close_matches(word, list(known), n=1)
-    return f"; did you mean {prefix}{matches[0]}?" if matches else ""
 
 
 def number(kind: Callable[[str], Number], lowest: float, highest: float, allowed: str) -> Callable[[str], Number]:
@@ -152,7 +145,7 @@ def layers(text: str) -> tuple[str, ...]:
         return SINGLE_LAYERS
     for index, name in enumerate(names):
         if name not in LAYER_NAMES:
-            hint = nearest(name, LAYER_NAMES)
+            hint = near_name(name, LAYER_NAMES)
             raise argparse.ArgumentTypeError(
                 f"got {name or f'a comma too many in {text}'}{hint}; allowed all, {', '.join(LAYER_NAMES)}"
             )

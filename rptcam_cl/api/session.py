@@ -27,7 +27,8 @@ from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.film import FilmLayout, group_pictures
 from rptcam_cl.rendering.ghosts import Ghosting
-from rptcam_cl.rendering.layers import Denoiser, object_at
+from rptcam_cl.rendering.layers import object_at
+from rptcam_cl.rendering.passes import Denoiser
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.progressive import FilmRun, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers

@@ -26,11 +26,7 @@ from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError, out_of_range
-from rptcam_cl.core.files import (
-    named_files,
-    read_whole,
-    scratch_folder,
-)
+from rptcam_cl.core.files import named_files, read_whole, scratch_folder
 from rptcam_cl.core.remember import Maker, Memory, OneMaker, is_maker, made_by
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.rendering.several import FilmPart

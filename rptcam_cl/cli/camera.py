@@ -170,7 +170,7 @@ def write_files(arguments: argparse.Namespace, seen: "View", chosen: "Calibratio
 
 def _files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> Iterator["File"]:
     from rptcam_cl.exchange.camera_files import WRITTEN, colmap_texts
-    from rptcam_cl.exchange.camera_models import residual_chart
+    from rptcam_cl.exchange.camera_maps import residual_chart
     from rptcam_cl.optics.charts import encode
 
     for name in TEXTS:
@@ -344,8 +344,8 @@ def _word_of(names_of: str) -> Callable[[str], str]:
     """The parser of a word of a list of `scene.lens_settings`, ``METHODS`` or ``POLICIES``."""
 
     def parse(text: str) -> str:
+        from rptcam_cl.core.errors import near_name
         from rptcam_cl.scene import lens_settings
-        from rptcam_cl.scene.base import near_name
 
         names: tuple[str, ...] = getattr(lens_settings, names_of)
         if text not in names:

@@ -21,8 +21,8 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
-from rptcam_cl.api.options import check_together, nearest, number
-from rptcam_cl.core.errors import DeviceError, InputError, RptcamError
+from rptcam_cl.api.options import check_together, number
+from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, near_name
 from rptcam_cl.core.files import FILM_SUFFIXES, LAYER_SUFFIXES, plain
 
 if TYPE_CHECKING:
@@ -459,7 +459,7 @@ class Parser(argparse.ArgumentParser):
     def near_option(self, word: str) -> str:
         """The text ``; did you mean ...?`` with the option most like a word, by all its names, or nothing."""
         options = [name.strip("-") for name in self._option_string_actions if name.startswith("--")]
-        near = nearest(word.partition("=")[0].strip("-"), options)
+        near = near_name(word.partition("=")[0].strip("-"), options)
         if not near:
             return ""
         name = "--" + near.removeprefix("; did you mean ").removesuffix("?")
@@ -482,7 +482,7 @@ class Parser(argparse.ArgumentParser):
                 if word.startswith("--") and word.partition("=")[0] not in self._option_string_actions:
                     message = f"unknown argument {word}{self.near_option(word)}, and {message}"
                     break
-        hint = nearest(choice[1], re.findall(r"[\w-]+", choice[2])) if choice else ""
+        hint = near_name(choice[1], re.findall(r"[\w-]+", choice[2])) if choice else ""
         raise InputError(f"{self.prog}: {message}{hint}; see {self.prog} --help")
 
     def add_commands(self, dest: str) -> Commands:

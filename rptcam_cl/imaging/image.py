@@ -22,12 +22,11 @@ from numpy.typing import DTypeLike, NDArray
 from rptcam_cl.core import files
 from rptcam_cl.core.colour import PRIMARIES, luminance, srgb_from_primaries
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, StateError, near_name
 from rptcam_cl.imaging import writers
 from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_values, quantise
 from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
 from rptcam_cl.imaging.sensor import SensorModel, expose
-from rptcam_cl.scene.base import near_name
 from rptcam_cl.scene.film import LIGHT_LAYER, PictureSettings
 from rptcam_cl.scene.load import load_picture
 

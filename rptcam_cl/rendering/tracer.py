@@ -36,7 +36,8 @@ from rptcam_cl.rendering.film import (
     step_of,
     wave_slots,
 )
-from rptcam_cl.rendering.layers import Denoiser, LayerPass, LayerPlanes
+from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
+from rptcam_cl.rendering.passes import Denoiser
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.film import RenderSettings

@@ -16,10 +16,10 @@ import yaml
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from rptcam_cl.core.errors import InputError, MissingFileError
+from rptcam_cl.core.errors import InputError, MissingFileError, near_name
 from rptcam_cl.core.files import Folders, plain
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, parse_scalar, read_yaml
-from rptcam_cl.scene.base import REFUSED, FileReference, SceneModel, file_references, listed, near_name
+from rptcam_cl.scene.base import REFUSED, FileReference, SceneModel, file_references, listed
 from rptcam_cl.scene.camera import CAMERA_KINDS
 from rptcam_cl.scene.film import Film, PictureSettings, WhiteBalance
 from rptcam_cl.scene.lens_settings import DESIGN, GRADES, IN_WORDS, LAYERED, REAL, Focus, with_design

@@ -207,20 +207,6 @@ def axis_rays(rng: np.random.Generator, count: int) -> tuple[Array, Array]:
 RAY_MATTE = {"kind": "matte", "reflectance": 0.5}
 
 
-@dataclass(frozen=True)
-class MeshHits:
-    """What rays met: NaN-free arrays of one entry per ray."""
-
-    t: NDArray[np.float32]
-    primitive: NDArray[np.int32]
-    part: NDArray[np.int32]
-    weights: NDArray[np.float32]
-    point: NDArray[np.float32]
-    normal: NDArray[np.float32]
-    offset: NDArray[np.float32]
-    blocked: NDArray[np.bool_]
-
-
 def mesh_object(points: Any, faces: Any, **keys: Any) -> dict[str, Any]:
     """Return the mapping of a mesh that is written out."""
     return {
@@ -236,14 +222,19 @@ TREE_ARGUMENTS = ("primitive_nodes", "primitive_leaves")
 
 
 @dataclass(frozen=True)
-class Met:
-    """What rays met: distance and primitive of the nearest hit, and whether anything lay in the way."""
+class RayHits:
+    """Distance and primitive of the nearest hit of each ray, and whether anything lay in the way; more on a mesh."""
 
     t: NDArray[np.float32]
     primitive: NDArray[np.int32]
     blocked: NDArray[np.bool_]
+    part: Any = None
+    weights: Any = None
+    point: Any = None
+    normal: Any = None
+    offset: Any = None
 
-    def unlike(self, other: Met) -> NDArray[np.bool_]:
+    def unlike(self, other: RayHits) -> NDArray[np.bool_]:
         """Return which rays met something else, to the last bit."""
         return np.asarray(
             (self.t.view(np.int32) != other.t.view(np.int32))
@@ -289,7 +280,7 @@ class TracedScene:
 
     def trace_shapes(
         self, o: Any, d: Any, self_hit: Any = NOTHING, reach: Any = 3e38, target: Any = NOTHING, lanes: int = 8
-    ) -> Met:
+    ) -> RayHits:
         """Trace rays (n, 3) from points on the primitives ``self_hit`` against the shapes, in the world of the eye."""
         n = len(o)
         count = -(-n // (GROUP * 8)) * GROUP * 8
@@ -304,9 +295,9 @@ class TracedScene:
         arguments = {"rays": held, "hits": hits, "blocked": dark, "count": np.uint32(count)}
         self._run("probe_primitives", count // lanes, lanes, **arguments)
         t, primitive = self.session.read(hits, np.float32, 2 * count).reshape(2, count)[:, :n]
-        return Met(t, primitive.view(np.int32), self.session.read(dark, np.int32, count)[:n] != 0)
+        return RayHits(t, primitive.view(np.int32), self.session.read(dark, np.int32, count)[:n] != 0)
 
-    def trace_mesh(self, o: Any, d: Any, reach: Any = 3e38, self_part: Any = None, lanes: int = 8) -> MeshHits:
+    def trace_mesh(self, o: Any, d: Any, reach: Any = 3e38, self_part: Any = None, lanes: int = 8) -> RayHits:
         """Trace rays (n, 3) against the meshes."""
         n = len(o)
         count = -(-n // (GROUP * 8)) * GROUP * 8
@@ -322,10 +313,8 @@ class TracedScene:
         self._run("probe_hits", count // lanes, lanes, rays=held, hits=out, blocked=dark, count=np.uint32(count))
         rows = self.session.read(out, np.float32, 12 * count).reshape(12, count)[:, :n]
         blocked = self.session.read(dark, np.int32, count)[:n] != 0
-        return MeshHits(
-            rows[0], rows[1].view(np.int32), rows[2].view(np.int32), rows[3:5].T, rows[5:8].T, rows[8:11].T, rows[11],
-            blocked,
-        )  # fmt: skip
+        primitive, part = rows[1:3].view(np.int32)
+        return RayHits(rows[0], primitive, blocked, part, rows[3:5].T, rows[5:8].T, rows[8:11].T, rows[11])
 
     def brute(self, o: Any, d: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return distance and triangle of the nearest hits, without the tree."""

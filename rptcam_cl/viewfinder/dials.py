@@ -13,14 +13,14 @@ from typing import Any, Literal, get_args
 
 from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.core.errors import InputError, RptcamError, near_name
 from rptcam_cl.core.files import Folders, References, lenses_dir
 from rptcam_cl.core.remember import Disk, remember
 from rptcam_cl.optics.lens import Lens, in_configuration
 from rptcam_cl.optics.library import list_lenses, load_lens, named_lens
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
 from rptcam_cl.rendering.cameras.setting import lens_camera
-from rptcam_cl.scene.base import listed, near_name
+from rptcam_cl.scene.base import listed
 from rptcam_cl.scene.camera import LensCamera
 from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2, MOST_STOPS, Exposure
@@ -183,7 +183,7 @@ def chosen_lens(scene: Scene, name: str) -> LensEntry:
     entries = {entry.name: entry for entry in lens_entries(scene)}
     if name not in entries:
         raise InputError(
-            f"lens: is not one of the list{near_name(name, list(entries))}"
+            f"lens: is not one of the list{near_name(name, entries)}"
             f" (got {name[:80]!r}; allowed: {listed(list(entries))})"
         )
     return entries[name]
@@ -813,7 +813,7 @@ def turn_dial(panel: Panel, name: str, value: Any) -> Turn:
         There is no such dial, or the value is not one of its kind; nothing has changed.
     """
     if name not in DIALS:
-        raise InputError(f"{name[:40]}: is no dial{near_name(name, list(DIALS))} (allowed: {listed(list(DIALS))})")
+        raise InputError(f"{name[:40]}: is no dial{near_name(name, DIALS)} (allowed: {listed(list(DIALS))})")
     return DIALS[name](panel, value)
 
 

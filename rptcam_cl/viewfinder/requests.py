@@ -12,9 +12,8 @@ from functools import partial
 from typing import Any
 
 from rptcam_cl.api.combined import focus_stack
-from rptcam_cl.core.errors import DeviceError, InputError, StateError
+from rptcam_cl.core.errors import DeviceError, InputError, StateError, near_name
 from rptcam_cl.imaging.image import Image
-from rptcam_cl.scene.base import near_name
 from rptcam_cl.scene.lens_settings import METHODS
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import autofocus

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, near_name
 from rptcam_cl.core.files import plain
-from rptcam_cl.scene.base import near_name
 from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.load import key_path
 from rptcam_cl.scene.materials import Emissive, Principled
@@ -103,7 +102,7 @@ def turn_thing(panel: Panel, thing: str | None, name: str, value: Any) -> Turn:
         raise InputError(f"{name}: nothing is selected (allowed: dials of what is)")
     fields = {f"thing_{each.name}": each for each in fields_of(panel, thing)}
     if name not in fields:
-        raise InputError(f"{name}: {title_of(panel.scene, thing)} has no such dial{near_name(name, list(fields))}")
+        raise InputError(f"{name}: {title_of(panel.scene, thing)} has no such dial{near_name(name, fields)}")
     dial = fields[name]
     if dial.why_not is not None:
         return panel.same(f"{dial.label}: {dial.why_not}")

@@ -20,12 +20,7 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import (
-    EnvironmentKind,
-    Kind,
-    MaterialKind,
-    SpectrumKind,
-)
+from rptcam_cl.core.records import EnvironmentKind, Kind, MaterialKind, SpectrumKind
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from rptcam_cl.core.dataclass import dataclass, takes_options
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, near_name
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.imaging.writers import MARKED
 from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.ideal import bright_parts
 from rptcam_cl.rendering.layers import Moments
-from rptcam_cl.scene.base import listed, near_name
+from rptcam_cl.scene.base import listed
 from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
 from rptcam_cl.scene.load import input_error, load_scene

@@ -8,17 +8,9 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import rptcam_cl
+from rptcam_cl.rendering.cameras.film_pupil import HalfView, places_round
 from rptcam_cl.rendering.cameras.kinds import camera_of
-from rptcam_cl.studies.focus.phase import (
-    HalfView,
-    Halves,
-    PhaseMatch,
-    focus_by_phase,
-    half_probe,
-    half_view,
-    measure_halves,
-    places_round,
-)
+from rptcam_cl.studies.focus.phase import Halves, PhaseMatch, focus_by_phase, half_probe, half_view, measure_halves
 from rptcam_cl.studies.focus.probe import NoContrast, Policy, Zone
 from rptcam_cl.studies.focus.renderer import Task
 from tests.rendering.pictures import seed_of
