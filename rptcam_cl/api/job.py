@@ -34,7 +34,7 @@ from rptcam_cl.rendering.diffraction import Diffraction, diffract, diffraction_o
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts, saved_ghosts
 from rptcam_cl.rendering.lamps import aimed_plan
-from rptcam_cl.rendering.layers import GroundTruth, ground_truth_of, saved_truth
+from rptcam_cl.rendering.layers import GroundTruth, saved_truth
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.point_waves import Conjugates
@@ -52,7 +52,7 @@ from rptcam_cl.rendering.several import (
 )
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.scene.changes import at_rest, change_scene, exposure_steps, set_keys
-from rptcam_cl.scene.film import LIGHT_LAYER, LayerName
+from rptcam_cl.scene.film import LIGHT_LAYER, SHARP_LAYERS, LayerName
 from rptcam_cl.scene.load import SceneSource, load_scene, plain_data, read_scene, scene_text
 from rptcam_cl.scene.scene import Scene
 
@@ -259,7 +259,7 @@ class RenderJob:
         """
         begun, options = time.perf_counter(), options or RenderOptions()
         # Check what can be checked before any device is opened
-        scene = _scene_of(source, options)
+        scene = scene_of(source, options)
         _check_options(options, scene)
         layers = scene.render.layers
         if options.denoise:
@@ -310,7 +310,7 @@ class RenderJob:
             As `render` does.
         """
         begun = time.perf_counter()
-        scene = _scene_of(source, options)
+        scene = scene_of(source, options)
         check_divisible(scene)
         assert options.device is None or isinstance(options.device, str), "a worker has one device"
         session = open_session(options.device)
@@ -464,6 +464,9 @@ class RenderJob:
 
     def _ground_truth(self) -> GroundTruth | None:
         """The sharp layers; None where the image is to have none."""
+        names = tuple(name for name in self.layers if name in SHARP_LAYERS)
+        if not names:
+            return None
         wavefront, session = self.wavefront, self.wavefront.session
 
         def buffers() -> SceneBuffers:
@@ -481,10 +484,10 @@ class RenderJob:
 
         flows = self.options.neighbours if {"flow_forward", "flow_backward"} & set(self.layers) else None
         neighbours = None if flows is None else (as_rendered(flows[0]), as_rendered(flows[1]))
-        return ground_truth_of(self.resolved.scene, self.plan, session, buffers, self.layers, neighbours)
+        return GroundTruth(self.resolved.scene, names, self.plan, session, buffers, neighbours)
 
 
-def _scene_of(source: SceneSource, options: RenderOptions) -> Scene:
+def scene_of(source: SceneSource, options: RenderOptions) -> Scene:
     """Read a scene and apply the options; its sensor is checked.
 
     Raises

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.api import compiling
-from rptcam_cl.api.job import RenderJob
+from rptcam_cl.api.job import RenderJob, scene_of
 from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError, out_of_range
@@ -181,7 +181,7 @@ class RenderSession:
     ) -> None:
         self._begun = time.perf_counter()
         self._options = RenderOptions(size=size, seed=seed)
-        given = self._options.scene_of(scene)
+        given = scene_of(scene, self._options)
         sessions, _ = open_sessions(device)
         if len(sessions) > 1:
             raise InputError("device: a session renders on one device (name one of them)")
@@ -304,7 +304,7 @@ class RenderSession:
             When it is not valid; the session is as it was.
         """
         self._check_open()
-        given = self._options.scene_of(scene)
+        given = scene_of(scene, self._options)
         content = given.content_hash()
         files_changed = content != self._hash  # a lens or a picture, though the scene may say the same
         change = self._take_over(given, focus_anew=True, wait=wait, anyway=files_changed)

@@ -322,13 +322,13 @@ def _render_one(
 
 def _save(arguments: argparse.Namespace, image: Image, scene: Scene) -> None:
     """Write the outputs, with their layers alone, and the files of truth, of the first output's picture."""
-    written = arguments.outputs, arguments.raws, arguments.stats
+    files_of_image = arguments.outputs, arguments.raws, arguments.stats
     if arguments.truth is None:
-        output.save(image, *written)
+        output.save(image, *files_of_image)
         return
     layers = output.layers_of_outputs(arguments)
     kept = scene.render.layers if layers is None else layers
-    output.save(replace(image, layers={name: image.layers[name] for name in kept}), *written)
+    output.save(replace(image, layers={name: image.layers[name] for name in kept}), *files_of_image)
     written = image.save_truth(arguments.truth, arguments.outputs[0].name)
     if not arguments.quiet:
         print(f"wrote {output.names_of(written)}", file=sys.stderr)

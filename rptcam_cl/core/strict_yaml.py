@@ -72,11 +72,11 @@ class Document:
         """Return (line, column), from 1, of the key that ends a path, or of the nearest enclosing value."""
         return self._keys.get(path) or self.mark(path)
 
-    def where(self, path: KeyPath) -> str:
-        """Return ``FILE:LINE:COL`` of the value at a key path; only the name for data that no file holds."""
+    def where(self, path: KeyPath, at_key: bool = False) -> str:
+        """Return ``FILE:LINE:COL`` of the value or the key at a path; only the name for data that no file holds."""
         if not self._values:
             return self.name
-        line, column = self.mark(path)
+        line, column = self.key_mark(path) if at_key else self.mark(path)
         return f"{self.name}:{line}:{column}"
 
     @staticmethod

@@ -823,16 +823,3 @@ def _classes_of(scene: Scene) -> dict[str, Any]:
     """Return the names of the classes that objects are labelled with, what has none first, and the class of each."""
     names = list(dict.fromkeys(["", *(item.label or "" for item in scene.objects)]))
     return {"class_names": names, "object_classes": [names.index(item.label or "") for item in scene.objects]}
-
-
-def ground_truth_of(
-    scene: Scene,
-    plan: Plan,
-    session: Session,
-    buffers: Callable[[], SceneBuffers],
-    layers: tuple[LayerName, ...],
-    neighbours: _Neighbours | None = None,
-) -> GroundTruth | None:
-    """Return the sharp layers among some layers of a scene in focus; None where there is none."""
-    names = tuple(name for name in layers if name in SHARP_LAYERS)
-    return GroundTruth(scene, names, plan, session, buffers, neighbours) if names else None

@@ -80,10 +80,7 @@ def specification(source: str | Path | bytes | Mapping[str, Any] | Tolerances, n
 
 def _check_specification(data: dict[str, Any], document: Document | None) -> Specification:
     def where(path: KeyPath, at_key: bool = False) -> str:
-        if document is None:
-            return ""
-        line, column = document.key_mark(path) if at_key else document.mark(path)
-        return f"{document.name}:{line}:{column}: "
+        return "" if document is None else f"{document.where(path, at_key)}: "
 
     try:
         return Specification(Tolerances.model_validate(data), where)
@@ -462,7 +459,7 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
     def bounds(angles: Array) -> NDArray[np.int32]:
         """Find the surface that stops the first ray beyond the edge."""
         outward = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(-1, 2)
-        edge = _edge(lens, beam, wavelength_nm, middle, outward, limit)
+        edge = _edges(lens, beam, wavelength_nm, middle, outward, limit)[1]
         beyond = middle + (edge + limit * 2.0 ** (1 - BISECTIONS))[:, None] * outward
         return np.reshape(lens.trace(*beam.rays(beyond), wavelength_nm, "scene").surface, angles.shape)
 
@@ -477,11 +474,6 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
         same = bounds(low[:, None] + step * np.arange(1, SECTIONS)) == surfaces[changes][:, None]
         low = low + step * np.where(same.all(axis=1), SECTIONS - 1, np.argmin(same, axis=1))
     return np.sort(low + step / 2)
-
-
-def _edge(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, outward: Array, limit: float) -> Array:
-    """How far from the middle of a beam its rays pass, along each direction (n, 2)."""
-    return _edges(lens, beam, wavelength_nm, middle, outward, limit)[1]
 
 
 def _edges(
@@ -661,21 +653,29 @@ class Judge:
 
     def _refocused(self, weights: Array, points: Array, slopes: Array) -> Array:
         """Return points about the middle of their fields with the film where they lie nearest to it."""
-        spread = self._moment(weights, slopes, slopes).sum(axis=1)
-        shift = -self._moment(weights, slopes, points).sum(axis=1) / np.where(spread > 0, spread, 1.0)
-        return np.asarray(points + shift[:, None, None, None] * slopes)
+        return np.asarray(points + self._best_shifts(weights, points, slopes)[:, None, None, None] * slopes)
 
-    def _toward(self, copies: Copies, moves: Array, refocus: bool) -> tuple[Array, Array]:
-        """Return the sum of squared spots of copies, and its half derivative by each column (copies, columns)."""
+    def _best_shifts(self, weights: Array, points: Array, slopes: Array) -> Array:
+        """Return how far the film of each copy moves (copies,) [mm] to where points about their middles lie nearest."""
+        together, spread = (self._moment(weights, slopes, one).sum(axis=1) for one in (points, slopes))
+        return np.asarray(-together / np.where(spread > 0, spread, 1.0))
+
+    def _centred(self, copies: Copies) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """Return weights of rays, points and slopes on the film about the middle of their field, and which are dark."""
         points, slopes = self._film(copies)
         weights = self.weights[None] * np.isfinite(points[..., 0] + slopes[..., 0])
         totals = self._sums(weights)
         weights = weights / self._each(np.where(totals == 0, 1.0, totals))
         points, slopes = (self._centre(weights, np.nan_to_num(values)) for values in (points, slopes))
+        return weights, points, slopes, totals == 0
+
+    def _toward(self, copies: Copies, moves: Array, refocus: bool) -> tuple[Array, Array]:
+        """Return the sum of squared spots of copies, and its half derivative by each column (copies, columns)."""
+        weights, points, slopes, dark = self._centred(copies)
         points = self._refocused(weights, points, slopes) if refocus else points
         size = self._moment(weights, points, points).sum(axis=1)
         toward = [self._moment(weights, np.broadcast_to(move, points.shape), points).sum(axis=1) for move in moves]
-        return np.where((totals == 0).any(axis=1), np.inf, size), np.stack(toward, axis=1)
+        return np.where(dark.any(axis=1), np.inf, size), np.stack(toward, axis=1)
 
     def _products(self, moves: Array) -> Array:
         """Return the mean products of columns, summed over the fields (columns, columns)."""
@@ -684,20 +684,12 @@ class Judge:
         return np.stack(rows)
 
     def _part(self, copies: Copies, refocus: bool, shifts: Array | None) -> tuple[Array, Array, Array]:
-        points, slopes = self._film(copies)
-        weights = self.weights[None] * np.isfinite(points[..., 0] + slopes[..., 0])
-        totals = self._sums(weights)
-        dark = totals == 0  # fields of which no ray comes through
-        weights = weights / self._each(np.where(dark, 1.0, totals))
-        points, slopes = (self._centre(weights, np.nan_to_num(values)) for values in (points, slopes))
+        weights, points, slopes, dark = self._centred(copies)
         if shifts is None:
             shifts = np.zeros(copies.count)
-            if refocus:
-                together, spread = (self._moment(weights, slopes, one).sum(axis=1) for one in (points, slopes))
+            if refocus:  # but for the design, which stands at its best already
                 changed = np.any(copies.values != 0, axis=(1, 2))
-                shifts = np.where(
-                    changed & (spread > 0), -together / np.where(spread > 0, spread, 1.0), 0.0
-                )  # the design itself stands at its best already
+                shifts = np.where(changed, self._best_shifts(weights, points, slopes), 0.0)
         shifts = shifts[: copies.count]
         points = points + shifts[:, None, None, None] * slopes
         spots = 1e3 * np.sqrt(self._moment(weights, points, points))

@@ -490,10 +490,7 @@ def _locator(document: Document | None, labels: dict[KeyPath, str]) -> Where:
         made = [text for key, text in labels.items() if key[: len(path)] == path]
         if at_key and path and made:
             return f"--set {made[-1]}: "
-        if document is None:
-            return ""
-        line, column = document.key_mark(path) if at_key else document.mark(path)
-        return f"{document.name}:{line}:{column}: "
+        return "" if document is None else f"{document.where(path, at_key)}: "
 
     return where
 
