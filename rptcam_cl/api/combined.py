@@ -286,14 +286,14 @@ def _blend(
     place = np.clip(np.where(np.abs(top - best) <= 1, top, best), 0, count - 1)
     greatest, error = (np.take_along_axis(each, best[None], 0)[0] for each in (contrasts, errors))
     known = (greatest > CLEAR * np.maximum(contrasts, 0).mean(axis=0)) & (greatest > CERTAIN * error)
-    place = _filled(place, known)
+    place = _fill_unknown(place, known)
     low = np.minimum(place.astype(int), count - 2)
     share = (place - low)[..., None]
     chosen = [np.take_along_axis(pictures, (low + side)[None, ..., None], 0)[0] for side in (0, 1)]
     return image, (1 - share) * chosen[0] + share * chosen[1], place, known
 
 
-def _filled(place: Plane, known: NDArray[np.bool_]) -> Plane:
+def _fill_unknown(place: Plane, known: NDArray[np.bool_]) -> Plane:
     """Return places with those that are not known taken from the mean of those around that are."""
     filled, there = np.where(known, place, 0.0), known.copy()
     for reach in SPREADS:

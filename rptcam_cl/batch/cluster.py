@@ -154,11 +154,6 @@ def _keep_scene(parcel: Parcel) -> None:
         _unpacked.find_or_make(parcel.digest, unpack)
 
 
-def _has_scene(digest: str) -> bool:
-    """Whether the parcel with this digest is unpacked in this process."""
-    return digest in _unpacked
-
-
 def scene_of(digest: str) -> Scene:
     """Return the scene of a parcel that is unpacked in this process."""
     scene: Scene = _unpacked.find(digest)[1]
@@ -236,7 +231,7 @@ def _at_worker(function: Callable[..., Any], digest: str, parcel: Parcel | None,
 
     if parcel is not None:
         _keep_scene(parcel)
-    return get_worker().address, function(digest, *words) if _has_scene(digest) else None
+    return get_worker().address, function(digest, *words) if digest in _unpacked else None
 
 
 def hold_scene(digest: str) -> str:

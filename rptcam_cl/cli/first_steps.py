@@ -231,7 +231,7 @@ def run_convert(arguments: argparse.Namespace) -> int:
     _check_names(arguments.source, arguments.target)
     if arguments.source.suffix.lower() in MESHES:
         return _convert_model(arguments)
-    done = _converted(arguments.source, arguments.target, arguments.missing, arguments.root, arguments.time_s)
+    done = _convert(arguments.source, arguments.target, arguments.missing, arguments.root, arguments.time_s)
     warnings = done.write(arguments.target)
     if arguments.json:
         objects = len(done.scene.get("objects", ()))
@@ -259,7 +259,7 @@ def _convert_model(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _converted(
+def _convert(
     source: Path, target: Path, missing: "Missing", root: Path | None = None, time_s: float | None = None
 ) -> "Conversion":
     if source.name.lower().endswith(SOURCES[:2]):
@@ -286,7 +286,7 @@ def scene_file(path: Path, missing: "Missing" = "error") -> Path:
     _FOLDERS.append(tempfile.TemporaryDirectory(prefix="rptcam-scene-"))
     target = Path(_FOLDERS[-1].name) / f"{path.name.split('.')[0] or 'scene'}.yaml"
     if foreign:
-        done = _converted(path, target, missing)
+        done = _convert(path, target, missing)
         messages = [*done.report, *done.write(target)]
         again = f"rptcam convert {shlex.quote(str(path))} scene.yaml"
     else:

@@ -664,19 +664,19 @@ def calibrate(view: View, model: str) -> Calibration:
             f"{view.name}: {model} has no place for a direction {widest:.1f} degrees from the axis"
             f" (allowed: {BY_ANGLE}, or a film with less field)"
         )
-    parameters = _fitted(model, seen)
+    parameters = _fit_parameters(model, seen)
     off = placed(model, parameters, normal_points(model, checked.directions)) - checked.places
     errors = np.full((*evenly_lit.shape, 2), np.nan)
     errors[evenly_lit] = off[: np.count_nonzero(evenly_lit)]
     if seen.middle is not None:
         for axis, number in enumerate(CHECKED):
-            errors = _unfolded(errors, number, axis)
+            errors = _mirror_errors(errors, number, axis)
     squares = off[:, 0] ** 2 + off[:, 1] ** 2
     max_px, rms_px = math.sqrt(squares.max()), math.sqrt(float(checked.weights @ squares / checked.weights.sum()))
     return Calibration(model, parameters, max_px, rms_px, errors, lit_share)
 
 
-def _unfolded(errors: Array, count: int, axis: int) -> Array:
+def _mirror_errors(errors: Array, count: int, axis: int) -> Array:
     """Return the errors of some columns (axis 0) or rows, given up to the one in the middle, by their mirror image."""
     first = errors[:, : count // 2] if axis == 0 else errors[: count // 2]
     other = np.flip(first, axis=1 - axis) * np.where(np.arange(2) == axis, -1.0, 1.0)
@@ -771,7 +771,7 @@ def _places(size: tuple[int, int], *, mirrored: bool) -> tuple[Array, Array, Arr
     return places.reshape(-1, 2), weights.ravel(), even, lines * (at_x[-1], at_y[-1])
 
 
-def _fitted(model: str, seen: _Samples) -> Array:
+def _fit_parameters(model: str, seen: _Samples) -> Array:
     """Return the parameters whose sum of squared errors is least."""
     points = normal_points(model, seen.directions)
     start = _pinhole(points, seen)
@@ -798,7 +798,7 @@ def _fitted(model: str, seen: _Samples) -> Array:
     count = len(COEFFICIENTS[model])
     if count in (4, 5):
         return whole(_least_squares(errors, derivatives, _radial_start(model, points, seen)[free], _NEAR))
-    simpler = _fitted("brown_conrady" if count == 8 else "rational", seen)
+    simpler = _fit_parameters("brown_conrady" if count == 8 else "rational", seen)
     starts = [np.concatenate([simpler, np.zeros(4 + count - len(simpler))])]
     if count == 8:
         starts.append(_rational_start(simpler, points, seen.places))

@@ -573,14 +573,10 @@ def _exr_pixel_aspect(metadata: Metadata) -> dict[str, float]:
     size, film = metadata.get("film_size_mm"), metadata.get("resolution")
     if not (_are_counts(film, 2) and all(film) and isinstance(size, (list, tuple)) and len(size) == 2):
         return {}
-    if not all(_is_length(side) for side in size):
+    if not all(isinstance(side, (int, float)) and 0 < side < math.inf for side in size):
         return {}
     aspect = size[0] * film[1] / (size[1] * film[0])
     return {} if math.isclose(aspect, 1.0, rel_tol=1e-6) else {"pixelAspectRatio": aspect}
-
-
-def _is_length(value: Any) -> bool:
-    return isinstance(value, (int, float)) and 0 < value < math.inf
 
 
 def _exr_timecode(metadata: Metadata) -> dict[str, Any]:

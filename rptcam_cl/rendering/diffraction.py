@@ -314,7 +314,7 @@ class FilmSpread:
         """
         columns = np.arange(layout.x + 0.5, layout.x + layout.width)
         rows = np.arange(layout.y + 0.5, layout.y + layout.height)
-        some_columns, some_rows = (_sampled(axis, int(edge / 16)) for axis in (columns, rows))
+        some_columns, some_rows = (_sparse_nodes(axis, int(edge / 16)) for axis in (columns, rows))
         out, (x, y) = float(np.sqrt(max(radius**2 - edge**2 / 4, 0.0))), place
         farthest = np.hypot(np.abs(columns[[0, -1]] - x).max(), np.abs(rows[[0, -1]] - y).max())
         table = self._far_light.table(max(float(np.hypot(*self.resolution)), float(farthest)), edge, out)
@@ -426,11 +426,11 @@ class FilmOpenings:
     @cached_property
     def seen(self) -> list[FilmPupil | None]:
         """The opening that each node sees; None where no light comes from, or a sliver of it as at an image circle."""
-        openings = [self._seen(point) for point in self.points]
+        openings = [self._opening_at(point) for point in self.points]
         least = _SLIVER * max((each.aperture**2 for each in openings if each is not None), default=0.0)
         return [each if each is not None and each.aperture**2 > least else None for each in openings]
 
-    def _seen(self, point: Array) -> FilmPupil | None:
+    def _opening_at(self, point: Array) -> FilmPupil | None:
         checkpoint()
         try:
             return self.pupils(point, ALL_CELLS if self.edges is None else NEAR_CELLS)
@@ -549,7 +549,7 @@ class Diffraction:
         return {"on": self.is_on, "airy_radius_px": radius, "says": says}
 
 
-def _sampled(axis: Array, every: int) -> Array:
+def _sparse_nodes(axis: Array, every: int) -> Array:
     """Return places of an axis at most so many steps apart, its ends among them."""
     return np.linspace(axis[0], axis[-1], -(-(len(axis) - 1) // max(every, 1)) + 1) if len(axis) > 1 else axis
 
@@ -622,7 +622,7 @@ def brightness(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage
     places = [lamp.on_film(planes.shape[1:], offset) for lamp in lamps]
     good = [k for k, (film, _) in enumerate(places) if all(side.stop > side.start for side in film)]
     while good:
-        light = _fitted(planes, [(lamps[k], *places[k]) for k in good])
+        light = _fit_light(planes, [(lamps[k], *places[k]) for k in good])
         known: Array = np.array([lamps[k].light for k in good])
         share = [_share_seen(lamps[k], places[k][1]) for k in good]
         light = known + np.array(share)[:, None] * (light - known)
@@ -648,7 +648,7 @@ def _share_seen(lamp: LampImage, part: Window) -> float:
 Placed = tuple[LampImage, Window, Window]
 
 
-def _fitted(planes: Array, placed: Sequence[Placed]) -> Array:
+def _fit_light(planes: Array, placed: Sequence[Placed]) -> Array:
     light = np.zeros((len(placed), 3))
     for channel in range(3):
         own = [lamp.rays[channel][part].astype(np.float64) for lamp, _, part in placed]

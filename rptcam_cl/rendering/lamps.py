@@ -582,7 +582,7 @@ def _find_lamps(
     for k, places in zip(off, _places(chief, [every[k] for k in off]), strict=True):
         sharp[k] = places
     off = [k for k in off if np.isfinite(sharp[k]).all()]
-    shown[off] = _shown(session, plan, [lamps[k] for k in off], spots)
+    shown[off] = _unhidden_shares(session, plan, [lamps[k] for k in off], spots)
     return chief, sharp, shown
 
 
@@ -657,7 +657,7 @@ def _disk(count: int) -> Array:
     return np.stack([np.sqrt(u) * np.cos(2 * np.pi * v), np.sqrt(u) * np.sin(2 * np.pi * v), np.zeros(count)], axis=1)
 
 
-def _shown(session: Session, plan: Plan, lamps: Sequence[_Lamp], spots: Array) -> Array:
+def _unhidden_shares(session: Session, plan: Plan, lamps: Sequence[_Lamp], spots: Array) -> Array:
     """Return the share of each lamp that nothing hides from places of the pupil, about the eye [m]."""
     if not lamps:
         return np.zeros(0)

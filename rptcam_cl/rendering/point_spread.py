@@ -380,12 +380,12 @@ def _boxes(light: Array, edges: Array, across: float, out: float) -> Array:
     directions = count + np.arange(count) + 0.5
     boxes = np.empty(ring.shape)  # by rows, whatever the order of the light
     for k in places:
-        below, above = (_interpolated(total[:, :, k], directions + side * half[k]) for side in (-1, 1))
+        below, above = (_interpolate(total[:, :, k], directions + side * half[k]) for side in (-1, 1))
         boxes[:, :, k] = (above - below) / max(pixels[k], 1.0)
     return np.maximum(boxes, 0.0) / 2  # a half turn of the table stands for both
 
 
-def _interpolated(rows: Array, at: Array) -> Array:
+def _interpolate(rows: Array, at: Array) -> Array:
     first = at.astype(np.int64)
     return np.asarray(rows[:, first] * (1 - at % 1) + rows[:, first + 1] * (at % 1))
 

@@ -175,7 +175,7 @@ def rays_of(
     with np.errstate(invalid="ignore"):
         known = np.isfinite(values).all(axis=1) & (np.hypot(*((seen - middles) / halves).T) < DISK)
     if known.sum() < _FOUND * nodes**2:
-        raise InputError(f"camera.diffraction: too few rays of a point reach {_named(point)}")
+        raise InputError(f"camera.diffraction: too few rays of a point reach {_place_text(point)}")
     middle = values[known].mean(axis=0)
     i, j = np.nonzero(np.add.outer(np.arange(powers + 1), np.arange(powers + 1)) <= powers)
 
@@ -186,7 +186,7 @@ def rays_of(
     factors, *_ = np.linalg.lstsq(matrix, values[known] - middle, rcond=1e-13)
     missed = np.sqrt(np.mean((matrix @ factors[:, 0] - (values[known, 0] - middle[0])) ** 2)) / (nm * 1e-6)
     if missed > _FAITHFUL_WAVES:
-        raise InputError(f"camera.diffraction: the wavefront of a point is too uneven at {_named(point)}")
+        raise InputError(f"camera.diffraction: the wavefront of a point is too uneven at {_place_text(point)}")
     table = np.zeros((6, powers + 1, powers + 1))
     table[:, i, j] = factors.T
 
@@ -200,7 +200,7 @@ def rays_of(
     return at
 
 
-def _named(point: Array) -> str:
+def _place_text(point: Array) -> str:
     return f"({point[0]:g}, {point[1]:g}) mm on the film"
 
 
@@ -291,7 +291,9 @@ class PointOpening:
             _, _, places, ways = self.rays(x, y)
             return np.concatenate([ways, places], axis=-1)
 
-        cells = _divided(self.inside, parts, self.axes, rays_at, lambda rays: self.passes(rays[:, :2], rays[:, 2:]))
+        cells = _divide_cells(
+            self.inside, parts, self.axes, rays_at, lambda rays: self.passes(rays[:, :2], rays[:, 2:])
+        )
         pupil = FilmPupil(*cells, self.index)
         return PointWave(pupil, *self.rays(pupil.cosines_x, pupil.cosines_y)[:3])
 
@@ -313,14 +315,14 @@ def point_opening(
     """
     opens, few = pupils.directions(point)[0], (FEW_ACROSS, _FEW_NODES, _FEW_POWERS)
     try:
-        first = _search(pupils, opens, _moved(pupils, *seen, point), point, source, nm, few)
+        first = _search(pupils, opens, _box_by(pupils, *seen, point), point, source, nm, few)
     except InputError:  # it is not where it is looked for
-        own = _moved(pupils, point, pupils(point, FEW_ACROSS), point)
+        own = _box_by(pupils, point, pupils(point, FEW_ACROSS), point)
         first = _search(pupils, opens, own, point, source, nm, few)
     return _search(pupils, opens, first.box, point, source, nm, (COARSE, NODES, POWERS))
 
 
-def _moved(pupils: FilmPupils, known: Array, seen: FilmPupil, point: Array) -> tuple[Array, float]:
+def _box_by(pupils: FilmPupils, known: Array, seen: FilmPupil, point: Array) -> tuple[Array, float]:
     """Return middle and half width of a square of directions that holds the opening, by that of another point."""
     middle, half = np.array([seen.cosines_x.mean(), seen.cosines_y.mean()]), float(np.ptp(seen.cosines_x)) / 2
 
@@ -356,7 +358,7 @@ def _search(
     return PointOpening(inside, axes, rays, radius, lambda w, at: opens(w, at + point), pupils.index, nm)
 
 
-def _divided(
+def _divide_cells(
     inside: Mask, parts: int, axes: list[Array], rays: Callable[[Array, Array], Array], passes: Callable[[Array], Mask]
 ) -> tuple[Array, Array, Array]:
     """Return coverage and axes of cells, so many of each coarse one; only those near the edge are looked at."""

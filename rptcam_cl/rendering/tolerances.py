@@ -649,9 +649,9 @@ class Judge:
         weights = np.repeat(self.weights[None], len(moves), axis=0)
         moves = self._centre(weights, np.nan_to_num(moves))
         slope = self._centre(self.weights[None], slopes[-1:])
-        return self._refocused(weights, moves, np.broadcast_to(slope, moves.shape)) if refocus else moves
+        return self._refocus(weights, moves, np.broadcast_to(slope, moves.shape)) if refocus else moves
 
-    def _refocused(self, weights: Array, points: Array, slopes: Array) -> Array:
+    def _refocus(self, weights: Array, points: Array, slopes: Array) -> Array:
         """Return points about the middle of their fields with the film where they lie nearest to it."""
         return np.asarray(points + self._best_shifts(weights, points, slopes)[:, None, None, None] * slopes)
 
@@ -660,7 +660,7 @@ class Judge:
         together, spread = (self._moment(weights, slopes, one).sum(axis=1) for one in (points, slopes))
         return np.asarray(-together / np.where(spread > 0, spread, 1.0))
 
-    def _centred(self, copies: Copies) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    def _trace_about_middles(self, copies: Copies) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
         """Return weights of rays, points and slopes on the film about the middle of their field, and which are dark."""
         points, slopes = self._film(copies)
         weights = self.weights[None] * np.isfinite(points[..., 0] + slopes[..., 0])
@@ -671,8 +671,8 @@ class Judge:
 
     def _toward(self, copies: Copies, moves: Array, refocus: bool) -> tuple[Array, Array]:
         """Return the sum of squared spots of copies, and its half derivative by each column (copies, columns)."""
-        weights, points, slopes, dark = self._centred(copies)
-        points = self._refocused(weights, points, slopes) if refocus else points
+        weights, points, slopes, dark = self._trace_about_middles(copies)
+        points = self._refocus(weights, points, slopes) if refocus else points
         size = self._moment(weights, points, points).sum(axis=1)
         toward = [self._moment(weights, np.broadcast_to(move, points.shape), points).sum(axis=1) for move in moves]
         return np.where(dark.any(axis=1), np.inf, size), np.stack(toward, axis=1)
@@ -684,7 +684,7 @@ class Judge:
         return np.stack(rows)
 
     def _part(self, copies: Copies, refocus: bool, shifts: Array | None) -> tuple[Array, Array, Array]:
-        weights, points, slopes, dark = self._centred(copies)
+        weights, points, slopes, dark = self._trace_about_middles(copies)
         if shifts is None:
             shifts = np.zeros(copies.count)
             if refocus:  # but for the design, which stands at its best already

@@ -247,7 +247,7 @@ class Requests:
             return find(scene, device=device, on_probe=partial(on_probe, task), on_state=follow)
 
         def done(report: FocusReport) -> None:
-            self._studio.change("A", self._found(scene, report))
+            self._studio.change("A", self._changes_to(scene, report))
             client.outbox.answer({"type": "focused", "id": message.id, **describe_focus(report)})
 
         def failed(problem: Exception) -> None:
@@ -260,7 +260,7 @@ class Requests:
         ended = partial(self._supersede, client, message)
         self._searching.start(BackgroundTask("focus search", work, done, failed, ended=ended))
 
-    def _found(self, scene: Scene, report: FocusReport) -> Mapping[str, Any]:
+    def _changes_to(self, scene: Scene, report: FocusReport) -> Mapping[str, Any]:
         """Return the changes that set the focus that was found: where it has keys, by its distance, as these are."""
         recorder, panel = self._studio.recorder, self._studio.slot("A").panel
         if recorder.is_on or timeline.is_keyed(scene, "focus"):

@@ -158,14 +158,14 @@ def add_thing(panel: Panel, view: Viewpoint, what: Added) -> tuple[dict[str, Any
 
 def _material_of(scene: Scene, index: int) -> str | None:
     """The key path of an object's material; None where its file has it."""
-    given = _given(scene, index, "material")
+    given = _given_value(scene, index, "material")
     if isinstance(given, str):
         return f"materials.{given}" if "." not in given else None
     return f"objects.{index}.material" if isinstance(given, dict) else None
 
 
 def _material_choice(scene: Scene, index: int) -> Iterator[Field]:
-    given = _given(scene, index, "material")
+    given = _given_value(scene, index, "material")
     if isinstance(given, str) and len(scene.materials) > 1:
         choices = [{"value": name, "label": name} for name in scene.materials]
         path = f"objects.{index}.material"
@@ -261,7 +261,7 @@ def _position(scene: Scene, index: int) -> Iterator[Field]:
     matrix = item.placed_at(scene.shutter.open_s)
     middle = (matrix[:3, :3] @ ((np.asarray(low) + np.asarray(high)) / 2) + matrix[:3, 3]).tolist()
     size = float(np.linalg.norm(matrix[:3, :3] @ (np.asarray(high) - np.asarray(low))))
-    given = plain(_given(scene, index, "transform") or [])
+    given = plain(_given_value(scene, index, "transform") or [])
     steps = [dict(each) for each in (given if isinstance(given, list) else [given])]
     for axis, name in enumerate(AXES):
 
@@ -370,8 +370,8 @@ def switch_lamp(panel: Panel, thing: str, mute: bool | None, solo: bool | None) 
     names = [name for name, _ in _lamps(scene, dials.dark)]
     if thing not in names:
         raise InputError(f"lamp: there is none of that name{near_name(thing, names)} (got {thing[:80]!r})")
-    muted = _switched(dials.mute, thing, mute)
-    alone = _switched(dials.solo, thing, solo)
+    muted = _switch_name(dials.mute, thing, mute)
+    alone = _switch_name(dials.solo, thing, solo)
     dark, changes = dict(dials.dark), {}
     for name in names:
         wanted_dark = name not in alone if alone else name in muted
@@ -460,7 +460,7 @@ def _common_groups(scene: Scene, dark: Mapping[str, Any]) -> Iterator[tuple[int,
                 yield index, re.sub(r"[^A-Za-z0-9_-]", "_", path.split(".", 1)[1])
 
 
-def _switched(names: frozenset[str], name: str, on: bool | None) -> frozenset[str]:
+def _switch_name(names: frozenset[str], name: str, on: bool | None) -> frozenset[str]:
     return names if on is None else names | {name} if on else names - {name}
 
 
@@ -476,7 +476,7 @@ def things_message(panel: Panel, selected: str | None) -> dict[str, Any]:
 # The scene's data and models by key path.
 
 
-def _given(scene: Scene, index: int, key: str) -> Any:
+def _given_value(scene: Scene, index: int, key: str) -> Any:
     """What the scene file says of an object; nothing of one made in Python."""
     item = scene.made_of["objects"][index]
     return item.get(key) if isinstance(item, Mapping) else None
@@ -589,14 +589,14 @@ def _axes(stand: Viewpoint) -> tuple[Vector, Vector, Vector]:
     return matrix[:3, 0], matrix[:3, 1], -matrix[:3, 2]
 
 
-def _turned(vector: Vector, axis: Vector, angle: float) -> Vector:
+def _rotate(vector: Vector, axis: Vector, angle: float) -> Vector:
     """Return a vector turned about a unit axis (Rodrigues)."""
     sine, cosine = math.sin(angle), math.cos(angle)
     along = axis * float(axis @ vector)
     return np.asarray(cosine * vector + sine * np.cross(axis, vector) + (1 - cosine) * along)
 
 
-def _turned_view(stand: Viewpoint, view: Vector, yaw: float, pitch: float) -> Vector:
+def _turn_view(stand: Viewpoint, view: Vector, yaw: float, pitch: float) -> Vector:
     """Return a view turned about up by ``yaw`` and raised by ``pitch``, kept away from the poles."""
     upright = stand.up / np.linalg.norm(stand.up)
     level = math.asin(max(-1.0, min(1.0, float(view @ upright) / float(np.linalg.norm(view)))))
@@ -607,38 +607,38 @@ def _turned_view(stand: Viewpoint, view: Vector, yaw: float, pitch: float) -> Ve
         pitch = 0.0
     right = np.cross(view, upright)
     right /= np.linalg.norm(right)
-    return _turned(_turned(view, right, pitch), upright, yaw)
+    return _rotate(_rotate(view, right, pitch), upright, yaw)
 
 
 def _orbit(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
-    view = _turned_view(stand, stand.target - stand.eye, -ORBIT * dx, -ORBIT * dy * stand.aspect)
+    view = _turn_view(stand, stand.target - stand.eye, -ORBIT * dx, -ORBIT * dy * stand.aspect)
     return replace(stand, eye=stand.target - view)
 
 
 def _tilt(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
     across = 2 * math.atan(0.5 * stand.field / stand.distance)
-    view = _turned_view(stand, stand.target - stand.eye, across * dx, across * stand.aspect * dy)
+    view = _turn_view(stand, stand.target - stand.eye, across * dx, across * stand.aspect * dy)
     return replace(stand, target=stand.eye + view)
 
 
 def _roll(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
     _, up, forward = _axes(stand)
-    return replace(stand, up=_turned(up, forward, ROLL * dx))
+    return replace(stand, up=_rotate(up, forward, ROLL * dx))
 
 
-def _shifted(stand: Viewpoint, step: Vector) -> Viewpoint:
+def _shift(stand: Viewpoint, step: Vector) -> Viewpoint:
     return replace(stand, eye=stand.eye + step, target=stand.target + step)
 
 
 def _pan(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
     right, up, _ = _axes(stand)
-    return _shifted(stand, stand.field * (-dx * right + dy * stand.aspect * up))
+    return _shift(stand, stand.field * (-dx * right + dy * stand.aspect * up))
 
 
 def _walk(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
     right, _, forward = _axes(stand)
     upright = stand.up / np.linalg.norm(stand.up)
-    return _shifted(stand, WALK * stand.distance * (dx * right + dy * forward + dz * upright))
+    return _shift(stand, WALK * stand.distance * (dx * right + dy * forward + dz * upright))
 
 
 def _dolly(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:

@@ -277,13 +277,13 @@ def heed_oclgrind() -> None:
     # it takes memory that a command has filled for uninitialised
     Session.fill_zero = lambda self, buffer, size: self.write(buffer, np.zeros(size, np.uint8))  # type: ignore[method-assign]
     # and new memory in the place of old for initialised, so that none is given back
-    allocated, kept = Session._allocated, []
+    allocated, kept = Session._allocate, []
 
     def keep(self: Session, make: Any, size: int) -> Any:
         kept.append(allocated(self, make, size))
         return kept[-1]
 
-    Session._allocated = keep  # type: ignore[method-assign]
+    Session._allocate = keep  # type: ignore[method-assign]
 
     # 16,384 photons of the first pass and 4096 of each later take it half an hour
     caustics.PILOT_PHOTONS = caustics._LEAST_PHOTONS = 512

@@ -59,7 +59,7 @@ def _convert_lights(context: Context, frame: CameraFrame) -> tuple[list[Keys], A
     sky = np.zeros(3)
     maps: list[Entity] = []
     kinds: dict[str, Callable[[Context, Entity, CameraFrame], Keys]] = {
-        "point": _point, "goniometric": _pictured, "projection": _pictured, "spot": _spot, "distant": _distant,
+        "point": _point, "goniometric": _picture_lamp, "projection": _picture_lamp, "spot": _spot, "distant": _distant,
     }  # fmt: skip
     for entity in context.scene.lights:
         entity.parameters.skip(*textures.SAMPLING)
@@ -112,7 +112,7 @@ _EDGE_STEPS = 64  # of the edge of a cone: between them its fourth power is stra
 _STEP_DEGREES = 0.5  # of the directions of a lamp that shines with a picture, those that ours tells apart
 
 
-def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
+def _picture_lamp(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     """Return a lamp that shines with a picture, goniometric or a projector, as one measured in many directions."""
     parameters = entity.parameters
     fov = parameters.number("fov", 90.0 if context.scene.version == 4 else 45.0) if entity.kind == "projection" else 0.0
@@ -126,7 +126,7 @@ def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     out = np.stack(np.broadcast_arrays(aside * np.cos(around), aside * np.sin(around), -np.cos(down)), axis=-1)
     local = out @ np.linalg.inv(world[:3, :3]).T
     local /= np.linalg.norm(local, axis=-1, keepdims=True)
-    shown = _shown(pixels, local, fov, context.scene.version)
+    shown = _project_picture(pixels, local, fov, context.scene.version)
     weights = aside * np.ones_like(around) / (aside.sum() * len(around))  # of the whole sphere
     mean = np.einsum("ij,ijk->k", weights, shown)
     if not mean.any():
@@ -143,7 +143,7 @@ def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     file = context.files.add(
         "files", f"{stem or entity.kind}.ies", partial(_write_ies, vertical, horizontal, pattern / largest)
     )
-    return _measured(file, largest * color, apply(world, np.zeros((1, 3)))[0], np.array([0, 0, -1]))
+    return _profile_keys(file, largest * color, apply(world, np.zeros((1, 3)))[0], np.array([0, 0, -1]))
 
 
 def _lamp_picture(context: Context, entity: Entity) -> tuple[textures.Pixels, str]:
@@ -158,7 +158,7 @@ def _lamp_picture(context: Context, entity: Entity) -> tuple[textures.Pixels, st
     return np.ones((1, 1, 3), np.float32), ""
 
 
-def _measured(file: str, intensity: Array, position: Array, direction: Array) -> Keys:
+def _profile_keys(file: str, intensity: Array, position: Array, direction: Array) -> Keys:
     """Return a lamp of a pattern whose largest value is 1, with the intensity that it has there."""
     return {
         "kind": "ies", "file": file, "position": tidy(position), "direction": tidy(direction),
@@ -166,7 +166,7 @@ def _measured(file: str, intensity: Array, position: Array, direction: Array) ->
     }  # fmt: skip
 
 
-def _shown(pixels: textures.Pixels, local: Array, fov: float, version: int) -> Array:
+def _project_picture(pixels: textures.Pixels, local: Array, fov: float, version: int) -> Array:
     """Look up a lamp's picture in directions of its own frame (…, 3): a projector's, or one all round.
 
     The whole sphere lies on a square of equal area in pbrt-v4, in longitude and latitude about +y in pbrt-v3.
@@ -217,7 +217,7 @@ def _spot(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
         write = partial(_write_ies, vertical, np.zeros(1), pattern[None])
         file = context.files.add("files", f"cone-{outer:g}-{inner:g}.ies", write)
         color = np.array(_intensity(context, entity, frame, math.nan))
-        return _measured(file, color, origin, direction)
+        return _profile_keys(file, color, origin, direction)
     if context.scene.version == 3:
         context.approximated(entity, "the edge of its cone as a smooth step")
     return {

@@ -197,7 +197,7 @@ def _parse(
             glass = rest[2] if len(rest) > 2 else ""
             surfaces.append(_SeqSurface(line, value, thickness, glass, radius_mode))
         elif rest and (key == "ZOO" or _of_position(key, rest)):
-            _zoomed(words[1:] if key == "ZOO" else words, surfaces, line, table)
+            _read_zoom(words[1:] if key == "ZOO" else words, surfaces, line, table)
         elif rest and not key.startswith("TIT") and (qualifier := _QUALIFIER.fullmatch(rest[0])):
             for target in _targets(qualifier, surfaces):
                 _take(target, key, rest[1:], line, table)
@@ -227,7 +227,7 @@ def _take_of_positions(values: dict[int, float], rest: list[str], line: int, tab
     values |= dict(enumerate(_numbers(rest[1:2] if first else rest, table, line), start=first or 1))
 
 
-def _zoomed(words: list[str], surfaces: list[_SeqSurface], line: int, table: LensTable) -> None:
+def _read_zoom(words: list[str], surfaces: list[_SeqSurface], line: int, table: LensTable) -> None:
     """Take what positions differ in: ``3`` of them, ``THI S5 1.9 20``, ``THI SO Z2 500``, ``EPD 20 25``, titles."""
     zoom = table.zoom
     key, rest = words[0].upper(), words[1:]

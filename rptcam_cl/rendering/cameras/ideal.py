@@ -70,7 +70,9 @@ def dirt_edges(dirt: Dirt, outline: Array, radius_mm: float) -> Array:
     order = np.argsort(np.arctan2(about[:, 1], about[:, 0]))
     rim = (np.arctan2(about[order, 1], about[order, 0]), reach[order] / scale * ROOM)
     specks = [polygon for polygon in _specks(dirt, radius_mm) if _inside(polygon, rim).all()]
-    scratches = [polygon for line in _scratches(dirt, radius_mm) if (polygon := _clipped(line, dirt, rim)) is not None]
+    scratches = [
+        polygon for line in _scratches(dirt, radius_mm) if (polygon := _clip_line(line, dirt, rim)) is not None
+    ]
     edges = [edges_of(middle + scale * polygon[::-1]) for polygon in (*specks, *scratches)]
     return np.concatenate([np.zeros((0, 4)), *edges])
 
@@ -120,7 +122,7 @@ def _scratches(dirt: Dirt, radius_mm: float) -> list[tuple[Array, Array]]:
     return [(at[k] - away[k], at[k] + away[k]) for k in np.sort(np.argsort(-halves, kind="stable")[:MOST])]
 
 
-def _clipped(line: tuple[Array, Array], dirt: Dirt, rim: tuple[Array, Array]) -> Array | None:
+def _clip_line(line: tuple[Array, Array], dirt: Dirt, rim: tuple[Array, Array]) -> Array | None:
     """Return the corners of the part of a scratch within the rim; None where it is not longer than wide."""
     first, last = line
     wide = 0.5e-3 * dirt.scratch_um

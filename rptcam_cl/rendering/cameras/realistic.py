@@ -220,7 +220,7 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
     assert distance_mm is not None
     opened = [{"f_number": None, "stop_diameter_mm": None} | at for at in _zooms(scene, camera)]
     wide_open = [without_shape(design_to_focus(scene, camera.model_copy(update=keys))) for keys in opened]
-    lenses = _stopped(wide_open, setting.lens)
+    lenses = _stop_down(wide_open, setting.lens)
     length_mm = abs(wide_open[0].first_order(camera.wavelength_nm).focal_length_mm)
     if not (math.isfinite(length_mm) and distance_mm > 0):
         return None
@@ -243,7 +243,7 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
     if shared is None:
         return None
     shared.sampling.table.flags.writeable = False
-    return _moved(shared, film_distance_mm)
+    return _move_pupil(shared, film_distance_mm)
 
 
 def _zooms(scene: Scene, camera: LensCamera) -> list[dict[str, float]]:
@@ -261,7 +261,7 @@ def _rounded_up(value: float, cells: int) -> float:
     return float(2.0 ** (math.ceil(cells * math.log2(value) - 1e-9) / cells))
 
 
-def _stopped(wide_open: Sequence[Lens], state: Lens) -> list[Lens]:
+def _stop_down(wide_open: Sequence[Lens], state: Lens) -> list[Lens]:
     """Return lenses with their stop as wide as it is anywhere in the cell of a state."""
     if state.stop is None:
         return list(wide_open)
@@ -272,7 +272,7 @@ def _stopped(wide_open: Sequence[Lens], state: Lens) -> list[Lens]:
     ]
 
 
-def _moved(shared: _Shared, film_distance_mm: float) -> PupilSampling:
+def _move_pupil(shared: _Shared, film_distance_mm: float) -> PupilSampling:
     """Return the table for a film at another distance: film points in one direction have the same outlines."""
     parameters = shared.sampling.parameters
     assert isinstance(parameters, PupilGrid)
@@ -380,7 +380,9 @@ def _loses_light(
     """Return whether rays of some state pass that lie well outside of the table."""
     half_film_mm = radius_mm / math.sqrt(2.0), radius_mm / math.sqrt(2.0)
     return any(
-        loses_light(_moved(shared, film_distance_mm), FilmProbe(state, film_distance_mm, wavelength_nm), half_film_mm)
+        loses_light(
+            _move_pupil(shared, film_distance_mm), FilmProbe(state, film_distance_mm, wavelength_nm), half_film_mm
+        )
         for state, film_distance_mm in states
     )
 

@@ -679,7 +679,7 @@ def pack_emitters(
     is_dark = held is not None and held["HAS_EMITTERS"] > 0 and not chosen
     if is_dark:
         chosen = [(np.array([_without_surface()], EMITTER.dtype), np.ones(1))]
-    records, powers, group = _joined(chosen, [each for _, _, each in lights], groups)
+    records, powers, group = _join_lamps(chosen, [each for _, _, each in lights], groups)
     count, curve, tree = len(powers), np.zeros((1, 2), np.float32), None
     if count:
         curve, chance = curves(powers[None])
@@ -695,7 +695,7 @@ def pack_emitters(
     return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny, group, seen)
 
 
-def _joined(
+def _join_lamps(
     chosen: list[Found], of_lights: list[int], groups: LightGroups
 ) -> tuple[NDArray[np.void], Array, NDArray[np.int32]]:
     """Return the records, powers and groups of all lamps; lights without a surface, whose groups are given, come last.

@@ -510,10 +510,10 @@ def find_focus(
         criterion=settings.criterion,
     )
     report = focus_of(task, settings.method)
-    return _adjusted(task, report, settings.adjustment) if settings.adjustment else report
+    return _adjust(task, report, settings.adjustment) if settings.adjustment else report
 
 
-def _adjusted(task: Task, report: FocusReport, farther: float) -> FocusReport:
+def _adjust(task: Task, report: FocusReport, farther: float) -> FocusReport:
     """Return a report with the focus so many depths of focus farther away, as far as it goes."""
     state = _state_beside(task.drive, report.state, farther)
     return replace(

@@ -549,7 +549,8 @@ class FrameTracker:
         try:
             if self._sequence.continuous_focus is not None and at_rest(still).requested_autofocus is not None:
                 still, metadata = self._focus(still)
-            if self._sequence.exposure_time_constant_s is not None and _is_metered(still):
+            is_metered = still.exposure.mode == "auto" and still.exposure.lock_cd_m2 is None
+            if self._sequence.exposure_time_constant_s is not None and is_metered:
                 still = self._expose(still, self._sequence.exposure_time_constant_s)
         except InputError as problem:
             raise type(problem)(f"frame {number}: {problem}") from None
@@ -600,10 +601,6 @@ class FrameTracker:
 
         disk = Disk(KIND, ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
         return disk.find_or_make((__version__, session.info.driver, what, scene.content_hash()), measure_here)
-
-
-def _is_metered(scene: Scene) -> bool:
-    return scene.exposure.mode == "auto" and scene.exposure.lock_cd_m2 is None
 
 
 def _reading_of(scene: Scene, session: Session) -> float | None:
