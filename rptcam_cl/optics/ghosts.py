@@ -124,8 +124,6 @@ def meet(lit: Lit, beam: PolarisedBeam, k: int, forward: bool, *, counted: bool 
 
     Parameters
     ----------
-    lit : Lit
-    beam : PolarisedBeam
     k : int
         Number of the surface.
     forward : bool
@@ -706,7 +704,10 @@ def _trace_to_film(
     """Return rays of several ways on the film."""
     counts = [len(front.cosines) for front in fronts]
     ends = np.cumsum(counts)
-    front = _join(fronts)
+    beam = PolarisedBeam.joined([front.beam for front in fronts])
+    beam = replace(beam, rows=np.arange(len(beam.rows)))  # numbered through
+    normals, cosines = (np.concatenate([getattr(f, name) for f in fronts], axis=-1) for name in ("normals", "cosines"))
+    front = Arrival(beam, normals, cosines)
     entered = front.beam.points[:2].T
     turns = np.full((len(entered), max(map(len, ways), default=0) + 1), NOWHERE)
     for way, first, end in zip(ways, ends - counts, ends, strict=True):
@@ -722,20 +723,11 @@ def _trace_to_film(
     return landed
 
 
-def _join(fronts: list[Arrival]) -> Arrival:
-    """Return rays on the first surface as one, numbered through."""
-    beam = PolarisedBeam.joined([front.beam for front in fronts])
-    beam = replace(beam, rows=np.arange(len(beam.rows)))
-    normals, cosines = (np.concatenate([getattr(f, name) for f in fronts], axis=-1) for name in ("normals", "cosines"))
-    return Arrival(beam, normals, cosines)
-
-
 def together(lit: Lit, front: Arrival, turns: Numbers) -> PolarisedBeam:
     """Return rays on the first surface as they meet the film, each by its own way; the film is the last surface.
 
     Parameters
     ----------
-    lit : Lit
     front : Arrival
         Rays numbered through.
     turns : (n, m) array
