@@ -15,10 +15,9 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, References, digest, lenses_dir, read_whole
 from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, read_yaml
 from rptcam_cl.optics.files import tables
-from rptcam_cl.optics.files.codev import read_codev
 from rptcam_cl.optics.files.glasses import chosen_makers
 from rptcam_cl.optics.files.native import document_of, read_native
-from rptcam_cl.optics.files.zemax import read_zemax
+from rptcam_cl.optics.files.sequential import read_codev, read_zemax
 from rptcam_cl.optics.lens import Lens
 
 NATIVE_SUFFIXES = (".yaml", ".yml", ".json")

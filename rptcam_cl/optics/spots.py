@@ -24,14 +24,14 @@ from rptcam_cl.optics.waves import (
     THIRDS_OVER_ALL,
     PointImage,
     PupilFunction,
-    _transfer_errors,
-    _wave_transfer,
     diffraction_mtf,
     peak_to_valley,
     pupil_function,
     rms_waves,
     strehl,
+    transfer_errors,
     wave_point_image,
+    wave_transfer,
 )
 
 if TYPE_CHECKING:
@@ -593,9 +593,9 @@ def mtf(
     groups: Mapping[float, Sequence[Any]]
     curves: Callable[[Sequence[Any], ArrayLike], list[Array] | None]
     if diffraction:
-        groups, curves = _by_field(field_waves(setting, fields, wavelengths_nm, rays)), _wave_transfer
-        values = {one: _wave_transfer(group, frequencies_per_mm) for one, group in groups.items()}
-        errors = [_transfer_errors(group, frequencies_per_mm, values[one]) for one, group in groups.items()]
+        groups, curves = _by_field(field_waves(setting, fields, wavelengths_nm, rays)), wave_transfer
+        values = {one: wave_transfer(group, frequencies_per_mm) for one, group in groups.items()}
+        errors = [transfer_errors(group, frequencies_per_mm, values[one]) for one, group in groups.items()]
         rows = [
             row | {"error": error}
             for row, error in zip(table_of(values, frequencies_per_mm), np.concatenate(errors).tolist(), strict=True)

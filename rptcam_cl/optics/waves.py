@@ -685,7 +685,7 @@ FINEST = 16.0  # points per wavelength times f-number that pixels are averaged o
 MOST_POINTS = 1200  # along each side of the image
 
 
-def _wave_transfer(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[Array]:
+def wave_transfer(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[Array]:
     """Return tangential and sagittal modulation of one field, and what its perfect pupil would leave of each."""
     limits = [transfer(wave.without_aberrations(), frequencies_per_mm) for wave in group]
     perfect = [np.tensordot(_weights(group), [np.abs(limit[axis]) for limit in limits], 1) for axis in (0, 1)]
@@ -701,9 +701,7 @@ def _modulation(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -
     return [np.abs(np.tensordot(weights, [part[axis] for part in parts], 1)) for axis in (0, 1)]
 
 
-def _transfer_errors(
-    group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike, all_cells: Sequence[Array]
-) -> Array:
+def transfer_errors(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike, all_cells: Sequence[Array]) -> Array:
     """Return what a third of the cells across the pupil changes of the modulation, over `THIRDS_OVER_ALL`."""
     parts = [_modulation(part, frequencies_per_mm) for part in zip(*(wave.thirds() for wave in group), strict=True)]
     return np.asarray(np.abs(np.array(parts) - np.array(all_cells[:2])).max(axis=(0, 1)) / THIRDS_OVER_ALL)
