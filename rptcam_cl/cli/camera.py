@@ -473,7 +473,7 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
 def _focus_keywords(arguments: argparse.Namespace) -> dict[str, Any]:
     """The keywords of `autofocus` that the command has as options, files read."""
     from rptcam_cl.rendering.cameras.ideal import bright_parts
-    from rptcam_cl.scene.lens_settings import read_zones
+    from rptcam_cl.studies.focus.controller import read_zones
 
     names = ("seed", "device", *(option.name for option in FOCUS_OPTIONS))
     given = {name: getattr(arguments, name) for name in names}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import KW_ONLY, astuple, replace
@@ -14,15 +15,17 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from rptcam_cl.core.dataclass import dataclass, takes_options
-from rptcam_cl.core.errors import InputError, near_name
+from rptcam_cl.core.errors import InputError, StateError, near_name
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.imaging.writers import MARKED
 from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.ideal import bright_parts
 from rptcam_cl.rendering.layers import Moments
-from rptcam_cl.scene.base import listed
+from rptcam_cl.scene.base import (
+    listed,
+)
 from rptcam_cl.scene.changes import change_scene
-from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
+from rptcam_cl.scene.lens_settings import AutoFocus
 from rptcam_cl.scene.load import input_error, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus import contrast
@@ -732,3 +735,77 @@ def autofocus(scene: Scene | str | Path | Mapping[str, Any], **options: Any) -> 
     settings = given.settings_of(scene)
     session = given.device if isinstance(given.device, Session) else open_session(given.device)
     return find_focus(scene, session, settings, near=given.near, on_probe=given.on_probe, on_state=given.on_state)
+
+
+# Zones of a file.
+
+ZoneFractions = tuple[float, float, float, float]
+"""Left, right, top and bottom of a zone in fractions of the picture from its left and top edges."""
+_LARGEST = 1 << 20  # bytes
+_MOST_ZONES = 1000
+COLUMNS = 4
+_WORD = re.compile("[A-Za-z_]+")
+
+
+def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
+    """Return the zones of a file.
+
+    A line holds xleft, xright, ytop and ybottom as fractions of the picture from its top left corner, separated by
+    blanks, tabs or commas. What follows a # is a comment; empty lines and a heading of four words are left out.
+
+    Parameters
+    ----------
+    source
+        The file, or its content.
+    name
+        What errors call it.
+
+    Raises
+    ------
+    InputError
+        ``NAME:LINE: ...`` when a line is not a zone, or there is none.
+    StateError
+        When the file cannot be read.
+    """
+    try:
+        if isinstance(source, bytes):
+            data = source
+        else:
+            with source.open("rb") as stream:
+                data = stream.read(_LARGEST + 1)  # a byte more than may be read
+    except OSError as problem:
+        raise StateError(f"{name}: cannot be read ({problem.strerror})") from None
+    try:
+        text = data[:_LARGEST].decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{name}: is not a text file (allowed: lines of xleft xright ytop ybottom)") from None
+    zones: list[ZoneFractions] = []
+    heading = False
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = re.split(r"[\s,;]+", line.partition("#")[0].strip(" \t,;"))
+        if words == [""]:
+            continue
+        if not (zones or heading) and len(words) == COLUMNS and all(map(_WORD.fullmatch, words)):
+            heading = True
+            continue
+        zones.append(_zone(words, f"{name}:{number}"))
+    if not zones:
+        raise InputError(f"{name}: holds no zones (allowed: a line each of xleft xright ytop ybottom)")
+    if len(zones) > _MOST_ZONES or len(data) > _LARGEST:
+        raise InputError(f"{name}: is too long (allowed: up to {_MOST_ZONES} zones)")
+    return tuple(zones)
+
+
+def _zone(words: list[str], place: str) -> ZoneFractions:
+    try:
+        left, right, top, bottom = (float(word) for word in words)
+    except ValueError:
+        raise InputError(
+            f"{place}: is not a zone (got {' '.join(words)[:80]}; allowed: four numbers xleft xright ytop ybottom)"
+        ) from None
+    if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1 and math.isfinite(left + right + top + bottom)):
+        raise InputError(
+            f"{place}: is not inside the picture (got {' '.join(words)};"
+            " allowed: 0 <= xleft < xright <= 1 and 0 <= ytop < ybottom <= 1)"
+        )
+    return left, right, top, bottom
