@@ -598,6 +598,12 @@ class HalfView:
         return 0 if self.split == "x" else 1
 
     @cached_property
+    def _weights(self) -> Array:
+        """The weights (n,) of the rays from the middle that pass."""
+        weights = self.rays.weights[0]
+        return np.asarray(weights[weights > 0])
+
+    @cached_property
     def _lines(self) -> tuple[Array, Array, Array, Array]:
         """Constant and slope, over the vergence, of where rays meet a plane (n, 2) and of its scale (2, 2)."""
         at, along = self.rays.seen(0.0), self.rays.seen(1.0)
@@ -632,7 +638,7 @@ class HalfView:
     def sharpest(self) -> float:
         """Return the vergence at which the rays of the whole pupil spread least over a plane [1/m]."""
         at, along = self._lines[:2]
-        weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
+        weights = self._weights[:, None]
         return -float(np.sum(weights * at * along) / np.sum(weights * along * along))
 
     def clearest(self, cycles: float) -> float:
@@ -640,7 +646,7 @@ class HalfView:
 
         With spherical aberration a small core in a wide halo shows them better than the least spot does.
         """
-        middle, weights = self.sharpest(), self.rays.weights[0][self.rays.weights[0] > 0]
+        middle, weights = self.sharpest(), self._weights
 
         def lost(vergence: float) -> float:
             waves = np.exp(2j * np.pi * cycles * self.offsets(vergence))
@@ -661,6 +667,6 @@ class HalfView:
     def sharpest_along(self) -> tuple[float, float]:
         """Return the vergences at which the rays spread least across and least down [1/m]: apart by astigmatism."""
         at, along = self._lines[:2]
-        weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
+        weights = self._weights[:, None]
         across, down = -np.sum(weights * at * along, axis=0) / np.sum(weights * along * along, axis=0)
         return float(across), float(down)

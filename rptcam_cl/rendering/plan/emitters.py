@@ -623,10 +623,8 @@ def pack_emitters(
 
     Parameters
     ----------
-    scene
-        The scene.
     primitives
-        Its primitives, sorted by kind.
+        Those of the scene, sorted by kind.
     first_triangles
         Of those that are meshes, in their order.
     textures

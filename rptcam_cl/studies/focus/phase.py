@@ -36,7 +36,7 @@ from rptcam_cl.studies.focus.probe import (
     rich_part,
     without_trend,
 )
-from rptcam_cl.studies.focus.renderer import MOST_OF_SEARCH, ProbeRenderer, Probes, Task, probability_within
+from rptcam_cl.studies.focus.renderer import MOST_OF_SEARCH, ProbeRenderer, Task, probability_within
 
 #
 # The distance of a target from two pictures of it through the halves of a pupil.
@@ -744,11 +744,16 @@ def focus_by_phase(task: Task) -> FocusReport:
         When no zone gives a distance.
     """
     search = _phase_search(task)
-    zone, state = search.zone, search.finish()
-    sure = probability_within(0.25, search.error)
-    report = task.report("phase", state, zone, search.error * task.drive.depth_of_focus, sure, search.records())
+    report = _finish_by_phase(task, "phase", search, search.zone, [])
     report.notes.update(search.notes())
     return report
+
+
+def _finish_by_phase(task: Task, method: str, search: PhaseSearch, zone: Zone, more: list[ProbeRecord]) -> FocusReport:
+    """Return the focus that a search finds with as many probes as it takes; ``more`` were made beside them."""
+    state, sure = search.finish(), probability_within(0.25, search.error)
+    error = search.error * task.drive.depth_of_focus
+    return task.report(method, state, zone, error, sure, search.records() + more)
 
 
 def _phase_search(task: Task) -> PhaseSearch:
@@ -817,7 +822,10 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     try:
         search = _phase_search(task)
         zone = search.zone
-        _approach(search)
+        for _ in range(HYBRID_STEPS):  # until contrast finds the way
+            if _uncertainty_of(search) <= NEAR_ENOUGH:
+                break
+            search.step(search.state, SAMPLES)
         search.narrow_zone()
     except NoContrast as problem:
         if problem.is_flat and search is None:  # one that shows detail first may lose it for want of samples
@@ -833,33 +841,19 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     try:
         peak, _ = greatest_contrast(probes, Policy.CENTRE, (pointed, reach))
     except NoContrast:
-        return _by_phase(task, search, zone, probes, "phase")
+        report = _finish_by_phase(task, "hybrid", search, zone, probes.records(0))
+        report.notes["finished_by"] = "phase"
+        return report
     is_rough = search.error > ENOUGH and clearest_beside(task.renderer, search.state, search.zone) > DISAGREE / 2
     if is_rough or abs(peak.place - pointed) > DISAGREE * sharp:
         search.step(probes.state_of(peak.place), NEAR_SAMPLES)
         away = abs(peak.place - probes.place_of(search.state)) / sharp
         if away > max(DISAGREE, AGREEMENT * search.error):
-            return _by_phase(task, search, zone, probes, "phase, as contrast is greatest elsewhere")
+            report = _finish_by_phase(task, "hybrid", search, zone, probes.records(0))
+            report.notes["finished_by"] = "phase, as contrast is greatest elsewhere"
+            return report
     sure = probability_within(sharp / 4, peak.error)
     records = search.records() + probes.records(0)
     report = task.report("hybrid", probes.state_of(peak.place), zone, peak.error, sure, records)
     report.notes["finished_by"] = "contrast"
     return report
-
-
-def _by_phase(task: Task, search: PhaseSearch, zone: Zone, probes: Probes, why: str) -> FocusReport:
-    """Return the focus that phase detection finds with further probes."""
-    state = search.finish()
-    error = search.error * task.drive.depth_of_focus
-    sure = probability_within(0.25, search.error)
-    report = task.report("hybrid", state, zone, error, sure, search.records() + probes.records(0))
-    report.notes["finished_by"] = why
-    return report
-
-
-def _approach(search: PhaseSearch) -> None:
-    """Probe through half pupils until contrast finds the way."""
-    for _ in range(HYBRID_STEPS):
-        if _uncertainty_of(search) <= NEAR_ENOUGH:
-            return
-        search.step(search.state, SAMPLES)
