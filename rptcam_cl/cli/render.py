@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 # ``rptcam render --preview``: the picture so far is written to the outputs while the render goes on.
 
 
-def _preview_writer(
-    interval: float, outputs: Sequence[Path], show: output.Show | None, clock: Callable[[], float] = time.monotonic
-) -> output.Show:
+def _preview_writer(interval: float, outputs: Sequence[Path], show: output.Show | None) -> output.Show:
     """A function that takes reports of a render and writes the picture so far, each file whole or not at all.
 
     That one cannot be written ends no render.
@@ -42,16 +40,14 @@ def _preview_writer(
         Where the finished picture goes too.
     show
         Gets every report as well.
-    clock
-        Returns the time [s].
     """
-    last = clock()
+    last = time.monotonic()
 
     def write(progress: Progress) -> None:
         nonlocal last
         if show is not None:
             show(progress)
-        if progress.image is None or clock() - last < interval:
+        if progress.image is None or time.monotonic() - last < interval:
             return
         image = progress.image()
         for path in outputs:
@@ -59,7 +55,7 @@ def _preview_writer(
                 image.save(path)
             except RptcamError as error:
                 print(f"warning: the picture so far: {error}", file=sys.stderr)
-        last = clock()
+        last = time.monotonic()
 
     return write
 

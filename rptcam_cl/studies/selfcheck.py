@@ -297,7 +297,7 @@ class TracedScene:
         t, primitive = self.session.read(hits, np.float32, 2 * count).reshape(2, count)[:, :n]
         return RayHits(t, primitive.view(np.int32), self.session.read(dark, np.int32, count)[:n] != 0)
 
-    def trace_mesh(self, o: Any, d: Any, reach: Any = 3e38, self_part: Any = None, lanes: int = 8) -> RayHits:
+    def trace_mesh(self, o: Any, d: Any, lanes: int = 8) -> RayHits:
         """Trace rays (n, 3) against the meshes."""
         n = len(o)
         count = -(-n // (GROUP * 8)) * GROUP * 8
@@ -305,9 +305,7 @@ class TracedScene:
         rays[:3, :n], rays[3:6, :n] = np.asarray(o).T, np.asarray(d).T
         rays[3, n:] = 1
         rays[6:8] = np.int32(-1).view(np.float32)
-        if self_part is not None:
-            rays[6:8, :n] = np.asarray(self_part, np.int32).view(np.float32)
-        rays[8, :n] = reach
+        rays[8, :n] = 3e38
         out, dark = self.session.allocate(48 * count), self.session.allocate(4 * count)
         held = self.session.upload(rays)
         self._run("probe_hits", count // lanes, lanes, rays=held, hits=out, blocked=dark, count=np.uint32(count))
@@ -411,7 +409,7 @@ def arithmetic_checks(session: Session) -> list[Check]:
     ]
 
 
-def _film_errors(session: Session, additions: int = ADDITIONS) -> tuple[float, int]:
+def _film_errors(session: Session) -> tuple[float, int]:
     """Return the largest relative error of sums on the film, and how many not-finite samples were not counted.
 
     Every pixel gets numbers that are even over [0, 1), numbers of which one in 4096 is 1000, and tenths; the last
@@ -419,17 +417,15 @@ def _film_errors(session: Session, additions: int = ADDITIONS) -> tuple[float, i
     """
     lanes = session.lanes
     sums, counters = session.allocate(24 * FILM_PIXELS, zeroed=True), session.allocate(64, zeroed=True)
-    for first in range(0, additions, PER_LAUNCH):
-        last = np.uint32(additions - 1)
-        count = np.uint32(min(PER_LAUNCH, additions - first))
+    for first in range(0, ADDITIONS, PER_LAUNCH):
         run_probe(
-            session, "probe_film", {"VW": lanes, "CLAMP": 0}, FILM_PIXELS // lanes,
-            sums=sums, counters=counters, pixels=np.uint32(FILM_PIXELS), first=np.uint32(first),
-            samples=count, last=last,
+            session, "probe_film", {"VW": lanes, "CLAMP": 0}, FILM_PIXELS // lanes, sums=sums, counters=counters,
+            pixels=np.uint32(FILM_PIXELS), first=np.uint32(first),
+            samples=np.uint32(min(PER_LAUNCH, ADDITIONS - first)), last=np.uint32(ADDITIONS - 1),
         )  # fmt: skip
     planes = session.read(sums, np.float32, 6 * FILM_PIXELS).reshape(6, FILM_PIXELS).astype(np.float64)
     counted = session.read(counters, np.uint32, 16)[len(RayStatus)]
-    expected = np.array([_film_sums(pixel, additions - 1) for pixel in range(FILM_PIXELS)]).T
+    expected = np.array([_film_sums(pixel, ADDITIONS - 1) for pixel in range(FILM_PIXELS)]).T
     return float(np.abs((planes[:3] - planes[3:]) / expected - 1).max()), abs(int(counted) - FILM_PIXELS)
 
 

@@ -138,10 +138,10 @@ def _reflection_check(session: Session) -> selfcheck.Check:
     return selfcheck.Check("lens: total reflection within 1e-4 of its angle", wrong, 0, f"of {count} rays wrong")
 
 
-def parallel(heights: Array, z: float = -20.0) -> tuple[Array, Array]:
+def parallel(heights: Array) -> tuple[Array, Array]:
     """Return rays along the axis at heights, all round it."""
     turn = np.arange(len(heights)) * 2.4
-    origins = np.column_stack([heights * np.cos(turn), heights * np.sin(turn), np.full(len(heights), z)])
+    origins = np.column_stack([heights * np.cos(turn), heights * np.sin(turn), np.full(len(heights), -20.0)])
     return origins, np.tile([0, 0, 1.0], (len(heights), 1))
 
 

@@ -85,9 +85,9 @@ def histogram(
     return _histogram(counts, "display code", (-0.5, CODES - 0.5), len(codes)) | clipped
 
 
-def stop_histogram(pixels: NDArray[np.float32], most: int = MOST_PIXELS) -> Histogram:
+def stop_histogram(pixels: NDArray[np.float32]) -> Histogram:
     """Return how many pixels of a film lie in each third of a stop about middle grey; the ends take what is beyond."""
-    values = thinned(pixels, most).reshape(-1, 3)
+    values = thinned(pixels).reshape(-1, 3)
     bins = (BRIGHTEST_EV - DARKEST_EV) * PER_STOP
     series = {"luminance": luminance(values, np.float32)} | {name: values[:, k] for k, name in enumerate(CHANNELS)}
     counts = {}

@@ -466,7 +466,6 @@ def find_focus(
     session: Session,
     settings: AutoFocus,
     *,
-    zones: Sequence[Zone] | None = None,
     near: float | None = None,
     on_probe: Callable[[Probe], None] | None = None,
     on_state: Callable[[float], None] | None = None,
@@ -477,8 +476,6 @@ def find_focus(
     ----------
     settings
         Method, zones and policy.
-    zones
-        In place of those of the settings.
     near
         State near which the focus is expected; by default it is sought over the whole reach.
     on_probe
@@ -498,20 +495,17 @@ def find_focus(
     if settings.sensor and scene.sensor is None:
         raise InputError("camera.focus.auto.sensor: the scene has none (allowed: sensor: {} in the scene, or without)")
     renderer = ProbeRenderer(scene, session, sensor=settings.sensor)
-    if zones is None and settings.at is not None:
-        zones = [_zone_of_point(renderer, settings.at, settings.object)]
-    if zones is None and settings.object is not None:
-        zones = [zone_of_object(renderer, settings.object)]
+    zones: tuple[Zone, ...]
+    if settings.at is not None:
+        zones = (_zone_of_point(renderer, settings.at, settings.object),)
+    elif settings.object is not None:
+        zones = (zone_of_object(renderer, settings.object),)
+    else:
+        zones = zones_of(scene, settings)
     task = Task(
-        renderer,
-        tuple(zones) if zones is not None else zones_of(scene, settings),
-        Policy(settings.policy),
-        scene.render.seed,
-        near,
-        on_probe=on_probe,
-        on_state=on_state,
+        renderer, zones, Policy(settings.policy), scene.render.seed, near, on_probe=on_probe, on_state=on_state,
         criterion=settings.criterion,
-    )
+    )  # fmt: skip
     report = focus_of(task, settings.method)
     return _adjust(task, report, settings.adjustment) if settings.adjustment else report
 
