@@ -23,9 +23,8 @@ from rptcam_cl.core import files
 from rptcam_cl.core.colour import PRIMARIES, luminance, srgb_from_primaries
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError, near_name
-from rptcam_cl.imaging import writers
+from rptcam_cl.imaging import formats, writers
 from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_values, quantise
-from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
 from rptcam_cl.imaging.sensor import SensorModel, expose
 from rptcam_cl.scene.film import LIGHT_LAYER, PictureSettings
 from rptcam_cl.scene.load import load_picture
@@ -91,7 +90,7 @@ class Image:
         """Whether a sensor is behind the film."""
         return SENSOR in self.metadata
 
-    def raw(self) -> RawImage:
+    def raw(self) -> formats.RawImage:
         """Return the numbers that the scene's sensor puts out for this film; the same ones each time.
 
         Raises
@@ -104,9 +103,9 @@ class Image:
         return self._raw
 
     @cached_property
-    def _raw(self) -> RawImage:
+    def _raw(self) -> formats.RawImage:
         sensor = SensorModel.from_description(self.metadata[SENSOR])
-        return RawImage(expose(self.pixels, sensor), sensor, self.metadata)
+        return formats.RawImage(expose(self.pixels, sensor), sensor, self.metadata)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save by suffix.
@@ -333,8 +332,8 @@ def _exr(path: str | os.PathLike[str]) -> Film:
             for layer in sorted(layers)
         }
     matrix = _matrix_of(header.get("chromaticities"))
-    text = header.get(ALL_METADATA)
-    metadata = json.loads(text) if isinstance(text, str) else from_exr_attributes(header)
+    text = header.get(formats.ALL_METADATA)
+    metadata = json.loads(text) if isinstance(text, str) else formats.from_exr_attributes(header)
     pixels = np.stack(planes, axis=-1)
     if matrix is not None:
         pixels = pixels @ matrix

@@ -17,14 +17,7 @@ from rptcam_cl.core.records import HIT_ROUNDING, Kind
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tree_build
-from rptcam_cl.rendering.plan.geometry import (
-    VERTEX_FLOATS,
-    ObjectMovements,
-    PackedMeshes,
-    Places,
-    TriangleGroup,
-    shift_points,
-)
+from rptcam_cl.rendering.plan import geometry
 from rptcam_cl.rendering.plan.primitives import BLOCK
 
 # Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.
@@ -97,7 +90,7 @@ def primitive_tree(
     records: NDArray[np.void],
     kind_end: NDArray[np.int32],
     session: Session,
-    movements: ObjectMovements | None = None,
+    movements: geometry.ObjectMovements | None = None,
     *,
     on_disk: bool = True,
 ) -> DeviceTree | None:
@@ -177,7 +170,7 @@ def _bounds_of_curves(rows: Array, half_width: Array) -> tuple[Array, Array]:
     return rows.min(axis=2) - margin, rows.max(axis=2) + margin
 
 
-def _swept(record: np.void, kind: int, places: Places, rest: tuple[Array, Array]) -> tuple[Array, Array]:
+def _swept(record: np.void, kind: int, places: geometry.Places, rest: tuple[Array, Array]) -> tuple[Array, Array]:
     """Return the corners (3,) of the box round the whole way of a primitive, whose box at rest is known."""
     rows = np.stack([record[f"row_{axis}"] for axis in "xyz"]).astype(np.float64)
     moved = np.tile(rows, (len(places.matrices), 1, 1))
@@ -296,7 +289,7 @@ class MeshTrees:
         Whether something stood elsewhere when they were built.
     """
 
-    meshes: PackedMeshes
+    meshes: geometry.PackedMeshes
     groups: tuple[tree_build.Bvh, ...]
     instances: tree_build.Bvh | None
     is_rough: bool = False
@@ -308,7 +301,7 @@ class MeshTrees:
 
 
 def mesh_trees(
-    meshes: PackedMeshes, session: Session, before: MeshTrees | None = None, *, rough: bool = False
+    meshes: geometry.PackedMeshes, session: Session, before: MeshTrees | None = None, *, rough: bool = False
 ) -> MeshTrees:
     """Make the trees of a scene's meshes for a device: taken from those before, from the disk, or built on it.
 
@@ -337,7 +330,9 @@ def mesh_trees(
     return MeshTrees(meshes, groups, _instance_tree(meshes, session), is_rough)
 
 
-def scene_trees(meshes: PackedMeshes, session: Session, movements: ObjectMovements | None = None) -> DeviceTree:
+def scene_trees(
+    meshes: geometry.PackedMeshes, session: Session, movements: geometry.ObjectMovements | None = None
+) -> DeviceTree:
     """Return the trees of a scene's meshes as kernels walk them: `placed_triangles` and `placed_trees`."""
     trees = mesh_trees(meshes, session)
     arrays, facts = placed_trees(trees, session, movements)
@@ -356,12 +351,12 @@ def placed_triangles(trees: MeshTrees) -> dict[str, Any]:
     return {"blocks": blocks, "vertices": vertices}
 
 
-def placed_vertices(meshes: PackedMeshes) -> NDArray[np.float32]:
+def placed_vertices(meshes: geometry.PackedMeshes) -> NDArray[np.float32]:
     """Return the vertices (v, 8) shifted to where rays meet them."""
     vertices = meshes.vertices.copy()
     for group in meshes.groups:
         part = slice(group.first_vertex, group.first_vertex + group.vertices)
-        vertices[part, :3] = shift_points(meshes.vertices[part, :3], group.shift)
+        vertices[part, :3] = geometry.shift_points(meshes.vertices[part, :3], group.shift)
     return vertices
 
 
@@ -369,14 +364,16 @@ def placed_blocks(session: Session, before: Any, count: int, vertices: Any, tria
     """Return a buffer of ``count`` leaf blocks, made on the device from that of the same triangles elsewhere."""
     width = WIDTH[session.kind]
     blocks = session.allocate(4 * _BLOCK_ROWS * width * count, in_place=True)
-    program = session.program(["build/fill_blocks.cl"], {"LEAF_WIDTH": width, "VERTEX_FLOATS": VERTEX_FLOATS}, "")
+    program = session.program(
+        ["build/fill_blocks.cl"], {"LEAF_WIDTH": width, "VERTEX_FLOATS": geometry.VERTEX_FLOATS}, ""
+    )
     given = {"before": before, "blocks": blocks, "vertices": vertices, "triangles": triangles}
     session.bind(program, "fill_blocks", **given, count=np.int32(count)).enqueue(-(-count // 64) * 64, 64)
     session.finish()  # the vertices may lie in memory of the host, which the next change lets go of
     return blocks
 
 
-def placed_trees(trees: MeshTrees, session: Session, movements: ObjectMovements | None = None) -> DeviceTree:
+def placed_trees(trees: MeshTrees, session: Session, movements: geometry.ObjectMovements | None = None) -> DeviceTree:
     """Return nodes and instances as kernels walk them.
 
     ``nodes`` (n, 7, width) have rows min x, y, z, max x, y, z of the children, then the children as integers;
@@ -416,7 +413,9 @@ def placed_trees(trees: MeshTrees, session: Session, movements: ObjectMovements 
     return {"nodes": all_nodes, "instances": instances, "mesh_root": np.int32(root), **corners}, facts
 
 
-def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: int, session: Session) -> tree_build.Bvh:
+def _group_tree(
+    meshes: geometry.PackedMeshes, group: geometry.TriangleGroup, width: int, leaf: int, session: Session
+) -> tree_build.Bvh:
     def build() -> tree_build.Bvh:
         faces = meshes.triangles[group.first_triangle : group.first_triangle + group.triangles, :3]
         lower = meshes.vertices[faces[:, 0], :3]
@@ -436,10 +435,12 @@ def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: in
     return load_or_build(f"{group.key} {width} {leaf} {way}", build, fits)
 
 
-def _mesh_nodes(tree: tree_build.Bvh, group: TriangleGroup, first_node: int, first_block: int) -> NDArray[np.float32]:
+def _mesh_nodes(
+    tree: tree_build.Bvh, group: geometry.TriangleGroup, first_node: int, first_block: int
+) -> NDArray[np.float32]:
     out = np.empty((len(tree.children), 7, tree.children.shape[1]), np.float32)
     corners = tree.bounds.reshape(-1, 2, 3, tree.children.shape[1]).transpose(0, 1, 3, 2)
-    out[:, :6] = shift_points(corners, group.shift).transpose(0, 1, 3, 2).reshape(tree.bounds.shape)
+    out[:, :6] = geometry.shift_points(corners, group.shift).transpose(0, 1, 3, 2).reshape(tree.bounds.shape)
     children = tree.children.copy()
     inner = (children >= 0) & (children != tree_build.EMPTY)
     children[inner] += first_node
@@ -449,7 +450,7 @@ def _mesh_nodes(tree: tree_build.Bvh, group: TriangleGroup, first_node: int, fir
 
 
 def _blocks(
-    tree: tree_build.Bvh, group: TriangleGroup, triangles: NDArray[np.int32], vertices: NDArray[np.float32]
+    tree: tree_build.Bvh, group: geometry.TriangleGroup, triangles: NDArray[np.int32], vertices: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     out = np.empty((len(tree.blocks), 10, tree.blocks.shape[1]), np.float32)
     axes = np.ascontiguousarray(vertices[:, :3].T)
@@ -469,7 +470,7 @@ def _blocks(
 
 
 def _refit_group(
-    tree: tree_build.Bvh, before: PackedMeshes, meshes: PackedMeshes, group: TriangleGroup
+    tree: tree_build.Bvh, before: geometry.PackedMeshes, meshes: geometry.PackedMeshes, group: geometry.TriangleGroup
 ) -> tree_build.Bvh:
     """Return the tree of a group in which some of the triangles have moved."""
     own = slice(group.first_vertex, group.first_vertex + group.vertices)
@@ -495,7 +496,7 @@ def _refit_group(
     return tree_build.refit(tree, boxes)
 
 
-def _instance_tree(meshes: PackedMeshes, session: Session) -> tree_build.Bvh:
+def _instance_tree(meshes: geometry.PackedMeshes, session: Session) -> tree_build.Bvh:
     """Return a tree over the instances as they stand in the scene, about the middle of all of them."""
     lower, upper = np.empty((2, len(meshes.group_of_instance), 3))
     centre = meshes.groups[0].centre
@@ -512,11 +513,11 @@ def _instance_tree(meshes: PackedMeshes, session: Session) -> tree_build.Bvh:
 
 
 def _instance_boxes(
-    meshes: PackedMeshes, instances: NDArray[np.void], movements: ObjectMovements | None
+    meshes: geometry.PackedMeshes, instances: NDArray[np.void], movements: geometry.ObjectMovements | None
 ) -> NDArray[np.float32]:
     """Return the corners (n, 2, 3) of the boxes of the instances that rays meet, about the eye."""
     shifts = np.array([group.shift for group in meshes.groups])
-    of_groups = shift_points(meshes.boxes, shifts[:, None]).astype(np.float64)
+    of_groups = geometry.shift_points(meshes.boxes, shifts[:, None]).astype(np.float64)
     group_of, found = meshes.group_of_instance, np.empty((len(instances), 2, 3), np.float32)
     for first in range(0, len(instances), BLOCK):
         part = slice(first, first + BLOCK)

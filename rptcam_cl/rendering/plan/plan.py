@@ -9,15 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.colour import (
-    LUMINANCE,
-    WAVELENGTHS_NM,
-    cie_1931,
-    daylight_65,
-    response_curves,
-    rgb_basis,
-    srgb_from_xyz,
-)
+from rptcam_cl.core import colour
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import EnvironmentKind, Kind, MaterialKind, SpectrumKind
@@ -90,7 +82,7 @@ def primary_spectra() -> Array:
     White light of D65 as the sRGB primaries' matching functions (CIE 1931) see it, their negative parts left out: none
     of red, green and blue can be less than nothing. Each channel then is light of its own, and white a mixture of all.
     """
-    matching = cie_1931() @ srgb_from_xyz().T * daylight_65()[:, None]
+    matching = colour.cie_1931() @ colour.srgb_from_xyz().T * colour.daylight_65()[:, None]
     spread = np.maximum(matching, 0.0)
     return np.asarray(spread / spread.sum(axis=0))
 
@@ -107,8 +99,14 @@ def wavelength_table(spectra: Array, density: Array, low_nm: float, high_nm: flo
     low_nm, high_nm
         Wavelengths that paths may have [nm]; the spectra are cut there and keep their sums.
     """
-    grid = np.concatenate([[low_nm], WAVELENGTHS_NM[(low_nm < WAVELENGTHS_NM) & (high_nm > WAVELENGTHS_NM)], [high_nm]])
-    columns = np.stack([np.interp(grid, WAVELENGTHS_NM, values) for values in (*spectra.T, density)])
+    grid = np.concatenate(
+        [
+            [low_nm],
+            colour.WAVELENGTHS_NM[(low_nm < colour.WAVELENGTHS_NM) & (high_nm > colour.WAVELENGTHS_NM)],
+            [high_nm],
+        ]
+    )
+    columns = np.stack([np.interp(grid, colour.WAVELENGTHS_NM, values) for values in (*spectra.T, density)])
     pieces = (columns[:, 1:] + columns[:, :-1]) / 2 * np.diff(grid)
     sums = np.concatenate([np.zeros((4, 1)), np.cumsum(pieces, axis=1)], axis=1)
     sums *= np.append(spectra.sum(axis=0), 1.0)[:, None] / sums[:, -1:]
@@ -159,15 +157,15 @@ def least_noise(spectra: Array) -> Array:
     The variances of its luminance and of the differences of red and of blue to it count alike; their sum is least where
     the density goes with the root of the sum of their squares.
     """
-    bright = spectra @ LUMINANCE
+    bright = spectra @ colour.LUMINANCE
     return np.asarray(np.sqrt(bright**2 + (spectra[:, 0] - bright) ** 2 + (spectra[:, 2] - bright) ** 2))
 
 
 def observer(scene: Scene) -> tuple[str, Array]:
     """Find who sees, the scene's sensor or the eye, and the weights (401, 3) that make linear sRGB of spectra."""
     if scene.sensor is not None and scene.sensor.response is not None:
-        return scene.sensor.response, response_curves(scene.sensor.response)
-    return "cie_1931", cie_1931() @ srgb_from_xyz().T
+        return scene.sensor.response, colour.response_curves(scene.sensor.response)
+    return "cie_1931", colour.cie_1931() @ colour.srgb_from_xyz().T
 
 
 def _spectral(
@@ -180,7 +178,7 @@ def _spectral(
     """
     table = wavelength_table(matching, _density(matching, spectra.lights), *range_nm)
     edges = table[:, 0].astype(np.float64)
-    colours = np.concatenate([rgb_basis().T, daylight_65()[None]])
+    colours = np.concatenate([colour.rgb_basis().T, colour.daylight_65()[None]])
     colours = _cell_means(colours, edges)
     seen = table[:-1, 1:].T.astype(np.float64) @ (colours[:3] * colours[3]).T / WAVELENGTH_CELLS
     table[:, 1:] = table[:, 1:] @ np.linalg.inv(seen).T
@@ -195,7 +193,7 @@ def _spectral(
 def _density(matching: Array, lights: list[Array]) -> Array:
     """How likely wavelengths are: as daylight is seen, and half of them as the lights of known spectra are."""
     sees = np.abs(matching).mean(axis=1)
-    shares = sees * daylight_65()
+    shares = sees * colour.daylight_65()
     density = shares / shares.sum()
     shining = [light for light in lights if (light * sees).sum() > 0]
     if shining:
@@ -205,8 +203,8 @@ def _density(matching: Array, lights: list[Array]) -> Array:
 
 def _cell_means(spectra: Array, edges_nm: Array) -> Array:
     """Return means (n, cells) of spectra (n, 401), linear between `WAVELENGTHS_NM`, over cells of wavelength."""
-    grid = np.union1d(WAVELENGTHS_NM, edges_nm)
-    values = np.array([np.interp(grid, WAVELENGTHS_NM, row) for row in spectra])
+    grid = np.union1d(colour.WAVELENGTHS_NM, edges_nm)
+    values = np.array([np.interp(grid, colour.WAVELENGTHS_NM, row) for row in spectra])
     pieces = (values[:, 1:] + values[:, :-1]) / 2 * np.diff(grid)
     sums = np.concatenate([np.zeros((len(values), 1)), np.cumsum(pieces, axis=1)], axis=1)
     places = np.searchsorted(grid, edges_nm)
