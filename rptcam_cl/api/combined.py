@@ -22,7 +22,7 @@ from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
-from rptcam_cl.core.files import check_writable, listed, make_folder, replacing, resolve_links
+from rptcam_cl.core.files import check_writable, listed, make_folder, name_errors, replacing, resolve_links
 from rptcam_cl.core.remember import OneMaker, made_by
 from rptcam_cl.device.session import Session, Wanted, open_session, open_sessions
 from rptcam_cl.imaging.development import quantise
@@ -704,13 +704,11 @@ def _plan(
     for combination in itertools.product(*over.values()):
         values = dict(zip(over, combination, strict=True))
         title = ", ".join(f"{key}={_format_value(value)}" for key, value in values.items())
-        try:
+        with name_errors(title):
             changed = set_keys(scene, values)
             check_sensor(changed, *window(changed)[2:])
             if changed.lens_source() is not None:
                 focus_drive(changed)  # whether the lens opens so far
-        except RptcamError as problem:
-            raise type(problem)(f"{title}: {problem}") from None
         facts = [__version__, changed.picture_hash(), changed.render.most_spp, list(mtf_at or ())]
         if changed.render.layers:
             facts += [list(changed.render.layers), changed.render.layers_spp]

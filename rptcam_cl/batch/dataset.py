@@ -12,7 +12,6 @@ import os
 import re
 import tarfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import field, replace
 from numbers import Integral, Real
 from pathlib import Path
@@ -25,7 +24,7 @@ from rptcam_cl.api.job import SeriesRenderer, settle
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError, out_of_range
-from rptcam_cl.core.files import make_folder, replacing, resolve_links
+from rptcam_cl.core.files import make_folder, name_errors, replacing, resolve_links
 from rptcam_cl.core.remember import UNKNOWN, Memory, OneMaker, made_by
 from rptcam_cl.core.strict_yaml import KeyPath, dotted, read_yaml
 from rptcam_cl.device.session import Wanted, open_sessions
@@ -35,19 +34,6 @@ from rptcam_cl.imaging.writers import LABELS, MOST_INSTANCES, TRUTH_FILES, categ
 from rptcam_cl.scene.changes import change_scene, set_keys
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
-
-# Errors of a frame begin with its number.
-
-
-@contextmanager
-def number_errors(index: int) -> Iterator[None]:
-    """Within the block errors that are reported in one line begin with ``frame 517:``."""
-    try:
-        yield
-    except RptcamError as problem:
-        problem.args = (f"frame {index}: {problem}",)
-        raise
-
 
 #
 # What a key is in each frame: distributions, drawn by seed, key and frame alone.
@@ -317,7 +303,7 @@ class DatasetSpecification:
         """
         values = values_of_frame(self.vary, self.seed, index)
         changes = values if "render.seed" in values else values | {"render.seed": seed_of_frame(self.seed, index)}
-        with number_errors(index):
+        with name_errors(f"frame {index}"):
             return values, set_keys(self.scene, changes)
 
 
@@ -842,7 +828,7 @@ def _frames(
             renderer = SeriesRenderer(open_sessions(device)[0][0])
             if place is not None:
                 place.join([renderer.device.info.driver])
-        with number_errors(index):
+        with name_errors(f"frame {index}"):
             if scene.requested_autofocus is not None:
                 scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
             shown = scene

@@ -20,7 +20,7 @@ from rptcam_cl.api.options import OF_A_CLUSTER, add_options, check_together, dig
 from rptcam_cl.cli import output
 from rptcam_cl.core import __version__
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.files import LAYER_SUFFIXES, file_state, listed, named_files
+from rptcam_cl.core.files import LAYER_SUFFIXES, file_state, listed, name_errors, named_files
 from rptcam_cl.core.remember import OneMaker, made_by
 
 if TYPE_CHECKING:
@@ -54,12 +54,10 @@ def _frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[i
 
     scenes = []
     for frame in arguments.frames:
-        try:
+        with name_errors(f"frame {frame}"):
             still = _scene_of_frame(scene, frame)
             at_rest(still)  # keys of the shutter as well
             scenes.append((frame, still))
-        except RptcamError as problem:
-            raise type(problem)(f"frame {frame}: {problem}") from None
     return scenes
 
 

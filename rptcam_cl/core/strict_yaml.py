@@ -18,8 +18,8 @@ from typing import Any
 import yaml
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import References, read_whole
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import References, name_errors, read_whole
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 32
@@ -149,10 +149,8 @@ def _finite(text: str) -> float:
 
 
 def _read_file(path: Path, label: str, most_bytes: int) -> bytes:
-    try:
+    with name_errors(label):
         return read_whole(path, most_bytes)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{label}: {problem}") from None
 
 
 def _decode(raw: bytes, label: str, most_bytes: int) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import Folders, References, digest, lenses_dir, read_whole
+from rptcam_cl.core.files import Folders, References, digest, lenses_dir, name_errors, read_whole
 from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, read_yaml
 from rptcam_cl.optics.files import tables
 from rptcam_cl.optics.files.glasses import chosen_makers
@@ -183,10 +183,8 @@ def _like(name: str, known: Sequence[str]) -> list[str]:
 
 
 def _read_text(path: Path) -> str:
-    try:
+    with name_errors(path):
         raw = read_whole(path, MAX_BYTES)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{path}: {problem}") from None
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         try:
             return raw.decode("utf-16")

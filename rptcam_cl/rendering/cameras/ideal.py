@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import read_whole
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import name_errors, read_whole
 from rptcam_cl.core.records import curves
 from rptcam_cl.optics.lens import Lens, limiting_surface, system_matrix
 from rptcam_cl.optics.surface import StopMask, StopShape, blades, fit_to_stop, heart, polygon, star
@@ -221,10 +221,8 @@ def bright_parts(source: Path | bytes, where: str) -> NDArray[np.bool_]:
     """
     from PIL import Image, UnidentifiedImageError
 
-    try:
+    with name_errors(where):
         content = read_whole(source, LARGEST_FILE)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{where}: {problem}") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import kernels_dir
+from rptcam_cl.core.files import kernels_dir, name_errors
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.charts import FAINT, INK, add_key, new_figure, series, styled
@@ -546,14 +546,12 @@ class FrameTracker:
     def _next(self, number: int) -> tuple[Scene, dict[str, Any]]:
         still = set_keys(self._scene, self._sequence.changes(self._scene.shutter.open_s, number))
         metadata: dict[str, Any] = {}
-        try:
+        with name_errors(f"frame {number}"):
             if self._sequence.continuous_focus is not None and at_rest(still).requested_autofocus is not None:
                 still, metadata = self._focus(still)
             is_metered = still.exposure.mode == "auto" and still.exposure.lock_cd_m2 is None
             if self._sequence.exposure_time_constant_s is not None and is_metered:
                 still = self._expose(still, self._sequence.exposure_time_constant_s)
-        except InputError as problem:
-            raise type(problem)(f"frame {number}: {problem}") from None
         return still, metadata
 
     def _focus(self, still: Scene) -> tuple[Scene, dict[str, Any]]:
