@@ -95,8 +95,7 @@ class Distribution:
         elif self.kind == "normal":
             middle = [min(max(m, a), b) for m, a, b in zip(self.mean, *self.values, strict=True)]
             yield self._as_value(middle)
-            finite = [end for end in self.values if all(map(math.isfinite, end))]
-            yield from (self._as_value(end) for end in finite)
+            yield from (self._as_value(end) for end in self.values if all(map(math.isfinite, end)))
         else:
             yield from (self._as_value(end) for end in self.values)
 
@@ -356,9 +355,9 @@ def read_specification(
     vary, classes = _vary(data, scene, where)
     scene = _sharing(scene, vary)
     truth = _truth(data, scene, where)
-    content = {key: data.get(key) for key in ("vary", "seed", "files", "camera_model")} | (
-        {"truth": True} if truth else {}
-    )
+    content = {key: data.get(key) for key in ("vary", "seed", "files", "camera_model")}
+    if truth:
+        content["truth"] = True
     return DatasetSpecification(
         scene, vary, count, seed, _files(data, where), truth, _model(data, where), content, classes
     )
@@ -371,15 +370,8 @@ def _sharing(scene: Scene, vary: Mapping[str, Distribution]) -> Scene:
         return scene
     if {"camera", "camera.kind", "camera.pupil", "camera.rays"} & set(vary):
         return scene
-    states: tuple[str, ...] = (
-        "camera.f_number",
-        "camera.stop_diameter_mm",
-        "camera.focal_length_mm",
-        "camera.focus",
-        "camera.movements.rise_mm",
-        "camera.movements.shift_mm",
-        "film.",
-    )
+    of_camera = ("f_number", "stop_diameter_mm", "focal_length_mm", "focus", "movements.rise_mm", "movements.shift_mm")
+    states = (*(f"camera.{key}" for key in of_camera), "film.")
     if camera.focus.point is not None or camera.focus.object is not None:
         states += ("camera.eye", "camera.target", "objects")
     drawn = [key for key, law in vary.items() if law.kind not in ("choice", "grid")]
