@@ -702,7 +702,7 @@ def _modulation(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -
 
 
 def transfer_errors(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike, all_cells: Sequence[Array]) -> Array:
-    """Return what a third of the cells across the pupil changes of the modulation, over `THIRDS_OVER_ALL`."""
+    """Return by how much a third of the cells changes the modulation of one field, over `THIRDS_OVER_ALL`."""
     parts = [_modulation(part, frequencies_per_mm) for part in zip(*(wave.thirds() for wave in group), strict=True)]
     return np.asarray(np.abs(np.array(parts) - np.array(all_cells[:2])).max(axis=(0, 1)) / THIRDS_OVER_ALL)
 
