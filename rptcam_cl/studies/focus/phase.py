@@ -744,12 +744,12 @@ def focus_by_phase(task: Task) -> FocusReport:
         When no zone gives a distance.
     """
     search = _phase_search(task)
-    report = _finish_by_phase(task, "phase", search, search.zone, [])
+    report = _end_by_phase(task, "phase", search, search.zone, [])
     report.notes.update(search.notes())
     return report
 
 
-def _finish_by_phase(task: Task, method: str, search: PhaseSearch, zone: Zone, more: list[ProbeRecord]) -> FocusReport:
+def _end_by_phase(task: Task, method: str, search: PhaseSearch, zone: Zone, more: list[ProbeRecord]) -> FocusReport:
     """Return the focus that a search finds with as many probes as it takes; ``more`` were made beside them."""
     state, sure = search.finish(), probability_within(0.25, search.error)
     error = search.error * task.drive.depth_of_focus
@@ -841,7 +841,7 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     try:
         peak, _ = greatest_contrast(probes, Policy.CENTRE, (pointed, reach))
     except NoContrast:
-        report = _finish_by_phase(task, "hybrid", search, zone, probes.records(0))
+        report = _end_by_phase(task, "hybrid", search, zone, probes.records(0))
         report.notes["finished_by"] = "phase"
         return report
     is_rough = search.error > ENOUGH and clearest_beside(task.renderer, search.state, search.zone) > DISAGREE / 2
@@ -849,7 +849,7 @@ def focus_by_hybrid(task: Task) -> FocusReport:
         search.step(probes.state_of(peak.place), NEAR_SAMPLES)
         away = abs(peak.place - probes.place_of(search.state)) / sharp
         if away > max(DISAGREE, AGREEMENT * search.error):
-            report = _finish_by_phase(task, "hybrid", search, zone, probes.records(0))
+            report = _end_by_phase(task, "hybrid", search, zone, probes.records(0))
             report.notes["finished_by"] = "phase, as contrast is greatest elsewhere"
             return report
     sure = probability_within(sharp / 4, peak.error)

@@ -195,7 +195,7 @@ def test_sharpest_planes_are_where_the_spread_is_least_across_down_and_of_both()
     def spread(vergence, axes):
         return float(lit @ np.sum((at + vergence * along)[:, axes] ** 2, axis=1))
 
-    own = SimpleNamespace(_lines=(at, along, None, None), rays=SimpleNamespace(weights=[weights]))
+    own = SimpleNamespace(_lines=(at, along, None, None), _weights=lit)
     found = [*HalfView.sharpest_along(own), HalfView.sharpest(own)]
     assert len({round(vergence, 6) for vergence in found}) == 3
     for vergence, axes in zip(found, ([0], [1], [0, 1]), strict=True):
