@@ -55,6 +55,23 @@ BLACK = {"kind": "matte", "reflectance": 0.0}
 NO_SURFACE = {"kind": "matte", "reflectance": 0.0, "opacity": 0.0}
 SMOOTHEST = 0.032  # roughness that principled materials have at least
 MOST_RADIANCE = 1e30
+OF_METALS = (1e-3, 100.0)  # optical constants that scenes take
+# Inputs of shaders that are read, said to be left out, or mean nothing by themselves; others that count are reported.
+_WHEREVER = {"Color", "Roughness", "Normal", "Tangent", "Weight", "IOR"}
+KNOWN = {
+    "BSDF_PRINCIPLED": _WHEREVER | {
+        "Base Color", "Metallic", "Alpha", "Diffuse Roughness", "Subsurface Weight", "Subsurface Radius",
+        "Subsurface Scale", "Subsurface IOR", "Subsurface Anisotropy", "Specular IOR Level", "Specular Tint",
+        "Anisotropic", "Anisotropic Rotation", "Transmission Weight", "Transmission Dispersion Abbe Number",
+        "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal", "Sheen Weight", "Sheen Roughness",
+        "Sheen Tint", "Emission Color", "Emission Strength", "Thin Film Thickness", "Thin Film IOR",
+    },
+    "BSDF_METALLIC": _WHEREVER | {"Base Color", "Edge Tint", "Extinction", "Anisotropy", "Rotation", "Thin Film IOR"},
+    "BSDF_GLOSSY": _WHEREVER | {"Anisotropy", "Rotation"},
+    "BSDF_ANISOTROPIC": _WHEREVER | {"Anisotropy", "Rotation"},
+    "BSDF_GLASS": _WHEREVER | {"Rotation", "Thin Film IOR"},
+    **dict.fromkeys(("BSDF_DIFFUSE", "BSDF_REFRACTION", "BSDF_SHEEN", "BSDF_TRANSLUCENT"), _WHEREVER),
+}  # fmt: skip
 # Roughness of Blender's sheen (Zeltner and others 2022), that of ours (Estevez and Kulla 2017) that sends back the same
 # share of even light, and a factor on it. Measured on balls in an even world, where Blender's send back 1 to 31 %.
 SHEEN = (
@@ -92,6 +109,9 @@ class _Translator(ValueReader):
         if found is None:
             self.say(f"the shader {node.name} has no equal; matte grey stands in")
             return {"kind": "matte", "reflectance": 0.5}
+        for name in node.inputs.keys() - KNOWN.get(node.kind, node.inputs.keys()):
+            if self.counts(node, name):
+                self.say(f"{name} is left out")
         return found(self, node)
 
     def shader(self, node: Node, name: str) -> Node | None:
@@ -179,7 +199,17 @@ class _Translator(ValueReader):
         if self.counts(node, "Diffuse Roughness"):
             self.say("its base is even (Lambert), without a roughness of its own")
         if self.counts(node, "Thin Film Thickness"):
-            self.say("its thin film is left out")
+            self._film(node, keys)
+
+    def _film(self, node: Node, keys: dict[str, Any]) -> None:
+        """A film in which light interferes."""
+        reflects = ("metallic", "specular_color", "base_color" if keys["metallic"] != 0 else "metallic")
+        if keys.get("transmission", 0.0) != 0 or any(isinstance(keys.get(name), dict) for name in reflects):
+            self.say("its thin film is left out, as it is clear or reflects by a texture")
+            return
+        thickness = self.constant(node, "Thin Film Thickness", "the thickness of its film")
+        index = self.constant(node, "Thin Film IOR", "the index of its film")
+        keys["thin_film"] = {"thickness_nm": min(thickness, 20_000.0), "index": min(max(index, 1.0), 5.0)}
 
     def _emission(self, node: Node, keys: dict[str, Any]) -> None:
         strength, colour = self.field(node, "Emission Strength"), self.field(node, "Emission Color")
@@ -208,14 +238,24 @@ class _Translator(ValueReader):
         self.say(f"{node.name}: it scatters at the surface, as matte, and lets no light through")
         return {"kind": "matte", "reflectance": self.colour(node, "Color")} | self._normals(node)
 
+    def translucent(self, node: Node) -> dict[str, Any]:
+        """Translucent BSDF."""
+        keys = {"kind": "translucent", "reflectance": 0.0, "transmittance": self.colour(node, "Color")}
+        return keys | self._normals(node)
+
     def sheen(self, node: Node) -> dict[str, Any]:
         """Sheen and velvet without a base."""
+        if node.values.get("distribution", "MICROFIBER") != "MICROFIBER":
+            self.say(f"its {node.values['distribution'].title()} sheen is of fibres here")
         keys = {"kind": "principled", "base_color": 0.0, "specular": 0.0}
         return keys | self._fibres(node, "Roughness", self.field(node, "Color")) | self._normals(node)
 
     def _fibres(self, node: Node, name: str, colour: Field) -> dict[str, Any]:
         """The sheen that sends back as much even light as Blender's, of other fibres."""
         roughness = min(max(self.constant(node, name, "its sheen's roughness"), 0.0), 1.0)
+        self.say(
+            "its sheen is of other fibres than Blender's: as much light from all sides, another share of one lamp's"
+        )
         of_blender, ours, share = np.array(SHEEN).T
         if roughness > of_blender[-1]:
             self.say(f"its sheen is as of roughness {of_blender[-1]}, the strongest here")
@@ -239,6 +279,32 @@ class _Translator(ValueReader):
         if anisotropy:
             self.say("its highlights are round: the anisotropy of the glossy shader is left out")
         return keys | self._normals(node)
+
+    def metallic(self, node: Node) -> dict[str, Any]:
+        """Metallic BSDF: a metal by its colour, or by its optical constants."""
+        roughness = min(max(self.constant(node, "Roughness", "the roughness of a metal"), SMOOTHEST), 1.0)
+        self._say_distribution(node, roughness)
+        keys: dict[str, Any] = {"roughness": roughness, "anisotropy": 0.0}
+        if self.counts(node, "Anisotropy"):
+            keys["anisotropy"] = min(max(self.constant(node, "Anisotropy", "the anisotropy"), 0.0), 1.0)
+            keys["anisotropy_rotation_degrees"] = 360 * (self.constant(node, "Rotation", "the rotation") % 1)
+            self.say("brushed along its texture coordinates, whatever its tangent says")
+        is_measured = node.values.get("fresnel_type") == "PHYSICAL_CONDUCTOR"
+        one, other = ("IOR", "Extinction") if is_measured else ("Base Color", "Edge Tint")
+        fields = self.field(node, one), self.field(node, other, (1.0, 1.0, 1.0))
+        is_even = all(each.is_constant for each in fields)
+        if not is_measured and not is_even:
+            if not self.is_white(node, other):
+                self.say("a metal by a texture: its rim is white (Schlick), without the edge tint")
+            keys |= {"kind": "principled", "metallic": 1.0, "base_color": texture_of(fields[0], 3)}
+            return keys | self._normals(node)
+        if not is_even:
+            self.say("its optical constants are the means of their textures")
+        index, absorbs = (np.broadcast_to(each.colour, 3) for each in fields)
+        if not is_measured:
+            index, absorbs = metal_of(index, absorbs)
+        metal = {"n": np.clip(index, *OF_METALS).tolist(), "k": np.clip(absorbs, *OF_METALS).tolist()}
+        return {"kind": "conductor", "metal": metal} | keys | self._normals(node)
 
     def glass(self, node: Node) -> dict[str, Any]:
         """Glass and Refraction BSDF."""
@@ -482,6 +548,34 @@ def without_hair(keys: dict[str, Any]) -> dict[str, Any]:
     return {"kind": "matte", "reflectance": keys.get("reflectance", 0.2)}
 
 
+def metal_of(facing: Any, edge: Any) -> tuple[Any, Any]:
+    """Optical constants n and k [channels] of a metal that has a colour seen straight on, and a tint at its rim.
+
+    The tint is a factor on Schlick's curve where the cosine is 1/7, as in Blender; else the nearest.
+    """
+    f0 = np.clip(facing, 1e-4, 0.9999)
+    root, cosine = np.sqrt(f0), 1 / 7
+    wanted = (f0 + (1 - f0) * (1 - cosine) ** 5) * np.clip(edge, 0, 1)
+    low, high = (1 - f0) / (1 + f0), (1 + root) / (1 - root)  # of what absorbs the most, and of what is clear
+
+    def absorption(n: Any) -> Any:
+        return np.sqrt(np.maximum((f0 * (n + 1) ** 2 - (n - 1) ** 2) / (1 - f0), 0))
+
+    for _ in range(60):
+        n = (low + high) / 2
+        is_bright = conductor_reflectance(n, absorption(n), cosine) > wanted
+        low, high = np.where(is_bright, n, low), np.where(is_bright, high, n)
+    return n, absorption(n)
+
+
+def conductor_reflectance(n: Any, k: Any, cosine: float) -> Any:
+    """Fresnel's reflectance of unpolarised light by a metal in air."""
+    eta, c = n + 1j * k, cosine
+    inside = np.sqrt(eta**2 - (1 - c * c))
+    across, along = (c - inside) / (c + inside), (eta**2 * c - inside) / (eta**2 * c + inside)
+    return (np.abs(across) ** 2 + np.abs(along) ** 2) / 2
+
+
 def _tint(key: str, colour: Field) -> dict[str, Any]:
     """A colour of glass under its key; nothing where it is white."""
     white = colour.is_constant and float(colour.colour.min()) >= 1
@@ -503,11 +597,11 @@ _SURFACES: MappingOf[str, Callable[[_Translator, Node], dict[str, Any]]] = {
     "BSDF_DIFFUSE": _Translator.diffuse,
     "BSDF_GLOSSY": _Translator.glossy,
     "BSDF_ANISOTROPIC": _Translator.glossy,
-    "BSDF_METALLIC": _Translator.glossy,
+    "BSDF_METALLIC": _Translator.metallic,
     "BSDF_GLASS": _Translator.glass,
     "BSDF_REFRACTION": _Translator.glass,
     "BSDF_TRANSPARENT": _Translator.transparent,
-    "BSDF_TRANSLUCENT": _Translator.scattering,
+    "BSDF_TRANSLUCENT": _Translator.translucent,
     "SUBSURFACE_SCATTERING": _Translator.scattering,
     "BSDF_SHEEN": _Translator.sheen,
     "BSDF_HAIR_PRINCIPLED": _Translator.hair,

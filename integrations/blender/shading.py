@@ -29,6 +29,7 @@ OF_NODES = (
     "uv_map", "invert", "clamp", "interpolation_type", "mode", "distribution", "extension", "interpolation",
     "projection", "sky_type", "sun_direction", "turbidity", "sun_elevation", "sun_rotation", "sun_disc", "dust_density",
     "aerosol_density", "model", "parametrization", "layer_name", "attribute_name", "attribute_type",
+    "fresnel_type",
 )  # fmt: skip
 BAKED_UV = "rptcam"  # the texture coordinates that they go by
 

@@ -460,7 +460,8 @@ def _save_marked(image: Image, path: Path, level: float) -> None:
 
     codes = codes_of(image)
     codes[peaking(image.seen, level)] = PEAKING_COLOUR[:3]
-    Pillow.fromarray(codes).save(path)
+    with files.replacing(path) as temporary:
+        Pillow.fromarray(codes).save(temporary, "PNG" if path.suffix.lower() == ".png" else "JPEG")
 
 
 def run_develop(arguments: argparse.Namespace) -> int:

@@ -48,6 +48,23 @@ def test_peaking_colours_what_is_sharp_and_nothing_else(rptcam: Command) -> None
     assert "takes no marks of what is sharp" in rptcam(*words, "marked.tif", "--peaking", "0.9").err
 
 
+@pytest.mark.usefixtures("film")
+def test_a_picture_with_marks_is_written_whole_or_not_at_all(
+    rptcam: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("develop", "film.exr", "-o", "marked.png", "--peaking", "0.9")
+    assert rptcam(*words).code == 0
+    before = Path("marked.png").read_bytes()
+
+    def fill_the_disk(picture: PIL.Image.Image, path: Path, form: str | None = None) -> None:
+        Path(path).write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(PIL.Image.Image, "save", fill_the_disk)
+    assert "marked.png: cannot be written: No space left" in rptcam(*words).err
+    assert Path("marked.png").read_bytes() == before
+
+
 @pytest.mark.parametrize("name", ["film.exr", "film.npz"])
 def test_film_develops_as_its_scene_says(rptcam: Command, film: Image, name: str) -> None:
     run = rptcam("develop", name, "-o", "a.png")

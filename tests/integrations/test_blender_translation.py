@@ -1,20 +1,28 @@
 """What Blender's cameras, lamps, nodes and meshes become, without Blender: closed forms."""
 
+import json
 import math
 import os
+import re
+import shlex
+import shutil
 import signal
+import subprocess
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image, ImageGrab
 
 import rptcam_cl
+from integrations.blender.build import build
 from integrations.blender.camera import BlenderCamera, Frame, LensChoice, camera_keys, film_size_mm
 from integrations.blender.fields import Field, Mapping, _looked_up, combine, constant, hue_saturation, mix_colours
 from integrations.blender.lights import BlenderLamp, lamp_keys
 from integrations.blender.live import LiveScene, differences, is_same
-from integrations.blender.materials import BlenderMaterial, translate
+from integrations.blender.materials import BlenderMaterial, metal_of, translate
 from integrations.blender.meshes import BlenderMesh, movement, part
 from integrations.blender.nodes import Link, Node, linear
 from integrations.blender.report import Report
@@ -203,9 +211,35 @@ def test_tinted_slab_has_the_light_of_the_series_of_its_passages():
 
 
 def test_layers_without_an_equal_are_reported():
-    node = principled(Subsurface_Weight=1.0, Thin_Film_Thickness=300.0, Coat_Weight=1.0, Coat_IOR=1.8)
+    node = principled(Subsurface_Weight=1.0, Coat_Tint=(1.0, 0.5, 0.5), Coat_Weight=1.0, Coat_IOR=1.8, Later=0.5)
     _, said = surface_of(node)
-    assert len(said) == 3
+    assert [each.removeprefix("Material m: ") for each in said] == [
+        "Later is left out.", "its coat has the index 1.5.", "its coat is clear, without a tint.",
+        "subsurface scattering is left out: its base scatters at the surface.",
+    ]  # fmt: skip
+
+
+def test_thin_film_lies_on_what_reflects_by_numbers():
+    film = {"Thin_Film_Thickness": 300.0, "Thin_Film_IOR": 1.4}
+    keys, said = surface_of(principled(**film))
+    assert keys["thin_film"] == pytest.approx({"thickness_nm": 300.0, "index": 1.4}) and not said
+    keys, said = surface_of(principled(**film, Transmission_Weight=0.5))
+    assert "thin_film" not in keys and "thin film is left out" in said[-1]
+
+
+@pytest.mark.parametrize("edge", [1.0, 0.8, 0.6])
+@pytest.mark.parametrize("facing", [0.5, 0.9])
+def test_metal_has_the_colour_and_the_rim_that_its_node_says(facing, edge):
+    """By Fresnel's equations, straight on and where the cosine is 1/7; a rim darker than a metal's is its darkest."""
+    n, k = (each[0] for each in metal_of(np.full(3, facing), np.full(3, edge)))
+    bend = n + 1j * k
+    straight = abs((1 - bend) / (1 + bend)) ** 2
+    inside = np.sqrt(1 - (1 - 1 / 49) / bend**2)
+    across, along = (1 / 7 - bend * inside) / (1 / 7 + bend * inside), (bend / 7 - inside) / (bend / 7 + inside)
+    rim = (abs(across) ** 2 + abs(along) ** 2) / 2
+    schlick = facing + (1 - facing) * (6 / 7) ** 5
+    assert straight == pytest.approx(facing, rel=1e-9)
+    assert rim == pytest.approx(max(edge * schlick, {0.5: 0.6237595 * schlick, 0.9: 0.7711884 * schlick}[facing]))
 
 
 def test_transparent_shader_makes_holes():
@@ -489,3 +523,56 @@ def test_process_of_its_own_gives_the_same_bits_and_may_be_killed():
     finally:
         here.close()
         apart.close()
+
+
+BLENDER = shlex.split(os.environ.get("RPTCAM_BLENDER", "")) or [each for each in [shutil.which("blender")] if each]
+
+
+def until(condition, process, seconds):
+    """Wait for something that a process does."""
+    ends = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < ends and process.poll() is None, f"not in {seconds} s, or ended: {process.poll()}"
+        time.sleep(0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not BLENDER or shutil.which("Xvfb") is None, reason="takes Blender (RPTCAM_BLENDER) and Xvfb")
+def test_stranger_installs_the_zip_picks_a_lens_looks_and_presses_f12(tmp_path):
+    """In Blender's own window: the viewport shows in the camera's frame what F12 renders, through the same lens."""
+    own = {"BLENDER_USER_RESOURCES": str(tmp_path / "user"), "HOME": str(tmp_path), "LIBGL_ALWAYS_SOFTWARE": "1"}
+    surroundings = os.environ | own
+    said = subprocess.run(
+        [*BLENDER, "--background", "--python-expr", "import sys; print('Python', *sys.version_info[:2])"],
+        env=surroundings, check=True, capture_output=True, text=True,
+    ).stdout  # fmt: skip
+    archive = build("linux-x64", ".".join(re.search(r"Python (\d+) (\d+)", said).groups()), tmp_path)
+    for words in (["validate"], ["install-file", "-r", "user_default", "-e"]):
+        subprocess.run([*BLENDER, "--command", "extension", *words, str(archive)], env=surroundings, check=True)
+    reading, writing = os.pipe()
+    command = ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x800x24", "-nolisten", "tcp"]
+    with subprocess.Popen(command, pass_fds=[writing], stderr=subprocess.DEVNULL) as screen:
+        try:
+            display = f":{os.read(reading, 20).decode().strip()}"
+            command = [*BLENDER, "--factory-startup", "--addons", "bl_ext.user_default.rptcam", "-p", "0", "0"]
+            command += ["1280", "800", "--python", str(Path(__file__).with_name("window.py")), "--", str(tmp_path)]
+            with subprocess.Popen(command, env=surroundings | {"DISPLAY": display}) as window:
+                try:
+                    shown = tmp_path / "shown.json"
+                    until(shown.exists, window, 300)
+                    time.sleep(1)
+                    screenshot = ImageGrab.grab(xdisplay=display).convert("RGB")
+                    screenshot.save(os.environ.get("RPTCAM_SCREENSHOT", tmp_path / "screenshot.png"))
+                    left, top, width, height = json.loads(shown.read_text())
+                    shown.unlink()
+                    assert window.wait(300) == 0
+                finally:
+                    window.kill()
+        finally:
+            screen.kill()
+    rendered = Image.open(tmp_path / "f12.png").convert("RGB")
+    seen = screenshot.crop(tuple(round(each) for each in (left, top, left + width, top + height)))
+    films = [np.asarray(each.resize((60, 40), Image.Resampling.BOX), float)[3:-3, 3:-3] for each in (seen, rendered)]
+    assert films[1].std() > 20
+    assert np.corrcoef(films[0].ravel(), films[1].ravel())[0, 1] > 0.98
+    assert films[0].mean() == pytest.approx(films[1].mean(), rel=0.05)

@@ -553,7 +553,8 @@ def read_gltf(path: Path, find: Find, time_s: float | None = None) -> Draft:
 
 
 def _check_version(document: JsonNode, path: Path) -> None:
-    version = document.part("asset").text("version") or ("1.0, by its form" if document.is_mapping("meshes") else "")
+    # files of glTF 1.0 may hold their version as a number, or none
+    version = "1.0, by its form" if document.is_mapping("meshes") else document.part("asset").text("version")
     if version.split(".")[0] != "2":
         raise InputError(f"{path}: is not glTF 2.0 (got version {version or 'none'!s}; allowed: 2.0)")
     if missing := [name for name in document.texts("extensionsRequired") if name not in _KNOWN_EXTENSIONS]:

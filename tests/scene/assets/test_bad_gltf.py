@@ -75,6 +75,7 @@ GLTF: list[tuple[Callable[[GltfWriter], bytes], str]] = [
     (lambda writer: b"{}", "is not glTF 2.0 (got version none"),
     (changed("asset.version", "1.0"), "is not glTF 2.0 (got version 1.0"),
     (lambda writer: b'{"meshes": {"leaf": {}}}', "is not glTF 2.0 (got version 1.0, by its form"),
+    (lambda writer: b'{"asset": {"version": 1}, "meshes": {}}', "is not glTF 2.0 (got version 1.0, by its form"),
     (
         changed("extensionsRequired", ["KHR_texture_basisu"]),
         "needs extensions that are not read (got KHR_texture_basisu",
