@@ -200,6 +200,7 @@ def test_reader_does_not_follow_a_file_that_became_another(tmp_path: Path) -> No
 
 
 def test_error_that_gets_a_place_keeps_its_kind_and_what_it_holds() -> None:
-    with pytest.raises(FieldError, match=r"^frame 3: a\.yaml:1:2: x: must be above 0$") as caught, name_errors("frame 3"):
+    words = r"^frame 3: a\.yaml:1:2: x: must be above 0$"
+    with pytest.raises(FieldError, match=words) as caught, name_errors("frame 3"):
         raise FieldError("a.yaml:1:2", ("x",), "must be above 0")
     assert caught.value.path == ("x",)
