@@ -92,10 +92,32 @@ def our_worker(case: dict[str, Any]) -> dict[str, Any]:
 
 def optiland_worker(case: dict[str, Any]) -> dict[str, Any]:
     """Search with optiland: its least squares, curvatures as variables, spots as operands; a last step ends it."""
+    from optiland.optimization import LeastSquares
+
+    optic = _optiland_lens(case)
+    problem = _optiland_problem(optic, case)
+    begin = time.process_time()
+
+    def stop_in_time(*_: Any, **__: Any) -> None:
+        if time.process_time() - begin > case["seconds"]:
+            raise StopIteration
+
+    result = LeastSquares(problem).optimize(
+        maxiter=case["iterations"], tol=1e-6, callback=stop_in_time, method_choice="trf", x_scale="jac"
+    )
+    seconds = time.process_time() - begin
+    found = _optiland_rows(optic, case["rows"])
+    return {
+        "cpu_s": seconds, "evaluations": int(result.nfev), "rows": found, "film_mm": found[-1][1],
+        "ended": "out of time" if seconds > case["seconds"] else str(result.message),
+    }  # fmt: skip
+
+
+def _optiland_lens(case: dict[str, Any]) -> Any:
+    """Return the disturbed lens of a case with its fields and wavelengths."""
     import numpy as np
     from optiland.materials import BaseMaterial
     from optiland.optic import Optic
-    from optiland.optimization import LeastSquares, OptimizationProblem
 
     class Glass(BaseMaterial):
         def __init__(self, values: list[float]) -> None:
@@ -127,7 +149,14 @@ def optiland_worker(case: dict[str, Any]) -> dict[str, Any]:
         optic.fields.add(y=degrees)
     for nm in WAVELENGTHS_NM:
         optic.wavelengths.add(value=nm * 1e-3, is_primary=nm == WAVELENGTHS_NM[1])
-    problem = OptimizationProblem()
+    return optic
+
+
+def _optiland_problem(optic: Any, case: dict[str, Any]) -> Any:
+    """Return what varies, and the spots of all fields and the focal length as what is sought."""
+    from optiland.optimization import OptimizationProblem
+
+    problem, rows = OptimizationProblem(), case["rows"]
     glass, air = (tuple(pair) for pair in case["limits"])
     for k in case["varied"]["curvatures"]:
         problem.add_variable(optic, "reciprocal_radius", surface_number=k + 1)
@@ -144,16 +173,13 @@ def optiland_worker(case: dict[str, Any]) -> dict[str, Any]:
                 "wavelength": "all", "distribution": "hexapolar", "nan_policy": "omit"}  # fmt: skip
         problem.add_operand("rms_spot_size", target=0, weight=1e3, input_data=data)
     problem.add_operand("f2", target=case["focal_length_mm"], weight=1e3, input_data={"optic": optic})
-    begin = time.process_time()
+    return problem
 
-    def stop_in_time(*_: Any, **__: Any) -> None:
-        if time.process_time() - begin > case["seconds"]:
-            raise StopIteration
 
-    result = LeastSquares(problem).optimize(
-        maxiter=case["iterations"], tol=1e-6, callback=stop_in_time, method_choice="trf", x_scale="jac"
-    )
-    seconds = time.process_time() - begin
+def _optiland_rows(optic: Any, rows: list[dict[str, Any]]) -> list[list[Any]]:
+    """Return curvature, thickness, conic and aspheric terms of each surface as found."""
+    import numpy as np
+
     found = []
     for number, row in enumerate(rows, start=1):
         surface = optic.surfaces[number]
@@ -165,10 +191,7 @@ def optiland_worker(case: dict[str, Any]) -> dict[str, Any]:
             ]
         gap = float(np.ravel(surface.thickness)[0])
         found.append([1 / radius if math.isfinite(radius) else 0.0, gap, row["conic"], aspheric])
-    return {
-        "cpu_s": seconds, "evaluations": int(result.nfev), "rows": found, "film_mm": found[-1][1],
-        "ended": "out of time" if seconds > case["seconds"] else str(result.message),
-    }  # fmt: skip
+    return found
 
 
 def request(case: dict[str, Any]) -> dict[str, Any]:

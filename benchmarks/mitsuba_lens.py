@@ -51,6 +51,32 @@ def prescription(scene: Any) -> dict[str, Any]:
     }
 
 
+def _through(mi: Any, surfaces: list[list[float]], p: Any, d: Any, active: Any) -> tuple[Any, Any, Any]:
+    """Return point, direction and whether it passes of a ray from the film; +z leads to the scene."""
+    import drjit as dr
+
+    z, passed = 0.0, mi.Mask(active)
+    for i in reversed(range(len(surfaces))):
+        c, _, behind, semi = surfaces[i]
+        before, thickness = (surfaces[i - 1][2], surfaces[i - 1][1]) if i else (1.0, 0.0)
+        p = p + d * ((z - p.z) / d.z)
+        height = c * (p.x * p.x + p.y * p.y)
+        slope = d.z + c * (p.x * d.x + p.y * d.y)
+        square = slope * slope - c * height
+        passed &= square >= 0
+        cosine = dr.sqrt(dr.maximum(square, 0))
+        p = p - d * (height / (slope + cosine))
+        passed &= p.x * p.x + p.y * p.y <= semi * semi
+        if behind != before:
+            ratio = behind / before
+            square = 1 - ratio * ratio * (1 - cosine * cosine)
+            passed &= square > 0
+            normal = mi.Vector3f(c * p.x, c * p.y, 1 + c * (p.z - z))
+            d = d * ratio + normal * (dr.sqrt(dr.maximum(square, 0)) - ratio * cosine)
+        z += thickness
+    return p, d, passed
+
+
 def register(mi: Any) -> None:
     """Add the sensor to Mitsuba, whose variant is chosen."""
     import drjit as dr
@@ -78,29 +104,6 @@ def register(mi: Any) -> None:
             along, across = dr.select(r > 0, x / r, 1.0), dr.select(r > 0, y / r, 0.0)
             return mi.Point3f(a * along - b * across, a * across + b * along, self.lens["pupil_height"]), radius
 
-        def _through(self, p: Any, d: Any, active: Any) -> tuple[Any, Any, Any]:
-            """Return point, direction and whether it passes of a ray from the film; +z leads to the scene."""
-            surfaces, z, passed = self.lens["surfaces"], 0.0, mi.Mask(active)
-            for i in reversed(range(len(surfaces))):
-                c, _, behind, semi = surfaces[i]
-                before, thickness = (surfaces[i - 1][2], surfaces[i - 1][1]) if i else (1.0, 0.0)
-                p = p + d * ((z - p.z) / d.z)
-                height = c * (p.x * p.x + p.y * p.y)
-                slope = d.z + c * (p.x * d.x + p.y * d.y)
-                square = slope * slope - c * height
-                passed &= square >= 0
-                cosine = dr.sqrt(dr.maximum(square, 0))
-                p = p - d * (height / (slope + cosine))
-                passed &= p.x * p.x + p.y * p.y <= semi * semi
-                if behind != before:
-                    ratio = behind / before
-                    square = 1 - ratio * ratio * (1 - cosine * cosine)
-                    passed &= square > 0
-                    normal = mi.Vector3f(c * p.x, c * p.y, 1 + c * (p.z - z))
-                    d = d * ratio + normal * (dr.sqrt(dr.maximum(square, 0)) - ratio * cosine)
-                z += thickness
-            return p, d, passed
-
         def sample_ray(
             self, time: Any, _wave: Any, position: Any, aperture: Any, active: Any = True
         ) -> tuple[Any, Any]:
@@ -111,7 +114,7 @@ def register(mi: Any) -> None:
             aim, radius = self._aim(x, y, aperture)
             d = dr.normalize(mi.Vector3f(aim - film))
             weight = self.lens["gain"] * (d.z * d.z * radius) ** 2
-            p, out, passed = self._through(film, d, active)
+            p, out, passed = _through(mi, self.lens["surfaces"], film, d, active)
             world = self.world_transform()
             ray = mi.Ray3f(world @ mi.Point3f((p - mi.Vector3f(0, 0, -distance)) * 1e-3), dr.normalize(world @ out))
             ray.time = time

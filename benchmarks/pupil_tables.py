@@ -58,11 +58,11 @@ def share_that_passes(lens: Lens, film_distance_mm: float, radius_mm: float, sam
     random = np.random.default_rng(1)
     turn, out = 2 * np.pi * random.random(RAYS), radius_mm * np.sqrt(random.random(RAYS))
     film = np.stack([out * np.cos(turn), out * np.sin(turn)], axis=1)
-    points, aimed = _aims(sampling, film, radius_mm, random)
+    points, aimed = aims(sampling, film, radius_mm, random)
     return float(FilmProbe(lens, film_distance_mm, LINE_D_NM).passes(film[aimed], points[aimed]).mean())
 
 
-def _aims(
+def aims(
     sampling: PupilSampling, film: Array, radius_mm: float, random: np.random.Generator
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return points of the plane of the last vertex as `kernels/lens/pupil.h` draws them, and which are drawn."""
@@ -96,11 +96,11 @@ def _outline_aims(
     reach, hole = np.zeros((2, len(film)))
     for found, table in zip((reach, hole), radii, strict=False):
         found += _at_share(np.concatenate([table, table[:, :1]], axis=1), corners, u)
-    aims = frame[:, :2] + frame[:, 2:] * turns * np.sqrt(hole**2 + v * (reach**2 - hole**2))[:, None]
+    aim = frame[:, :2] + frame[:, 2:] * turns * np.sqrt(hole**2 + v * (reach**2 - hole**2))[:, None]
     if sampling.radial:
         turn = film / np.maximum(np.hypot(*film.T), 1e-300)[:, None]
     c, s = turn.T
-    points = np.stack([c * aims[:, 0] - s * aims[:, 1], s * aims[:, 0] + c * aims[:, 1]], axis=1)
+    points = np.stack([c * aim[:, 0] - s * aim[:, 1], s * aim[:, 0] + c * aim[:, 1]], axis=1)
     lit = (frame[:, 2] > 0) & (reach > 0)
     if isinstance(sampling.parameters, PupilGrid):
         lit &= np.hypot(*film.T) * sampling.parameters.per_mm_across < sampling.parameters.across - 1

@@ -328,17 +328,17 @@ def pupil_boxes(
     """
     if radial:
         shape = (shape[0], shape[1] // 2)
-    boxes = _upper(probes[-1].windows(film), radial)
+    boxes = upper(probes[-1].windows(film), radial)
     lit = np.ones(len(film), dtype=bool)
     for probe in (*probes, probes[-1]):
         boxes, hit = narrow_boxes(probe, film, boxes, shape)
-        boxes = _upper(boxes, radial)
+        boxes = upper(boxes, radial)
         lit &= hit
     if not lit.all():
-        near = _upper(_paraxial_boxes(probes[-1], film[~lit]), radial)
+        near = upper(_paraxial_boxes(probes[-1], film[~lit]), radial)
         for _ in range(2):
             near, again = narrow_boxes(probes[-1], film[~lit], near, shape)
-            near = _upper(near, radial)
+            near = upper(near, radial)
         boxes[~lit] = near
         lit[~lit] = again
     if radial or in_order:
@@ -357,14 +357,14 @@ def _sought_finely(probes: list[FilmProbe], film: Array, radial: bool) -> Array 
 
     Close behind a lens whose rims cut the beam even the pupil of a wide stop slips through a coarse grid.
     """
-    box, near = _upper(probes[-1].windows(film), radial), _paraxial_boxes(probes[-1], film)
+    box, near = upper(probes[-1].windows(film), radial), _paraxial_boxes(probes[-1], film)
     columns = int(6 * (box[0, 1] - box[0, 0]) / (near[0, 1] - near[0, 0]))
     if columns < COLUMNS[0]:
         return None
     for number, probe in enumerate((*probes, probes[-1])):
         across = COARSE[0] if number else min(columns, COLUMNS[1])
         box, hit = narrow_boxes(probe, film, box, (across, across // 2 if radial else across))
-        box = _upper(box, radial)
+        box = upper(box, radial)
         if not hit[0]:
             return None
     return np.asarray(box[0])
@@ -377,16 +377,18 @@ def _follow(probe: FilmProbe, film: Array, boxes: Array, lit: Mask, radial: bool
             boxes[k], lit[k] = box_near(probe, film[k : k + 1], boxes[k - 1], radial=radial)
 
 
-def box_near(probe: FilmProbe, film: Array, box: Array, *, radial: bool) -> tuple[Array, bool]:
+def box_near(
+    probe: FilmProbe, film: Array, box: Array, *, radial: bool, shape: tuple[int, int] = FINE
+) -> tuple[Array, bool]:
     """Return the box round the pupil seen from one film point (1, 2), sought near another one's, and if it is open."""
     width, height = NEAR * (box[1] - box[0]), box[3] if radial else NEAR * (box[3] - box[2])
     low, high = (0.0, (1.0 + NEAR) * height) if radial else (box[2] - height, box[3] + height)
     around = np.array([[box[0] - width, box[1] + width, low, high]])
-    around, hit = narrow_boxes(probe, film, around, FINE)
+    around, hit = narrow_boxes(probe, film, around, shape)
     return around[0], bool(hit[0])
 
 
-def _upper(boxes: Array, radial: bool) -> Array:
+def upper(boxes: Array, radial: bool) -> Array:
     """Return boxes without their lower halves."""
     if radial:
         boxes[:, 2] = 0.0

@@ -574,7 +574,9 @@ HALF_STEPS, HALF_NODES, HALF_RAYS = 7, 33, (72, 72)
 INSIDE = 0.997  # of the image circle, where more than a sliver of the pupil is left
 QUICK = (40, 40)
 FAN = (4096, 1)
+BESIDE_AXIS = np.geomspace(5e-4, 1.0, 64)  # of that, where light is sought if none reaches the axis
 SEARCH = (160, 160)
+CRESCENTS, CRESCENT_STEP = (640, 320), 0.02
 
 
 def lens_info(
@@ -648,7 +650,7 @@ def image_circle(
     *,
     between_mm: tuple[float, float] | None = None,
 ) -> float:
-    """Return the film radius [mm] beyond which no ray arrives along +x, within 0.05 %.
+    """Return the film radius [mm] beyond which no ray arrives along +x, within 0.05 %; 0 where none arrives at all.
 
     It is searched up to eight focal lengths from the axis; a lens that lights more has that radius.
 
@@ -666,9 +668,13 @@ def image_circle(
         film = np.array([[radius, 0.0]])
         return any(film_probe.narrow_boxes(probe, film, probe.windows(film), shape)[1][0] for shape in (FAN, SEARCH))
 
-    radii = np.concatenate([[0.0], limit * np.geomspace(0.02, 1.0, 24)])
+    radii = limit * np.geomspace(0.02, 1.0, 24)
     low, high = 0.0, 0.0
-    if between_mm is not None:
+    if between_mm is None:
+        beside = limit * BESIDE_AXIS if not lit(0.0) else ()  # of a ring that the middle of a mirror lens leaves dark
+        low = next((float(radius) for radius in beside if lit(float(radius))), 0.0)
+        radii = radii[radii > low] if low > 0 or not len(beside) else radii[:0]
+    else:
         low, enough = between_mm
         if lit(enough):
             return float(np.nextafter(enough, np.inf))
@@ -683,7 +689,22 @@ def image_circle(
     while high - low > 1e-4 * high:
         middle = (low + high) / 2
         low, high = (middle, high) if lit(middle) else (low, middle)
-    return low
+    return _end_of_crescents(probe, low) if lens.is_obstructed and low > 0 else low
+
+
+def _end_of_crescents(probe: film_probe.FilmProbe, radius: float) -> float:
+    """Return how far [mm] from a radius with light the ends of a cut ring reach, which slip through a wide grid."""
+    film, step = np.array([[radius, 0.0]]), np.array([CRESCENT_STEP * radius, 0.0])
+    box = film_probe.narrow_boxes(
+        probe, film, film_probe.upper(probe.windows(film), probe.lens.is_rotational), CRESCENTS
+    )[0][0]
+    while step[0] > 2e-5 * radius:
+        there, hit = film_probe.box_near(probe, film + step, box, radial=False, shape=SEARCH)
+        if hit:
+            film, box, step = film + step, there, 2 * step
+        else:
+            step /= 2
+    return float(film[0, 0])
 
 
 def farthest(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float:

@@ -194,8 +194,8 @@ def _one_line(
     every = (lens, film_distance_mm), *others
     states = [(film_probe.narrowing_probes(each, mm, wavelength_nm), mm / film_distance_mm) for each, mm in every]
     probes = states[0][0]
-    rings = COARSE_RINGS if fineness is COARSE_OUTLINES else RING_OUTLINES
-    if lens.is_obstructed and (ring := _ring_line([(of[-1], scale) for of, scale in states], radius_mm, rings)):
+    probed = [(of[-1], scale) for of, scale in states]
+    if lens.is_obstructed and (ring := _ring_line(probed, radius_mm, _of_rings(fineness))):
         return ring
     # Coarse outlines find out by tracing them whether light reaches the corner; fine ones find how far it reaches.
     lit = radius_mm
@@ -226,6 +226,10 @@ RING_OUTLINES = replace(FINE_OUTLINES, bisections=9, margin=0.001, farthest=RING
 COARSE_RINGS = replace(RING_OUTLINES, radial_nodes=11, bisections=6, margin=0.004)
 RING_NODES = 20, 161  # as many as a ring moves by its radius over the film, at most
 RIM_STEPS = 4  # of a secant towards the rim
+
+
+def _of_rings(fineness: Fineness) -> Fineness:
+    return COARSE_RINGS if fineness is COARSE_OUTLINES else RING_OUTLINES
 
 
 def _ring_line(
@@ -268,13 +272,14 @@ def _stop_frames(probe: film_probe.FilmProbe, film: Array) -> tuple[Array, Array
     """Return centres and half axes (points, 2) of the stop's rim seen from points on +x; not a number if it is not."""
     lens, nm = probe.lens, probe.wavelength_nm
     stop, pupil = limiting_surface(lens, nm), lens.first_order(nm).exit_pupil
-    chief, turns = _chief(lens, probe.distance, film, nm), np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]])
-    size = abs(pupil.diameter_mm / 2 * probe.distance / (probe.distance - pupil.distance_mm))
-    reach = np.full((len(film), 3, 1), size)
+    away = probe.distances(film)
+    chief, turns = _chief(lens, away, film, nm), np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]])
+    size = np.abs(pupil.diameter_mm / 2 * away / (away - pupil.distance_mm))
+    reach = np.repeat(size, 3).reshape(-1, 3, 1)
     with np.errstate(invalid="ignore", divide="ignore"):
         for _ in range(RIM_STEPS):
             points = chief.aims[:, None, :2] + reach * turns
-            heights = _stop_heights(lens, probe.distance, np.repeat(film[:, 0], 3), points.reshape(-1, 2), nm)
+            heights = _stop_heights(lens, np.repeat(away, 3), np.repeat(film[:, 0], 3), points.reshape(-1, 2), nm)
             reach *= lens.surfaces[stop].semi_diameter / heights.reshape(reach.shape)
     right, left, up = np.moveaxis(reach[..., 0], 1, 0)
     centres = np.stack([chief.aims[:, 0] + (right - left) / 2, np.zeros(len(film))], axis=1)
@@ -299,11 +304,11 @@ def _held(values: Array, jumps: Mask) -> Array:
     return np.asarray(nodes + _envelope(short[None], RING_OUTLINES.directions)[0])
 
 
-def _inner(holes: Array, radii: Array, fineness: Fineness, closes: Mask) -> Array:
+def _inner(holes: Array, radii: Array, fineness: Fineness, closes: Mask, margin: float) -> Array:
     """Return radii at the nodes within which nothing passes between them either; 0 next to where the light ends."""
     held = _envelope(-holes, fineness.directions)
     held = -_from_neighbours(held, np.isinf(held))
-    inner = np.maximum(np.where(np.isfinite(held), held, 0.0) - HOLE_MARGIN * radii, 0.0)
+    inner = np.maximum(np.where(np.isfinite(held), held, 0.0) - margin * radii, 0.0)
     inner[closes, -EDGE_NODES:] = 0.0
     return inner
 
@@ -317,6 +322,10 @@ def _lines(
     frame: film_probe.FilmFrame,
 ) -> PupilShapes:
     """Return outlines along lines all round the axis; their neighbours hold what lines in between see."""
+    ring = lens.is_obstructed and lens.is_rotational
+    if ring:
+        of = _of_rings(fineness)
+        fineness = replace(fineness, bisections=of.bisections, tilted_margin=of.margin, farthest=of.farthest)
     count = 8 * (fineness.round_lines if lens.is_rotational else fineness.lines)
     turns = [direction_of(4 * k / count) for k in range(count)]
     like = _alike(lens, frame, count)
@@ -333,7 +342,11 @@ def _lines(
     for k in range(0, count, 2):
         other, mirrored = like[k]
         if other == k and reach[k] > 0:
-            centres[k], axes[k] = (between(values) for values in _frames(probes[k], _closing_line(reach[k], nodes)))
+            line = _closing_line(reach[k], nodes)
+            found = _stop_frames(probes[k][-1], line[::2]) if ring else ()
+            if not (ring and np.isfinite(found).all()):
+                found = _frames(probes[k], line)
+            centres[k], axes[k] = (between(values) for values in found)
         centres[k], axes[k] = centres[other] * (1.0, -1.0 if mirrored else 1.0), axes[other]
     for values in (centres, axes):
         values[1::2] = (values[::2] + np.roll(values[::2], -1, axis=0)) / 2
@@ -350,7 +363,8 @@ def _lines(
     if lens.is_obstructed or fineness is FINEST_OUTLINES:
         radii = _from_neighbours(radii, radii == 0.0)
     radii[(lit < ends)[::2], -EDGE_NODES:] *= 1.0 + LINE_EDGE_MARGIN
-    inner = _inner(holes, radii, fineness, (lit < ends)[::2]) if np.isfinite(holes).any() else None
+    margin = margin if ring else HOLE_MARGIN
+    inner = _inner(holes, radii, fineness, (lit < ends)[::2], margin) if np.isfinite(holes).any() else None
     return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii, inner)
 
 
@@ -672,8 +686,8 @@ def stopped_pupils(
     return StoppedPupils(radius_mm, centres, reach, heights)
 
 
-def _chief(lens: Lens, film_distance_mm: float, film: Array, wavelength_nm: float) -> ChiefRays:
-    points = np.column_stack([film, np.full(len(film), lens.film_z(film_distance_mm))])
+def _chief(lens: Lens, film_distance_mm: float | Array, film: Array, wavelength_nm: float) -> ChiefRays:
+    points = np.column_stack([film, np.broadcast_to(lens.length + lens.sense * film_distance_mm, len(film))])
     return round_chief_rays(lens, points, wavelength_nm)
 
 
@@ -704,14 +718,17 @@ def _trace_state(
     return centres[:, 0], reach, heights
 
 
-def _stop_heights(lens: Lens, film_distance_mm: float, film_x: Array, rear: Array, wavelength_nm: float) -> Array:
+def _stop_heights(
+    lens: Lens, film_distance_mm: float | Array, film_x: Array, rear: Array, wavelength_nm: float
+) -> Array:
     """Return where rays cross the stop: distance from its middle [mm].
 
     They go from film points on +x (n,) through points (n, 2) of the plane of the last vertex; rims do not count.
     """
     points = np.zeros((3, len(rear)))
-    points[0], points[2] = film_x, lens.film_z(film_distance_mm)
-    across = np.stack([rear[:, 0] - film_x, rear[:, 1], np.full(len(rear), -lens.sense * film_distance_mm)])
+    depth = np.broadcast_to(lens.sense * film_distance_mm, len(rear))
+    points[0], points[2] = film_x, lens.length + depth
+    across = np.stack([rear[:, 0] - film_x, rear[:, 1], -depth])
     order = range(len(lens.surfaces) - 1, limiting_surface(lens, wavelength_nm) - 1, -1)
     at, _, _ = trace_crossings(lens, order, points, across / np.sqrt(np.sum(across**2, axis=0)), wavelength_nm)
     return np.hypot(at[0, :, 0], at[0, :, 1])

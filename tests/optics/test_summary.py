@@ -8,8 +8,8 @@ import pytest
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.glass import ConstantIndex
-from rptcam_cl.optics.irradiance import image_circle, lens_info, t_number, working_f_number
-from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.irradiance import film_irradiance, image_circle, lens_info, t_number, working_f_number
+from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.surface import Surface
 
@@ -28,6 +28,23 @@ def test_image_circle_of_the_assignment_lenses(name, film, radius):
     circle = image_circle(lens, film)
     assert circle == pytest.approx(radius, rel=7e-4)
     assert not fan_passes(lens, film, circle * 1.001) and fan_passes(lens, film, circle * 0.9995)
+
+
+@pytest.mark.parametrize(("f_number", "middle"), [(11.0, True), (12.5, False), (13.0, False)])
+def test_image_circle_of_a_mirror_lens_ends_with_its_crescents_and_not_in_a_dark_middle(f_number, middle):
+    lens = load_lens("mirror-500mm")
+    lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number))
+    film = film_distance(lens, np.inf)
+    circle = image_circle(lens, film)
+    aims = np.stack(np.meshgrid(np.linspace(14, 17.5, 900), np.linspace(0, 3.2, 800)), axis=-1).reshape(-1, 2)
+
+    def lit(x):  # two slivers, of a grid of 4 µm
+        start = np.array([x, 0, lens.length + film])
+        targets = np.column_stack([aims, np.full(len(aims), lens.length)])
+        return lens.trace(np.broadcast_to(start, targets.shape), targets - start).passed.any()
+
+    assert lit(0.996 * circle) and not lit(1.001 * circle)
+    assert bool(film_irradiance(lens, film, 0.0)) == middle
 
 
 def fan_passes(lens, film, radius, rays=40_000):

@@ -6,9 +6,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from benchmarks.pupil_tables import share_that_passes
+from benchmarks.pupil_tables import aims, share_that_passes
 from rptcam_cl.core import LINE_D_NM
-from rptcam_cl.optics.film_probe import FilmProbe, spread_points
+from rptcam_cl.optics.film_probe import FilmFrame, FilmProbe, spread_points
 from rptcam_cl.optics.irradiance import film_irradiance, image_circle
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.optics.spots import setting
@@ -155,6 +155,23 @@ def test_crescents_of_a_ring_are_held_with_their_hole(f_number, half):
     passes, drawn = probe.passes(film, points), ~left_out(sampling, (half, half), film, points)
     assert (passes & ~drawn).sum() <= 2e-3 * passes.sum()  # corners of crescents between the directions of a table
     assert passes[drawn].mean() > 0.8
+
+
+@pytest.mark.parametrize(("f_number", "swung"), [(10.5, 0.0), slow(10.5, 0.15)])
+def test_rings_seen_from_a_tilted_film_are_held_closely(f_number, swung):
+    lens = load_lens("mirror-500mm")
+    lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number))
+    back, half, random = back_distance(lens), (18.0, 12.0), np.random.default_rng(3)
+    c, s, q, t = np.cos(0.09), np.sin(0.09), np.cos(swung), np.sin(swung)
+    frame = FilmFrame((0.0, 0.0), (c, 0.0, s), (-s * t, q, c * t))
+    sampling = pupil_sampling(lens, back, half, LINE_D_NM, "tight", frame)
+    probe, film = FilmProbe(lens, back, LINE_D_NM, frame), frame.points(random.uniform(-1, 1, (8000, 2)) * half)[:, :2]
+    points, aimed = aims(sampling, film, half[0], random)
+    assert probe.passes(film[aimed], points[aimed]).mean() > (0.9 if not swung else 0.85)  # 0.54 in frames of boxes
+    window = np.array([-18.0, 18.0, -18.0, 18.0])[None]
+    film, points = film.repeat(8, axis=0), spread_points(window, 64000)[0]
+    passes = probe.passes(film, points)
+    assert passes.sum() > 300 and not (passes & left_out(sampling, half, film, points)).any()
 
 
 @pytest.mark.parametrize("f_number", [12.0, slow(8.0)])
