@@ -44,7 +44,7 @@ class BlenderLamp:
     visible : dict
         `camera`, `shadow` and `reflection`, as scenes have it.
     normalized : bool
-        Whether the power of an area lamp is independent of its size.
+        Whether its light is as much whatever its size; else a larger one of the same power gives more (Blender 4.5).
     soft : bool
         Whether a point lamp fades where it touches things.
     group : str
@@ -112,11 +112,19 @@ def _sees_without_size(lamp: BlenderLamp, report: Report) -> None:
 def _point(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]]:
     if lamp.radius <= SMALLEST_RADIUS:
         _sees_without_size(lamp, report)
-        return "lights", {"kind": "point", "position": _place(lamp), "intensity": _scaled(lamp, 0.25 / math.pi)}
+        intensity = _scaled(lamp, 0.25 / math.pi * _by_size(lamp))
+        return "lights", {"kind": "point", "position": _place(lamp), "intensity": intensity}
     if lamp.soft:
         report.add(f"Lamp {lamp.name}: a ball of light, which does not fade where it touches things (Soft Falloff).")
-    radiance = _scaled(lamp, 0.25 / (math.pi * lamp.radius) ** 2)
+    radiance = _scaled(lamp, 0.25 / (math.pi * lamp.radius) ** 2 * _by_size(lamp))
     return _of_a_surface(lamp, {"shape": "sphere", "center": _place(lamp), "radius": lamp.radius}, radiance)
+
+
+def _by_size(lamp: BlenderLamp) -> float:
+    """How much more a ball of light gives that is not normalised: its surface, and 4 without one, as Cycles has it."""
+    if lamp.normalized:
+        return 1.0
+    return 4 * math.pi * lamp.radius**2 if lamp.radius > SMALLEST_RADIUS else 4.0
 
 
 def _spot(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]]:
@@ -136,7 +144,7 @@ def _spot(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]]:
         "kind": "spot",
         "position": _place(lamp),
         "direction": _forward(lamp),
-        "intensity": _scaled(lamp, 0.25 / math.pi),
+        "intensity": _scaled(lamp, 0.25 / math.pi * _by_size(lamp)),
         "outer_degrees": math.degrees(half),
         "inner_degrees": math.degrees(min(inner, half * (1 - 1e-6))),
     }
@@ -147,6 +155,8 @@ def _sun(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]]:
     keys = {"direction": _forward(lamp), "irradiance": _scaled(lamp, 1.0)}
     if lamp.angle < SMALLEST_ANGLE:
         return "lights", {"kind": "directional", **keys}
+    if not lamp.normalized:
+        keys["irradiance"] = _scaled(lamp, math.pi * math.tan(lamp.angle / 2) ** 2)
     visible = {} if lamp.visible.get("camera", False) else {"visible": {"camera": False}}
     return "lights", {"kind": "sun", **keys, "diameter_degrees": math.degrees(lamp.angle), **visible}
 
@@ -167,7 +177,7 @@ def _area(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]] | Non
             f"Lamp {lamp.name}: it shines to all sides here; a spread of {math.degrees(lamp.spread):.0f} degrees is "
             "left out, and its power kept."
         )
-    radiance = _scaled(lamp, 1 / (math.pi * area) if lamp.normalized else 0.25)
+    radiance = _scaled(lamp, 1 / (math.pi * (area if lamp.normalized else 1)))
     center = matrix[:3, 3]
     if not is_round:
         corner = center - (u + v) / 2  # −z is where it shines: v x u

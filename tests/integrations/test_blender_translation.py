@@ -147,6 +147,23 @@ def test_lamps_have_the_power_that_blender_gives_them():
     assert np.multiply(disk["material"]["radiance"], math.pi * math.pi * 1.5) == pytest.approx(power)
 
 
+@pytest.mark.parametrize(
+    ("kind", "sizes", "factor"),
+    [
+        ("POINT", {"radius": 0.5}, math.pi), ("POINT", {}, 4), ("SPOT", {}, 4), ("SPOT", {"radius": 0.5}, math.pi),
+        ("SUN", {"angle": 0.2}, math.pi * math.tan(0.1) ** 2), ("SUN", {}, 1), ("AREA", {"size": (2.0, 3.0)}, 4),
+        ("AREA", {"size": (2.0, 3.0), "shape": "RECTANGLE"}, 6),
+    ],
+)  # fmt: skip
+def test_lamps_that_go_by_their_size_give_as_much_more(kind, sizes, factor):
+    """A ball has its surface, a sun its area at distance 1, an area lamp its own; without a size it is 4 (Cycles)."""
+    lamp = BlenderLamp("l", kind, EYE, (100.0, 50.0, 25.0), **sizes)
+    (_, one), (_, other) = (lamp_keys(each, Report()) for each in (lamp, replace(lamp, normalized=False)))
+    key = "irradiance" if kind == "SUN" else "intensity"
+    lights = [each["material"]["radiance"] if "material" in each else each[key] for each in (one, other)]
+    assert np.divide(*lights[::-1]) == pytest.approx(factor)
+
+
 def test_lamps_are_as_bright_in_any_unit_and_shine_down_when_mirrored():
     """A lamp without size a hundredth as far away has a ten thousandth of the intensity."""
     _, point = lamp_keys(BlenderLamp("p", "POINT", EYE, (40.0,) * 3), Report(), 0.01)
