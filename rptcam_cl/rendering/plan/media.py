@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, near_name
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.core.records import DENSITY_BLOCK, MEDIUM, Hidden, fill
 from rptcam_cl.core.remember import Memory
@@ -20,7 +20,7 @@ from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.plan.materials import Materials
 from rptcam_cl.rendering.plan.primitives import Primitives, Prototype
 from rptcam_cl.rendering.plan.textures import KnownSpectra
-from rptcam_cl.scene.base import describe, listed, near_name
+from rptcam_cl.scene.base import describe, listed
 from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.materials import Boundary, Dielectric, Material, Mix, Principled, has_holes
 from rptcam_cl.scene.media import DensityGrid, Droplets, ScatteringMedium
