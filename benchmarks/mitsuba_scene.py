@@ -37,7 +37,9 @@ def describe(scene: Scene, *, roulette: bool, folder: Path, others: dict[str, An
     others
         Descriptions that stand for the environment and for the meshes of the scene.
     """
-    integrator = {"type": "path", "max_depth": scene.render.max_depth}
+    inside = [getattr(item.material, "interior", None) for item in scene.objects if others is None]
+    has_media = scene.medium is not None or any(medium is not None for medium in inside)
+    integrator = {"type": "volpath" if has_media else "path", "max_depth": scene.render.max_depth}
     description: dict[str, Any] = {
         "type": "scene",
         "integrator": integrator if roulette else integrator | {"rr_depth": NO_ROULETTE},
@@ -49,10 +51,36 @@ def describe(scene: Scene, *, roulette: bool, folder: Path, others: dict[str, An
     if scene.environment is not None:
         description["environment"] = _environment(scene)
     for number, light in enumerate(scene.lights):
+        if light.kind == "spot":
+            description[f"light_{number}"] = _spot(light)
+            continue
         assert light.kind == "directional"
         place = {"direction": list(light.direction), "irradiance": _rgb(light.irradiance)}
         description[f"light_{number}"] = {"type": "directional"} | place
+    if scene.medium is not None:
+        description["sensor"] |= {"medium": _medium(scene.medium)}
     return description | _objects(scene, folder)
+
+
+def _medium(medium: Any) -> dict[str, Any]:
+    """Return an even medium."""
+    extinction = np.add(medium.scattering, medium.absorption)
+    most = float(extinction.max())  # their colours end at 1
+    return {
+        "type": "homogeneous", "sigma_t": _rgb((extinction / most).tolist()), "scale": most,
+        "albedo": _rgb((np.array(medium.scattering) / extinction).tolist()),
+        "phase": {"type": "hg", "g": medium.mean_cosine},
+    }  # fmt: skip
+
+
+def _spot(light: Any) -> dict[str, Any]:
+    """Return a spot with a sharp edge."""
+    assert light.outer_degrees - light.inner_degrees < 0.01
+    z = np.array(light.direction, float) / np.linalg.norm(light.direction)
+    x = np.cross([0.0, 1.0, 0.0], z) / np.linalg.norm(np.cross([0.0, 1.0, 0.0], z))
+    angles = {"cutoff_angle": light.outer_degrees, "beam_width": light.inner_degrees}
+    place = {"to_world": _matrix(x, np.cross(z, x), z, np.array(light.position))}
+    return {"type": "spot", "intensity": _rgb(light.intensity)} | angles | place
 
 
 def _environment(scene: Scene) -> dict[str, Any]:
@@ -109,6 +137,9 @@ def _objects(scene: Scene, folder: Path) -> dict[str, Any]:
     meshes: dict[Any, list[Quad]] = {}
     for number, item in enumerate(scene.objects):
         look = _look(item.material)
+        if getattr(item.material, "interior", None) is not None:
+            look |= {"interior": _medium(item.material.interior)}
+            look |= {"exterior": _medium(scene.medium)} if scene.medium is not None else {}
         plain = isinstance(getattr(item.material, "reflectance", None), tuple)
         if item.shape == "sphere":
             found[f"object_{number}"] = look | {"type": "sphere", "center": list(item.center), "radius": item.radius}

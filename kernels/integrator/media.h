@@ -138,32 +138,69 @@ static inline F density_at(Stretch s, F column)
 
 #if HAS_EMITTERS
 // Distances spread evenly over the angle in which a point sees the stretch.
-typedef struct { F aside, ahead, turns; } Equiangular;    // its distance from the line, how far ahead it is, the angle
+typedef struct {
+    F start, length;            // of the part of the stretch
+    F aside, ahead, turns;      // distance of the point from the line, how far ahead of the start it is, the angle
+} Equiangular;
 
-static Equiangular seen_from(F3 point, Stretch s)
+static Equiangular seen_from(F3 point, Ray ray, F start, F end)
 {
     Equiangular view;
-    F3 to = sub(point, s.ray.o);
-    view.ahead = dot3(to, s.ray.d);
-    F3 off = along(to, s.ray.d, -view.ahead);
+    F3 to = sub(point, ray.o);
+    view.ahead = dot3(to, ray.d);
+    F3 off = along(to, ray.d, -view.ahead);
     view.aside = MAX(sqrt(dot3(off, off)), 1e-5f * (absolute(view.ahead) + 1e-3f));
-    view.turns = turns_of(view.aside * view.aside - view.ahead * (s.length - view.ahead), view.aside * s.length);
+    view.ahead -= start;
+    view.start = start;
+    view.length = end - start;
+    view.turns = turns_of(view.aside * view.aside - view.ahead * (view.length - view.ahead), view.aside * view.length);
     return view;
 }
 
 static inline F equiangular_density(Equiangular view, F t)
 {
+    t -= view.start;
     F beyond = t - view.ahead;
-    return view.aside / (2.0f * PI_F * MAX(view.turns, (F)(1e-12f)) * (view.aside * view.aside + beyond * beyond));
+    F density = view.aside / (2.0f * PI_F * MAX(view.turns, (F)(1e-12f)) * (view.aside * view.aside + beyond * beyond));
+    return (t >= 0.0f) & (t <= view.length) ? density : ZERO;
 }
 
-static inline F equiangular_distance(Equiangular view, F u, F length)
+static inline F equiangular_distance(Equiangular view, F u)
 {
     F sn, cs;
     sincos_turns(u * view.turns, &sn, &cs);
     F t = sn * (view.aside * view.aside + view.ahead * view.ahead) / MAX(view.aside * cs + view.ahead * sn, (F)(SMALLEST));
-    return MIN(MAX(t, ZERO), length);
+    return view.start + MIN(MAX(t, ZERO), MAX(view.length, ZERO));
 }
+
+#if EMITTER_SPOTS
+// The part of a ray that the cone of a spot lights; of other lamps, and of cones wider than a half space, it stays.
+static void within_cone(const __global Emitter *es, I e, Ray ray, F *start, F *end)
+{
+    F3 axis = THREE_OF_EMITTER(normal);
+    F3 q = sub(ray.o, THREE_OF_EMITTER(a));
+    F cosine = 1.0f - OF_EMITTER(F, u.w);
+    F c2 = cosine * cosine;
+    F rise = dot3(ray.d, axis), high = dot3(q, axis);
+    // (high + t rise)^2 = c2 (q + t d)^2
+    F a = rise * rise - c2;
+    a = absolute(a) > SMALLEST ? a : (F)(SMALLEST);
+    F b = high * rise - c2 * dot3(q, ray.d);
+    F c = high * high - c2 * dot3(q, q);
+    F under = b * b - a * c;
+    F r = -b - with_sign(root(under), b);
+    F one = r / a;
+    F two = absolute(r) > SMALLEST ? c / r : one;
+    F low = MIN(one, two), top = MAX(one, two);
+    I across = a < 0.0f;        // the ray meets the cone on its way in and out, or neither
+    I met = (under > 0.0f) & (high + 0.5f * (low + top) * rise > 0.0f);
+    F from = across ? (met ? low : *end) : (rise > 0.0f ? top : *start);
+    F to = across ? (met ? top : *start) : (rise > 0.0f ? *end : low);
+    I cone = (OF_EMITTER(I, kind) == EMITTER_SPOT) & (cosine > 0.0f);
+    *start = cone ? MIN(MAX(from, *start), *end) : *start;
+    *end = cone ? MAX(MIN(to, *end), *start) : *end;
+}
+#endif
 
 // The middle of an emitter, and whether it has one: those at infinity do not.
 static F3 middle_of(const __global Emitter *es, I e, I *near)
@@ -213,9 +250,13 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         F3 p = way == 0u ? along(s.ray.o, s.ray.d, MIN(met, s.length)) : amid;
         I e = pick_lamp(scene, p, nowhere, u.a, &first);
         I near;
-        Equiangular view = seen_from(middle_of(scene.emitters, e, &near), s);
-        F t = way == 0u ? met : equiangular_distance(view, u.d, s.length);
-        wanted = wanted & (near | (I)(way == 0u ? -1 : 0));
+        F start = ZERO, end = s.length;
+#if EMITTER_SPOTS
+        within_cone(scene.emitters, e, s.ray, &start, &end);
+#endif
+        Equiangular view = seen_from(middle_of(scene.emitters, e, &near), s.ray, start, end);
+        F t = way == 0u ? met : equiangular_distance(view, u.d);
+        wanted = wanted & ((near & (end > start)) | (I)(way == 0u ? -1 : 0));
         p = along(s.ray.o, s.ray.d, t);
         other = emitter_pick(scene, near ? e : FALSE, way == 0u ? amid : p, nowhere);
         other = near ? other : ZERO;
@@ -384,7 +425,8 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
         }
 #endif
 #if HAS_EMITTERS
-        I lightable = murky & (path->depth < rules.max_depth);
+        I shade = GATHER(I, scene.media, path->medium & MEDIUM_MASK, .in_shade);
+        I lightable = murky & (path->depth < rules.max_depth) & (shade == 0);
         if (ANY(lightable))
             add_scattered(path, s, t, scatters & lightable, lightable, scene, rules AT_MET(tracked) AT_MET(c.guess));
 #endif

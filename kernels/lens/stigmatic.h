@@ -1,7 +1,7 @@
 // A lens without aberrations: every ray of a film point leaves it towards the point of the scene that is sharp there. Where
 // the ray leaves, and what it weighs, stay those of the lens. `camera->conjugates` says where these points stand among the
 // tables: homogeneous, in the camera's frame [m], at STIGMATIC nodes across the film and as many down. The way to a point is
-// as long as the share of the aberrations that the ray is to be without (rptcam_cl/rendering/point_spread.py).
+// as long as the share of the aberrations that the ray is to be without (rptcam_cl/rendering/point_waves.py).
 // Fact: STIGMATIC, how many nodes; 0 for the rays of the lens.
 #ifndef STIGMATIC_H
 #define STIGMATIC_H

@@ -46,7 +46,7 @@
 #else
 #define HAS_STAIN 0
 #endif
-#if FACET_SHARES && HAS_ANISOTROPY && (HAS_CONDUCTOR || HAS_METAL || HAS_PRINCIPLED)
+#if FACET_SHARES && FACET_ENERGY && HAS_ANISOTROPY && (HAS_CONDUCTOR || HAS_METAL || HAS_PRINCIPLED)
 #define HAS_BRUSHED_SHARE 1     // light that brushed metal reflects once, by tables
 #else
 #define HAS_BRUSHED_SHARE 0
@@ -84,6 +84,8 @@
     WHEN(HAS_STAIN,        EACH(F,     glass_mean,   ONE,              ONE)) /* mean share scattered once */ \
     WHEN(HAS_BRUSHED_SHARE, EACH(F,    once,         ONE,              ONE)) /* share that is reflected once */ \
     WHEN(HAS_BRUSHED_SHARE, EACH(F,    once_mean,    ONE,              ONE)) /* and its mean over even light */ \
+    WHEN(HAS_BRUSHED_BASE, EACH(I,     brushed_table, FALSE,           (I)(material->brushed_table))) \
+    WHEN(HAS_BRUSHED_BASE, EACH(I,     brushed_alphas, FALSE,          (I)(material->brushed_alphas))) \
     WHEN(HAS_UNDERCOVER,   EACH(F,     internal,     ZERO,             (F)(material->internal))) /* diffuse share */ \
     WHEN(HAS_KNOWN_COVER,  EACH(Cover, cover,        no_cover(), known_cover(material->cover, material->cover_last))) \
     WHEN(HAS_HAIR,         EACH(F,     across,       ZERO,             ZERO)) /* of a fibre, -1 to 1, by the point */ \

@@ -195,19 +195,47 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
 #define LEAST_COAT 0.25f    // the coat is chosen at least so often: it shows lamps, which outshine what lights the base
 
 #if HAS_BASE
-// Share of light from `w` that the facets above a base reflect; under a film and of plastic the host knows it.
-static F share_above_base(Vertex vertex, F3 w)
+// Share of light from `w` that the facets above a base reflect, and its mean; under a film and of plastic the host knows it, unless
+// they are brushed.
+static F share_above_base(Vertex vertex, F3 w, F *mean)
 {
 #if HAS_KNOWN_COVER
     F share = cover_albedo(vertex.closure.cover, w.z);
+    *mean = cover_mean(vertex.closure.cover);
 #else
-    F share = ZERO;
+    F share = *mean = ZERO;
 #endif
 #if HAS_PRINCIPLED
     I facets = of_facets(vertex);
     if (ANY(facets)) {
-        F own = vertex.closure.specular * schlick_albedo(w.z, alpha_towards(w, vertex.closure.alpha), brightest_f0(vertex));
+        F f0 = brightest_f0(vertex);
+        F own = vertex.closure.specular * schlick_albedo(w.z, vertex.closure.alpha.x, f0);
         share = facets ? MIN(own, ONE) : share;
+        *mean = facets ? vertex.closure.specular * schlick_mean_albedo(vertex.closure.alpha.x, f0) : *mean;
+    }
+#endif
+#if HAS_BRUSHED_BASE
+    I brushed = vertex.closure.brushed_alphas > 0;
+#if HAS_THIN_FILM
+    brushed = brushed & (vertex.closure.film == 0);
+#endif
+    if (ANY(brushed)) {
+        Alpha alpha = vertex.closure.alpha;
+        F f0 = ZERO, most = ONE, rise = schlick(w.z);
+#if HAS_ROUGH_PLASTIC
+        F ct;
+        rise = vertex.kind == MATERIAL_ROUGH_PLASTIC ? fresnel(w.z, vertex.parameter, &ct) : rise;
+#endif
+#if HAS_PRINCIPLED
+        I principled = vertex.kind == MATERIAL_PRINCIPLED;
+        f0 = principled ? brightest_f0(vertex) : f0;
+        most = principled ? vertex.closure.specular : most;
+#endif
+        Brushed of = brushed_shares(vertex.scene.facet_shares, vertex.closure.brushed_table, MAX(vertex.closure.brushed_alphas, (I)(1)),
+                                    stretched(w.z, w.x, alpha), alpha, rise);
+        F own = most * (f0 * of.once + (1.0f - f0) * of.risen);
+        share = brushed ? MIN(own, ONE) : share;
+        *mean = brushed ? most * (f0 * of.once_mean + (1.0f - f0) * of.risen_mean) : *mean;
     }
 #endif
     return share;
@@ -219,12 +247,9 @@ static F share_above_base(Vertex vertex, F3 w)
 static F add_base(Lobes *lobes, Vertex vertex, F over)
 {
     F3 rho = f3(ZERO, ZERO, ZERO);
-    F mean = ZERO;
+    F mean;
     F others = ONE;
-    F share = share_above_base(vertex, lobes->wi);
-#if HAS_KNOWN_COVER
-    mean = cover_mean(vertex.closure.cover);
-#endif
+    F share = share_above_base(vertex, lobes->wi, &mean);
 #if HAS_ROUGH_PLASTIC
     rho = keep3(vertex.kind == MATERIAL_ROUGH_PLASTIC, lit_from_below(vertex.color, vertex.closure.internal));
     others = share;
@@ -240,8 +265,6 @@ static F add_base(Lobes *lobes, Vertex vertex, F over)
 #endif
         F rest = (1.0f - metallic) * (share + (1.0f - share) * clear) + metallic * max3(vertex.color);
         rho = select3(principled, scale(vertex.color, (1.0f - metallic) * (1.0f - clear)), rho);
-        F alpha = alpha_towards(f3(ZERO, ZERO, ONE), vertex.closure.alpha);
-        mean = of_facets(vertex) ? vertex.closure.specular * schlick_mean_albedo(alpha, brightest_f0(vertex)) : mean;
         others = principled ? rest : others;
     }
 #endif
@@ -411,7 +434,8 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
 #endif
 #if HAS_BASE
     F up = MAX(wo.z, ZERO) * INV_PI_F;
-    sum = along(sum, lobes.base, up * (1.0f - share_above_base(vertex, f3(wo.x, wo.y, MAX(wo.z, ZERO)))));
+    F mean;
+    sum = along(sum, lobes.base, up * (1.0f - share_above_base(vertex, f3(wo.x, wo.y, MAX(wo.z, ZERO)), &mean)));
     density += lobes.under * (up - density);
 #endif
 #if HAS_SHEEN

@@ -131,18 +131,6 @@ static inline F schlick_mean_albedo(F alpha, F f0)
     F steep = quartic(sqrt(alpha), 0.04583f, 0.05755f, -0.48377f, 0.6632f, -0.28098f);
     return f0 * ggx_mean_albedo(alpha) + (1.0f - f0) * steep;
 }
-
-// The alpha that facets show to a direction: at grazing that along it, head-on the geometric mean; 1 at most, as fits go.
-static inline F alpha_towards(F3 w, Alpha alpha)
-{
-#if HAS_ANISOTROPY
-    F x = w.x * alpha.x;
-    F y = w.y * alpha.y;
-    return MIN(sqrt(x * x + y * y + w.z * w.z * alpha.x * alpha.y), ONE);
-#else
-    return alpha.x;
-#endif
-}
 #endif
 
 #if HAS_CLEARCOAT

@@ -31,7 +31,7 @@ typedef struct {
 #if HAS_CLOSURE
     Closure closure;
 #endif
-#if HAS_MEASURED || HAS_THIN_FILM
+#if HAS_MEASURED || HAS_THIN_FILM || HAS_BRUSHED_BASE
     Scene scene;    // whose tables are read once the direction on is known
 #endif
 #if HAS_MIX
@@ -123,7 +123,7 @@ static F mean_scattered_once(const __global Material *material, F cosine)
 }
 #endif
 
-#if FACET_SHARES
+#if HAS_BRUSHED_SHARE || (FACET_SHARES && HAS_AGAIN)
 // What tables say of the light that facets scatter once, of a path along `d`.
 static void take_shares(Vertex *vertex, I mine, const __global Material *material, F3 d, Scene scene)
 {
@@ -135,8 +135,14 @@ static void take_shares(Vertex *vertex, I mine, const __global Material *materia
 #endif
     Stretched w = stretched(cosine, x, vertex->closure.alpha);
 #if HAS_BRUSHED_SHARE
-    F mean;
-    F once = brushed_share(scene.facet_shares, w, vertex->closure.alpha, &mean);
+    F alpha = MIN(vertex->closure.alpha.x, ONE);
+    F once = ggx_albedo(MIN(absolute(cosine), ONE), alpha), mean = ggx_mean_albedo(alpha);
+    if (material->brushed_alphas > 0) {
+        Brushed brushed = brushed_shares(scene.facet_shares, (I)(material->brushed_table), (I)(material->brushed_alphas), w,
+                                         vertex->closure.alpha, ZERO);
+        once = brushed.once;
+        mean = brushed.once_mean;
+    }
     vertex->closure.once = mine ? once : vertex->closure.once;
     vertex->closure.once_mean = mine ? mean : vertex->closure.once_mean;
 #endif
@@ -200,7 +206,7 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 #if HAS_STAIN
     vertex->closure.glass_mean = mine ? mean_scattered_once(material, dot3(vertex->n, d)) : vertex->closure.glass_mean;
 #endif
-#if FACET_SHARES
+#if HAS_BRUSHED_SHARE || (FACET_SHARES && HAS_AGAIN)
     take_shares(vertex, mine, material, d, scene);
 #endif
 #if HAS_COAT_NORMAL
@@ -253,7 +259,7 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
     Vertex vertex;
     F3 p = along(ray.o, ray.d, hit.t);
     vertex.p = p;
-#if HAS_MEASURED || HAS_THIN_FILM
+#if HAS_MEASURED || HAS_THIN_FILM || HAS_BRUSHED_BASE
     vertex.scene = scene;
 #endif
     vertex.n = f3(ZERO, ZERO, ONE);

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.api.job import RenderOptions, SceneSource, SeriesRenderer, read_scene, render, resolve
+from rptcam_cl.api.job import SeriesRenderer, render, resolve
+from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
-from rptcam_cl.core.files import check_writable, listed, make_folder, replacing, resolve_links
+from rptcam_cl.core.files import check_writable, listed, make_folder, name_errors, replacing, resolve_links
 from rptcam_cl.core.remember import OneMaker, made_by
 from rptcam_cl.device.session import Session, Wanted, open_session, open_sessions
 from rptcam_cl.imaging.development import quantise
@@ -30,6 +31,7 @@ from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.ideal import stop_shape
 from rptcam_cl.scene.changes import at_rest, change_scene, set_keys
+from rptcam_cl.scene.load import SceneSource, read_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import Drive, WholeLens, focus_drive
 from rptcam_cl.studies.focus.probe import Zone, circle_of_confusion
@@ -284,14 +286,14 @@ def _blend(
     place = np.clip(np.where(np.abs(top - best) <= 1, top, best), 0, count - 1)
     greatest, error = (np.take_along_axis(each, best[None], 0)[0] for each in (contrasts, errors))
     known = (greatest > CLEAR * np.maximum(contrasts, 0).mean(axis=0)) & (greatest > CERTAIN * error)
-    place = _filled(place, known)
+    place = _fill_unknown(place, known)
     low = np.minimum(place.astype(int), count - 2)
     share = (place - low)[..., None]
     chosen = [np.take_along_axis(pictures, (low + side)[None, ..., None], 0)[0] for side in (0, 1)]
     return image, (1 - share) * chosen[0] + share * chosen[1], place, known
 
 
-def _filled(place: Plane, known: NDArray[np.bool_]) -> Plane:
+def _fill_unknown(place: Plane, known: NDArray[np.bool_]) -> Plane:
     """Return places with those that are not known taken from the mean of those around that are."""
     filled, there = np.where(known, place, 0.0), known.copy()
     for reach in SPREADS:
@@ -702,13 +704,11 @@ def _plan(
     for combination in itertools.product(*over.values()):
         values = dict(zip(over, combination, strict=True))
         title = ", ".join(f"{key}={_format_value(value)}" for key, value in values.items())
-        try:
+        with name_errors(title):
             changed = set_keys(scene, values)
             check_sensor(changed, *window(changed)[2:])
             if changed.lens_source() is not None:
                 focus_drive(changed)  # whether the lens opens so far
-        except RptcamError as problem:
-            raise type(problem)(f"{title}: {problem}") from None
         facts = [__version__, changed.picture_hash(), changed.render.most_spp, list(mtf_at or ())]
         if changed.render.layers:
             facts += [list(changed.render.layers), changed.render.layers_spp]

@@ -14,9 +14,9 @@ from rptcam_cl.api.job import Resolved, resolve
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device.devices import CompileServer
 from rptcam_cl.device.session import NotKeptError, Session
+from rptcam_cl.rendering.account import reading_cd_m2
 from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.layers import GUIDES
-from rptcam_cl.rendering.metering import reading_cd_m2
 from rptcam_cl.rendering.passes import signature
 from rptcam_cl.rendering.plan.plan import Plan, make_plan, serve, with_film, with_lens, with_pose
 from rptcam_cl.rendering.plan.primitives import PlanParts
@@ -264,17 +264,17 @@ class SceneCompiler:
         final = self._plan_state(state.scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=True)
         if not state.is_served:
             return final
-        return replace(self._served(final, state.plan.facts) or final, relief=state.relief)
+        return replace(self._served_state(final, state.plan.facts) or final, relief=state.relief)
 
     def served(self, state: SceneState, by: SceneState) -> SceneState | None:
         """Return a state for glances that kernels of another one do for; None where they do not, or are not there."""
-        found = self._served(state, by.plan.facts)
+        found = self._served_state(state, by.plan.facts)
         if found is None or not self.is_ready(found):
             return None
         same = all(state.plan.facts[name] == found.plan.facts[name] for name in _WAYS)
         return replace(found, relief=None if same else state)
 
-    def _served(self, state: SceneState, facts: dict[str, int]) -> SceneState | None:
+    def _served_state(self, state: SceneState, facts: dict[str, int]) -> SceneState | None:
         plan = serve(state.plan, facts)
         if plan is None and not state.plan.steps:
             self._parts.held = facts

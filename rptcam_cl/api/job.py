@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -18,40 +17,27 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.api.options import SCENE_KEYS, excluded_by, part_numbers
-from rptcam_cl.core import MAX_SPP
+from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core.dataclass import dataclass, takes_options
-from rptcam_cl.core.errors import InputError, NumericError, StateError, out_of_range
-from rptcam_cl.core.files import check_writable, plain, replacing
-from rptcam_cl.device.session import Session, Split, Wanted, means_all, open_session, open_sessions
+from rptcam_cl.core.errors import InputError, NumericError, StateError
+from rptcam_cl.core.files import check_writable, replacing
+from rptcam_cl.device.session import Session, Wanted, means_all, open_session, open_sessions
 from rptcam_cl.imaging.development import GUIDES, check_denoiser
 from rptcam_cl.imaging.image import Image, develop, folders_of_film, with_picture_settings
 from rptcam_cl.imaging.sensor import check_sensor, sensor_of
 from rptcam_cl.imaging.writers import NAMES, ranked
-from rptcam_cl.rendering.account import (
-    GEOMETRY,
-    MEASURED_SECONDS,
-    Forecast,
-    anomalies,
-    describe,
-    describe_before,
-    forecast,
-    lens_margin,
-    of_makers,
-    statistics,
-    window,
-)
+from rptcam_cl.rendering import account
+from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.checkpoint import SUFFIX, Saver, layout_of, merge_states, picture_of, write_checkpoint
 from rptcam_cl.rendering.diffraction import Diffraction, diffract, diffraction_of, spread_of
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts, saved_ghosts
 from rptcam_cl.rendering.lamps import aimed_plan
-from rptcam_cl.rendering.layers import GroundTruth, ground_truth_of, saved_truth
-from rptcam_cl.rendering.metering import resolve_exposure
+from rptcam_cl.rendering.layers import GroundTruth, saved_truth
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
-from rptcam_cl.rendering.point_spread import Conjugates
+from rptcam_cl.rendering.point_waves import Conjugates
 from rptcam_cl.rendering.progressive import Progress, Rendering, SavedState, render_plan, render_state, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import (
@@ -66,181 +52,9 @@ from rptcam_cl.rendering.several import (
 )
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.scene.changes import at_rest, change_scene, exposure_steps, set_keys
-from rptcam_cl.scene.film import ADAPTIVE_SPP, LIGHT_LAYER, LayerName
-from rptcam_cl.scene.load import load_scene, scene_text
+from rptcam_cl.scene.film import LIGHT_LAYER, SHARP_LAYERS, LayerName
+from rptcam_cl.scene.load import SceneSource, load_scene, plain_data, read_scene, scene_text
 from rptcam_cl.scene.scene import Scene
-
-SceneSource = Scene | str | Path | Mapping[str, Any]
-
-
-def read_scene(source: SceneSource) -> Scene:
-    """The scene itself, or that of anything that `load_scene` takes."""
-    return source if isinstance(source, Scene) else load_scene(source)
-
-
-def plain_data(scene: Scene) -> dict[str, Any]:
-    """The data of a scene, as a file has them."""
-    return {
-        name: value.model_dump(mode="json", exclude_unset=True) if hasattr(value, "model_dump") else plain(value)
-        for name, value in scene.made_of.items()
-    }
-
-
-# What a render takes beside its scene.
-
-
-@dataclass(frozen=True, kw_only=True)
-class RenderOptions:
-    """The keyword arguments of `render`; `takes_options` gives functions their signature and help.
-
-    Parameters
-    ----------
-    spp
-        Samples per pixel; by default the scene's, or as many as fit when ``seconds`` is given.
-    seconds
-        Time to render [s]; the picture ends after whole samples, at least one.
-    seed, size, crop
-        Replace the scene's seed, resolution [pixels] and crop [fractions x0, x1, y0, y1].
-    layers
-        Auxiliary layers to record, in place of the scene's: ``["depth", "normal"]``; see docs/layers.md.
-    denoise
-        Whether to remove the noise that is left, which makes the picture biased; needs the extra ``denoise``.
-    noise
-        Relative standard error at which a tile of 8 x 8 pixels is done, in place of the scene's; without ``spp``, up to
-        16384 samples per pixel. See docs/scene.md.
-    checkpoint
-        File to keep the state of the render in: every minute, and when ``should_stop`` ends it.
-    resume
-        Whether to go on from the checkpoint, if it is there, and to leave it at the end, so that a later call can add
-        samples. Otherwise a render that comes to its end removes it.
-    allow_mixed
-        Whether to go on from a checkpoint that other code, another numpy or another driver has saved; the metadata then
-        name all under ``mixed``.
-    device
-        As ``--device`` on the command line, or a session to reuse; see `choose_device`. Several of them, or ``"all"``,
-        share the render.
-    split
-        Share of each device, as ``{"0:0": 0.7, "1:0": 0.3}`` or ``"0:0=0.7,1:0=0.3"``; by default in proportion to
-        their speeds, which are measured.
-    wave_size
-        Paths in flight; changes speed and memory, never the picture.
-    numerics
-        Whether to measure too what float32 costs in the lens, by the kernel that traces given rays.
-    strict
-        Whether numbers that cannot be trusted and autofocus that failed are an error; measures as ``numerics`` does.
-        See docs/numerics.md.
-    part
-        ``"3/8"``: render the third of eight parts of the tiles, and keep its checkpoint for `merge`; see docs/parts.md.
-    samples
-        ``(64, 128)``: render these samples of each pixel alone, those from 64 on and before 128, likewise.
-    neighbours
-        Scenes of the frames before and after, or what `load_scene` takes, None where there is none, that the layers
-        ``flow_backward`` and ``flow_forward`` lead to; without them they lead to the opening and the closing of the
-        shutter.
-    on_progress
-        Called with a `Progress` several times a second.
-    should_stop
-        Asked after each sample per pixel; True ends the render with what there is.
-
-    Raises
-    ------
-    InputError
-        ``seconds`` is no time, or options exclude each other.
-    """
-
-    spp: int | None = None
-    seconds: float | None = None
-    seed: int | None = None
-    size: tuple[int, int] | None = None
-    crop: tuple[float, float, float, float] | None = None
-    layers: Sequence[str] | None = None
-    denoise: bool = False
-    noise: float | None = None
-    checkpoint: str | os.PathLike[str] | None = None
-    resume: bool = False
-    allow_mixed: bool = False
-    device: Wanted = None
-    split: Split | None = None
-    wave_size: int | None = None
-    numerics: bool = False
-    strict: bool = False
-    part: str | None = None
-    samples: tuple[int, int] | None = None
-    neighbours: tuple[SceneSource | None, SceneSource | None] | None = None
-    on_progress: Callable[[Progress], Any] | None = None
-    should_stop: Callable[[], bool] | None = None
-
-    def __post_init__(self) -> None:
-        if self.seconds is not None and not 0 < self.seconds < math.inf:
-            raise out_of_range("seconds", self.seconds, "a finite number above 0")
-        if self.film_part == WHOLE:
-            return
-        for option in excluded_by("part"):
-            if getattr(self, option.name, None):
-                raise InputError(f"{option.name}: needs the whole film (allowed: without part and samples)")
-        if self.samples is not None and self.spp is not None:
-            raise InputError("spp: does not go with samples, which say where they end (allowed: one of the two)")
-
-    @property
-    def film_part(self) -> FilmPart:
-        """The tiles and samples that are rendered.
-
-        Raises
-        ------
-        InputError
-            ``part`` or ``samples`` is none.
-        """
-        number, count = (1, 1) if self.part is None else part_numbers(self.part) or (0, 0)
-        if not count:
-            raise InputError(f"part: is none (got {self.part}; allowed: as 3/8, from 1/8 to 8/8)")
-        first, end = self.samples or (0, None)
-        if end is not None and not 0 <= first < end < MAX_SPP:
-            raise InputError(f"samples: are out of range (got {first}:{end}; allowed: as 0:64)")
-        return FilmPart(number, count, first, end)
-
-    @property
-    def keeps_state(self) -> bool:
-        """Whether the state of the render is kept at its end: to go on from it, or to be merged."""
-        return self.resume or self.part is not None or self.samples is not None
-
-    def scene_of(self, source: SceneSource) -> Scene:
-        """The scene with these options, its sensor checked.
-
-        Raises
-        ------
-        InputError, StateError
-            The scene cannot be read, or does not take them.
-        """
-        scene = self.apply_to(read_scene(source))
-        check_sensor(scene, *window(scene)[2:])
-        return scene
-
-    def apply_to(self, scene: Scene) -> Scene:
-        """The scene with the keys that the options replace."""
-        changes: dict[str, dict[str, Any]] = {}
-        for name, path in SCENE_KEYS.items():
-            if (value := getattr(self, name)) is not None:
-                section, _, key = path.partition(".")
-                changes.setdefault(section, {})[key] = value
-        return change_scene(scene, **changes) if changes else scene
-
-    def most_spp(self, scene: Scene) -> int | None:
-        """The sample to end before: of ``samples`` or ``spp``, else none for ``seconds``, else the scene's."""
-        if self.samples is not None:
-            return self.samples[1]
-        if self.spp is not None:
-            return self.spp
-        if self.noise is not None:
-            return ADAPTIVE_SPP
-        return None if self.seconds is not None else scene.render.most_spp
-
-    def with_fast_compile(self, scene: Scene, sessions: list[Session]) -> list[Session]:
-        """The devices, with programs that compile fast where few samples are all that is to be taken."""
-        spp, takes_more = self.most_spp(scene), scene.requested_autofocus is not None or has_ghosts(scene)
-        if spp is None or scene.render.noise is not None or takes_more or len(sessions) > 1:
-            return sessions
-        return [sessions[0].for_samples(spp * FilmLayout.of(scene.film).pixels)]
-
 
 # What a scene leaves to be found, and what its image is put together of.
 
@@ -445,7 +259,7 @@ class RenderJob:
         """
         begun, options = time.perf_counter(), options or RenderOptions()
         # Check what can be checked before any device is opened
-        scene = options.scene_of(source)
+        scene = scene_of(source, options)
         _check_options(options, scene)
         layers = scene.render.layers
         if options.denoise:
@@ -458,7 +272,7 @@ class RenderJob:
 
         # Resolve what the scene leaves open, plan, compile
         if series is None:  # one that is to take many samples has the full kernels
-            sessions = options.with_fast_compile(scene, sessions)
+            sessions = _with_fast_compile(options, scene, sessions)
         resolved = _resolve_for(saver, scene, sessions[0])
         plan = make_plan(resolved.scene, parts=None if series is None else series.parts)
         pool = None if series is None or plan.steps else series.pool
@@ -496,7 +310,7 @@ class RenderJob:
             As `render` does.
         """
         begun = time.perf_counter()
-        scene = options.scene_of(source)
+        scene = scene_of(source, options)
         check_divisible(scene)
         assert options.device is None or isinstance(options.device, str), "a worker has one device"
         session = open_session(options.device)
@@ -519,12 +333,12 @@ class RenderJob:
         """The focus and the exposure that were found, for all parts of a film."""
         return {"focus": self.resolved.focus, "metered_cd_m2": self.resolved.metered_cd_m2}
 
-    def forecast(self, measure_s: float = MEASURED_SECONDS) -> Forecast | None:
+    def forecast(self, measure_s: float = account.MEASURED_SECONDS) -> account.Forecast | None:
         """What the samples take, by a measurement that spoils the film; None where only time ends them."""
         end = self.options.most_spp(self.scene)
         if end is None:
             return None
-        return forecast(self.wavefront, min(self.first, end), end, self.options.film_part, measure_s)
+        return account.forecast(self.wavefront, min(self.first, end), end, self.options.film_part, measure_s)
 
     def run(self) -> Rendering:
         """Add all samples, unless it is stopped before."""
@@ -577,7 +391,7 @@ class RenderJob:
             image.stats["checkpoint"] = saver.end(rendering.state, keep=options.keeps_state or rendering.interrupted)
         if options.strict:
             failure = image.metadata.get("autofocus", {}).get("failure")
-            faults = anomalies(image.stats["numerics"]) + ([] if failure is None else [f"autofocus: {failure}"])
+            faults = account.anomalies(image.stats["numerics"]) + ([] if failure is None else [f"autofocus: {failure}"])
             if faults:
                 raise NumericError(f"strict: {'; '.join(faults)}", image)
         return image
@@ -594,17 +408,17 @@ class RenderJob:
         total = time.perf_counter() - self._begun
         times = self.seconds | {"render": rendering.seconds, "total": total}
         is_measured = options.numerics or options.strict
-        margin = lens_margin(self.resolved.scene, self.wavefront.session) if is_measured else None
+        margin = account.lens_margin(self.resolved.scene, self.wavefront.session) if is_measured else None
         parts = devices_of(self.wavefront, self.first, rendering.done)
         work = join_parts([] if saver is None else saver.parts, parts)
-        stats = statistics(self.plan, self.wavefront, rendering, times, margin) | {"work": work}
-        metadata = describe(self.scene, self.plan, rendering.spp, stats, self.resolved.metadata)
+        stats = account.statistics(self.plan, self.wavefront, rendering, times, margin) | {"work": work}
+        metadata = account.describe(self.scene, self.plan, rendering.spp, stats, self.resolved.metadata)
         self._describe_sensor(metadata)
         if rendering.interrupted:
             metadata["interrupted"] = True
         if saver is not None:
-            metadata |= {"device": saver.devices} | of_makers(saver.makers)
-        stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
+            metadata |= {"device": saver.devices} | account.of_makers(saver.makers)
+        stats["camera"] = {key: metadata[key] for key in account.GEOMETRY if key in metadata}
         stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
         sharp = None if self._truth is None else self._truth.result
         layers = name_layers(self.scene.render.layers, rendering.layers, sharp, metadata)
@@ -630,7 +444,7 @@ class RenderJob:
     def _of_picture(self) -> dict[str, Any]:
         """What the picture of a saved render can be made with, without its scene."""
         scene = self.scene
-        metadata = describe_before(scene, self.plan, self.resolved.metadata)
+        metadata = account.describe_before(scene, self.plan, self.resolved.metadata)
         self._describe_sensor(metadata)
         if picture := scene.picture.model_dump(mode="json", exclude_defaults=True):
             metadata["picture"] = picture
@@ -650,6 +464,9 @@ class RenderJob:
 
     def _ground_truth(self) -> GroundTruth | None:
         """The sharp layers; None where the image is to have none."""
+        names = tuple(name for name in self.layers if name in SHARP_LAYERS)
+        if not names:
+            return None
         wavefront, session = self.wavefront, self.wavefront.session
 
         def buffers() -> SceneBuffers:
@@ -667,7 +484,28 @@ class RenderJob:
 
         flows = self.options.neighbours if {"flow_forward", "flow_backward"} & set(self.layers) else None
         neighbours = None if flows is None else (as_rendered(flows[0]), as_rendered(flows[1]))
-        return ground_truth_of(self.resolved.scene, self.plan, session, buffers, self.layers, neighbours)
+        return GroundTruth(self.resolved.scene, names, self.plan, session, buffers, neighbours)
+
+
+def scene_of(source: SceneSource, options: RenderOptions) -> Scene:
+    """Read a scene and apply the options; its sensor is checked.
+
+    Raises
+    ------
+    InputError, StateError
+        The scene cannot be read, or does not take them.
+    """
+    scene = options.apply_to(read_scene(source))
+    check_sensor(scene, *account.window(scene)[2:])
+    return scene
+
+
+def _with_fast_compile(options: RenderOptions, scene: Scene, sessions: list[Session]) -> list[Session]:
+    """Return the devices, with programs that compile fast where few samples are all that is to be taken."""
+    spp, takes_more = options.most_spp(scene), scene.requested_autofocus is not None or has_ghosts(scene)
+    if spp is None or scene.render.noise is not None or takes_more or len(sessions) > 1:
+        return sessions
+    return [sessions[0].for_samples(spp * FilmLayout.of(scene.film).pixels)]
 
 
 def _saver(path: str | os.PathLike[str], scene: Scene, sessions: Sequence[Session], options: RenderOptions) -> Saver:

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import argparse
-import difflib
+import math
+import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rptcam_cl.core import MAX_SEED, MAX_SPP
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, near_name, out_of_range
 from rptcam_cl.core.files import DEVELOPED_SUFFIXES, FILM_SUFFIXES, LAYER_SUFFIXES, RAW_SUFFIXES, listed
+
+if TYPE_CHECKING:  # the command line shows its help without them
+    from rptcam_cl.device.session import Split, Wanted
+    from rptcam_cl.rendering.progressive import Progress
+    from rptcam_cl.rendering.several import FilmPart
+    from rptcam_cl.scene.load import SceneSource
+    from rptcam_cl.scene.scene import Scene
 
 # Words of the command line as values, with their ranges.
 
 Number = TypeVar("Number", int, float)
-
-
-def nearest(word: str, known: Iterable[str], prefix: str = "") -> str:
-    """The text ``; did you mean ...?`` with the known word most like ``word``, after a prefix, or nothing."""
-    matches = difflib.get_close_matches(word, list(known), n=1)
-    return f"; did you mean {prefix}{matches[0]}?" if matches else ""
 
 
 def number(kind: Callable[[str], Number], lowest: float, highest: float, allowed: str) -> Callable[[str], Number]:
@@ -143,7 +145,7 @@ def layers(text: str) -> tuple[str, ...]:
         return SINGLE_LAYERS
     for index, name in enumerate(names):
         if name not in LAYER_NAMES:
-            hint = nearest(name, LAYER_NAMES)
+            hint = near_name(name, LAYER_NAMES)
             raise argparse.ArgumentTypeError(
                 f"got {name or f'a comma too many in {text}'}{hint}; allowed all, {', '.join(LAYER_NAMES)}"
             )
@@ -372,3 +374,146 @@ def add_options(parser: argparse.ArgumentParser, *names: str) -> None:
     options = {option.name: option for option in RENDER_OPTIONS}
     for name in names:
         options[name].add_to(parser)
+
+
+# What a render takes beside its scene.
+
+
+@dataclass(frozen=True, kw_only=True)
+class RenderOptions:
+    """The keyword arguments of `render`; `takes_options` gives functions their signature and help.
+
+    Parameters
+    ----------
+    spp
+        Samples per pixel; by default the scene's, or as many as fit when ``seconds`` is given.
+    seconds
+        Time to render [s]; the picture ends after whole samples, at least one.
+    seed, size, crop
+        Replace the scene's seed, resolution [pixels] and crop [fractions x0, x1, y0, y1].
+    layers
+        Auxiliary layers to record, in place of the scene's: ``["depth", "normal"]``; see docs/layers.md.
+    denoise
+        Whether to remove the noise that is left, which makes the picture biased; needs the extra ``denoise``.
+    noise
+        Relative standard error at which a tile of 8 x 8 pixels is done, in place of the scene's; without ``spp``, up to
+        16384 samples per pixel. See docs/scene.md.
+    checkpoint
+        File to keep the state of the render in: every minute, and when ``should_stop`` ends it.
+    resume
+        Whether to go on from the checkpoint, if it is there, and to leave it at the end, so that a later call can add
+        samples. Otherwise a render that comes to its end removes it.
+    allow_mixed
+        Whether to go on from a checkpoint that other code, another numpy or another driver has saved; the metadata then
+        name all under ``mixed``.
+    device
+        As ``--device`` on the command line, or a session to reuse; see `choose_device`. Several of them, or ``"all"``,
+        share the render.
+    split
+        Share of each device, as ``{"0:0": 0.7, "1:0": 0.3}`` or ``"0:0=0.7,1:0=0.3"``; by default in proportion to
+        their speeds, which are measured.
+    wave_size
+        Paths in flight; changes speed and memory, never the picture.
+    numerics
+        Whether to measure too what float32 costs in the lens, by the kernel that traces given rays.
+    strict
+        Whether numbers that cannot be trusted and autofocus that failed are an error; measures as ``numerics`` does.
+        See docs/numerics.md.
+    part
+        ``"3/8"``: render the third of eight parts of the tiles, and keep its checkpoint for `merge`; see docs/parts.md.
+    samples
+        ``(64, 128)``: render these samples of each pixel alone, those from 64 on and before 128, likewise.
+    neighbours
+        Scenes of the frames before and after, or what `load_scene` takes, None where there is none, that the layers
+        ``flow_backward`` and ``flow_forward`` lead to; without them they lead to the opening and the closing of the
+        shutter.
+    on_progress
+        Called with a `Progress` several times a second.
+    should_stop
+        Asked after each sample per pixel; True ends the render with what there is.
+
+    Raises
+    ------
+    InputError
+        ``seconds`` is no time, or options exclude each other.
+    """
+
+    spp: int | None = None
+    seconds: float | None = None
+    seed: int | None = None
+    size: tuple[int, int] | None = None
+    crop: tuple[float, float, float, float] | None = None
+    layers: Sequence[str] | None = None
+    denoise: bool = False
+    noise: float | None = None
+    checkpoint: str | os.PathLike[str] | None = None
+    resume: bool = False
+    allow_mixed: bool = False
+    device: Wanted = None
+    split: Split | None = None
+    wave_size: int | None = None
+    numerics: bool = False
+    strict: bool = False
+    part: str | None = None
+    samples: tuple[int, int] | None = None
+    neighbours: tuple[SceneSource | None, SceneSource | None] | None = None
+    on_progress: Callable[[Progress], Any] | None = None
+    should_stop: Callable[[], bool] | None = None
+
+    def __post_init__(self) -> None:
+        if self.seconds is not None and not 0 < self.seconds < math.inf:
+            raise out_of_range("seconds", self.seconds, "a finite number above 0")
+        if self.film_part.facts() is None:
+            return
+        for option in excluded_by("part"):
+            if getattr(self, option.name, None):
+                raise InputError(f"{option.name}: needs the whole film (allowed: without part and samples)")
+        if self.samples is not None and self.spp is not None:
+            raise InputError("spp: does not go with samples, which say where they end (allowed: one of the two)")
+
+    @property
+    def film_part(self) -> FilmPart:
+        """The tiles and samples that are rendered.
+
+        Raises
+        ------
+        InputError
+            ``part`` or ``samples`` is none.
+        """
+        from rptcam_cl.rendering.several import FilmPart
+
+        number, count = (1, 1) if self.part is None else part_numbers(self.part) or (0, 0)
+        if not count:
+            raise InputError(f"part: is none (got {self.part}; allowed: as 3/8, from 1/8 to 8/8)")
+        first, end = self.samples or (0, None)
+        if end is not None and not 0 <= first < end < MAX_SPP:
+            raise InputError(f"samples: are out of range (got {first}:{end}; allowed: as 0:64)")
+        return FilmPart(number, count, first, end)
+
+    @property
+    def keeps_state(self) -> bool:
+        """Whether the state of the render is kept at its end: to go on from it, or to be merged."""
+        return self.resume or self.part is not None or self.samples is not None
+
+    def apply_to(self, scene: Scene) -> Scene:
+        """The scene with the keys that the options replace."""
+        from rptcam_cl.scene.changes import change_scene
+
+        changes: dict[str, dict[str, Any]] = {}
+        for name, path in SCENE_KEYS.items():
+            if (value := getattr(self, name)) is not None:
+                section, _, key = path.partition(".")
+                changes.setdefault(section, {})[key] = value
+        return change_scene(scene, **changes) if changes else scene
+
+    def most_spp(self, scene: Scene) -> int | None:
+        """The sample to end before: of ``samples`` or ``spp``, else none for ``seconds``, else the scene's."""
+        if self.samples is not None:
+            return self.samples[1]
+        if self.spp is not None:
+            return self.spp
+        if self.noise is not None:
+            from rptcam_cl.scene.film import ADAPTIVE_SPP
+
+            return ADAPTIVE_SPP
+        return None if self.seconds is not None else scene.render.most_spp

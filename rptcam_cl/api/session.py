@@ -13,23 +13,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.api.compiling import (
-    MOST_GUIDES,
-    OF_DEVELOPMENT,
-    ChangeKind,
-    SceneCompiler,
-    SceneState,
-    changed_parts,
-    focuses_anew,
-    keep_focus,
-    key_of,
-    kind_of,
-    of_glance,
-    of_guides,
-    plan_smaller_film,
-    reading_of,
-)
-from rptcam_cl.api.job import RenderJob, RenderOptions, SceneSource
+from rptcam_cl.api import compiling
+from rptcam_cl.api.job import RenderJob, scene_of
+from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError, out_of_range
 from rptcam_cl.core.remember import checkpoint, is_cancellable
@@ -41,12 +27,14 @@ from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.film import FilmLayout, group_pictures
 from rptcam_cl.rendering.ghosts import Ghosting
-from rptcam_cl.rendering.layers import Denoiser, object_at
+from rptcam_cl.rendering.layers import object_at
+from rptcam_cl.rendering.passes import Denoiser
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.progressive import FilmRun, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.load import SceneSource
 from rptcam_cl.scene.scene import Scene
 
 # What a render session hands out: frames, and what a change came to.
@@ -72,7 +60,7 @@ class Change:
         False while kernels are compiled in the background and the session still shows the scene before.
     """
 
-    kind: ChangeKind
+    kind: compiling.ChangeKind
     keys: tuple[str, ...]
     ready: bool = True
 
@@ -193,12 +181,12 @@ class RenderSession:
     ) -> None:
         self._begun = time.perf_counter()
         self._options = RenderOptions(size=size, seed=seed)
-        given = self._options.scene_of(scene)
+        given = scene_of(scene, self._options)
         sessions, _ = open_sessions(device)
         if len(sessions) > 1:
             raise InputError("device: a session renders on one device (name one of them)")
         self._device = sessions[0]
-        self._compiler = SceneCompiler(self._device, waits=wait)
+        self._compiler = compiling.SceneCompiler(self._device, waits=wait)
         self._cancelled = threading.Event()
         self._queue, self._queue_of_guides = QueueLimit(), QueueLimit()
         self._generation = 0
@@ -207,7 +195,7 @@ class RenderSession:
         self._ghosting: Ghosting | None = None  # of the film
         self._noise: float | None = None  # of the film
         self._noise_spp = 1  # at which it was estimated
-        self._waiting: SceneState | None = None
+        self._waiting: compiling.SceneState | None = None
         self._seconds, self._added_s, self._complete = 0.0, 0.0, True  # spent on the film; by the last samples
         # Of the picture that was denoised last, after what that is
         self._guides: tuple[Any, FilmRun, tuple[float, float]] | None = None
@@ -305,7 +293,7 @@ class RenderSession:
         """
         self._check_open()
         scene = self._scene_with(changes)
-        return self._take_over(scene, focus_anew=focuses_anew(changes, scene), wait=wait)
+        return self._take_over(scene, focus_anew=compiling.focuses_anew(changes, scene), wait=wait)
 
     def replace(self, scene: SceneSource, *, wait: bool = True) -> Change:
         """Take another scene, as `change` does; its focus and exposure are found anew.
@@ -316,7 +304,7 @@ class RenderSession:
             When it is not valid; the session is as it was.
         """
         self._check_open()
-        given = self._options.scene_of(scene)
+        given = scene_of(scene, self._options)
         content = given.content_hash()
         files_changed = content != self._hash  # a lens or a picture, though the scene may say the same
         change = self._take_over(given, focus_anew=True, wait=wait, anyway=files_changed)
@@ -333,14 +321,16 @@ class RenderSession:
         """
         self._check_open()
         state = self._compiler.for_glances(
-            self._newest, keep_focus(self._newest, self._scene_with(changes)), self._reading
+            self._newest, compiling.keep_focus(self._newest, self._scene_with(changes)), self._reading
         )
         self._compiler.begin(state)
 
     def is_carried_out(self, kind: Hashable, order: Callable[[], bytes]) -> bool:
         """Whether another process has carried out an order about this scene; see `SceneCompiler`."""
         state = self._newest
-        return self._compiler.is_carried_out((kind, key_of(state.plan, state.buffers, state.scene.render)), order)
+        return self._compiler.is_carried_out(
+            (kind, compiling.key_of(state.plan, state.buffers, state.scene.render)), order
+        )
 
     def take(self, samples: int = 1) -> Frame:
         """Add samples to the film and return it; a sample that was left is the first of them.
@@ -388,14 +378,14 @@ class RenderSession:
         begun = time.perf_counter()
         self._arrive()
         state = self._shown
-        plan, film = plan_smaller_film(state, scale, self._reading)
+        plan, film = compiling.plan_smaller_film(state, scale, self._reading)
         buffers = self._compiler.pool.upload(plan)
         pool = self._compiler.pool_of_glances(state)
-        run = FilmRun(pool.wavefront(plan, buffers, FilmLayout.of(film), of_glance(state.scene), "glance"))
+        run = FilmRun(pool.wavefront(plan, buffers, FilmLayout.of(film), compiling.of_glance(state.scene), "glance"))
         complete = self._add(run, 1)
         pixels = run.pixels()
         if complete and state.resolved.metered_cd_m2 is not None:
-            self._reading = reading_of(pixels, plan, state, film) or self._reading
+            self._reading = compiling.reading_of(pixels, plan, state, film) or self._reading
         lights = _lights_of(run)
         return Frame(pixels, run.done, complete, time.perf_counter() - begun, None, scale, self._generation, lights)
 
@@ -411,7 +401,7 @@ class RenderSession:
         if not self._compiler.is_guided(state):
             return None
         run, blur = self._guides_of(state, frame.scale)
-        self._add_guides(run, min(frame.spp, MOST_GUIDES))
+        self._add_guides(run, min(frame.spp, compiling.MOST_GUIDES))
         if self._denoiser is None or self._denoiser[0] != (width, height):
             self._denoiser = None  # its memory is free before
             self._denoiser = (width, height), Denoiser(self._device, width, height)
@@ -445,15 +435,15 @@ class RenderSession:
         while (missing := samples - run.done) > 0:
             run.add(missing, count, slots=self._queue_of_guides.slots if count else None)
 
-    def _guides_of(self, state: SceneState, scale: float) -> tuple[FilmRun, tuple[float, float]]:
+    def _guides_of(self, state: compiling.SceneState, scale: float) -> tuple[FilmRun, tuple[float, float]]:
         """The layers that guide the denoising of a frame, as far as they are there, and `Perspective.blur`."""
         key = self._generation, scale, state.is_final
         if self._guides is None or self._guides[0] != key:
             plan, film = state.plan, state.resolved.scene.film
             if scale != 1 or not state.is_final:
-                plan, film = plan_smaller_film(state, scale, self._reading)
+                plan, film = compiling.plan_smaller_film(state, scale, self._reading)
             buffers = self._compiler.pool.upload(plan)
-            settings = of_guides(state.scene)
+            settings = compiling.of_guides(state.scene)
             wavefront = self._compiler.pool.wavefront(plan, buffers, FilmLayout.of(film), settings, "guides")
             seen = camera_of(state.resolved.scene).perspective()
             pixel_mm = film.size_m()[0] * 1e3 / film.resolution[0]
@@ -529,7 +519,7 @@ class RenderSession:
     _closed = False
 
     @property
-    def _newest(self) -> SceneState:
+    def _newest(self) -> compiling.SceneState:
         return self._waiting or self._shown
 
     def _check_open(self) -> None:
@@ -543,16 +533,16 @@ class RenderSession:
 
     def _take_over(self, scene: Scene, *, focus_anew: bool, wait: bool, anyway: bool = False) -> Change:
         before = self._newest
-        keys = changed_parts(before.scene, scene)
+        keys = compiling.changed_parts(before.scene, scene)
         if not keys and not anyway:
             return Change("none", (), self._waiting is None)
-        if set(keys) <= OF_DEVELOPMENT and not anyway:
+        if set(keys) <= compiling.OF_DEVELOPMENT and not anyway:
             self._replace_scene(scene)
             return Change("picture", keys, self._waiting is None)
         if focus_anew:
             state = self._compiler.first(scene)
         else:
-            state = self._compiler.for_glances(before, keep_focus(before, scene), self._reading)
+            state = self._compiler.for_glances(before, compiling.keep_focus(before, scene), self._reading)
         self._hash = None
         compiled = self._compiler.is_ready(state)
         if not compiled and not wait and (served := self._compiler.served(state, self._shown)) is not None:
@@ -563,9 +553,9 @@ class RenderSession:
             return Change("program", keys, ready=False)
         self._compiler.compile(state)
         self._show(state)
-        return Change(kind_of(before.plan, state.plan, compiled, keys), keys)
+        return Change(compiling.kind_of(before.plan, state.plan, compiled, keys), keys)
 
-    def _show(self, state: SceneState) -> None:
+    def _show(self, state: compiling.SceneState) -> None:
         self._shown, self._waiting, self._run, self._of_film, self._ghosting = state, None, None, None, None
         self._noise, self._noise_spp, self._seconds = None, 1, 0.0
         self._reading = self._reading or state.resolved.metered_cd_m2

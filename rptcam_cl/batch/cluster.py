@@ -21,20 +21,17 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Literal
 
-from rptcam_cl.api.job import RenderJob, RenderOptions, plain_data
+from rptcam_cl.api.job import RenderJob
+from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError, out_of_range
-from rptcam_cl.core.files import (
-    named_files,
-    read_whole,
-    scratch_folder,
-)
+from rptcam_cl.core.files import named_files, read_whole, scratch_folder
 from rptcam_cl.core.remember import Maker, Memory, OneMaker, is_maker, made_by
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.rendering.several import FilmPart
 from rptcam_cl.scene.base import LARGEST_FILE
-from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.load import load_scene, plain_data
 from rptcam_cl.scene.scene import Scene
 
 # A scene with all its files as bytes, so that a machine that has none of them can render it.
@@ -157,11 +154,6 @@ def _keep_scene(parcel: Parcel) -> None:
         _unpacked.find_or_make(parcel.digest, unpack)
 
 
-def _has_scene(digest: str) -> bool:
-    """Whether the parcel with this digest is unpacked in this process."""
-    return digest in _unpacked
-
-
 def scene_of(digest: str) -> Scene:
     """Return the scene of a parcel that is unpacked in this process."""
     scene: Scene = _unpacked.find(digest)[1]
@@ -239,7 +231,7 @@ def _at_worker(function: Callable[..., Any], digest: str, parcel: Parcel | None,
 
     if parcel is not None:
         _keep_scene(parcel)
-    return get_worker().address, function(digest, *words) if _has_scene(digest) else None
+    return get_worker().address, function(digest, *words) if digest in _unpacked else None
 
 
 def hold_scene(digest: str) -> str:

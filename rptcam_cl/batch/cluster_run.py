@@ -13,8 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rptcam_cl.api.job import RenderOptions, SceneSource, check_divisible, merge, plain_data, read_scene
-from rptcam_cl.api.options import OF_A_CLUSTER
+from rptcam_cl.api.job import check_divisible, merge
+from rptcam_cl.api.options import OF_A_CLUSTER, RenderOptions
 from rptcam_cl.batch.cluster import (
     Credentials,
     Job,
@@ -38,6 +38,7 @@ from rptcam_cl.imaging.image import Image
 from rptcam_cl.rendering.checkpoint import SUFFIX, read_part
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.progressive import Progress
+from rptcam_cl.scene.load import SceneSource, plain_data, read_scene
 from rptcam_cl.scene.scene import Scene
 
 # The folder of a render on a cluster: its plan, and the parts that have come back; a later run goes on from it.

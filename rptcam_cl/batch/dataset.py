@@ -12,7 +12,6 @@ import os
 import re
 import tarfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import field, replace
 from numbers import Integral, Real
 from pathlib import Path
@@ -25,9 +24,9 @@ from rptcam_cl.api.job import SeriesRenderer, settle
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError, out_of_range
-from rptcam_cl.core.files import make_folder, replacing, resolve_links
+from rptcam_cl.core.files import make_folder, name_errors, replacing, resolve_links
 from rptcam_cl.core.remember import UNKNOWN, Memory, OneMaker, made_by
-from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
+from rptcam_cl.core.strict_yaml import KeyPath, dotted, read_yaml
 from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.exchange.camera_models import COEFFICIENTS, View, calibrate, calibrate_best, view
 from rptcam_cl.imaging.image import Image
@@ -35,19 +34,6 @@ from rptcam_cl.imaging.writers import LABELS, MOST_INSTANCES, TRUTH_FILES, categ
 from rptcam_cl.scene.changes import change_scene, set_keys
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
-
-# Errors of a frame begin with its number.
-
-
-@contextmanager
-def number_errors(index: int) -> Iterator[None]:
-    """Within the block errors that are reported in one line begin with ``frame 517:``."""
-    try:
-        yield
-    except RptcamError as problem:
-        problem.args = (f"frame {index}: {problem}",)
-        raise
-
 
 #
 # What a key is in each frame: distributions, drawn by seed, key and frame alone.
@@ -109,8 +95,7 @@ class Distribution:
         elif self.kind == "normal":
             middle = [min(max(m, a), b) for m, a, b in zip(self.mean, *self.values, strict=True)]
             yield self._as_value(middle)
-            finite = [end for end in self.values if all(map(math.isfinite, end))]
-            yield from (self._as_value(end) for end in finite)
+            yield from (self._as_value(end) for end in self.values if all(map(math.isfinite, end)))
         else:
             yield from (self._as_value(end) for end in self.values)
 
@@ -317,7 +302,7 @@ class DatasetSpecification:
         """
         values = values_of_frame(self.vary, self.seed, index)
         changes = values if "render.seed" in values else values | {"render.seed": seed_of_frame(self.seed, index)}
-        with number_errors(index):
+        with name_errors(f"frame {index}"):
             return values, set_keys(self.scene, changes)
 
 
@@ -352,7 +337,8 @@ def read_specification(
         if not isinstance(source, str | os.PathLike):
             raise InputError(f"a dataset must be a file or a mapping (got {source!r}; allowed: as balls.yaml)")
         document = read_yaml(Path(source))
-        data, where, base = document.data, _places(document), Path(source).absolute().parent
+        data, base = document.data, Path(source).absolute().parent
+        where = lambda path: f"{document.where(path)}: "  # noqa: E731
     if not isinstance(data, dict):
         raise InputError(f"{where(())}a dataset must be a mapping (allowed: keys {', '.join(KEYS)})")
     for key in data:
@@ -369,9 +355,9 @@ def read_specification(
     vary, classes = _vary(data, scene, where)
     scene = _sharing(scene, vary)
     truth = _truth(data, scene, where)
-    content = {key: data.get(key) for key in ("vary", "seed", "files", "camera_model")} | (
-        {"truth": True} if truth else {}
-    )
+    content = {key: data.get(key) for key in ("vary", "seed", "files", "camera_model")}
+    if truth:
+        content["truth"] = True
     return DatasetSpecification(
         scene, vary, count, seed, _files(data, where), truth, _model(data, where), content, classes
     )
@@ -384,15 +370,8 @@ def _sharing(scene: Scene, vary: Mapping[str, Distribution]) -> Scene:
         return scene
     if {"camera", "camera.kind", "camera.pupil", "camera.rays"} & set(vary):
         return scene
-    states: tuple[str, ...] = (
-        "camera.f_number",
-        "camera.stop_diameter_mm",
-        "camera.focal_length_mm",
-        "camera.focus",
-        "camera.movements.rise_mm",
-        "camera.movements.shift_mm",
-        "film.",
-    )
+    of_camera = ("f_number", "stop_diameter_mm", "focal_length_mm", "focus", "movements.rise_mm", "movements.shift_mm")
+    states = (*(f"camera.{key}" for key in of_camera), "film.")
     if camera.focus.point is not None or camera.focus.object is not None:
         states += ("camera.eye", "camera.target", "objects")
     drawn = [key for key, law in vary.items() if law.kind not in ("choice", "grid")]
@@ -402,14 +381,6 @@ def _sharing(scene: Scene, vary: Mapping[str, Distribution]) -> Scene:
 def _error(where: Where, key: str, problem: str) -> InputError:
     """The error of a key of the specification, with its place."""
     return InputError(f"{where((key,))}{key}: {problem}")
-
-
-def _places(document: Document) -> Where:
-    def where(path: KeyPath) -> str:
-        line, column = document.mark(path)
-        return f"{document.name}:{line}:{column}: "
-
-    return where
 
 
 def whole(number: Any, name: str, least: int, most: int, place: str = "") -> int:
@@ -587,13 +558,11 @@ class DatasetFolder:
             self._write_about()
 
     def _write_about(self) -> None:
-        facts = (
-            {"key": self.wanted.key, "shard": self.shard}
-            | PIXELS
-            | {"frames": self.wanted.frames, "specification": self.wanted.content}
-        )
-        facts["categories"] = categories_of(self.wanted.classes)
-        facts["made_by"] = self._same.makers
+        facts = {
+            "key": self.wanted.key, "shard": self.shard, **PIXELS, "frames": self.wanted.frames,
+            "specification": self.wanted.content, "categories": categories_of(self.wanted.classes),
+            "made_by": self._same.makers,
+        }  # fmt: skip
         self._write(self.path / ABOUT, (json.dumps(facts, indent=2, default=str) + "\n").encode())
 
     def record(self, index: int) -> dict[str, Any] | None:
@@ -635,29 +604,20 @@ class DatasetFolder:
         for suffix in self.wanted.files:
             shown.save(resolve_links(self._file(index, suffix)))
         if self.wanted.truth:
-            self._keep_truth(index, image)
+            picture = next((suffix for suffix in self.wanted.files if suffix in PICTURES), self.wanted.files[0])
+            labels, prefix = replace(image, layers={name: image[name] for name in LABELS}), self._file(index, "").name
+            labels.save_truth(self.frames, f"{prefix}{picture}", image_id=index, prefix=prefix)
         paths = [self._file(index, suffix) for suffix in self._suffixes]
         digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
         record = json.loads(json.dumps(record | {"files": digests}))
         self._write(self._file(index, "json"), (json.dumps(record) + "\n").encode())
         return dict(record)
 
-    def pack(self, index: int) -> None:
-        """Move the frames of the shard of a frame into its file, when all are there; nothing of loose frames."""
-        if self.shard is not None:
-            self._pack(index // self.shard)
-
-    def _keep_truth(self, index: int, image: Image) -> None:
-        picture = next((suffix for suffix in self.wanted.files if suffix in PICTURES), self.wanted.files[0])
-        labels = replace(image, layers={name: image[name] for name in LABELS})
-        prefix = self._file(index, "").name
-        labels.save_truth(self.frames, f"{prefix}{picture}", image_id=index, prefix=prefix)
-
     def finish(self) -> None:
         """Write the manifest of all frames that are there, one line each; pack what a killed run left loose."""
         if self.shard is not None:
             for number in range(-(-self.wanted.frames // self.shard)):
-                self._pack(number)
+                self.pack(number)
         with (
             replacing(resolve_links(self.path / MANIFEST)) as temporary,
             temporary.open("w", encoding="utf-8", newline="\n") as out,
@@ -704,7 +664,7 @@ class DatasetFolder:
             self._shards[number] = records
         return self._shards[number]
 
-    def _pack(self, number: int) -> None:
+    def pack(self, number: int) -> None:
         """Move the frames of a shard into its file, when all are there."""
         if not self._records_of_shard(number):
             if any(self.record(index) is None for index in self._range(number)):
@@ -860,13 +820,17 @@ def _frames(
             renderer = SeriesRenderer(open_sessions(device)[0][0])
             if place is not None:
                 place.join([renderer.device.info.driver])
-        with number_errors(index):
+        with name_errors(f"frame {index}"):
             if scene.requested_autofocus is not None:
                 scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
-            image = renderer.render(_with_labels(scene) if wanted.truth else scene)
+            shown = scene
+            if wanted.truth:  # masks and annotations need layers beside those that files of a frame hold
+                layers = tuple(dict.fromkeys((*scene.render.layers, *LABELS)))
+                shown = change_scene(scene, render={"layers": layers})
+            image = renderer.render(shown)
             if "class_names" in image.metadata:
-                layers, metadata = with_classes(image.layers, image.metadata, wanted.classes)
-                image = replace(image, layers=layers, metadata=metadata)
+                named, metadata = with_classes(image.layers, image.metadata, wanted.classes)
+                image = replace(image, layers=named, metadata=metadata)
             record = {
                 "frame": index,
                 "version": __version__,
@@ -881,15 +845,11 @@ def _frames(
                 record["boards"] = image.metadata["boards"]
             if place is not None:
                 record = place.keep(index, image, scene.render.layers, record)
-                place.pack(index)
+                if place.shard is not None:
+                    place.pack(index // place.shard)
         yield DatasetFrame(index, values, record, image)
     if place is not None:
         place.finish()
-
-
-def _with_labels(scene: Scene) -> Scene:
-    """The scene with the layers that masks and annotations need, beside those that files of a frame hold."""
-    return change_scene(scene, render={"layers": tuple(dict.fromkeys((*scene.render.layers, *LABELS)))})
 
 
 class _Cameras:

@@ -91,7 +91,7 @@ def _run(arguments: Sequence[str]) -> int:
     return code
 
 
-def _unexpected(error: Exception) -> int:
+def _report_unexpected(error: Exception) -> int:
     """Print an unexpected error, write its traceback to a file, and return the exit code."""
     what = f"{type(error).__name__}: {error}".splitlines()[0][:500]
     print(f"error: unexpected {what}", file=sys.stderr)
@@ -205,4 +205,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except Exception as error:
             if debug:
                 raise
-            return _unexpected(error)
+            return _report_unexpected(error)

@@ -14,18 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import SEVERAL, Option, add_options, crop, duration, frame_range, share, size
+from rptcam_cl.cli import output
 from rptcam_cl.cli.lens_options import check_picture, distances, numbers, wavelengths, write, write_picture
-from rptcam_cl.cli.output import (
-    add_device,
-    add_scene,
-    as_json,
-    loaded_scene,
-    point,
-    positive,
-    print_table,
-    print_warnings,
-    say_on_stderr,
-)
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import listed
 
@@ -131,9 +121,9 @@ def _check_camera_files(arguments: argparse.Namespace) -> None:
         if os.path.lexists(folder):
             raise StateError(f"--colmap: {folder} is no folder (allowed: a folder, which is made if it is missing)")
         check_writable(folder)
-    for _, output in _outputs(arguments):
-        if output.parent != folder or folder.is_dir():
-            check_writable(output, [arguments.source])
+    for _, path in _outputs(arguments):
+        if path.parent != folder or folder.is_dir():
+            check_writable(path, [arguments.source])
 
 
 def _outputs(arguments: argparse.Namespace) -> Iterator[tuple[str, Path]]:
@@ -180,7 +170,7 @@ def write_files(arguments: argparse.Namespace, seen: "View", chosen: "Calibratio
 
 def _files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> Iterator["File"]:
     from rptcam_cl.exchange.camera_files import WRITTEN, colmap_texts
-    from rptcam_cl.exchange.camera_models import residual_chart
+    from rptcam_cl.exchange.camera_maps import residual_chart
     from rptcam_cl.optics.charts import encode
 
     for name in TEXTS:
@@ -233,7 +223,7 @@ def place(text: str) -> list[float]:
 
 def distance(text: str) -> float:
     """Distance of an object, which may be far away: ``inf`` [m]."""
-    return math.inf if text.lower() == "inf" else positive(text)
+    return math.inf if text.lower() == "inf" else output.positive(text)
 
 
 def add_camera(parser: argparse.ArgumentParser) -> None:
@@ -259,7 +249,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
         help="the model by angles, for fisheyes: --model kannala_brandt",
     )  # fmt: skip
     parser.add_argument(
-        "--max-residual-px", type=positive, metavar="R", help="refuse a model that errs by more anywhere"
+        "--max-residual-px", type=output.positive, metavar="R", help="refuse a model that errs by more anywhere"
     )
     parser.add_argument("--json", action="store_true", help="print everything as JSON, all models with their residuals")
     parser.add_argument("--opencv", type=Path, metavar="F.yaml", help="write a file for OpenCV")
@@ -289,7 +279,7 @@ def run_camera(arguments: argparse.Namespace) -> int:
             file=sys.stderr,
         )
     if seen.setting is not None:
-        print_warnings(seen.setting.lens.warnings)
+        output.print_warnings(seen.setting.lens.warnings)
     chosen = _choose_model(arguments, seen)
     _report(arguments, seen, chosen)
     write_files(arguments, seen, chosen)
@@ -309,7 +299,7 @@ def _choose_model(arguments: argparse.Namespace, seen: "View") -> "Calibration":
         if allowed is None and calibration.max_px > POOR_PX:
             of = "" if len(held) == len(COEFFICIENTS) else " of what these files can say"
             said = f"{calibration.model} fits best{of} and errs by {calibration.max_px:.3g} px"
-            print_warnings([f"{said}; maps of the lens itself have no residual: --stmap-undistort"])
+            output.print_warnings([f"{said}; maps of the lens itself have no residual: --stmap-undistort"])
     else:
         for name in forms:
             check_held(name, arguments.model)
@@ -336,7 +326,7 @@ def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") 
         rows += [["lit share of the picture", chosen.lit_share], ["pupil ahead of eye [mm]", seen.pupil_ahead_mm]]
         width, height = seen.size
         title = f"{seen.name}, {width} x {height} px, {object_text(seen)}; the first pixel's centre is 0.5"
-        print_table((chosen.model, "value"), rows, title)
+        output.print_table((chosen.model, "value"), rows, title)
         return
     calibrations, refused = [], {}
     for model in COEFFICIENTS:
@@ -344,7 +334,7 @@ def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") 
             calibrations.append(calibrate(seen, model))
         except InputError as problem:
             refused[model] = str(problem)
-    print(as_json(document(seen, calibrations, refused) | {"chosen": chosen.model}))
+    print(output.as_json(document(seen, calibrations, refused) | {"chosen": chosen.model}))
 
 
 # ``rptcam focus``: autofocus of a scene's camera.
@@ -354,8 +344,8 @@ def _word_of(names_of: str) -> Callable[[str], str]:
     """The parser of a word of a list of `scene.lens_settings`, ``METHODS`` or ``POLICIES``."""
 
     def parse(text: str) -> str:
+        from rptcam_cl.core.errors import near_name
         from rptcam_cl.scene import lens_settings
-        from rptcam_cl.scene.base import near_name
 
         names: tuple[str, ...] = getattr(lens_settings, names_of)
         if text not in names:
@@ -373,7 +363,7 @@ _PLACES = (
     ),
     Option("zones_file", "--zones", "file with a line xleft xright ytop ybottom each", Path, "FILE"),
     Option("mask", "--mask", "picture that is bright where to focus", Path, "FILE"),
-    Option("point", "--point", "point to focus on, in the same fractions", point, "x,y"),
+    Option("point", "--point", "point to focus on, in the same fractions", output.point, "x,y"),
     Option("object", "--object", "object to focus on, wherever it is seen", str, "NAME"),
     Option(
         "at", "--at", "point of the scene to focus on; with --object in that object's own coordinates, as an eye of a"
@@ -404,11 +394,11 @@ FOCUS_OPTIONS = (
 
 def add_focus(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    add_scene(parser)
+    output.add_scene(parser)
     for option in FOCUS_OPTIONS:
         option.add_to(parser)
     add_options(parser, "seed")
-    add_device(parser)
+    output.add_device(parser)
     add_options(parser, "overrides")
     parser.add_argument(
         "--frames", type=frame_range, metavar="FIRST-LAST[:STEP]",
@@ -430,15 +420,15 @@ def run_focus(arguments: argparse.Namespace) -> int:
     from rptcam_cl.studies.focus.controller import autofocus
     from rptcam_cl.studies.focus.probe import focus_plot
 
-    scene = loaded_scene(arguments)
+    scene = output.loaded_scene(arguments)
     if arguments.frames is not None:
         return _follow_frames(arguments, scene)
     report = autofocus(scene, **_focus_keywords(arguments))
-    print_warnings(report.warnings)
+    output.print_warnings(report.warnings)
     if arguments.plot is not None:
         write_picture(focus_plot(report, f"{arguments.scene.stem}: autofocus by {report.method}"), arguments.plot)
     if arguments.json:
-        print(as_json(report.as_dict()))
+        print(output.as_json(report.as_dict()))
     else:
         _print_focus(report)
     return 0
@@ -467,15 +457,15 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
     assert scene.sequence is not None
     tracker, rate = FrameTracker(scene, lambda: open_session(arguments.device)), scene.sequence.frames_per_second
     frames = [FrameFocus.of(number, (number - 1) / rate, *tracker.frame(number)) for number in arguments.frames]
-    print_warnings(doubts_of(frames))
+    output.print_warnings(doubts_of(frames))
     if arguments.plot is not None:
         write_picture(servo_plot(frames, f"{arguments.scene.stem}: continuous autofocus"), arguments.plot)
     if arguments.json:
-        print(as_json([vars(frame) for frame in frames]))
+        print(output.as_json([vars(frame) for frame in frames]))
         return 0
     words = ("frame", "subject [m]", "expected [m]", "focus [m]", "off [depths of focus]", "drive [depths/s]")
     rows = [[row.number, row.subject_m, row.expected_m, row.focus_m, row.off, row.speed] for row in frames]
-    print_table(words, rows, "continuous autofocus")
+    output.print_table(words, rows, "continuous autofocus")
     print(summary_of(frames))
     return 0
 
@@ -483,7 +473,7 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
 def _focus_keywords(arguments: argparse.Namespace) -> dict[str, Any]:
     """The keywords of `autofocus` that the command has as options, files read."""
     from rptcam_cl.rendering.cameras.ideal import bright_parts
-    from rptcam_cl.scene.lens_settings import read_zones
+    from rptcam_cl.studies.focus.controller import read_zones
 
     names = ("seed", "device", *(option.name for option in FOCUS_OPTIONS))
     given = {name: getattr(arguments, name) for name in names}
@@ -501,7 +491,7 @@ def _print_focus(report: "FocusReport") -> None:
         for probe in report.probes
     ]
     columns = ("film distance [mm]", "measure", "error", "stop", "Msamples", "seconds")
-    print_table(columns, rows, f"autofocus by {report.method}")
+    output.print_table(columns, rows, f"autofocus by {report.method}")
     if "started" in report.notes:
         start, step = report.notes["start_m"], report.notes["step_m"]
         print(f"from {start:.6g} m in steps of {step:.6g} m: {report.notes['started']}")
@@ -522,7 +512,7 @@ PRINTED = Path("-")  # in place of a file: to standard output
 
 def add_tradeoff(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    add_scene(parser)
+    output.add_scene(parser)
     parser.add_argument(
         "--budget",
         type=duration,
@@ -547,7 +537,7 @@ def add_tradeoff(parser: argparse.ArgumentParser) -> None:
         "--plot", type=Path, metavar="FILE", help="draw errors over time, field and picture, .svg, .png or .pdf"
     )
     parser.add_argument("--details", action="store_true", help="print all tables and how they were found, too")
-    add_device(parser)
+    output.add_device(parser)
     add_options(parser, "overrides")
     parser.add_argument("--quiet", action="store_true", help="print only the result, warnings and errors")
 
@@ -557,8 +547,8 @@ def run_tradeoff(arguments: argparse.Namespace) -> int:
     _check_tradeoff_files(arguments)
     from rptcam_cl.studies.tradeoff_runs import measure_tradeoff
 
-    scene = loaded_scene(arguments)
-    with contextlib.nullcontext() if arguments.quiet else say_on_stderr(_line) as show:
+    scene = output.loaded_scene(arguments)
+    with contextlib.nullcontext() if arguments.quiet else output.say_on_stderr(_line) as show:
         report = measure_tradeoff(
             scene,
             budget=arguments.budget,
@@ -570,7 +560,7 @@ def run_tradeoff(arguments: argparse.Namespace) -> int:
         )
     _write_tradeoff(report, arguments)  # before any printing, which a reader like head may end
     if arguments.json == PRINTED:
-        print(as_json(report.as_dict()))
+        print(output.as_json(report.as_dict()))
     else:
         overrides = "".join(f" --set {shlex.quote(text)}" for text in arguments.overrides)
         _print_tradeoff(
@@ -601,7 +591,7 @@ def _print_tradeoff(report: "TradeoffReport", command: str, *, details: bool) ->
 
     print("\n".join(recommendation(report)).replace(COMMAND, command), end="\n\n")
     for title, columns, rows in tables(report):
-        print_table(columns, rows, title)
+        output.print_table(columns, rows, title)
         print()
     print("\n".join(caveats(report)))
 
@@ -612,7 +602,7 @@ def _write_tradeoff(report: "TradeoffReport", arguments: argparse.Namespace) -> 
 
     title = f"{arguments.scene.stem}: accuracy and time"
     if arguments.json not in (None, PRINTED):
-        write((as_json(report.as_dict()) + "\n").encode(), arguments.json)
+        write((output.as_json(report.as_dict()) + "\n").encode(), arguments.json)
     if arguments.markdown is not None:
         write(markdown(report, title).encode(), arguments.markdown)
     if arguments.plot is not None:

@@ -14,18 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options, size
 from rptcam_cl.cli.output import SCENE_SUFFIXES, add_device, add_scene, as_bytes, as_json, loaded_scene, port, positive
+from rptcam_cl.core import files
 from rptcam_cl.core.errors import DeviceError, InputError, NumericError
-from rptcam_cl.core.files import (
-    SCENES,
-    check_writable,
-    example_files,
-    example_scenes,
-    fresh_cache,
-    known_suffix,
-    make_folder,
-    read_whole,
-    replacing,
-)
 
 if TYPE_CHECKING:
     from rptcam_cl.exchange.conversion import Conversion
@@ -41,7 +31,7 @@ NOT_SCENE = "a scene file is YAML"
 
 def add_examples(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    parser.add_argument("scene", nargs="?", choices=tuple(SCENES), metavar="NAME", help="a scene of the list")
+    parser.add_argument("scene", nargs="?", choices=tuple(files.SCENES), metavar="NAME", help="a scene of the list")
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="folder to copy to, made if need be (default: the current one)"
     )
@@ -65,8 +55,8 @@ def run_examples(arguments: argparse.Namespace) -> int:
 
 
 def _list() -> None:
-    width = max(map(len, SCENES))
-    for name, path in example_scenes().items():
+    width = max(map(len, files.SCENES))
+    for name, path in files.example_scenes().items():
         print(f"{name:{width}}  {_summary(path)}")
 
 
@@ -88,15 +78,15 @@ def _copy_scene(name: str, folder: Path) -> Path:
     InputError
         When one of them would replace a file of other content; none is written then.
     """
-    files = {folder / path.name: read_whole(path, LARGEST) for path in example_files(name)}
-    for target, content in files.items():
-        if target.exists() and not (target.is_file() and read_whole(target, 2 * LARGEST) == content):
+    contents = {folder / path.name: files.read_whole(path, LARGEST) for path in files.example_files(name)}
+    for target, content in contents.items():
+        if target.exists() and not (target.is_file() and files.read_whole(target, 2 * LARGEST) == content):
             raise InputError(f"{target}: is there already and differs; choose another folder with -o, or move it away")
-    make_folder(folder)
-    for target, content in reversed(files.items()):  # the scene file last
-        with replacing(target) as temporary:
+    files.make_folder(folder)
+    for target, content in reversed(contents.items()):  # the scene file last
+        with files.replacing(target) as temporary:
             temporary.write_bytes(content)
-    return next(iter(files))
+    return next(iter(contents))
 
 
 # ``rptcam view``: a scene in the browser, with the dials of a camera.
@@ -187,8 +177,8 @@ def run_settle(arguments: argparse.Namespace) -> int:
     """Write a scene whose auto focus, accuracy and exposure are found, so that parts and frames agree."""
     from rptcam_cl.api.job import settle
 
-    known_suffix(arguments.output, SCENE_SUFFIXES, NOT_SCENE)
-    check_writable(arguments.output, [arguments.scene])
+    files.known_suffix(arguments.output, SCENE_SUFFIXES, NOT_SCENE)
+    files.check_writable(arguments.output, [arguments.scene])
     scene = loaded_scene(arguments)
     notes = settle(scene, arguments.output, device=arguments.device).found
     if not arguments.quiet:
@@ -227,8 +217,8 @@ def _check_names(source: Path, target: Path) -> None:
             f"{source}: only scenes of pbrt, stages of USD and models can be converted"
             f" (got {source.suffix or 'no suffix'}; allowed: {', '.join((*SOURCES, *MESHES))})"
         )
-    known_suffix(target, SCENE_SUFFIXES, NOT_SCENE)
-    check_writable(target, [source])
+    files.known_suffix(target, SCENE_SUFFIXES, NOT_SCENE)
+    files.check_writable(target, [source])
 
 
 MESHES = (".ply", ".obj", ".stl", ".gltf", ".glb")
@@ -241,7 +231,7 @@ def run_convert(arguments: argparse.Namespace) -> int:
     _check_names(arguments.source, arguments.target)
     if arguments.source.suffix.lower() in MESHES:
         return _convert_model(arguments)
-    done = _converted(arguments.source, arguments.target, arguments.missing, arguments.root, arguments.time_s)
+    done = _convert(arguments.source, arguments.target, arguments.missing, arguments.root, arguments.time_s)
     warnings = done.write(arguments.target)
     if arguments.json:
         objects = len(done.scene.get("objects", ()))
@@ -269,7 +259,7 @@ def _convert_model(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _converted(
+def _convert(
     source: Path, target: Path, missing: "Missing", root: Path | None = None, time_s: float | None = None
 ) -> "Conversion":
     if source.name.lower().endswith(SOURCES[:2]):
@@ -296,7 +286,7 @@ def scene_file(path: Path, missing: "Missing" = "error") -> Path:
     _FOLDERS.append(tempfile.TemporaryDirectory(prefix="rptcam-scene-"))
     target = Path(_FOLDERS[-1].name) / f"{path.name.split('.')[0] or 'scene'}.yaml"
     if foreign:
-        done = _converted(path, target, missing)
+        done = _convert(path, target, missing)
         messages = [*done.report, *done.write(target)]
         again = f"rptcam convert {shlex.quote(str(path))} scene.yaml"
     else:
@@ -341,10 +331,10 @@ def run_new(arguments: argparse.Namespace) -> int:
     words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
     is_model = target.is_file() and arguments.model is None
     hint = f"; for a scene of that model: {shlex.join(words)}" if is_model else ""
-    known_suffix(target, SCENE_SUFFIXES, NOT_SCENE, hint)
+    files.known_suffix(target, SCENE_SUFFIXES, NOT_SCENE, hint)
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
-    check_writable(target)
+    files.check_writable(target)
     names = ("model", "hdri", "lens", "size", "up", "metres_per_unit", "reframe", "time_s")
     for message in _write_new(target, {name: getattr(arguments, name) for name in names}):
         print(message, file=sys.stderr)
@@ -361,7 +351,7 @@ def _write_new(target: Path, settings: dict[str, Any]) -> list[str]:
     start = starting_scene(target.parent, **settings)
     copied = start.copies.write()
     scene = load_scene(start.scene, base_dir=target.parent, missing="grey")
-    with replacing(target) as temporary:
+    with files.replacing(target) as temporary:
         temporary.write_text(scene_text(start.scene, (HEAD,)), "utf-8")
     warnings = [f"warning: {text}" for text in scene.warnings if text not in (*start.report, *scene.stand_ins)]
     return [*start.report, *(f"copied {path.name}" for path in copied), *warnings]
@@ -460,15 +450,15 @@ def _examine(arguments: argparse.Namespace) -> int:
     if arguments.numerics or arguments.json:
         raise InputError("rptcam doctor: --gpu checks numerics too and writes JSON to its file; give it alone")
     path = arguments.output or Path(GPU_REPORT)
-    check_writable(path)
+    files.check_writable(path)
     info = choose_device(arguments.device)
     report = CardReport(Session(info, profiling=True))
     print(f"{info.id} {info.type}  {info.name}", flush=True)
-    with fresh_cache():  # so that trees are built here
+    with files.fresh_cache():  # so that trees are built here
         for line in report.run():
             print(line, flush=True)
     written = environment(info.id) | {"failed": report.failed, "report": report.found}
-    with replacing(path) as temporary:
+    with files.replacing(path) as temporary:
         temporary.write_text(as_json(written) + "\n", encoding="utf-8")
     print(f"wrote {path}; please send it to the authors", flush=True)
     if report.failed:

@@ -17,31 +17,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import OF_A_CLUSTER, add_options, check_together, digits, number, number_range
-from rptcam_cl.cli.output import (
-    ENDS_LATER,
-    INTERRUPTED,
-    add_device,
-    add_scene,
-    apply_options,
-    check_cluster_arguments,
-    check_different,
-    cluster_keywords,
-    device_of,
-    files_to_write,
-    layers_of_outputs,
-    loaded_scene,
-    names_of,
-    point,
-    positive,
-    print_table,
-    print_warnings,
-    progress_on_stderr,
-    save,
-    stop_on_interrupt,
-)
+from rptcam_cl.cli import output
 from rptcam_cl.core import __version__
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.files import LAYER_SUFFIXES, file_state, listed, named_files
+from rptcam_cl.core.files import LAYER_SUFFIXES, file_state, listed, name_errors, named_files
 from rptcam_cl.core.remember import OneMaker, made_by
 
 if TYPE_CHECKING:
@@ -75,12 +54,10 @@ def _frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[i
 
     scenes = []
     for frame in arguments.frames:
-        try:
+        with name_errors(f"frame {frame}"):
             still = _scene_of_frame(scene, frame)
             at_rest(still)  # keys of the shutter as well
             scenes.append((frame, still))
-        except RptcamError as problem:
-            raise type(problem)(f"frame {frame}: {problem}") from None
     return scenes
 
 
@@ -88,7 +65,7 @@ def _track_frames(
     arguments: argparse.Namespace, scene: "Scene"
 ) -> Callable[[int], tuple["Scene", dict[str, Any]]] | None:
     """A function of a frame with focus and exposure that follow from those before; None where each stands alone."""
-    from rptcam_cl.api.job import RenderOptions
+    from rptcam_cl.api.options import RenderOptions
     from rptcam_cl.studies.focus.servo import FrameTracker, needs_tracking
 
     if not needs_tracking(scene):
@@ -96,7 +73,7 @@ def _track_frames(
     from rptcam_cl.device.session import open_sessions
 
     settings = RenderOptions(seed=arguments.seed, size=arguments.size, crop=arguments.crop)
-    return FrameTracker(settings.apply_to(scene), lambda: open_sessions(device_of(arguments))[0][0]).frame
+    return FrameTracker(settings.apply_to(scene), lambda: open_sessions(output.device_of(arguments))[0][0]).frame
 
 
 def _neighbours_of(
@@ -112,7 +89,7 @@ def _neighbours_of(
 def check_frame_options(arguments: argparse.Namespace) -> None:
     """Raise `InputError` for options of a single picture, and outputs that would overwrite one another."""
     check_together(arguments, "frames", "--frames")
-    for path in files_to_write(arguments):
+    for path in output.files_to_write(arguments):
         if not PLACE.search(path.name):
             raise InputError(f"{path}: every frame would overwrite it (allowed: a name with ####, as out.####.exr)")
 
@@ -185,7 +162,7 @@ def _layer_metadata(arguments: argparse.Namespace, scene: "Scene") -> dict[str, 
 
 def is_finished(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> bool:
     """Whether all files of a frame are there and say what is wanted; None: what they must not say."""
-    if not all(path.is_file() for path in files_to_write(arguments)):
+    if not all(path.is_file() for path in output.files_to_write(arguments)):
         return False
     known = [metadata for path in arguments.outputs if (metadata := _metadata(path)) is not None]
     return bool(known) and all(
@@ -249,7 +226,7 @@ def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> "Iterator[F
         own.same = same
         still, described = (alone, {}) if track is None else at(frame)
         own.neighbours = _neighbours_of(arguments, scene, frame, lambda other: at(other)[0])
-        applied = apply_options(own, still)
+        applied = output.apply_options(own, still)
         if not (arguments.resume and is_finished(own, _expected_metadata(own, applied))):
             metadata = _metadata_of(scene, frame) | described | _layer_metadata(own, applied)
             if same.makers:  # whether what is kept is of this code, before any work; the driver is known after it
@@ -260,7 +237,7 @@ def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> "Iterator[F
             if (known := _metadata(path)) is not None:
                 same.add(str(path), _value(known.get("made_by")))
         if not arguments.quiet:
-            print(f"kept {names_of(own.outputs)}", file=sys.stderr)
+            print(f"kept {output.names_of(own.outputs)}", file=sys.stderr)
 
 
 # ``rptcam render --watch``: a picture is rendered again whenever a file that it comes from has changed.
@@ -338,21 +315,21 @@ def render_by_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:
     if folder.is_dir() and not arguments.resume and not arguments.quiet:
         print(f"note: {folder} holds parts of an earlier render; --resume would go on from it", file=sys.stderr)
     with contextlib.ExitStack() as stack:
-        stop = stack.enter_context(stop_on_interrupt())
-        show = None if arguments.quiet else stack.enter_context(progress_on_stderr())
+        stop = stack.enter_context(output.stop_on_interrupt())
+        show = None if arguments.quiet else stack.enter_context(output.progress_on_stderr())
         try:
             image = render_on_cluster(
-                scene, **cluster_keywords(arguments), **_scene_keywords(arguments), folder=folder,
+                scene, **output.cluster_keywords(arguments), **_scene_keywords(arguments), folder=folder,
                 resume=arguments.resume, on_progress=show, should_stop=stop.is_set,
             )  # fmt: skip
         except InterruptedError as ended:
             print(f"interrupted: {ended}; --resume goes on from them", file=sys.stderr)
-            return INTERRUPTED
-    save(image, arguments.outputs, arguments.raws)
+            return output.INTERRUPTED
+    output.save(image, arguments.outputs, arguments.raws)
     PartsFolder(folder).clear()
     if not arguments.quiet:
         print(_cluster_account(image), file=sys.stderr)
-        names = names_of(files_to_write(arguments))
+        names = output.names_of(output.files_to_write(arguments))
         print(f"wrote {names}: {image.width} x {image.height}, {image.stats['spp']} spp", file=sys.stderr)
     return 0
 
@@ -364,9 +341,9 @@ def render_frames_by_cluster(arguments: argparse.Namespace, missing: "Iterable[F
     todo = {metadata["frame"]: (own, scene, metadata) for own, scene, metadata in missing}
     if any(own.neighbours is not None for own, _, _ in todo.values()):
         raise InputError("--cluster: flow leads from frame to frame, which workers do not have (allowed: other layers)")
-    with stop_on_interrupt() as stop:
+    with output.stop_on_interrupt() as stop:
         images = render_scenes_on_cluster(
-            {number: scene for number, (_, scene, _) in todo.items()}, **cluster_keywords(arguments),
+            {number: scene for number, (_, scene, _) in todo.items()}, **output.cluster_keywords(arguments),
             settings=_scene_keywords(arguments), should_stop=stop.is_set,
         )  # fmt: skip
         try:
@@ -374,18 +351,21 @@ def render_frames_by_cluster(arguments: argparse.Namespace, missing: "Iterable[F
                 own, _, metadata = todo[number]
                 own.same.add(f"frame {number}", image.metadata["made_by"])
                 image.metadata.update(metadata)
-                save(image, own.outputs, own.raws)
+                output.save(image, own.outputs, own.raws)
                 if not arguments.quiet:
-                    print(f"wrote {names_of(files_to_write(own))}: {_cluster_account(image)}", file=sys.stderr)
+                    print(
+                        f"wrote {output.names_of(output.files_to_write(own))}: {_cluster_account(image)}",
+                        file=sys.stderr,
+                    )
         except InterruptedError as ended:
             print(f"interrupted: {ended}; --resume goes on with the rest", file=sys.stderr)
-            return INTERRUPTED
+            return output.INTERRUPTED
     return 0
 
 
 def _scene_keywords(arguments: argparse.Namespace) -> dict[str, Any]:
     """The keyword arguments that replace keys of the scene."""
-    return {name: getattr(arguments, name) for name in OF_A_CLUSTER} | {"layers": layers_of_outputs(arguments)}
+    return {name: getattr(arguments, name) for name in OF_A_CLUSTER} | {"layers": output.layers_of_outputs(arguments)}
 
 
 def _cluster_account(image: "Image") -> str:
@@ -402,7 +382,7 @@ def _cluster_account(image: "Image") -> str:
 
 def add_sweep(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    add_scene(parser)
+    output.add_scene(parser)
     parser.add_argument(
         "--over", action="append", required=True, metavar="key.path=a,b,...", dest="keys",
         help="values of a key of the scene file, as camera.f_number=2,4,8 or 2,2.8,…,22; may be repeated, the last"
@@ -411,10 +391,10 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FOLDER", help="folder to write to")
     add_options(parser, "spp", "size", "seed")
     parser.add_argument(
-        "--mtf", type=point, metavar="x,y",
+        "--mtf", type=output.point, metavar="x,y",
         help="measure MTF50 of the edge at this point, in fractions of the picture from the left and the top",
     )  # fmt: skip
-    add_device(parser)
+    output.add_device(parser)
     add_options(parser, "cluster", "workers", "tls", "overrides", "allow_mixed", "quiet")
 
 
@@ -442,15 +422,15 @@ def run_sweep(arguments: argparse.Namespace) -> int:
     from rptcam_cl.scene.changes import set_keys
 
     over = _over(arguments.keys)
-    scene = loaded_scene(arguments)
+    scene = output.loaded_scene(arguments)
     rows, said = [], set(scene.warnings)
-    with stop_on_interrupt(None if arguments.cluster or arguments.workers else ENDS_LATER) as stop:
+    with output.stop_on_interrupt(None if arguments.cluster or arguments.workers else output.ENDS_LATER) as stop:
         pictures = None
-        if check_cluster_arguments(arguments):
+        if output.check_cluster_arguments(arguments):
             from rptcam_cl.batch.cluster_run import render_scenes_on_cluster
 
             pictures = functools.partial(
-                render_scenes_on_cluster, should_stop=stop.is_set, **cluster_keywords(arguments)
+                render_scenes_on_cluster, should_stop=stop.is_set, **output.cluster_keywords(arguments)
             )
         entries = sweep(
             scene, over, arguments.output, spp=arguments.spp, size=arguments.size, seed=arguments.seed,
@@ -460,7 +440,7 @@ def run_sweep(arguments: argparse.Namespace) -> int:
             for entry in entries:
                 rows.append([*entry.values.values(), *entry.measures.values()])
                 doubts = [line for line in set_keys(scene, entry.values).lens_doubts if line not in said]
-                print_warnings(doubts)
+                output.print_warnings(doubts)
                 said.update(doubts)
                 if not arguments.quiet:
                     print(f"{entry.label}: {'kept' if entry.kept else 'rendered'}", file=sys.stderr)
@@ -468,8 +448,8 @@ def run_sweep(arguments: argparse.Namespace) -> int:
                     raise InterruptedError
         except InterruptedError:
             print("interrupted: the same command goes on with the rest", file=sys.stderr)
-            return INTERRUPTED
-    print_table([*over, *entry.measures], rows)
+            return output.INTERRUPTED
+    output.print_table([*over, *entry.measures], rows)
     return 0
 
 
@@ -478,9 +458,9 @@ def run_sweep(arguments: argparse.Namespace) -> int:
 
 def add_stack(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    add_scene(parser)
+    output.add_scene(parser)
     for name, text in (("--near-m", "nearest"), ("--far-m", "farthest")):
-        parser.add_argument(name, type=positive, metavar="D", help=f"{text} distance of focus [m]")
+        parser.add_argument(name, type=output.positive, metavar="D", help=f"{text} distance of focus [m]")
     parser.add_argument(
         "--films", nargs="+", type=Path, metavar="FILM",
         help="films of the scene that are rendered already, in place of --near-m and --far-m; by their own focus",
@@ -491,7 +471,7 @@ def add_stack(parser: argparse.ArgumentParser) -> None:
         help=f"picture to write, as of render; {listed(LAYER_SUFFIXES)} have the depth map as layer; may be repeated",
     )  # fmt: skip
     add_options(parser, "spp", "size", "seed")
-    add_device(parser)
+    output.add_device(parser)
     add_options(parser, "overrides", "quiet")
 
 
@@ -503,9 +483,9 @@ def run_stack(arguments: argparse.Namespace) -> int:
     ends, films = (arguments.near_m, arguments.far_m), arguments.films
     if (None in ends) if films is None else (ends != (None, None)):
         raise InputError("rptcam stack: takes --near-m and --far-m, or --films in their place")
-    for output in arguments.outputs:
-        check_output(output, [arguments.scene, *(films or ())])
-    scene = loaded_scene(arguments)
+    for path in arguments.outputs:
+        check_output(path, [arguments.scene, *(films or ())])
+    scene = output.loaded_scene(arguments)
 
     def say(number: int, count: int, distance_m: float) -> None:
         if not arguments.quiet:
@@ -520,15 +500,17 @@ def run_stack(arguments: argparse.Namespace) -> int:
         )  # fmt: skip
     about = image.metadata["focus_stack"]
     if about["pictures"] < about.get("needed", 0):
-        print_warnings([f"what lies between the pictures is not sharp; {about['needed']} would leave nothing out"])
+        output.print_warnings(
+            [f"what lies between the pictures is not sharp; {about['needed']} would leave nothing out"]
+        )
     if about["known_share"] < POOR:
-        print_warnings([
+        output.print_warnings([
             f"only {about['known_share']:.0%} of the picture has the texture that tells its depth; the rest is taken"
             " from around it"
         ])  # fmt: skip
-    save(image, arguments.outputs)
+    output.save(image, arguments.outputs)
     if not arguments.quiet:
-        print(f"wrote {names_of(arguments.outputs)}: {image.width} x {image.height}", file=sys.stderr)
+        print(f"wrote {output.names_of(arguments.outputs)}: {image.width} x {image.height}", file=sys.stderr)
     return 0
 
 
@@ -539,7 +521,7 @@ OF_HALVES = ("left", "right", "phase_pixels", "screen")
 
 def add_halves(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    add_scene(parser)
+    output.add_scene(parser)
     for name, text in (
         ("--left", "picture through the left half of the stop"),
         ("--right", "picture through the right half"),
@@ -549,7 +531,7 @@ def add_halves(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(name, type=Path, metavar="OUT", help=f"{text}; formats as of render -o")
     parser.add_argument("--split", choices=("x", "y"), default="x", help="y: the lower and the upper half")
     add_options(parser, "spp", "size", "seed")
-    add_device(parser)
+    output.add_device(parser)
     add_options(parser, "overrides", "quiet")
 
 
@@ -561,10 +543,10 @@ def run_halves(arguments: argparse.Namespace) -> int:
     outputs = {name: path for name in OF_HALVES if (path := getattr(arguments, name)) is not None}
     if not outputs:
         raise InputError("rptcam halves: nothing to write (allowed: --left, --right, --phase-pixels, --screen)")
-    check_different(list(outputs.values()), "rptcam halves")
-    for output in outputs.values():
-        check_output(output, [arguments.scene])
-    scene = loaded_scene(arguments)
+    output.check_different(list(outputs.values()), "rptcam halves")
+    for path in outputs.values():
+        check_output(path, [arguments.scene])
+    scene = output.loaded_scene(arguments)
     given = {name: getattr(arguments, name) for name in ("spp", "size", "seed", "device")}
     images: dict[str, Any] = {}
     if outputs.keys() - {"screen"}:
@@ -572,10 +554,10 @@ def run_halves(arguments: argparse.Namespace) -> int:
         images["phase_pixels"] = with_phase_pixels(images["left"], images["right"])
     if "screen" in outputs:
         images["screen"] = focusing_screen(scene, **given)
-    for name, output in outputs.items():
-        save(images[name], [output])
+    for name, path in outputs.items():
+        output.save(images[name], [path])
     if not arguments.quiet:
-        print(f"wrote {names_of(list(outputs.values()))}", file=sys.stderr)
+        print(f"wrote {output.names_of(list(outputs.values()))}", file=sys.stderr)
     return 0
 
 
@@ -666,7 +648,7 @@ def add_dataset(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--shard", type=_count, metavar="N", help="write shards of N frames, TAR files as WebDataset reads them"
     )
-    add_device(parser)
+    output.add_device(parser)
     add_options(parser, "overrides", "allow_mixed", "quiet")
 
 
@@ -679,13 +661,13 @@ def run_dataset(arguments: argparse.Namespace) -> int:
     from rptcam_cl.batch.dataset import dataset, read_specification
 
     wanted = read_specification(arguments.specification, arguments.overrides, frames=arguments.count)
-    print_warnings(wanted.scene.warnings)
+    output.print_warnings(wanted.scene.warnings)
     frames = dataset(
         wanted, arguments.output, only=arguments.frames, shard=arguments.shard, device=arguments.device,
         allow_mixed=arguments.allow_mixed,
     )  # fmt: skip
     kept = rendered = 0
-    with stop_on_interrupt(ENDS_LATER) as stop:
+    with output.stop_on_interrupt(output.ENDS_LATER) as stop:
         for frame in frames:
             kept, rendered = kept + frame.kept, rendered + (not frame.kept)
             if not arguments.quiet and not frame.kept:
@@ -693,7 +675,7 @@ def run_dataset(arguments: argparse.Namespace) -> int:
                 print(f"frame {frame.index}: {drawn}", file=sys.stderr)
             if stop.is_set():
                 print("interrupted: the same command goes on with the rest", file=sys.stderr)
-                return INTERRUPTED
+                return output.INTERRUPTED
     if not arguments.quiet:
         print(f"wrote {arguments.output}: {rendered} frames rendered, {kept} kept", file=sys.stderr)
     return 0

@@ -8,19 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import digits, number
-from rptcam_cl.cli import lens_measures, lens_options
-from rptcam_cl.cli.output import (
-    Commands,
-    Parser,
-    add_command,
-    add_device,
-    as_json,
-    finite,
-    positive,
-    print_table,
-    print_warnings,
-    run_nothing,
-)
+from rptcam_cl.cli import lens_measures, lens_options, output
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import known_suffix
@@ -41,16 +29,16 @@ if TYPE_CHECKING:
 _SUFFIXES = (".yaml", ".yml", ".dat", ".zmx", ".seq")
 
 
-def _add_lens_convert(commands: Commands) -> None:
+def _add_lens_convert(commands: output.Commands) -> None:
     """Add the command."""
     text = "write a lens as a file of ours (.yaml), a pbrt table (.dat) or for Zemax (.zmx) or CODE V (.seq)"
-    parser = add_command(commands, "convert", text, _run_lens_convert)
+    parser = output.add_command(commands, "convert", text, _run_lens_convert)
     parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file of any known kind")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help=".yaml, .dat, .zmx or .seq")
     lens_options.add_catalogue(parser)
-    parser.add_argument("--f-number", type=positive, metavar="N", help="stop down (default: as in the file)")
+    parser.add_argument("--f-number", type=output.positive, metavar="N", help="stop down (default: as in the file)")
     parser.add_argument(
-        "--focal-length-mm", type=positive, metavar="F", help="set a zoom lens and write it as it then is"
+        "--focal-length-mm", type=output.positive, metavar="F", help="set a zoom lens and write it as it then is"
     )
     parser.add_argument(
         "--model-glasses", action="store_true",
@@ -108,26 +96,26 @@ def _run_lens_convert(arguments: argparse.Namespace) -> int:
 _CONSTRAINTS = ("r1=r2", "r2=r3", "flat-r3")
 
 
-def _add_lens_design(commands: Commands) -> None:
+def _add_lens_design(commands: output.Commands) -> None:
     """Add the command with its own commands."""
     text = "make a lens file of a single lens or an achromatic doublet"
-    inner = add_command(commands, "design", text, run_nothing).add_commands("design_command")
+    inner = output.add_command(commands, "design", text, output.run_nothing).add_commands("design_command")
     text = "a single lens by the lensmaker's equation"
-    single = add_command(inner, "singlet", text, _singlet)
+    single = output.add_command(inner, "singlet", text, _singlet)
     _add_common(single)
     single.add_argument("--glass", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
     single.add_argument(
-        "--bending", type=finite, metavar="Q", default=0.0,
+        "--bending", type=output.finite, metavar="Q", default=0.0,
         help="(R2 + R1) / (R2 - R1): 0 equal radii, 1 plane on the film side, -1 on the scene side (default: 0)",
     )  # fmt: skip
     single.add_argument(
         "--focus-distance-m",
-        type=positive,
+        type=output.positive,
         metavar="D",
         help="also write the distances that focus an object this far from the film",
     )
     text = "a cemented achromat from two glasses and one more condition"
-    double = add_command(inner, "doublet", text, _doublet)
+    double = output.add_command(inner, "doublet", text, _doublet)
     _add_common(double)
     double.add_argument("--crown", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
     double.add_argument("--flint", metavar="G", default="F2", help="glass on the film side (default: %(default)s)")
@@ -136,15 +124,17 @@ def _add_lens_design(commands: Commands) -> None:
         "--constraint", choices=_CONSTRAINTS, default="r1=r2",
         help="biconvex first lens, biconcave second lens, or plane last surface (default: %(default)s)",
     )  # fmt: skip
-    third.add_argument("--r1-mm", type=finite, metavar="R", help="first radius, in place of a constraint")
+    third.add_argument("--r1-mm", type=output.finite, metavar="R", help="first radius, in place of a constraint")
 
 
 _GLASS_HELP = "a name as N-BK7, n_d/V_d as 1.517/64.2, or an index as 1.5"
 
 
-def _add_common(parser: Parser) -> None:
-    parser.add_argument("--focal-length-mm", type=finite, required=True, metavar="F", help="below 0: a diverging lens")
-    parser.add_argument("--diameter-mm", type=positive, required=True, metavar="D", help="clear diameter")
+def _add_common(parser: output.Parser) -> None:
+    parser.add_argument(
+        "--focal-length-mm", type=output.finite, required=True, metavar="F", help="below 0: a diverging lens"
+    )
+    parser.add_argument("--diameter-mm", type=output.positive, required=True, metavar="D", help="clear diameter")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write here (default: standard output)")
 
 
@@ -226,11 +216,11 @@ def _doublet(arguments: argparse.Namespace) -> int:
 # ``rptcam lens draw``: a lens in cross-section with its rays.
 
 
-def _add_lens_draw(commands: Commands) -> None:
+def _add_lens_draw(commands: output.Commands) -> None:
     """Add the command."""
     text = "draw a lens in cross-section, with rays traced by a device"
     description = f"{text.capitalize()}; a red cross is where a ray was blocked."
-    parser = add_command(commands, "draw", text, _run_lens_draw, description)
+    parser = output.add_command(commands, "draw", text, _run_lens_draw, description)
     lens_options.add_lens_argument(parser)
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help=".svg, .png or .pdf (default: SVG to standard output)"
@@ -279,16 +269,16 @@ def _run_lens_draw(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def add_lens(parser: Parser) -> None:
+def add_lens(parser: output.Parser) -> None:
     """Add the commands of the command."""
     inner = parser.add_commands("lens_command")
     text = "list the lenses that come with the package"
-    listing = add_command(inner, "list", text, _list)
+    listing = output.add_command(inner, "list", text, _list)
     form = listing.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON, with source, focal length and f-number")
     form.add_argument("--markdown", action="store_true", help="print the same as a table in Markdown")
     text = "print the first-order data of a lens"
-    info = add_command(inner, "info", text, _info)
+    info = output.add_command(inner, "info", text, _info)
     lens_options.add_lens_argument(info)
     lens_options.add_wavelength(info)
     info.add_argument(
@@ -318,7 +308,7 @@ def _list(arguments: argparse.Namespace) -> int:
     lenses = {name: load_lens(name) for name in list_lenses()}
     if arguments.json or arguments.markdown:
         rows = [_row(name, lens) for name, lens in lenses.items()]
-        print(as_json(rows) if arguments.json else _markdown(rows))
+        print(output.as_json(rows) if arguments.json else _markdown(rows))
         return 0
     width = max(map(len, lenses), default=0)
     for name, lens in lenses.items():
@@ -386,7 +376,7 @@ def _info(arguments: argparse.Namespace) -> int:
     distance = math.inf if arguments.focus_distance_m is None else 1000 * arguments.focus_distance_m
     facts = lens_info(lens, arguments.f_number, distance, arguments.wavelength_nm, _transmission(arguments, lens))
     if arguments.json:
-        print(as_json(facts))
+        print(output.as_json(facts))
     else:
         del facts["warnings"]  # which standard error has
         if facts["film_distance_mm"] is not None and facts["image_circle_mm"] is None:
@@ -403,10 +393,10 @@ ACROSS, STRIP = 1800, 70  # pixels of the built-in board over the film, and of t
 SQUARE = 10  # pixels of a square of the board
 
 
-def _add_lens_optimise(commands: Commands) -> None:
+def _add_lens_optimise(commands: output.Commands) -> None:
     """Add the command."""
     text = "make a lens better: variables, bounds and merit by a file"
-    parser = add_command(commands, "optimise", text, _run_lens_optimise)
+    parser = output.add_command(commands, "optimise", text, _run_lens_optimise)
     parser.add_argument("problem", type=Path, metavar="FILE", help="a YAML file: lens, variables, bounds, merit")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the lens here, .yaml")
     parser.add_argument(
@@ -427,7 +417,7 @@ def _add_lens_optimise(commands: Commands) -> None:
     spp = number(digits, 1, 1_000_000, "1 to 1000000")
     parser.add_argument("--spp", type=spp, metavar="N", help="samples per pixel of the pictures (default: the scene's)")
     parser.add_argument("--json", action="store_true", help="print JSON")
-    add_device(parser)
+    output.add_device(parser)
 
 
 def _run_lens_optimise(arguments: argparse.Namespace) -> int:
@@ -445,12 +435,12 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     if arguments.output is not None and arguments.output.suffix not in (".yaml", ".yml"):
         raise InputError(f"{arguments.output}: a lens is written as .yaml (rptcam lens convert writes other forms)")
     problem = read_problem(arguments.problem)
-    print_warnings(problem.lens.warnings)
+    output.print_warnings(problem.lens.warnings)
     spec = arguments.tolerances or problem.tolerances
     scene = None if arguments.scene is None else _scene(arguments.scene, problem)
     judge = spot_of_copies(problem) if any(term.name == "as_built" for term in problem.terms) else None
     found = optimise(problem, state=arguments.state, on_progress=lambda line: print(line, file=sys.stderr), judge=judge)
-    print_warnings(f"{words} at the end" for words in found.lost)
+    output.print_warnings(f"{words} at the end" for words in found.lost)
     if arguments.output is not None:
         lens_options.write(lens_text(found.lens).encode(), arguments.output)
     runs = [_tolerance(lens, spec, problem) for lens in (found.start, found.lens)] if spec else []
@@ -460,14 +450,14 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
         if scene is not None:
             _write_pictures(found, scene, spec or GRADE, arguments)
     if arguments.json:
-        print(as_json(_facts(found, runs)))
+        print(output.as_json(_facts(found, runs)))
         return 0
     rows = [[name, before, found.after[name], UNITS.get(name, "")] for name, before in found.before.items()]
     length = [lens.first_order().focal_length_mm for lens in (found.start, found.lens)]
     rows.append(["focal length, d line", *length, "mm"])
-    print_table(("", "before", "after", "unit"), rows, f"{found.lens.name}, {found.evaluations} evaluations")
+    output.print_table(("", "before", "after", "unit"), rows, f"{found.lens.name}, {found.evaluations} evaluations")
     if runs:
-        print_table(("copies [%]", "before", "after"), _yield_rows(runs), f"as built ({spec}), rms spot [µm]")
+        output.print_table(("copies [%]", "before", "after"), _yield_rows(runs), f"as built ({spec}), rms spot [µm]")
     return 0
 
 
@@ -488,7 +478,7 @@ def _tolerance(lens: "Lens", spec: str, problem: "Problem") -> "ToleranceRun | N
             lens, replace(given, tolerances=given.tolerances.model_copy(update=state)), with_sensitivities=False
         )
     except InputError as trouble:
-        print_warnings([f"no yield: {trouble}"])
+        output.print_warnings([f"no yield: {trouble}"])
         return None
 
 
@@ -540,7 +530,7 @@ def _write_drawings(found: "Optimised", folder: Path) -> None:
                 chart.save(folder / f"mtf_{name}.svg")
                 print(f"wrote {folder / f'mtf_{name}.svg'}", file=sys.stderr)
         except InputError as trouble:
-            print_warnings([f"{name}: {trouble}"])
+            output.print_warnings([f"{name}: {trouble}"])
 
 
 def _scene(given: str, problem: "Problem") -> "Scene":
@@ -589,7 +579,7 @@ def _write_pictures(found: "Optimised", scene: "Scene", spec: str, arguments: ar
         try:
             image = render(set_keys(scene, {"camera.lens": lens}), spp=arguments.spp, device=arguments.device)
         except InputError as trouble:
-            print_warnings([f"no picture {name}: {trouble}"])
+            output.print_warnings([f"no picture {name}: {trouble}"])
             continue
         image.save(arguments.report / f"{name}.png")
         pictures.append((name.replace("_", " "), image))

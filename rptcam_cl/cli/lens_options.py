@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.glass import Coating, Layer
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.optics.spots import Setting
-    from rptcam_cl.rendering.traceable_lens import Precision
 
 
 def number_list(
@@ -233,7 +232,7 @@ def load(source: str, catalogues: Sequence[str] = ()) -> "Lens":
     return lens
 
 
-def tracer_of(spec: str | None, lens: "Lens", precision: "Precision" = "single") -> "tuple[Tracer, str]":
+def tracer_of(spec: str | None, lens: "Lens") -> "tuple[Tracer, str]":
     """What traces rays from the scene, and how it is called: a device, or the float64 reference.
 
     Parameters
@@ -241,8 +240,6 @@ def tracer_of(spec: str | None, lens: "Lens", precision: "Precision" = "single")
     spec
         ``none`` for the reference, else as ``--device``. When absent, the default device if there is one that takes
         the lens.
-    precision
-        Of a device: ``single`` or ``double``.
     """
     from rptcam_cl.device.session import open_session
     from rptcam_cl.optics.drawing import reference
@@ -256,7 +253,7 @@ def tracer_of(spec: str | None, lens: "Lens", precision: "Precision" = "single")
         if spec is not None:
             raise
         return reference, "in float64 on the host (no OpenCL device)"
-    return device_tracer(session, precision), f"on {session.info.id} {session.info.name}, {precision} precision"
+    return device_tracer(session), f"on {session.info.id} {session.info.name}, single precision"
 
 
 def check_file(output: Path | None, lens: str) -> None:

@@ -21,8 +21,8 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
-from rptcam_cl.api.options import check_together, nearest, number
-from rptcam_cl.core.errors import DeviceError, InputError, RptcamError
+from rptcam_cl.api.options import check_together, number
+from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, near_name
 from rptcam_cl.core.files import FILM_SUFFIXES, LAYER_SUFFIXES, plain
 
 if TYPE_CHECKING:
@@ -459,7 +459,7 @@ class Parser(argparse.ArgumentParser):
     def near_option(self, word: str) -> str:
         """The text ``; did you mean ...?`` with the option most like a word, by all its names, or nothing."""
         options = [name.strip("-") for name in self._option_string_actions if name.startswith("--")]
-        near = nearest(word.partition("=")[0].strip("-"), options)
+        near = near_name(word.partition("=")[0].strip("-"), options)
         if not near:
             return ""
         name = "--" + near.removeprefix("; did you mean ").removesuffix("?")
@@ -482,7 +482,7 @@ class Parser(argparse.ArgumentParser):
                 if word.startswith("--") and word.partition("=")[0] not in self._option_string_actions:
                     message = f"unknown argument {word}{self.near_option(word)}, and {message}"
                     break
-        hint = nearest(choice[1], re.findall(r"[\w-]+", choice[2])) if choice else ""
+        hint = near_name(choice[1], re.findall(r"[\w-]+", choice[2])) if choice else ""
         raise InputError(f"{self.prog}: {message}{hint}; see {self.prog} --help")
 
     def add_commands(self, dest: str) -> Commands:
@@ -611,7 +611,7 @@ def device_of(arguments: argparse.Namespace) -> str | list[str] | None:
 
 def render_keywords(arguments: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     """The keyword arguments of `rptcam_cl.render`."""
-    from rptcam_cl.api.job import RenderOptions
+    from rptcam_cl.api.options import RenderOptions
 
     given = vars(arguments)
     keywords = {option.name: given[option.name] for option in fields(RenderOptions) if option.name in given}
@@ -625,7 +625,7 @@ def render_keywords(arguments: argparse.Namespace, scene: Scene) -> dict[str, An
 
 def apply_options(arguments: argparse.Namespace, scene: Scene) -> Scene:
     """The scene with all options applied."""
-    from rptcam_cl.api.job import RenderOptions
+    from rptcam_cl.api.options import RenderOptions
 
     return RenderOptions(**render_keywords(arguments, scene)).apply_to(scene)
 

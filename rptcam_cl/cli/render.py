@@ -13,51 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import RENDER_OPTIONS, add_options, check_together, number
-from rptcam_cl.cli import output as summary
-from rptcam_cl.cli.frames import (
-    Frame,
-    check_frame_options,
-    missing_frames,
-    render_again,
-    render_by_cluster,
-    render_frames_by_cluster,
-    write_video_of,
-)
-from rptcam_cl.cli.output import (
-    INTERRUPTED,
-    SCENE_SUFFIXES,
-    Parser,
-    Show,
-    add_device,
-    as_duration,
-    check_different,
-    checkpoint_of,
-    device_of,
-    files_to_write,
-    is_for_cluster,
-    is_part,
-    layers_of_outputs,
-    names_of,
-    positive,
-    print_warnings,
-    progress_on_stderr,
-    render_keywords,
-    save,
-    stop_on_interrupt,
-)
+from rptcam_cl.cli import frames, output
+from rptcam_cl.core import files
 from rptcam_cl.core.errors import InputError, NumericError, RptcamError, StateError
-from rptcam_cl.core.files import (
-    DEVELOPED_SUFFIXES,
-    FILM_SUFFIXES,
-    LAYER_SUFFIXES,
-    RAW_SUFFIXES,
-    SCENES,
-    check_writable,
-    example_scenes,
-    known_suffix,
-    listed,
-    replacing,
-)
 
 if TYPE_CHECKING:
     from rptcam_cl.imaging.image import Image
@@ -69,9 +27,7 @@ if TYPE_CHECKING:
 # ``rptcam render --preview``: the picture so far is written to the outputs while the render goes on.
 
 
-def _preview_writer(
-    interval: float, outputs: Sequence[Path], show: Show | None, clock: Callable[[], float] = time.monotonic
-) -> Show:
+def _preview_writer(interval: float, outputs: Sequence[Path], show: output.Show | None) -> output.Show:
     """A function that takes reports of a render and writes the picture so far, each file whole or not at all.
 
     That one cannot be written ends no render.
@@ -84,24 +40,22 @@ def _preview_writer(
         Where the finished picture goes too.
     show
         Gets every report as well.
-    clock
-        Returns the time [s].
     """
-    last = clock()
+    last = time.monotonic()
 
     def write(progress: Progress) -> None:
         nonlocal last
         if show is not None:
             show(progress)
-        if progress.image is None or clock() - last < interval:
+        if progress.image is None or time.monotonic() - last < interval:
             return
         image = progress.image()
-        for output in outputs:
+        for path in outputs:
             try:
-                image.save(output)
+                image.save(path)
             except RptcamError as error:
                 print(f"warning: the picture so far: {error}", file=sys.stderr)
-        last = clock()
+        last = time.monotonic()
 
     return write
 
@@ -123,9 +77,9 @@ def _check_part_output(arguments: argparse.Namespace, inputs: Sequence[Path]) ->
         raise InputError("--spp: --samples says where the samples end (allowed: one of the two)")
     outputs: list[Path] = arguments.outputs
     if len(outputs) != 1 or outputs[0].suffix != SUFFIX:
-        got = names_of(outputs)
+        got = output.names_of(outputs)
         raise InputError(f"-o: a part is one file (got {got}; allowed: a name that ends in {SUFFIX})")
-    check_writable(outputs[0], inputs)
+    files.check_writable(outputs[0], inputs)
 
 
 def _check_truth(arguments: argparse.Namespace, scene: Scene) -> None:
@@ -157,11 +111,11 @@ def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
 
     lens = scene.lens_source()
     inputs = [arguments.scene, *([lens] if isinstance(lens, Path) else [])]
-    if is_part(arguments):
+    if output.is_part(arguments):
         _check_part_output(arguments, inputs)
         return
-    for output in arguments.outputs:
-        check_output(output, inputs)
+    for path in arguments.outputs:
+        check_output(path, inputs)
     if arguments.raws and scene.sensor is None:
         raise InputError("--raw: the scene has no sensor (allowed: with a section sensor, or --set sensor={})")
     for raw in arguments.raws:
@@ -169,14 +123,13 @@ def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
     if arguments.stats is not None:
         if arguments.stats.suffix.lower() != ".json":
             raise InputError(f"{arguments.stats}: statistics are JSON (allowed: a name that ends in .json)")
-        check_writable(arguments.stats, inputs)
-    check_writable(checkpoint_of(arguments), inputs)
+        files.check_writable(arguments.stats, inputs)
+    files.check_writable(output.checkpoint_of(arguments), inputs)
     _check_truth(arguments, scene)
     if arguments.layers and not any(map(holds_layers, arguments.outputs)):
-        raise InputError(
-            f"--layers: no output can hold them (allowed: -o with a name that ends in {listed(LAYER_SUFFIXES)})"
-        )
-    check_different(files_to_write(arguments), "-o, --raw" if arguments.raws else "-o")
+        allowed = f"-o with a name that ends in {files.listed(files.LAYER_SUFFIXES)}"
+        raise InputError(f"--layers: no output can hold them (allowed: {allowed})")
+    output.check_different(output.files_to_write(arguments), "-o, --raw" if arguments.raws else "-o")
 
 
 # The command.
@@ -196,7 +149,7 @@ def run_render(arguments: argparse.Namespace) -> int:
     render and keeps the picture so far.
     """
     if not arguments.watch:
-        if arguments.scene.suffix.lower() not in SCENE_SUFFIXES:
+        if arguments.scene.suffix.lower() not in output.SCENE_SUFFIXES:
             from rptcam_cl.cli.first_steps import scene_file
 
             arguments.scene = scene_file(arguments.scene, arguments.missing)
@@ -209,8 +162,8 @@ def run_render(arguments: argparse.Namespace) -> int:
     for option in ("part", "samples", "frames", "cluster", "workers"):
         if getattr(arguments, option) is not None:
             raise InputError(f"--watch: renders one whole picture, here (allowed: without --{option})")
-    with stop_on_interrupt() as stop:
-        render_again(arguments.scene, stop, lambda should_stop: _picture(arguments, should_stop))
+    with output.stop_on_interrupt() as stop:
+        frames.render_again(arguments.scene, stop, lambda should_stop: _picture(arguments, should_stop))
     return 0
 
 
@@ -221,18 +174,18 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
 
     scene = load_scene(arguments.scene, arguments.overrides, missing=arguments.missing)
     if arguments.frames is not None:
-        check_frame_options(arguments)
+        frames.check_frame_options(arguments)
     elif arguments.video is not None:
         raise InputError("--video: is of a sequence (allowed: with --frames)")
-    elif many := [path for path in files_to_write(arguments) if "##" in path.name]:
+    elif many := [path for path in output.files_to_write(arguments) if "##" in path.name]:
         raise InputError(f"{many[0]}: #### stands for the number of a frame (allowed: with --frames, as --frames 1-24)")
-    by_cluster = is_for_cluster(arguments)
+    by_cluster = output.is_for_cluster(arguments)
     _check_outputs(arguments, scene)
-    print_warnings(scene.warnings)
+    output.print_warnings(scene.warnings)
     if arguments.frames is not None:
         return _sequence(arguments, scene, by_cluster)
     if by_cluster:
-        return render_by_cluster(arguments, scene)
+        return frames.render_by_cluster(arguments, scene)
     if arguments.plan:
         return _print_plan(arguments, scene)
     code = _render_one(arguments, scene, should_stop)
@@ -245,8 +198,8 @@ def _open_early(arguments: argparse.Namespace) -> Callable[[], None]:
     """Open the device of a single picture, where it is one; return what is to be called when that was rendered."""
     from rptcam_cl.device.session import means_one, open_early
 
-    device = device_of(arguments)
-    elsewhere = arguments.plan or arguments.frames is not None or is_for_cluster(arguments)
+    device = output.device_of(arguments)
+    elsewhere = arguments.plan or arguments.frames is not None or output.is_for_cluster(arguments)
     if elsewhere or isinstance(device, list) or not means_one(device, arguments.split):
         return lambda: None
     return open_early(device, str(arguments.scene.absolute()), arguments.overrides, arguments.layers)
@@ -254,10 +207,11 @@ def _open_early(arguments: argparse.Namespace) -> Callable[[], None]:
 
 def _print_plan(arguments: argparse.Namespace, scene: Scene) -> int:
     """Print what a render will take, and return the exit code."""
-    from rptcam_cl.api.job import RenderJob, RenderOptions
+    from rptcam_cl.api.job import RenderJob
+    from rptcam_cl.api.options import RenderOptions
 
     begun = time.perf_counter()
-    job = RenderJob.prepare(scene, RenderOptions(**render_keywords(arguments, scene)))
+    job = RenderJob.prepare(scene, RenderOptions(**output.render_keywords(arguments, scene)))
     preparing = time.perf_counter() - begun
     needs = job.forecast()
     if needs is None:
@@ -276,27 +230,27 @@ def _forecast_lines(forecast: Forecast, preparing: float) -> list[str]:
     return [
         f"samples: {limit}{forecast.samples:,}, {limit}{forecast.launches:,} kernel launches",
         f"memory:  {', '.join(memory)}; {amount(forecast.saved_bytes)} for its state on disk",
-        f"time:    {limit}{as_duration(forecast.seconds)} of rendering at {speed:.3g} Msamples/s (measured for"
-        f" {forecast.measured_seconds:.1f} s), after {as_duration(preparing)} of preparing",
+        f"time:    {limit}{output.as_duration(forecast.seconds)} of rendering at {speed:.3g} Msamples/s (measured for"
+        f" {forecast.measured_seconds:.1f} s), after {output.as_duration(preparing)} of preparing",
     ]
 
 
 def _sequence(arguments: argparse.Namespace, scene: Scene, by_cluster: bool) -> int:
     """Render the frames that are not there yet, here or on a cluster, and return the first exit code that is not 0."""
-    missing = missing_frames(arguments, scene)
+    missing = frames.missing_frames(arguments, scene)
     if by_cluster:
-        code = render_frames_by_cluster(arguments, missing)
+        code = frames.render_frames_by_cluster(arguments, missing)
     else:
         code = next(filter(None, map(_frame, missing)), 0)
     if code == 0 and arguments.video is not None:
-        write_video_of(arguments, scene)
+        frames.write_video_of(arguments, scene)
     return code
 
 
-def _frame(frame: Frame) -> int:
+def _frame(frame: frames.Frame) -> int:
     """Render one frame of a sequence; its state goes with its end."""
     arguments, scene, metadata = frame
-    checkpoint = checkpoint_of(arguments)
+    checkpoint = output.checkpoint_of(arguments)
     arguments.resume = arguments.resume and checkpoint.exists()
     code = _render_one(arguments, scene, None, metadata)
     if code == 0 and arguments.resume:
@@ -315,12 +269,12 @@ def _render(
     from rptcam_cl.imaging.image import Image
 
     with contextlib.ExitStack() as stack:
-        should_stop = should_stop or stack.enter_context(stop_on_interrupt()).is_set
-        show = None if arguments.quiet else stack.enter_context(progress_on_stderr(arguments.seconds))
+        should_stop = should_stop or stack.enter_context(output.stop_on_interrupt()).is_set
+        show = None if arguments.quiet else stack.enter_context(output.progress_on_stderr(arguments.seconds))
         if arguments.preview is not None:
             show = _preview_writer(arguments.preview, arguments.outputs, show)
         try:
-            image = render(scene, **render_keywords(arguments, scene), on_progress=show, should_stop=should_stop)
+            image = render(scene, **output.render_keywords(arguments, scene), on_progress=show, should_stop=should_stop)
         except NumericError as failure:
             assert isinstance(failure.image, Image)
             return failure.image, failure, should_stop()
@@ -334,7 +288,7 @@ def _render_one(
     metadata: dict[str, Any] | None = None,
 ) -> int:
     """Render a picture, write it with further metadata, and return the exit code."""
-    checkpoint = checkpoint_of(arguments)
+    checkpoint = output.checkpoint_of(arguments)
     if checkpoint.exists() and not arguments.resume and not arguments.watch and not arguments.quiet:
         print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)
     image, failure, interrupted = _render(arguments, scene, should_stop)
@@ -342,38 +296,38 @@ def _render_one(
         arguments.same.add(f"frame {metadata['frame']}", image.metadata["made_by"])
         image.metadata.update(metadata)
     if arguments.watch and image.stats["interrupted"]:
-        return INTERRUPTED
-    if not is_part(arguments):
+        return output.INTERRUPTED
+    if not output.is_part(arguments):
         _save(arguments, image, scene)
     elif image.stats.get("checkpoint") is None:
         raise StateError(f"{checkpoint}: could not be written")
-    print_warnings(summary.dark_warnings(image, whole=not is_part(arguments)))
-    print_warnings(f"autofocus: {line}" for line in image.metadata.get("autofocus", {}).get("warnings", ()))
+    output.print_warnings(output.dark_warnings(image, whole=not output.is_part(arguments)))
+    output.print_warnings(f"autofocus: {line}" for line in image.metadata.get("autofocus", {}).get("warnings", ()))
     if not arguments.quiet:
         for line in _account_lines(image):
             print(line, file=sys.stderr)
-        print(summary.summary(image, files_to_write(arguments)), file=sys.stderr)
+        print(output.summary(image, output.files_to_write(arguments)), file=sys.stderr)
     if image.stats.get("interrupted"):
         more = "; --resume goes on from it" if image.stats.get("checkpoint") else ""
-        what = "the part" if is_part(arguments) else "the picture"
+        what = "the part" if output.is_part(arguments) else "the picture"
         print(f"interrupted: {what} holds what was rendered so far{more}", file=sys.stderr)
     if failure is not None:
         raise failure
-    return INTERRUPTED if interrupted or image.stats.get("interrupted") else 0
+    return output.INTERRUPTED if interrupted or image.stats.get("interrupted") else 0
 
 
 def _save(arguments: argparse.Namespace, image: Image, scene: Scene) -> None:
     """Write the outputs, with their layers alone, and the files of truth, of the first output's picture."""
-    files = arguments.outputs, arguments.raws, arguments.stats
+    files_of_image = arguments.outputs, arguments.raws, arguments.stats
     if arguments.truth is None:
-        save(image, *files)
+        output.save(image, *files_of_image)
         return
-    layers = layers_of_outputs(arguments)
+    layers = output.layers_of_outputs(arguments)
     kept = scene.render.layers if layers is None else layers
-    save(replace(image, layers={name: image.layers[name] for name in kept}), *files)
+    output.save(replace(image, layers={name: image.layers[name] for name in kept}), *files_of_image)
     written = image.save_truth(arguments.truth, arguments.outputs[0].name)
     if not arguments.quiet:
-        print(f"wrote {names_of(written)}", file=sys.stderr)
+        print(f"wrote {output.names_of(written)}", file=sys.stderr)
 
 
 def _account_lines(image: Image) -> list[str]:
@@ -383,7 +337,7 @@ def _account_lines(image: Image) -> list[str]:
     if lamps := metadata.get("lamps_aimed_at"):
         lines.append(f"bokeh: camera rays aim at {lamps} lamp{'s' * (lamps > 1)} out of focus")
     lines += [f"accuracy: {line}" for line in metadata.get("accuracy", {}).get("says", ())]
-    shared = summary.shared_text(image.stats)
+    shared = output.shared_text(image.stats)
     return lines if shared is None else [*lines, shared]
 
 
@@ -393,7 +347,7 @@ def _account_lines(image: Image) -> list[str]:
 def add_demo(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     parser.add_argument(
-        "scene", nargs="?", choices=tuple(SCENES), default=next(iter(SCENES)), metavar="SCENE",
+        "scene", nargs="?", choices=tuple(files.SCENES), default=next(iter(files.SCENES)), metavar="SCENE",
         help="another of its scenes (rptcam examples lists them)",
     )  # fmt: skip
     parser.add_argument(
@@ -401,16 +355,16 @@ def add_demo(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--spp", metavar="N", help="samples per pixel, in place of the scene's")
     parser.add_argument("--size", metavar="WxH", help="resolution in pixels")
-    add_device(parser)
+    output.add_device(parser)
 
 
 def run_demo(arguments: argparse.Namespace) -> int:
     """Render the first picture, from a scene that comes with the package; it needs no other file."""
-    scene = example_scenes()[arguments.scene]
+    scene = files.example_scenes()[arguments.scene]
     picture = Path(arguments.output or f"{arguments.scene}.png")
     words = [str(scene), f"--output={picture}"]
     words += [f"--{name}={value}" for name in ("spp", "size", "device") if (value := getattr(arguments, name))]
-    parser = Parser(prog=arguments.parser.prog)
+    parser = output.Parser(prog=arguments.parser.prog)
     add_render(parser)
     code = run_render(parser.parse_args(words))
     if code == 0:
@@ -438,20 +392,20 @@ def run_merge(arguments: argparse.Namespace) -> int:
     from rptcam_cl.rendering.checkpoint import SUFFIX
 
     outputs: list[Path] = arguments.outputs
-    states = [output for output in outputs if output.suffix == SUFFIX]
-    pictures = [output for output in outputs if output.suffix != SUFFIX]
+    states = [path for path in outputs if path.suffix == SUFFIX]
+    pictures = [path for path in outputs if path.suffix != SUFFIX]
     if len(states) > 1:
         raise InputError(f"-o: two files {SUFFIX} (allowed: one)")
-    check_different(outputs, "-o")
-    for output in states:
-        check_writable(output, arguments.parts)
-    for output in pictures:
-        check_output(output, arguments.parts)
+    output.check_different(outputs, "-o")
+    for path in states:
+        files.check_writable(path, arguments.parts)
+    for path in pictures:
+        check_output(path, arguments.parts)
     image = merge(arguments.parts, checkpoint=states[0] if states else None, allow_mixed=arguments.allow_mixed)
     if pictures:
-        save(image, pictures)
+        output.save(image, pictures)
     if not arguments.quiet:
-        names, count = names_of(outputs), len(arguments.parts)
+        names, count = output.names_of(outputs), len(arguments.parts)
         made = f"{image.width} x {image.height}, {image.stats['spp']} spp, of {count} part{'s' * (count > 1)}"
         print(f"wrote {names}: {made}", file=sys.stderr)
         if "parts" in image.metadata:
@@ -464,14 +418,17 @@ def run_merge(arguments: argparse.Namespace) -> int:
 
 def add_develop(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    parser.add_argument("film", type=Path, metavar="FILM", help=f"film that render wrote: {listed(FILM_SUFFIXES)}")
+    parser.add_argument(
+        "film", type=Path, metavar="FILM", help=f"film that render wrote: {files.listed(files.FILM_SUFFIXES)}"
+    )
     parser.add_argument(
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
-        help=f"picture to write, format by suffix: {listed(DEVELOPED_SUFFIXES)}; may be repeated",
+        help=f"picture to write, format by suffix: {files.listed(files.DEVELOPED_SUFFIXES)}; may be repeated",
     )  # fmt: skip
     parser.add_argument(
         "--raw", action="append", default=[], type=Path, metavar="OUT", dest="raws",
-        help=f"raw file of the sensor that the film was rendered for: {listed(RAW_SUFFIXES)}; may be repeated",
+        help=f"raw file of the sensor that the film was rendered for: {files.listed(files.RAW_SUFFIXES)}; may be"
+        " repeated",
     )  # fmt: skip
     parser.add_argument(
         "--set", action="append", default=[], metavar="key=value", dest="overrides",
@@ -480,7 +437,7 @@ def add_develop(parser: argparse.ArgumentParser) -> None:
         " the layer lights); may be repeated",
     )  # fmt: skip
     parser.add_argument(
-        "--desqueeze", type=positive, metavar="FACTOR",
+        "--desqueeze", type=output.positive, metavar="FACTOR",
         help="make the picture of an anamorphic lens as much wider, as 1.36",
     )  # fmt: skip
     parser.add_argument(
@@ -494,7 +451,7 @@ def add_develop(parser: argparse.ArgumentParser) -> None:
     add_options(parser, "quiet")
 
 
-def _save_marked(image: Image, output: Path, level: float) -> None:
+def _save_marked(image: Image, path: Path, level: float) -> None:
     """Save a picture in which what is sharp at the scale of its pixels is coloured."""
     from PIL import Image as Pillow
 
@@ -503,8 +460,8 @@ def _save_marked(image: Image, output: Path, level: float) -> None:
 
     codes = codes_of(image)
     codes[peaking(image.seen, level)] = PEAKING_COLOUR[:3]
-    with replacing(output) as temporary:
-        Pillow.fromarray(codes).save(temporary, "PNG" if output.suffix.lower() == ".png" else "JPEG")
+    with files.replacing(path) as temporary:
+        Pillow.fromarray(codes).save(temporary, "PNG" if path.suffix.lower() == ".png" else "JPEG")
 
 
 def run_develop(arguments: argparse.Namespace) -> int:
@@ -513,16 +470,16 @@ def run_develop(arguments: argparse.Namespace) -> int:
     from rptcam_cl.imaging.image import LARGE, desqueezed, develop, folders_of_film, read_film
     from rptcam_cl.imaging.writers import check_output
 
-    for output in arguments.outputs:
+    for path in arguments.outputs:
         if arguments.peaking is None:
-            known_suffix(output, DEVELOPED_SUFFIXES, "is no developed picture")
+            files.known_suffix(path, files.DEVELOPED_SUFFIXES, "is no developed picture")
         else:
-            known_suffix(output, (".png", ".jpg"), "takes no marks of what is sharp")
-        check_output(output, [arguments.film])
+            files.known_suffix(path, (".png", ".jpg"), "takes no marks of what is sharp")
+        check_output(path, [arguments.film])
     for raw in arguments.raws:
         check_raw_output(raw, [arguments.film])
     written = [*arguments.outputs, *arguments.raws]
-    check_different(written, "-o, --raw")
+    output.check_different(written, "-o, --raw")
     film = read_film(arguments.film, most_pixels=None if arguments.large else LARGE)
     image = develop(film, arguments.overrides, folders=folders_of_film(arguments.film))
     if arguments.desqueeze is not None:
@@ -530,13 +487,13 @@ def run_develop(arguments: argparse.Namespace) -> int:
             raise InputError("--raw: is what the sensor counts, as it is squeezed (allowed: without --desqueeze)")
         image = desqueezed(image, arguments.desqueeze)
     raws = [(image.raw(), path) for path in arguments.raws]
-    for output in arguments.outputs:
+    for path in arguments.outputs:
         if arguments.peaking is None:
-            image.save(output)
+            image.save(path)
         else:
-            _save_marked(image, output, arguments.peaking)
+            _save_marked(image, path, arguments.peaking)
     for numbers, path in raws:
         numbers.save(path)
     if not arguments.quiet:
-        print(f"wrote {names_of(written)}: {image.width} x {image.height}", file=sys.stderr)
+        print(f"wrote {output.names_of(written)}: {image.width} x {image.height}", file=sys.stderr)
     return 0

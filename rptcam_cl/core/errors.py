@@ -1,5 +1,7 @@
 """Errors a user can cause or meet, each with the exit code of the command line."""
 
+from collections.abc import Iterable
+
 
 class RptcamError(Exception):
     """Base of every error that is reported in one line, without a traceback."""
@@ -52,3 +54,26 @@ class NumericError(RptcamError):
 def out_of_range(name: str, got: object, allowed: str) -> InputError:
     """The error of a number that is not in its range."""
     return InputError(f"{name}: is out of range (got {got}; allowed: {allowed})")
+
+
+# Words that mean a name without looking like it, or while looking more like its opposite; and a name that was.
+_MEANS = {
+    "nearest": "closest",
+    "near": "closest",
+    "far": "farthest",
+    "middle": "centre",
+    "median": "weighted",
+    "filmic": "aces",
+}
+
+
+def near_name(word: object, names: Iterable[str]) -> str:
+    """Return ``; did you mean name?`` for the name that means the same as a word or is most like it, or nothing."""
+    from difflib import get_close_matches  # late, as most runs meet no error
+
+    lower, given = {name.lower(): name for name in names}, str(word).lower()
+    same = _MEANS.get(given)
+    matches = [same] if same in lower else get_close_matches(given, lower, n=1, cutoff=0.6)
+    if not matches:  # the name without its unit, as fov for fov_degrees
+        matches = [name for name in lower if given and name.startswith(f"{given}_")][:1]
+    return f"; did you mean {lower[matches[0]]}?" if matches else ""

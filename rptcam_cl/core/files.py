@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, MissingFileError, OutsideFolderError, StateError
+from rptcam_cl.core.errors import InputError, MissingFileError, OutsideFolderError, RptcamError, StateError
 
 if TYPE_CHECKING:
     import tempfile
@@ -242,11 +242,12 @@ class References:
 
 @contextmanager
 def name_errors(place: object) -> Iterator[None]:
-    """Let errors about a file begin with a place, where they say only what is wrong: ``bunny.ply: is too large``."""
+    """Within the block errors that are reported in one line begin with a place: ``bunny.ply: is too large``."""
     try:
         yield
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{place}: {problem}") from None
+    except RptcamError as problem:
+        problem.args = (f"{place}: {problem}",)
+        raise
 
 
 @contextmanager
@@ -321,10 +322,8 @@ def digest(path: Path, most: int) -> str:
         When it cannot be read.
     """
     try:
-        with open_regular(path, most) as file:
+        with name_errors(path), open_regular(path, most) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{path}: {problem}") from None
     except OSError as problem:
         raise StateError(f"{path}: cannot be read ({problem.strerror})") from None
 

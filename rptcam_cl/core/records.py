@@ -589,7 +589,7 @@ SEGMENT = Record(
 )
 
 ONCE_TERMS = 8
-SHARE_SIDES = {"ALPHAS": 16, "COSINES": 24, "TURNS": 8}  # of the tables of kernels/material/facet_shares.h
+SHARE_SIDES = {"ALPHAS": 16, "COSINES": 32, "TURNS": 12}  # of the tables of kernels/material/facet_shares.h
 
 MATERIAL = Record(
     "Material",
@@ -668,9 +668,9 @@ MATERIAL = Record(
         ("int", "share_table"),  # of rough glass: where its table starts, kernels/material/facet_shares.h
         ("int", "share_levels"),  # of the alphas of a texture, 1 without one; 0 without a table
         ("int", "share_turns"),
+        ("int", "brushed_table"),  # of brushed facets: where their tables start,
+        ("int", "brushed_alphas"),  # and for how many alphas each way: 1 of its own, 0 without a table
         ("int", "reserved_0"),
-        ("int", "reserved_1"),
-        ("int", "reserved_2"),
     ),
     facts=(
         ("HAS_ROUGHNESS_TEXTURE", "roughness_texture"),
@@ -713,7 +713,7 @@ MEDIUM = Record(
         ("int", "blocks_x"),
         ("int", "blocks_y"),
         ("int", "blocks_z"),
-        ("int", "reserved_0"),
+        ("int", "in_shade"),  # whether glass keeps all light samples out, so that none are made
     ),
 )
 DENSITY_BLOCK = 8  # voxels along a side of a block of a grid of densities

@@ -18,8 +18,8 @@ from typing import Any
 import yaml
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import References, read_whole
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import References, name_errors, read_whole
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 32
@@ -72,11 +72,11 @@ class Document:
         """Return (line, column), from 1, of the key that ends a path, or of the nearest enclosing value."""
         return self._keys.get(path) or self.mark(path)
 
-    def where(self, path: KeyPath) -> str:
-        """Return ``FILE:LINE:COL`` of the value at a key path; only the name for data that no file holds."""
+    def where(self, path: KeyPath, at_key: bool = False) -> str:
+        """Return ``FILE:LINE:COL`` of the value or the key at a path; only the name for data that no file holds."""
         if not self._values:
             return self.name
-        line, column = self.mark(path)
+        line, column = self.key_mark(path) if at_key else self.mark(path)
         return f"{self.name}:{line}:{column}"
 
     @staticmethod
@@ -149,10 +149,8 @@ def _finite(text: str) -> float:
 
 
 def _read_file(path: Path, label: str, most_bytes: int) -> bytes:
-    try:
+    with name_errors(label):
         return read_whole(path, most_bytes)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{label}: {problem}") from None
 
 
 def _decode(raw: bytes, label: str, most_bytes: int) -> str:

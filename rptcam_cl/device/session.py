@@ -362,9 +362,7 @@ class Session:
 
         in_place = in_place and self.info.type == "cpu" and array.flags.c_contiguous
         flags = cl.mem_flags.READ_ONLY | (cl.mem_flags.USE_HOST_PTR if in_place else cl.mem_flags.COPY_HOST_PTR)
-        return self._allocated(
-            lambda: cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array)), array.nbytes
-        )
+        return self._allocate(lambda: cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array)), array.nbytes)
 
     def allocate(self, nbytes: int, *, zeroed: bool = False, in_place: bool = False) -> Any:
         """Return a read-write buffer of ``nbytes``, optionally filled with zeros.
@@ -377,9 +375,9 @@ class Session:
         flags = cl.mem_flags
         if in_place and self.info.type == "cpu":
             kinds, memory = flags.READ_WRITE | flags.USE_HOST_PTR, np.empty(nbytes, np.uint8)
-            buffer = self._allocated(lambda: cl.Buffer(self.context, kinds, hostbuf=memory), nbytes)
+            buffer = self._allocate(lambda: cl.Buffer(self.context, kinds, hostbuf=memory), nbytes)
         else:
-            buffer = self._allocated(lambda: cl.Buffer(self.context, flags.READ_WRITE, nbytes), nbytes)
+            buffer = self._allocate(lambda: cl.Buffer(self.context, flags.READ_WRITE, nbytes), nbytes)
         if zeroed:
             self.fill_zero(buffer, nbytes)
         return buffer
@@ -398,7 +396,7 @@ class Session:
         with self._named_failures():
             cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.uint32), 0, nbytes)
 
-    def _allocated(self, make: Any, nbytes: int) -> Any:
+    def _allocate(self, make: Any, nbytes: int) -> Any:
         import pyopencl as cl
 
         try:

@@ -209,10 +209,10 @@ def osl_text(view: View) -> str:
         **_columns_of_surfaces(lens, film_z, wavelength),
         rounds=_ROUNDS,
         small=_SMALL,
-        corner=_turned(corner, film_z),
-        across=_turned(across),
-        up=_turned(up),
-        normal=_turned(normal),
+        corner=_vector_text(corner, film_z),
+        across=_vector_text(across),
+        up=_vector_text(up),
+        normal=_vector_text(normal),
         radius=repr(radius),
         turn=repr(2 * math.pi),
         disk=repr(float(film_z - plane)),
@@ -229,17 +229,19 @@ def _columns_of_surfaces(lens: Lens, film_z: float, wavelength_nm: float) -> dic
     terms = max((max(power, 2) + 1 for surface in surfaces for power, _ in surface.aspheric), default=0)
     return {
         "count": len(surfaces),
-        "vertex": _listed(film_z - float(lens.vertices[k]) for k in rows),
-        "curvature": _listed(-surface.curvature for surface in surfaces),
-        "shape": _listed(1.0 + surface.conic for surface in surfaces),
-        "clear": _listed(min(surface.semi_diameter, 1e6) ** 2 for surface in surfaces),
-        "ratio": _listed(float(indices[k + 1] / indices[k]) for k in rows),
-        "across_x": _listed(x for x, _ in axes),
-        "across_y": _listed(y for _, y in axes),
+        "vertex": _numbers_text(film_z - float(lens.vertices[k]) for k in rows),
+        "curvature": _numbers_text(-surface.curvature for surface in surfaces),
+        "shape": _numbers_text(1.0 + surface.conic for surface in surfaces),
+        "clear": _numbers_text(min(surface.semi_diameter, 1e6) ** 2 for surface in surfaces),
+        "ratio": _numbers_text(float(indices[k + 1] / indices[k]) for k in rows),
+        "across_x": _numbers_text(x for x, _ in axes),
+        "across_y": _numbers_text(y for _, y in axes),
         "terms": terms,
         "size": terms * len(surfaces),
         "aspheric": ", ".join(str(int(bool(surface.aspheric))) for surface in surfaces),
-        "coefficients": _listed(-dict(surface.aspheric).get(i, 0.0) for surface in surfaces for i in range(terms)),
+        "coefficients": _numbers_text(
+            -dict(surface.aspheric).get(i, 0.0) for surface in surfaces for i in range(terms)
+        ),
     }
 
 
@@ -311,13 +313,13 @@ def _on_axis(lens: Lens, middle: Array, normal: Array, plane: float, reach: floa
     return float(np.mean(weights))
 
 
-def _turned(vector: Array, film_z: float = 0.0) -> str:
+def _vector_text(vector: Array, film_z: float = 0.0) -> str:
     """Return a vector of the frame of the lens, whose z runs to the film, with z towards the scene."""
     x, y, z = np.asarray(vector, np.float64).tolist()
-    return _listed((x, y, film_z - z))
+    return _numbers_text((x, y, film_z - z))
 
 
-def _listed(values: Iterable[float], between: str = ", ") -> str:
+def _numbers_text(values: Iterable[float], between: str = ", ") -> str:
     return between.join(repr(float(value)) for value in values)
 
 
@@ -373,7 +375,7 @@ def usd_text(view: View, calibration: Calibration) -> str:
         '    token projection = "perspective"',
         *(f"    float {name} = {value!r}" for name, value in numbers.items()),
         f"    float2 clippingRange = ({near!r}, {_FARTHEST_CM!r})",
-        f"    matrix4d xformOp:transform = ( {', '.join(f'({_listed(row)})' for row in _pose_rows(view))} )",
+        f"    matrix4d xformOp:transform = ( {', '.join(f'({_numbers_text(row)})' for row in _pose_rows(view))} )",
         '    uniform token[] xformOpOrder = ["xformOp:transform"]',
         "}",
     ]
@@ -498,7 +500,7 @@ def opencv_text(view: View, calibration: Calibration) -> str:
 
     def matrix(name: str, rows: int, columns: int, values: Sequence[float]) -> list[str]:
         shape = [f"   rows: {rows}", f"   cols: {columns}", "   dt: d"]
-        return [f"{name}: !!opencv-matrix", *shape, f"   data: [ {_listed(values)} ]"]
+        return [f"{name}: !!opencv-matrix", *shape, f"   data: [ {_numbers_text(values)} ]"]
 
     lines = [
         "%YAML:1.0",
@@ -525,7 +527,7 @@ def ros_text(view: View, calibration: Calibration) -> str:
     projection = [*matrix[:3], 0.0, *matrix[3:6], 0.0, *matrix[6:], 0.0]
 
     def block(name: str, rows: int, columns: int, values: Sequence[float]) -> list[str]:
-        return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: [{_listed(values)}]"]
+        return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: [{_numbers_text(values)}]"]
 
     lines = [
         f"# {_about(view, calibration)}",
@@ -547,14 +549,14 @@ def colmap_texts(view: View, calibration: Calibration, picture: str) -> dict[str
     if calibration.model == "brown_conrady":
         coefficients = [*coefficients, 0.0, 0.0, 0.0]
     width, height = view.size
-    values = _listed([*calibration.parameters[:4], *coefficients], " ")
+    values = _numbers_text([*calibration.parameters[:4], *coefficients], " ")
     pose = np.asarray(np.linalg.inv(view.pose()))
     x, y, z, w = quaternion_of(pose[:3, :3])
     return {
         "cameras.txt": f"# {_about(view, calibration)}\n# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
         f"1 {_COLMAP[calibration.model]} {width} {height} {values}\n",
         "images.txt": "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; then POINTS2D[] of it\n"
-        f"1 {_listed((w, x, y, z, *pose[:3, 3]), ' ')} 1 {picture}\n\n",
+        f"1 {_numbers_text((w, x, y, z, *pose[:3, 3]), ' ')} 1 {picture}\n\n",
         "points3D.txt": "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n",
     }
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.camera_models import BY_ANGLE, View, check_distances, distance_along, normal_points
+from rptcam_cl.exchange.camera_models import BY_ANGLE, Calibration, View, check_distances, distance_along, normal_points
 from rptcam_cl.optics.beams import Beam, film_chief_rays, is_steep, passing_beam, passing_from, takes_steep_light
+from rptcam_cl.optics.charts import new_figure, styled
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays
@@ -25,6 +26,9 @@ from rptcam_cl.rendering.cameras.ideal import shaped
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.scene.assets.pictures import write_exr
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #
 # The way from the picture to directions and back as smooth functions, for maps with a value for every pixel.
@@ -662,3 +666,37 @@ def psf_npz(images: PointImages) -> bytes:
         wavelengths_nm=images.wavelengths_nm, distances_m=images.distances_m,
     )  # fmt: skip
     return out.getvalue()
+
+
+# How a camera model errs over the picture, as a chart.
+
+WIDTH = 8.0  # of the plot [inches]
+_EVERY = 3  # cells between arrows
+
+
+@styled()
+def residual_chart(view: View, calibration: Calibration) -> Figure:
+    """Return the errors of a camera model over the picture: their size as a map, and arrows along them."""
+    columns, rows = view.size
+    figure = new_figure(
+        f"{view.name}: {calibration.model} against chief rays, rms {calibration.rms_px:.2g} px,"
+        f" at most {calibration.max_px:.2g} px",
+        (WIDTH, 1.0 + (WIDTH - 1.4) * rows / columns),
+    )
+    axes = figure.add_subplot()
+    length = np.linalg.norm(calibration.errors, axis=-1)
+    down, across = length.shape
+    x, y = np.meshgrid(np.linspace(0, columns, across), np.linspace(0, rows, down))
+    left, top = x[0, 1] / 2, y[1, 0] / 2  # half of what a place at the edge stands for lies beside the picture
+    around = (-left, columns + left, rows + top, -top)
+    shown = axes.imshow(length, cmap="viridis", extent=around, vmin=0.0, aspect="equal")
+    axes.set(xlabel="column [px]", ylabel="row [px]", xlim=(0, columns), ylim=(rows, 0))
+    axes.grid(visible=False)
+    part = np.s_[_EVERY // 2 :: _EVERY, _EVERY // 2 :: _EVERY]
+    if calibration.max_px > 0:
+        errors = calibration.errors[part] / calibration.max_px
+        axes.quiver(
+            x[part], y[part], errors[..., 0], -errors[..., 1], color="white", scale=18, width=0.003, pivot="middle"
+        )
+    figure.colorbar(shown, ax=axes, label="error [px]", shrink=0.85)
+    return figure

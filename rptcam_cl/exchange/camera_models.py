@@ -20,7 +20,6 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.optics.beams import fan_chief_rays, film_chief_rays, round_chief_rays
-from rptcam_cl.optics.charts import new_figure, styled
 from rptcam_cl.optics.irradiance import image_circle
 from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import list_lenses, load_lens, names_a_file
@@ -41,7 +40,7 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 
 #
@@ -665,19 +664,19 @@ def calibrate(view: View, model: str) -> Calibration:
             f"{view.name}: {model} has no place for a direction {widest:.1f} degrees from the axis"
             f" (allowed: {BY_ANGLE}, or a film with less field)"
         )
-    parameters = _fitted(model, seen)
+    parameters = _fit_parameters(model, seen)
     off = placed(model, parameters, normal_points(model, checked.directions)) - checked.places
     errors = np.full((*evenly_lit.shape, 2), np.nan)
     errors[evenly_lit] = off[: np.count_nonzero(evenly_lit)]
     if seen.middle is not None:
         for axis, number in enumerate(CHECKED):
-            errors = _unfolded(errors, number, axis)
+            errors = _mirror_errors(errors, number, axis)
     squares = off[:, 0] ** 2 + off[:, 1] ** 2
     max_px, rms_px = math.sqrt(squares.max()), math.sqrt(float(checked.weights @ squares / checked.weights.sum()))
     return Calibration(model, parameters, max_px, rms_px, errors, lit_share)
 
 
-def _unfolded(errors: Array, count: int, axis: int) -> Array:
+def _mirror_errors(errors: Array, count: int, axis: int) -> Array:
     """Return the errors of some columns (axis 0) or rows, given up to the one in the middle, by their mirror image."""
     first = errors[:, : count // 2] if axis == 0 else errors[: count // 2]
     other = np.flip(first, axis=1 - axis) * np.where(np.arange(2) == axis, -1.0, 1.0)
@@ -772,7 +771,7 @@ def _places(size: tuple[int, int], *, mirrored: bool) -> tuple[Array, Array, Arr
     return places.reshape(-1, 2), weights.ravel(), even, lines * (at_x[-1], at_y[-1])
 
 
-def _fitted(model: str, seen: _Samples) -> Array:
+def _fit_parameters(model: str, seen: _Samples) -> Array:
     """Return the parameters whose sum of squared errors is least."""
     points = normal_points(model, seen.directions)
     start = _pinhole(points, seen)
@@ -799,7 +798,7 @@ def _fitted(model: str, seen: _Samples) -> Array:
     count = len(COEFFICIENTS[model])
     if count in (4, 5):
         return whole(_least_squares(errors, derivatives, _radial_start(model, points, seen)[free], _NEAR))
-    simpler = _fitted("brown_conrady" if count == 8 else "rational", seen)
+    simpler = _fit_parameters("brown_conrady" if count == 8 else "rational", seen)
     starts = [np.concatenate([simpler, np.zeros(4 + count - len(simpler))])]
     if count == 8:
         starts.append(_rational_start(simpler, points, seen.places))
@@ -883,37 +882,3 @@ def _least_squares(
         if done:
             break
     return parameters
-
-
-# Plots of how a camera model errs over the picture, and of maps.
-
-WIDTH = 8.0  # of the plot [inches]
-_EVERY = 3  # cells between arrows
-
-
-@styled()
-def residual_chart(view: View, calibration: Calibration) -> Figure:
-    """Return the errors of a camera model over the picture: their size as a map, and arrows along them."""
-    columns, rows = view.size
-    figure = new_figure(
-        f"{view.name}: {calibration.model} against chief rays, rms {calibration.rms_px:.2g} px,"
-        f" at most {calibration.max_px:.2g} px",
-        (WIDTH, 1.0 + (WIDTH - 1.4) * rows / columns),
-    )
-    axes = figure.add_subplot()
-    length = np.linalg.norm(calibration.errors, axis=-1)
-    down, across = length.shape
-    x, y = np.meshgrid(np.linspace(0, columns, across), np.linspace(0, rows, down))
-    left, top = x[0, 1] / 2, y[1, 0] / 2  # half of what a place at the edge stands for lies beside the picture
-    around = (-left, columns + left, rows + top, -top)
-    shown = axes.imshow(length, cmap="viridis", extent=around, vmin=0.0, aspect="equal")
-    axes.set(xlabel="column [px]", ylabel="row [px]", xlim=(0, columns), ylim=(rows, 0))
-    axes.grid(visible=False)
-    part = np.s_[_EVERY // 2 :: _EVERY, _EVERY // 2 :: _EVERY]
-    if calibration.max_px > 0:
-        errors = calibration.errors[part] / calibration.max_px
-        axes.quiver(
-            x[part], y[part], errors[..., 0], -errors[..., 1], color="white", scale=18, width=0.003, pivot="middle"
-        )
-    figure.colorbar(shown, ax=axes, label="error [px]", shrink=0.85)
-    return figure

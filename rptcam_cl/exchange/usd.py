@@ -347,7 +347,7 @@ class Stage:
     def _write_parts(
         self, prim: Any, mesh: Any, caged: PolygonMesh, subsets: list[tuple[str, Faces]]
     ) -> list[tuple[str, Any]]:
-        polygons, begins, smooth = self._smoothed(prim, mesh, caged)
+        polygons, begins, smooth = self._smooth(prim, mesh, caged)
         parts: list[tuple[str, Faces | None]] = []
         taken = np.zeros(len(polygons.counts), bool)
         for name, own in subsets:
@@ -411,7 +411,7 @@ class Stage:
         ends = np.stack([run[firsts], run[firsts + 1]], axis=1)
         return ends, np.where(sharpness >= _SHARP, np.inf, sharpness), spikes
 
-    def _smoothed(self, prim: Any, mesh: Any, polygons: PolygonMesh) -> tuple[PolygonMesh, Faces, bool]:
+    def _smooth(self, prim: Any, mesh: Any, polygons: PolygonMesh) -> tuple[PolygonMesh, Faces, bool]:
         """Subdivide a mesh where it says so.
 
         Returns

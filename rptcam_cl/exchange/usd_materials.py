@@ -476,7 +476,7 @@ class _Inputs:
                 ("uvtiling", (1, 1)), ("uvoffset", (0, 0)), ("realworldimagesize", (1, 1)),
                 ("realworldtilesize", (1, 1))))  # fmt: skip
             ratio = tile / np.where(own > 0, own, 1)
-            return keys | {"scale": (tiles * ratio).tolist()} | _shifted(-shift * ratio)
+            return keys | {"scale": (tiles * ratio).tolist()} | _offset_keys(-shift * ratio)
         source = self._source("st") or self._source("texcoord")
         placed = self.shading.shade.Shader(source.GetPrim()) if source is not None else None
         form = str(placed.GetIdAttr().Get() or "") if placed else ""
@@ -490,10 +490,10 @@ class _Inputs:
             scale = 1 / np.where(scale != 0, scale, 1)
             turn, shift = -float(get.plain("rotate", 0.0)), -np.array(get.plain("offset", (0, 0)), np.float64)
             get.ignore({"pivot": 0.0, "operationorder": 0})
-        return keys | {"scale": scale.tolist()} | ({"rotation_degrees": turn} if turn else {}) | _shifted(shift)
+        return keys | {"scale": scale.tolist()} | ({"rotation_degrees": turn} if turn else {}) | _offset_keys(shift)
 
 
-def _shifted(offset: Array) -> Keys:
+def _offset_keys(offset: Array) -> Keys:
     return {"offset": offset.tolist()} if offset.any() else {}
 
 
@@ -604,7 +604,7 @@ class _Network:
             outer = scope.find(f"input[@name='{inner}']")
             given, scope = (given, scope) if outer is None else (outer, self.root)
         target = shader.CreateInput(str(given.get("name")), getattr(self.sdf.ValueTypeNames, kind))
-        source, inside, output = self._connected(given, scope)
+        source, inside, output = self._follow_connection(given, scope)
         if source is not None:
             made = self._shader(source, inside, above)
             target.ConnectToSource(made.CreateOutput(output, getattr(self.sdf.ValueTypeNames, kind)))
@@ -624,7 +624,7 @@ class _Network:
                 self.report.say("approximated", f"colours of {space} as linear sRGB", shader.GetPrim())
             target.Set(value)
 
-    def _connected(
+    def _follow_connection(
         self, given: ElementTree.Element, scope: ElementTree.Element
     ) -> tuple[ElementTree.Element | None, ElementTree.Element, str]:
         """Return the node that an input takes its value from, the graph that has it, and the output."""

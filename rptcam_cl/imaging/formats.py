@@ -216,7 +216,7 @@ def profile(*, encoded: bool) -> bytes:
         b"desc": _text(name),
         b"cprt": _text("No copyright, use freely"),
         b"wtpt": _xyz(_D50),
-        b"chad": b"sf32" + bytes(4) + _fixed(to_d50.ravel()),
+        b"chad": b"sf32" + bytes(4) + _fixed_point(to_d50.ravel()),
         b"rXYZ": _xyz(red),
         b"gXYZ": _xyz(green),
         b"bXYZ": _xyz(blue),
@@ -250,12 +250,12 @@ def _s15(numbers: NDArray[np.float64]) -> list[int]:
     return [round(float(number) * 65536) for number in numbers]
 
 
-def _fixed(numbers: NDArray[np.float64]) -> bytes:
+def _fixed_point(numbers: NDArray[np.float64]) -> bytes:
     return struct.pack(f">{len(numbers)}i", *_s15(numbers))
 
 
 def _xyz(colour: NDArray[np.float64]) -> bytes:
-    return b"XYZ " + bytes(4) + _fixed(colour)
+    return b"XYZ " + bytes(4) + _fixed_point(colour)
 
 
 def _text(text: str) -> bytes:
@@ -267,7 +267,7 @@ def _text(text: str) -> bytes:
 def _parametric_curve() -> bytes:
     """Return the decoding of IEC 61966-2-1: exponent g, then a, b, c of the curve and of the line, and the knee d."""
     constants = np.array([2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045])
-    return b"para" + struct.pack(">IHH", 0, 3, 0) + _fixed(constants)
+    return b"para" + struct.pack(">IHH", 0, 3, 0) + _fixed_point(constants)
 
 
 #

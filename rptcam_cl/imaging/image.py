@@ -19,35 +19,13 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from rptcam_cl.core import files
 from rptcam_cl.core.colour import PRIMARIES, luminance, srgb_from_primaries
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import (
-    FILM_SUFFIXES,
-    Folders,
-    check_writable,
-    free_host_bytes,
-    known_suffix,
-    listed,
-    replacing,
-    utf8_name,
-)
+from rptcam_cl.core.errors import InputError, StateError, near_name
+from rptcam_cl.imaging import formats, writers
 from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_values, quantise
-from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
 from rptcam_cl.imaging.sensor import SensorModel, expose
-from rptcam_cl.imaging.writers import (
-    PNG_BITS,
-    Layer,
-    alpha_of,
-    check_layers,
-    coco,
-    film_part,
-    is_developed,
-    png_to,
-    save_truth,
-    write,
-)
-from rptcam_cl.scene.base import near_name
 from rptcam_cl.scene.film import LIGHT_LAYER, PictureSettings
 from rptcam_cl.scene.load import load_picture
 
@@ -76,7 +54,7 @@ class Image:
     """What the render took and met (samples, seconds, rays that the lens blocked, ...)."""
     development: PictureSettings = PLAIN
     """How the film is developed where it is shown or saved as a picture."""
-    layers: Mapping[str, Layer] = field(default_factory=dict)
+    layers: Mapping[str, writers.Layer] = field(default_factory=dict)
     """Auxiliary layers by name, (height, width) or (height, width, channels)."""
 
     def __post_init__(self) -> None:
@@ -85,7 +63,7 @@ class Image:
             raise InputError(f"pixels: wrong shape (got {shape}; allowed (height, width, 3))")
         if kind != np.float32:
             raise InputError(f"pixels: wrong kind of numbers (got {kind}; allowed a numpy array of float32)")
-        check_layers(self.layers, self.height, self.width)
+        writers.check_layers(self.layers, self.height, self.width)
 
     @property
     def width(self) -> int:
@@ -112,7 +90,7 @@ class Image:
         """Whether a sensor is behind the film."""
         return SENSOR in self.metadata
 
-    def raw(self) -> RawImage:
+    def raw(self) -> formats.RawImage:
         """Return the numbers that the scene's sensor puts out for this film; the same ones each time.
 
         Raises
@@ -125,9 +103,9 @@ class Image:
         return self._raw
 
     @cached_property
-    def _raw(self) -> RawImage:
+    def _raw(self) -> formats.RawImage:
         sensor = SensorModel.from_description(self.metadata[SENSOR])
-        return RawImage(expose(self.pixels, sensor), sensor, self.metadata)
+        return formats.RawImage(expose(self.pixels, sensor), sensor, self.metadata)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save by suffix.
@@ -146,12 +124,12 @@ class Image:
         StateError
             The file cannot be written.
         """
-        pixels = self.seen if is_developed(path) else self.pixels
-        write(path, pixels, self.metadata, self.development, self.layers)
+        pixels = self.seen if writers.is_developed(path) else self.pixels
+        writers.write(path, pixels, self.metadata, self.development, self.layers)
 
     def developed(self) -> NDArray[np.float32]:
         """Return the picture as a screen shows it, (height, width, 3) from 0 to 1; see docs/picture.md."""
-        return developed_values(self.seen, self.development, film_part(self.metadata, self.seen))
+        return developed_values(self.seen, self.development, writers.film_part(self.metadata, self.seen))
 
     def denoised(self) -> Image:
         """Return the image with its noise removed, guided by its layers ``albedo`` and ``normal``; see docs/layers.md.
@@ -182,7 +160,7 @@ class Image:
         InputError
             A layer is missing.
         """
-        return coco(self.layers, self.metadata, file_name, image_id)
+        return writers.coco(self.layers, self.metadata, file_name, image_id)
 
     def save_truth(
         self,
@@ -210,9 +188,9 @@ class Image:
         StateError
             A file cannot be written.
         """
-        return save_truth(Path(folder), self.layers, self.metadata, file_name, image_id=image_id, prefix=prefix)
+        return writers.save_truth(Path(folder), self.layers, self.metadata, file_name, image_id=image_id, prefix=prefix)
 
-    def __getitem__(self, name: str) -> Layer:
+    def __getitem__(self, name: str) -> writers.Layer:
         try:
             return self.layers[name]
         except KeyError:
@@ -226,7 +204,7 @@ class Image:
 
     def _repr_png_(self) -> bytes:
         stream = io.BytesIO()
-        png_to(stream, self.seen, self.metadata, self.development, PNG_BITS, self.layers)
+        writers.png_to(stream, self.seen, self.metadata, self.development, writers.PNG_BITS, self.layers)
         return stream.getvalue()
 
     def __repr__(self) -> str:
@@ -258,7 +236,7 @@ def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -
     StateError
         The file cannot be read.
     """
-    suffix = known_suffix(path, FILM_SUFFIXES, "is no linear film")
+    suffix = files.known_suffix(path, files.FILM_SUFFIXES, "is no linear film")
     try:
         size, pixels_there = _size(path, suffix)
         if most_pixels is not None and pixels_there > most_pixels:
@@ -285,7 +263,7 @@ def _size(path: str | os.PathLike[str], suffix: str) -> tuple[int, int]:
 
         with Path(path).open("rb"):
             pass  # the library's own words for a file that is not there name no reason
-        with utf8_name(path) as name, OpenEXR.File(name, separate_channels=True, header_only=True) as file:
+        with files.utf8_name(path) as name, OpenEXR.File(name, separate_channels=True, header_only=True) as file:
             header = dict(file.header())
         (left, top), (right, bottom) = header["dataWindow"]
         count = max(0, int(right) - int(left) + 1) * max(0, int(bottom) - int(top) + 1)
@@ -313,7 +291,7 @@ def _bytes_of_array(stream: IO[bytes]) -> tuple[int, int]:
 
 def _check_memory(size: int) -> None:
     """Refuse a film whose development takes more memory than the machine has free."""
-    free = free_host_bytes()
+    free = files.free_host_bytes()
     if free is not None and size * NEEDED > free:
         raise InputError(
             f"takes {size * NEEDED / 1e9:.3g} GB to develop, and {free / 1e9:.3g} GB of memory are free"
@@ -343,7 +321,7 @@ def _is_transparent(metadata: object) -> bool:
 def _exr(path: str | os.PathLike[str]) -> Film:
     import OpenEXR
 
-    with utf8_name(path) as name, OpenEXR.File(name, separate_channels=True) as file:
+    with files.utf8_name(path) as name, OpenEXR.File(name, separate_channels=True) as file:
         header = dict(file.header())  # the file empties its own when it closes
         channels = file.channels()
         planes = [channels[name].pixels for name in "RGB"]
@@ -354,8 +332,8 @@ def _exr(path: str | os.PathLike[str]) -> Film:
             for layer in sorted(layers)
         }
     matrix = _matrix_of(header.get("chromaticities"))
-    text = header.get(ALL_METADATA)
-    metadata = json.loads(text) if isinstance(text, str) else from_exr_attributes(header)
+    text = header.get(formats.ALL_METADATA)
+    metadata = json.loads(text) if isinstance(text, str) else formats.from_exr_attributes(header)
     pixels = np.stack(planes, axis=-1)
     if matrix is not None:
         pixels = pixels @ matrix
@@ -377,7 +355,9 @@ def _matrix_of(chromaticities: Any) -> NDArray[np.float64] | None:
         if np.allclose(np.ravel(chromaticities), np.ravel([*primaries, white]), atol=_CLOSE):
             return None if name == "rec709" else srgb_from_primaries(primaries, white).T
     got = ", ".join(f"{number:.4g}" for number in np.ravel(chromaticities))
-    raise InputError(f"has primaries that films are not read with (got {got}; allowed those of {listed(PRIMARIES)})")
+    raise InputError(
+        f"has primaries that films are not read with (got {got}; allowed those of {files.listed(PRIMARIES)})"
+    )
 
 
 #
@@ -412,7 +392,7 @@ def desqueezed(image: Image, factor: float) -> Image:
     width = max(round(image.width * factor), 1)
     metadata = {key: value for key, value in image.metadata.items() if key not in OF_PIXELS}
     pixels = _resample(image.seen, width)  # a sensor counts the pixels that are squeezed
-    alpha = alpha_of(image.metadata, image.layers)
+    alpha = writers.alpha_of(image.metadata, image.layers)
     layers = {} if alpha is None else {"coverage": _resample(alpha[..., None], width)[..., 0]}
     return replace(image, pixels=pixels, metadata=metadata | {"desqueezed": width / image.width}, layers=layers)
 
@@ -438,7 +418,7 @@ def develop(
     film: Image | str | os.PathLike[str],
     overrides: Iterable[str] = (),
     *,
-    folders: Folders | None = None,
+    folders: files.Folders | None = None,
     **settings: Any,
 ) -> Image:
     """Return an image of the same film that develops with other settings, or with its lamps brighter or darker.
@@ -477,9 +457,9 @@ def develop(
     return with_picture_settings(image, picture)
 
 
-def folders_of_film(film: str | os.PathLike[str]) -> Folders:
+def folders_of_film(film: str | os.PathLike[str]) -> files.Folders:
     """Return where files may lie that the picture settings of a film name: in the working folder, or in the film's."""
-    return Folders(allowed=(Path(film).absolute().parent,), owner="film")
+    return files.Folders(allowed=(Path(film).absolute().parent,), owner="film")
 
 
 RELIT = "relit"  # where metadata keep the factors on the light of groups of lamps
@@ -594,14 +574,14 @@ def check_video(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike
     StateError
         The file cannot be written.
     """
-    suffix = known_suffix(path, FORMATS, "is no video")
+    suffix = files.known_suffix(path, FORMATS, "is no video")
     try:
         import av
     except ImportError:
         raise InputError(f'{path}: videos need PyAV (pip install "rptcam_cl[video]")') from None
     if FORMATS[suffix][1] not in av.codecs_available:
         raise InputError(f"{path}: this PyAV has no codec {FORMATS[suffix][1]} (allowed: another suffix)")
-    check_writable(path, inputs)
+    files.check_writable(path, inputs)
 
 
 def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_per_second: float) -> int:
@@ -621,7 +601,7 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
 
     container, codec, kind, options = FORMATS[Path(path).suffix.lower()]
     count = 0
-    with replacing(path) as temporary:
+    with files.replacing(path) as temporary:
         try:
             with av.open(str(temporary), "w", format=container, options=_EXACT) as file:
                 stream: Any = None

@@ -15,27 +15,11 @@ from typing import Any, BinaryIO, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core import files
 from rptcam_cl.core.colour import PRIMARIES, Primaries, srgb_from_primaries
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import (
-    DEVELOPED_SUFFIXES,
-    LAYER_SUFFIXES,
-    check_writable,
-    known_suffix,
-    replacing,
-    resolve_links,
-)
+from rptcam_cl.imaging import formats
 from rptcam_cl.imaging.development import WHOLE, Part, developed_codes, quantise
-from rptcam_cl.imaging.formats import (
-    ALL_METADATA,
-    exif_bytes,
-    exr_attributes,
-    profile,
-    world_to_camera,
-    write_npy,
-    write_png_to,
-    write_tiff_to,
-)
 from rptcam_cl.scene.assets.pictures import write_exr
 from rptcam_cl.scene.film import LIGHT_LAYER, PictureSettings
 
@@ -279,20 +263,20 @@ def save_truth(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise StateError(f"{folder}: cannot be made ({problem.strerror})") from None
-    written = [resolve_links(folder / f"{prefix}{name}") for name in TRUTH_FILES]
+    written = [files.resolve_links(folder / f"{prefix}{name}") for name in TRUTH_FILES]
     depth = written.pop()
-    with replacing(written[0]) as temporary:
+    with files.replacing(written[0]) as temporary:
         temporary.write_text(json.dumps(said) + "\n", encoding="utf-8")
     _write_mask(written[1], layers["sharp_object_id"] + 1)
     _write_mask(written[2], layers["sharp_class_id"])
     if "pupil_depth" in layers:
         written.append(depth)
-        with replacing(depth) as temporary, temporary.open("xb") as stream:
+        with files.replacing(depth) as temporary, temporary.open("xb") as stream:
             np.save(stream, layers["pupil_depth"])
     rays = {name: layers[name] for name in ("ray_origin", "ray_direction") if name in layers}
     if rays:
-        written.append(resolve_links(folder / f"{prefix}rays.npz"))
-        with replacing(written[-1]) as temporary, temporary.open("xb") as stream:
+        written.append(files.resolve_links(folder / f"{prefix}rays.npz"))
+        with files.replacing(written[-1]) as temporary, temporary.open("xb") as stream:
             np.savez_compressed(stream, **rays)  # type: ignore[arg-type]
     return written
 
@@ -300,7 +284,7 @@ def save_truth(
 def _write_mask(path: Path, values: NDArray[np.int32]) -> None:
     import PIL.Image
 
-    with replacing(path) as temporary, temporary.open("xb") as stream:
+    with files.replacing(path) as temporary, temporary.open("xb") as stream:
         PIL.Image.fromarray(np.ascontiguousarray(values, np.uint16)).save(stream, "PNG")
 
 
@@ -509,7 +493,7 @@ def png_to(
     codes = _codes_with_alpha(pixels, metadata, picture, bits, layers)
     texts = {key: _text(value) for key, value in {**metadata, "ev": picture.ev}.items()}
     encoded = picture.is_encoded
-    write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)
+    formats.write_png_to(stream, codes, texts, formats.exif_bytes(metadata, encoded=encoded), encoded=encoded)
 
 
 def alpha_of(metadata: Metadata, layers: Layers) -> Layer | None:
@@ -554,11 +538,11 @@ def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, picture: Picture
     quality = picture.jpeg_quality
     options = {
         "quality": quality, "subsampling": 0 if quality >= JPEG_FULL_COLOUR else 2,
-        "icc_profile": None if encoded is None else profile(encoded=encoded),
+        "icc_profile": None if encoded is None else formats.profile(encoded=encoded),
         "extra": _jpeg_comments({**metadata, "ev": picture.ev}),
     }  # fmt: skip
     with path.open("xb") as stream:
-        encoder.save(stream, "JPEG", exif=b"Exif\0\0" + exif_bytes(metadata, encoded=encoded), **options)
+        encoder.save(stream, "JPEG", exif=b"Exif\0\0" + formats.exif_bytes(metadata, encoded=encoded), **options)
 
 
 def _jpeg_comments(metadata: Metadata) -> bytes:
@@ -571,7 +555,7 @@ def _jpeg_comments(metadata: Metadata) -> bytes:
 def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
     codes = _codes_with_alpha(pixels, metadata, picture, picture.bits or TIFF_BITS, layers)
     with path.open("xb") as stream:
-        write_tiff_to(stream, codes, {**metadata, "ev": picture.ev}, encoded=picture.is_encoded)
+        formats.write_tiff_to(stream, codes, {**metadata, "ev": picture.ev}, encoded=picture.is_encoded)
 
 
 def _windows(metadata: Metadata, pixels: Pixels) -> dict[str, tuple[NDArray[np.int32], NDArray[np.int32]]]:
@@ -589,14 +573,10 @@ def _exr_pixel_aspect(metadata: Metadata) -> dict[str, float]:
     size, film = metadata.get("film_size_mm"), metadata.get("resolution")
     if not (_are_counts(film, 2) and all(film) and isinstance(size, (list, tuple)) and len(size) == 2):
         return {}
-    if not all(_is_length(side) for side in size):
+    if not all(isinstance(side, (int, float)) and 0 < side < math.inf for side in size):
         return {}
     aspect = size[0] * film[1] / (size[1] * film[0])
     return {} if math.isclose(aspect, 1.0, rel_tol=1e-6) else {"pixelAspectRatio": aspect}
-
-
-def _is_length(value: Any) -> bool:
-    return isinstance(value, (int, float)) and 0 < value < math.inf
 
 
 def _exr_timecode(metadata: Metadata) -> dict[str, Any]:
@@ -632,11 +612,11 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureS
     }
     header = {
         **attributes,
-        **exr_attributes(metadata),
-        **world_to_camera(metadata),
+        **formats.exr_attributes(metadata),
+        **formats.world_to_camera(metadata),
         **_exr_timecode(metadata),
         **header_of(layers, metadata),
-        ALL_METADATA: _text(dict(metadata)),
+        formats.ALL_METADATA: _text(dict(metadata)),
         "chromaticities": (*itertools.chain(*primaries), *white),
         "colorInteropID": _EXR_COLOUR_SPACES[picture.primaries],
         **_exr_pixel_aspect(metadata),
@@ -649,7 +629,7 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureS
 
 def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
     """Write the linear film alone."""
-    write_npy(path, pixels)
+    formats.write_npy(path, pixels)
 
 
 def _write_npz(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
@@ -681,18 +661,18 @@ def check_output(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
     inputs
         Files that the picture must not overwrite.
     """
-    known_suffix(path, _WRITERS, "the suffix sets the format")
-    check_writable(path, inputs)
+    files.known_suffix(path, _WRITERS, "the suffix sets the format")
+    files.check_writable(path, inputs)
 
 
 def is_developed(path: str | os.PathLike[str]) -> bool:
     """Return whether the format of a file's suffix holds the developed picture, and not the film."""
-    return Path(path).suffix.lower() in DEVELOPED_SUFFIXES
+    return Path(path).suffix.lower() in files.DEVELOPED_SUFFIXES
 
 
 def holds_layers(path: str | os.PathLike[str]) -> bool:
     """Return whether the format of a file's suffix has a place for layers."""
-    return Path(path).suffix.lower() in LAYER_SUFFIXES
+    return Path(path).suffix.lower() in files.LAYER_SUFFIXES
 
 
 def write(
@@ -717,7 +697,7 @@ def write(
     layers
         Arrays by name, for the formats in `LAYER_SUFFIXES`.
     """
-    writer = _WRITERS[known_suffix(path, _WRITERS, "the suffix sets the format")]
-    check_writable(path)
-    with replacing(path) as temporary:
+    writer = _WRITERS[files.known_suffix(path, _WRITERS, "the suffix sets the format")]
+    files.check_writable(path)
+    with files.replacing(path) as temporary:
         writer(temporary, pixels, metadata, picture, layers)

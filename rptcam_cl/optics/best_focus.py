@@ -11,19 +11,8 @@ from numpy.typing import NDArray
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import film_probe
 from rptcam_cl.optics.beams import COARSE, Beam, spot
-from rptcam_cl.optics.film_probe import (
-    UNMOVED,
-    FilmFrame,
-    FilmProbe,
-    boxes_of,
-    boxes_round,
-    cells,
-    grid,
-    narrow_boxes,
-    narrowing_probes,
-    pupil_boxes,
-)
 from rptcam_cl.optics.lens import MEASURED_FROM, Lens, film_distance
 
 # The film distance of the least real-ray spot at the working aperture, on the axis or at a field point.
@@ -144,17 +133,20 @@ def _beam_to(
     few: bool,
 ) -> Beam:
     """Return the light of the object point that the mean ray from a film point meets."""
-    probe, film = FilmProbe(lens, film_distance_mm, wavelength_nm), np.array([film_point_mm], dtype=np.float64)
+    probe, film = (
+        film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm),
+        np.array([film_point_mm], dtype=np.float64),
+    )
     boxes, lit = np.empty((1, 4)), np.array([False])
     if not few:
-        boxes, lit = narrow_boxes(probe, film, probe.windows(film), AIMS)
+        boxes, lit = film_probe.narrow_boxes(probe, film, probe.windows(film), AIMS)
     if not lit[0]:  # a small pupil, which is found step by step
-        boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm), film)
+        boxes, lit = film_probe.pupil_boxes(film_probe.narrowing_probes(lens, film_distance_mm, wavelength_nm), film)
     aims = (FEW_AIMS, FEW_AIMS) if few else AIMS
     if not lit[0]:
         x, y = film_point_mm
         raise InputError(f"{lens.name}: no light reaches the film point ({x:g}, {y:g}) mm")
-    rays = probe.trace(film[0], grid(boxes, *aims)[0])
+    rays = probe.trace(film[0], film_probe.grid(boxes, *aims)[0])
     origins, directions = rays.origins[rays.passed], rays.directions[rays.passed]
     if np.isinf(front_mm):
         slope = np.mean(directions[:, :2] / directions[:, 2:], axis=0)
@@ -310,7 +302,7 @@ class _SceneBeams:
     lens: Lens
     film_distance_mm: float
     wavelength_nm: float
-    frame: FilmFrame
+    frame: film_probe.FilmFrame
     nearest: Array
     along: Array
     middle: Array
@@ -320,11 +312,11 @@ class _SceneBeams:
 
     def variances(self, vergence: float) -> Array:
         """Return the variances (n, 2) in x and y of where light of a point meets the film [mm2]; nan without light."""
-        boxes = boxes_of(-self.reach, self.reach)
-        steps = grid(boxes, *NARROWING)
+        boxes = film_probe.boxes_of(-self.reach, self.reach)
+        steps = film_probe.grid(boxes, *NARROWING)
         _, passed = self._on_film(steps, vergence)
-        boxes, _ = boxes_round(steps, passed, cells(boxes, *NARROWING), boxes)
-        film, passed = self._on_film(grid(boxes, BLUR_ACROSS, BLUR_ACROSS), vergence)
+        boxes, _ = film_probe.boxes_round(steps, passed, film_probe.cells(boxes, *NARROWING), boxes)
+        film, passed = self._on_film(film_probe.grid(boxes, BLUR_ACROSS, BLUR_ACROSS), vergence)
         count = np.sum(passed, axis=1)[:, None]
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.sum(np.where(passed[..., None], film, 0.0), axis=1) / count
@@ -355,7 +347,7 @@ def blur_variances(
     film: Array,
     vergences: Array,
     wavelength_nm: float,
-    frame: FilmFrame = UNMOVED,
+    frame: film_probe.FilmFrame = film_probe.UNMOVED,
 ) -> tuple[Array, Mask]:
     """Return the variances (n, vergences, 2) of the blur in x and y [mm2], and which film points (n,) are lit.
 
@@ -368,7 +360,7 @@ def blur_variances(
     frame
         How the film stands; x and y of the blur run along its sides.
     """
-    boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), film)
+    boxes, lit = film_probe.pupil_boxes(film_probe.narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), film)
     beams = _scene_beams(lens, film_distance_mm, film, boxes, wavelength_nm, frame)
     variances = np.stack([beams.variances(float(vergence)) for vergence in vergences], axis=1)
     lit = lit & beams.lit & np.isfinite(variances).all(axis=(1, 2))
@@ -376,10 +368,10 @@ def blur_variances(
 
 
 def _scene_beams(
-    lens: Lens, film_distance_mm: float, film: Array, boxes: Array, wavelength_nm: float, frame: FilmFrame
+    lens: Lens, film_distance_mm: float, film: Array, boxes: Array, wavelength_nm: float, frame: film_probe.FilmFrame
 ) -> _SceneBeams:
     """Return the beams that film points see through boxes of the rear plane."""
-    rear = grid(boxes, *NARROWING)
+    rear = film_probe.grid(boxes, *NARROWING)
     count, rays_each = rear.shape[:2]
     distances = np.broadcast_to((film_distance_mm + frame.depth(film))[:, None, None], (count, rays_each, 1))
     away = np.concatenate([rear - film[:, None], -lens.sense * distances], axis=-1)

@@ -124,8 +124,6 @@ def meet(lit: Lit, beam: PolarisedBeam, k: int, forward: bool, *, counted: bool 
 
     Parameters
     ----------
-    lit : Lit
-    beam : PolarisedBeam
     k : int
         Number of the surface.
     forward : bool
@@ -434,7 +432,7 @@ class Entry:
         lit = flux > 0
         normals = slopes[:, lit] / np.sqrt(np.sum(slopes[:, lit] ** 2, axis=0))
         beam = PolarisedBeam.unpolarised(at[:, lit].T, directions[:, lit].T, flux[lit])
-        return Arrival(beam, normals, np.sum(normals * beam.directions, axis=0), 0.0, 0.0, 0.0)
+        return Arrival(beam, normals, np.sum(normals * beam.directions, axis=0))
 
     def _light(self, at: Array) -> tuple[Array, Array]:
         """Return unit directions (3, n) of the light at points, and its irradiance across them."""
@@ -706,7 +704,10 @@ def _trace_to_film(
     """Return rays of several ways on the film."""
     counts = [len(front.cosines) for front in fronts]
     ends = np.cumsum(counts)
-    front = _join(fronts)
+    beam = PolarisedBeam.joined([front.beam for front in fronts])
+    beam = replace(beam, rows=np.arange(len(beam.rows)))  # numbered through
+    normals, cosines = (np.concatenate([getattr(f, name) for f in fronts], axis=-1) for name in ("normals", "cosines"))
+    front = Arrival(beam, normals, cosines)
     entered = front.beam.points[:2].T
     turns = np.full((len(entered), max(map(len, ways), default=0) + 1), NOWHERE)
     for way, first, end in zip(ways, ends - counts, ends, strict=True):
@@ -722,20 +723,11 @@ def _trace_to_film(
     return landed
 
 
-def _join(fronts: list[Arrival]) -> Arrival:
-    """Return rays on the first surface as one, numbered through."""
-    beam = PolarisedBeam.joined([front.beam for front in fronts])
-    beam = replace(beam, rows=np.arange(len(beam.rows)))
-    normals, cosines = (np.concatenate([getattr(f, name) for f in fronts], axis=-1) for name in ("normals", "cosines"))
-    return Arrival(beam, normals, cosines)
-
-
 def together(lit: Lit, front: Arrival, turns: Numbers) -> PolarisedBeam:
     """Return rays on the first surface as they meet the film, each by its own way; the film is the last surface.
 
     Parameters
     ----------
-    lit : Lit
     front : Arrival
         Rays numbered through.
     turns : (n, m) array
@@ -872,8 +864,7 @@ def _scout_rare(lit: Lit, landed: Mapping[Way, Landed]) -> dict[Way, Landed]:
 
     Without them the table of `fisheye-10mm` in the light of a sun at 20 degrees lacks 5 % of its light.
     """
-    indices, surfaces = lit.lens.indices(lit.wavelength_nm), lit.lens.surfaces
-    partly = [k for k, each in enumerate(surfaces) if not each.is_mirror and indices[k] != indices[k + 1]]
+    partly = [k for k in range(len(lit.lens.surfaces)) if lit.reflects(k)]
     pairs = [(j, i) for j in partly for i in partly if i < j]
     rare = [way for way in pairs if way not in landed or len(landed[way].points) < RARE]
     entry = Entry(lit.lens, lit.source)
@@ -895,17 +886,13 @@ def _own_light(landed: dict[Way, Landed], stops: list[Lit]) -> dict[Way, FilmLig
     stops : list of Lit
         Ever narrower; the last is the one that is meant.
     """
-    counts, whole = _rays_of_ways(landed), landed
+    # As many rays for each way as the root of its light, by which falls what they err by.
+    weights = {way: float(np.sqrt(rays.light @ (rays.inside + WIDE))) for way, rays in landed.items()}
+    total = sum(weight for way, weight in weights.items() if way) or 1.0
+    counts = {way: int(np.clip(OWN_RAYS * weight / total, LEAST, MOST)) for way, weight in weights.items()}
+    counts[()], whole = IMAGE_RAYS, landed
     for stage in stops:
         whole = follow(stage, whole, counts)
     parts = {way: rays for way, rays in whole.items() if rays.inside.any() and rays.inside.mean() < PART}
     framed = whole | follow(stops[-1], {way: rays.only_in_frame() for way, rays in parts.items()}, counts)
     return {way: FilmLight(way, float(rays.light.sum()), *framed[way].in_frame()) for way, rays in whole.items()}
-
-
-def _rays_of_ways(landed: dict[Way, Landed]) -> dict[Way, int]:
-    """Return how many rays each way gets: by the root of its light, as so falls what they err by."""
-    weights = {way: float(np.sqrt(rays.light @ (rays.inside + WIDE))) for way, rays in landed.items()}
-    total = sum(weight for way, weight in weights.items() if way) or 1.0
-    counts = {way: int(np.clip(OWN_RAYS * weight / total, LEAST, MOST)) for way, weight in weights.items()}
-    return counts | {(): IMAGE_RAYS}

@@ -15,17 +15,8 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import plain
 from rptcam_cl.core.remember import remember
+from rptcam_cl.optics import film_probe
 from rptcam_cl.optics.beams import Beam, chebyshev_nodes, geometry_but_stop
-from rptcam_cl.optics.film_probe import (
-    FilmProbe,
-    box_near,
-    grid,
-    narrow_boxes,
-    narrowing_probes,
-    pupil_boxes,
-    spread_points,
-    upper,
-)
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
 from rptcam_cl.optics.lens import Lens, brought_to_focus, limiting_surface
 from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance, trace_crossings
@@ -97,7 +88,7 @@ def irradiance_with_error(
     transmission: LensTransmission = IDEAL,
 ) -> tuple[Array, Array]:
     """Return `film_irradiance`, and by how much each value would change with half as many rays."""
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    probe = film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm)
     radii = np.asarray(radii_mm, dtype=np.float64)
     angle = np.radians(azimuth_degrees)
     film = radii.reshape(-1, 1) * np.array([np.cos(angle), np.sin(angle)])
@@ -119,7 +110,7 @@ def pass_areas(lens: Lens, film_distance_mm: float, radii_mm: Array, wavelength_
 
     Found as `film_irradiance` finds its integral, at distances from the axis along x.
     """
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    probe = film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm)
     film = np.stack([radii_mm, np.zeros_like(radii_mm)], axis=1)
     pupils = zip(film, *_pupil_boxes(probe, film), strict=True)
     return np.array([
@@ -149,7 +140,7 @@ def axial_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float =
 
     A round pupil without a hole, seen from the axis, is a disk: rays find its rim, and the integral over it is known.
     """
-    probe, film = FilmProbe(lens, film_distance_mm, wavelength_nm), np.zeros(2)
+    probe, film = film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm), np.zeros(2)
     if not _is_alike(probe, film):
         return None
     low, high = 0.0, float(probe.windows(film[None])[0, 1])
@@ -165,29 +156,29 @@ def axial_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float =
     return float(np.pi * square / (film_distance_mm**2 + square) * (indices[-1] / indices[0]) ** 2)
 
 
-def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+def _pupil_boxes(probe: film_probe.FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
     """Return a box round the passing rays of each film point, which film points have any, and which in several parts.
 
     A pupil that slips through the grids is sought from wider stops down, and round its first-order image; one on the
     axis of a round lens by rays at all distances from it. Rays spread over the whole window find what lies apart.
     """
-    boxes, is_lit = narrow_boxes(probe, film, probe.windows(film), GRID)
+    boxes, is_lit = film_probe.narrow_boxes(probe, film, probe.windows(film), GRID)
     dark = np.flatnonzero(~is_lit)
     for k in dark:
-        boxes[k : k + 1], is_lit[k : k + 1] = narrow_boxes(
+        boxes[k : k + 1], is_lit[k : k + 1] = film_probe.narrow_boxes(
             probe, film[k : k + 1], probe.windows(film[k : k + 1]), DENSE_GRID
         )
     dark = np.flatnonzero(~is_lit)
     if len(dark):
-        probes = narrowing_probes(probe.lens, probe.distance, probe.wavelength_nm)
-        boxes[dark], is_lit[dark] = pupil_boxes(probes, film[dark])
+        probes = film_probe.narrowing_probes(probe.lens, probe.distance, probe.wavelength_nm)
+        boxes[dark], is_lit[dark] = film_probe.pupil_boxes(probes, film[dark])
     lit = np.flatnonzero(is_lit)
     if len(lit):
-        boxes[lit], _ = narrow_boxes(probe, film[lit], boxes[lit], GRID)
+        boxes[lit], _ = film_probe.narrow_boxes(probe, film[lit], boxes[lit], GRID)
     for _ in range(WIDENED if len(lit) else 0):  # the tips of a sliver may lie between the rays of a coarse grid
         low, high = boxes[lit][:, ::2], boxes[lit][:, 1::2]
         around = np.stack([low - (high - low) / 2, high + (high - low) / 2], axis=2).reshape(-1, 4)
-        beyond, still = narrow_boxes(probe, film[lit], around, GRID)
+        beyond, still = film_probe.narrow_boxes(probe, film[lit], around, GRID)
         cell = 2 * (high - low) / GRID
         grown = still & np.any((beyond[:, ::2] < low - cell) | (beyond[:, 1::2] > high + cell), axis=1)
         boxes[lit[grown]] = beyond[grown]
@@ -202,7 +193,7 @@ def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_
     return boxes, is_lit, parted
 
 
-def _is_alike(probe: FilmProbe, film: Array) -> bool:
+def _is_alike(probe: film_probe.FilmProbe, film: Array) -> bool:
     """Return whether all azimuths are alike: on the axis of a rotationally symmetric lens."""
     stop = probe.lens.stop
     return not film.any() and probe.lens.is_rotational and (stop is None or stop.stop_shape is None)
@@ -215,7 +206,7 @@ def _axial_radii(reach: float) -> Array:
     return np.array(sorted({*even, *logarithmic}))
 
 
-def _axial_box(probe: FilmProbe) -> Array | None:
+def _axial_box(probe: film_probe.FilmProbe) -> Array | None:
     """Return a box round all rays that pass from the centre of the film; None when a single part holds them all."""
     film = np.zeros(2)
     radii = _axial_radii(float(probe.windows(film[None])[0, 1]))
@@ -229,10 +220,10 @@ def _axial_box(probe: FilmProbe) -> Array | None:
     return np.asarray(outermost * np.array([-1.0, 1.0, -1.0, 1.0]), dtype=np.float64)
 
 
-def _with_strays(probe: FilmProbe, film: Array, box: Array, lit: bool) -> Array | None:
+def _with_strays(probe: film_probe.FilmProbe, film: Array, box: Array, lit: bool) -> Array | None:
     """Return a box that holds the rays outside of a box as well; None when there are none."""
     window = probe.windows(film[None])
-    points, hits = spread_points(window, STRAYS)[0], np.zeros(STRAYS, dtype=bool)
+    points, hits = film_probe.spread_points(window, STRAYS)[0], np.zeros(STRAYS, dtype=bool)
     apart = np.any((points < box[::2]) | (points > box[1::2]), axis=1) if lit else np.ones(STRAYS, dtype=bool)
     hits[apart] = probe.passes(film, points[apart])
     if not hits.any():
@@ -245,7 +236,7 @@ def _with_strays(probe: FilmProbe, film: Array, box: Array, lit: bool) -> Array 
 
 
 def _integrate(
-    probe: FilmProbe,
+    probe: film_probe.FilmProbe,
     film: Array,
     box: Array,
     *,
@@ -292,7 +283,7 @@ def _integrate(
 
 
 def _mean_transmittance(
-    probe: FilmProbe, film: Array, box: Array, transmission: LensTransmission
+    probe: film_probe.FilmProbe, film: Array, box: Array, transmission: LensTransmission
 ) -> tuple[float, float]:
     """Return the share of the light that the lens leaves to a film point, by a spiral of rays through its pupil.
 
@@ -318,7 +309,13 @@ def _mean_transmittance(
 
 
 def _bisect(
-    probe: FilmProbe, film: Array, centre: Array, rays: Array, low: Array, high: Array, low_passes: NDArray[np.bool_]
+    probe: film_probe.FilmProbe,
+    film: Array,
+    centre: Array,
+    rays: Array,
+    low: Array,
+    high: Array,
+    low_passes: NDArray[np.bool_],
 ) -> Array:
     """Return where, between two distances from the centre, rays begin or cease to pass."""
     left = BISECTIONS
@@ -663,13 +660,13 @@ def image_circle(
         A radius that is known to have light, and one beyond which the circle does not matter: if that has light, the
         result is just beyond it.
     """
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    probe = film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm)
     limit = farthest(lens, film_distance_mm, wavelength_nm)
 
     def lit(radius: float) -> bool:
         # What is left near the edge is a sliver across the plane of film point and axis, too thin for a grid.
         film = np.array([[radius, 0.0]])
-        return any(narrow_boxes(probe, film, probe.windows(film), shape)[1][0] for shape in (FAN, SEARCH))
+        return any(film_probe.narrow_boxes(probe, film, probe.windows(film), shape)[1][0] for shape in (FAN, SEARCH))
 
     radii = limit * np.geomspace(0.02, 1.0, 24)
     low, high = 0.0, 0.0
@@ -695,12 +692,14 @@ def image_circle(
     return _end_of_crescents(probe, low) if lens.is_obstructed and low > 0 else low
 
 
-def _end_of_crescents(probe: FilmProbe, radius: float) -> float:
+def _end_of_crescents(probe: film_probe.FilmProbe, radius: float) -> float:
     """Return how far [mm] from a radius with light the ends of a cut ring reach, which slip through a wide grid."""
     film, step = np.array([[radius, 0.0]]), np.array([CRESCENT_STEP * radius, 0.0])
-    box = narrow_boxes(probe, film, upper(probe.windows(film), probe.lens.is_rotational), CRESCENTS)[0][0]
+    box = film_probe.narrow_boxes(
+        probe, film, film_probe.upper(probe.windows(film), probe.lens.is_rotational), CRESCENTS
+    )[0][0]
     while step[0] > 2e-5 * radius:
-        there, hit = box_near(probe, film + step, box, radial=False, shape=SEARCH)
+        there, hit = film_probe.box_near(probe, film + step, box, radial=False, shape=SEARCH)
         if hit:
             film, box, step = film + step, there, 2 * step
         else:
@@ -725,15 +724,15 @@ def _half_light_radius(
         Radius of the image circle, which is the result where there is more light to its edge.
     """
 
-    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
+    probes = film_probe.narrowing_probes(lens, film_distance_mm, wavelength_nm)
     nodes = np.linspace(0.0, circle_mm, HALF_NODES)
-    node_boxes, _ = pupil_boxes(probes, np.column_stack([nodes, np.zeros(HALF_NODES)]), in_order=True)
+    node_boxes, _ = film_probe.pupil_boxes(probes, np.column_stack([nodes, np.zeros(HALF_NODES)]), in_order=True)
 
     def light(radius: float) -> float:  # D^2 / (D^2 + rho^2)^2 over what passes of a plane through the last vertex
         film = np.array([[radius, 0.0]])
-        near, _ = box_near(probes[-1], film, node_boxes[np.abs(nodes - radius).argmin()], radial=False)
-        boxes, lit = narrow_boxes(probes[-1], film, near[None], HALF_RAYS)
-        points = grid(boxes, *HALF_RAYS)[0]
+        near, _ = film_probe.box_near(probes[-1], film, node_boxes[np.abs(nodes - radius).argmin()], radial=False)
+        boxes, lit = film_probe.narrow_boxes(probes[-1], film, near[None], HALF_RAYS)
+        points = film_probe.grid(boxes, *HALF_RAYS)[0]
         targets = np.column_stack([points, np.full(len(points), lens.length)])
         start = np.array([radius, 0.0, lens.film_z(film_distance_mm)])
         passed = lens.trace(np.broadcast_to(start, targets.shape), targets - start, wavelength_nm).passed
@@ -767,12 +766,12 @@ def field_of_view(
     lens: Lens, film_distance_mm: float, film_radius_mm: float, wavelength_nm: float = LINE_D_NM
 ) -> float | None:
     """Return the full angle [degrees] that a film radius sees: twice the mean angle of its rays in the scene."""
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    probe = film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm)
     film = np.array([[film_radius_mm, 0.0]])
-    boxes, lit = narrow_boxes(probe, film, probe.windows(film), SEARCH)
+    boxes, lit = film_probe.narrow_boxes(probe, film, probe.windows(film), SEARCH)
     if not lit[0]:
         return None
-    rays = probe.trace(film[0], grid(boxes, *QUICK)[0])
+    rays = probe.trace(film[0], film_probe.grid(boxes, *QUICK)[0])
     if not rays.passed.any():
         return None
     mean = rays.directions[rays.passed].mean(axis=0)

@@ -12,27 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import Folders, References, digest, lenses_dir, read_whole
+from rptcam_cl.core.files import Folders, References, digest, lenses_dir, name_errors, read_whole
 from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, read_yaml
-from rptcam_cl.optics.files.codev import read_codev
+from rptcam_cl.optics.files import tables
 from rptcam_cl.optics.files.glasses import chosen_makers
 from rptcam_cl.optics.files.native import document_of, read_native
-from rptcam_cl.optics.files.tables import (
-    is_deeplens,
-    is_iset,
-    is_optical_bench,
-    is_ray_transfer,
-    read_deeplens,
-    read_iset,
-    read_optical_bench,
-    read_pbrt,
-)
-from rptcam_cl.optics.files.zemax import read_zemax
+from rptcam_cl.optics.files.sequential import read_codev, read_zemax
 from rptcam_cl.optics.lens import Lens
 
 NATIVE_SUFFIXES = (".yaml", ".yml", ".json")
 NAMING: dict[str, Callable[[str, str, tuple[str, ...]], Lens]] = {".zmx": read_zemax, ".seq": read_codev}
-READERS: dict[str, Callable[[str, str], Lens]] = {".dat": read_pbrt, ".zmx": read_zemax, ".seq": read_codev}
+READERS: dict[str, Callable[[str, str], Lens]] = {".dat": tables.read_pbrt, ".zmx": read_zemax, ".seq": read_codev}
 SUFFIXES = (*NATIVE_SUFFIXES, *READERS, ".txt")
 STRANGE = {
     ".zar": "a Zemax archive", ".zos": "a binary file of OpticStudio", ".zmf": "a catalogue of lenses of Zemax",
@@ -132,20 +122,24 @@ def _read(path: Path, files: References | None, makers: tuple[str, ...]) -> Lens
         return READERS[suffix](_read_text(path), str(path))
     if suffix == ".txt":
         text = _read_text(path)
-        return read_optical_bench(text, str(path)) if is_optical_bench(text) else read_pbrt(text, str(path))
+        return (
+            tables.read_optical_bench(text, str(path))
+            if tables.is_optical_bench(text)
+            else tables.read_pbrt(text, str(path))
+        )
     what = f"is {STRANGE[suffix]}, which cannot be read" if suffix in STRANGE else "unknown kind of lens file"
     raise InputError(f"{path}: {what}; known: {', '.join(SUFFIXES)}")
 
 
 def _of_document(document: Document, makers: tuple[str, ...]) -> Lens:
     """Return the lens of a JSON or YAML document, whosever form it has."""
-    if is_ray_transfer(document):
+    if tables.is_ray_transfer(document):
         raise InputError(
             f"{document.name}: is an ISET ray transfer: polynomials in place of a lens, with no surfaces to trace"
         )
-    if is_deeplens(document):
-        return read_deeplens(document, makers)
-    return read_iset(document, makers) if is_iset(document) else read_native(document)
+    if tables.is_deeplens(document):
+        return tables.read_deeplens(document, makers)
+    return tables.read_iset(document, makers) if tables.is_iset(document) else read_native(document)
 
 
 def digests_of_lens(source: Path | Mapping[str, Any], folders: Folders) -> dict[str, str]:
@@ -189,10 +183,8 @@ def _like(name: str, known: Sequence[str]) -> list[str]:
 
 
 def _read_text(path: Path) -> str:
-    try:
+    with name_errors(path):
         raw = read_whole(path, MAX_BYTES)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{path}: {problem}") from None
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         try:
             return raw.decode("utf-16")

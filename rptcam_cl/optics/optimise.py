@@ -18,18 +18,11 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import read_whole, replacing
 from rptcam_cl.core.strict_yaml import MAX_BYTES
+from rptcam_cl.optics import ray_derivatives
 from rptcam_cl.optics.design import THIN, GlassChange, Problem, Solve, Term, Variable, read_problem
 from rptcam_cl.optics.files.glasses import find_glass, glasses_of
 from rptcam_cl.optics.glass import AIR, Medium, abbe_number, known_range
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.ray_derivatives import (
-    Paraxial,
-    RaysWithDerivatives,
-    Seeds,
-    sag_with_derivatives,
-    trace_paraxial,
-    trace_with_derivatives,
-)
 from rptcam_cl.optics.ray_trace import Status, trace
 
 # The merit of a problem: residuals whose squares add up to the merit squared, with exact derivatives.
@@ -67,9 +60,9 @@ class State:
 
     lens: Lens
     film_mm: float
-    seeds: Seeds
-    paraxial: Paraxial
-    beam: RaysWithDerivatives
+    seeds: ray_derivatives.Seeds
+    paraxial: ray_derivatives.Paraxial
+    beam: ray_derivatives.RaysWithDerivatives
 
 
 _Rows = tuple[str, Array, Array]  # a name, values (n,) and derivatives (n, variables)
@@ -129,7 +122,9 @@ class MeritFunction:
         nm = self.given.wavelengths_nm[self.given.reference]
         film = lens.first_order(nm).back_focal_distance_mm
         if self.is_near:
-            paraxial = trace_paraxial(lens, self.indices, Seeds.none(len(lens.surfaces), 0), 0)
+            paraxial = ray_derivatives.trace_paraxial(
+                lens, self.indices, ray_derivatives.Seeds.none(len(lens.surfaces), 0), 0
+            )
             film = float(self._images(paraxial)[0][self.given.reference])
         values = []
         for variable in self.given.variables:
@@ -208,7 +203,7 @@ class MeritFunction:
         lens, film, seeds = self._lens(x * self.scales, derivatives)
         ref = self.given.reference
         assert lens.stop_index is not None
-        paraxial = trace_paraxial(lens, self.indices, seeds, lens.stop_index)
+        paraxial = ray_derivatives.trace_paraxial(lens, self.indices, seeds, lens.stop_index)
         if self.given.film == "paraxial":
             lengths, by, *_ = self._images(paraxial)
             film = float(lengths[ref])
@@ -219,7 +214,7 @@ class MeritFunction:
         if self.is_near:
             return State(lens, film, seeds, paraxial, self._near_beam(lens, film, seeds, points, by_place))
         paths = index * np.sum(points * d, axis=0)
-        beam = trace_with_derivatives(
+        beam = ray_derivatives.trace_with_derivatives(
             lens, points, d, paths, self.of_rays, film, seeds, by_place, by_place[:, None] * (index * d[2])
         )
         return State(lens, film, seeds, paraxial, beam)
@@ -229,7 +224,9 @@ class MeritFunction:
         """Whether the object is not far away."""
         return math.isfinite(self.given.object_distance_mm)
 
-    def _near_beam(self, lens: Lens, film: float, seeds: Seeds, pupil: Array, by_place: Array) -> RaysWithDerivatives:
+    def _near_beam(
+        self, lens: Lens, film: float, seeds: ray_derivatives.Seeds, pupil: Array, by_place: Array
+    ) -> ray_derivatives.RaysWithDerivatives:
         """Return rays from points of a near object to points of the entrance pupil, which moves with the variables."""
         away = pupil - self.origins
         length = np.sqrt(np.sum(away * away, axis=0))
@@ -237,21 +234,21 @@ class MeritFunction:
         turn = -d * d[2] / length  # of a direction, per millimetre that the pupil moves
         turn[2] += 1.0 / length
         still = np.zeros((len(by_place), len(length)))
-        return trace_with_derivatives(
+        return ray_derivatives.trace_with_derivatives(
             lens, self.origins, d, np.zeros(len(length)), self.of_rays, film, seeds, np.zeros(len(by_place)), still,
             [by_place[:, None] * row for row in turn],
         )  # fmt: skip
 
-    def _images(self, paraxial: Paraxial) -> tuple[Array, Array, Array, Array]:
+    def _images(self, paraxial: ray_derivatives.Paraxial) -> tuple[Array, Array, Array, Array]:
         """Return last vertex to image by wavelength and magnification (of far objects 1), each with its derivatives."""
         if self.is_near:
             return paraxial.images(self.given.object_distance_mm, self.indices[0])
         lengths, by = paraxial.back_focal_distances()
         return lengths, by, np.ones_like(lengths), np.zeros_like(by)
 
-    def _lens(self, values: Array, derivatives: bool) -> tuple[Lens, float, Seeds]:
+    def _lens(self, values: Array, derivatives: bool) -> tuple[Lens, float, ray_derivatives.Seeds]:
         given, count = self.given, len(values) if derivatives else 0
-        seeds = Seeds.none(len(self.start.surfaces), count)
+        seeds = ray_derivatives.Seeds.none(len(self.start.surfaces), count)
         changes: dict[int, dict[str, Any]] = {}
         film = given.film if isinstance(given.film, float) else 0.0
         terms = {k: dict(surface.aspheric) for k, surface in enumerate(self.start.surfaces)}
@@ -278,34 +275,34 @@ class MeritFunction:
                 lens, seeds, solve)  # fmt: skip
         return lens, film, seeds
 
-    def _solved_curvature(self, lens: Lens, seeds: Seeds, solve: Solve) -> Lens:
+    def _solved_curvature(self, lens: Lens, seeds: ray_derivatives.Seeds, solve: Solve) -> Lens:
         """Return the lens whose curvature makes the focal length; the power of the whole is linear in it."""
         k, ref = solve.surface, self.given.reference
         indices = self.indices[:, [ref]]
-        own = Seeds.none(len(lens.surfaces), 1)
+        own = ray_derivatives.Seeds.none(len(lens.surfaces), 1)
         own.curvatures[k] = 1.0
-        now = trace_paraxial(lens, indices, own, 0)
+        now = ray_derivatives.trace_paraxial(lens, indices, own, 0)
         slope = float(now.behind_by[0, 1, 0, 0])
         wanted = -float(now.index[0]) / solve.value
         change = (wanted - float(now.behind[1, 0, 0])) / slope if slope else math.nan
         lens = lens.with_changes({k: {"curvature": lens.surfaces[k].curvature + change}})
         if seeds.curvatures.shape[1]:
-            by = trace_paraxial(lens, indices, seeds, 0).behind_by[:, 1, 0, 0]
+            by = ray_derivatives.trace_paraxial(lens, indices, seeds, 0).behind_by[:, 1, 0, 0]
             seeds.curvatures[k] = seeds.curvatures[k] - by / slope
         return lens
 
-    def _solved_edge(self, lens: Lens, seeds: Seeds, solve: Solve) -> Lens:
+    def _solved_edge(self, lens: Lens, seeds: ray_derivatives.Seeds, solve: Solve) -> Lens:
         """Return the lens whose gap has its edge thickness."""
         k = solve.surface
         edge, by = self._edge(lens, seeds, k)
         seeds.thicknesses[k] = seeds.thicknesses[k] - by
         return lens.with_changes({k: {"thickness": lens.surfaces[k].thickness + solve.value - edge}})
 
-    def _edge(self, lens: Lens, seeds: Seeds, k: int) -> tuple[float, Array]:
+    def _edge(self, lens: Lens, seeds: ray_derivatives.Seeds, k: int) -> tuple[float, Array]:
         """Return the edge thickness of a gap [mm], at the larger of both clear heights, and its derivatives."""
         height = max(self.start.surfaces[j].semi_diameter for j in (k, k + 1))
-        front, by_front = sag_with_derivatives(lens.surfaces[k], height, seeds, k)
-        rear, by_rear = sag_with_derivatives(lens.surfaces[k + 1], height, seeds, k + 1)
+        front, by_front = ray_derivatives.sag_with_derivatives(lens.surfaces[k], height, seeds, k)
+        rear, by_rear = ray_derivatives.sag_with_derivatives(lens.surfaces[k + 1], height, seeds, k + 1)
         return lens.surfaces[k].thickness + rear - front, seeds.thicknesses[k] + by_rear - by_front
 
     # Bounds, as residuals that are 0 inside

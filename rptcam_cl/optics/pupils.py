@@ -11,16 +11,8 @@ from numpy.typing import NDArray
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import film_probe
 from rptcam_cl.optics.beams import ChiefRays, round_chief_rays
-from rptcam_cl.optics.film_probe import (
-    UNMOVED,
-    FilmFrame,
-    FilmProbe,
-    Wavelengths,
-    box_near,
-    narrowing_probes,
-    pupil_boxes,
-)
 from rptcam_cl.optics.lens import Lens, limiting_surface
 from rptcam_cl.optics.ray_trace import trace_crossings
 
@@ -139,9 +131,9 @@ def pupil_shapes(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
-    wavelength_nm: Wavelengths = LINE_D_NM,
+    wavelength_nm: film_probe.Wavelengths = LINE_D_NM,
     fineness: Fineness = FINE_OUTLINES,
-    frame: FilmFrame = UNMOVED,
+    frame: film_probe.FilmFrame = film_probe.UNMOVED,
 ) -> PupilShapes:
     """Return the outlines of the pupil over the film.
 
@@ -175,7 +167,7 @@ def pupil_shapes(
 
 
 def shared_shapes(
-    states: Sequence[tuple[Lens, float]], radius_mm: float, wavelength_nm: Wavelengths = LINE_D_NM
+    states: Sequence[tuple[Lens, float]], radius_mm: float, wavelength_nm: film_probe.Wavelengths = LINE_D_NM
 ) -> PupilShapes:
     """Return outlines along one line that hold the pupils of a round lens in several states.
 
@@ -195,12 +187,12 @@ def _one_line(
     lens: Lens,
     film_distance_mm: float,
     radius_mm: float,
-    wavelength_nm: Wavelengths,
+    wavelength_nm: film_probe.Wavelengths,
     fineness: Fineness,
     others: Sequence[tuple[Lens, float]] = (),
 ) -> PupilShapes:
     every = (lens, film_distance_mm), *others
-    states = [(narrowing_probes(each, mm, wavelength_nm), mm / film_distance_mm) for each, mm in every]
+    states = [(film_probe.narrowing_probes(each, mm, wavelength_nm), mm / film_distance_mm) for each, mm in every]
     probes = states[0][0]
     probed = [(of[-1], scale) for of, scale in states]
     if lens.is_obstructed and (ring := _ring_line(probed, radius_mm, _of_rings(fineness))):
@@ -240,7 +232,9 @@ def _of_rings(fineness: Fineness) -> Fineness:
     return COARSE_RINGS if fineness is COARSE_OUTLINES else RING_OUTLINES
 
 
-def _ring_line(states: Sequence[tuple[FilmProbe, float]], radius_mm: float, fineness: Fineness) -> PupilShapes | None:
+def _ring_line(
+    states: Sequence[tuple[film_probe.FilmProbe, float]], radius_mm: float, fineness: Fineness
+) -> PupilShapes | None:
     """Return outlines along one line and the holes in them; None where the rim of the stop is not seen or no light.
 
     Parameters
@@ -274,7 +268,7 @@ def _ring_line(states: Sequence[tuple[FilmProbe, float]], radius_mm: float, fine
     return PupilShapes(np.array([high]), centres[None, ::2], axes[None, ::2], outer[None], inner[None])
 
 
-def _stop_frames(probe: FilmProbe, film: Array) -> tuple[Array, Array]:
+def _stop_frames(probe: film_probe.FilmProbe, film: Array) -> tuple[Array, Array]:
     """Return centres and half axes (points, 2) of the stop's rim seen from points on +x; not a number if it is not."""
     lens, nm = probe.lens, probe.wavelength_nm
     stop, pupil = limiting_surface(lens, nm), lens.first_order(nm).exit_pupil
@@ -323,9 +317,9 @@ def _lines(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
-    wavelength_nm: Wavelengths,
+    wavelength_nm: film_probe.Wavelengths,
     fineness: Fineness,
-    frame: FilmFrame,
+    frame: film_probe.FilmFrame,
 ) -> PupilShapes:
     """Return outlines along lines all round the axis; their neighbours hold what lines in between see."""
     ring = lens.is_obstructed and lens.is_rotational
@@ -336,7 +330,7 @@ def _lines(
     turns = [direction_of(4 * k / count) for k in range(count)]
     like = _alike(lens, frame, count)
     probes = {
-        k: narrowing_probes(lens, film_distance_mm, wavelength_nm, frame, turns[k])
+        k: film_probe.narrowing_probes(lens, film_distance_mm, wavelength_nm, frame, turns[k])
         for k in sorted({k for k, _ in like})
     }
     ends = _film_ends(frame, half_film_mm, turns)
@@ -374,7 +368,7 @@ def _lines(
     return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii, inner)
 
 
-def _alike(lens: Lens, frame: FilmFrame, count: int) -> list[tuple[int, bool]]:
+def _alike(lens: Lens, frame: film_probe.FilmFrame, count: int) -> list[tuple[int, bool]]:
     """Return for each line which one sees the same pupils, itself or one before it, and whether in a mirror."""
     even = all(surface.is_even for surface in lens.surfaces)
     left_right = even and frame.centre[0] == 0.0 and frame.across == (1.0, 0.0, 0.0)
@@ -392,7 +386,9 @@ def _alike(lens: Lens, frame: FilmFrame, count: int) -> list[tuple[int, bool]]:
     return pairs
 
 
-def _film_ends(frame: FilmFrame, half_film_mm: tuple[float, float], turns: list[tuple[float, float]]) -> Array:
+def _film_ends(
+    frame: film_probe.FilmFrame, half_film_mm: tuple[float, float], turns: list[tuple[float, float]]
+) -> Array:
     """Return how far lines have to go, so that lines and what lies between them hold the film."""
     fine = 8
     quarters = np.arange(fine * len(turns)) * 4 / (fine * len(turns))
@@ -426,30 +422,30 @@ def _closing_line(reach: float, nodes: int) -> Array:
     return np.stack([x, np.zeros(len(x))], axis=1)
 
 
-def _lit_radius(probes: list[FilmProbe], film_radius: float, *, radial: bool = False) -> float:
+def _lit_radius(probes: list[film_probe.FilmProbe], film_radius: float, *, radial: bool = False) -> float:
     """Return the film radius up to which light arrives, at most `film_radius`: by a scan and by following the pupil."""
     radii = np.linspace(0.0, film_radius, LIT_SCAN)
     film = np.stack([radii, np.zeros(LIT_SCAN)], axis=1)
-    boxes, lit = pupil_boxes(probes, film, radial=radial, in_order=True)
+    boxes, lit = film_probe.pupil_boxes(probes, film, radial=radial, in_order=True)
     last = int(np.flatnonzero(lit)[-1]) if lit.any() else 0
     if last == LIT_SCAN - 1 or not lit[last]:
         return float(film_radius)
     low, high, box = radii[last], radii[last + 1], boxes[last]
     for _ in range(LIT_BISECTIONS):
         middle = (low + high) / 2
-        there, hit = box_near(probes[-1], np.array([[middle, 0.0]]), box, radial=radial)
+        there, hit = film_probe.box_near(probes[-1], np.array([[middle, 0.0]]), box, radial=radial)
         low, high, box = (middle, high, there) if hit else (low, middle, box)
     return float(high)
 
 
-def _frames(probes: list[FilmProbe], film: Array, *, radial: bool = False) -> tuple[Array, Array]:
+def _frames(probes: list[film_probe.FilmProbe], film: Array, *, radial: bool = False) -> tuple[Array, Array]:
     """Return centres and half axes of boxes round the pupil at the nodes of a line (nodes, 2); 0 where it is closed.
 
     A closed node next to open ones takes the mean of theirs, so that interpolation reaches the edge of the light.
     """
     nodes = film[::2].copy()
     nodes[-1, 0] -= 0.1 * (nodes[1, 0] - nodes[0, 0])  # at the edge itself the pupil has closed
-    boxes, is_lit = pupil_boxes(probes, nodes, radial=radial, in_order=True)
+    boxes, is_lit = film_probe.pupil_boxes(probes, nodes, radial=radial, in_order=True)
     lit = is_lit[:, None]
     low, high = boxes[:, ::2], boxes[:, 1::2]
     centres, axes = (low + high) / 2, np.where(lit, (high - low) / 2, 0.0)
@@ -480,7 +476,7 @@ def between(values: Array) -> Array:
 
 
 def reach_of(
-    probe: FilmProbe, film: Array, centres: Array, axes: Array, fineness: Fineness, *, mirrored: bool = False
+    probe: film_probe.FilmProbe, film: Array, centres: Array, axes: Array, fineness: Fineness, *, mirrored: bool = False
 ) -> Array:
     """Return how far the pupil reaches in its frame, shape (film points, directions); `mirrored`: as above, so below.
 
@@ -490,7 +486,13 @@ def reach_of(
 
 
 def _edges(
-    probe: FilmProbe, film: Array, frames: tuple[Array, Array], fineness: Fineness, *, mirrored: bool, holed: bool
+    probe: film_probe.FilmProbe,
+    film: Array,
+    frames: tuple[Array, Array],
+    fineness: Fineness,
+    *,
+    mirrored: bool,
+    holed: bool,
 ) -> tuple[Array, Array]:
     """Return the reach as `reach_of`, and within what radius no ray of an obstructed lens passes.
 
@@ -531,7 +533,9 @@ def _edges(
     return reach, hole
 
 
-def _hole_of(probe: FilmProbe, film: Array, centres: Array, across: Array, inside: Array, fineness: Fineness) -> Array:
+def _hole_of(
+    probe: film_probe.FilmProbe, film: Array, centres: Array, across: Array, inside: Array, fineness: Fineness
+) -> Array:
     """Return within what radius no ray passes, up to where they do, which is `inside` (film points, directions).
 
     The edge before the first of some points that passes is bisected. Infinite in directions of which no ray passes; 0
@@ -697,7 +701,9 @@ def _trace_state(
     if not (np.isfinite(size) and chief.clear.all()) or lens.is_obstructed:
         return None
     centres, axes = chief.aims, np.full(film.shape, size)
-    half = reach_of(FilmProbe(lens, film_distance_mm, wavelength_nm), film, centres, axes, FINENESS, mirrored=True)
+    half = reach_of(
+        film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm), film, centres, axes, FINENESS, mirrored=True
+    )
     reach = half[:, : half.shape[1] // 2 + 1] * size
     if not (reach.all() and reach.max() < (1.0 - 1.0 / FINENESS.scan) * FINENESS.farthest * size):
         return None

@@ -13,16 +13,7 @@ from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
-from rptcam_cl.optics.glass import (
-    BARE,
-    Coating,
-    Interface,
-    LayerStack,
-    MeasuredReflectance,
-    Medium,
-    QuarterWave,
-    attenuation,
-)
+from rptcam_cl.optics import glass
 from rptcam_cl.optics.shapes import WORTH_MOVING, Hits
 from rptcam_cl.optics.surface import Prescription, Region, Surface, sides
 
@@ -60,14 +51,14 @@ class LensTransmission:
         """Whether anything is lost."""
         return self.fresnel or self.absorption
 
-    def coating_of(self, surface: Surface) -> Coating:
+    def coating_of(self, surface: Surface) -> glass.Coating:
         """Return the coating of a surface, as far as coatings count."""
-        return surface.coating if self.coatings and surface.coating is not None else BARE
+        return surface.coating if self.coatings and surface.coating is not None else glass.BARE
 
     def mirror_share(self, mirror: Surface, wavelength_nm: ArrayLike) -> Array:
         """Return the share of light that a mirror reflects at wavelengths [nm]: all, unless it says how much."""
         coating = self.coating_of(mirror)
-        if isinstance(coating, MeasuredReflectance):
+        if isinstance(coating, glass.MeasuredReflectance):
             return coating.reflectance(wavelength_nm)
         return np.ones(np.shape(wavelength_nm))
 
@@ -78,13 +69,13 @@ COATED = LensTransmission()
 BY_NAME = {"ideal": IDEAL, "bare": UNCOATED, "coated": COATED}
 
 
-def meets_air(before: Medium, after: Medium) -> bool:
+def meets_air(before: glass.Medium, after: glass.Medium) -> bool:
     """Return whether a surface between two media lies between glass and air: where a coating of a whole lens goes."""
     close = [abs(float(medium.index(LINE_D_NM)) - 1.0) < AIR_LIKE for medium in (before, after)]
     return any(close) and not all(close)
 
 
-def with_coating(lens: L, coating: Coating) -> L:
+def with_coating(lens: L, coating: glass.Coating) -> L:
     """Return the lens with a coating on every surface between glass and air."""
     sides = zip(lens.media, lens.media[1:], strict=False)
     surfaces = [
@@ -116,7 +107,7 @@ class Losses:
         self.transmission = transmission
         self.wavelengths = np.broadcast_to(wavelengths, (count,))
         self.attenuations = [
-            np.broadcast_to(attenuation(medium, wavelengths) if transmission.absorption else 0.0, (count,))
+            np.broadcast_to(glass.attenuation(medium, wavelengths) if transmission.absorption else 0.0, (count,))
             for medium in lens.media
         ]
         self.share = np.ones(count)
@@ -126,7 +117,7 @@ class Losses:
         if self.transmission.absorption:
             self.share = self.share * np.where(beside, 1.0, np.exp(-self.attenuations[medium] * length))
 
-    def across(self, surface: Surface, interface: Interface, beside: Mask) -> None:
+    def across(self, surface: Surface, interface: glass.Interface, beside: Mask) -> None:
         """Take away what a surface reflects, but beside a half lens."""
         if self.transmission.fresnel:
             passed = self.transmission.coating_of(surface).transmittance(interface, self.wavelengths)
@@ -154,10 +145,10 @@ def axial_transmittance(
         if surface.is_mirror:
             passed = passed * (transmission.mirror_share(surface, wavelengths) if transmission.fresnel else 1.0)
         elif transmission.fresnel and not surface.phase and np.any(indices[k] != indices[k + 1]):
-            interface = Interface(indices[k], indices[k + 1])
+            interface = glass.Interface(indices[k], indices[k + 1])
             passed = passed * transmission.coating_of(surface).transmittance(interface, wavelengths)
         if transmission.absorption and k + 1 < len(lens.surfaces):
-            passed = passed * np.exp(-attenuation(surface.glass, wavelengths) * abs(surface.thickness))
+            passed = passed * np.exp(-glass.attenuation(surface.glass, wavelengths) * abs(surface.thickness))
     return passed
 
 
@@ -169,7 +160,7 @@ def known_nm(lens: Prescription, transmission: LensTransmission) -> tuple[float,
         limits += [(a.wavelengths_nm[0], a.wavelengths_nm[-1]) for a in inside if a is not None]
     if transmission.fresnel:
         coatings = [transmission.coating_of(surface) for surface in lens.surfaces]
-        limits += [c.range_nm for c in coatings if isinstance(c, MeasuredReflectance)]
+        limits += [c.range_nm for c in coatings if isinstance(c, glass.MeasuredReflectance)]
     return max(low for low, _ in limits), min(high for _, high in limits)
 
 
@@ -179,8 +170,10 @@ def is_tinted(lens: Prescription, transmission: LensTransmission) -> bool:
     if not low < high:
         return False
     coatings = {transmission.coating_of(surface) for surface in lens.surfaces if transmission.fresnel}
-    layers = any(isinstance(coating, QuarterWave | LayerStack) for coating in coatings)
-    measured = any(isinstance(coating, MeasuredReflectance) and np.ptp(coating.values) > 0 for coating in coatings)
+    layers = any(isinstance(coating, glass.QuarterWave | glass.LayerStack) for coating in coatings)
+    measured = any(
+        isinstance(coating, glass.MeasuredReflectance) and np.ptp(coating.values) > 0 for coating in coatings
+    )
     inside = [surface.glass.absorption for surface in lens.surfaces[:-1]] if transmission.absorption else []
     return layers or measured or any(absorption is not None and np.ptp(absorption.per_mm) > 0 for absorption in inside)
 
@@ -538,7 +531,9 @@ class _RaysUnderWay:
             self.losses.off(surface)
         elif self.losses and not surface.phase:
             cosines = np.abs(cosine), np.abs(np.sum(bent * normal, axis=0))
-            self.losses.across(surface, Interface(self.indices[before], self.indices[after], *cosines), self.beside)
+            self.losses.across(
+                surface, glass.Interface(self.indices[before], self.indices[after], *cosines), self.beside
+            )
         self.d = surface.pose.matrix() @ bent if surface.pose else bent
 
 

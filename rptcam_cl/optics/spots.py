@@ -20,18 +20,18 @@ from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.lens import brought_to_focus
 from rptcam_cl.optics.ray_trace import at_plane
 from rptcam_cl.optics.waves import (
-    AIRY,
+    PSF_SHARES,
+    THIRDS_OVER_ALL,
+    PointImage,
     PupilFunction,
-    centroid,
     diffraction_mtf,
-    encircled_function,
     peak_to_valley,
     pupil_function,
-    radius_of_share,
     rms_waves,
-    spread,
     strehl,
-    transfer,
+    transfer_errors,
+    wave_point_image,
+    wave_transfer,
 )
 
 if TYPE_CHECKING:
@@ -593,9 +593,9 @@ def mtf(
     groups: Mapping[float, Sequence[Any]]
     curves: Callable[[Sequence[Any], ArrayLike], list[Array] | None]
     if diffraction:
-        groups, curves = _by_field(field_waves(setting, fields, wavelengths_nm, rays)), _wave_transfer
-        values = {one: _wave_transfer(group, frequencies_per_mm) for one, group in groups.items()}
-        errors = [_transfer_errors(group, frequencies_per_mm, values[one]) for one, group in groups.items()]
+        groups, curves = _by_field(field_waves(setting, fields, wavelengths_nm, rays)), wave_transfer
+        values = {one: wave_transfer(group, frequencies_per_mm) for one, group in groups.items()}
+        errors = [transfer_errors(group, frequencies_per_mm, values[one]) for one, group in groups.items()]
         rows = [
             row | {"error": error}
             for row, error in zip(table_of(values, frequencies_per_mm), np.concatenate(errors).tolist(), strict=True)
@@ -616,28 +616,7 @@ def mtf(
 # The image of a point by geometrical optics: the share of its light that each small square of the film receives.
 
 SIDE = 6.0  # of the plot [inches]
-PSF_SHARES = (0.5, 0.8, 0.95)
 ROOM = 1.1  # half width of the image over the radius that holds nearly all light, when none is given
-
-
-@dataclass(frozen=True)
-class PointImage:
-    """The image of a point.
-
-    Attributes
-    ----------
-    shares : (n, n) array
-        Share of the light in each pixel, row 0 at the top (largest y). What falls outside is missing from the sum.
-    width_um : float
-        Side of the image on the film, about the centroid [micrometres].
-    facts : mapping
-        Centroid, rms, and radii about the centroid that enclose shares of the light [micrometres], and by how much rms
-        and radii change with half as many rays across.
-    """
-
-    shares: Array
-    width_um: float
-    facts: dict[str, float]
 
 
 def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None = None) -> PointImage:
@@ -767,7 +746,7 @@ def field_waves(
 def _wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
     """Return a row for each wavefront, up to the sphere about the chief ray's point: rms, range, Strehl ratios.
 
-    The errors are what a third of the cells across the pupil changes, at most, over `FINER`.
+    The errors are what a third of the cells across the pupil changes, at most, over `THIRDS_OVER_ALL`.
     """
     rows = []
     for wave in waves:
@@ -782,8 +761,8 @@ def _wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
             "peak_to_valley_waves": extent,
             "strehl": ratio.at_chief_ray,
             "strehl_at_peak": ratio.at_peak,
-            "range_error_waves": max(abs(part - extent) for part, _ in thirds) / FINER,
-            "strehl_error": float(np.abs(moves).max()) / FINER,
+            "range_error_waves": max(abs(part - extent) for part, _ in thirds) / THIRDS_OVER_ALL,
+            "strehl_error": float(np.abs(moves).max()) / THIRDS_OVER_ALL,
             "chief_y_mm": float(wave.chief[1]),
         })  # fmt: skip
     return rows
@@ -820,105 +799,3 @@ def wavefront(
     """Return how far wavefronts are from spheres."""
     waves = field_waves(setting, fields, wavelengths_nm, rays)
     return result_of(setting, "wavefront", _wavefront_table(waves), lambda: _wavefront_chart(setting, waves))
-
-
-# The image of a point and the transfer of a lens by wave optics, over all wavelengths of a field.
-
-WIDEST = 48.0  # radius of the first circle that is searched, in Airy radii
-SHOWN = 1.2  # half width of the image over the radius that holds 80 % of the light
-FINER = 2.0  # what a third of the cells changes over the error of all: 8 where that goes by their square
-FINEST = 16.0  # points per wavelength times f-number that pixels are averaged over at least; 4 leave 2 % at the peak
-MOST_POINTS = 1200  # along each side of the image
-
-
-def _wave_transfer(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[Array]:
-    """Return tangential and sagittal modulation of one field, and what its perfect pupil would leave of each."""
-    limits = [transfer(wave.without_aberrations(), frequencies_per_mm) for wave in group]
-    perfect = [np.tensordot(_weights(group), [np.abs(limit[axis]) for limit in limits], 1) for axis in (0, 1)]
-    return [*_modulation(group, frequencies_per_mm), *perfect]
-
-
-def _modulation(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[Array]:
-    """Return tangential and sagittal modulation of one field."""
-    weights, parts = _weights(group), []
-    for wave in group:
-        off = group[0].chief - wave.chief
-        parts.append(transfer(wave, frequencies_per_mm, (float(off[0]), float(off[1]))))
-    return [np.abs(np.tensordot(weights, [part[axis] for part in parts], 1)) for axis in (0, 1)]
-
-
-def _transfer_errors(
-    group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike, all_cells: Sequence[Array]
-) -> Array:
-    """Return by how much a third of the cells across the pupil changes the modulation of one field, over `FINER`."""
-    parts = [_modulation(part, frequencies_per_mm) for part in zip(*(wave.thirds() for wave in group), strict=True)]
-    return np.asarray(np.abs(np.array(parts) - np.array(all_cells[:2])).max(axis=(0, 1)) / FINER)
-
-
-def wave_point_image(group: Sequence[PupilFunction], pixels: int, width_um: float | None = None) -> PointImage:
-    """Return the image of one field by waves, its wavelengths together, about the middle of its light; as `psf`."""
-    weights = _weights(group)
-    middles = np.array([wave.chief + centroid(wave) for wave in group])
-    middle = weights @ middles
-    offsets = [middle - wave.chief for wave in group]
-    facts = _facts(group, weights, offsets)
-    facts |= {"centroid_x_mm": float(middle[0]), "centroid_y_mm": float(middle[1])}
-    parts = [_facts(part, weights, offsets) for part in zip(*(wave.thirds() for wave in group), strict=True)]
-    errors = {name: max(abs(part[name] - facts[name]) for part in parts) / FINER for name in parts[0]}
-    facts["strehl_error"] = max(errors["strehl"], errors["strehl_at_peak"])
-    facts["radius_error_um"] = max(errors[f"radius_of_{100 * share:.0f}_percent_um"] for share in PSF_SHARES)
-    half = (width_um or 2 * SHOWN * facts["radius_of_80_percent_um"]) / 2e3
-    shares = np.zeros((pixels, pixels))
-    for wave, weight, offset in zip(group, weights, offsets, strict=True):
-        shares += weight * _pixel_shares(wave, offset, half, pixels)
-    return PointImage(shares, 2e3 * half, facts)
-
-
-def _weights(group: Sequence[PupilFunction]) -> Array:
-    """Return the share of each wavelength: that of the light of its beam."""
-    light = np.array([wave.flux.sum() * wave.step**2 for wave in group])
-    return np.asarray(light / light.sum())
-
-
-def _facts(group: Sequence[PupilFunction], weights: Array, offsets: Sequence[Array]) -> dict[str, float]:
-    """Return the Strehl ratios and the radii about the middle of the light that hold shares of it [micrometres]."""
-    ratios = [strehl(wave) for wave in group]
-    facts = {
-        "strehl": float(weights @ [ratio.at_chief_ray for ratio in ratios]),
-        "strehl_at_peak": float(weights @ [ratio.at_peak for ratio in ratios]),
-    }
-
-    circles = [
-        encircled_function(wave, (float(off[0]), float(off[1]))) for wave, off in zip(group, offsets, strict=True)
-    ]
-
-    def within(radii: Array) -> Array:
-        return np.asarray(weights @ [shares(radii) for shares in circles])
-
-    airy = [_airy_radius(wave) for wave in group]
-    held = [float(shares(np.array([radius]))[0]) for shares, radius in zip(circles, airy, strict=True)]
-    facts |= {"airy_radius_um": 1e3 * float(weights @ airy), "share_within_airy_radius": float(weights @ held)}
-    widest = WIDEST * max(airy)
-    room = min(wave.length_mm / wave.step for wave in group) / 2  # beyond it the light repeats
-    while widest < room and within(np.array([widest]))[0] < max(PSF_SHARES):
-        widest = min(2 * widest, room)
-    for share in PSF_SHARES:
-        facts[f"radius_of_{100 * share:.0f}_percent_um"] = 1e3 * radius_of_share(within, share, widest)
-    return facts
-
-
-def _airy_radius(pupil: PupilFunction) -> float:
-    """Return the first dark ring of a round pupil of the same area in direction cosines [mm]."""
-    diameter = 2 * float(np.sqrt(pupil.coverage.sum() * pupil.step**2 / np.pi))
-    return AIRY * pupil.length_mm / diameter
-
-
-def _pixel_shares(pupil: PupilFunction, offset: Array, half_mm: float, pixels: int) -> Array:
-    """Return the share of light in each pixel, row 0 at the top, about a point off C; by the mean over its points."""
-    pixel = 2 * half_mm / pixels
-    finer = int(np.ceil(pixel * FINEST * AIRY / _airy_radius(pupil)))
-    finer = max(1, min(finer, MOST_POINTS // pixels))
-    count = pixels * finer
-    places = ((np.arange(count) + 0.5) / count * 2 - 1) * half_mm
-    light = spread(pupil, offset[0] + places, offset[1] - places)
-    return np.asarray(light.reshape(pixels, finer, pixels, finer).sum(axis=(1, 3)) * (pixel / finer) ** 2)

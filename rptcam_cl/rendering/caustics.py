@@ -31,18 +31,7 @@ from rptcam_cl.core.records import (
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.plan.emitters import SOLIDS, Emitters, area_of_solid, triangle_emitters
 from rptcam_cl.rendering.plan.primitives import Primitive, Primitives, Prototype
-from rptcam_cl.scene.materials import (
-    Dielectric,
-    Material,
-    Matte,
-    Mirror,
-    Mix,
-    Plastic,
-    Principled,
-    ThinGlass,
-    Translucent,
-    has_holes,
-)
+from rptcam_cl.scene import materials
 from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -161,29 +150,29 @@ def without_caustics(reason: str | None) -> Caustics:
     return Caustics(False, choice, CAUSTIC_SURFACE.zeros(1), np.zeros(4, np.float32), np.zeros(1, np.int32))
 
 
-def _is_smooth(material: Material) -> bool:
-    if isinstance(material, Dielectric):
+def _is_smooth(material: materials.Material) -> bool:
+    if isinstance(material, materials.Dielectric):
         return material.alphas is None
-    return isinstance(material, (Mirror, ThinGlass))
+    return isinstance(material, (materials.Mirror, materials.ThinGlass))
 
 
-def _receives(material: Material) -> bool:
-    if isinstance(material, Principled):
+def _receives(material: materials.Material) -> bool:
+    if isinstance(material, materials.Principled):
         roughness = material.roughness
         rough = not isinstance(roughness, float) or roughness**2 >= _LEAST_ALPHA
         others = material.metallic, material.transmission
         return rough and all(not isinstance(share, float) or share < 0.5 for share in others)
-    if isinstance(material, Plastic):
+    if isinstance(material, materials.Plastic):
         return material.alphas is None or min(material.alphas) >= _LEAST_ALPHA
-    return isinstance(material, Matte | Translucent)
+    return isinstance(material, materials.Matte | materials.Translucent)
 
 
 def _role(prototype: Prototype) -> int:
     material = prototype.material
-    parts: Sequence[Material] = material.materials if isinstance(material, Mix) else (material,)
+    parts: Sequence[materials.Material] = material.materials if isinstance(material, materials.Mix) else (material,)
     if any(map(_receives, parts)):
         return _RECEIVER
-    smooth = any(map(_is_smooth, parts)) and prototype.kind is not Kind.PLANE and not has_holes(material)
+    smooth = any(map(_is_smooth, parts)) and prototype.kind is not Kind.PLANE and not materials.has_holes(material)
     return _SURFACE if smooth else 0
 
 
@@ -216,7 +205,7 @@ def _glass_bodies(primitives: Primitives, eye: Array) -> Iterator[tuple[Array, A
 def stand_behind_glass(primitives: Primitives, emitters: Emitters, eye: Array) -> bool:
     """Return whether lamps stand within clear glass, by the box about it, or there are panes of it."""
     lamps = emitters.shining[np.isin(emitters.shining["kind"], _FOLLOWED)]
-    mixes = [each.material for each in primitives.prototypes if isinstance(each.material, Mix)]
+    mixes = [each.material for each in primitives.prototypes if isinstance(each.material, materials.Mix)]
     if not len(lamps) or any(_is_clear(part) for mix in mixes for part in mix.materials):
         return False
     near = lamps[~np.isin(lamps["kind"], _AFAR)]
@@ -244,11 +233,13 @@ def _lies_behind_panes(primitives: Primitives, roles: NDArray[np.int32], suns: N
 def _is_glass_body(prototype: Prototype) -> bool:
     is_flat = prototype.kind in (Kind.RECTANGLE, Kind.DISK)  # of solid glass one face of something
     known = prototype.mesh is not None or prototype.kind in _BOXES
-    return known and (isinstance(prototype.material, ThinGlass) or (_is_clear(prototype.material) and not is_flat))
+    return known and (
+        isinstance(prototype.material, materials.ThinGlass) or (_is_clear(prototype.material) and not is_flat)
+    )
 
 
-def _is_clear(material: Material) -> bool:
-    return _is_smooth(material) and not isinstance(material, Mirror)
+def _is_clear(material: materials.Material) -> bool:
+    return _is_smooth(material) and not isinstance(material, materials.Mirror)
 
 
 def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:

@@ -8,6 +8,7 @@ docs/diffraction.md says why, and how far that is from the full wave image.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
@@ -21,31 +22,15 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.waves import AIRY
+from rptcam_cl.rendering import point_spread
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_points
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.lamps import LampImage, about, brightness, by_waves, lamp_images, pixel_mm, without_lamps
+from rptcam_cl.rendering.lamps import UNLIKE, LampImage, Window, lamp_images, pixel_mm
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.point_spread import (
-    ANGLES,
-    FEW_ANGLES,
-    MIDDLE_NM,
-    NEAR,
-    REACH,
-    Conjugates,
-    FarLight,
-    conjugates_of,
-    fade,
-    kernel_of_waves,
-    near_kernel,
-    quick,
-    reach_px,
-    received,
-    strew,
-    unit_px,
-)
+from rptcam_cl.rendering.point_waves import Conjugates, conjugates_of, kernel_of_waves
 from rptcam_cl.scene.scene import Scene
 
 #
@@ -119,7 +104,7 @@ def _convolve(plane: Array, kernel: Array, *, within: bool = False) -> Array:
     Of what is nowhere negative, nothing is negative.
     """
     height, width = plane.shape if within else (a + b - 1 for a, b in zip(plane.shape, kernel.shape, strict=True))
-    shape = quick(height), quick(width)
+    shape = point_spread.quick(height), point_spread.quick(width)
     spread = np.fft.irfft2(np.fft.rfft2(plane, shape) * np.fft.rfft2(kernel, shape), shape)[:height, :width]
     spread = spread[kernel.shape[0] - 1 :, kernel.shape[1] - 1 :] if within else spread  # what comes round lies before
     return np.maximum(spread, 0.0) if plane.min() >= 0 and kernel.min() >= 0 else spread
@@ -182,7 +167,7 @@ class FilmSpread:
     edges: Array | None = None
     lamps: tuple[LampImage, ...] = ()
     beside: Array = field(default_factory=lambda: np.zeros((0, 8)))
-    directions: int = ANGLES
+    directions: int = point_spread.ANGLES
 
     @property
     def reach(self) -> int:
@@ -198,14 +183,14 @@ class FilmSpread:
         return _nodes(self.resolution, self.order), own
 
     @cached_property
-    def _far_light(self) -> FarLight:
+    def _far_light(self) -> point_spread.FarLight:
         assert self.edges is not None
-        return FarLight(self.edges, self.index, self.pixel_mm, self.reach, self.directions)
+        return point_spread.FarLight(self.edges, self.index, self.pixel_mm, self.reach, self.directions)
 
     @cached_property
     def _of_plain_films(self) -> FilmSpread:
         """The same for films without lamps, which show no spikes."""
-        return replace(self, directions=FEW_ANGLES)
+        return replace(self, directions=point_spread.FEW_ANGLES)
 
     @cached_property
     def far(self) -> tuple[Array, Array]:
@@ -219,7 +204,7 @@ class FilmSpread:
         is_dark = np.append(by_lamps, np.zeros((1, 3)), axis=0).sum(axis=1) == 0  # the last stands for no picture
         beside = self.beside[is_dark[self.beside[:, 7].astype(int)]]
         has_stars = bright.any() or by_lamps.any() or len(beside) > 0
-        if self.edges is not None and self.directions > FEW_ANGLES and not has_stars:
+        if self.edges is not None and self.directions > point_spread.FEW_ANGLES and not has_stars:
             return self._of_plain_films.over(pixels, layout)
         if by_lamps.any():
             planes, by_lamps = without_lamps(planes, offset, self.lamps, by_lamps)
@@ -228,8 +213,8 @@ class FilmSpread:
         spread = blur(planes, bright, offset, nodes, kernels)
         if self.edges is not None:
             shares, light = self.far
-            spread += strew(planes + self._at_lamps(planes.shape, offset, by_lamps), light)
-            around = shares[:, None, None] - received(light, planes.shape[1:])
+            spread += point_spread.strew(planes + self._at_lamps(planes.shape, offset, by_lamps), light)
+            around = shares[:, None, None] - point_spread.received(light, planes.shape[1:])
             spread += around * (planes - bright).mean(axis=(1, 2))[:, None, None]  # as bright beside the film as on it
         if by_lamps.any():
             spread += by_waves(planes.shape, offset, self._near_lamps, by_lamps)
@@ -262,7 +247,7 @@ class FilmSpread:
                 i, j = rows + lamp.row - row + middle[0], columns + lamp.column - column + middle[1]
                 good = np.ix_((i >= 0) & (i < light.shape[1]), (j >= 0) & (j < light.shape[2]))
                 inner[:, good[0], good[1]] += share * light[:, i[good[0]], j[good[1]]]
-            inner *= fade(np.hypot(x[None, :], y[:, None]), lamp.reach)
+            inner *= point_spread.fade(np.hypot(x[None, :], y[:, None]), lamp.reach)
             near.append(replace(lamp, waves=(lamp.waves - inner).astype(np.float32)))
         return near
 
@@ -329,14 +314,14 @@ class FilmSpread:
         """
         columns = np.arange(layout.x + 0.5, layout.x + layout.width)
         rows = np.arange(layout.y + 0.5, layout.y + layout.height)
-        some_columns, some_rows = (_sampled(axis, int(edge / 16)) for axis in (columns, rows))
+        some_columns, some_rows = (_sparse_nodes(axis, int(edge / 16)) for axis in (columns, rows))
         out, (x, y) = float(np.sqrt(max(radius**2 - edge**2 / 4, 0.0))), place
         farthest = np.hypot(np.abs(columns[[0, -1]] - x).max(), np.abs(rows[[0, -1]] - y).max())
         table = self._far_light.table(max(float(np.hypot(*self.resolution)), float(farthest)), edge, out)
         few = self._far_light.at(table, x - some_columns, some_rows - y)  # x runs to the left
         light = np.asarray(_hats(some_rows, rows).T @ few @ _hats(some_columns, columns))
         away = np.hypot(columns - x, rows[:, None] - y)
-        return np.asarray(light * (1 - fade(away, reach)))
+        return np.asarray(light * (1 - point_spread.fade(away, reach)))
 
     def _at_lamps(self, shape: tuple[int, ...], offset: tuple[int, int], light: Array) -> Array:
         """Return planes with the light of lamps (n, 3) in the pixels about the middle of each."""
@@ -423,7 +408,7 @@ class FilmOpenings:
     def enough(self) -> FilmOpenings:
         """The same with more nodes, where aberrations change from one to the next by what shows."""
         known = [] if self.conjugates is None else [wave for each in self.conjugates.waves for wave in each.values()]
-        if all(wave.strehl(MIDDLE_NM) > GOOD for wave in known):
+        if all(wave.strehl(point_spread.MIDDLE_NM) > GOOD for wave in known):
             return self
         return FilmOpenings(self.scene, self.pupils, MORE_NODES)
 
@@ -441,11 +426,11 @@ class FilmOpenings:
     @cached_property
     def seen(self) -> list[FilmPupil | None]:
         """The opening that each node sees; None where no light comes from, or a sliver of it as at an image circle."""
-        openings = [self._seen(point) for point in self.points]
+        openings = [self._opening_at(point) for point in self.points]
         least = _SLIVER * max((each.aperture**2 for each in openings if each is not None), default=0.0)
         return [each if each is not None and each.aperture**2 > least else None for each in openings]
 
-    def _seen(self, point: Array) -> FilmPupil | None:
+    def _opening_at(self, point: Array) -> FilmPupil | None:
         checkpoint()
         try:
             return self.pupils(point, ALL_CELLS if self.edges is None else NEAR_CELLS)
@@ -516,14 +501,20 @@ class Diffraction:
             conjugates = openings.conjugates
             assert conjugates is not None
             waves = conjugates.by_wavelength(splits=bool(self.plan.facts.get("LENS_SPLITS")))
-        wide = 0.0 if waves is None else max(wave(MIDDLE_NM).radius_mm for wave in waves if wave is not None)
-        unit, largest, edges = max(unit_px(pupil, pixel) for pupil in pupils), max(film.resolution), openings.edges
+        wide = (
+            0.0 if waves is None else max(wave(point_spread.MIDDLE_NM).radius_mm for wave in waves if wave is not None)
+        )
+        unit, largest, edges = (
+            max(point_spread.unit_px(pupil, pixel) for pupil in pupils),
+            max(film.resolution),
+            openings.edges,
+        )
         wider = int(np.ceil(wide / min(map(abs, pixel))))
-        reach = reach_px(unit, largest, NEAR, wider)
+        reach = point_spread.reach_px(unit, largest, point_spread.NEAR, wider)
         if edges is None or not reach < largest:
-            edges, reach = None, reach_px(unit, largest, REACH, wider)
+            edges, reach = None, point_spread.reach_px(unit, largest, point_spread.REACH, wider)
         near = [
-            near_kernel(pupil, pixel, reach) if wave is None else kernel_of_waves(wave, pixel, reach)
+            point_spread.near_kernel(pupil, pixel, reach) if wave is None else kernel_of_waves(wave, pixel, reach)
             for pupil, wave in zip(pupils, waves or [None] * len(pupils), strict=True)
         ]
         size = abs(pixel[0]), abs(pixel[1])
@@ -533,7 +524,10 @@ class Diffraction:
         spread = FilmSpread(film.resolution, window, size, openings.order, small, middle.index, edges)
         if self.plan is None:
             return spread
-        known, units = list(zip(openings.points, pupils, strict=True)), REACH if edges is None else NEAR
+        known, units = (
+            list(zip(openings.points, pupils, strict=True)),
+            point_spread.REACH if edges is None else point_spread.NEAR,
+        )
         units = units if unit >= _FINEST_PX else 0.0
         lamps, beside = lamp_images(self.scene, self.plan, openings.pupils, known, units, conjugates, self.session)
         return replace(spread, lamps=tuple(lamps), beside=beside)
@@ -555,7 +549,7 @@ class Diffraction:
         return {"on": self.is_on, "airy_radius_px": radius, "says": says}
 
 
-def _sampled(axis: Array, every: int) -> Array:
+def _sparse_nodes(axis: Array, every: int) -> Array:
     """Return places of an axis at most so many steps apart, its ends among them."""
     return np.linspace(axis[0], axis[-1], -(-(len(axis) - 1) // max(every, 1)) + 1) if len(axis) > 1 else axis
 
@@ -575,7 +569,7 @@ def diffraction_of(scene: Scene) -> Diffraction | None:
         return Diffraction(scene, False, None, None)
     try:
         pupils = camera_of(scene).film_pupils()
-        radius = AIRY * unit_px(pupils(np.zeros(2)), pixel_mm(scene))
+        radius = AIRY * point_spread.unit_px(pupils(np.zeros(2)), pixel_mm(scene))
     except InputError:
         if choice == "on":
             raise
@@ -601,3 +595,138 @@ def _pixels_along(pixels: int, most: int) -> Array:
     """Return places of nodes along a side of the film, from its first pixel to its last [pixels]."""
     count = min(most, 1 + pixels // _NODE_PX)
     return np.array([(pixels - 1) / 2]) if count < 2 else np.linspace(0.0, pixels - 1.0, count)
+
+
+#
+# How bright each lamp is on a film.
+
+PARTS = 3  # of its picture each way
+_KNOWN, _SEEN = 0.1, 0.4  # of a lamp on the picture: below the first its light is computed, above the second fitted
+
+
+def about(place: tuple[float, float]) -> Iterator[tuple[int, int, float]]:
+    """Yield the four pixels about a place, column and row, and the share that each has of it."""
+    column, row = (int(np.floor(part - 0.5)) for part in place)
+    x, y = place[0] - 0.5 - column, place[1] - 0.5 - row
+    for i, by_column in ((column, 1 - x), (column + 1, x)):
+        for j, by_row in ((row, 1 - y), (row + 1, y)):
+            yield i, j, by_column * by_row
+
+
+def brightness(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage]) -> Array:
+    """Return the light of lamps (n, 3) on planes (3, height, width) of a film; 0 of those that it shows otherwise.
+
+    By least squares of the rays' pictures, about the mean of each picture's square, so that even light about a lamp
+    does not count. A lamp that something hides in part is not like its rays.
+    """
+    places = [lamp.on_film(planes.shape[1:], offset) for lamp in lamps]
+    good = [k for k, (film, _) in enumerate(places) if all(side.stop > side.start for side in film)]
+    while good:
+        light = _fit_light(planes, [(lamps[k], *places[k]) for k in good])
+        known: Array = np.array([lamps[k].light for k in good])
+        share = [_share_seen(lamps[k], places[k][1]) for k in good]
+        light = known + np.array(share)[:, None] * (light - known)
+        left = planes - _together(planes.shape, [(lamps[k], *places[k]) for k in good], light)
+        fine = [part == 0 or _is_like(left, *places[k], lamps[k], own)
+                for k, own, part in zip(good, light, share, strict=True)]  # fmt: skip
+        if all(fine):
+            found = np.zeros((len(lamps), 3))
+            found[good] = light
+            return found
+        good = [k for k, is_fine in zip(good, fine, strict=True) if is_fine]
+    return np.zeros((len(lamps), 3))
+
+
+def _share_seen(lamp: LampImage, part: Window) -> float:
+    """Return how much the film says of the light of a lamp, where some falls beside: 1 where it shows enough of it."""
+    if not any(lamp.light):
+        return 1.0
+    on_film = float(lamp.rays[:, part[0], part[1]].sum() / lamp.rays.sum())
+    return float(np.clip((on_film - _KNOWN) / (_SEEN - _KNOWN), 0.0, 1.0))
+
+
+Placed = tuple[LampImage, Window, Window]
+
+
+def _fit_light(planes: Array, placed: Sequence[Placed]) -> Array:
+    light = np.zeros((len(placed), 3))
+    for channel in range(3):
+        own = [lamp.rays[channel][part].astype(np.float64) for lamp, _, part in placed]
+        tests = [rays - rays.mean() for rays in own]
+        matrix, right = np.zeros((len(placed), len(placed))), np.zeros(len(placed))
+        for k, (_, film, _) in enumerate(placed):
+            right[k] = float(np.sum(tests[k] * planes[channel][film]))
+            for m, (_, other, _) in enumerate(placed):
+                low = [max(a.start, b.start) for a, b in zip(film, other, strict=True)]
+                high = [min(a.stop, b.stop) for a, b in zip(film, other, strict=True)]
+                if all(a < b for a, b in zip(low, high, strict=True)):
+                    first = tuple(slice(a - c.start, b - c.start) for a, b, c in zip(low, high, film, strict=True))
+                    second = tuple(slice(a - c.start, b - c.start) for a, b, c in zip(low, high, other, strict=True))
+                    matrix[k, m] = float(np.sum(tests[k][first] * own[m][second]))
+        light[:, channel] = np.linalg.lstsq(matrix, right, rcond=1e-9)[0]
+    return np.maximum(light, 0.0)
+
+
+def _is_like(left: Array, film: Window, part: Window, lamp: LampImage, light: Array) -> bool:
+    """Return whether what is left of a film without a lamp is even, in parts of the lamp's picture."""
+    whole = float(light.sum())
+    if not whole > 0:
+        return False
+    rest, rays = left[:, film[0], film[1]].sum(axis=0), lamp.rays[:, part[0], part[1]].sum(axis=0)
+    dark = rays <= 1e-3 * rays.max()
+    rest = rest - (rest[dark].mean() if dark.any() else 0.0)
+    lit = np.argwhere(~dark)
+    low, high = lit.min(axis=0), lit.max(axis=0) + 1
+    rows, columns = (np.linspace(low[k], high[k], PARTS + 1).astype(int) for k in (0, 1))
+    off = sum(
+        abs(float(rest[a:b, c:d].sum())) for a, b in itertools.pairwise(rows) for c, d in itertools.pairwise(columns)
+    )
+    return off < UNLIKE * whole * float(rays.sum()) / 3
+
+
+def _together(shape: tuple[int, ...], placed: Sequence[Placed], light: Array) -> Array:
+    """Return the film of lamps by their rays."""
+    planes = np.zeros(shape)
+    for (lamp, film, part), own in zip(placed, light, strict=True):
+        planes[:, film[0], film[1]] += own[:, None, None] * lamp.rays[:, part[0], part[1]]
+    return planes
+
+
+def without_lamps(
+    planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage], light: Array
+) -> tuple[Array, Array]:
+    """Return planes (3, height, width) of a film without lamps of some light (n, 3), and the light that is taken.
+
+    What is left where their rays are is noise of the lamp and what stands about it; it is kept between none and the
+    brightest pixel beside the lamp. What goes beyond is the lamp's, so that all light is kept.
+    """
+    light = light.copy()
+    shining = np.flatnonzero(light.any(axis=1)).tolist()
+    placed = [(lamps[k], *lamps[k].on_film(planes.shape[1:], offset)) for k in shining]
+    left = planes - _together(planes.shape, placed, light[shining])
+    shown = {k: _share_seen(lamp, part) for k, (lamp, _, part) in zip(shining, placed, strict=True)}
+    lit = np.zeros(planes.shape[1:], np.bool_)
+    for lamp, film, part in placed:
+        lit[film] |= _lit(lamp, part)
+    for k, (lamp, film, part) in zip(shining, placed, strict=True):
+        inside, dark = _lit(lamp, part), ~lit[film]
+        for channel, plane in enumerate(left):
+            window = plane[film]
+            kept = np.clip(window[inside], 0.0, window[dark].max() if dark.any() else np.inf)
+            if shown[k] > 0:
+                light[k, channel] += shown[k] * (window[inside] - kept).sum() / lamp.rays[channel][part][inside].sum()
+            window[inside] = kept
+    return left, np.maximum(light, 0.0)
+
+
+def _lit(lamp: LampImage, part: Window) -> NDArray[np.bool_]:
+    return np.asarray(lamp.rays[:, part[0], part[1]].sum(axis=0) > 1e-6 * lamp.rays.max())
+
+
+def by_waves(shape: tuple[int, ...], offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
+    """Return planes of the same by waves, without their far light."""
+    planes = np.zeros(shape)
+    for lamp, own in zip(lamps, light, strict=True):
+        film, part = lamp.on_film(shape[1:], offset)
+        planes[:, film[0], film[1]] += own[:, None, None] * lamp.waves[:, part[0], part[1]]
+    return planes

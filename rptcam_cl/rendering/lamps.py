@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -18,35 +17,21 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import EmitterKind, Hidden, PatchMap, device_declarations
 from rptcam_cl.core.remember import checkpoint, content_name, identity_of_code
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import point_waves
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays, seen_places
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_points
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.lamp_aim import Polynomial, Sights
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import Plan, aim, may_aim
-from rptcam_cl.rendering.point_spread import (
-    FINE,
-    MIDDLE_NM,
-    WAVES_NM,
-    Conjugates,
-    PointOpening,
-    PointWave,
-    fade,
-    point_opening,
-    point_wave,
-    quick,
-    ray_picture,
-    shares_of_white,
-    source_of,
-    stigmatic,
-    wave_picture,
-)
+from rptcam_cl.rendering.point_spread import FINE, MIDDLE_NM, WAVES_NM, fade, quick, shares_of_white
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Points = tuple[Array, Array, Array]
+Window = tuple[slice, slice]
 
 POINTS = 16  # of a lamp or sun of a size
 FAR = (EmitterKind.SUN, EmitterKind.DIRECTIONAL)
@@ -327,7 +312,7 @@ def aimed_plan(
     session: Session,
     layers: Iterable[str] = (),
     buffers: SceneBuffers | None = None,
-    conjugates: Conjugates | None = None,
+    conjugates: point_waves.Conjugates | None = None,
 ) -> tuple[Plan, SceneBuffers | None]:
     """Return the plan with camera rays that aim at lamps out of focus, and the scene on the device where it was needed.
 
@@ -344,7 +329,7 @@ def aimed_plan(
     conjugates
         That rays go towards where waves bring what the lens is off; None for the rays of the lens.
     """
-    given, plan = plan, stigmatic(plan, conjugates)
+    given, plan = plan, point_waves.stigmatic(plan, conjugates)
     if not may_aim(plan, layers):
         return plan, None if plan is given or buffers is None else SceneBuffers(session, plan, buffers)
     held = [buffers]
@@ -400,11 +385,9 @@ _RAYS_FINER = 4  # points across a pixel for the picture by rays
 _FEW_WAVES_PX = 0.25  # wavelength times f-number, below which a third of the wavelengths say what a pixel shows
 _SHOWS = 0.01  # of its light by which waves must differ from rays
 UNLIKE = 0.3  # of the light of a lamp by which its film may differ from its rays, in parts of its picture
-PARTS = 3  # of its picture each way
 _BESIDE = 2.5  # half films from the middle, up to which lamps count; from four fifths of it they fade
 _PUPIL_POINTS = 8  # that look for what hides them
 _POINTS_BESIDE, _MOST_BESIDE, _RAYS_BESIDE = 2, 4096, 64  # a pixel, of a lamp, and of a point of it out of focus
-_KNOWN, _SEEN = 0.1, 0.4  # of a lamp on the picture: below the first its light is computed, above the second fitted
 
 
 @dataclass(frozen=True)
@@ -440,8 +423,18 @@ class LampImage:
 
     def meets(self, layout: FilmLayout) -> bool:
         """Return whether some of it lies on a picture."""
-        on_film = _on_film((layout.height, layout.width), (layout.x, layout.y), self)[0]
+        on_film = self.on_film((layout.height, layout.width), (layout.x, layout.y))[0]
         return all(side.stop > side.start for side in on_film)
+
+    def on_film(self, shape: tuple[int, ...], offset: tuple[int, int]) -> tuple[Window, Window]:
+        """Return which rows and columns of a film the picture covers, and which of its own these are."""
+        film, own = [], []
+        firsts = self.row - offset[1], self.column - offset[0]
+        for first, size, length in zip(firsts, self.rays.shape[1:], shape, strict=True):
+            low, high = max(first, 0), min(first + size, length)
+            film.append(slice(low, max(high, low)))
+            own.append(slice(low - first, max(high, low) - first))
+        return (film[0], film[1]), (own[0], own[1])
 
 
 @dataclass(frozen=True)
@@ -471,7 +464,7 @@ class _LampFilm:
     splits: bool
     nm: float
     units: float
-    conjugates: Conjugates | None
+    conjugates: point_waves.Conjugates | None
 
     @property
     def pixel(self) -> float:
@@ -507,7 +500,7 @@ def lamp_images(
     pupils: FilmPupils,
     seen: Sequence[tuple[Array, FilmPupil]],
     units: float,
-    conjugates: Conjugates | None,
+    conjugates: point_waves.Conjugates | None,
     session: Session | None = None,
 ) -> tuple[list[LampImage], Array]:
     """Return the pictures of lamps that waves change, near them as far as a kernel reaches, and what falls beside.
@@ -545,7 +538,7 @@ def lamp_images(
         is_on = ((middle > -0.5) & (middle < on_film + 0.5)).all()
         if not (np.ptp(places, axis=0).max() <= _WIDEST_PX and (shown[number] > 0 or (is_on and units > 0))):
             continue
-        point, source = film_points(scene, middle[None])[0, :2], source_of(own.mean(axis=0), film_z)
+        point, source = film_points(scene, middle[None])[0, :2], point_waves.source_of(own.mean(axis=0), film_z)
         among = partial(_among, lamp, own, places, turn)
         value = shown[number] * _counts(middle, on_film) * plan.camera.value
         light = value * _light(film, chief, lamp, own.mean(axis=0), middle, point) if value > 0 else np.zeros(3)
@@ -589,7 +582,7 @@ def _find_lamps(
     for k, places in zip(off, _places(chief, [every[k] for k in off]), strict=True):
         sharp[k] = places
     off = [k for k in off if np.isfinite(sharp[k]).all()]
-    shown[off] = _shown(session, plan, [lamps[k] for k in off], spots)
+    shown[off] = _unhidden_shares(session, plan, [lamps[k] for k in off], spots)
     return chief, sharp, shown
 
 
@@ -664,7 +657,7 @@ def _disk(count: int) -> Array:
     return np.stack([np.sqrt(u) * np.cos(2 * np.pi * v), np.sqrt(u) * np.sin(2 * np.pi * v), np.zeros(count)], axis=1)
 
 
-def _shown(session: Session, plan: Plan, lamps: Sequence[_Lamp], spots: Array) -> Array:
+def _unhidden_shares(session: Session, plan: Plan, lamps: Sequence[_Lamp], spots: Array) -> Array:
     """Return the share of each lamp that nothing hides from places of the pupil, about the eye [m]."""
     if not lamps:
         return np.zeros(0)
@@ -691,7 +684,7 @@ def _light(film: _LampFilm, chief: CameraRays, lamp: _Lamp, at: Array, place: Ar
         return np.zeros(3)
 
 
-def _rays(film: _LampFilm, opening: PointOpening | None) -> Array:
+def _rays(film: _LampFilm, opening: point_waves.PointOpening | None) -> Array:
     """Return where some rays of a point of a lamp fall (n, 2), from its sharp place [pixels]."""
     if opening is None or opening.radius_mm < 0.5 * film.pixel:
         return np.zeros((1, 2))
@@ -712,17 +705,17 @@ def _beside(layout: FilmLayout, among: Callable[[float, float], Array], rays: Ar
 # Their pictures.
 
 
-def _opening(film: _LampFilm, point: Array, source: Array) -> PointOpening | None:
+def _opening(film: _LampFilm, point: Array, source: Array) -> point_waves.PointOpening | None:
     """Return the opening for a lamp; None where it is not known."""
     near = min(film.seen, key=lambda known: float(np.linalg.norm(known[0] - point)))
     try:
-        return point_opening(film.pupils, near, point, source, film.nm)
+        return point_waves.point_opening(film.pupils, near, point, source, film.nm)
     except InputError:
         return None
 
 
 def _image(
-    film: _LampFilm, places: Array, point: Array, source: Array, opening: PointOpening, light: Array
+    film: _LampFilm, places: Array, point: Array, source: Array, opening: point_waves.PointOpening, light: Array
 ) -> LampImage | None:
     """Return the picture of a lamp by the places of its points; None where waves do not change it, or are not known."""
     middle, pixel = places.mean(axis=0), film.pixel
@@ -738,7 +731,10 @@ def _image(
             return None
         wave = opening.wave(min(reach / unit, 160.0))
         waves_nm = WAVES_NM if unit > _FEW_WAVES_PX else WAVES_NM[1::3]
-        split = [point_wave(film.pupils, wave.pupil, point, source, nm) for nm in (waves_nm if film.splits else ())]
+        split = [
+            point_waves.point_wave(film.pupils, wave.pupil, point, source, nm)
+            for nm in (waves_nm if film.splits else ())
+        ]
         by_rays = [_as_rendered(film, each, point, middle, nm) for each, nm in zip(
             split or [wave], waves_nm if film.splits else (film.nm,), strict=True)]  # fmt: skip
     except InputError:
@@ -766,12 +762,14 @@ def _image(
     return LampImage(int(first[0]), int(first[1]), *pictures, (x, y), radius, tuple(light.tolist()))
 
 
-def _as_rendered(film: _LampFilm, wave: PointWave, point: Array, place: Array, nm: float) -> PointWave:
+def _as_rendered(
+    film: _LampFilm, wave: point_waves.PointWave, point: Array, place: Array, nm: float
+) -> point_waves.PointWave:
     """Return the light of a lamp as rays of the film bring it: those to conjugates leave out what these are off."""
     share = 0.0 if film.conjugates is None else float(film.conjugates.share(place[None])[0])
     if film.conjugates is None or share == 0:
         return wave
-    own = point_wave(film.pupils, wave.pupil, point, film.conjugates.source(place), nm)
+    own = point_waves.point_wave(film.pupils, wave.pupil, point, film.conjugates.source(place), nm)
     return replace(wave, places=wave.places - share * own.places)
 
 
@@ -785,15 +783,6 @@ def _sharp(places: Array, size: int, width: float) -> Array:
             good = (column >= 0) & (column < size) & (row >= 0) & (row < size)
             np.add.at(square, (row[good], column[good]), (by_column * by_row)[good] / len(places))
     return square
-
-
-def about(place: tuple[float, float]) -> Iterator[tuple[int, int, float]]:
-    """Yield the four pixels about a place, column and row, and the share that each has of it."""
-    column, row = (int(np.floor(part - 0.5)) for part in place)
-    x, y = place[0] - 0.5 - column, place[1] - 0.5 - row
-    for i, by_column in ((column, 1 - x), (column + 1, x)):
-        for j, by_row in ((row, 1 - y), (row + 1, y)):
-            yield i, j, by_column * by_row
 
 
 def _spread(picture: Array, sharp: Array) -> Array:
@@ -810,156 +799,22 @@ def _finer(unit: float, nm: float) -> int:
     return max(int(np.ceil(FINE / unit * 550.0 / nm)), 1)
 
 
-def _wave_pixels(wave: PointWave, nm: float, pixel_mm: tuple[float, float], offsets: Array, unit: float) -> Array:
+def _wave_pixels(
+    wave: point_waves.PointWave, nm: float, pixel_mm: tuple[float, float], offsets: Array, unit: float
+) -> Array:
     """Return the light of each pixel, of 1 altogether."""
     finer = _finer(unit, nm)
     within = (np.arange(finer) + 0.5) / finer - 0.5
     x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
-    light = wave_picture(wave, nm, x, y) * abs(pixel_mm[0] * pixel_mm[1]) / finer**2
+    light = point_waves.wave_picture(wave, nm, x, y) * abs(pixel_mm[0] * pixel_mm[1]) / finer**2
     size = offsets.shape[1]
     return np.asarray(light.reshape(size, finer, size, finer).sum(axis=(1, 3)))
 
 
-def _ray_pixels(wave: PointWave, pixel_mm: tuple[float, float], offsets: Array) -> Array:
+def _ray_pixels(wave: point_waves.PointWave, pixel_mm: tuple[float, float], offsets: Array) -> Array:
     within = (np.arange(_RAYS_FINER) + 0.5) / _RAYS_FINER - 0.5
     x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
     size = offsets.shape[1]
-    return np.asarray(ray_picture(wave, x, y).reshape(size, _RAYS_FINER, size, _RAYS_FINER).sum(axis=(1, 3)))
-
-
-#
-# How bright each lamp is on a film.
-
-
-def brightness(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage]) -> Array:
-    """Return the light of lamps (n, 3) on planes (3, height, width) of a film; 0 of those that it shows otherwise.
-
-    By least squares of the rays' pictures, about the mean of each picture's square, so that even light about a lamp
-    does not count. A lamp that something hides in part is not like its rays.
-    """
-    places = [_on_film(planes.shape[1:], offset, lamp) for lamp in lamps]
-    good = [k for k, (film, _) in enumerate(places) if all(side.stop > side.start for side in film)]
-    while good:
-        light = _fitted(planes, [(lamps[k], *places[k]) for k in good])
-        known: Array = np.array([lamps[k].light for k in good])
-        share = [_share_seen(lamps[k], places[k][1]) for k in good]
-        light = known + np.array(share)[:, None] * (light - known)
-        left = planes - _together(planes.shape, [(lamps[k], *places[k]) for k in good], light)
-        fine = [part == 0 or _is_like(left, *places[k], lamps[k], own)
-                for k, own, part in zip(good, light, share, strict=True)]  # fmt: skip
-        if all(fine):
-            found = np.zeros((len(lamps), 3))
-            found[good] = light
-            return found
-        good = [k for k, is_fine in zip(good, fine, strict=True) if is_fine]
-    return np.zeros((len(lamps), 3))
-
-
-Window = tuple[slice, slice]
-
-
-def _share_seen(lamp: LampImage, part: Window) -> float:
-    """Return how much the film says of the light of a lamp, where some falls beside: 1 where it shows enough of it."""
-    if not any(lamp.light):
-        return 1.0
-    on_film = float(lamp.rays[:, part[0], part[1]].sum() / lamp.rays.sum())
-    return float(np.clip((on_film - _KNOWN) / (_SEEN - _KNOWN), 0.0, 1.0))
-
-
-def _on_film(shape: tuple[int, ...], offset: tuple[int, int], lamp: LampImage) -> tuple[Window, Window]:
-    """Return which rows and columns of a film a lamp's picture covers, and which of its own these are."""
-    film, own = [], []
-    for first, size, length in zip(
-        (lamp.row - offset[1], lamp.column - offset[0]), lamp.rays.shape[1:], shape, strict=True
-    ):
-        low, high = max(first, 0), min(first + size, length)
-        film.append(slice(low, max(high, low)))
-        own.append(slice(low - first, max(high, low) - first))
-    return (film[0], film[1]), (own[0], own[1])
-
-
-Placed = tuple[LampImage, Window, Window]
-
-
-def _fitted(planes: Array, placed: Sequence[Placed]) -> Array:
-    light = np.zeros((len(placed), 3))
-    for channel in range(3):
-        own = [lamp.rays[channel][part].astype(np.float64) for lamp, _, part in placed]
-        tests = [rays - rays.mean() for rays in own]
-        matrix, right = np.zeros((len(placed), len(placed))), np.zeros(len(placed))
-        for k, (_, film, _) in enumerate(placed):
-            right[k] = float(np.sum(tests[k] * planes[channel][film]))
-            for m, (_, other, _) in enumerate(placed):
-                low = [max(a.start, b.start) for a, b in zip(film, other, strict=True)]
-                high = [min(a.stop, b.stop) for a, b in zip(film, other, strict=True)]
-                if all(a < b for a, b in zip(low, high, strict=True)):
-                    first = tuple(slice(a - c.start, b - c.start) for a, b, c in zip(low, high, film, strict=True))
-                    second = tuple(slice(a - c.start, b - c.start) for a, b, c in zip(low, high, other, strict=True))
-                    matrix[k, m] = float(np.sum(tests[k][first] * own[m][second]))
-        light[:, channel] = np.linalg.lstsq(matrix, right, rcond=1e-9)[0]
-    return np.maximum(light, 0.0)
-
-
-def _is_like(left: Array, film: Window, part: Window, lamp: LampImage, light: Array) -> bool:
-    """Return whether what is left of a film without a lamp is even, in parts of the lamp's picture."""
-    whole = float(light.sum())
-    if not whole > 0:
-        return False
-    rest, rays = left[:, film[0], film[1]].sum(axis=0), lamp.rays[:, part[0], part[1]].sum(axis=0)
-    dark = rays <= 1e-3 * rays.max()
-    rest = rest - (rest[dark].mean() if dark.any() else 0.0)
-    lit = np.argwhere(~dark)
-    low, high = lit.min(axis=0), lit.max(axis=0) + 1
-    rows, columns = (np.linspace(low[k], high[k], PARTS + 1).astype(int) for k in (0, 1))
-    off = sum(
-        abs(float(rest[a:b, c:d].sum())) for a, b in itertools.pairwise(rows) for c, d in itertools.pairwise(columns)
+    return np.asarray(
+        point_waves.ray_picture(wave, x, y).reshape(size, _RAYS_FINER, size, _RAYS_FINER).sum(axis=(1, 3))
     )
-    return off < UNLIKE * whole * float(rays.sum()) / 3
-
-
-def _together(shape: tuple[int, ...], placed: Sequence[Placed], light: Array) -> Array:
-    """Return the film of lamps by their rays."""
-    planes = np.zeros(shape)
-    for (lamp, film, part), own in zip(placed, light, strict=True):
-        planes[:, film[0], film[1]] += own[:, None, None] * lamp.rays[:, part[0], part[1]]
-    return planes
-
-
-def without_lamps(
-    planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage], light: Array
-) -> tuple[Array, Array]:
-    """Return planes (3, height, width) of a film without lamps of some light (n, 3), and the light that is taken.
-
-    What is left where their rays are is noise of the lamp and what stands about it; it is kept between none and the
-    brightest pixel beside the lamp. What goes beyond is the lamp's, so that all light is kept.
-    """
-    light = light.copy()
-    shining = np.flatnonzero(light.any(axis=1)).tolist()
-    placed = [(lamps[k], *_on_film(planes.shape[1:], offset, lamps[k])) for k in shining]
-    left = planes - _together(planes.shape, placed, light[shining])
-    shown = {k: _share_seen(lamp, part) for k, (lamp, _, part) in zip(shining, placed, strict=True)}
-    lit = np.zeros(planes.shape[1:], np.bool_)
-    for lamp, film, part in placed:
-        lit[film] |= _lit(lamp, part)
-    for k, (lamp, film, part) in zip(shining, placed, strict=True):
-        inside, dark = _lit(lamp, part), ~lit[film]
-        for channel, plane in enumerate(left):
-            window = plane[film]
-            kept = np.clip(window[inside], 0.0, window[dark].max() if dark.any() else np.inf)
-            if shown[k] > 0:
-                light[k, channel] += shown[k] * (window[inside] - kept).sum() / lamp.rays[channel][part][inside].sum()
-            window[inside] = kept
-    return left, np.maximum(light, 0.0)
-
-
-def _lit(lamp: LampImage, part: Window) -> NDArray[np.bool_]:
-    return np.asarray(lamp.rays[:, part[0], part[1]].sum(axis=0) > 1e-6 * lamp.rays.max())
-
-
-def by_waves(shape: tuple[int, ...], offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
-    """Return planes of the same by waves, without their far light."""
-    planes = np.zeros(shape)
-    for lamp, own in zip(lamps, light, strict=True):
-        film, part = _on_film(shape[1:], offset, lamp)
-        planes[:, film[0], film[1]] += own[:, None, None] * lamp.waves[:, part[0], part[1]]
-    return planes

@@ -8,16 +8,17 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.records import WAVE, device_declarations, floats_per_slot
-from rptcam_cl.core.remember import Disk
+from rptcam_cl.core.remember import Disk, checkpoint, is_cancellable
 from rptcam_cl.device.devices import driver_name, refuse
 from rptcam_cl.device.programs import Program
 from rptcam_cl.device.session import Launch, Session
 from rptcam_cl.rendering.cameras.model import CameraModel
-from rptcam_cl.rendering.film import ALIKE, FilmBuffers, FilmLayout
+from rptcam_cl.rendering.film import ALIKE, QUARTER, FilmBuffers, FilmLayout
 from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers, camera_buffers
@@ -576,3 +577,85 @@ def fault_of(session: Session, way: Way, wavefront: Callable[..., Any]) -> str |
         return f"{wrong} of {known.size} pixels (mean {film.mean():.3g} for {known.mean():.3g})"
     passed = made.outcomes()["passed"]
     return None if abs(passed - PASSED) <= _ELSEWHERE * PASSED else f"{passed} rays through the lens for {PASSED}"
+
+
+#
+# A picture of few samples made smooth by what its layers say of surfaces, for a viewfinder: soon, and biased.
+#
+# A wavelet with holes (Dammertz et al., HPG 2010), joint bilateral on albedo, normal and depth; luminance counts by its
+# variance among neighbours, so that the filter does ever less as samples come in (Schied et al., HPG 2017).
+
+STEPS = (1, 1, 3, 9)  # between neighbours [pixels]: of the first, which measures the noise, and without holes in all
+MARGIN = 16  # more than the largest step
+_GUIDE_PLANES, _LIGHT_PLANES = 11, 11
+
+
+class Denoiser:
+    """Smooths pictures of one size on a device.
+
+    Parameters
+    ----------
+    session
+        The device.
+    width, height
+        Of the pictures [pixels].
+    """
+
+    def __init__(self, session: Session, width: int, height: int) -> None:
+        self._session, self._lanes = session, session.lanes
+        self._size = width, height
+        wide = -(-width // self._lanes) * self._lanes
+        self._row, rows = wide + 2 * MARGIN, height + 2 * MARGIN
+        self._plane = self._row * rows
+        self._groups = wide // self._lanes
+        self._sizes = np.array([width, height, self._row, MARGIN], np.uint32)
+        self._guides = session.allocate(4 * _GUIDE_PLANES * self._plane, zeroed=True)
+        self._lights = [session.allocate(4 * _LIGHT_PLANES * self._plane, zeroed=True) for _ in range(2)]
+        self._read = session.program(["pass/guides.cl"], {}, device_declarations())
+        self._picture = session.allocate(12 * width * height)
+        self._passes = [
+            (session.program(["pass/denoise.cl"], {"VW": self._lanes, **_facts_of(number)}, ""), step)
+            for number, step in enumerate(STEPS)
+        ]
+
+    def _items(self, count: int) -> int:
+        """A number of work items, filled up to whole groups."""
+        return -(-count // self._session.group) * self._session.group
+
+    def clean(
+        self, pixels: NDArray[np.float32], layers: LayerPass, samples: int, blur: tuple[float, float] = (0.0, 0.0)
+    ) -> NDArray[np.float32]:
+        """Return a picture (height, width, 3) smoothed by layers of the same film: `GUIDES`, of so many samples.
+
+        Parameters
+        ----------
+        blur
+            Blur of what is 1 / m nearer than the focus [pixels], and 1 / the distance of that [1 / m].
+        """
+        session, (width, height) = self._session, self._size
+        session.write(self._picture, np.ascontiguousarray(pixels))
+        session.bind(self._read, "guides", **layers.as_guides, picture=self._picture, out=self._guides,
+            light=self._lights[0], sizes=self._sizes.tobytes(), plane=np.uint32(self._plane),
+            camera=np.array([1 / samples, *blur, 0], np.float32).tobytes(),
+        ).enqueue(self._items(-(-width // QUARTER) * height), session.group)  # fmt: skip
+        source, target = self._lights
+        for program, step in self._passes:
+            session.bind(
+                program, "denoise", guides=self._guides, light=source,
+                out=self._picture if step == STEPS[-1] else target,
+                sizes=self._sizes.tobytes(), plane=np.uint32(self._plane), step=np.int32(step),
+            ).enqueue(self._items(self._groups * height), session.group)  # fmt: skip
+            source, target = target, source
+            if is_cancellable():
+                session.finish()
+                checkpoint()
+        return session.read(self._picture, np.float32, 3 * width * height).reshape(height, width, 3)
+
+
+def _facts_of(number: int) -> dict[str, int]:
+    """What the kernel ``denoise`` does in a step: blur hides what albedo does to the far ones."""
+    return {
+        "FIRST": int(number == 0),
+        "TINTED": int(0 < number < len(STEPS) - 1),
+        "LAST": int(number == len(STEPS) - 1),
+    }

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,19 +22,14 @@ from rptcam_cl.optics.design import Problem
 from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration
 from rptcam_cl.rendering.tolerances import (
     FilmPoints,
-    Interval,
     Judge,
     Limit,
     Scores,
     Specification,
     alone,
-    draw_values,
     judge_of,
     limits,
-    percentile,
-    rank,
     sample_field,
-    share,
     specification,
 )
 from rptcam_cl.scene.lens_settings import Tolerances
@@ -627,3 +623,119 @@ def _scale(run: ToleranceRun) -> tuple[float, str]:
     if run.rank_by == "spot":
         return 1.0, "rms spot over the fields [µm]"
     return 100.0, f"modulation at {run.tolerances.merit.mtf_per_mm:g} cycles/mm [%]"
+
+
+#
+# The random numbers of a tolerance run, each keyed by seed, tolerance and copy.
+#
+# A copy is therefore the same however many are made, and a tolerance added at the end of a specification leaves what
+# the others draw as it was.
+
+_NORMAL = np.vectorize(NormalDist().inv_cdf, otypes=[np.float64])
+
+
+def draw_values(limits: Sequence[Limit], copies: int, seed: int) -> Array:
+    """Draw values (copies, limits, 2) of all that may be off.
+
+    A single number lies within ± its size: evenly, by a normal distribution cut off there, or at one of the two ends. A
+    pair lies in the disc of that radius: evenly over its area, by the normal distribution of both cut off at its rim,
+    or on the rim.
+    """
+    values = np.zeros((copies, len(limits), 2))
+    for number, limit in enumerate(limits):
+        key = np.random.SeedSequence([seed, *limit.key])
+        chances = np.random.Generator(np.random.Philox(key)).random((copies, 2))
+        values[:, number] = _pairs(limit, chances) if limit.deviation.is_pair else _numbers(limit, chances)
+    return values
+
+
+def _numbers(limit: Limit, chances: Array) -> Array:
+    chance = chances[:, 0]
+    match limit.distribution:
+        case "uniform":
+            share = 2.0 * chance - 1.0
+        case "end_point":
+            share = np.where(chance < 0.5, -1.0, 1.0)
+        case "normal":
+            outside = NormalDist().cdf(-limit.sigmas)
+            share = np.clip(_NORMAL(outside + chance * (1.0 - 2.0 * outside)) / limit.sigmas, -1.0, 1.0)
+    return np.stack([limit.size * share, np.zeros_like(share)], axis=1)
+
+
+def _pairs(limit: Limit, chances: Array) -> Array:
+    chance, angle = chances[:, 0], 2.0 * np.pi * chances[:, 1]
+    match limit.distribution:
+        case "uniform":
+            share = np.sqrt(chance)
+        case "end_point":
+            share = np.ones_like(chance)
+        case "normal":  # the distance from the middle has the distribution of Rayleigh
+            inside = -np.expm1(-0.5 * limit.sigmas**2)
+            share = np.sqrt(-2.0 * np.log1p(-chance * inside)) / limit.sigmas
+    return np.asarray((limit.size * share)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+
+
+# Shares and percentiles of a sample, each with the interval in which that of all copies lies.
+
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate and the bounds that hold it with a given confidence; each may be infinite."""
+
+    value: float
+    low: float
+    high: float
+
+    def __iter__(self) -> Iterator[float]:
+        return iter((self.value, self.low, self.high))
+
+
+def share(hits: int, count: int, confidence: float = CONFIDENCE) -> Interval:
+    """The share of all copies that is good, of how many of a sample are (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    z = NormalDist().inv_cdf(0.5 + confidence / 2)
+    ratio, weight = hits / count, 1.0 / (1.0 + z * z / count)
+    middle = weight * (ratio + z * z / (2 * count))
+    half = weight * z * math.sqrt(ratio * (1 - ratio) / count + (z / (2 * count)) ** 2)
+    low, high = (0.0 if hits == 0 else middle - half), (1.0 if hits == count else middle + half)
+    return Interval(ratio, low, high)
+
+
+def rank(percent: float, count: int) -> int:
+    """Return the place, from 0, of a percentile among sorted copies: that percent of them are at most as bad.
+
+    Raises
+    ------
+    InputError
+        For a percentile that is not above 0 and at most 100.
+    """
+    if not 0 < percent <= 100:
+        raise InputError(f"a percentile must be above 0 and at most 100 % (got {percent:g} %)")
+    return max(math.ceil(percent / 100 * count - 1e-9), 1) - 1
+
+
+def percentile(ordered: Array, percent: float, confidence: float = CONFIDENCE) -> Interval:
+    """Return a percentile of sorted numbers, and the bounds that hold that of all copies, whatever their distribution.
+
+    How many of a sample lie below the true percentile is binomial, so the bounds are two of the sorted numbers (David
+    and Nagaraja, Order Statistics, 3rd ed., 7.1); a sample too small for the confidence has its ends.
+    """
+    count, p = len(ordered), percent / 100
+    place = rank(percent, count)
+    below = np.cumsum(_binomial(count, p))  # chance that at most k of the sample lie below it
+    tail = (1 - confidence) / 2
+    low = int(np.searchsorted(below, tail, side="right")) - 1
+    high = int(np.searchsorted(below, 1 - tail, side="left"))
+    low, high = max(low, 0), min(high, count - 1)
+    return Interval(float(ordered[place]), float(ordered[min(low, place)]), float(ordered[max(high, place)]))
+
+
+def _binomial(count: int, p: float) -> Array:
+    """Return the chance of k hits of `count`, for k from 0 to `count`."""
+    if p >= 1:
+        return np.asarray(np.eye(count + 1)[-1])
+    k = np.arange(count + 1)
+    factorials = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, count + 1)))])
+    logarithm = factorials[-1] - factorials[k] - factorials[count - k] + k * math.log(p) + (count - k) * math.log1p(-p)
+    return np.asarray(np.exp(logarithm))

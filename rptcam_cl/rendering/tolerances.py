@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from statistics import NormalDist
 from typing import Any, Literal
 
 import numpy as np
@@ -81,10 +80,7 @@ def specification(source: str | Path | bytes | Mapping[str, Any] | Tolerances, n
 
 def _check_specification(data: dict[str, Any], document: Document | None) -> Specification:
     def where(path: KeyPath, at_key: bool = False) -> str:
-        if document is None:
-            return ""
-        line, column = document.key_mark(path) if at_key else document.mark(path)
-        return f"{document.name}:{line}:{column}: "
+        return "" if document is None else f"{document.where(path, at_key)}: "
 
     try:
         return Specification(Tolerances.model_validate(data), where)
@@ -295,122 +291,7 @@ def _deviation(lens: Lens, tolerance: Tolerance, item: _Item) -> tuple[Deviation
     return Deviation("tilt", k, last, others), 1e-3 * value / (2 * surface.semi_diameter), f"tilt {value:g} µm"
 
 
-#
-# The random numbers of a tolerance run, each keyed by seed, tolerance and copy.
-#
-# A copy is therefore the same however many are made, and a tolerance added at the end of a specification leaves what
-# the others draw as it was.
-
 Array = NDArray[np.float64]
-
-_NORMAL = np.vectorize(NormalDist().inv_cdf, otypes=[np.float64])
-
-
-def draw_values(limits: Sequence[Limit], copies: int, seed: int) -> Array:
-    """Draw values (copies, limits, 2) of all that may be off.
-
-    A single number lies within ± its size: evenly, by a normal distribution cut off there, or at one of the two ends. A
-    pair lies in the disc of that radius: evenly over its area, by the normal distribution of both cut off at its rim,
-    or on the rim.
-    """
-    values = np.zeros((copies, len(limits), 2))
-    for number, limit in enumerate(limits):
-        key = np.random.SeedSequence([seed, *limit.key])
-        chances = np.random.Generator(np.random.Philox(key)).random((copies, 2))
-        values[:, number] = _pairs(limit, chances) if limit.deviation.is_pair else _numbers(limit, chances)
-    return values
-
-
-def _numbers(limit: Limit, chances: Array) -> Array:
-    chance = chances[:, 0]
-    match limit.distribution:
-        case "uniform":
-            share = 2.0 * chance - 1.0
-        case "end_point":
-            share = np.where(chance < 0.5, -1.0, 1.0)
-        case "normal":
-            outside = NormalDist().cdf(-limit.sigmas)
-            share = np.clip(_NORMAL(outside + chance * (1.0 - 2.0 * outside)) / limit.sigmas, -1.0, 1.0)
-    return np.stack([limit.size * share, np.zeros_like(share)], axis=1)
-
-
-def _pairs(limit: Limit, chances: Array) -> Array:
-    chance, angle = chances[:, 0], 2.0 * np.pi * chances[:, 1]
-    match limit.distribution:
-        case "uniform":
-            share = np.sqrt(chance)
-        case "end_point":
-            share = np.ones_like(chance)
-        case "normal":  # the distance from the middle has the distribution of Rayleigh
-            inside = -np.expm1(-0.5 * limit.sigmas**2)
-            share = np.sqrt(-2.0 * np.log1p(-chance * inside)) / limit.sigmas
-    return np.asarray((limit.size * share)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-
-
-# Shares and percentiles of a sample, each with the interval in which that of all copies lies.
-
-CONFIDENCE = 0.95
-
-
-@dataclass(frozen=True)
-class Interval:
-    """An estimate and the bounds that hold it with a given confidence; each may be infinite."""
-
-    value: float
-    low: float
-    high: float
-
-    def __iter__(self) -> Iterator[float]:
-        return iter((self.value, self.low, self.high))
-
-
-def share(hits: int, count: int, confidence: float = CONFIDENCE) -> Interval:
-    """The share of all copies that is good, of how many of a sample are (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
-    z = NormalDist().inv_cdf(0.5 + confidence / 2)
-    ratio, weight = hits / count, 1.0 / (1.0 + z * z / count)
-    middle = weight * (ratio + z * z / (2 * count))
-    half = weight * z * math.sqrt(ratio * (1 - ratio) / count + (z / (2 * count)) ** 2)
-    low, high = (0.0 if hits == 0 else middle - half), (1.0 if hits == count else middle + half)
-    return Interval(ratio, low, high)
-
-
-def rank(percent: float, count: int) -> int:
-    """Return the place, from 0, of a percentile among sorted copies: that percent of them are at most as bad.
-
-    Raises
-    ------
-    InputError
-        For a percentile that is not above 0 and at most 100.
-    """
-    if not 0 < percent <= 100:
-        raise InputError(f"a percentile must be above 0 and at most 100 % (got {percent:g} %)")
-    return max(math.ceil(percent / 100 * count - 1e-9), 1) - 1
-
-
-def percentile(ordered: Array, percent: float, confidence: float = CONFIDENCE) -> Interval:
-    """Return a percentile of sorted numbers, and the bounds that hold that of all copies, whatever their distribution.
-
-    How many of a sample lie below the true percentile is binomial, so the bounds are two of the sorted numbers (David
-    and Nagaraja, Order Statistics, 3rd ed., 7.1); a sample too small for the confidence has its ends.
-    """
-    count, p = len(ordered), percent / 100
-    place = rank(percent, count)
-    below = np.cumsum(_binomial(count, p))  # chance that at most k of the sample lie below it
-    tail = (1 - confidence) / 2
-    low = int(np.searchsorted(below, tail, side="right")) - 1
-    high = int(np.searchsorted(below, 1 - tail, side="left"))
-    low, high = max(low, 0), min(high, count - 1)
-    return Interval(float(ordered[place]), float(ordered[min(low, place)]), float(ordered[max(high, place)]))
-
-
-def _binomial(count: int, p: float) -> Array:
-    """Return the chance of k hits of `count`, for k from 0 to `count`."""
-    if p >= 1:
-        return np.asarray(np.eye(count + 1)[-1])
-    k = np.arange(count + 1)
-    factorials = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, count + 1)))])
-    logarithm = factorials[-1] - factorials[k] - factorials[count - k] + k * math.log(p) + (count - k) * math.log1p(-p)
-    return np.asarray(np.exp(logarithm))
 
 
 # What copies are worth: the rays that judge them, their spots and modulation, compensators set.
@@ -578,7 +459,7 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
     def bounds(angles: Array) -> NDArray[np.int32]:
         """Find the surface that stops the first ray beyond the edge."""
         outward = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(-1, 2)
-        edge = _edge(lens, beam, wavelength_nm, middle, outward, limit)
+        edge = _edges(lens, beam, wavelength_nm, middle, outward, limit)[1]
         beyond = middle + (edge + limit * 2.0 ** (1 - BISECTIONS))[:, None] * outward
         return np.reshape(lens.trace(*beam.rays(beyond), wavelength_nm, "scene").surface, angles.shape)
 
@@ -593,11 +474,6 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
         same = bounds(low[:, None] + step * np.arange(1, SECTIONS)) == surfaces[changes][:, None]
         low = low + step * np.where(same.all(axis=1), SECTIONS - 1, np.argmin(same, axis=1))
     return np.sort(low + step / 2)
-
-
-def _edge(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, outward: Array, limit: float) -> Array:
-    """How far from the middle of a beam its rays pass, along each direction (n, 2)."""
-    return _edges(lens, beam, wavelength_nm, middle, outward, limit)[1]
 
 
 def _edges(
@@ -773,25 +649,33 @@ class Judge:
         weights = np.repeat(self.weights[None], len(moves), axis=0)
         moves = self._centre(weights, np.nan_to_num(moves))
         slope = self._centre(self.weights[None], slopes[-1:])
-        return self._refocused(weights, moves, np.broadcast_to(slope, moves.shape)) if refocus else moves
+        return self._refocus(weights, moves, np.broadcast_to(slope, moves.shape)) if refocus else moves
 
-    def _refocused(self, weights: Array, points: Array, slopes: Array) -> Array:
+    def _refocus(self, weights: Array, points: Array, slopes: Array) -> Array:
         """Return points about the middle of their fields with the film where they lie nearest to it."""
-        spread = self._moment(weights, slopes, slopes).sum(axis=1)
-        shift = -self._moment(weights, slopes, points).sum(axis=1) / np.where(spread > 0, spread, 1.0)
-        return np.asarray(points + shift[:, None, None, None] * slopes)
+        return np.asarray(points + self._best_shifts(weights, points, slopes)[:, None, None, None] * slopes)
 
-    def _toward(self, copies: Copies, moves: Array, refocus: bool) -> tuple[Array, Array]:
-        """Return the sum of squared spots of copies, and its half derivative by each column (copies, columns)."""
+    def _best_shifts(self, weights: Array, points: Array, slopes: Array) -> Array:
+        """Return how far the film of each copy moves (copies,) [mm] to where points about their middles lie nearest."""
+        together, spread = (self._moment(weights, slopes, one).sum(axis=1) for one in (points, slopes))
+        return np.asarray(-together / np.where(spread > 0, spread, 1.0))
+
+    def _trace_about_middles(self, copies: Copies) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """Return weights of rays, points and slopes on the film about the middle of their field, and which are dark."""
         points, slopes = self._film(copies)
         weights = self.weights[None] * np.isfinite(points[..., 0] + slopes[..., 0])
         totals = self._sums(weights)
         weights = weights / self._each(np.where(totals == 0, 1.0, totals))
         points, slopes = (self._centre(weights, np.nan_to_num(values)) for values in (points, slopes))
-        points = self._refocused(weights, points, slopes) if refocus else points
+        return weights, points, slopes, totals == 0
+
+    def _toward(self, copies: Copies, moves: Array, refocus: bool) -> tuple[Array, Array]:
+        """Return the sum of squared spots of copies, and its half derivative by each column (copies, columns)."""
+        weights, points, slopes, dark = self._trace_about_middles(copies)
+        points = self._refocus(weights, points, slopes) if refocus else points
         size = self._moment(weights, points, points).sum(axis=1)
         toward = [self._moment(weights, np.broadcast_to(move, points.shape), points).sum(axis=1) for move in moves]
-        return np.where((totals == 0).any(axis=1), np.inf, size), np.stack(toward, axis=1)
+        return np.where(dark.any(axis=1), np.inf, size), np.stack(toward, axis=1)
 
     def _products(self, moves: Array) -> Array:
         """Return the mean products of columns, summed over the fields (columns, columns)."""
@@ -800,20 +684,12 @@ class Judge:
         return np.stack(rows)
 
     def _part(self, copies: Copies, refocus: bool, shifts: Array | None) -> tuple[Array, Array, Array]:
-        points, slopes = self._film(copies)
-        weights = self.weights[None] * np.isfinite(points[..., 0] + slopes[..., 0])
-        totals = self._sums(weights)
-        dark = totals == 0  # fields of which no ray comes through
-        weights = weights / self._each(np.where(dark, 1.0, totals))
-        points, slopes = (self._centre(weights, np.nan_to_num(values)) for values in (points, slopes))
+        weights, points, slopes, dark = self._trace_about_middles(copies)
         if shifts is None:
             shifts = np.zeros(copies.count)
-            if refocus:
-                together, spread = (self._moment(weights, slopes, one).sum(axis=1) for one in (points, slopes))
+            if refocus:  # but for the design, which stands at its best already
                 changed = np.any(copies.values != 0, axis=(1, 2))
-                shifts = np.where(
-                    changed & (spread > 0), -together / np.where(spread > 0, spread, 1.0), 0.0
-                )  # the design itself stands at its best already
+                shifts = np.where(changed, self._best_shifts(weights, points, slopes), 0.0)
         shifts = shifts[: copies.count]
         points = points + shifts[:, None, None, None] * slopes
         spots = 1e3 * np.sqrt(self._moment(weights, points, points))

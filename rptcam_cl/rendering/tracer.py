@@ -15,6 +15,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import free_host_bytes
 from rptcam_cl.core.remember import Memory
 from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.rendering import passes
 from rptcam_cl.rendering.cameras.model import CameraModel, CameraView
 from rptcam_cl.rendering.caustics import PHOTON_BYTES, PhotonMap
 from rptcam_cl.rendering.film import (
@@ -35,23 +36,8 @@ from rptcam_cl.rendering.film import (
     step_of,
     wave_slots,
 )
-from rptcam_cl.rendering.layers import Denoiser, LayerPass, LayerPlanes
-from rptcam_cl.rendering.passes import (
-    PACKETS,
-    CameraPasses,
-    DepthPasses,
-    Launches,
-    Passes,
-    StreamPass,
-    WaveBuffers,
-    Way,
-    bytes_of_lens_rays,
-    bytes_of_state,
-    keeps_rays,
-    makes_rays,
-    signature,
-    way_of,
-)
+from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
+from rptcam_cl.rendering.passes import Denoiser
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.film import RenderSettings
@@ -235,14 +221,14 @@ class Wavefront(RenderedFilm):
         *,
         scouts: bool = True,
         single: bool = False,
-        packets: int = PACKETS,
+        packets: int = passes.PACKETS,
     ) -> None:
         self._layers_only = settings.max_depth == 0
         self._scouts = scouts and not self._layers_only
         self.session, self.layout, self.settings = session, layout, settings
         self.seed = settings.seed
         usual = ORGANISATION[session.kind]
-        self._way = Way(organisation, packets) if organisation else way_of(session, usual, Wavefront)
+        self._way = passes.Way(organisation, packets) if organisation else passes.way_of(session, usual, Wavefront)
         self.organisation = self._way.organisation
         self.tiles = layout.whole_list()
         slots, stream = wave_size or wave_slots(session.kind, session.info.compute_units), self.organisation == "stream"
@@ -250,7 +236,7 @@ class Wavefront(RenderedFilm):
             layout, slots, stream=stream, loop_limit=session.loop_limit, photons=plan.caustics.active,
             single=single or len(plan.steps) > 1,
         )  # fmt: skip
-        self._launches = Launches(session)
+        self._launches = passes.Launches(session)
         self._held = self._allocate(plan, buffers)
         self._film, self._tile_list = self._held.film, self._held.tiles
         self._bind(plan)
@@ -281,18 +267,20 @@ class Wavefront(RenderedFilm):
         bound = self._bound[0 if steps == 1 else step_of(sample, steps)]
         self._camera, self._paths, self._layers = bound
 
-    def _passes(self, plan: Plan, held: WaveBuffers, first: LayerPass | None) -> Passes:
+    def _passes(self, plan: Plan, held: passes.WaveBuffers, first: LayerPass | None) -> passes.Passes:
         session, stream, packets = self.session, self.organisation == "stream", self._way.packets
-        made = makes_rays(plan, self.settings, stream=stream)
-        kept = keeps_rays(plan, self.settings, stream=stream)
-        camera = None if made else CameraPasses(session, plan, held, stream=stream, packets=packets)
-        paths: StreamPass | DepthPasses | None
+        made = passes.makes_rays(plan, self.settings, stream=stream)
+        kept = passes.keeps_rays(plan, self.settings, stream=stream)
+        camera = None if made else passes.CameraPasses(session, plan, held, stream=stream, packets=packets)
+        paths: passes.StreamPass | passes.DepthPasses | None
         if self._layers_only:
             paths = None
         elif stream:
-            paths = StreamPass(session, plan, self.settings, held, makes_rays=made, keeps_rays=kept, packets=packets)
+            paths = passes.StreamPass(
+                session, plan, self.settings, held, makes_rays=made, keeps_rays=kept, packets=packets
+            )
         else:
-            paths = DepthPasses(session, plan, self.settings, held)
+            paths = passes.DepthPasses(session, plan, self.settings, held)
         return camera, paths, self._layer_pass(plan, held, stream, first)
 
     def _photon_map(self, plan: Plan) -> PhotonMap | None:
@@ -302,24 +290,26 @@ class Wavefront(RenderedFilm):
         facts, depth = plan.facts | scene.tree_facts, self.settings.max_depth
         return PhotonMap(self.session, plan.caustics, facts, scene.scene, scene.photons, depth, pixels)
 
-    def _allocate(self, plan: Plan, scene: SceneBuffers | None) -> WaveBuffers:
+    def _allocate(self, plan: Plan, scene: SceneBuffers | None) -> passes.WaveBuffers:
         session, layout, capacity = self.session, self.layout, self.capacity
         clamped = self.settings.clamp is not None
         stream = self.organisation == "stream"
         state = max(
-            bytes_of_state(each, capacity, stream=stream) if keeps_rays(each, self.settings, stream=stream) else 0
+            passes.bytes_of_state(each, capacity, stream=stream)
+            if passes.keeps_rays(each, self.settings, stream=stream)
+            else 0
             for each in plan.steps or (plan,)
         )
         groups = plan.facts["LIGHT_GROUPS"]
         bytes_of_planes = 4 * planes_of(clamped, groups), LayerPlanes(self.settings.layers).bytes_per_pixel
         film = [each * layout.pixels for each in bytes_of_planes]
-        self.needs = memory_needs(plan, session, film=film, paths=[state, bytes_of_lens_rays(plan, capacity)])
+        self.needs = memory_needs(plan, session, film=film, paths=[state, passes.bytes_of_lens_rays(plan, capacity)])
         check_memory(self.needs, session)
         tiles = session.allocate(self.tiles.nbytes)
         session.write(tiles, self.tiles)
         survival_scale = session.allocate(ALIKE.survival_scale.nbytes)
         session.write(survival_scale, ALIKE.survival_scale)
-        return WaveBuffers(
+        return passes.WaveBuffers(
             scene=scene or SceneBuffers(session, plan),
             film=FilmBuffers(session, layout, clamped=clamped, groups=groups),
             state=session.allocate(max(state, 4)),
@@ -328,7 +318,9 @@ class Wavefront(RenderedFilm):
             capacity=capacity,
         )
 
-    def _layer_pass(self, plan: Plan, held: WaveBuffers, stream: bool, first: LayerPass | None) -> LayerPass | None:
+    def _layer_pass(
+        self, plan: Plan, held: passes.WaveBuffers, stream: bool, first: LayerPass | None
+    ) -> LayerPass | None:
         planes = LayerPlanes(self.settings.layers)
         if not planes.names:
             return None
@@ -420,7 +412,7 @@ class Wavefront(RenderedFilm):
         scene = self._held.scene
         if plan.steps or len(self._bound) > 1 or self._photons is not None or scene.photons is not None:
             return False
-        if isinstance(self._paths, DepthPasses) or not (self._camera is None or self._camera.take_over(scene)):
+        if isinstance(self._paths, passes.DepthPasses) or not (self._camera is None or self._camera.take_over(scene)):
             return False
         if self._paths is not None:
             self._paths.take_over(scene, self.settings)
@@ -432,7 +424,7 @@ class Wavefront(RenderedFilm):
         """Look through another state of the camera from now on; its kernel and its facts are those of the plan."""
         if self._camera is not None:
             self._camera.use_camera(camera)
-        elif isinstance(self._paths, StreamPass):
+        elif isinstance(self._paths, passes.StreamPass):
             self._paths.use_camera(camera)
 
     def waves(self, first_sample: int, samples: int) -> list[Wave]:
@@ -569,7 +561,7 @@ class WavefrontPool:
         purpose
             Wavefronts of another purpose stay as they are.
         """
-        key = (purpose, *signature(plan, scene, layout, settings))
+        key = (purpose, *passes.signature(plan, scene, layout, settings))
         wavefront: Wavefront | None = self._wavefronts.find(key)
         if wavefront is None:
             self._wavefronts.make_room()

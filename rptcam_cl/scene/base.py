@@ -10,7 +10,6 @@ import math
 import re
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from functools import lru_cache
 from itertools import pairwise
 from numbers import Real
@@ -31,6 +30,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
+from rptcam_cl.core.errors import near_name
 from rptcam_cl.core.files import Folders, digest
 
 # Base of the scene model: frozen models closed to unknown keys, finite numbers, and how a value is refused.
@@ -38,16 +38,6 @@ from rptcam_cl.core.files import Folders, digest
 REFUSED = "refused"
 
 _UNSET = object()
-
-# Words that mean a name without looking like it, or while looking more like its opposite; and a name that was.
-_MEANS = {
-    "nearest": "closest",
-    "near": "closest",
-    "far": "farthest",
-    "middle": "centre",
-    "median": "weighted",
-    "filmic": "aces",
-}
 
 
 def refuse(
@@ -70,16 +60,6 @@ def refuse(
     if got is not _UNSET:
         context["got"] = got
     return PydanticCustomError(REFUSED, "{problem}", context)
-
-
-def near_name(word: object, names: Sequence[str]) -> str:
-    """Return ``; did you mean name?`` for the name that means the same as a word or is most like it, or nothing."""
-    lower, given = {name.lower(): name for name in names}, str(word).lower()
-    same = _MEANS.get(given)
-    matches = [same] if same in lower else get_close_matches(given, lower, n=1, cutoff=0.6)
-    if not matches:  # the name without its unit, as fov for fov_degrees
-        matches = [name for name in lower if given and name.startswith(f"{given}_")][:1]
-    return f"; did you mean {lower[matches[0]]}?" if matches else ""
 
 
 def listed(names: Sequence[str], most: int = 24) -> str:

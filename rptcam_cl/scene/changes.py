@@ -192,7 +192,7 @@ def change_scene(scene: Scene, **parts: Mapping[str, Any]) -> Scene:
     data = given_keys(scene)
     for name, changes in parts.items():
         data[name] = given_keys(getattr(scene, name)) | dict(changes)
-    return _checked(scene, data, parts)
+    return _check_changed(scene, data, parts)
 
 
 def with_camera(scene: Scene, keys: Mapping[str, Any]) -> Scene:
@@ -203,10 +203,10 @@ def with_camera(scene: Scene, keys: Mapping[str, Any]) -> Scene:
     InputError
         When the camera is not valid, or does not fit the scene.
     """
-    return _checked(scene, given_keys(scene) | {"camera": dict(keys)}, ("camera",))
+    return _check_changed(scene, given_keys(scene) | {"camera": dict(keys)}, ("camera",))
 
 
-def _checked(scene: Scene, data: dict[str, Any], changed: Iterable[str]) -> Scene:
+def _check_changed(scene: Scene, data: dict[str, Any], changed: Iterable[str]) -> Scene:
     made_of = scene.made_of | {name: data[name] for name in changed}
     try:
         return Scene.model_validate(data, context=_context(scene, set()) | {"made_of": made_of})

@@ -15,25 +15,9 @@ from pydantic import ValidationError
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, MissingFileError, OutsideFolderError
 from rptcam_cl.core.files import Folders, name_errors
+from rptcam_cl.scene import materials
 from rptcam_cl.scene.assets.pictures import has_alpha, read_picture
 from rptcam_cl.scene.base import GREY, one_pixel
-from rptcam_cl.scene.materials import (
-    LARGEST_INDEX,
-    LEAST_BEND,
-    MOST_BEND,
-    MOST_INDEX,
-    SMALLEST_ALPHA,
-    SMALLEST_INDEX,
-    Dielectric,
-    Emissive,
-    Material,
-    Matte,
-    Mix,
-    Principled,
-    ThinFilm,
-    ThinGlass,
-    Translucent,
-)
 from rptcam_cl.scene.media import MOST_ASYMMETRY, AbsorbingMaterial, Attenuation, ScatteringMedium, albedo_for
 from rptcam_cl.scene.quantities import LARGEST_GAIN, LARGEST_RADIANCE, Colour
 from rptcam_cl.scene.textures import AnisotropyMap, Bump, ImageTexture, NormalMap
@@ -205,7 +189,7 @@ _SMALLEST = 1e-30
 _ALONG_U = FileTexture(one_pixel(255, 128, 255), "brushed along u")
 
 
-def material_of(given: FileMaterial, folders: Folders, absent: list[str] | None = None) -> Material:
+def material_of(given: FileMaterial, folders: Folders, absent: list[str] | None = None) -> materials.Material:
     """Return the material that shows what a file says about a surface.
 
     Parameters
@@ -243,67 +227,67 @@ class _Translation:
         if given.normals is None and given.bumps is not None and given.bumps_height != 0:
             self._normals = self._unevenness(given.bumps, given.bumps_height)
 
-    def material(self) -> Material:
+    def material(self) -> materials.Material:
         """Return the material."""
         given = self._given
         emits = max(given.emission) > 0
         black = max(given.base_color) == 0 and given.metallic == 0
         if emits and black and given.matte and given.emission_texture is None:
             radiance = _clip_colour(given.emission, LARGEST_RADIANCE)
-            return Emissive(kind="emissive", radiance=radiance, two_sided=given.both_sides)
+            return materials.Emissive(kind="emissive", radiance=radiance, two_sided=given.both_sides)
         if given.matte and not emits:
-            return Matte(kind="matte", reflectance=self._base(), **self._normals, **self._cover)
+            return materials.Matte(kind="matte", reflectance=self._base(), **self._normals, **self._cover)
         if given.translucency > 0 and not given.matte:
             return self._sheet()
         if given.transmission == 0 or given.solid:
             return self._solid()
         return self._pane()
 
-    def _solid(self) -> Dielectric | Principled:
+    def _solid(self) -> materials.Dielectric | materials.Principled:
         given = self._given
         pictures = given.base_texture or given.transmission_texture
         clear = given.transmission == 1 and min(given.base_color) == 1 and pictures is None
         plain = given.roughness == given.metallic == given.clearcoat == max(*given.emission, *given.sheen) == 0
         if clear and plain:
-            return Dielectric(
+            return materials.Dielectric(
                 kind="dielectric",
-                index=_clip(given.index, SMALLEST_INDEX, LARGEST_INDEX),
+                index=_clip(given.index, materials.SMALLEST_INDEX, materials.LARGEST_INDEX),
                 **self._absorption(),
                 **self._normals,
                 **self._cover,
             )
         return self._principled(given.transmission, self._cover)
 
-    def _pane(self) -> Material:
+    def _pane(self) -> materials.Material:
         """Return a pane without thickness, beside what is not transparent."""
         given = self._given
         glass = {
-            "index": _clip(given.index, SMALLEST_INDEX, LARGEST_INDEX),
+            "index": _clip(given.index, materials.SMALLEST_INDEX, materials.LARGEST_INDEX),
             "transmittance": _clip_colour(given.base_color, 1.0),
         }
         share = self._share(given.transmission * (1 - given.metallic), given.transmission_texture, "r")
         if share == 1:
-            return ThinGlass(kind="thin_glass", **glass, **self._cover)
-        parts = (self._principled(0.0, {}), ThinGlass(kind="thin_glass", **glass))
-        return Mix(kind="mix", materials=parts, factor=share, **self._cover)
+            return materials.ThinGlass(kind="thin_glass", **glass, **self._cover)
+        parts = (self._principled(0.0, {}), materials.ThinGlass(kind="thin_glass", **glass))
+        return materials.Mix(kind="mix", materials=parts, factor=share, **self._cover)
 
-    def _sheet(self) -> Material:
+    def _sheet(self) -> materials.Material:
         """Return a thin sheet that passes light evenly, beside what does not pass."""
         given = self._given
         share = self._share(given.translucency, self._with_alpha(given.translucency_texture), "a")
         color = self._colour(given.translucency_color, given.translucency_color_texture)
         keys: dict[str, Any] = {"kind": "translucent", "reflectance": (0.0, 0.0, 0.0), "transmittance": color}
         if share == 1:
-            return Translucent(**keys, **self._normals, **self._cover)
-        parts = (self._principled(0.0, {}), Translucent(**keys, **self._normals))
-        return Mix(kind="mix", materials=parts, factor=share, **self._cover)
+            return materials.Translucent(**keys, **self._normals, **self._cover)
+        parts = (self._principled(0.0, {}), materials.Translucent(**keys, **self._normals))
+        return materials.Mix(kind="mix", materials=parts, factor=share, **self._cover)
 
-    def _principled(self, transmission: float, cover: dict[str, Any]) -> Principled:
+    def _principled(self, transmission: float, cover: dict[str, Any]) -> materials.Principled:
         given = self._given
         plain = self._without_film(transmission, cover)
         return plain if given.film is None or given.matte else self._filmed(plain)
 
-    def _filmed(self, plain: Principled) -> Principled:
+    def _filmed(self, plain: materials.Principled) -> materials.Principled:
         """Return a material with its thin film; without it, with a warning, where that cannot lie on it."""
         assert self._given.film is not None
         share, index, thickness = self._given.film
@@ -311,10 +295,12 @@ class _Translation:
             what = f"material {self._given.name!r}: its thin film is left out, beside textures of what reflects"
             warnings.warn(what, UserWarning, stacklevel=2)
             return plain
-        film = ThinFilm(share=share, index=_clip(index, 1.0, 5.0), thickness_nm=_clip(thickness, 0.0, 20_000.0))
+        film = materials.ThinFilm(
+            share=share, index=_clip(index, 1.0, 5.0), thickness_nm=_clip(thickness, 0.0, 20_000.0)
+        )
         return plain.model_copy(update={"thin_film": film})
 
-    def _without_film(self, transmission: float, cover: dict[str, Any]) -> Principled:
+    def _without_film(self, transmission: float, cover: dict[str, Any]) -> materials.Principled:
         given = self._given
         gloss: dict[str, Any] = {"specular": 0.0, "roughness": 1.0} if given.matte else {
             "specular": self._specular(),
@@ -328,7 +314,7 @@ class _Translation:
             **self._stretch(),
             **self._coat_normals(),
         }  # fmt: skip
-        return Principled(
+        return materials.Principled(
             kind="principled",
             base_color=self._base(),
             **self._reflectance(transmission),
@@ -370,11 +356,11 @@ class _Translation:
     def _reflectance(self, transmission: float) -> dict[str, Any]:
         """Return index and colour of the reflectance head on; the index takes what of the colour exceeds 1."""
         given = self._given
-        low, high = (1 + LEAST_BEND, MOST_BEND) if transmission else (1.0, MOST_INDEX)
+        low, high = (1 + materials.LEAST_BEND, materials.MOST_BEND) if transmission else (1.0, materials.MOST_INDEX)
         index = _clip(given.index, low, high)
         color, normal = given.specular_color, _at_normal(index)
         if not transmission and max(color) > 1 and normal > 0:
-            color = _clip_colour(color, _at_normal(MOST_INDEX) / normal)
+            color = _clip_colour(color, _at_normal(materials.MOST_INDEX) / normal)
             root = math.sqrt(max(color) * normal)
             index = (1 + root) / (1 - root)
             color = _scale(color, 1 / max(color))
@@ -517,7 +503,7 @@ def _stretch_keys(roughness: float, strength: float) -> dict[str, float]:
     Those are alpha across, and alpha + (1 - alpha) strength² along; ours are the mean alpha divided and multiplied by
     the root of their ratio, which is 1 - 0.9 anisotropy and so 0.1 or more.
     """
-    across = max(roughness**2, SMALLEST_ALPHA)
+    across = max(roughness**2, materials.SMALLEST_ALPHA)
     along = across + (1 - across) * strength**2
     return {"roughness": (across * along) ** 0.25, "anisotropy": min(1.0, (1 - across / along) / 0.9)}
 

@@ -16,10 +16,10 @@ import yaml
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from rptcam_cl.core.errors import InputError, MissingFileError
+from rptcam_cl.core.errors import InputError, MissingFileError, near_name
 from rptcam_cl.core.files import Folders, plain
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, parse_scalar, read_yaml
-from rptcam_cl.scene.base import REFUSED, FileReference, SceneModel, file_references, listed, near_name
+from rptcam_cl.scene.base import REFUSED, FileReference, SceneModel, file_references, listed
 from rptcam_cl.scene.camera import CAMERA_KINDS
 from rptcam_cl.scene.film import Film, PictureSettings, WhiteBalance
 from rptcam_cl.scene.lens_settings import DESIGN, GRADES, IN_WORDS, LAYERED, REAL, Focus, with_design
@@ -50,6 +50,14 @@ def _text(dumper: Any, value: str) -> Any:
 
 
 _Dumper.add_representer(str, _text)
+
+
+def plain_data(scene: Scene) -> dict[str, Any]:
+    """Return the data of a scene, as a file has them."""
+    return {
+        name: value.model_dump(mode="json", exclude_unset=True) if hasattr(value, "model_dump") else plain(value)
+        for name, value in scene.made_of.items()
+    }
 
 
 def scene_text(scene: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:
@@ -186,13 +194,13 @@ def _child(value: Any, key: str | int) -> Any:
 
 def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _Finding:
     """Word an error of pydantic's."""
-    got = f"got {_shown(context.get('got', value))}"
+    got = f"got {_value_text(context.get('got', value))}"
     if kind == REFUSED:
         problem = context["problem"]
         return _Finding(problem, got, context["allowed"], at_key=problem.startswith("unknown key"))
     if kind in _COMPARISONS:
         name, words = _COMPARISONS[kind]
-        return _Finding("is out of range", got, f"{words} {_shown(context[name])}")
+        return _Finding("is out of range", got, f"{words} {_value_text(context[name])}")
     if kind in ("missing", "union_tag_not_found"):
         return _Finding("is required but missing", at_key=True)
     if kind in ("literal_error", "union_tag_invalid"):
@@ -226,15 +234,15 @@ def _models(annotation: Any) -> Iterator[type[SceneModel]]:
 def _refusal_text(refusal: PydanticCustomError) -> str:
     """The text of a refusal outside the model's own validation."""
     context = dict(refusal.context or {})
-    return f"{context['problem']} (got {_shown(context['got'])}; allowed: {context['allowed']})"
+    return f"{context['problem']} (got {_value_text(context['got'])}; allowed: {context['allowed']})"
 
 
-def _shown(value: Any) -> str:
+def _value_text(value: Any) -> str:
     """Return a value as it would stand in YAML, cut short."""
     if isinstance(value, Mapping):
         return f"a mapping with {listed([str(key) for key in value], most=6)}" if value else "an empty mapping"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_shown(item) for item in value[:6]) + (", …]" if len(value) > 6 else "]")
+        return "[" + ", ".join(_value_text(item) for item in value[:6]) + (", …]" if len(value) > 6 else "]")
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -328,7 +336,7 @@ def _parent(data: dict[Any, Any], path: KeyPath, text: str) -> Any:
             place = _index(value, key, path[: length - 1], text)
         value[place] = value = _copy_to_change(value[place])
         if not isinstance(value, (dict, list)):
-            problem = f"is {_shown(value)} and has no keys{_hint(path, value)}"
+            problem = f"is {_value_text(value)} and has no keys{_hint(path, value)}"
             raise InputError(f"{text}: {dotted(path[:length])}: {problem}")
     return value
 
@@ -453,13 +461,21 @@ def load_scene(
     return with_files(scene, where, missing)
 
 
+SceneSource = Scene | str | Path | Mapping[str, Any]
+
+
+def read_scene(source: SceneSource) -> Scene:
+    """Return the scene itself, or that of anything that `load_scene` takes."""
+    return source if isinstance(source, Scene) else load_scene(source)
+
+
 def _as_scene_mapping(data: Any, document: Document | None) -> dict[Any, Any]:
     place = f"{document.name}:1:1: " if document else ""
     if data is None or data == {}:
         raise InputError(f"{place}the scene is empty (allowed: a mapping with at least the key camera)")
     if not isinstance(data, dict):
         raise InputError(
-            f"{place}a scene must be a mapping (got {_shown(data)}; allowed: keys such as camera, objects)"
+            f"{place}a scene must be a mapping (got {_value_text(data)}; allowed: keys such as camera, objects)"
         )
     return data
 
@@ -474,10 +490,7 @@ def _locator(document: Document | None, labels: dict[KeyPath, str]) -> Where:
         made = [text for key, text in labels.items() if key[: len(path)] == path]
         if at_key and path and made:
             return f"--set {made[-1]}: "
-        if document is None:
-            return ""
-        line, column = document.key_mark(path) if at_key else document.mark(path)
-        return f"{document.name}:{line}:{column}: "
+        return "" if document is None else f"{document.where(path, at_key)}: "
 
     return where
 

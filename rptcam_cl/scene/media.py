@@ -197,7 +197,7 @@ class ScatteringMedium(SceneModel):
         """Scattering, were it even, and absorption per channel [1/m], of a substance or a colour."""
         if self.substance is not None:
             scattering, absorption = SUBSTANCES[self.substance]
-            return _scaled(scattering, 1e3), _scaled(absorption, 1e3)
+            return _scale_colour(scattering, 1e3), _scale_colour(absorption, 1e3)
         if self.color is None or self.free_path_mm is None:
             return None
         per_m = [1e3 / way for way in self.free_path_mm]
@@ -209,10 +209,10 @@ class ScatteringMedium(SceneModel):
     def scattering(self) -> Colour:
         """Scattering coefficient per channel [1/m]."""
         if (reduced := self._reduced) is not None:
-            return _scaled(reduced[0], 1 / (1 - self.mean_cosine))
+            return _scale_colour(reduced[0], 1 / (1 - self.mean_cosine))
         if self.visibility_m is None:
             return _BLACK if self.scattering_per_m is None else self.scattering_per_m
-        return _scaled((1.0, 1.0, 1.0) if self.albedo is None else self.albedo, self._extinction)
+        return _scale_colour((1.0, 1.0, 1.0) if self.albedo is None else self.albedo, self._extinction)
 
     @property
     def absorption(self) -> Colour:
@@ -221,7 +221,7 @@ class ScatteringMedium(SceneModel):
             return reduced[1]
         if self.visibility_m is None:
             return _BLACK if self.absorption_per_m is None else self.absorption_per_m
-        return _BLACK if self.albedo is None else _scaled(_rest(self.albedo), self._extinction)
+        return _BLACK if self.albedo is None else _scale_colour(_rest(self.albedo), self._extinction)
 
     @property
     def mean_cosine(self) -> float:
@@ -280,7 +280,7 @@ class SurroundingMedium(ScatteringMedium):
         return self
 
 
-def _scaled(colour: Colour, factor: float) -> Colour:
+def _scale_colour(colour: Colour, factor: float) -> Colour:
     if isinstance(colour, SpectralColour):
         return colour.scaled(factor)
     red, green, blue = (factor * channel for channel in colour)

@@ -206,10 +206,11 @@ STRENGTHS = ("intensity", "irradiance", "radiance", "bottom", "top", "gain")
 
 def _any_light(objects: Objects, lights: Sequence[Light], environment: Environment | None) -> bool:
     strengths = (getattr(part, key, 0.0) for part in (*lights, environment) for key in STRENGTHS)
-    return any(np.max(strength) > 0 for strength in strengths) or any(_shines(solid) for _, solid in objects)
+    return any(np.max(strength) > 0 for strength in strengths) or any(shines(solid) for _, solid in objects)
 
 
-def _shines(solid: Solid) -> bool:
+def shines(solid: Solid) -> bool:
+    """Return whether any material of an object emits light."""
     shown = solid.shown_materials()
     glowing = [material.radiance for material in shown if isinstance(material, Emissive)]
     glowing += [material.emission for material in shown if isinstance(material, Principled)]
@@ -272,7 +273,7 @@ def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
         f"objects[{index}] shines and moves: light sampling leaves it out, so that what it lights is noisy"
         + (", and it makes no ghosts" if ghosts else "")
         for index, (item, solid) in enumerate(objects)
-        if item.trajectory is not None and item.trajectory.moves(*shutter.span_s) and _shines(solid)
+        if item.trajectory is not None and item.trajectory.moves(*shutter.span_s) and shines(solid)
     ]
     first, *poses = (camera.pose_at(time_s) for time_s in moments(camera.motion, *shutter.span_s))
     if ghosts and any(not np.array_equal(pose, first) for pose in poses):

@@ -15,7 +15,8 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import RayStatus, device_declarations
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.scene_buffers import SceneBuffers, scene_trees
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.rendering.scene_trees import scene_trees
 from rptcam_cl.scene.load import load_scene
 
 # A check of a device: what was measured and what it may be; and the kernels that show what a device computes.
@@ -206,20 +207,6 @@ def axis_rays(rng: np.random.Generator, count: int) -> tuple[Array, Array]:
 RAY_MATTE = {"kind": "matte", "reflectance": 0.5}
 
 
-@dataclass(frozen=True)
-class MeshHits:
-    """What rays met: NaN-free arrays of one entry per ray."""
-
-    t: NDArray[np.float32]
-    primitive: NDArray[np.int32]
-    part: NDArray[np.int32]
-    weights: NDArray[np.float32]
-    point: NDArray[np.float32]
-    normal: NDArray[np.float32]
-    offset: NDArray[np.float32]
-    blocked: NDArray[np.bool_]
-
-
 def mesh_object(points: Any, faces: Any, **keys: Any) -> dict[str, Any]:
     """Return the mapping of a mesh that is written out."""
     return {
@@ -235,14 +222,19 @@ TREE_ARGUMENTS = ("primitive_nodes", "primitive_leaves")
 
 
 @dataclass(frozen=True)
-class Met:
-    """What rays met: distance and primitive of the nearest hit, and whether anything lay in the way."""
+class RayHits:
+    """Distance and primitive of the nearest hit of each ray, and whether anything lay in the way; more on a mesh."""
 
     t: NDArray[np.float32]
     primitive: NDArray[np.int32]
     blocked: NDArray[np.bool_]
+    part: Any = None
+    weights: Any = None
+    point: Any = None
+    normal: Any = None
+    offset: Any = None
 
-    def unlike(self, other: Met) -> NDArray[np.bool_]:
+    def unlike(self, other: RayHits) -> NDArray[np.bool_]:
         """Return which rays met something else, to the last bit."""
         return np.asarray(
             (self.t.view(np.int32) != other.t.view(np.int32))
@@ -288,7 +280,7 @@ class TracedScene:
 
     def trace_shapes(
         self, o: Any, d: Any, self_hit: Any = NOTHING, reach: Any = 3e38, target: Any = NOTHING, lanes: int = 8
-    ) -> Met:
+    ) -> RayHits:
         """Trace rays (n, 3) from points on the primitives ``self_hit`` against the shapes, in the world of the eye."""
         n = len(o)
         count = -(-n // (GROUP * 8)) * GROUP * 8
@@ -303,9 +295,9 @@ class TracedScene:
         arguments = {"rays": held, "hits": hits, "blocked": dark, "count": np.uint32(count)}
         self._run("probe_primitives", count // lanes, lanes, **arguments)
         t, primitive = self.session.read(hits, np.float32, 2 * count).reshape(2, count)[:, :n]
-        return Met(t, primitive.view(np.int32), self.session.read(dark, np.int32, count)[:n] != 0)
+        return RayHits(t, primitive.view(np.int32), self.session.read(dark, np.int32, count)[:n] != 0)
 
-    def trace_mesh(self, o: Any, d: Any, reach: Any = 3e38, self_part: Any = None, lanes: int = 8) -> MeshHits:
+    def trace_mesh(self, o: Any, d: Any, lanes: int = 8) -> RayHits:
         """Trace rays (n, 3) against the meshes."""
         n = len(o)
         count = -(-n // (GROUP * 8)) * GROUP * 8
@@ -313,18 +305,14 @@ class TracedScene:
         rays[:3, :n], rays[3:6, :n] = np.asarray(o).T, np.asarray(d).T
         rays[3, n:] = 1
         rays[6:8] = np.int32(-1).view(np.float32)
-        if self_part is not None:
-            rays[6:8, :n] = np.asarray(self_part, np.int32).view(np.float32)
-        rays[8, :n] = reach
+        rays[8, :n] = 3e38
         out, dark = self.session.allocate(48 * count), self.session.allocate(4 * count)
         held = self.session.upload(rays)
         self._run("probe_hits", count // lanes, lanes, rays=held, hits=out, blocked=dark, count=np.uint32(count))
         rows = self.session.read(out, np.float32, 12 * count).reshape(12, count)[:, :n]
         blocked = self.session.read(dark, np.int32, count)[:n] != 0
-        return MeshHits(
-            rows[0], rows[1].view(np.int32), rows[2].view(np.int32), rows[3:5].T, rows[5:8].T, rows[8:11].T, rows[11],
-            blocked,
-        )  # fmt: skip
+        primitive, part = rows[1:3].view(np.int32)
+        return RayHits(rows[0], primitive, blocked, part, rows[3:5].T, rows[5:8].T, rows[8:11].T, rows[11])
 
     def brute(self, o: Any, d: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return distance and triangle of the nearest hits, without the tree."""
@@ -421,7 +409,7 @@ def arithmetic_checks(session: Session) -> list[Check]:
     ]
 
 
-def _film_errors(session: Session, additions: int = ADDITIONS) -> tuple[float, int]:
+def _film_errors(session: Session) -> tuple[float, int]:
     """Return the largest relative error of sums on the film, and how many not-finite samples were not counted.
 
     Every pixel gets numbers that are even over [0, 1), numbers of which one in 4096 is 1000, and tenths; the last
@@ -429,17 +417,15 @@ def _film_errors(session: Session, additions: int = ADDITIONS) -> tuple[float, i
     """
     lanes = session.lanes
     sums, counters = session.allocate(24 * FILM_PIXELS, zeroed=True), session.allocate(64, zeroed=True)
-    for first in range(0, additions, PER_LAUNCH):
-        last = np.uint32(additions - 1)
-        count = np.uint32(min(PER_LAUNCH, additions - first))
+    for first in range(0, ADDITIONS, PER_LAUNCH):
         run_probe(
-            session, "probe_film", {"VW": lanes, "CLAMP": 0}, FILM_PIXELS // lanes,
-            sums=sums, counters=counters, pixels=np.uint32(FILM_PIXELS), first=np.uint32(first),
-            samples=count, last=last,
+            session, "probe_film", {"VW": lanes, "CLAMP": 0}, FILM_PIXELS // lanes, sums=sums, counters=counters,
+            pixels=np.uint32(FILM_PIXELS), first=np.uint32(first),
+            samples=np.uint32(min(PER_LAUNCH, ADDITIONS - first)), last=np.uint32(ADDITIONS - 1),
         )  # fmt: skip
     planes = session.read(sums, np.float32, 6 * FILM_PIXELS).reshape(6, FILM_PIXELS).astype(np.float64)
     counted = session.read(counters, np.uint32, 16)[len(RayStatus)]
-    expected = np.array([_film_sums(pixel, additions - 1) for pixel in range(FILM_PIXELS)]).T
+    expected = np.array([_film_sums(pixel, ADDITIONS - 1) for pixel in range(FILM_PIXELS)]).T
     return float(np.abs((planes[:3] - planes[3:]) / expected - 1).max()), abs(int(counted) - FILM_PIXELS)
 
 

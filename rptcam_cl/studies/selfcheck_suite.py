@@ -41,7 +41,7 @@ from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.passes import PACKETS, Way, fault_of
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.progressive import render_plan
-from rptcam_cl.rendering.scene_buffers import cache_folder
+from rptcam_cl.rendering.scene_trees import cache_folder
 from rptcam_cl.rendering.traceable_lens import Precision, trace_on_device
 from rptcam_cl.rendering.tracer import ORGANISATION, Wavefront
 from rptcam_cl.scene.changes import change_scene
@@ -138,10 +138,10 @@ def _reflection_check(session: Session) -> selfcheck.Check:
     return selfcheck.Check("lens: total reflection within 1e-4 of its angle", wrong, 0, f"of {count} rays wrong")
 
 
-def parallel(heights: Array, z: float = -20.0) -> tuple[Array, Array]:
+def parallel(heights: Array) -> tuple[Array, Array]:
     """Return rays along the axis at heights, all round it."""
     turn = np.arange(len(heights)) * 2.4
-    origins = np.column_stack([heights * np.cos(turn), heights * np.sin(turn), np.full(len(heights), z)])
+    origins = np.column_stack([heights * np.cos(turn), heights * np.sin(turn), np.full(len(heights), -20.0)])
     return origins, np.tile([0, 0, 1.0], (len(heights), 1))
 
 

@@ -27,23 +27,7 @@ from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.lens_settings import Accuracy
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.tier_models import (
-    RINGS,
-    WITH_COLOURS,
-    WITH_SHAPES,
-    FirstOrderCamera,
-    Pupils,
-    RayBundle,
-    Tier,
-    VisibleWorld,
-    coverage,
-    depth_range_mm,
-    equivalent,
-    first_order_camera,
-    fit_polynomials,
-    round_stop,
-    tier_bundle,
-)
+from rptcam_cl.studies import tier_models
 
 # What the traced lens of a scene does, found by rays in float64: cheaper camera models are measured by it.
 
@@ -76,10 +60,10 @@ class FieldPoint:
     """
 
     point: Array
-    bundle: RayBundle
-    neighbour: RayBundle
+    bundle: tier_models.RayBundle
+    neighbour: tier_models.RayBundle
     apart_px: float
-    colours: tuple[RayBundle, ...]
+    colours: tuple[tier_models.RayBundle, ...]
     light: Array
 
     @property
@@ -129,8 +113,8 @@ def _trace_fields(
     """
     lens, film_distance_mm, own_nm = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
     points = np.outer(shares, half_film_mm)
-    pupils = Pupils.of(lens, film_distance_mm, points, own_nm)
-    rear, area = pupils.nodes(RINGS)
+    pupils = tier_models.Pupils.of(lens, film_distance_mm, points, own_nm)
+    rear, area = pupils.nodes(tier_models.RINGS)
     nudges = np.where(np.any(points, axis=1)[:, None], -NUDGE, NUDGE) * half_film_mm
     moved = rear + (nudges * _exit_pupil_shift(lens, film_distance_mm, own_nm))[:, None]
     here = _bundles(setting, points, rear, area)
@@ -151,7 +135,7 @@ def _trace_fields(
 
 def _bundles(
     setting: LensSetting, points: Array, rear: Array, area: Array, wavelength_nm: float | None = None
-) -> list[RayBundle]:
+) -> list[tier_models.RayBundle]:
     """Return the rays from film points (m, 2) through points (m, n, 2) of the plane of the last vertex.
 
     Parameters
@@ -178,7 +162,7 @@ def _bundles(
     leaving[:, 2] *= -1.0
     shape = (len(points), -1)
     parts = (starts.reshape(*shape, 3), leaving.reshape(*shape, 3), weights.reshape(shape))
-    return [RayBundle(*part) for part in zip(*parts, strict=True)]
+    return [tier_models.RayBundle(*part) for part in zip(*parts, strict=True)]
 
 
 def _exit_pupil_shift(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> float:
@@ -187,12 +171,12 @@ def _exit_pupil_shift(lens: Lens, film_distance_mm: float, wavelength_nm: float)
     return 1.0 - film_distance_mm / from_film if np.isfinite(from_film) and from_film else 1.0
 
 
-def _shaped_light(setting: LensSetting, shape: StopShape | StopMask, pupils: Pupils) -> Array:
+def _shaped_light(setting: LensSetting, shape: StopShape | StopMask, pupils: tier_models.Pupils) -> Array:
     """Return the irradiance (corners, m) through a stop that is not round, whose mirror images the corners see."""
     rear, area = pupils.nodes(SHAPED_RINGS)
     light = np.array([bundle.weights for bundle in _bundles(setting, pupils.film, rear, area)])
     at_stop = _at_stop(setting, pupils.film, rear)
-    return np.array([np.sum(light * coverage(shape, at_stop * side), axis=1) for side in CORNERS])
+    return np.array([np.sum(light * tier_models.coverage(shape, at_stop * side), axis=1) for side in CORNERS])
 
 
 def _at_stop(setting: LensSetting, film: Array, rear: Array) -> Array:
@@ -243,7 +227,7 @@ class Truth:
     """
 
     scene: Scene
-    first: FirstOrderCamera
+    first: tier_models.FirstOrderCamera
     shaped: Lens
     half_film_mm: Array
     shares: tuple[float, ...]
@@ -253,7 +237,7 @@ class Truth:
     coloured: bool
 
     @classmethod
-    def of(cls, scene: Scene, first: FirstOrderCamera, shares: tuple[float, ...] = FIELDS) -> Truth:
+    def of(cls, scene: Scene, first: tier_models.FirstOrderCamera, shares: tuple[float, ...] = FIELDS) -> Truth:
         """Trace the lens of a scene."""
         setting = first.setting
         half_film_mm = np.array(scene.film.size_m()) / 2 * 1e3
@@ -266,10 +250,12 @@ class Truth:
         fields = _trace_fields(setting, shape, half_film_mm, pixel_mm, shares, colours_nm)
         tint = lens_tint(scene, setting) if requested else 0.0
         lens = shaped(scene, setting).lens
-        return cls(scene, first, lens, half_film_mm, shares, tuple(fields), round_stop(shape)[1], tint, coloured)
+        return cls(
+            scene, first, lens, half_film_mm, shares, tuple(fields), tier_models.round_stop(shape)[1], tint, coloured
+        )
 
     @property
-    def view(self) -> VisibleWorld:
+    def view(self) -> tier_models.VisibleWorld:
         """What the camera may see, ahead of the film: at least as much as to first order."""
         setting = self.first.setting
         start = setting.lens.film_z(setting.film_distance_mm)
@@ -278,7 +264,7 @@ class Truth:
             if each is not None:
                 half = np.maximum(half, np.abs(each.bundle.places(start)).max(axis=0))
                 slopes = np.maximum(slopes, np.abs(each.bundle.directions[:, :2]).max(axis=0))
-        return VisibleWorld(start, half, slopes)
+        return tier_models.VisibleWorld(start, half, slopes)
 
     def blur_px(self, depths_mm: Sequence[float]) -> tuple[float, ...]:
         """Return how far light of a point falls from its middle at each film point, at most [pixels]."""
@@ -299,12 +285,12 @@ class Truth:
             for field in self.fields
         )
 
-    def axial(self, tier: Tier) -> float:
+    def axial(self, tier: tier_models.Tier) -> float:
         """Return the brightness of the film's centre in the picture of a tier, over that of the traced lens."""
         if not shows_losses(self.scene):
             return 1.0
         setting = self.first.setting
-        own = camera_model(equivalent(self.scene, tier)).on_axis_irradiance
+        own = camera_model(tier_models.equivalent(self.scene, tier)).on_axis_irradiance
         assert own is not None
         true = on_axis_irradiance(
             self.shaped, setting.film_distance_mm, setting.camera.wavelength_nm, setting.transmission
@@ -337,7 +323,7 @@ class TierError:
         The largest of each effect between `FIELDS`, where vignetting begins or aberrations turn [pixels].
     """
 
-    tier: Tier
+    tier: tier_models.Tier
     effects: Mapping[str, tuple[float, ...]]
     illumination: tuple[float, ...]
     tint: float = 0.0
@@ -359,7 +345,7 @@ class TierError:
         return max(*self.illumination, self.tint)
 
 
-def tier_error(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierError:
+def tier_error(truth: Truth, depths_mm: Sequence[float], tier: tier_models.Tier) -> TierError:
     """Find the errors of a tier against the traced lens, which has none itself.
 
     Parameters
@@ -371,14 +357,14 @@ def tier_error(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierErro
     if tier == "realistic":
         return TierError(tier, dict.fromkeys(EFFECTS, none), none)
     if tier == "fitted":
-        return _errors_of_polynomials(fit_polynomials(truth.scene, colours=truth.coloured))
-    bundles = [tier_bundle(truth.first, tier, field * truth.half_film_mm) for field in truth.shares]
+        return _errors_of_polynomials(tier_models.fit_polynomials(truth.scene, colours=truth.coloured))
+    bundles = [tier_models.tier_bundle(truth.first, tier, field * truth.half_film_mm) for field in truth.shares]
     apart = [_bundle_errors(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
     distortion, blur, outline = (tuple(column) for column in zip(*apart, strict=True))
     effects = {"distortion": distortion, "blur": blur, "outline": outline, "shape": none, "colour": none}
-    if truth.shape_apart and tier not in WITH_SHAPES and tier != "pinhole":
+    if truth.shape_apart and tier not in tier_models.WITH_SHAPES and tier != "pinhole":
         effects["shape"] = tuple(truth.shape_apart * radius for radius in truth.blur_px(depths_mm))
-    has_colours = tier in WITH_COLOURS
+    has_colours = tier in tier_models.WITH_COLOURS
     if not has_colours:
         effects["colour"] = truth.colour_px(depths_mm)
     lit = [bundle.light / bundles[0].light for bundle in bundles]
@@ -393,7 +379,7 @@ def _errors_of_polynomials(polynomials: RayMap) -> TierError:
 
 
 def _bundle_errors(
-    field: FieldPoint | None, other: RayBundle, depths_mm: Sequence[float]
+    field: FieldPoint | None, other: tier_models.RayBundle, depths_mm: Sequence[float]
 ) -> tuple[float, float, float]:
     """Return by how much middle, spread and outline of a bundle differ from those of the lens, at most [pixels]."""
     if field is None:
@@ -469,7 +455,7 @@ class Decision:
     shape_px: float | None = None
     colour_px: float | None = None
     tint: float = 0.0
-    tier: Tier = "realistic"
+    tier: tier_models.Tier = "realistic"
     colours: LensColour = "off"
 
     @property
@@ -577,7 +563,7 @@ def per_cent(share: float) -> str:
 
 MULTIPLY_ADDS = 25  # of polynomials per surface, up to which they take two thirds of the time (benchmarks/ray_maps.py)
 WORTH_FITTING = 1e9  # surfaces that all samples cross: fewer take less time than fitting polynomials
-FIRST_ORDER: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens")
+FIRST_ORDER: tuple[tier_models.Tier, ...] = ("pinhole", "thin_lens", "thick_lens")
 
 
 def choose_camera(scene: Scene) -> Decision:
@@ -592,13 +578,13 @@ def choose_camera(scene: Scene) -> Decision:
     allowed = camera.accuracy
     decision = measure_lens(scene)
     lens_colour = _lens_colour(scene, decision, allowed)
-    tier: Tier | None = next((each.tier for each in decision.errors if _is_allowed(each, allowed)), None)
+    tier: tier_models.Tier | None = next((each.tier for each in decision.errors if _is_allowed(each, allowed)), None)
     if tier is None:
         decision, tier = _polynomials(scene, decision, allowed, lens_colour)
-    chosen = equivalent(scene, tier)
-    if tier in WITH_COLOURS:
+    chosen = tier_models.equivalent(scene, tier)
+    if tier in tier_models.WITH_COLOURS:
         chosen = change_scene(chosen, spectrum={"lens": lens_colour})
-    colours = lens_colour if tier in WITH_COLOURS else "off"
+    colours = lens_colour if tier in tier_models.WITH_COLOURS else "off"
     return replace(decision, scene=chosen, allowed=allowed, tier=tier, colours=colours)
 
 
@@ -620,7 +606,7 @@ def _polynomials(
     if not requested and columns * rows * scene.render.spp * surfaces < WORTH_FITTING:
         return decision, "realistic"
     try:
-        polynomials = fit_polynomials(scene, colours=lens_colour == "on")
+        polynomials = tier_models.fit_polynomials(scene, colours=lens_colour == "on")
     except InputError:
         return decision, "realistic"
     if not requested and polynomials.multiply_adds > MULTIPLY_ADDS * surfaces:
@@ -639,7 +625,7 @@ def measure_lens(scene: Scene) -> Decision:
     """Measure the lens of a scene at its size of pixels, and the errors of the cheaper models that there are."""
     scene = on_film(scene)
     try:
-        first = first_order_camera(scene)
+        first = tier_models.first_order_camera(scene)
     except InputError as problem:
         return _decide_by_colour(scene, str(problem))
     truth = Truth.of(scene, first)
@@ -665,10 +651,10 @@ def measure_lens(scene: Scene) -> Decision:
     )
 
 
-def _why_no_equivalent(scene: Scene, tier: Tier) -> str:
+def _why_no_equivalent(scene: Scene, tier: tier_models.Tier) -> str:
     """Return why the lens of a scene has no equivalent of a tier; nothing where it has."""
     try:
-        equivalent(scene, tier)
+        tier_models.equivalent(scene, tier)
     except InputError as problem:
         return str(problem)
     return ""
@@ -690,7 +676,7 @@ def _depths(scene: Scene, truth: Truth) -> list[float]:
     """Return the distances ahead of the film at which errors are measured [mm]: both ends of what is seen, and the
     plane in focus."""
     setting = truth.first.setting
-    ends = depth_range_mm(scene, truth.view)
+    ends = tier_models.depth_range_mm(scene, truth.view)
     focus = setting.focus_distance_mm
     inside = [] if focus is None else [min(focus, FAR_MM)]
     return sorted({max(depth, truth.view.start_mm * 1.01) for depth in (*ends, *inside)})

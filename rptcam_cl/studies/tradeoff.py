@@ -12,7 +12,7 @@ import numpy as np
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.charts import FAINT, INK, add_key, chart_svg, new_figure, series, styled
-from rptcam_cl.rendering.tolerances import CONFIDENCE, Interval
+from rptcam_cl.rendering.tolerance_run import CONFIDENCE, Interval
 from rptcam_cl.studies.tiers import FIELDS, TierError
 from rptcam_cl.studies.tradeoff_errors import AS_IT_IS, REFERENCE, TARGETS, MeasuredVariant
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.rendering.tolerances import CONFIDENCE, Interval
+from rptcam_cl.rendering.tolerance_run import CONFIDENCE, Interval
 
 Array = NDArray[np.float64]
 

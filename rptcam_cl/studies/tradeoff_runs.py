@@ -19,12 +19,11 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.optics.ghosts import Lit, find_ghosts
-from rptcam_cl.rendering.account import truncation
+from rptcam_cl.rendering.account import resolve_exposure, truncation
 from rptcam_cl.rendering.cameras.lens_records import ghost_setting
 from rptcam_cl.rendering.diffraction import diffraction_of
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.lamps import aimed_plan
-from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront
@@ -32,21 +31,11 @@ from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.film import RenderSettings
 from rptcam_cl.scene.load import given_keys, load_scene
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies import tradeoff_errors
 from rptcam_cl.studies.focus.controller import in_focus
 from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent
 from rptcam_cl.studies.tiers import Decision, choose_camera
 from rptcam_cl.studies.tradeoff import TradeoffReport, advise_for_error, advise_for_time
-from rptcam_cl.studies.tradeoff_errors import (
-    AS_IT_IS,
-    REFERENCE,
-    LongPictures,
-    MeasuredVariant,
-    Pictures,
-    SpreadTiles,
-    draws,
-    measurements,
-    pair_errors,
-)
 
 Array = NDArray[np.float64]
 
@@ -56,7 +45,7 @@ Array = NDArray[np.float64]
 # A picture made smaller would hide what an inaccurate camera does to fine detail; tiles of the true one do not.
 
 
-def spread_tiles(layout: FilmLayout, most: int, rng: np.random.Generator) -> SpreadTiles:
+def spread_tiles(layout: FilmLayout, most: int, rng: np.random.Generator) -> tradeoff_errors.SpreadTiles:
     """Return at most so many tiles, at a random place in cells of equal size; all where there are no more."""
     across, down = layout.tiles_across, -(-layout.height // TILE)
     columns, rows = across, down
@@ -74,7 +63,7 @@ def spread_tiles(layout: FilmLayout, most: int, rng: np.random.Generator) -> Spr
     full = len(tiles) == across * down
     weights = np.ones(len(cell)) if full else cells[cell] / layout.pixels_of_tile[tiles][cell].clip(1)
     weights = weights[inside] / weights[inside].sum()
-    return SpreadTiles(tiles, (rows, columns), buffer[inside], cell[inside], weights, layout.tiles)
+    return tradeoff_errors.SpreadTiles(tiles, (rows, columns), buffer[inside], cell[inside], weights, layout.tiles)
 
 
 # The configurations that are compared: the most accurate one of a scene, and others with one thing changed.
@@ -170,7 +159,7 @@ def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None
             texts = settings(scene, requested)
             variants.append(Variant(name, knob, made, tier or reference.tier, unbiased, texts))
 
-    add(AS_IT_IS, "scene", partial(_without_layers, scene))
+    add(tradeoff_errors.AS_IT_IS, "scene", partial(_without_layers, scene))
     if camera.traced_camera is not None:
         decision = choose_camera(change_scene(full, camera={"accuracy": "auto"}))
         for tier in reversed(TIERS[:-1]):
@@ -207,11 +196,11 @@ def most_accurate(scene: Scene) -> Variant:
     """
     plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
     if scene.camera.traced_camera is None:
-        return Variant(REFERENCE, "", plain)
+        return Variant(tradeoff_errors.REFERENCE, "", plain)
     plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto", "rays": "traced", "precision": "single"})
     if plain.spectrum.mode != "rgb":
         plain = change_scene(plain, spectrum={"lens": "on"})
-    return Variant(REFERENCE, "", plain, "realistic")
+    return Variant(tradeoff_errors.REFERENCE, "", plain, "realistic")
 
 
 def _without_layers(scene: Scene) -> Scene:
@@ -299,7 +288,9 @@ def mark(plan: Plan, settings: RenderSettings) -> bytes:
     return repr((words, settings.roulette_depth)).encode() + b"".join(array.tobytes() for array in arrays)
 
 
-def run(ready: Ready, tiles: SpreadTiles, samples: int, seed: int) -> tuple[NDArray[np.float32], float, float]:
+def run(
+    ready: Ready, tiles: tradeoff_errors.SpreadTiles, samples: int, seed: int
+) -> tuple[NDArray[np.float32], float, float]:
     """Render the tiles once.
 
     Returns
@@ -350,7 +341,7 @@ LONG_TIME = _LONG / (_SHORT + _LONG)  # of all that is rendered
 
 def render_by_turns(
     ready: Sequence[Ready], seconds: float, seed: int, on_progress: Callable[[str, float], Any], seeds: int = SEEDS
-) -> Pictures:
+) -> tradeoff_errors.Pictures:
     """Return pictures of every configuration, as large and with as many samples as fit the time.
 
     Where turns take longer than the first small renders said, there are fewer seeds and fewer long renders.
@@ -386,7 +377,7 @@ def render_by_turns(
     taken *= layout.samples_per_spp / len(tiles.pixels) / sum(samples)
     by_cpu = info.type == "cpu"
     timings = [(cpu / cores() if by_cpu else wall, wall) for cpu, wall in taken]
-    return Pictures(tiles, samples, seeds, pixels, long, timings, by_cpu)
+    return tradeoff_errors.Pictures(tiles, samples, seeds, pixels, long, timings, by_cpu)
 
 
 def _order(count: int, turn: int) -> NDArray[np.int64]:
@@ -395,12 +386,12 @@ def _order(count: int, turn: int) -> NDArray[np.int64]:
 
 def _long(
     ready: Sequence[Ready],
-    tiles: SpreadTiles,
+    tiles: tradeoff_errors.SpreadTiles,
     most: int,
     samples: int,
     seed: int,
     on_progress: Callable[[str, float], Any],
-) -> LongPictures:
+) -> tradeoff_errors.LongPictures:
     """Return pictures of a few of the tiles with many samples, of as many as the time allows."""
     count = min(max(min(len(tiles.tiles) // LONG_SHARE, most), FEWEST_LONG), len(tiles.tiles))
     chosen = np.sort(np.random.default_rng(TILES_SEED).choice(len(tiles.tiles), count, replace=False))
@@ -411,10 +402,10 @@ def _long(
             share = (turn + place / len(ready)) / LONG_SEEDS
             on_progress("rendering some tiles longer", 1 - LONG_TIME * (1 - share))
             pixels[index][turn], *_ = run(ready[index], few, samples, seed + turn)
-    return LongPictures(samples, chosen, pixels)
+    return tradeoff_errors.LongPictures(samples, chosen, pixels)
 
 
-def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadTiles, int]:
+def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[tradeoff_errors.SpreadTiles, int]:
     """Return the tiles and the samples per pixel of the first pictures, by the speed of small ones."""
     layout, kind = ready[0].wavefront.layout, ready[0].wavefront.session.info.type
     now = _undisturbed_clock(kind)
@@ -541,7 +532,7 @@ def _ghosts(scene: Scene) -> float | None:
     return sum(ghost.flux_in_frame for ghost in account.ghosts) / account.reference
 
 
-def _check_light(pictures: Pictures, scene: Scene) -> None:
+def _check_light(pictures: tradeoff_errors.Pictures, scene: Scene) -> None:
     if not any(picture.any() for picture in pictures.pixels[0]):
         raise InputError(
             "the picture is black, so that there is nothing to compare (allowed: a scene whose light reaches the"
@@ -550,7 +541,7 @@ def _check_light(pictures: Pictures, scene: Scene) -> None:
 
 
 def _conditions(
-    scene: Scene, session: Session, ready: list[Ready], pictures: Pictures, decision: Decision | None
+    scene: Scene, session: Session, ready: list[Ready], pictures: tradeoff_errors.Pictures, decision: Decision | None
 ) -> dict[str, Any]:
     """The conditions of a comparison: the members of a report that no measurement is in."""
     reference = ready[0].plan
@@ -574,10 +565,10 @@ def _conditions(
     }
 
 
-def _measure(ready: list[Ready], pictures: Pictures) -> list[MeasuredVariant]:
-    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
+def _measure(ready: list[Ready], pictures: tradeoff_errors.Pictures) -> list[tradeoff_errors.MeasuredVariant]:
+    errors = tradeoff_errors.pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
     names = ("name", "knob", "same_as", "settings", "tier", "unbiased")
     named = [{name: getattr(each.configuration, name) for name in names} | {"start_s": each.start_s} for each in ready]
-    counts = draws(pictures.seeds, np.random.default_rng(DRAWS_SEED))
+    counts = tradeoff_errors.draws(pictures.seeds, np.random.default_rng(DRAWS_SEED))
     samples = (*pictures.samples, pictures.long.samples)
-    return measurements(named, errors, pictures.timings, samples, counts)
+    return tradeoff_errors.measurements(named, errors, pictures.timings, samples, counts)

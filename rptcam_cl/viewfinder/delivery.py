@@ -17,11 +17,10 @@ from rptcam_cl.viewfinder import dials as all_dials
 from rptcam_cl.viewfinder import instruments, messages
 from rptcam_cl.viewfinder.background import BackgroundTask, BackgroundThread
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, LensPanel, focus_scale, nearest_focus_m, perspective
-from rptcam_cl.viewfinder.moves import field_at_one
 from rptcam_cl.viewfinder.panel import BODIES, EV_STEPS, F_NUMBERS, KITS, SPEEDS, TIMES, Panel, ev_text
 from rptcam_cl.viewfinder.slot import Shown, Slot
 from rptcam_cl.viewfinder.studio import Studio
-from rptcam_cl.viewfinder.things import fields_of, mix_entries, things_message
+from rptcam_cl.viewfinder.things import field_at_one, fields_of, mix_entries, things_message
 from rptcam_cl.viewfinder.timeline import follows_anew, time_message
 
 # Frames of the picture, and what lies over it.

@@ -13,14 +13,14 @@ from typing import Any, Literal, get_args
 
 from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.core.errors import InputError, RptcamError, near_name
 from rptcam_cl.core.files import Folders, References, lenses_dir
 from rptcam_cl.core.remember import Disk, remember
 from rptcam_cl.optics.lens import Lens, in_configuration
 from rptcam_cl.optics.library import list_lenses, load_lens, named_lens
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
 from rptcam_cl.rendering.cameras.setting import lens_camera
-from rptcam_cl.scene.base import listed, near_name
+from rptcam_cl.scene.base import listed
 from rptcam_cl.scene.camera import LensCamera
 from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2, MOST_STOPS, Exposure
@@ -183,7 +183,7 @@ def chosen_lens(scene: Scene, name: str) -> LensEntry:
     entries = {entry.name: entry for entry in lens_entries(scene)}
     if name not in entries:
         raise InputError(
-            f"lens: is not one of the list{near_name(name, list(entries))}"
+            f"lens: is not one of the list{near_name(name, entries)}"
             f" (got {name[:80]!r}; allowed: {listed(list(entries))})"
         )
     return entries[name]
@@ -350,7 +350,7 @@ def follow_light(panel: Panel) -> Turn:
         return panel.same()
     turned = _relink(panel, panel.settings)
     if panel.dials.written.mode == "physical" and turned.dials.written.mode == "physical":
-        wanted = _wanted(panel, panel.settings, 0.0)
+        wanted = _exposure_wanted(panel, panel.settings, 0.0)
         off = abs(math.log2(exposure_of(panel.settings, panel.light) / wanted))
         if off < STEADY_EV:
             return replace(panel.same(), messages=turned.messages)
@@ -377,7 +377,7 @@ def _standing_reading(panel: Panel) -> float:
     return float(dials.target * 2.0**dials.ev / lets * LUMENS_PER_WATT)
 
 
-def _wanted(panel: Panel, standing: Settings, ev_change: float) -> float:
+def _exposure_wanted(panel: Panel, standing: Settings, ev_change: float) -> float:
     """Return the film value per radiance that the meter asks for, before the filter takes its part.
 
     Without a reading, that of the settings as they stood, and the change of compensation.
@@ -401,7 +401,7 @@ def _relink(
     dials = panel.dials
     if not _follows(panel) or _is_metered_by_scene_alone(panel):
         return _write(panel, Linked(settings, 0.0, ()), messages)
-    wanted = _wanted(panel, standing or panel.settings, ev_change)
+    wanted = _exposure_wanted(panel, standing or panel.settings, ev_change)
     found = linked(dials.mode, dials.auto_iso, settings, wanted, panel.limits, panel.light)
     return _write(panel, found, messages)
 
@@ -564,13 +564,13 @@ def turn_zoom(panel: Panel, value: Any) -> Turn:
     messages = (f"it goes from {ends[0]:.4g} to {ends[1]:.4g} mm",) if abs(reached - wanted) > 1e-9 * wanted else ()
     kind = zoom_kind(panel.scene)
     if kind == "crop":
-        return _cropped(panel, reached / ends[0], messages)
+        return _crop(panel, reached / ends[0], messages)
     if kind == "zoom":
-        return Turn(panel.dials, _zoomed(panel, reached), messages)
-    return Turn(panel.dials, _widened(panel, reached), messages)
+        return Turn(panel.dials, _zoom_changes(panel, reached), messages)
+    return Turn(panel.dials, _widen_changes(panel, reached), messages)
 
 
-def _cropped(panel: Panel, factor: float, messages: tuple[str, ...]) -> Turn:
+def _crop(panel: Panel, factor: float, messages: tuple[str, ...]) -> Turn:
     """Return a film that is smaller by a factor than the whole one."""
     width, height = panel.dials.whole_mm
     size = (width / factor, height / factor) if factor > 1 + 1e-9 else (width, height)
@@ -583,7 +583,7 @@ def _cropped(panel: Panel, factor: float, messages: tuple[str, ...]) -> Turn:
 SIZES = ("format", "size_mm", "width_mm", "diagonal_mm", "pixel_pitch_um")
 
 
-def _zoomed(panel: Panel, focal_mm: float) -> dict[str, Any]:
+def _zoom_changes(panel: Panel, focal_mm: float) -> dict[str, Any]:
     """Return the changes that zoom a lens; an f-number beyond the zoomed lens's widest becomes that."""
     changes: dict[str, Any] = {"camera.focal_length_mm": focal_mm}
     camera = lens_camera(panel.scene)
@@ -595,7 +595,7 @@ def _zoomed(panel: Panel, focal_mm: float) -> dict[str, Any]:
     return changes
 
 
-def _widened(panel: Panel, focal_mm: float) -> dict[str, Any]:
+def _widen_changes(panel: Panel, focal_mm: float) -> dict[str, Any]:
     """Return the changes that give an ideal camera another field."""
     here = focal_length_mm(panel.view)
     assert here is not None
@@ -813,7 +813,7 @@ def turn_dial(panel: Panel, name: str, value: Any) -> Turn:
         There is no such dial, or the value is not one of its kind; nothing has changed.
     """
     if name not in DIALS:
-        raise InputError(f"{name[:40]}: is no dial{near_name(name, list(DIALS))} (allowed: {listed(list(DIALS))})")
+        raise InputError(f"{name[:40]}: is no dial{near_name(name, DIALS)} (allowed: {listed(list(DIALS))})")
     return DIALS[name](panel, value)
 
 

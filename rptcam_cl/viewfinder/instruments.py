@@ -15,9 +15,8 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.development import srgb_from_linear
 from rptcam_cl.imaging.formats import RawImage
-from rptcam_cl.rendering.account import window
+from rptcam_cl.rendering.account import SPOT_AREA, weights, window
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
-from rptcam_cl.rendering.metering import SPOT_AREA, weights
 from rptcam_cl.scene.base import FLOAT32_MIN_NORMAL
 from rptcam_cl.scene.camera import Camera
 from rptcam_cl.scene.changes import at_opening, with_camera
@@ -86,9 +85,9 @@ def histogram(
     return _histogram(counts, "display code", (-0.5, CODES - 0.5), len(codes)) | clipped
 
 
-def stop_histogram(pixels: NDArray[np.float32], most: int = MOST_PIXELS) -> Histogram:
+def stop_histogram(pixels: NDArray[np.float32]) -> Histogram:
     """Return how many pixels of a film lie in each third of a stop about middle grey; the ends take what is beyond."""
-    values = thinned(pixels, most).reshape(-1, 3)
+    values = thinned(pixels).reshape(-1, 3)
     bins = (BRIGHTEST_EV - DARKEST_EV) * PER_STOP
     series = {"luminance": luminance(values, np.float32)} | {name: values[:, k] for k, name in enumerate(CHANNELS)}
     counts = {}

@@ -522,7 +522,7 @@ def _fan(state: LensState, start: Array, across: Array, box: Array, window: Arra
     vectors = np.tile(targets - start, (len(state.wavelengths_nm), 1))
     points = np.broadcast_to(start, vectors.shape).copy()
     corners, rays = state.from_film.paths(points, vectors, wavelengths)
-    return [_drawn(state, corners[:, ray], rays, ray, across, float(wavelengths[ray])) for ray in range(len(points))]
+    return [_draw(state, corners[:, ray], rays, ray, across, float(wavelengths[ray])) for ray in range(len(points))]
 
 
 def _heights(state: LensState, start: Array, across: Array, foot: Array, window: Array) -> Array:
@@ -550,7 +550,7 @@ def _heights(state: LensState, start: Array, across: Array, foot: Array, window:
     return np.asarray(low + step * np.arange(-below, RAY_FAN + above))
 
 
-def _drawn(
+def _draw(
     state: LensState, corners: Array, rays: Rays, ray: int, across: Array, wavelength_nm: float
 ) -> dict[str, Any]:
     """Return a ray as drawn, from the film to before the lens, or to where it was stopped."""

@@ -4,34 +4,27 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+import math
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple, replace
 from functools import partial
 from typing import Any
 
 from rptcam_cl.api.combined import focus_stack
-from rptcam_cl.core.errors import DeviceError, InputError, StateError
+from rptcam_cl.core.errors import DeviceError, InputError, StateError, near_name
 from rptcam_cl.imaging.image import Image
+from rptcam_cl.scene.lens_settings import METHODS
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.focus.probe import FocusReport, Probe
-from rptcam_cl.viewfinder import messages, timeline
+from rptcam_cl.studies.focus.controller import autofocus
+from rptcam_cl.studies.focus.drives import focus_drive
+from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, Probe
+from rptcam_cl.viewfinder import messages, things, timeline
 from rptcam_cl.viewfinder.background import Background, BackgroundTask
 from rptcam_cl.viewfinder.dials import turn_dial, turn_focus, zoom_by
-from rptcam_cl.viewfinder.moves import (
-    check_search,
-    describe_focus,
-    focus_at,
-    focus_changes,
-    focus_order,
-    focus_zones,
-    moved,
-    state_changes,
-    viewpoint_of,
-)
 from rptcam_cl.viewfinder.panel import Clock
 from rptcam_cl.viewfinder.slot import Slot
 from rptcam_cl.viewfinder.studio import History, Studio, place_of, scene_error, text_of, values_before
-from rptcam_cl.viewfinder.things import APART, add_thing, switch_lamp, turn_mix, turn_thing
 
 LOG = logging.getLogger("rptcam_cl.viewfinder")
 CHANGE_THE_CAMERA = ("set", "dial", "move", "time", "lamp", "add")
@@ -156,10 +149,10 @@ class Requests:
     def _dial(self, client: messages.Client, message: messages.Dial) -> None:
         slot = self._studio.slot(message.slot)
         if message.name.startswith("thing_"):
-            turned = turn_thing(slot.panel, self._studio.selected, message.name, message.value)
-        elif message.name.startswith(APART):
+            turned = things.turn_thing(slot.panel, self._studio.selected, message.name, message.value)
+        elif message.name.startswith(things.APART):
             groups, together = slot.session.light_groups, [name for name in slot.comes_last if name != "sensor"]
-            turned = turn_mix(slot.panel, groups, message.name, message.value, together)
+            turned = things.turn_mix(slot.panel, groups, message.name, message.value, together)
         else:
             turned = turn_dial(slot.panel, message.name, message.value)
         slot.messages = turned.messages
@@ -178,8 +171,8 @@ class Requests:
             if turned.changes:
                 self._change("A", turned.changes, transient=message.transient, dials=turned.dials)
         else:
-            before = viewpoint_of(slot.resolved)
-            keys = moved(before, message.kind, message.dx, message.dy, message.dz).changes(before)
+            before = things.viewpoint_of(slot.resolved)
+            keys = things.moved(before, message.kind, message.dx, message.dy, message.dz).changes(before)
             if keys:
                 self._change("A", keys, transient=message.transient)
 
@@ -224,7 +217,7 @@ class Requests:
         zones = None if message.zones is None else [tuple(zone) for zone in message.zones]
         check_search(message.method, zones)
         if not self._compiles(client, message, zones=zones):
-            self._search(client, message, partial(focus_zones, method=message.method, zones=zones))
+            self._search(client, message, partial(autofocus, method=message.method, zones=zones))
 
     def _leave_other_search(self, message: messages.FocusRequest | messages.Autofocus) -> None:
         if all(waiting is not message for _, waiting in self._announced):
@@ -248,15 +241,13 @@ class Requests:
             task.post(lambda: client.outbox.news("search", {"type": "search", "curve": points}))
 
         def work(task: BackgroundTask) -> FocusReport:
-            return find(
-                scene,
-                device,
-                on_probe=partial(on_probe, task),
-                on_state=lambda state: task.post(lambda: self._follow(scene, state, followed)),
-            )
+            def follow(state: float) -> None:
+                task.post(lambda: self._follow(scene, state, followed))
+
+            return find(scene, device=device, on_probe=partial(on_probe, task), on_state=follow)
 
         def done(report: FocusReport) -> None:
-            self._studio.change("A", self._found(scene, report))
+            self._studio.change("A", self._changes_to(scene, report))
             client.outbox.answer({"type": "focused", "id": message.id, **describe_focus(report)})
 
         def failed(problem: Exception) -> None:
@@ -269,13 +260,13 @@ class Requests:
         ended = partial(self._supersede, client, message)
         self._searching.start(BackgroundTask("focus search", work, done, failed, ended=ended))
 
-    def _found(self, scene: Scene, report: FocusReport) -> Mapping[str, Any]:
+    def _changes_to(self, scene: Scene, report: FocusReport) -> Mapping[str, Any]:
         """Return the changes that set the focus that was found: where it has keys, by its distance, as these are."""
         recorder, panel = self._studio.recorder, self._studio.slot("A").panel
         if recorder.is_on or timeline.is_keyed(scene, "focus"):
             keys = turn_focus(panel, report.focus_distance_m or 0.0).changes
             return recorder.rewrite(panel, keys, transient=False)
-        return focus_changes(scene, report)
+        return state_changes(scene, report.state)
 
     def _follow(self, scene: Scene, state: float, followed: set[str]) -> None:
         """Set the focus to where a search takes it to be by now."""
@@ -429,7 +420,7 @@ class Requests:
 
     def _lamp(self, client: messages.Client, message: messages.Lamp) -> None:
         slot = self._studio.slot("A")
-        turned = switch_lamp(slot.panel, message.name, message.mute, message.solo)
+        turned = things.switch_lamp(slot.panel, message.name, message.mute, message.solo)
         if turned.changes:
             self._change("A", turned.changes)
         dark = {name: getattr(turned.dials, name) for name in ("dark", "mute", "solo")}
@@ -438,7 +429,7 @@ class Requests:
 
     def _add(self, client: messages.Client, message: messages.Add) -> None:
         slot = self._studio.slot("A")
-        changes, name = add_thing(slot.panel, viewpoint_of(slot.resolved), message.what)
+        changes, name = things.add_thing(slot.panel, things.viewpoint_of(slot.resolved), message.what)
         self._change("A", changes)
         self._studio.selected = name
 
@@ -496,3 +487,103 @@ class Requests:
         self.history.clear()
         text = "; ".join(("the scene file was read again", *(f"no longer possible: {item}" for item in dropped)))
         self._studio.tell({"type": "notice", "kind": "watch", "ok": True, "text": text})
+
+
+# Focus at a click, and autofocus by zones: what `rptcam focus` finds, as changes of the scene and a curve to draw.
+
+MOST_ZONES = 64
+
+
+def describe_focus(report: FocusReport) -> dict[str, Any]:
+    """Describe a focus as plain values for a page; the curve has its probes in the order in which they were made."""
+    return {
+        "distance_m": _plain(report.focus_distance_m),
+        "film_distance_mm": report.film_distance_mm,
+        "method": report.method,
+        "confidence": report.confidence,
+        "failure": report.failure,
+        "warnings": report.warnings,
+        "zone": list(astuple(report.zone)),
+        "zones": [list(astuple(zone)) for zone in report.zones],
+        "samples": report.samples,
+        "seconds": report.seconds,
+        "curve": [
+            {
+                "position": probe.film_distance_mm,
+                "score": _plain(probe.value),
+                "error": _plain(probe.error),
+                "quantity": probe.quantity,
+            }
+            for probe in report.probes
+        ],
+    }
+
+
+def _plain(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def focus_order(device: str, scene: Scene, method: str | None, place: dict[str, Any]) -> bytes:
+    """Pickle a search for `CompileServer.compile`: another process makes it first, so that this one has its kernels.
+
+    Parameters
+    ----------
+    device
+        Its id.
+    place
+        ``point`` or ``zones``, as `autofocus` takes them.
+    """
+    return pickle.dumps((_search_for_kernels, (device, scene, method, place)))
+
+
+def _search_for_kernels(device: str, scene: Scene, method: str | None, place: dict[str, Any]) -> None:
+    """Search; what is found does not count."""
+    with contextlib.suppress(InputError):
+        autofocus(scene, method, device=device, **place)
+
+
+def focus_at(scene: Scene, x: float, y: float, **options: Any) -> FocusReport:
+    """Find the focus on a point of the picture, the answer of ``rptcam focus SCENE --point x,y``.
+
+    Where nothing there tells focus from blur, it is by the distance of what is there, and says so.
+
+    Parameters
+    ----------
+    scene
+        As requested: its exposure does not matter.
+    x, y
+        In fractions of the picture from its left and top.
+    **options
+        Device and callbacks, as `autofocus` takes them.
+
+    Raises
+    ------
+    NoContrast, OutOfReach
+        Nothing is there; it is nearer than the camera can focus, or farther.
+    InputError
+        The camera has no focus, or an argument is wrong.
+    """
+    try:
+        found = autofocus(scene, point=(x, y), **options)
+        if found.failure is None:
+            return found
+        fault = found.failure
+    except NoContrast as problem:
+        fault = str(problem)
+    by_distance = autofocus(scene, "depth", point=(x, y), **options)
+    return replace(by_distance, remarks=(*by_distance.remarks, f"by distance alone, as by contrast {fault}"))
+
+
+def check_search(method: str | None, zones: Sequence[Sequence[float]] | None) -> None:
+    """Raise `InputError` for a method that there is not, or too many zones."""
+    if method is not None and method not in METHODS:
+        allowed = ", ".join(METHODS)
+        raise InputError(f"method: is none{near_name(method, METHODS)} (got {method!r}; allowed: {allowed})")
+    if zones is not None and len(zones) > MOST_ZONES:
+        raise InputError(f"zones: too many (got {len(zones)}; allowed: up to {MOST_ZONES})")
+
+
+def state_changes(scene: Scene, state: float) -> dict[str, Any]:
+    """Return the key paths of the scene, with their values, that set a focus state."""
+    keys = focus_drive(scene).camera_keys(state)
+    return {f"camera.{name}": value for name, value in keys.items() if value is not None}

@@ -89,7 +89,7 @@ class OriginGuard:
     def __init__(self, app: Any, host: str, port: int) -> None:
         self._app = app
         self._port = port
-        self._any_address = _is_unspecified(host)
+        self._any_address = _is_address(host) and ipaddress.ip_address(host).is_unspecified
         names = {*_LOOPBACK, f"[{host}]" if ":" in host else host}
         if self._any_address:
             names.add(socket.gethostname().lower())
@@ -130,10 +130,6 @@ def _is_address(name: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _is_unspecified(host: str) -> bool:
-    return _is_address(host) and ipaddress.ip_address(host).is_unspecified
 
 
 def is_loopback(host: str) -> bool:

@@ -349,12 +349,12 @@ class Slot:
         self.wants_glance = self.wants_showing = False
         begun = time.perf_counter()
         self._last = self.session.glance(scale)
-        seen = self._seen(self._last)
-        self._denoised(seen)
+        seen = self._see(self._last)
+        self._denoise(seen)
         self.pace.note_glance(scale, time.perf_counter() - begun)
         return seen
 
-    def _seen(self, frame: Frame) -> Frame:
+    def _see(self, frame: Frame) -> Frame:
         """Return a frame with its lamps as bright as a hand has them; itself where they are as they were rendered."""
         mix = {name: gain for name, gain in self.dials.mix.items() if gain != 1}
         lights = frame.lights() if mix else {}
@@ -376,7 +376,7 @@ class Slot:
         mix = {name: gain for name, gain in self.dials.mix.items() if name in self.session.light_groups}
         return (lambda: relit(later(), mix)) if self.is_mixed else later
 
-    def _denoised(self, frame: Frame) -> NDArray[np.float32] | None:
+    def _denoise(self, frame: Frame) -> NDArray[np.float32] | None:
         """Return a frame without its noise; None where it is shown as it is: clean, or while kernels compile."""
         if self.denoises and not self._is_clean(frame):
             if self._clean[0] is not frame or self._clean[1] is None:
@@ -413,7 +413,7 @@ class Slot:
         """Return the picture that is there, to be developed anew."""
         assert self._last is not None, "there is one where a change leaves the film"
         self.wants_showing = False
-        seen = self._seen(self._last)
+        seen = self._see(self._last)
         return self.finished.frame if self.finished is not None and self.finished.mix == self.dials.mix else seen
 
     def refine(self, is_wanted: Callable[[], bool]) -> Frame | None:
@@ -440,7 +440,7 @@ class Slot:
             return None
         self._last = frame
         stays = self.finished is not None or (self._network_spp > 0 and not self._is_clean(frame))
-        return None if stays else self._seen(self._last)
+        return None if stays else self._see(self._last)
 
     def leave_unread(self) -> None:
         """Note that the picture of the last samples was given up before it was made."""
@@ -467,7 +467,7 @@ class Slot:
         if finished is not None and finished.frame is frame and self.scene.sensor is None:
             image, lacks = with_picture_settings(finished.image, self.scene.picture), ()
         else:
-            clean = self._denoised(frame)
+            clean = self._denoise(frame)
             image = self._plain_image(frame.pixels if clean is None else clean)
         codes = codes_of(image)
         self._number, self._network_spp = self._number + 1, 0
@@ -487,7 +487,7 @@ class Slot:
     def network_later(self) -> Callable[[], tuple[int, Frame, NDArray[np.float32]]]:
         """Read what `show_network` shows; return what makes it, in any thread."""
         assert self._last is not None, "as `wants_network` says"
-        film, frame = self.film, self._seen(self._last)
+        film, frame = self.film, self._see(self._last)
         clean = self.session.denoised_later(frame)
         return lambda: (film, frame, clean())
 
@@ -533,7 +533,7 @@ class Slot:
         """Read the film; return what finishes its picture, in any thread."""
         assert self._last is not None, "as `wants_finishing` says"
         film, done, picture, mix = self.film, self.finished, self.scene.picture, self.dials.mix
-        frame = self._seen(self._last)
+        frame = self._see(self._last)
         later = self.image_later() if done is None or done.frame is not frame else lambda: done.image
 
         def finish() -> Finished:

@@ -1,4 +1,4 @@
-"""Objects, lamps and surroundings in the viewfinder: what is selected, its dials, and lamps that are muted or alone."""
+"""What a hand changes in a scene: the camera by moves; objects, lamps and surroundings by dials of what is selected."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from dataclasses import field, replace
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, near_name
 from rptcam_cl.core.files import plain
-from rptcam_cl.scene.base import near_name
+from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.load import key_path
 from rptcam_cl.scene.materials import Emissive, Principled
 from rptcam_cl.scene.scene import STRENGTHS, Scene
-from rptcam_cl.viewfinder.moves import Viewpoint
 from rptcam_cl.viewfinder.panel import Panel, Turn, number, word
 
 # A thing is named by its key path in the scene: objects.3, lights.0, materials.candle, environment.
@@ -102,7 +102,7 @@ def turn_thing(panel: Panel, thing: str | None, name: str, value: Any) -> Turn:
         raise InputError(f"{name}: nothing is selected (allowed: dials of what is)")
     fields = {f"thing_{each.name}": each for each in fields_of(panel, thing)}
     if name not in fields:
-        raise InputError(f"{name}: {title_of(panel.scene, thing)} has no such dial{near_name(name, list(fields))}")
+        raise InputError(f"{name}: {title_of(panel.scene, thing)} has no such dial{near_name(name, fields)}")
     dial = fields[name]
     if dial.why_not is not None:
         return panel.same(f"{dial.label}: {dial.why_not}")
@@ -158,14 +158,14 @@ def add_thing(panel: Panel, view: Viewpoint, what: Added) -> tuple[dict[str, Any
 
 def _material_of(scene: Scene, index: int) -> str | None:
     """The key path of an object's material; None where its file has it."""
-    given = _given(scene, index, "material")
+    given = _given_value(scene, index, "material")
     if isinstance(given, str):
         return f"materials.{given}" if "." not in given else None
     return f"objects.{index}.material" if isinstance(given, dict) else None
 
 
 def _material_choice(scene: Scene, index: int) -> Iterator[Field]:
-    given = _given(scene, index, "material")
+    given = _given_value(scene, index, "material")
     if isinstance(given, str) and len(scene.materials) > 1:
         choices = [{"value": name, "label": name} for name in scene.materials]
         path = f"objects.{index}.material"
@@ -261,7 +261,7 @@ def _position(scene: Scene, index: int) -> Iterator[Field]:
     matrix = item.placed_at(scene.shutter.open_s)
     middle = (matrix[:3, :3] @ ((np.asarray(low) + np.asarray(high)) / 2) + matrix[:3, 3]).tolist()
     size = float(np.linalg.norm(matrix[:3, :3] @ (np.asarray(high) - np.asarray(low))))
-    given = plain(_given(scene, index, "transform") or [])
+    given = plain(_given_value(scene, index, "transform") or [])
     steps = [dict(each) for each in (given if isinstance(given, list) else [given])]
     for axis, name in enumerate(AXES):
 
@@ -370,8 +370,8 @@ def switch_lamp(panel: Panel, thing: str, mute: bool | None, solo: bool | None) 
     names = [name for name, _ in _lamps(scene, dials.dark)]
     if thing not in names:
         raise InputError(f"lamp: there is none of that name{near_name(thing, names)} (got {thing[:80]!r})")
-    muted = _switched(dials.mute, thing, mute)
-    alone = _switched(dials.solo, thing, solo)
+    muted = _switch_name(dials.mute, thing, mute)
+    alone = _switch_name(dials.solo, thing, solo)
     dark, changes = dict(dials.dark), {}
     for name in names:
         wanted_dark = name not in alone if alone else name in muted
@@ -460,7 +460,7 @@ def _common_groups(scene: Scene, dark: Mapping[str, Any]) -> Iterator[tuple[int,
                 yield index, re.sub(r"[^A-Za-z0-9_-]", "_", path.split(".", 1)[1])
 
 
-def _switched(names: frozenset[str], name: str, on: bool | None) -> frozenset[str]:
+def _switch_name(names: frozenset[str], name: str, on: bool | None) -> frozenset[str]:
     return names if on is None else names | {name} if on else names - {name}
 
 
@@ -476,7 +476,7 @@ def things_message(panel: Panel, selected: str | None) -> dict[str, Any]:
 # The scene's data and models by key path.
 
 
-def _given(scene: Scene, index: int, key: str) -> Any:
+def _given_value(scene: Scene, index: int, key: str) -> Any:
     """What the scene file says of an object; nothing of one made in Python."""
     item = scene.made_of["objects"][index]
     return item.get(key) if isinstance(item, Mapping) else None
@@ -504,3 +504,151 @@ def _setter(path: str) -> Callable[[Any], dict[str, Any]]:
 
 def _is_rgb(value: Any) -> bool:
     return isinstance(value, tuple) and len(value) == 3 and all(isinstance(each, int | float) for each in value)
+
+
+# Moves of the camera: what a drag or a key does to eye, target and up.
+
+Vector = NDArray[np.float64]
+ORBIT = math.pi  # radians that a drag across the whole picture turns the camera about its target
+ROLL = math.radians(10)  # a step of roll
+DOLLY = 0.05  # share of the distance in focus that a step towards it takes away
+WALK = 0.02  # share of the distance in focus that a step is long
+_WIDE = 1.0  # width at distance 1 where no field angle says: of cameras that see all around
+_NEAREST_POLE = math.radians(1.0)  # between the view and up
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """Where a camera is and how it sees, in scene units.
+
+    Attributes
+    ----------
+    eye, target, up : (3,) array
+    distance : float
+        From the eye to the plane in focus along the axis.
+    field : float
+        Width of that plane that the picture shows.
+    aspect : float
+        Height of the picture over its width.
+    """
+
+    eye: Vector
+    target: Vector
+    up: Vector
+    distance: float
+    field: float
+    aspect: float
+
+    def changes(self, before: Viewpoint) -> dict[str, list[float]]:
+        """Return the keys of the scene that bring a camera here from where it was."""
+        pairs = {
+            "eye": (before.eye, self.eye), "target": (before.target, self.target), "up": (before.up, self.up),
+        }  # fmt: skip
+        return {f"camera.{name}": new.tolist() for name, (old, new) in pairs.items() if not np.array_equal(old, new)}
+
+
+def viewpoint_of(scene: Scene) -> Viewpoint:
+    """Return where the camera of a scene is when the shutter opens, which is in focus."""
+    camera = scene.camera
+    eye, target, up = camera.pose_at(scene.shutter.open_s)
+    distance = distance_in_focus(scene)
+    if distance is None or not math.isfinite(distance):
+        distance = float(np.linalg.norm(target - eye))
+    width, height = scene.film.size_m()
+    return Viewpoint(eye, target, up, distance, field_at_one(scene) * distance, height / width)
+
+
+def field_at_one(scene: Scene) -> float:
+    """Return the width of what the picture shows at distance 1, first-order, of a scene in focus."""
+    camera = scene.camera
+    width, height = scene.film.size_m()
+    if camera.field_of_view is not None:
+        degrees, axis = camera.field_of_view
+        across = 2 * math.tan(math.radians(degrees) / 2)
+        sides = {"horizontal": width, "vertical": height, "diagonal": math.hypot(width, height)}
+        return across * width / sides[axis]
+    focal_length_mm = None if (lens := camera.lens_camera or camera.ideal_lens) is None else lens.focal_length_mm
+    if focal_length_mm is None and camera.lens_camera is not None:
+        focal_length_mm = scene.load_lens().first_order().focal_length_mm
+    return _WIDE if focal_length_mm is None else width / abs(focal_length_mm * 1e-3)
+
+
+def distance_in_focus(scene: Scene) -> float | None:
+    """Return how far in front of the eye the plane in focus lies [scene units]; None where that is not known."""
+    return scene.camera.distance_in_focus(scene.metres_per_unit)
+
+
+def moved(stand: Viewpoint, kind: str, dx: float, dy: float, dz: float) -> Viewpoint:
+    """Return where a camera is after a move; see docs/viewfinder.md for what dx, dy and dz are in each kind."""
+    return _MOVES[kind](stand, dx, dy, dz)
+
+
+def _axes(stand: Viewpoint) -> tuple[Vector, Vector, Vector]:
+    """Return right, up and forward of the camera."""
+    matrix = pose_matrix(np.array([stand.eye, stand.target, stand.up]))
+    return matrix[:3, 0], matrix[:3, 1], -matrix[:3, 2]
+
+
+def _rotate(vector: Vector, axis: Vector, angle: float) -> Vector:
+    """Return a vector turned about a unit axis (Rodrigues)."""
+    sine, cosine = math.sin(angle), math.cos(angle)
+    along = axis * float(axis @ vector)
+    return np.asarray(cosine * vector + sine * np.cross(axis, vector) + (1 - cosine) * along)
+
+
+def _turn_view(stand: Viewpoint, view: Vector, yaw: float, pitch: float) -> Vector:
+    """Return a view turned about up by ``yaw`` and raised by ``pitch``, kept away from the poles."""
+    upright = stand.up / np.linalg.norm(stand.up)
+    level = math.asin(max(-1.0, min(1.0, float(view @ upright) / float(np.linalg.norm(view)))))
+    limit = math.pi / 2 - _NEAREST_POLE
+    if abs(level) < limit:
+        pitch = max(-limit, min(limit, level + pitch)) - level
+    elif pitch * level > 0:  # a camera that looks along up already comes back, and goes no further
+        pitch = 0.0
+    right = np.cross(view, upright)
+    right /= np.linalg.norm(right)
+    return _rotate(_rotate(view, right, pitch), upright, yaw)
+
+
+def _orbit(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
+    view = _turn_view(stand, stand.target - stand.eye, -ORBIT * dx, -ORBIT * dy * stand.aspect)
+    return replace(stand, eye=stand.target - view)
+
+
+def _tilt(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
+    across = 2 * math.atan(0.5 * stand.field / stand.distance)
+    view = _turn_view(stand, stand.target - stand.eye, across * dx, across * stand.aspect * dy)
+    return replace(stand, target=stand.eye + view)
+
+
+def _roll(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
+    _, up, forward = _axes(stand)
+    return replace(stand, up=_rotate(up, forward, ROLL * dx))
+
+
+def _shift(stand: Viewpoint, step: Vector) -> Viewpoint:
+    return replace(stand, eye=stand.eye + step, target=stand.target + step)
+
+
+def _pan(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
+    right, up, _ = _axes(stand)
+    return _shift(stand, stand.field * (-dx * right + dy * stand.aspect * up))
+
+
+def _walk(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
+    right, _, forward = _axes(stand)
+    upright = stand.up / np.linalg.norm(stand.up)
+    return _shift(stand, WALK * stand.distance * (dx * right + dy * forward + dz * upright))
+
+
+def _dolly(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
+    _, _, forward = _axes(stand)
+    reach = stand.distance * (1 - (1 - DOLLY) ** dy)
+    eye = stand.eye + reach * forward
+    left = float((stand.target - eye) @ forward)
+    # the target stays where it is, unless the camera would pass it
+    target = stand.target if left > 1e-3 * stand.distance else stand.target + reach * forward
+    return replace(stand, eye=eye, target=target)
+
+
+_MOVES = {"orbit": _orbit, "tilt": _tilt, "roll": _roll, "pan": _pan, "walk": _walk, "dolly": _dolly}

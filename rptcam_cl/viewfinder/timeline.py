@@ -119,7 +119,7 @@ class Recorder:
         now = time_of(scene, clock)
         if not self.is_on:
             old = value_at(sequence_of(scene).keys[path], now)
-            keys[path] = [each | {"value": _carried(panel, path, each["value"], old, value)} for each in keys[path]]
+            keys[path] = [each | {"value": _carry(panel, path, each["value"], old, value)} for each in keys[path]]
             return
         if path not in keys and value == _stood(panel, path):
             return
@@ -198,7 +198,7 @@ def key_changes(panel: Panel, name: str, do: str) -> dict[str, Any]:
         here = dict(zip(("eye", "target", "up"), scene.camera.pose_at(now).tolist(), strict=True))
         if do == "key":
             return {"camera.motion": _put(frames, now, here)}
-        left = [] if do == "clear" else _removed(frames, now, label)
+        left = [] if do == "clear" else _remove_key(frames, now, label)
         stays = {} if left else {f"camera.{key}": value for key, value in here.items()}
         return stays | {"camera.motion": left or None}
     keys = _keys_of(scene)
@@ -212,7 +212,7 @@ def key_changes(panel: Panel, name: str, do: str) -> dict[str, Any]:
         raise InputError(f"{label}: has no keys to delete")
     stays = {path: value_at(sequence_of(scene).keys[path], now) for path in own}
     for path in own:
-        left = [] if do == "clear" else _removed(keys[path], now, label)
+        left = [] if do == "clear" else _remove_key(keys[path], now, label)
         if left:
             keys[path] = left
             stays[path] = value_at(sequence_of_keys(keys)[path], now)
@@ -393,17 +393,17 @@ def _put(frames: list[dict[str, Any]], now: float, what: Any) -> list[dict[str, 
     return sorted([*(each for each in frames if each["time_s"] != now), here], key=lambda each: float(each["time_s"]))
 
 
-def _removed(frames: list[dict[str, Any]], now: float, label: str) -> list[dict[str, Any]]:
+def _remove_key(frames: list[dict[str, Any]], now: float, label: str) -> list[dict[str, Any]]:
     left = [each for each in frames if abs(each["time_s"] - now) > 1e-9]
     if len(left) == len(frames):
         raise InputError(f"{label}: has no key in this frame")
     return left
 
 
-def _carried(panel: Panel, path: str, value: Any, old: Any, new: Any) -> Any:
+def _carry(panel: Panel, path: str, value: Any, old: Any, new: Any) -> Any:
     """A keyframe's value after what is shown has gone from one value to another."""
     if isinstance(value, list | tuple) and isinstance(old, list | tuple) and isinstance(new, list | tuple):
-        return [_carried(panel, path, *each) for each in zip(value, old, new, strict=True)]
+        return [_carry(panel, path, *each) for each in zip(value, old, new, strict=True)]
     if any(isinstance(each, bool) or not isinstance(each, int | float) for each in (value, old, new)):
         return new
     by_ratio = path not in _DIFFERENCES and old > 0 and new > 0

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import rptcam_cl.rendering.scene_buffers as trees
+import rptcam_cl.rendering.scene_trees as trees
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.rendering import tree_build
 from rptcam_cl.scene import scene as scene_module

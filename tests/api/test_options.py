@@ -12,8 +12,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.api import options
-from rptcam_cl.api.job import RenderOptions
-from rptcam_cl.api.options import NOT_WITH, OF_A_CLUSTER, RENDER_OPTIONS, SCENE_KEYS
+from rptcam_cl.api.options import NOT_WITH, OF_A_CLUSTER, RENDER_OPTIONS, SCENE_KEYS, RenderOptions
 from rptcam_cl.batch.cluster_run import render_on_cluster
 from rptcam_cl.core import MAX_SPP
 from rptcam_cl.core.errors import InputError

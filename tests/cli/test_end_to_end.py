@@ -13,7 +13,7 @@ import OpenEXR
 import PIL.Image
 import pytest
 
-from rptcam_cl.cli import render
+from rptcam_cl.cli import output
 
 Command = Callable[..., Any]
 
@@ -70,7 +70,7 @@ def test_interrupt_while_rendering_saves_the_picture_so_far(
 
         yield show
 
-    monkeypatch.setattr(render, "progress_on_stderr", press_when_rendering)
+    monkeypatch.setattr(output, "progress_on_stderr", press_when_rendering)
     Path("a.rpck").write_bytes(b"of no use, and not asked for")
     run = rptcam("render", "scene.yaml", "-o", "a.npy", "--stats", "a.json", "--time", "60")
     assert run.code == 130

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.cli import render
+from rptcam_cl.cli import output
 from rptcam_cl.imaging.image import read_film
 from rptcam_cl.scene.changes import set_keys
 
@@ -104,7 +104,7 @@ def test_frame_that_was_interrupted_before_its_noise_target_is_gone_on_with(
     for name in whole:
         Path(name).unlink()
     with monkeypatch.context() as patched:
-        patched.setattr(render, "progress_on_stderr", press_in_the_second_frame)
+        patched.setattr(output, "progress_on_stderr", press_in_the_second_frame)
         assert rptcam(*words).code == 130
     assert read_film("out.0002.exr").metadata["interrupted"] is True
     assert Path("out.0002.exr").read_bytes() != whole["out.0002.exr"]

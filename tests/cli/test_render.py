@@ -385,7 +385,7 @@ def test_picture_that_is_interrupted_while_watched_is_not_written(
     scene: Path, renderer: Any, rptcam: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     renderer.image.stats["interrupted"] = True
-    monkeypatch.setattr("rptcam_cl.cli.render.render_again", lambda path, stop, picture: picture(lambda: False))
+    monkeypatch.setattr("rptcam_cl.cli.frames.render_again", lambda path, stop, picture: picture(lambda: False))
     assert rptcam("render", "scene.yaml", "-o", "a.npy", "--watch").code == 0
     assert names(scene.parent) == ["scene.yaml"]
     renderer.image.stats["interrupted"] = False

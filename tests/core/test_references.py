@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.files import Folders, References, open_regular, read_whole
+from rptcam_cl.core.files import Folders, References, name_errors, open_regular, read_whole
+from rptcam_cl.core.strict_yaml import FieldError
 from rptcam_cl.optics.library import READERS, SUFFIXES, load_lens, names_a_file
 from rptcam_cl.scene.load import load_scene
 
@@ -196,3 +197,10 @@ def test_reader_does_not_follow_a_file_that_became_another(tmp_path: Path) -> No
     with pytest.raises(RptcamError, match="lies outside"):
         files.read("a", 1000)
     assert len(files.digests()) == 1
+
+
+def test_error_that_gets_a_place_keeps_its_kind_and_what_it_holds() -> None:
+    words = r"^frame 3: a\.yaml:1:2: x: must be above 0$"
+    with pytest.raises(FieldError, match=words) as caught, name_errors("frame 3"):
+        raise FieldError("a.yaml:1:2", ("x",), "must be above 0")
+    assert caught.value.path == ("x",)

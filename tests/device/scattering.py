@@ -59,9 +59,10 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
     scene = load_scene(still_life() | {"materials": {"tested": material}})
     textures = TextureTable(scene)
     packed = pack_materials([scene.materials["tested"]], textures, KnownSpectra())
-    records, shared = packed.records, int(again and packed.facts["FACET_SHARES"])
+    records, base = packed.records, packed.facts["HAS_BRUSHED_BASE"]
+    shared = int((again or base) and packed.facts["FACET_SHARES"])
     tables = facet_shares(records) if shared else np.zeros(1, np.float32)
-    facts = FACTS | {"FACET_ENERGY": int(again), "FACET_SHARES": shared}
+    facts = FACTS | {"FACET_ENERGY": int(again), "FACET_SHARES": shared, "HAS_BRUSHED_BASE": base}
     if shared:  # the tables are of brushed metal where something is brushed
         facts["HAS_ANISOTROPY"] = packed.facts["HAS_ANISOTROPY"]
     out = session.allocate(11 * 4 * padded)

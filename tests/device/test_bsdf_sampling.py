@@ -27,6 +27,8 @@ MATERIALS = {
     "plastic": {"kind": "plastic", "reflectance": WHITE},
     "rough plastic": {"kind": "plastic", "reflectance": WHITE, "alpha": 0.25},
     "principled": {"kind": "principled", "base_color": WHITE, "roughness": 0.6},
+    "brushed base": {"kind": "principled", "base_color": WHITE, "roughness": 0.5, "anisotropy": 0.8},
+    "brushed plastic": {"kind": "plastic", "reflectance": WHITE, "alpha": [0.2, 0.7]},
     "principled metal": {"kind": "principled", "base_color": WHITE, "metallic": 0.6, "anisotropy": 0.6},
     "coated": {
         "kind": "principled", "base_color": WHITE, "clearcoat": 1.0, "clearcoat_roughness": 0.5, "roughness": 0.9,

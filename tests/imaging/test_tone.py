@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.colour import linear_from_srgb
-from rptcam_cl.imaging.development import (
-    MOST_LOG2,
-    agx,
-    agx_contrast,
-    developed_values,
-    quantise,
-    srgb_from_linear,
-)
+from rptcam_cl.imaging.development import MOST_LOG2, agx, agx_contrast, developed_values, quantise, srgb_from_linear
 from rptcam_cl.scene.film import PictureSettings, Tone
 
 TONES = get_args(Tone)

@@ -16,7 +16,8 @@ import rptcam_cl
 from rptcam_cl.cli import build_parser
 from rptcam_cl.exchange.pbrt.convert import convert_scene
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.plan.primitives import MeshPart, mesh_parts
+from rptcam_cl.rendering.plan.primitives import mesh_parts
+from rptcam_cl.scene.assets.mesh import MeshPlacement
 from rptcam_cl.scene.meshes import MeshObject
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -177,7 +178,7 @@ def test_studio_is_what_its_script_makes(tmp_path: Path) -> None:
 
 
 def test_studio_holds_what_it_is_shown_for() -> None:
-    def parts_of(scene: str, name: str) -> tuple[MeshPart, ...]:
+    def parts_of(scene: str, name: str) -> tuple[MeshPlacement, ...]:
         loaded = rptcam_cl.load_scene(STUDIO / scene)
         (item,) = (item for item in loaded.objects if item.name == name)
         assert isinstance(item, MeshObject)

@@ -30,18 +30,8 @@ from rptcam_cl.rendering.diffraction import (
 )
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.point_spread import (
-    FarLight,
-    kernel_of_waves,
-    near_kernel,
-    of_wavelength,
-    point_opening,
-    ray_picture,
-    shares_of_white,
-    stigmatic,
-    strew,
-    wave_picture,
-)
+from rptcam_cl.rendering.point_spread import FarLight, near_kernel, of_wavelength, shares_of_white, strew
+from rptcam_cl.rendering.point_waves import kernel_of_waves, point_opening, ray_picture, stigmatic, wave_picture
 from rptcam_cl.scene.lens_settings import Dirt
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import scene_of

@@ -8,6 +8,8 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering import tracer
+from rptcam_cl.rendering.plan import media
+from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.media import Droplets
 from tests.rendering.pictures import WHITE, bits, flat_mean, looking, pixels, scene_of, seed_of
 from tests.support.cases import slow
@@ -33,17 +35,21 @@ def directions(fov, count):
     return d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
-def scattered_once(lamps, intensity, phase_of=lambda cosine: henyey_greenstein(ASYMMETRY, cosine)):
-    """Mean radiance that fog before the wall scatters once from points of light, by Gauss's quadrature."""
+def scattered_once(lamps, intensity, phase_of=lambda cosine: henyey_greenstein(ASYMMETRY, cosine), share_of=None):
+    """Mean radiance that fog before the wall scatters once from points of light, by Gauss's quadrature.
+
+    ``share_of`` is what a lamp of a number sends in a direction.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(200)
     d = directions(20, 48)
     length = 5 / d[:, 1]
     t = length[:, None] * (nodes + 1) / 2
     total = np.zeros(3)
-    for lamp in lamps:
+    for number, lamp in enumerate(lamps):
         to = np.array(lamp) - t[..., None] * d[:, None]
         r = np.linalg.norm(to, axis=-1)
         phase = phase_of(np.einsum("ijk,ik->ij", to, d) / r)
+        phase *= 1 if share_of is None else share_of(number, -to / r[..., None])
         left = np.exp(-(ABSORPTION + SCATTERING) * (t + r)[..., None])
         each = SCATTERING * left * (phase / r**2 * weights * length[:, None] / 2)[..., None]
         total += intensity * each.sum(axis=1).mean(axis=0)
@@ -62,6 +68,28 @@ def fog_of_points(lamps, **rest):
 def test_fog_scatters_light_of_points_once_as_quadrature_does():
     mean = pixels(fog_of_points(LAMPS), seed=seed_of("points in fog"), spp=256).mean(axis=(0, 1))
     np.testing.assert_allclose(mean, scattered_once(LAMPS, 1.0), rtol=NOISE)
+
+
+# Position, axis and angle of spots: across the view, along it from aside and from behind, towards it, and a wide one.
+SPOTS = [
+    ([1.6, 2.5, 0.3], [-1, 0.2, -0.1], 15), ([-1.4, 1.0, 0.9], [0.5, 1, -0.3], 40),
+    ([0.2, -0.5, -0.1], [0, 1, 0.1], 20), ([0.3, 4.8, 0.2], [-0.1, -1, 0], 12), ([-1.5, 3.0, 0.2], [1, 0, 0.1], 120),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("number", range(len(SPOTS)))
+def test_fog_scatters_the_beam_of_a_spot_once_as_quadrature_does(number):
+    position, axis, angle = SPOTS[number]
+    light = {"kind": "spot", "position": position, "direction": axis, "outer_degrees": angle, "inner_degrees": 0}
+
+    def share(_, way):
+        outer = np.cos(np.radians(angle))
+        x = np.clip((way @ axis / np.linalg.norm(axis) - outer) / (1 - outer), 0, 1)
+        return x * x * (3 - 2 * x)
+
+    scene = fog_of_points([]) | {"lights": [light | {"intensity": 1.0}]}
+    mean = pixels(scene, seed=seed_of("beam in fog"), spp=256).mean(axis=(0, 1))
+    np.testing.assert_allclose(mean, scattered_once([position], 1.0, share_of=share), rtol=3 * NOISE)
 
 
 @pytest.mark.slow
@@ -253,6 +281,32 @@ def layer_of(absorption, low, high):
 
 ACROSS = {"kind": "orthographic", "width_m": 4} | {key: EYE[key] for key in ("eye", "target", "up")}
 UP = looking([0, 0, -1], [0, 0, 1], up=[0, 1, 0], fov=0.1)
+
+
+def test_light_samples_are_left_out_where_glass_stops_them_all(monkeypatch):
+    milk = BALL | {
+        "material": {"kind": "dielectric", "interior": {"scattering_per_m": [4, 5, 6], "absorption_per_m": 0.1}}
+    }
+    lamp = {"shape": "sphere", "center": [0.2, 0, 0.1], "radius": 0.2, "material": {"kind": "emissive", "radiance": 5}}
+    above = lamp | {"center": [0, 0, 3]}
+    open_milk = milk | {"material": milk["material"] | {"kind": "boundary"}}
+    cases = {
+        1: [[milk, above]],
+        0: [
+            [milk, lamp],
+            [milk, above | {"radius": 2.5}],
+            [open_milk, above],
+            [milk | {"visible": {"shadow": False}}, above],
+        ],
+    }
+    for marked, scenes in cases.items():
+        for objects in scenes:
+            scene = scene_of(objects, looking([0, -4, 1], [0, 0, 0], fov=40), depth=40, resolution=(32, 32))
+            assert make_plan(rptcam_cl.load_scene(scene)).media.records["in_shade"][1:].tolist() == [marked], objects
+    scene = scene_of([milk, above], looking([0, -4, 1], [0, 0, 0], fov=40), depth=40, resolution=(32, 32))
+    left_out = pixels(scene, spp=4)
+    monkeypatch.setattr(media, "_mark_shade", lambda *_: None)
+    np.testing.assert_array_equal(pixels(scene, spp=4), left_out)
 
 
 def test_rays_lose_what_media_on_their_way_take():

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api.job import RenderJob, RenderOptions
+from rptcam_cl.api.job import RenderJob
+from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.rendering import checkpoint
 from rptcam_cl.rendering.checkpoint import Checkpoint, read_checkpoint, write_checkpoint

@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 import rptcam_cl.rendering.plan.geometry as meshes
-import rptcam_cl.rendering.scene_buffers as scene_trees
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import scene_trees
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.progressive import render_plan

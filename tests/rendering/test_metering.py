@@ -9,7 +9,7 @@ import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.colour import LUMINANCE
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.rendering import metering
+from rptcam_cl.rendering import account
 from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.film import Film
 from tests.rendering.pictures import WHITE, pixels, scene_of
@@ -91,7 +91,7 @@ def test_a_spot_whose_edge_cuts_pixels_reads_what_a_fine_grid_reads():
     readings = []
     for columns in (96, 960):
         film = Film(resolution=(columns, columns * 2 // 3))
-        weights = metering.weights(Exposure(mode="auto", metering="spot", spot_at=(0.497, 0.503)), film)
+        weights = account.weights(Exposure(mode="auto", metering="spot", spot_at=(0.497, 0.503)), film)
         x = (np.arange(8 * columns) + 0.5) / (8 * columns)
         bright = (x > 0.53).reshape(columns, 8).mean(axis=1)
         readings.append(float((weights * bright).sum()))
@@ -101,9 +101,9 @@ def test_a_spot_whose_edge_cuts_pixels_reads_what_a_fine_grid_reads():
 def test_metering_says_its_standard_error_and_takes_more_frames_for_it(monkeypatch):
     scene = world(PINHOLE, {"mode": "auto", "f_number": 8, "metering": "average"}, objects=HALVES)
     frames = []
-    found = metering.reading_cd_m2
+    found = account.reading_cd_m2
     luck = iter(np.random.default_rng(1).normal(1.0, 0.2, 64))
-    monkeypatch.setattr(metering, "reading_cd_m2", lambda *of: frames.append(0) or float(found(*of) * next(luck)))
+    monkeypatch.setattr(account, "reading_cd_m2", lambda *of: frames.append(0) or float(found(*of) * next(luck)))
     said = rptcam_cl.render(scene, spp=1).metadata
     assert len(frames) == 64
     assert said["metered_error_cd_m2"] == pytest.approx(683 * 1.6 * 0.2 / 8, rel=0.25)
@@ -113,12 +113,12 @@ def test_metering_says_its_standard_error_and_takes_more_frames_for_it(monkeypat
 def test_weights_are_three_quarters_in_the_middle_and_one_in_all():
     film = Film(resolution=(360, 240))
     for name in ("average", "centre_weighted", "spot"):
-        assert metering.weights(Exposure(mode="auto", metering=name), film).sum() == pytest.approx(1)
-    centre = metering.weights(Exposure(mode="auto", metering="centre_weighted"), film)
+        assert account.weights(Exposure(mode="auto", metering=name), film).sum() == pytest.approx(1)
+    centre = account.weights(Exposure(mode="auto", metering="centre_weighted"), film)
     y, x = np.mgrid[:240, :360]
     disk = np.hypot(x - 179.5, y - 119.5) < 60  # 6 mm of a film 24 mm high
     assert centre[disk].sum() == pytest.approx(0.75, rel=0.005)  # pixels on its rim count for their part within
-    spot = metering.weights(Exposure(mode="auto", metering="spot", spot_at=(0.25, 0.5)), film)
+    spot = account.weights(Exposure(mode="auto", metering="spot", spot_at=(0.25, 0.5)), film)
     assert 1 / (spot.max() * spot.size) == pytest.approx(0.02, rel=0.001)
     assert spot[120, 90] > 0 == spot[120, 180]
 
@@ -126,7 +126,7 @@ def test_weights_are_three_quarters_in_the_middle_and_one_in_all():
 @pytest.mark.parametrize("name", ["average", "centre_weighted", "spot"])
 @pytest.mark.parametrize("resolution", [(1, 1), (2, 1), (96, 1)])
 def test_smallest_frames_can_be_metered(name, resolution):
-    weights = metering.weights(Exposure(mode="auto", metering=name), Film(resolution=resolution))
+    weights = account.weights(Exposure(mode="auto", metering=name), Film(resolution=resolution))
     assert weights.shape == resolution[::-1]
     assert weights.sum() == pytest.approx(1)
 
@@ -134,7 +134,7 @@ def test_smallest_frames_can_be_metered(name, resolution):
 def test_lock_keeps_the_exposure_of_another_picture_without_metering(monkeypatch):
     first = rptcam_cl.render(world(objects=HALVES), spp=2)
     lock = {"mode": "auto", "lock_cd_m2": first.metadata["metered_cd_m2"]}
-    monkeypatch.setattr(metering, "metered_cd_m2", None)
+    monkeypatch.setattr(account, "metered_cd_m2", None)
     again = rptcam_cl.render(world(exposure=lock, objects=HALVES), spp=2)
     np.testing.assert_array_equal(again.pixels, first.pixels)
     assert again.metadata["metering"] == "locked"
@@ -181,7 +181,7 @@ def test_noise_of_the_metering_is_small(monkeypatch):
     objects = [lamp | {"material": {"kind": "emissive", "radiance": 30}}, floor]
     found = []
     for seed in range(4):
-        monkeypatch.setattr(metering, "SEED", seed)
+        monkeypatch.setattr(account, "METER_SEED", seed)
         scene = world(REAL, objects=objects, environment={"kind": "constant", "radiance": 0.01})
         scene["render"]["max_depth"] = 4
         found.append(math.log2(rptcam_cl.render(scene, spp=1).metadata["metered_cd_m2"]))
@@ -206,7 +206,7 @@ def test_resumed_render_keeps_its_exposure(tmp_path, monkeypatch):
     scene, path = world(REAL, objects=HALVES), tmp_path / "picture.rpck"
     whole = rptcam_cl.render(scene, spp=6)
     rptcam_cl.render(scene, spp=3, checkpoint=path, resume=True)
-    monkeypatch.setattr(metering, "metered_cd_m2", None)
+    monkeypatch.setattr(account, "metered_cd_m2", None)
     resumed = rptcam_cl.render(scene, spp=6, checkpoint=path, resume=True)
     np.testing.assert_array_equal(resumed.pixels, whole.pixels)
     assert resumed.metadata["metered_cd_m2"] == whole.metadata["metered_cd_m2"]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api.job import RenderJob, RenderOptions
+from rptcam_cl.api.job import RenderJob
+from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.account import forecast
 from rptcam_cl.rendering.checkpoint import read_checkpoint

@@ -90,7 +90,9 @@ EQUIVALENT = {
     "goes on before the first byte",
     "scene/assets/obj.py: if numbers is not None and width >= each and all(len(text.split()) != width for _, text in"
     " lines):": "line by line it takes longer",
-    "api/options.py: matches = difflib.get_close_matches(word, list(known), n=2)": "the first is the one that is shown",
+    "core/errors.py: matches = [same] if same in lower else get_close_matches(given, lower, n=2, cutoff=0.6)": (
+        "the first is the one that is shown"
+    ),
     "scene/assets/mesh.py: rows = rows.copy() if base.base is not None and base.nbytes > rows.nbytes else "
     "np.ascontiguousarray(rows)": "takes more memory",
     "scene/assets/mesh.py: cancelled = (sums * sums).sum(axis=0) <= 1e-18": "sums are far smaller or far larger",

@@ -12,8 +12,9 @@ from rptcam_cl.device.session import open_session
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.load import apply_overrides, load_scene
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.controller import autofocus
 from rptcam_cl.studies.focus.probe import NoContrast
-from rptcam_cl.viewfinder.moves import describe_focus, focus_at, focus_changes, focus_zones
+from rptcam_cl.viewfinder.requests import check_search, describe_focus, focus_at, state_changes
 
 CHECKER = {
     "kind": "matte",
@@ -51,14 +52,14 @@ def command(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> di
 def test_click_focus_is_the_answer_of_the_command(
     scene: Scene, x: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = focus_at(scene, open_session(None), x, 0.5, "depth")
+    found = autofocus(scene, "depth", point=(x, 0.5), device=open_session(None))
     expected = command(tmp_path / "scene.yaml", capsys, "--point", f"{x},0.5", "--method", "depth")
     said = describe_focus(found)
     assert found.state == expected["state"]
     assert said["distance_m"] == expected["focus_distance_m"] == pytest.approx(1 if x < 0.5 else 3, rel=0.01)
     assert [[probe["position"], probe["score"]] for probe in said["curve"]] == expected["probes"]
     data = json.loads(json.dumps(CONTENT))
-    apply_overrides(data, [f"{key}={json.dumps(value)}" for key, value in focus_changes(scene, found).items()])
+    apply_overrides(data, [f"{key}={json.dumps(value)}" for key, value in state_changes(scene, found.state).items()])
     assert lens_setting(load_scene(data)).film_distance_mm == expected["film_distance_mm"]
 
 
@@ -68,7 +69,7 @@ def test_zones_and_curve_are_those_of_the_command(
     scene: Scene, method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     zone = [0.6, 0.8, 0.4, 0.6]
-    found = describe_focus(focus_zones(scene, open_session(None), method, [zone]))
+    found = describe_focus(autofocus(scene, method, zones=[tuple(zone)], device=open_session(None)))
     expected = command(tmp_path / "scene.yaml", capsys, "--zone", "0.6,0.8,0.4,0.6", "--method", method)
     assert found["film_distance_mm"] == expected["film_distance_mm"]
     assert found["zones"] == [zone]
@@ -77,32 +78,29 @@ def test_zones_and_curve_are_those_of_the_command(
 
 
 def test_click_on_what_has_no_texture_focuses_by_its_distance() -> None:
-    """Whoever names a method has the answer of that one."""
     blank = {
         "shape": "rectangle", "corner": [-2, -2, -1.2], "edge_u": [4, 0, 0], "edge_v": [0, 4, 0],
         "material": {"kind": "matte", "reflectance": [0.5, 0.5, 0.5]},
     }  # fmt: skip
     scene = load_scene(CONTENT | {"objects": [blank]})
-    found = focus_at(scene, open_session(None), 0.5, 0.5)
+    found = focus_at(scene, 0.5, 0.5, device=open_session(None))
     assert found.method == "depth" and found.failure is None
     assert found.focus_distance_m == pytest.approx(scene.camera.eye[2] + 1.2, rel=1e-3)
     assert any("by distance alone, as by contrast" in remark for remark in found.remarks)
-    with pytest.raises(NoContrast):
-        focus_at(scene, open_session(None), 0.5, 0.5, "contrast")
 
 
 def test_what_cannot_be_focused_is_refused(scene: Scene) -> None:
     device = open_session(None)
     for method in ("sonar", ""):
         with pytest.raises(InputError, match="method"):
-            focus_at(scene, device, 0.5, 0.5, method)
+            check_search(method, None)
     with pytest.raises(InputError):
-        focus_at(scene, device, 1.5, 0.5)
+        focus_at(scene, 1.5, 0.5, device=device)
     with pytest.raises(InputError, match="too many"):
-        focus_zones(scene, device, None, [[0, 1, 0, 1]] * 65)
+        check_search(None, [[0, 1, 0, 1]] * 65)
     empty = load_scene(CONTENT | {"objects": []})
     with pytest.raises(NoContrast):
-        focus_at(empty, device, 0.5, 0.5, "depth")
+        focus_at(empty, 0.5, 0.5, device=device)
     pinhole = {"kind": "pinhole", "fov_degrees": 40, "eye": [0, 0, 0], "target": [0, 0, -1]}
     with pytest.raises(InputError, match="sharp"):
-        focus_at(load_scene(CONTENT | {"camera": pinhole}), device, 0.5, 0.5)
+        focus_at(load_scene(CONTENT | {"camera": pinhole}), 0.5, 0.5, device=device)

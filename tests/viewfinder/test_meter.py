@@ -8,8 +8,8 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.device.session import open_session
+from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.kinds import camera_model
-from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene

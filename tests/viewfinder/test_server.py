@@ -27,8 +27,8 @@ from rptcam_cl.viewfinder.delivery import dial_list
 from rptcam_cl.viewfinder.dials import turn_dial
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.messages import codes_of
-from rptcam_cl.viewfinder.moves import focus_order
 from rptcam_cl.viewfinder.panel import Panel, read_dials
+from rptcam_cl.viewfinder.requests import focus_order
 from rptcam_cl.viewfinder.server import ViewServer
 from rptcam_cl.viewfinder.studio import Origin
 from tests.viewfinder.page_client import SCENE, Page, at_rest, left_alone, page, serving

@@ -12,9 +12,8 @@ import yaml
 import rptcam_cl
 from rptcam_cl.imaging.image import read_film
 from rptcam_cl.scene.changes import set_keys
-from rptcam_cl.viewfinder.moves import viewpoint_of
 from rptcam_cl.viewfinder.panel import Panel, read_dials
-from rptcam_cl.viewfinder.things import add_thing, fields_of, lamps_of, switch_lamp, turn_thing
+from rptcam_cl.viewfinder.things import add_thing, fields_of, lamps_of, switch_lamp, turn_thing, viewpoint_of
 from tests.viewfinder.page_client import Page, at_rest, reset_page, serving_text
 
 SCENE = """

@@ -29,6 +29,7 @@ from rptcam_cl.exchange.conversion import (
     reflects,
     tidy,
 )
+from rptcam_cl.exchange.pbrt import textures
 from rptcam_cl.exchange.pbrt.camera import (
     CameraFrame,
     camera_motion,
@@ -42,18 +43,6 @@ from rptcam_cl.exchange.pbrt.camera import (
 )
 from rptcam_cl.exchange.pbrt.materials import medium_keys
 from rptcam_cl.exchange.pbrt.shapes import Objects
-from rptcam_cl.exchange.pbrt.textures import (
-    GREY,
-    NOT_READ,
-    READABLE,
-    SAMPLING,
-    Pixels,
-    coefficients,
-    is_readable,
-    lamp_pixels,
-    light,
-    picture_name,
-)
 from rptcam_cl.exchange.pbrt.world import ODD, Context, Entity, read_world
 from rptcam_cl.rendering.plan.environment import axes
 from rptcam_cl.scene.assets.pictures import write_exr
@@ -70,10 +59,10 @@ def _convert_lights(context: Context, frame: CameraFrame) -> tuple[list[Keys], A
     sky = np.zeros(3)
     maps: list[Entity] = []
     kinds: dict[str, Callable[[Context, Entity, CameraFrame], Keys]] = {
-        "point": _point, "goniometric": _pictured, "projection": _pictured, "spot": _spot, "distant": _distant,
+        "point": _point, "goniometric": _picture_lamp, "projection": _picture_lamp, "spot": _spot, "distant": _distant,
     }  # fmt: skip
     for entity in context.scene.lights:
-        entity.parameters.skip(*SAMPLING)
+        entity.parameters.skip(*textures.SAMPLING)
         if (entity.kind in kinds or _is_map(entity)) and not is_bearable(_world(entity, frame)):
             entity.parameters.skip_all()
             context.ignored(entity, ODD)
@@ -106,7 +95,7 @@ def _intensity(context: Context, entity: Entity, frame: CameraFrame, solid_angle
 
     ``power`` of pbrt-v4 is divided by the solid angle that gets it.
     """
-    colour = light(context, entity, "I") * coefficients(context, entity, "scale")
+    colour = textures.light(context, entity, "I") * textures.coefficients(context, entity, "scale")
     power = entity.parameters.number("power", -1.0)
     colour = colour * (power / solid_angle if power > 0 else 1.0)
     return (colour * frame.metres_per_unit**2).tolist()  # type: ignore[no-any-return]
@@ -114,7 +103,7 @@ def _intensity(context: Context, entity: Entity, frame: CameraFrame, solid_angle
 
 def _radiance(context: Context, entity: Entity, per_illuminance: float) -> Array:
     """Return the colour L of a light, times its illuminance over what of it a light of 1 gives."""
-    colour = light(context, entity, "L") * coefficients(context, entity, "scale")
+    colour = textures.light(context, entity, "L") * textures.coefficients(context, entity, "scale")
     illuminance = entity.parameters.number("illuminance", -1.0)
     return colour * illuminance / per_illuminance if illuminance > 0 else colour
 
@@ -123,7 +112,7 @@ _EDGE_STEPS = 64  # of the edge of a cone: between them its fourth power is stra
 _STEP_DEGREES = 0.5  # of the directions of a lamp that shines with a picture, those that ours tells apart
 
 
-def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
+def _picture_lamp(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     """Return a lamp that shines with a picture, goniometric or a projector, as one measured in many directions."""
     parameters = entity.parameters
     fov = parameters.number("fov", 90.0 if context.scene.version == 4 else 45.0) if entity.kind == "projection" else 0.0
@@ -137,7 +126,7 @@ def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     out = np.stack(np.broadcast_arrays(aside * np.cos(around), aside * np.sin(around), -np.cos(down)), axis=-1)
     local = out @ np.linalg.inv(world[:3, :3]).T
     local /= np.linalg.norm(local, axis=-1, keepdims=True)
-    shown = _shown(pixels, local, fov, context.scene.version)
+    shown = _project_picture(pixels, local, fov, context.scene.version)
     weights = aside * np.ones_like(around) / (aside.sum() * len(around))  # of the whole sphere
     mean = np.einsum("ij,ijk->k", weights, shown)
     if not mean.any():
@@ -154,22 +143,22 @@ def _pictured(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     file = context.files.add(
         "files", f"{stem or entity.kind}.ies", partial(_write_ies, vertical, horizontal, pattern / largest)
     )
-    return _measured(file, largest * color, apply(world, np.zeros((1, 3)))[0], np.array([0, 0, -1]))
+    return _profile_keys(file, largest * color, apply(world, np.zeros((1, 3)))[0], np.array([0, 0, -1]))
 
 
-def _lamp_picture(context: Context, entity: Entity) -> tuple[Pixels, str]:
+def _lamp_picture(context: Context, entity: Entity) -> tuple[textures.Pixels, str]:
     """Return the picture of a lamp and the stem of its file; white and "", with a report, without one."""
     items = entity.parameters.items
     key = "filename" if "filename" in items else "mapname"
     name = entity.parameters.text(key, "")
     path = context.find_or_note(name, items[key].place, "the lamp shines evenly") if name else None
-    if path is not None and is_readable(path):
-        return lamp_pixels(context, path, items[key].place), path.stem
+    if path is not None and textures.is_readable(path):
+        return textures.lamp_pixels(context, path, items[key].place), path.stem
     context.approximated(entity, "shines evenly, without a picture")
     return np.ones((1, 1, 3), np.float32), ""
 
 
-def _measured(file: str, intensity: Array, position: Array, direction: Array) -> Keys:
+def _profile_keys(file: str, intensity: Array, position: Array, direction: Array) -> Keys:
     """Return a lamp of a pattern whose largest value is 1, with the intensity that it has there."""
     return {
         "kind": "ies", "file": file, "position": tidy(position), "direction": tidy(direction),
@@ -177,7 +166,7 @@ def _measured(file: str, intensity: Array, position: Array, direction: Array) ->
     }  # fmt: skip
 
 
-def _shown(pixels: Pixels, local: Array, fov: float, version: int) -> Array:
+def _project_picture(pixels: textures.Pixels, local: Array, fov: float, version: int) -> Array:
     """Look up a lamp's picture in directions of its own frame (…, 3): a projector's, or one all round.
 
     The whole sphere lies on a square of equal area in pbrt-v4, in longitude and latitude about +y in pbrt-v3.
@@ -228,7 +217,7 @@ def _spot(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
         write = partial(_write_ies, vertical, np.zeros(1), pattern[None])
         file = context.files.add("files", f"cone-{outer:g}-{inner:g}.ies", write)
         color = np.array(_intensity(context, entity, frame, math.nan))
-        return _measured(file, color, origin, direction)
+        return _profile_keys(file, color, origin, direction)
     if context.scene.version == 3:
         context.approximated(entity, "the edge of its cone as a smooth step")
     return {
@@ -277,18 +266,20 @@ def _of_map(context: Context, entity: Entity, frame: CameraFrame, sky: Array) ->
     parameters = entity.parameters
     key = "filename" if parameters.has("filename") else "mapname"
     name, place = parameters.text(key, ""), parameters.items[key].place
-    path = context.find_or_note(name, place, f"a sky of grey {GREY:g}")
+    path = context.find_or_note(name, place, f"a sky of grey {textures.GREY:g}")
     if path is None:
         parameters.skip_all()
-        return {"kind": "constant", "radiance": np.full(3, GREY).tolist()}
-    factor = coefficients(context, entity, "scale") * (light(context, entity, "L") if key == "mapname" else 1.0)
+        return {"kind": "constant", "radiance": np.full(3, textures.GREY).tolist()}
+    factor = textures.coefficients(context, entity, "scale") * (
+        textures.light(context, entity, "L") if key == "mapname" else 1.0
+    )
     if (illuminance := parameters.number("illuminance", -1.0)) > 0:
         context.report.noted(
             parameters.items["illuminance"].place,
             f"{entity.what}: a picture with an illuminance is twice as bright as that says, as pbrt has it",
         )
-    if not is_readable(path):
-        context.report.ignored(place, f"{name}: {NOT_READ} (allowed: {' '.join(READABLE)})")
+    if not textures.is_readable(path):
+        context.report.ignored(place, f"{name}: {textures.NOT_READ} (allowed: {' '.join(textures.READABLE)})")
         return None
     up, rotation_degrees, mirrored = _placement(context, entity, frame)
     keys: Keys = {"kind": "image", "file": "", "up": tidy(up)}
@@ -296,9 +287,9 @@ def _of_map(context: Context, entity: Entity, frame: CameraFrame, sky: Array) ->
         keys["rotation_degrees"] = rotation_degrees
     as_it_is = path.suffix.lower() in (".exr", ".hdr", ".pfm")  # bytes are linear here, and sRGB in scenes of ours
     if key == "mapname" and as_it_is and not mirrored and np.ptp(factor) == 0 and not sky.any():
-        keys["file"] = picture_name(context, path, place)
+        keys["file"] = textures.picture_name(context, path, place)
         return keys | ({"gain": float(factor[0])} if factor[0] != 1 else {})
-    pixels = lamp_pixels(context, path, place)
+    pixels = textures.lamp_pixels(context, path, place)
     if key == "filename":
         factor = factor * _photometric(pixels, illuminance, place)
         pixels = in_longitude_and_latitude(pixels, clockwise=mirrored)
@@ -328,7 +319,7 @@ def _placement(context: Context, entity: Entity, frame: CameraFrame) -> tuple[Ar
     return up, round(turn, 10) + 0.0, not reflects(matrix)
 
 
-def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:
+def _photometric(pixels: textures.Pixels, illuminance: float, place: Place) -> float:
     """Return the factor by which pbrt-v4 brightens a picture for an illuminance of the ground; 1 without a request.
 
     pbrt counts 2 pi for the sphere of all pixels, whose solid angle is 4 pi: the ground has twice that illuminance.

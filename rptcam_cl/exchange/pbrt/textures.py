@@ -374,17 +374,19 @@ class Shade:
 
     def scaled(self, factor: Array) -> Shade:
         """Return the shade times a colour, as near as a texture of ours can."""
-        texture = None if self.texture is None else _scaled(self.texture, factor)
+        texture = None if self.texture is None else _scale_texture(self.texture, factor)
         return Shade(lambda: np.clip(self.colour * factor, 0, 1), texture)
 
 
-def _scaled(texture: Keys, factor: Array) -> Keys:
+def _scale_texture(texture: Keys, factor: Array) -> Keys:
     """Return a texture of ours times a colour."""
     texture = dict(texture)
     if texture["kind"] == "mixture":
         for name, default in (("first", 0.0), ("second", 1.0)):
             part = texture.get(name, [default] * 3)
-            texture[name] = _scaled(part, factor) if isinstance(part, dict) else np.clip(part * factor, 0, 1).tolist()
+            texture[name] = (
+                _scale_texture(part, factor) if isinstance(part, dict) else np.clip(part * factor, 0, 1).tolist()
+            )
     for name in (*_ENDS.get(texture["kind"], ()), "tint"):
         if name in texture:
             texture[name] = np.clip(np.array(texture[name]) * factor, 0, 1).tolist()

@@ -87,7 +87,7 @@ def _positions_of(lens: Lens) -> tuple[list[str], list[Setting]]:
     return names, places
 
 
-def _varied(places: Sequence[Setting]) -> Iterator[tuple[int, list[float]]]:
+def _gaps_that_vary(places: Sequence[Setting]) -> Iterator[tuple[int, list[float]]]:
     """Yield the surfaces behind which spaces differ between positions, with these; the last one's ends at the film."""
     last = len(places[0].lens.surfaces) - 1
     for k in range(last + 1):
@@ -239,7 +239,7 @@ def _codev_positions(lens: Lens) -> Iterator[str]:
     if len(set(away)) > 1:
         yield f"ZOO THI SO {numbers(away)}"
     yield f"ZOO EPD {numbers(one.lens.first_order().entrance_pupil.diameter_mm for one in places)}"
-    yield from (f"ZOO THI S{k + 1} {numbers(gaps)}" for k, gaps in _varied(places))
+    yield from (f"ZOO THI S{k + 1} {numbers(gaps)}" for k, gaps in _gaps_that_vary(places))
 
 
 def _details(surface: Surface, is_stop: bool) -> Iterator[str]:
@@ -356,7 +356,7 @@ def _zemax_positions(lens: Lens, behind: Sequence[int]) -> Iterator[str]:
     pupils = [one.lens.first_order().entrance_pupil.diameter_mm for one in places]
     away = [min(one.object_distance_mm, 1e10) for one in places]
     spaces = [(0, away)] if len(set(away)) > 1 else []
-    for k, gaps in _varied(places):
+    for k, gaps in _gaps_that_vary(places):
         pose = places[0].lens.surfaces[k].pose
         spaces.append((behind[k], [gap - (pose.offset[2] if pose else 0.0) for gap in gaps]))
     rows = [("THIC", surface, values) for surface, values in spaces] + [("APER", 0, pupils)]

@@ -468,7 +468,7 @@ def find_glass(name: str) -> Medium | None:
     return law_of(_entry(named), named.written)
 
 
-def near_names(name: str, count: int = 3) -> list[str]:
+def near_names(name: str) -> list[str]:
     """Return the glasses whose names are most like a name, with their makers."""
     known = {
         plain: f"{glass.name} ({maker.upper()})"
@@ -477,7 +477,7 @@ def near_names(name: str, count: int = 3) -> list[str]:
     }
     known |= {plain: f"{written} (SCHOTT)" for plain, written in _BUNDLED.items() if written not in _NO_MAKER}
     known |= {plain_glass_name(written): written for written in _NO_MAKER}
-    return [known[plain] for plain in difflib.get_close_matches(plain_glass_name(name), known, n=count, cutoff=0.5)]
+    return [known[plain] for plain in difflib.get_close_matches(plain_glass_name(name), known, n=3, cutoff=0.5)]
 
 
 def _near_glasses(nd: float, vd: float, makers: Sequence[str] = (), count: int = 3) -> list[MakersGlass]:

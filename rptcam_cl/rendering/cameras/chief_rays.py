@@ -161,8 +161,8 @@ class TracedRays(CameraRays):
     def rays(self, places: Array) -> tuple[Array, Array]:
         """Return origins [m] and unit directions (n, 3); nan where rims stop the ray."""
         upright = self.upright(places)
-        rays = self._aimed(upright)
-        return _kept(self._in_camera(rays), rays.clear)
+        rays = self._aim(upright)
+        return _keep_rays(self._in_camera(rays), rays.clear)
 
     def rays_of_few(self, places: Array) -> tuple[Array, Array]:
         """Return the same, each ray aimed for itself."""
@@ -170,12 +170,12 @@ class TracedRays(CameraRays):
         rays = (round_chief_rays if is_plain else film_chief_rays)(
             self._lens, self._film(self.upright(places)), self._nm
         )
-        return _kept(self._in_camera(rays), rays.clear)
+        return _keep_rays(self._in_camera(rays), rays.clear)
 
     def unlimited(self, places: Array) -> tuple[Array, Array]:
         """Return the same as if the lens had no rims."""
-        rays = self._aimed(self.upright(places))
-        return _kept(self._in_camera(rays), rays.found)
+        rays = self._aim(self.upright(places))
+        return _keep_rays(self._in_camera(rays), rays.found)
 
     def smooth(self, places: Array) -> tuple[Array, Array]:
         """Return about the same, by cubics between nodes."""
@@ -189,7 +189,7 @@ class TracedRays(CameraRays):
         points[:, 2] = self._lens.film_z(self._back) + self._lens.sense * points[:, 2]
         return points
 
-    def _aimed(self, upright: Array) -> ChiefRays:
+    def _aim(self, upright: Array) -> ChiefRays:
         return aimed_rays(self._lens, self._film(upright), self._grid.at(upright)[:, :2], self._nm)
 
     def _in_camera(self, rays: ChiefRays) -> tuple[Array, Array]:
@@ -197,7 +197,7 @@ class TracedRays(CameraRays):
         return (rays.origins - [0.0, 0.0, self._lens.film_z(self._back)]) * 1e-3, rays.directions
 
 
-def _kept(rays: tuple[Array, Array], keep: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _keep_rays(rays: tuple[Array, Array], keep: NDArray[np.bool_]) -> tuple[Array, Array]:
     origins, directions = (np.where(keep[:, None], each, np.nan) for each in rays)
     return origins, directions
 
@@ -442,7 +442,7 @@ def focus_scale(
     marks = list(distances_m or _engraved_distances(near))
     for name, lens in lenses:
         states = [focused(lens, 1000 * distance, "film", "thick", wavelength_nm) for distance in (*marks, math.inf)]
-        moved = [_moved(lens, state, film, states[-1][1]) for state, film in states]
+        moved = [_focus_move_mm(lens, state, film, states[-1][1]) for state, film in states]
         whole = max(map(abs, moved))
         last = math.inf
         for distance, (state, film), shift in zip(marks, states, moved, strict=False):
@@ -465,7 +465,7 @@ def focus_scale(
     return rows
 
 
-def _moved(lens: Lens, state: Lens, film_distance_mm: float, at_infinity_mm: float) -> float:
+def _focus_move_mm(lens: Lens, state: Lens, film_distance_mm: float, at_infinity_mm: float) -> float:
     """Return how far what focuses a lens has moved from infinity [mm]."""
     if lens.floating or lens.focusing is not None:
         return shift_of(lens, state)

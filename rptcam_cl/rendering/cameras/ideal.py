@@ -15,22 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import read_whole
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import name_errors, read_whole
 from rptcam_cl.core.records import curves
 from rptcam_cl.optics.lens import Lens, limiting_surface, system_matrix
 from rptcam_cl.optics.surface import StopMask, StopShape, blades, fit_to_stop, heart, polygon, star
 from rptcam_cl.rendering.cameras.model import Blur, film_depths, intrinsics, perfect_blur
 from rptcam_cl.rendering.cameras.setting import Intrinsics, LensSetting
-from rptcam_cl.scene.lens_settings import (
-    Aperture,
-    Dirt,
-    HeartAperture,
-    ImageAperture,
-    OutlineAperture,
-    PolygonAperture,
-    StarAperture,
-)
+from rptcam_cl.scene import lens_settings
 from rptcam_cl.scene.scene import Scene
 
 #
@@ -52,7 +44,7 @@ def edges_of(polygon: Array) -> Array:
     return np.concatenate([polygon, np.roll(polygon, -1, axis=0)], axis=1)
 
 
-def dirt_edges(dirt: Dirt, outline: Array, radius_mm: float) -> Array:
+def dirt_edges(dirt: lens_settings.Dirt, outline: Array, radius_mm: float) -> Array:
     """Return the edges (n, 4) of dirt within an outline, clockwise, as holes have them.
 
     Parameters
@@ -70,7 +62,9 @@ def dirt_edges(dirt: Dirt, outline: Array, radius_mm: float) -> Array:
     order = np.argsort(np.arctan2(about[:, 1], about[:, 0]))
     rim = (np.arctan2(about[order, 1], about[order, 0]), reach[order] / scale * ROOM)
     specks = [polygon for polygon in _specks(dirt, radius_mm) if _inside(polygon, rim).all()]
-    scratches = [polygon for line in _scratches(dirt, radius_mm) if (polygon := _clipped(line, dirt, rim)) is not None]
+    scratches = [
+        polygon for line in _scratches(dirt, radius_mm) if (polygon := _clip_line(line, dirt, rim)) is not None
+    ]
     edges = [edges_of(middle + scale * polygon[::-1]) for polygon in (*specks, *scratches)]
     return np.concatenate([np.zeros((0, 4)), *edges])
 
@@ -101,7 +95,7 @@ def _sizes(drawn: Array) -> Array:
     return np.asarray(np.exp(drawn[:, :3].sum(axis=1) - 1.5))
 
 
-def _specks(dirt: Dirt, radius_mm: float) -> list[Array]:
+def _specks(dirt: lens_settings.Dirt, radius_mm: float) -> list[Array]:
     """Return the corners of ragged specks about the middle [mm]."""
     at, drawn = _spread(dirt.dust_per_mm2, radius_mm, dirt.seed, 3 + _SPECK_CORNERS)
     radii = 0.5e-3 * dirt.dust_um * _sizes(drawn)
@@ -111,7 +105,7 @@ def _specks(dirt: Dirt, radius_mm: float) -> list[Array]:
     return [at[k] + (radii[k] * (1 + _RAGGED * (2 * drawn[k, 3:] - 1)))[:, None] * ring for k in chosen]
 
 
-def _scratches(dirt: Dirt, radius_mm: float) -> list[tuple[Array, Array]]:
+def _scratches(dirt: lens_settings.Dirt, radius_mm: float) -> list[tuple[Array, Array]]:
     """Return both ends of scratches about the middle [mm]."""
     at, drawn = _spread(dirt.scratches_per_mm2, radius_mm, dirt.seed + 1, 4)
     halves = 0.5 * dirt.scratch_mm * _sizes(drawn)
@@ -120,7 +114,7 @@ def _scratches(dirt: Dirt, radius_mm: float) -> list[tuple[Array, Array]]:
     return [(at[k] - away[k], at[k] + away[k]) for k in np.sort(np.argsort(-halves, kind="stable")[:MOST])]
 
 
-def _clipped(line: tuple[Array, Array], dirt: Dirt, rim: tuple[Array, Array]) -> Array | None:
+def _clip_line(line: tuple[Array, Array], dirt: lens_settings.Dirt, rim: tuple[Array, Array]) -> Array | None:
     """Return the corners of the part of a scratch within the rim; None where it is not longer than wide."""
     first, last = line
     wide = 0.5e-3 * dirt.scratch_um
@@ -148,7 +142,7 @@ _DAMAGED = (OSError, SyntaxError, ValueError, TypeError, KeyError, IndexError, E
            struct.error, zlib.error)  # fmt: skip
 
 
-def stop_shape(scene: Scene, aperture: Aperture) -> StopShape | StopMask | None:
+def stop_shape(scene: Scene, aperture: lens_settings.Aperture) -> StopShape | StopMask | None:
     """Return the shape of an aperture of radius 1; None for a circle.
 
     Raises
@@ -157,15 +151,15 @@ def stop_shape(scene: Scene, aperture: Aperture) -> StopShape | StopMask | None:
         When an outline crosses itself, or a picture cannot be used as a mask.
     """
     match aperture:
-        case PolygonAperture():
+        case lens_settings.PolygonAperture():
             return blades(aperture.blades, aperture.rotation_degrees, aperture.curvature)
-        case StarAperture():
+        case lens_settings.StarAperture():
             return star(aperture.points, aperture.inner_radius, aperture.rotation_degrees)
-        case HeartAperture():
+        case lens_settings.HeartAperture():
             return heart(aperture.rotation_degrees)
-        case OutlineAperture():
+        case lens_settings.OutlineAperture():
             return polygon(fit_to_stop(aperture.points), aperture.rotation_degrees)
-        case ImageAperture():
+        case lens_settings.ImageAperture():
             where = aperture.place.rstrip(": ")
             cells = bright_parts(scene.content_of(aperture), where)
             rows, columns = cells.shape
@@ -194,7 +188,7 @@ def shaped(scene: Scene, setting: LensSetting) -> LensSetting:
     return replace(setting, lens=setting.lens.with_stop_shape(shape))
 
 
-def aperture_tables(scene: Scene, aperture: Aperture) -> tuple[NDArray[np.float32], dict[str, int]]:
+def aperture_tables(scene: Scene, aperture: lens_settings.Aperture) -> tuple[NDArray[np.float32], dict[str, int]]:
     """Return the tables of an aperture of radius 1 and its facts, both as `kernels/lens/aperture.h` describes them."""
     shape = stop_shape(scene, aperture)
     facts = {"APERTURE_PARTS": 0, "APERTURE_ROWS": 0}
@@ -227,10 +221,8 @@ def bright_parts(source: Path | bytes, where: str) -> NDArray[np.bool_]:
     """
     from PIL import Image, UnidentifiedImageError
 
-    try:
+    with name_errors(where):
         content = read_whole(source, LARGEST_FILE)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{where}: {problem}") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")

@@ -13,39 +13,8 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.ray_trace import axial_transmittance
+from rptcam_cl.rendering.cameras import film_pupil, ideal, model
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays, PerspectiveRays, SphereRays, TracedRays
-from rptcam_cl.rendering.cameras.film_pupil import (
-    FilmPupils,
-    PupilRays,
-    flat_pupils,
-    thick_lens_rays,
-    thin_lens_rays,
-    traced_lens_rays,
-    traced_pupils,
-)
-from rptcam_cl.rendering.cameras.ideal import (
-    ThickLens,
-    aperture_tables,
-    shaped,
-    stop_shape,
-    thick_lens_blur,
-    thick_lens_intrinsics,
-    thick_lens_of,
-    thin_lens_blur,
-)
-from rptcam_cl.rendering.cameras.model import (
-    CameraModel,
-    CameraView,
-    camera_irradiance,
-    camera_record,
-    entrance_pupil_view,
-    exposed,
-    half_tangents,
-    intrinsics,
-    opening_irradiance,
-    thick_lens_reach,
-    thin_lens_reach,
-)
 from rptcam_cl.rendering.cameras.realistic import Window, axis_irradiance, realistic_model
 from rptcam_cl.rendering.cameras.setting import (
     CameraMetadata,
@@ -147,14 +116,14 @@ class CameraOptics(ABC):
         return None
 
     @abstractmethod
-    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> CameraModel:
+    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> model.CameraModel:
         """Make its record, tables and facts for the device; parameters as in `camera_model` and `realistic_model`."""
 
     def chief_rays(self) -> CameraRays:
         """Return its chief rays: one for each place of the picture, in float64."""
         raise self.camera.lacks("its chief rays")
 
-    def pupil_rays(self, places: Array) -> PupilRays:
+    def pupil_rays(self, places: Array) -> film_pupil.PupilRays:
         """Return the rays of places of the picture (m, 2), right and down in pixels.
 
         Raises
@@ -165,7 +134,7 @@ class CameraOptics(ABC):
         allowed = ", ".join(kinds_where(lambda kind: kind.opens))
         raise InputError(f"camera.kind: {self.camera.kind} has no pupil (allowed: {allowed})")
 
-    def film_pupils(self) -> FilmPupils:
+    def film_pupils(self) -> film_pupil.FilmPupils:
         """The opening that points of the film see."""
         allowed = ", ".join(kinds_where(lambda kind: kind.opens))
         raise InputError(
@@ -195,7 +164,7 @@ class CameraOptics(ABC):
 
     def irradiance(self) -> float | None:
         """Return the irradiance of the film's centre for radiance 1 everywhere; None where there is no film."""
-        return camera_irradiance(self.model(), self.scene.exposure)
+        return model.camera_irradiance(self.model(), self.scene.exposure)
 
     def perspective(self) -> Perspective | None:
         """Return its pupil and image to first order; None where no plane is in focus or there is no focus."""
@@ -209,11 +178,11 @@ class _Pinhole(CameraOptics):
 
     @cached_property
     def _tangents(self) -> tuple[float, float]:
-        return half_tangents(self.camera.fov_degrees, self.camera.fov_axis, self.scene.film)
+        return model.half_tangents(self.camera.fov_degrees, self.camera.fov_axis, self.scene.film)
 
-    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> CameraModel:
+    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> model.CameraModel:
         camera, (across, down) = self.camera, self._tangents
-        record = camera_record(
+        record = model.camera_record(
             camera, self.scene.film, "pinhole", half_width=across, half_height=down, near_distance=camera.near_m
         )
         moved = place_film(record, self.scene, self.scene.film.size_m()[0] * 500.0 / across)
@@ -223,7 +192,9 @@ class _Pinhole(CameraOptics):
             "intrinsics": self.intrinsics(),
             "entrance_pupil": self.entrance_pupil().described(),
         }
-        return CameraModel("camera/pinhole.h", record, moved, metadata=metadata, view=CameraView(starts_ahead=True))
+        return model.CameraModel(
+            "camera/pinhole.h", record, moved, metadata=metadata, view=model.CameraView(starts_ahead=True)
+        )
 
     def chief_rays(self) -> CameraRays:
         per_mm = self._tangents[0] / half_film_mm(self.scene)[0]
@@ -234,7 +205,7 @@ class _Pinhole(CameraOptics):
 
     def intrinsics(self) -> Intrinsics:
         across, down = self._tangents
-        return intrinsics(self.scene, (0.5 / across, 0.5 / down))
+        return model.intrinsics(self.scene, (0.5 / across, 0.5 / down))
 
     def focal_length_mm(self) -> float:
         width_m, height_m = self.scene.film.size_m()
@@ -247,15 +218,17 @@ class _Orthographic(CameraOptics):
 
     camera: OrthographicCamera
 
-    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> CameraModel:
+    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> model.CameraModel:
         camera, (width, height) = self.camera, self.scene.film.size_m()
         half = camera.width_m / 2
-        record = camera_record(
+        record = model.camera_record(
             camera, self.scene.film, "pinhole",
             half_width=half, half_height=half * height / width, near_distance=camera.near_m,
         )  # fmt: skip
         metadata: CameraMetadata = {"camera": "orthographic"}
-        return CameraModel("camera/orthographic.h", record, {}, metadata=metadata, view=CameraView(starts_ahead=True))
+        return model.CameraModel(
+            "camera/orthographic.h", record, {}, metadata=metadata, view=model.CameraView(starts_ahead=True)
+        )
 
     def chief_rays(self) -> CameraRays:
         return PerspectiveRays(self.scene, -self.camera.width_m / 2 / half_film_mm(self.scene)[0], 0.0, 0.0, 0.0)
@@ -266,9 +239,9 @@ class _Environment(CameraOptics):
 
     camera: EnvironmentCamera
 
-    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> CameraModel:
-        record = camera_record(self.camera, self.scene.film, "environment")
-        return CameraModel("camera/environment.h", record, {}, metadata={"camera": "environment"})
+    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> model.CameraModel:
+        record = model.camera_record(self.camera, self.scene.film, "environment")
+        return model.CameraModel("camera/environment.h", record, {}, metadata={"camera": "environment"})
 
     def chief_rays(self) -> CameraRays:
         return SphereRays(self.scene)
@@ -302,7 +275,7 @@ class _ThinLens(CameraOptics):
             distance = 1 / (1 / focal_length - 1 / camera.plane_m)
             return width / 2 / distance, height / 2 / distance, focal_length
         assert camera.fov_degrees is not None
-        across, down = half_tangents(camera.fov_degrees, camera.fov_axis, self.scene.film)
+        across, down = model.half_tangents(camera.fov_degrees, camera.fov_axis, self.scene.film)
         distance = width / 2 / across
         return across, down, 1 / (1 / distance + 1 / camera.plane_m)
 
@@ -321,15 +294,15 @@ class _ThinLens(CameraOptics):
     def _own_f_number(self) -> float:
         return self._optics[2] / (2 * self._radius_m) if self._radius_m else math.inf
 
-    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> CameraModel:
+    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> model.CameraModel:
         scene, camera, radius, tangents = self.scene, self.camera, self._radius_m, self._optics[:2]
-        record = camera_record(
+        record = model.camera_record(
             camera, scene.film, "thin_lens",
             half_width=tangents[0], half_height=tangents[1], focus_distance=camera.plane_m, aperture_radius=radius,
         )  # fmt: skip
-        tables, facts = aperture_tables(scene, camera.aperture)
-        shape = stop_shape(scene, camera.aperture)
-        on_axis = opening_irradiance(shape, radius, self._film_m) if radius else None
+        tables, facts = ideal.aperture_tables(scene, camera.aperture)
+        shape = ideal.stop_shape(scene, camera.aperture)
+        on_axis = model.opening_irradiance(shape, radius, self._film_m) if radius else None
         facts |= place_film(record, scene, self._film_m * 1e3)
         metadata: CameraMetadata = {
             **movements_metadata(camera),
@@ -343,28 +316,28 @@ class _ThinLens(CameraOptics):
         }
         columns, rows = scene.film.resolution
         gain = radius * math.sqrt(columns / tangents[0] * rows / tangents[1])  # pixels per vergence
-        return CameraModel(
+        return model.CameraModel(
             "camera/thin_lens.h",
             record,
             facts=facts,
             tables=tables,
             metadata=metadata,
-            view=CameraView(
-                pupil_radius_m=radius, blur=lambda: thin_lens_blur(scene, gain, 1 / camera.plane_m, self._film_m)
+            view=model.CameraView(
+                pupil_radius_m=radius, blur=lambda: ideal.thin_lens_blur(scene, gain, 1 / camera.plane_m, self._film_m)
             ),
             on_axis_irradiance=on_axis,
-            reach=thin_lens_reach(radius, camera.plane_m, tangents, shape) if radius else None,
+            reach=model.thin_lens_reach(radius, camera.plane_m, tangents, shape) if radius else None,
         )
 
     def chief_rays(self) -> CameraRays:
         per_mm = self._optics[0] / half_film_mm(self.scene)[0]
         return PerspectiveRays(self.scene, 0.0, -per_mm, per_mm, 0.0)
 
-    def pupil_rays(self, places: Array) -> PupilRays:
-        shape = stop_shape(self.scene, self.camera.aperture)
-        return thin_lens_rays(self.scene, places, self._radius_m, self._film_m, self.camera.plane_m, shape)
+    def pupil_rays(self, places: Array) -> film_pupil.PupilRays:
+        shape = ideal.stop_shape(self.scene, self.camera.aperture)
+        return film_pupil.thin_lens_rays(self.scene, places, self._radius_m, self._film_m, self.camera.plane_m, shape)
 
-    def film_pupils(self) -> FilmPupils:
+    def film_pupils(self) -> film_pupil.FilmPupils:
         if not self._radius_m > 0:
             return super().film_pupils()
         slopes = (-1e-3 / self._film_m, self._radius_m / self._film_m)
@@ -373,15 +346,15 @@ class _ThinLens(CameraOptics):
         def scene_side(z: float) -> tuple[float, float]:
             return z / film, radius * (1 + z / plane)  # the scene lies at z < 0
 
-        shape = stop_shape(self.scene, self.camera.aperture)
-        return flat_pupils(slopes, shape, 1.0, 1.0, radius, (scene_side, -4))
+        shape = ideal.stop_shape(self.scene, self.camera.aperture)
+        return film_pupil.flat_pupils(slopes, shape, 1.0, 1.0, radius, (scene_side, -4))
 
     def entrance_pupil(self) -> EntrancePupil:
         return EntrancePupil(diameter_mm=2e3 * self._radius_m)
 
     def intrinsics(self) -> Intrinsics:
         across, down, _ = self._optics
-        return intrinsics(self.scene, (0.5 / across, 0.5 / down))
+        return model.intrinsics(self.scene, (0.5 / across, 0.5 / down))
 
     def focal_length_mm(self) -> float:
         return self._optics[2] * 1e3
@@ -411,8 +384,8 @@ class _LensOfSurfaces(CameraOptics):
         return self._in_use
 
     @cached_property
-    def _thick(self) -> ThickLens:
-        return thick_lens_of(self.setting.lens, self.setting.film_distance_mm, self.camera.wavelength_nm)
+    def _thick(self) -> ideal.ThickLens:
+        return ideal.thick_lens_of(self.setting.lens, self.setting.film_distance_mm, self.camera.wavelength_nm)
 
     @property
     def _first_vertex_m(self) -> float:
@@ -458,13 +431,13 @@ class _ThickLens(_LensOfSurfaces):
 
     camera: ThickLensCamera
 
-    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> CameraModel:
+    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> model.CameraModel:
         scene, camera, setting, thick = self.scene, self.camera, self.setting, self._thick
         first_vertex_m, half = self._first_vertex_m, half_film_mm(scene)
         passed = float(axial_transmittance(setting.lens, camera.wavelength_nm, setting.transmission))
         on_axis = setting.gain * passed * thick.axial_cone
         width_m, height_m = scene.film.size_m()
-        record = camera_record(
+        record = model.camera_record(
             camera, scene.film, "thick_lens",
             film_half_width=width_m / 2 * 1e3, film_half_height=height_m / 2 * 1e3,
             weight=setting.gain * passed * thick.pupil_solid_angle,
@@ -485,30 +458,30 @@ class _ThickLens(_LensOfSurfaces):
         }
         if setting.transmission:
             metadata["transmittance"] = passed
-        return CameraModel(
+        return model.CameraModel(
             "camera/thick_lens.h",
             record,
             facts=moved,
             metadata=metadata,
-            view=entrance_pupil_view(
+            view=model.entrance_pupil_view(
                 setting.lens.first_order(camera.wavelength_nm),
                 first_vertex_m,
-                lambda: thick_lens_blur(thick, scene, first_vertex_m),
+                lambda: ideal.thick_lens_blur(thick, scene, first_vertex_m),
             ),
             on_axis_irradiance=on_axis,
             passed=passed,
             axial_weight=on_axis,
-            reach=thick_lens_reach(thick.height, thick.slope, first_vertex_m, half),
+            reach=model.thick_lens_reach(thick.height, thick.slope, first_vertex_m, half),
         )
 
     def chief_rays(self) -> CameraRays:
         thick, height = self._thick, self._thick.height[0] * 1e-3
         return PerspectiveRays(self.scene, height, thick.slope[0], thick.film_slope[0], self._first_vertex_m)
 
-    def pupil_rays(self, places: Array) -> PupilRays:
-        return thick_lens_rays(self.scene, places, self._thick, self._first_vertex_m)
+    def pupil_rays(self, places: Array) -> film_pupil.PupilRays:
+        return film_pupil.thick_lens_rays(self.scene, places, self._thick, self._first_vertex_m)
 
-    def film_pupils(self) -> FilmPupils:
+    def film_pupils(self) -> film_pupil.FilmPupils:
         lens = self.setting.lens
         index = float(lens.indices(self.camera.wavelength_nm)[-1])
         stop = lens.stop or lens.surfaces[0]
@@ -518,13 +491,13 @@ class _ThickLens(_LensOfSurfaces):
             first, second = (height - z * slope for height, slope in zip(thick.height, thick.slope, strict=True))
             return first, second
 
-        return flat_pupils(thick.film_slope, None, -1.0, index, float(stop.semi_diameter), (scene_side, 0))
+        return film_pupil.flat_pupils(thick.film_slope, None, -1.0, index, float(stop.semi_diameter), (scene_side, 0))
 
     def entrance_pupil(self) -> EntrancePupil:
         return entrance_pupil(self.scene, self.setting, drifts=False)
 
     def intrinsics(self) -> Intrinsics:
-        return thick_lens_intrinsics(self.scene, self._thick)
+        return ideal.thick_lens_intrinsics(self.scene, self._thick)
 
 
 class _TracedLens(_LensOfSurfaces):
@@ -532,26 +505,26 @@ class _TracedLens(_LensOfSurfaces):
 
     camera: RealisticCamera
 
-    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> CameraModel:
+    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> model.CameraModel:
         return realistic_model(self.scene, self.setting, windows, lens_colour=lens_colour, coarse=coarse)
 
     def chief_rays(self) -> CameraRays:
         return TracedRays(self.scene, self.setting)
 
-    def pupil_rays(self, places: Array) -> PupilRays:
-        return traced_lens_rays(self.scene, self.setting, places)
+    def pupil_rays(self, places: Array) -> film_pupil.PupilRays:
+        return film_pupil.traced_lens_rays(self.scene, self.setting, places)
 
-    def film_pupils(self) -> FilmPupils:
-        return traced_pupils(shaped(self.scene, self.setting))
+    def film_pupils(self) -> film_pupil.FilmPupils:
+        return film_pupil.traced_pupils(ideal.shaped(self.scene, self.setting))
 
     def entrance_pupil(self) -> EntrancePupil:
         return entrance_pupil(self.scene, self.setting, drifts=True)
 
     def intrinsics(self) -> Intrinsics:
-        return thick_lens_intrinsics(self.scene, self._thick, "traced lens")
+        return ideal.thick_lens_intrinsics(self.scene, self._thick, "traced lens")
 
     def irradiance(self) -> float:
-        lens, setting = shaped(self.scene, self.setting).lens, self.setting
+        lens, setting = ideal.shaped(self.scene, self.setting).lens, self.setting
         return axis_irradiance(lens, setting.film_distance_mm, self.camera.wavelength_nm, setting.transmission)
 
 
@@ -584,7 +557,7 @@ def camera_of(scene: Scene, setting: LensSetting | None = None) -> CameraOptics:
     return _KINDS[scene.camera.kind](scene, setting)
 
 
-def camera_model(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool = False) -> CameraModel:
+def camera_model(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool = False) -> model.CameraModel:
     """Make the camera of a scene for the device, where it is when the shutter opens.
 
     Parameters
@@ -595,4 +568,4 @@ def camera_model(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool 
         Whether a table of the pupil does that is made faster and holds all but slivers of it.
     """
     camera = camera_of(scene)
-    return exposed(camera.model(lens_colour, coarse=coarse), camera.scene)
+    return model.exposed(camera.model(lens_colour, coarse=coarse), camera.scene)

@@ -224,13 +224,13 @@ def _fit(rays: Reached, ends: Reached, colours: Sequence[Reached]) -> LampFit | 
     passed = rays.passed[0]
     film, pupil = rays.film[0][passed], rays.pupil[0][passed]
     middle = Polynomial(film, np.concatenate([pupil, rays.entry[0][passed]], axis=1))
-    edges = [_fitted(*each) for each in zip(ends.film, ends.pupil, ends.passed, strict=True)]
-    by_colour = tuple(_fitted(r.film[0], r.pupil[0], r.passed[0]) for r in colours) or None
+    edges = [_fit_polynomial(*each) for each in zip(ends.film, ends.pupil, ends.passed, strict=True)]
+    by_colour = tuple(_fit_polynomial(r.film[0], r.pupil[0], r.passed[0]) for r in colours) or None
     fit = LampFit(middle, ((edges[0], edges[2]), (edges[1], edges[3])), by_colour, film, pupil)  # type: ignore[arg-type]
     return None if middle.error > _LARGEST_ERROR * fit.pupil_radius else fit
 
 
-def _fitted(film: Array, pupil: Array, passed: NDArray[np.bool_]) -> Polynomial:
+def _fit_polynomial(film: Array, pupil: Array, passed: NDArray[np.bool_]) -> Polynomial:
     return Polynomial(film[passed], pupil[passed])
 
 
@@ -476,7 +476,7 @@ def aimed_at_lamps(
         return camera
 
     def make() -> _LampTables:
-        return _tables(camera, lamps, _remembered(camera, lamps, shows, sights))
+        return _tables(camera, lamps, _find_or_fit(camera, lamps, shows, sights))
 
     aim = make() if sights is None or not on_disk else _DISK.find_or_make(_key(camera, lamps, sights), make)
     if not aim.lamps:
@@ -532,7 +532,7 @@ def _fits(camera: CameraModel, reach: LampReach, lamps: Sequence[SeenLamp]) -> d
     )
 
 
-def _remembered(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str | None) -> _Seen:
+def _find_or_fit(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str | None) -> _Seen:
     """Return where the film sees lamps: found once for the same places and sights."""
     if sights is None:
         return _seen(camera, lamps, shows)
@@ -551,7 +551,7 @@ def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> _Lam
     assert camera.reach is not None
     values = np.concatenate([entries.part * lamps[number].radiance * camera.value for number, entries in shown])
     numbers, floats = (np.concatenate([getattr(e, name) for _, e in shown]) for name in ("blocks", "floats"))
-    table = np.concatenate([np.array([camera.reach.area], np.float32), _packed(numbers, floats, values, blocks)])
+    table = np.concatenate([np.array([camera.reach.area], np.float32), _pack_table(numbers, floats, values, blocks)])
     return _LampTables(table, blocks.shift, blocks.counts, len(shown))
 
 
@@ -571,7 +571,7 @@ def _key(camera: CameraModel, lamps: Sequence[SeenLamp], sights: str) -> tuple[o
     return sights, camera.reach.made_of, camera.reach.film_scale, state
 
 
-def _packed(numbers: NDArray[np.int64], floats: Array, values: Array, blocks: _Blocks) -> NDArray[np.float32]:
+def _pack_table(numbers: NDArray[np.int64], floats: Array, values: Array, blocks: _Blocks) -> NDArray[np.float32]:
     """Return places and counts of all blocks, and behind them their lamps, each with its share of the rays."""
     count = int(np.prod(blocks.counts))
     sums = np.bincount(numbers, values, count)

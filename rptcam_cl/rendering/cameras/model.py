@@ -129,7 +129,7 @@ def traced_blur(
     scale, shift = (1.0, pupil_mm) if np.isfinite(pupil_mm) else (0.0, 1.0)
     variances, lit = _variances(lens, film_distance_mm, half_film_mm, vergences, wavelength_nm, frame)
     square = 8.0 * variances @ np.square(pixels_per_mm) * (scale + shift * vergences) ** 2
-    square = _filled(square, lit)
+    square = _fill_dark(square, lit)
     away = vergences - focus
     coefficients = square @ np.linalg.inv(np.vander(away, 3, increasing=True)).T * np.array([1.0, 1e-3, 1e-6])
     if not frame.is_flat and lit.all():
@@ -170,7 +170,7 @@ def _variances(
     return variances, lit
 
 
-def _filled(values: Array, lit: NDArray[np.bool_]) -> Array:
+def _fill_dark(values: Array, lit: NDArray[np.bool_]) -> Array:
     """Return the values (rows, columns, n) with dark nodes taking those of the nearest lit one."""
     if lit.all() or not lit.any():
         return values
@@ -667,7 +667,7 @@ class CameraModel:
 
 def camera_record(pose: CameraKind, film: Film, kind: str, **own: float) -> NDArray[np.void]:
     """Return a camera record with pose and resolution in place, and what a camera of a kind has of its own."""
-    record = _posed(CAMERA.zeros(1), pose)
+    record = _place_camera(CAMERA.zeros(1), pose)
     width, height = film.resolution
     sign = 1.0 if pose.flip else -1.0
     record["width"], record["height"] = width, height
@@ -683,10 +683,10 @@ def turned(camera: CameraModel, pose: CameraKind) -> CameraModel:
     setting, lens = camera.setting, pose.lens_camera
     if setting is not None and lens is not None:
         setting = replace(setting, camera=lens)
-    return replace(camera, record=_posed(camera.record.copy(), pose), setting=setting)
+    return replace(camera, record=_place_camera(camera.record.copy(), pose), setting=setting)
 
 
-def _posed(record: NDArray[np.void], pose: CameraKind) -> NDArray[np.void]:
+def _place_camera(record: NDArray[np.void], pose: CameraKind) -> NDArray[np.void]:
     assert not pose.stands_by_pupil, "where its film stands is to be found first (`on_film`)"
     matrix = pose.world_from_camera()
     for index, name in enumerate(("right", "up", "back")):
@@ -767,11 +767,6 @@ def values_per_irradiance(time_s: float, iso: float) -> float:
     return LUMENS_PER_WATT * time_s * iso / _SATURATION_LX_S
 
 
-def _ideal_irradiance(f_number: float) -> float:
-    """Return the irradiance of the film's centre for radiance 1 behind an aplanatic lens focused at infinity."""
-    return math.pi / (4.0 * f_number**2)
-
-
 def working_f_number(on_axis_irradiance: float) -> float:
     """Return the f-number of the aplanatic lens that lights the film's centre as much: 1 / (2 sin u')."""
     return math.sqrt(math.pi / (4.0 * on_axis_irradiance))
@@ -781,7 +776,7 @@ def camera_irradiance(model: CameraModel, exposure: Exposure) -> float | None:
     """Return the irradiance of the film's centre for radiance 1; None where there is no film to speak of."""
     if model.on_axis_irradiance is not None:
         return model.on_axis_irradiance
-    return None if exposure.f_number is None else _ideal_irradiance(exposure.f_number)
+    return None if exposure.f_number is None else math.pi / (4.0 * exposure.f_number**2)
 
 
 def exposed(model: CameraModel, scene: Scene) -> CameraModel:

@@ -35,7 +35,7 @@ class FilmGrid:
     """
 
     def __init__(self, values: Array, reach: float) -> None:
-        self._values, self._reach = _continued(values), reach
+        self._values, self._reach = _continue_values(values), reach
         self._per_side = (len(values) - 1) / (2 * reach)
 
     def at(self, places: Array) -> Array:
@@ -64,14 +64,16 @@ def _weights(t: Array) -> tuple[Array, Array, Array, Array]:
     return -a * b * c / 6.0, t * b * c / 2.0, -t * a * c / 2.0, t * a * b / 6.0
 
 
-def _continued(values: Array) -> Array:
+def _continue_values(values: Array) -> Array:
     """Return values (n, n, k) without nan: each missing node goes on straight or in a parabola."""
     values, count = values.copy(), len(values)
     known = np.asarray(np.isfinite(values).all(axis=2))
     while known.any() and not known.all():
         sums, votes = np.zeros_like(values), np.zeros((count, count, 1))
         for row, column in NEIGHBOURS:
-            (one, near), (two, far), (three, last) = (_moved(values, known, row * k, column * k) for k in (1, 2, 3))
+            (one, near), (two, far), (three, last) = (
+                _move_cells(values, known, row * k, column * k) for k in (1, 2, 3)
+            )
             bent = near & far & last
             guess = np.where(bent[..., None], 3 * one - 3 * two + three, 2 * one - two)
             usable = (near & far & ~known)[..., None]
@@ -85,7 +87,7 @@ def _continued(values: Array) -> Array:
     return values
 
 
-def _moved(values: Array, known: NDArray[np.bool_], rows: int, columns: int) -> tuple[Array, NDArray[np.bool_]]:
+def _move_cells(values: Array, known: NDArray[np.bool_], rows: int, columns: int) -> tuple[Array, NDArray[np.bool_]]:
     """The values of the nodes so many rows and columns farther, and which of them are known."""
     count = len(values)
     index = np.arange(count)
@@ -373,7 +375,7 @@ def pupil_sampling(
         thousandth of the light of the lenses that it was tried on.
     """
     view = _View(without_shape(lens), film_distance_mm, half_film_mm, wavelength_nm, frame)
-    sampling = _coarse(view) if coarse and tier in ("auto", "tight") else _checked(view, tier)
+    sampling = _coarse(view) if coarse and tier in ("auto", "tight") else _check_sampling(view, tier)
     sampling.table.flags.writeable = False
     return sampling
 
@@ -412,7 +414,7 @@ def on_disk(**ways: Any) -> Disk:
         unpack=lambda arrays, facts: PupilSampling.of_facts(facts, arrays["table"]),
     ),
 )
-def _checked(view: _View, tier: Tier) -> PupilSampling:
+def _check_sampling(view: _View, tier: Tier) -> PupilSampling:
     """Return the sampling of a tier, or of another one where its tables would lose light."""
     if tier == "rear":
         return _rear(view)
@@ -529,11 +531,11 @@ def _corner_boxes(
     low, high = (np.where(lit[..., None], boxes[:, k::2].reshape(part.shape), none) for k, none in enumerate(NOWHERE))
     if symmetric:
         for axis in (0, 1):
-            low, high = _unfolded(low, high, axis)
+            low, high = _mirror_boxes(low, high, axis)
     return low, high, np.isfinite(low[..., 0])
 
 
-def _unfolded(low: Array, high: Array, axis: int) -> tuple[Array, Array]:
+def _mirror_boxes(low: Array, high: Array, axis: int) -> tuple[Array, Array]:
     """Return boxes over half a film, of rows along y (axis 0) or columns along x, with their mirror images before."""
     other_low, other_high = (np.flip(np.delete(values, 0, axis), axis).copy() for values in (low, high))
     component = 1 - axis

@@ -20,16 +20,9 @@ from rptcam_cl.optics.irradiance import axial_irradiance, disk_irradiance, on_ax
 from rptcam_cl.optics.lens import Lens, zoom_range_mm
 from rptcam_cl.optics.pupils import PupilShapes, StoppedPupils, shared_shapes, stopped_pupils
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance, is_tinted
+from rptcam_cl.rendering.cameras import model
 from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_intrinsics, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import colour_error_px, disperses, usable_nm
-from rptcam_cl.rendering.cameras.model import (
-    CameraModel,
-    CameraView,
-    camera_record,
-    entrance_pupil_view,
-    lens_reach,
-    traced_blur,
-)
 from rptcam_cl.rendering.cameras.pupil import (
     CELLS,
     EDGE_SPREAD,
@@ -220,7 +213,7 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
     assert distance_mm is not None
     opened = [{"f_number": None, "stop_diameter_mm": None} | at for at in _zooms(scene, camera)]
     wide_open = [without_shape(design_to_focus(scene, camera.model_copy(update=keys))) for keys in opened]
-    lenses = _stopped(wide_open, setting.lens)
+    lenses = _stop_down(wide_open, setting.lens)
     length_mm = abs(wide_open[0].first_order(camera.wavelength_nm).focal_length_mm)
     if not (math.isfinite(length_mm) and distance_mm > 0):
         return None
@@ -243,7 +236,7 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
     if shared is None:
         return None
     shared.sampling.table.flags.writeable = False
-    return _moved(shared, film_distance_mm)
+    return _move_pupil(shared, film_distance_mm)
 
 
 def _zooms(scene: Scene, camera: LensCamera) -> list[dict[str, float]]:
@@ -261,7 +254,7 @@ def _rounded_up(value: float, cells: int) -> float:
     return float(2.0 ** (math.ceil(cells * math.log2(value) - 1e-9) / cells))
 
 
-def _stopped(wide_open: Sequence[Lens], state: Lens) -> list[Lens]:
+def _stop_down(wide_open: Sequence[Lens], state: Lens) -> list[Lens]:
     """Return lenses with their stop as wide as it is anywhere in the cell of a state."""
     if state.stop is None:
         return list(wide_open)
@@ -272,7 +265,7 @@ def _stopped(wide_open: Sequence[Lens], state: Lens) -> list[Lens]:
     ]
 
 
-def _moved(shared: _Shared, film_distance_mm: float) -> PupilSampling:
+def _move_pupil(shared: _Shared, film_distance_mm: float) -> PupilSampling:
     """Return the table for a film at another distance: film points in one direction have the same outlines."""
     parameters = shared.sampling.parameters
     assert isinstance(parameters, PupilGrid)
@@ -380,7 +373,9 @@ def _loses_light(
     """Return whether rays of some state pass that lie well outside of the table."""
     half_film_mm = radius_mm / math.sqrt(2.0), radius_mm / math.sqrt(2.0)
     return any(
-        loses_light(_moved(shared, film_distance_mm), FilmProbe(state, film_distance_mm, wavelength_nm), half_film_mm)
+        loses_light(
+            _move_pupil(shared, film_distance_mm), FilmProbe(state, film_distance_mm, wavelength_nm), half_film_mm
+        )
         for state, film_distance_mm in states
     )
 
@@ -399,7 +394,7 @@ def realistic_model(
     *,
     lens_colour: LensColour = "off",
     coarse: bool = False,
-) -> CameraModel:
+) -> model.CameraModel:
     """Return the camera of a scene with its lens set in some other way than the scene says.
 
     Parameters
@@ -433,7 +428,7 @@ def realistic_model(
     }  # fmt: skip
     if entrance is not None:
         metadata["entrance_pupil"] = entrance.described()
-    return CameraModel(
+    return model.CameraModel(
         through.kernel,
         record,
         facts=through.facts | pupil.facts | place_film(record, scene) | place_fold(record, lens),
@@ -447,7 +442,7 @@ def realistic_model(
         passed=on_axis / clear,
         axial_weight=on_axis,
         usable_nm=(low, high),
-        reach=lens_reach(lens, film_distance_mm, camera.wavelength_nm, half_film_mm(scene)),
+        reach=model.lens_reach(lens, film_distance_mm, camera.wavelength_nm, half_film_mm(scene)),
         axial_colour=axial_colour,
         setting=setting,
         pupil=None if coarse else entrance,
@@ -547,7 +542,7 @@ def _glanced_axis(lens: Lens, film_distance_mm: float, wavelength_nm: float, los
 
 def _record(scene: Scene, setting: LensSetting, lens: Lens, pupil: PupilSampling, surfaces: int) -> NDArray[np.void]:
     half_width, half_height = half_film_mm(scene)
-    record = camera_record(
+    record = model.camera_record(
         scene.camera, scene.film, "realistic",
         film_half_width=half_width, film_half_height=half_height,
         film_distance=setting.film_distance_mm, gain=setting.gain,
@@ -630,15 +625,15 @@ def _axial_colour(
     return wavelengths, slow * axial_transmittance(lens, wavelengths, losses)
 
 
-def _view(scene: Scene, setting: LensSetting) -> CameraView:
+def _view(scene: Scene, setting: LensSetting) -> model.CameraView:
     """The view of a lens for layers; a stop that is not round counts as its circle."""
     lens, wavelength_nm = setting.lens, setting.camera.wavelength_nm
     size_mm = [side * 1e3 for side in scene.film.size_m()]
     columns, rows = scene.film.resolution
-    return entrance_pupil_view(
+    return model.entrance_pupil_view(
         lens.first_order(wavelength_nm),
         -lens.film_z(setting.film_distance_mm) * 1e-3,
-        lambda: traced_blur(
+        lambda: model.traced_blur(
             lens,
             setting.film_distance_mm,
             setting.focus_distance_mm,

@@ -319,7 +319,7 @@ def _as_coated(lens: Lens, camera: LensCamera) -> Lens:
         When coatings must count and the lens does not say how it is coated, or when losses that count are not known at
         the camera's wavelength.
     """
-    lens = _coated(lens, camera)
+    lens = _coat(lens, camera)
     low, high = known_nm(lens, _transmission_of(camera))
     if not low <= camera.wavelength_nm <= high:
         raise InputError(
@@ -329,10 +329,10 @@ def _as_coated(lens: Lens, camera: LensCamera) -> Lens:
     return lens
 
 
-def _coated(lens: Lens, camera: LensCamera) -> Lens:
+def _coat(lens: Lens, camera: LensCamera) -> Lens:
     coating = camera.transmission.coating
     if coating is not None:
-        return with_coating(lens, _named(coating))
+        return with_coating(lens, _coating_of(coating))
     if camera.transmission.coatings and not has_coatings(lens):
         raise InputError(
             f"camera.transmission: {lens.name} does not say how it is coated"
@@ -341,7 +341,7 @@ def _coated(lens: Lens, camera: LensCamera) -> Lens:
     return lens
 
 
-def _named(coating: str | float | CoatingLayers) -> Coating:
+def _coating_of(coating: str | float | CoatingLayers) -> Coating:
     if isinstance(coating, CoatingLayers):
         return coating_of(tuple(Layer(layer.index, layer.thickness_nm, layer.extinction) for layer in coating.layers))
     return coating_of(coating)
@@ -483,7 +483,7 @@ def focused(
         When the distance is out of reach; the nearest possible is named.
     """
     if lens.floating and not lens.focuses_by_group:
-        lens = _floated(lens, distance_mm, measured_from, wavelength_nm)
+        lens = _float_groups_for(lens, distance_mm, measured_from, wavelength_nm)
     if not lens.focuses_by_group:
         return lens, _film_distance(lens, distance_mm, measured_from, method, wavelength_nm, film_point_mm)
     film = film_distance(lens, np.inf, wavelength_nm=wavelength_nm)
@@ -500,7 +500,7 @@ def focused(
     raise InputError(f"{lens.name}: its group finds no focus {distance_mm:g} mm in front of the first surface")
 
 
-def _floated(lens: Lens, distance_mm: float, measured_from: Side, wavelength_nm: float) -> Lens:
+def _float_groups_for(lens: Lens, distance_mm: float, measured_from: Side, wavelength_nm: float) -> Lens:
     """Return the lens with its floating groups set for an object plane."""
     if measured_from == "film":
         return float_groups(lens, distance_mm)

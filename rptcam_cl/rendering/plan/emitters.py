@@ -173,24 +173,6 @@ SOLIDS = {
 _QUADRATURE_STEPS = 64
 
 
-def _fill_solid(record: np.void, kind: Kind, placement: Array) -> None:
-    """Fill in what ``kernels/light/solids.h`` reads of the shape.
-
-    Parameters
-    ----------
-    record
-        Emitter record.
-    kind
-        One of `SOLIDS`.
-    placement
-        (4, 4), maps the canonical shape of the kind to the world [m].
-    """
-    linear = placement[:3, :3]
-    (u, v, normal), (uv, uv_x, uv_y) = linear.T, np.linalg.inv(linear)
-    size = np.cbrt(abs(np.linalg.det(linear)))
-    fill(record, kind=SOLIDS[kind], a=(*placement[:3, 3], size), u=u, v=v, normal=normal, uv=uv, uv_x=uv_x, uv_y=uv_y)
-
-
 def area_of_solid(kind: Kind, linear: Array) -> float:
     """Return the area [m²] of a canonical shape under a linear map (3, 3); of cylinder and cone without their ends."""
     if kind is Kind.BOX:
@@ -354,19 +336,7 @@ PLACES = {
 
 
 def _lit_points(primitives: Primitives, lamps_of_primitive: Mapping[int, int], lamps: Lamps, eye: Array) -> Array:
-    """Return points (n, 3) [m about the eye] of what is no lamp itself; of a plane the foot of each lamp.
-
-    Parameters
-    ----------
-    primitives
-        Of the scene.
-    lamps_of_primitive
-        Has those that are lamps as keys.
-    lamps
-        The lamps.
-    eye
-        Position of the eye in the scene [m].
-    """
+    """Return points (n, 3) [m about the eye] of what is no key of the lamps; of a plane the foot of each lamp."""
     parts = [
         part
         for index, primitive in enumerate(primitives)
@@ -550,9 +520,12 @@ def _sphere(primitive: Primitive, record: np.void) -> float:
 
 
 def _solid(primitive: Primitive, record: np.void) -> float:
-    """Fill in a solid; return its area."""
-    _fill_solid(record, primitive.kind, primitive.placement)
-    return area_of_solid(primitive.kind, primitive.placement[:3, :3])
+    """Fill in what ``kernels/light/solids.h`` reads of a solid; return its area."""
+    kind, linear = primitive.kind, primitive.placement[:3, :3]
+    (u, v, normal), (uv, uv_x, uv_y) = linear.T, np.linalg.inv(linear)
+    a = (*primitive.placement[:3, 3], np.cbrt(abs(np.linalg.det(linear))))
+    fill(record, kind=SOLIDS[kind], a=a, u=u, v=v, normal=normal, uv=uv, uv_x=uv_x, uv_y=uv_y)
+    return area_of_solid(kind, linear)
 
 
 _BRIGHTEST_AFAR = 1e30  # over the lamps near by, of which nothing is to be seen then; sums of it are float32 still
@@ -650,10 +623,8 @@ def pack_emitters(
 
     Parameters
     ----------
-    scene
-        The scene.
     primitives
-        Its primitives, sorted by kind.
+        Those of the scene, sorted by kind.
     first_triangles
         Of those that are meshes, in their order.
     textures
@@ -679,7 +650,7 @@ def pack_emitters(
     is_dark = held is not None and held["HAS_EMITTERS"] > 0 and not chosen
     if is_dark:
         chosen = [(np.array([_without_surface()], EMITTER.dtype), np.ones(1))]
-    records, powers, group = _joined(chosen, [each for _, _, each in lights], groups)
+    records, powers, group = _join_lamps(chosen, [each for _, _, each in lights], groups)
     count, curve, tree = len(powers), np.zeros((1, 2), np.float32), None
     if count:
         curve, chance = curves(powers[None])
@@ -689,13 +660,15 @@ def pack_emitters(
             order = np.argsort(np.isin(records["kind"], list(FAR_EMITTERS)), kind="stable")
             records, powers, group = records[order], powers[order], group[order]
             tree = _with_tree(records, powers, lamps, reach, surroundings)
-        _note_infinity(records["kind"], surroundings)
+        suns = int((records["kind"] == EmitterKind.SUN).sum())
+        surroundings.record["first_sun"], surroundings.record["suns"] = len(records) - suns, suns
+        surroundings.record["emitter"] = int((records["kind"] == EmitterKind.ENVIRONMENT).argmax())
     kinds = frozenset(EmitterKind(kind) for kind in set(records["kind"][:count].tolist()) if not is_dark)
     tiny, seen = _has_tiny(records, primitives, eye), _seen_lamps(glowing, eye)
     return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny, group, seen)
 
 
-def _joined(
+def _join_lamps(
     chosen: list[Found], of_lights: list[int], groups: LightGroups
 ) -> tuple[NDArray[np.void], Array, NDArray[np.int32]]:
     """Return the records, powers and groups of all lamps; lights without a surface, whose groups are given, come last.
@@ -773,13 +746,6 @@ def _with_tree(
     return tree
 
 
-def _note_infinity(kinds: NDArray[np.int32], surroundings: Surroundings) -> None:
-    """Write which emitters are suns and which stands for a picture."""
-    suns = int((kinds == EmitterKind.SUN).sum())
-    surroundings.record["first_sun"], surroundings.record["suns"] = len(kinds) - suns, suns
-    surroundings.record["emitter"] = int((kinds == EmitterKind.ENVIRONMENT).argmax())
-
-
 def _surface_emitters(
     glowing: list[tuple[int, Primitive, _Glow]], first_triangles: NDArray[np.int32], first_mesh: int, eye: Array
 ) -> tuple[list[Found], dict[int, int]]:
@@ -849,20 +815,15 @@ def _seen_lamps(glowing: list[tuple[int, Primitive, _Glow]], eye: Array) -> tupl
 
     Planes, lamps around the eye and those that turn their back to it are left out.
     """
-    lamps = (
-        _see_lamp(primitive, eye, glow)
-        for _, primitive, glow in glowing
-        if primitive.kind is not Kind.PLANE and not primitive.hidden & Hidden.FROM_CAMERA
-    )
-    return tuple(lamp for lamp in lamps if lamp is not None)
-
-
-def _see_lamp(primitive: Primitive, eye: Array, glow: _Glow) -> SeenLamp | None:
-    outline = _outline(primitive, eye, two_sided=glow.two_sided)
-    if outline is None or np.linalg.norm(outline[0]) <= 1.5 * np.linalg.norm(outline[1], axis=1).max():
-        return None
-    centre, axes, is_round = outline
-    return SeenLamp(centre, axes, is_round, float(luminance(glow.radiance)))
+    lamps = []
+    for _, primitive, glow in glowing:
+        if primitive.kind is Kind.PLANE or primitive.hidden & Hidden.FROM_CAMERA:
+            continue
+        outline = _outline(primitive, eye, two_sided=glow.two_sided)
+        if outline is None or np.linalg.norm(outline[0]) <= 1.5 * np.linalg.norm(outline[1], axis=1).max():
+            continue
+        lamps.append(SeenLamp(*outline, float(luminance(glow.radiance))))
+    return tuple(lamps)
 
 
 def _outline(primitive: Primitive, eye: Array, *, two_sided: bool) -> tuple[Array, Array, bool] | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import lru_cache, partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import WAVELENGTHS_NM, srgb_from_reflectance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, ONCE_TERMS, SHARE_SIDES, BumpLengths, MaterialKind, fill
-from rptcam_cl.core.remember import content_name
+from rptcam_cl.core.remember import Disk, content_name, remember
 from rptcam_cl.rendering.plan.textures import (
     UNLIMITED,
     KnownSpectra,
@@ -261,10 +260,10 @@ def _cap(w: Array, u: Array, v: Array) -> Array:
     return np.stack([r * np.cos(2 * np.pi * u) + w[0], r * np.sin(2 * np.pi * u) + w[1], z + w[2]]).reshape(3, -1)
 
 
-def _scattered_once(w: Any, cap: Any, stretch: Any, eta: float | None, *, schlick: bool) -> Any:
-    """Return the share (n, m) that facets of normals ``cap`` (3, m) scatter of light along ``w``, given for alpha 1.
+def _scattered_once(w: Any, cap: Any, stretch: Any, eta: float | Callable[[Any], Any], *, schlick: bool) -> Any:
+    """Return the shares (k, n, m) that facets of normals ``cap`` (3, m) scatter of light along ``w``, for alpha 1.
 
-    ``stretch`` (n, 3, 1) is what takes directions there; ``eta`` is as of `_once_table`.
+    ``stretch`` (n, 3, 1) is what takes directions there; ``eta`` and k are as of `_once_table`.
     """
     h, wi = cap * stretch, w[:, None] / stretch
     h /= np.sqrt((h * h).sum(axis=1, keepdims=True))
@@ -272,8 +271,8 @@ def _scattered_once(w: Any, cap: Any, stretch: Any, eta: float | None, *, schlic
     c = np.clip((h * wi).sum(axis=1), 0, 1)
     own, reflected = _smith_lambda(wi, stretch), 2 * c[:, None] * h - wi
     back = np.where(reflected[:, 2] > 0, (1 + own) / (1 + own + _smith_lambda(reflected, stretch)), 0)
-    if eta is None:
-        return back
+    if callable(eta):
+        return np.stack([back, back * eta(c)])
     inside = np.sqrt(np.clip(1 - (1 - c * c) / eta**2, 0, None))
     refracted = (c / eta - inside)[:, None] * h - wi / eta
     share = fresnel(c, eta)
@@ -281,7 +280,7 @@ def _scattered_once(w: Any, cap: Any, stretch: Any, eta: float | None, *, schlic
         f0 = ((eta - 1) / (eta + 1)) ** 2
         share = np.where(share >= 1, 1, f0 + (1 - f0) * _schlick(inside if eta < 1 else c))
     down = 1 / (1 + _smith_lambda(refracted, stretch))
-    return share * back + np.where(refracted[:, 2] < 0, (1 - share) * down, 0)
+    return (share * back + np.where(refracted[:, 2] < 0, (1 - share) * down, 0))[None]
 
 
 def _smith_lambda(w: Any, stretch: Any) -> Any:
@@ -302,61 +301,112 @@ def _once_polynomial(alpha: tuple[float, float], eta: float, *, schlick: bool) -
 # The same as tables, for what has two alphas or takes its alpha from a texture (kernels/material/facet_shares.h).
 
 _SHARE_NODES = 64, 24  # of the quadrature over visible normals, round their cap and along it
+_FINE_NODES = 128, 32  # of tables for one pair of alphas
 MIDDLE = 1.002  # of the errors of a table, so that white metal gives back 0.997 to 1.001 of even light
 _LEAST_STRETCH = 1e-3
 
 
-def _once_table(alphas: Array, turns: int, eta: float | None = None, *, schlick: bool = False) -> NDArray[np.float32]:
-    """Return shares of light that facets scatter once, for pairs of alphas (n, 2): shape (n, cosines, ``turns``).
+def _table_directions(turns: int) -> Array:
+    """Return the directions of a table where slopes are stretched to alpha 1: (cosines, ``turns``, 3).
 
-    Directions are those of the light where slopes are stretched to alpha 1: their cosines z stand evenly in the angle
-    whose cosine is 1 - 2 z, their azimuths in a quarter turn.
+    Their cosines z stand evenly in the angle whose cosine is 1 - 2 z, their azimuths likewise, in parts of a quarter.
+    """
+    cosine, part = ((1 - np.cos(np.linspace(0, np.pi, count))) / 2 for count in (SHARE_SIDES["COSINES"], turns))
+    z, azimuth = np.maximum(cosine, 1e-4)[:, None], np.pi / 2 * part
+    r = np.sqrt(1 - z**2)
+    return np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z + 0 * azimuth], axis=-1)
+
+
+def _once_table(
+    alphas: Array,
+    turns: int,
+    eta: float | Callable[[Array], Array],
+    *,
+    schlick: bool = False,
+    nodes: tuple[int, int] = _SHARE_NODES,
+) -> NDArray[np.float32]:
+    """Return shares of light that facets scatter once, for pairs of alphas (n, 2): shape (k, n, cosines, ``turns``).
 
     Parameters
     ----------
     eta
-        Index beyond the surface over that before it; of metal, which reflects everything, None.
+        Of glass the index beyond the surface over that before it; k is 1. Of what only reflects, a reflectance by the
+        cosine; k is 2, of facets that reflect everything and of these.
     schlick
         As of `_once_scattered`.
+    nodes
+        Of the quadrature.
     """
-    cosines = (1 - np.cos(np.pi * np.arange(SHARE_SIDES["COSINES"]) / (SHARE_SIDES["COSINES"] - 1))) / 2
-    azimuths = np.arange(turns) * (np.pi / 2 / max(turns - 1, 1))
-    around, along = _SHARE_NODES
+    around, along = nodes
     node, weight = np.polynomial.legendre.leggauss(along)
     u, v = np.meshgrid((np.arange(around) + 0.5) / around, (node + 1) / 2, indexing="ij")
     weights = np.broadcast_to(weight / 2 / around, u.shape).ravel().astype(np.float32)
     stretch = np.c_[np.maximum(alphas, _LEAST_STRETCH), np.ones(len(alphas))].astype(np.float32)[:, :, None]
-    shares = np.empty((len(alphas), len(cosines), turns), np.float32)
-    for (row, cosine), (column, azimuth) in product(enumerate(np.maximum(cosines, 1e-4)), enumerate(azimuths)):
-        sine = np.sqrt(1 - cosine**2)
-        w = np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine])
+    directions = _table_directions(turns).reshape(-1, 3)
+    shares = np.empty((2 if callable(eta) else 1, len(alphas), len(directions)), np.float32)
+    for place, w in enumerate(directions):
         cap = _cap(w, u, v).astype(np.float32)
-        each = _scattered_once(w.astype(np.float32), cap, stretch, eta, schlick=schlick)
-        shares[:, row, column] = each @ weights
-    return shares
+        shares[..., place] = _scattered_once(w.astype(np.float32), cap, stretch, eta, schlick=schlick) @ weights
+    return shares.reshape(*shares.shape[:2], -1, turns)
 
 
-@lru_cache(maxsize=1)
-def _brushed_table() -> NDArray[np.float32]:
-    """Return shares of light that brushed metal reflects once, by alphas and direction, and their means."""
-    count, turns = SHARE_SIDES["ALPHAS"], SHARE_SIDES["TURNS"]
-    alphas = np.stack(np.meshgrid(*[np.arange(count) / (count - 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    half = alphas[:, 0] <= alphas[:, 1]
-    shares: Any = np.empty((count, count, SHARE_SIDES["COSINES"], turns), np.float32)
-    shares[half.reshape(count, count)] = MIDDLE * _once_table(alphas[half], turns)
-    lower = np.tril_indices(count, -1)
-    shares[lower] = shares[lower[::-1]][..., ::-1]  # turned by a quarter
-    shares = shares.reshape(len(alphas), -1, turns)
+def _brushed_shares(
+    alphas: Array, reflectance: Callable[[Array], Array], nodes: tuple[int, int]
+) -> tuple[Array, Array]:
+    """Return the tables of brushed facets for pairs of alphas (n, 2), and means over even light (2, n).
+
+    The first is the share of light that facets which reflect everything send back once. The second is the mean
+    reflectance of such light less that at the cosine of the light: what it is near 0 for is smooth near an alpha of 0.
+    """
+    turns = SHARE_SIDES["TURNS"]
+    tables = _once_table(alphas, turns, reflectance, nodes=nodes).astype(np.float64)
     z = np.sqrt((np.arange(64) + 0.5) / 64)[:, None]  # even light
     azimuth = (np.arange(16) + 0.5) * (np.pi / 32)
-    means = []
-    for pair, plane in zip(np.maximum(alphas, _LEAST_STRETCH), shares, strict=True):
+    means = np.empty((2, len(alphas)))
+    for number, pair in enumerate(np.maximum(alphas, _LEAST_STRETCH)):
+        w = _table_directions(turns) / [*pair, 1]
+        tables[1, number] /= tables[0, number]
+        tables[1, number] -= reflectance(w[..., 2] / np.sqrt((w * w).sum(axis=-1)))
         x, y = (alpha * np.sqrt(1 - z**2) * way(azimuth) for alpha, way in zip(pair, (np.cos, np.sin), strict=True))
-        stretched = z / np.sqrt(x * x + y * y + z * z)
-        rows = np.arccos(1 - 2 * stretched) / np.pi * (SHARE_SIDES["COSINES"] - 1)
-        columns = np.arctan2(y, x) / (np.pi / 2) * (turns - 1)
-        means.append(_between(plane, rows, columns).mean())
-    return np.concatenate([shares.ravel(), np.array(means, np.float32)])
+        parts = z / np.sqrt(x * x + y * y + z * z), np.arctan2(y, x) / (np.pi / 2)
+        rows, columns = (np.arccos(1 - 2 * p) / np.pi * (n - 1) for p, n in zip(parts, tables.shape[2:], strict=True))
+        once = MIDDLE * _between(tables[0, number], rows, columns)
+        means[:, number] = once.mean(), (once * (_between(tables[1, number], rows, columns) + reflectance(z))).mean()
+    tables[0] *= MIDDLE
+    return tables, means
+
+
+def _pack_table(table: NDArray[np.float32]) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
+    return {"table": table}, {}
+
+
+_DISK = Disk("facets", ("core", "rendering/plan"), pack=_pack_table, unpack=lambda arrays, _: arrays["table"])
+
+
+@remember(most=1, disk=_DISK)
+def _brushed_table() -> NDArray[np.float32]:
+    """Return the tables of facets whose alphas textures give, with Schlick's rise, and their means."""
+    count = SHARE_SIDES["ALPHAS"]
+    alphas = np.stack(np.meshgrid(*[np.arange(count) / (count - 1)] * 2, indexing="ij"), axis=-1)
+    upper, lower = np.triu_indices(count), np.tril_indices(count, -1)
+    tables: Any = np.empty((2, count, count, SHARE_SIDES["COSINES"], SHARE_SIDES["TURNS"]))
+    means: Any = np.empty((2, count, count))
+    tables[:, *upper], means[:, *upper] = _brushed_shares(alphas[upper], _schlick, _SHARE_NODES)
+    tables[:, *lower] = tables[:, *lower[::-1]][..., ::-1]  # turned by a quarter
+    means[:, *lower] = means[:, *lower[::-1]]
+    return _joined(tables, means)
+
+
+@lru_cache(maxsize=64)
+def _own_table(alpha: tuple[float, float], index: float) -> NDArray[np.float32]:
+    """Return the tables of facets of one pair of alphas: with Schlick's rise, or Fresnel's of an index other than 0."""
+    reflectance = partial(fresnel, index=index) if index else _schlick
+    return _joined(*_brushed_shares(np.array([alpha]), reflectance, _FINE_NODES))
+
+
+def _joined(tables: Array, means: Array) -> NDArray[np.float32]:
+    pairs = zip(tables, means, strict=True)
+    return np.concatenate([part.ravel() for pair in pairs for part in pair]).astype(np.float32)
 
 
 def _between(plane: Any, rows: Array, columns: Array) -> Array:
@@ -386,23 +436,42 @@ def _is_brushed(records: NDArray[np.void]) -> bool:
     return bool(np.any(records["alpha"] != records["alpha_across"]) or np.any(records["anisotropy_texture"] >= 0))
 
 
+_BRUSHED = MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED, MaterialKind.ROUGH_PLASTIC
+
+
 def facet_shares(records: NDArray[np.void]) -> NDArray[np.float32]:
-    """Return the tables of materials, where ``share_table`` of their records says; a single 0 where none is wanted."""
-    parts = [_brushed_table()] if _is_brushed(records) else [np.zeros(1, np.float32)]
-    for record in records[records["share_levels"] > 0]:
-        alpha, eta = (float(record["alpha"]), float(record["alpha_across"])), float(record["parameter"])
-        clear = record["kind"] == MaterialKind.PRINCIPLED
-        parts.append(_glass_table(alpha, int(record["share_levels"]), eta, schlick=bool(clear)))
+    """Return the tables of materials, where their records say, behind a 0."""
+    parts = [np.zeros(1, np.float32)]
+    if np.any(records["brushed_alphas"] > 1):
+        parts.append(_brushed_table())
+    for record in records:
+        alpha, index = (float(record["alpha"]), float(record["alpha_across"])), float(record["parameter"])
+        if record["brushed_alphas"] == 1:
+            parts.append(_own_table(alpha, index if record["kind"] == MaterialKind.ROUGH_PLASTIC else 0.0))
+        if record["share_levels"] > 0:
+            clear = bool(record["kind"] == MaterialKind.PRINCIPLED)
+            parts.append(_glass_table(alpha, int(record["share_levels"]), index, schlick=clear))
     return np.concatenate(parts)
 
 
 def _place_tables(records: NDArray[np.void]) -> None:
-    """Write where the tables of rough glass start among all."""
-    brushed = SHARE_SIDES["ALPHAS"] ** 2 * (SHARE_SIDES["COSINES"] * SHARE_SIDES["TURNS"] + 1)
-    start = brushed if _is_brushed(records) else 1
+    """Write where the tables of facets start among all."""
+    of_pair = 2 * (SHARE_SIDES["COSINES"] * SHARE_SIDES["TURNS"] + 1)
+    start = 1 + (of_pair * SHARE_SIDES["ALPHAS"] ** 2 if np.any(records["brushed_alphas"] > 1) else 0)
     for record in records:
+        record["brushed_table"] = 1 if record["brushed_alphas"] > 1 else start
+        start += of_pair if record["brushed_alphas"] == 1 else 0
         record["share_table"] = start
         start += 2 * int(record["share_levels"] * record["share_turns"]) * SHARE_SIDES["COSINES"]
+
+
+def _fill_brushed(record: np.void) -> None:
+    """Write how large the tables of brushed facets are, of a material that has some."""
+    varies = record["roughness_texture"] >= 0 or record["anisotropy_texture"] >= 0
+    if record["kind"] not in _BRUSHED or not _is_brushed(record[None]):
+        return
+    if record["kind"] != MaterialKind.ROUGH_PLASTIC or not varies:
+        record["brushed_alphas"] = SHARE_SIDES["ALPHAS"] if varies else 1
 
 
 def _fill_once(record: np.void) -> None:
@@ -656,6 +725,7 @@ class _Filler:
             fill(record, absorption=(*depth, self._spectra.number(depth)))
         self._coverage(record, material)
         _fill_once(record)
+        _fill_brushed(record)
 
     def _metal(self, record: np.void, metal: str | OpticalConstants | MetalSpectrum) -> None:
         """Write the index n + i k of a metal: of each channel, and of one that was measured the spectra."""
@@ -786,6 +856,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     kinds = set(records["kind"].tolist())
     principled = records["kind"] == MaterialKind.PRINCIPLED
     clear = np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PRINCIPLED))
+    based = principled | (records["kind"] == MaterialKind.ROUGH_PLASTIC)
     coated = principled & ((records["coat"] > 0) | (records["coat_texture"] >= 0))
     flat = (records["coat_flat"] != 0) & ((records["normal_texture"] >= 0) | (records["bump_texture"] >= 0))
     clearing = records["transmission_texture"] >= 0
@@ -797,10 +868,12 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind} | MATERIAL.facts_of(records)
     features: dict[str, Any] = {
         "FACET_ENERGY": _scatters_again(records),
-        "FACET_SHARES": _scatters_again(records) and (_is_brushed(records) or np.any(records["share_levels"] > 0)),
+        "FACET_SHARES": np.any(records["brushed_alphas"] > 0)
+        or (_scatters_again(records) and np.any(records["share_levels"] > 0)),
         "HAS_MEDIA": False,  # unless the plan finds some
         "HAS_LAYERED_FOG": False,
         "HAS_ANISOTROPY": _is_brushed(records),
+        "HAS_BRUSHED_BASE": np.any(records["brushed_alphas"][based] > 0),
         "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"][~brushed] != 0),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0) or np.any(clearing),
         "HAS_CLEARCOAT": np.any(coated),

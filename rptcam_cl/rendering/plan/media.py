@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, near_name
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.core.records import DENSITY_BLOCK, MEDIUM, Hidden, fill
 from rptcam_cl.core.remember import Memory
@@ -20,11 +20,11 @@ from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.plan.materials import Materials
 from rptcam_cl.rendering.plan.primitives import Primitives, Prototype
 from rptcam_cl.rendering.plan.textures import KnownSpectra
-from rptcam_cl.scene.base import describe, listed, near_name
+from rptcam_cl.scene.base import describe, listed
 from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.materials import Boundary, Dielectric, Material, Mix, Principled, has_holes
 from rptcam_cl.scene.media import DensityGrid, Droplets, ScatteringMedium
-from rptcam_cl.scene.scene import Scene, Solid, holds_eye, world_corners
+from rptcam_cl.scene.scene import Scene, Solid, holds_eye, shines, world_corners
 from rptcam_cl.scene.shapes import Object, Plane
 
 _MOST_MEDIA = 31  # whose numbers fit into MEDIUM_BITS of kernels/material/medium.h, 0 being empty space
@@ -124,6 +124,7 @@ def pack_media(
     records, densities, steps = _records(found, spectra, scene)
     media = Media(records, numbers, active=True, densities=densities, steps=steps)
     _check_nesting(scene, media)
+    _mark_shade(scene, media)
     return media, shown
 
 
@@ -460,6 +461,26 @@ def _stack_at(
             "camera: its rays begin in different media, where they leave the lens or its plane (allowed: all in one)"
         )
     return stacks.pop()
+
+
+def _mark_shade(scene: Scene, media: Media) -> None:
+    """Mark the media that lie in nothing but solids of glass without a lamp: glass stops all light samples."""
+    lamps = [(item, solid) for item, solid in zip(scene.objects, scene.solids(), strict=True) if shines(solid)]
+    placed = (*(item for item, _ in lamps), *(each.item for each in _solids(scene, media)))
+    if any(item.instances is not None or item.trajectory is not None or isinstance(item, Plane) for item in placed):
+        return
+    corners = [world_corners(item, solid)[0] for item, solid in lamps]
+    corners += [np.array([light.position]) for light in scene.lights if hasattr(light, "position")]
+    lit = {0} if scene.medium is None else {0, media.numbers[_key_of(scene.medium, scene)]}
+    for each in _solids(scene, media):
+        own = world_corners(each.item, each.solid)[0]
+        near = any(
+            np.all((own.min(axis=0) <= one.max(axis=0)) & (one.min(axis=0) <= own.max(axis=0))) for one in corners
+        )
+        glass = all(isinstance(material, Dielectric | Principled) for material in each.solid.shown_materials())
+        if near or not glass or each.item.visible.hidden:
+            lit.add(each.number)
+    media.records["in_shade"] = [number not in lit for number in range(len(media.records))]
 
 
 def _check_nesting(scene: Scene, media: Media) -> None:

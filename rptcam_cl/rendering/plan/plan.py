@@ -9,28 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.colour import (
-    LUMINANCE,
-    WAVELENGTHS_NM,
-    cie_1931,
-    daylight_65,
-    response_curves,
-    rgb_basis,
-    srgb_from_xyz,
-)
+from rptcam_cl.core import colour
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import (
-    EnvironmentKind,
-    Kind,
-    MaterialKind,
-    SpectrumKind,
-)
+from rptcam_cl.core.records import EnvironmentKind, Kind, MaterialKind, SpectrumKind
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
 from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.caustics import Caustics, pack_caustics, stand_behind_glass, without_caustics
+from rptcam_cl.rendering.plan import geometry
 from rptcam_cl.rendering.plan.emitters import (
     Emitters,
     LightGroups,
@@ -40,16 +28,6 @@ from rptcam_cl.rendering.plan.emitters import (
     pack_emitters,
 )
 from rptcam_cl.rendering.plan.environment import Surroundings
-from rptcam_cl.rendering.plan.geometry import (
-    ObjectMovements,
-    Owners,
-    PackedMeshes,
-    has_huge_sphere,
-    owners_of,
-    pack_movements,
-    pack_primitives,
-    with_meshes,
-)
 from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
 from rptcam_cl.rendering.plan.media import Media, about_camera, hidden_from, pack_media
 from rptcam_cl.rendering.plan.primitives import PlanParts, Primitives, scene_primitives
@@ -104,7 +82,7 @@ def primary_spectra() -> Array:
     White light of D65 as the sRGB primaries' matching functions (CIE 1931) see it, their negative parts left out: none
     of red, green and blue can be less than nothing. Each channel then is light of its own, and white a mixture of all.
     """
-    matching = cie_1931() @ srgb_from_xyz().T * daylight_65()[:, None]
+    matching = colour.cie_1931() @ colour.srgb_from_xyz().T * colour.daylight_65()[:, None]
     spread = np.maximum(matching, 0.0)
     return np.asarray(spread / spread.sum(axis=0))
 
@@ -121,8 +99,14 @@ def wavelength_table(spectra: Array, density: Array, low_nm: float, high_nm: flo
     low_nm, high_nm
         Wavelengths that paths may have [nm]; the spectra are cut there and keep their sums.
     """
-    grid = np.concatenate([[low_nm], WAVELENGTHS_NM[(low_nm < WAVELENGTHS_NM) & (high_nm > WAVELENGTHS_NM)], [high_nm]])
-    columns = np.stack([np.interp(grid, WAVELENGTHS_NM, values) for values in (*spectra.T, density)])
+    grid = np.concatenate(
+        [
+            [low_nm],
+            colour.WAVELENGTHS_NM[(low_nm < colour.WAVELENGTHS_NM) & (high_nm > colour.WAVELENGTHS_NM)],
+            [high_nm],
+        ]
+    )
+    columns = np.stack([np.interp(grid, colour.WAVELENGTHS_NM, values) for values in (*spectra.T, density)])
     pieces = (columns[:, 1:] + columns[:, :-1]) / 2 * np.diff(grid)
     sums = np.concatenate([np.zeros((4, 1)), np.cumsum(pieces, axis=1)], axis=1)
     sums *= np.append(spectra.sum(axis=0), 1.0)[:, None] / sums[:, -1:]
@@ -173,15 +157,15 @@ def least_noise(spectra: Array) -> Array:
     The variances of its luminance and of the differences of red and of blue to it count alike; their sum is least where
     the density goes with the root of the sum of their squares.
     """
-    bright = spectra @ LUMINANCE
+    bright = spectra @ colour.LUMINANCE
     return np.asarray(np.sqrt(bright**2 + (spectra[:, 0] - bright) ** 2 + (spectra[:, 2] - bright) ** 2))
 
 
 def observer(scene: Scene) -> tuple[str, Array]:
     """Find who sees, the scene's sensor or the eye, and the weights (401, 3) that make linear sRGB of spectra."""
     if scene.sensor is not None and scene.sensor.response is not None:
-        return scene.sensor.response, response_curves(scene.sensor.response)
-    return "cie_1931", cie_1931() @ srgb_from_xyz().T
+        return scene.sensor.response, colour.response_curves(scene.sensor.response)
+    return "cie_1931", colour.cie_1931() @ colour.srgb_from_xyz().T
 
 
 def _spectral(
@@ -194,7 +178,7 @@ def _spectral(
     """
     table = wavelength_table(matching, _density(matching, spectra.lights), *range_nm)
     edges = table[:, 0].astype(np.float64)
-    colours = np.concatenate([rgb_basis().T, daylight_65()[None]])
+    colours = np.concatenate([colour.rgb_basis().T, colour.daylight_65()[None]])
     colours = _cell_means(colours, edges)
     seen = table[:-1, 1:].T.astype(np.float64) @ (colours[:3] * colours[3]).T / WAVELENGTH_CELLS
     table[:, 1:] = table[:, 1:] @ np.linalg.inv(seen).T
@@ -209,7 +193,7 @@ def _spectral(
 def _density(matching: Array, lights: list[Array]) -> Array:
     """How likely wavelengths are: as daylight is seen, and half of them as the lights of known spectra are."""
     sees = np.abs(matching).mean(axis=1)
-    shares = sees * daylight_65()
+    shares = sees * colour.daylight_65()
     density = shares / shares.sum()
     shining = [light for light in lights if (light * sees).sum() > 0]
     if shining:
@@ -219,8 +203,8 @@ def _density(matching: Array, lights: list[Array]) -> Array:
 
 def _cell_means(spectra: Array, edges_nm: Array) -> Array:
     """Return means (n, cells) of spectra (n, 401), linear between `WAVELENGTHS_NM`, over cells of wavelength."""
-    grid = np.union1d(WAVELENGTHS_NM, edges_nm)
-    values = np.array([np.interp(grid, WAVELENGTHS_NM, row) for row in spectra])
+    grid = np.union1d(colour.WAVELENGTHS_NM, edges_nm)
+    values = np.array([np.interp(grid, colour.WAVELENGTHS_NM, row) for row in spectra])
     pieces = (values[:, 1:] + values[:, :-1]) / 2 * np.diff(grid)
     sums = np.concatenate([np.zeros((len(values), 1)), np.cumsum(pieces, axis=1)], axis=1)
     places = np.searchsorted(grid, edges_nm)
@@ -277,7 +261,7 @@ _LOBED = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_PLASTIC
 
 def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[str, Any]:
     tables = [item.instances.matrices(scene.folders) for item in scene.objects if item.instances is not None]
-    primitives, meshes = with_meshes(scene_primitives(scene, parts), scene, parts)
+    primitives, meshes = geometry.with_meshes(scene_primitives(scene, parts), scene, parts)
     materials = {id(each.material): each.material for each in primitives.prototypes}.values()
     seen = parts.appearance(scene, materials, files)
     table, spectra, surroundings = seen.table, seen.spectra, seen.surroundings
@@ -287,8 +271,8 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings, groups, parts.held)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     textures = parts.textures(seen).seen_from(scene.camera.eye)
-    records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
-    movements = pack_movements(scene, primitives)
+    records, kind_end = geometry.pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
+    movements = geometry.pack_movements(scene, primitives)
     if parts.held is None or parts.held["CAUSTICS"]:
         caustics = pack_caustics(scene, primitives, first_triangles, emitters, eye_m, has_media=media.active)
     else:
@@ -304,7 +288,8 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "ENVIRONMENT": int(surroundings.kind),
         "HAS_HIDDEN": int(hidden.any()),
         "FACET_ENERGY": shown.facts["FACET_ENERGY"] * scene.render.multiple_scattering,
-        "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
+        "FACET_SHARES": shown.facts["FACET_SHARES"]
+        * (scene.render.multiple_scattering or shown.facts["HAS_BRUSHED_BASE"]),
         "HIDDEN_SKY": int(scene.environment is not None and hidden_from_camera(scene.environment, scene) > 0),
         "LAMPS_BEHIND_GLASS": int(not ways_alone and stand_behind_glass(primitives, emitters, eye_m)),
         "LIGHT_GROUPS": len(groups.names),
@@ -326,14 +311,14 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "caustics": caustics,
         "media": media,
         "meshes": meshes,
-        "owners": owners_of(scene, primitives, parts),
+        "owners": geometry.owners_of(scene, primitives, parts),
         "eye_m": eye_m,
         "albedo": "media scatter light on and on" if media.active else largest_albedo(materials),
     }
 
 
 def _facts_of_shapes(
-    primitives: Primitives, meshes: PackedMeshes | None, materials: Mapping[str, int]
+    primitives: Primitives, meshes: geometry.PackedMeshes | None, materials: Mapping[str, int]
 ) -> dict[str, int]:
     """Find which kinds of primitives there are, and what their surfaces require beside positions and normals."""
     kinds = {each.kind for each in primitives.prototypes}
@@ -346,7 +331,7 @@ def _facts_of_shapes(
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.CURVE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.instanced),
         "FEW_PRIMITIVES": int(len(primitives) <= FEW),
-        "HUGE_SPHERES": int(has_huge_sphere(primitives)),
+        "HUGE_SPHERES": int(geometry.has_huge_sphere(primitives)),
     }
 
 
@@ -363,7 +348,7 @@ class Plan:
     camera_filter: FilterTable
     trajectory: NDArray[np.float32]
     primitives: NDArray[np.void]
-    movements: ObjectMovements
+    movements: geometry.ObjectMovements
     kind_end: NDArray[np.int32]
     hidden: NDArray[np.int32]
     materials: NDArray[np.void]
@@ -374,8 +359,8 @@ class Plan:
     caustics: Caustics
     media: Media
     primitive_count: int
-    meshes: PackedMeshes | None
-    owners: Owners
+    meshes: geometry.PackedMeshes | None
+    owners: geometry.Owners
     eye_m: NDArray[np.float64]
     albedo: LargestAlbedo
     colours: tuple[KnownSpectra, Materials]  # of the scene, for a camera in place of this one

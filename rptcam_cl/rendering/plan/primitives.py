@@ -19,7 +19,7 @@ from rptcam_cl.rendering.cameras.model import CameraModel, turned
 from rptcam_cl.rendering.plan.environment import Surroundings, pack_environment
 from rptcam_cl.rendering.plan.materials import Materials, pack_materials
 from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures, TextureTable
-from rptcam_cl.scene.assets.mesh import Mesh
+from rptcam_cl.scene.assets.mesh import Mesh, MeshPlacement
 from rptcam_cl.scene.base import file_references
 from rptcam_cl.scene.camera import CameraKind
 from rptcam_cl.scene.exposure import Exposure, Shutter
@@ -159,31 +159,11 @@ def are_same(one: Any, other: Any) -> bool:
 Matrix = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class MeshPart:
-    """A mesh where an object has it.
-
-    Attributes
-    ----------
-    mesh : Mesh
-        The same object wherever the same triangles are used.
-    placement : (4, 4) float64
-        From the mesh's own coordinates (its origin added to its positions) to the world [scene units], when the shutter
-        opens. A reflection
-        carries the front side along: it stays where the corners run counter-clockwise in the mesh's own coordinates.
-    material : Material
-    name : str or None
-        Of the object, or of the part in its file.
-    """
-
-    mesh: Mesh
-    placement: NDArray[np.float64]
-    material: Material
-    name: str | None
-
-
-def mesh_parts(scene: Scene, item: MeshObject | Board) -> tuple[MeshPart, ...]:
+def mesh_parts(scene: Scene, item: MeshObject | Board) -> tuple[MeshPlacement, ...]:
     """Return the parts of one of a scene's mesh objects, in the order of the file, at each of its places.
+
+    Placements lead to the world [scene units], when the shutter opens. A reflection carries the front side along: it
+    stays where the corners run counter-clockwise in the mesh's own coordinates.
 
     Raises
     ------
@@ -192,7 +172,7 @@ def mesh_parts(scene: Scene, item: MeshObject | Board) -> tuple[MeshPart, ...]:
     """
     loaded = scene.load_mesh(item)
     return tuple(
-        MeshPart(part.mesh, place @ part.placement, material, part.name or item.name)
+        MeshPlacement(part.mesh, place @ part.placement, material, part.name or item.name)
         for place in item.places(scene.folders, scene.shutter.open_s)
         for part, material in zip(loaded.contents.parts, loaded.materials, strict=True)
     )

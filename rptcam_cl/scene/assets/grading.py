@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, MissingFileError
+from rptcam_cl.core.errors import InputError, MissingFileError, near_name
 from rptcam_cl.core.files import Folders, read_whole
 from rptcam_cl.core.remember import Memory
-from rptcam_cl.scene.base import listed, near_name
+from rptcam_cl.scene.base import listed
 
 Values = NDArray[np.float32]
 

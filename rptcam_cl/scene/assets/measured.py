@@ -87,10 +87,10 @@ def _of_merl(raw: bytes) -> Array:
     values = np.moveaxis(np.frombuffer(raw, "<f8", offset=12).reshape(3, *_MERL), 0, -1) * _MERL_SCALE
     if not np.isfinite(values).all():
         raise InputError(_NOT_FINITE)
-    return np.maximum(_continued(values, np.min(values, axis=-1) >= 0), 0)
+    return np.maximum(_continue_values(values, np.min(values, axis=-1) >= 0), 0)
 
 
-def _continued(values: Array, known: NDArray[Any]) -> Array:
+def _continue_values(values: Array, known: NDArray[Any]) -> Array:
     """Return values of which those that are not known are as the last at a smaller difference angle that is."""
     place = np.maximum.accumulate(np.where(known, np.arange(known.shape[1])[:, None], 0), axis=1)
     return np.asarray(np.take_along_axis(values, place[..., None], axis=1))
@@ -259,7 +259,7 @@ def _of_tensors(fields: dict[str, NDArray[Any]]) -> Array:
     values = np.zeros((len(wi), 3))
     ways = [tensor_brdf(fields, one[above], other[above]) for one, other in ((wi, wo), (wo, wi))]
     values[above] = 0.5 * (ways[0] + ways[1])
-    return _continued(values.reshape(*_OF_TENSORS, 3), above.reshape(_OF_TENSORS))
+    return _continue_values(values.reshape(*_OF_TENSORS, 3), above.reshape(_OF_TENSORS))
 
 
 def _figures(values: Array) -> tuple[Array, float, float]:

@@ -735,21 +735,21 @@ def _png(linear: NDArray[np.float32]) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class MeshPlacement:
-    """A mesh at its place in the file.
+    """A mesh at its place in the file, or in a scene.
 
     Attributes
     ----------
     mesh : Mesh
     placement : (4, 4) float64
-        From the mesh's coordinates, its origin included, to the file's.
+        From the mesh's coordinates, its origin included, to the file's, or to the world.
     material : FileMaterial or None
-        None where the file does not say.
+        None where the file does not say; in a scene its material.
     name : str or None
     """
 
     mesh: Mesh
     placement: NDArray[np.float64]
-    material: FileMaterial | None = None
+    material: Any = None  # FileMaterial, or Material
     name: str | None = None
 
     def corners(self) -> NDArray[np.float64]:

@@ -13,16 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.assets.mesh import (
-    Draft,
-    MeshSurface,
-    Polygons,
-    as_triangles,
-    check_corners,
-    group_lists,
-    open_mesh,
-    weld,
-)
+from rptcam_cl.scene.assets import mesh
 from rptcam_cl.scene.assets.obj import numbers_of_lines, parse_numbers
 
 # The header of a PLY file (Turk 1994): which elements follow, how many, and how their rows are laid out.
@@ -140,7 +131,7 @@ def _property(form: list[str], order: str, place: str) -> Property:
 
 # Rows of one element of a PLY file, binary or text.
 
-Lists = list[Polygons]
+Lists = list[mesh.Polygons]
 
 
 class ElementRows(NamedTuple):
@@ -170,7 +161,7 @@ def _join_rows(parts: list[ElementRows]) -> ElementRows:
             for group in part.lists[name]:
                 by_length.setdefault(group[1].shape[1], []).append(group)
         groups = [zip(*each, strict=True) for _, each in sorted(by_length.items())]
-        lists[name] = [Polygons(*(np.concatenate(parts) for parts in each)) for each in groups]
+        lists[name] = [mesh.Polygons(*(np.concatenate(parts) for parts in each)) for each in groups]
     return ElementRows(values, lists)
 
 
@@ -185,7 +176,9 @@ def _read_binary(file: BinaryIO, element: Element, path: Path) -> ElementRows:
         if all((rows[f"length of {item.name}"] == row[item.name].shape[0]).all() for item in element.lists):
             values = {item.name: rows[item.name] for item in element.properties if item.length is None}
             numbers = np.arange(len(rows))
-            lists = {item.name: [Polygons(numbers, np.ascontiguousarray(rows[item.name]))] for item in element.lists}
+            lists = {
+                item.name: [mesh.Polygons(numbers, np.ascontiguousarray(rows[item.name]))] for item in element.lists
+            }
             return ElementRows(values, lists)
         file.seek(start)
     elif not element.lists:
@@ -248,10 +241,10 @@ def _read_varied_rows(file: BinaryIO, element: Element, path: Path) -> ElementRo
             values[item.name] = octets[spots].view(item.type)[:, 0]
         else:
             groups = lists[item.name] = []
-            for numbers, entries in group_lists(lengths[item.name] * item.type.itemsize, begun[item.name], octets):
+            for numbers, entries in mesh.group_lists(lengths[item.name] * item.type.itemsize, begun[item.name], octets):
                 has_entries = entries.shape[1] > 0
                 typed = np.ascontiguousarray(entries).view(item.type) if has_entries else entries.astype(item.type)
-                groups.append(Polygons(numbers, typed))
+                groups.append(mesh.Polygons(numbers, typed))
     return ElementRows(values, lists)
 
 
@@ -306,12 +299,12 @@ def _split(element: Element, numbers: NDArray[np.float64], count: int, first: in
             values[item.name] = numbers[places]
         else:
             groups = lists[item.name] = []
-            for rows, entries in group_lists(numbers[places].astype(np.int64), places + 1, numbers):
+            for rows, entries in mesh.group_lists(numbers[places].astype(np.int64), places + 1, numbers):
                 if item.type.kind in "iu":
                     if not (np.abs(entries) < 2**53).all() or not (entries == np.floor(entries)).all():
                         raise ValueError("not whole")
                     entries = entries.astype(np.int64)
-                groups.append(Polygons(rows + first, entries))
+                groups.append(mesh.Polygons(rows + first, entries))
     return ElementRows(values, lists)
 
 
@@ -345,7 +338,7 @@ _CORNER_UVS = "texcoord"
 Columns = NDArray[Any]
 
 
-def read_ply(path: Path) -> Draft:
+def read_ply(path: Path) -> mesh.Draft:
     """Return the surface of a PLY file.
 
     Raises
@@ -353,7 +346,7 @@ def read_ply(path: Path) -> Draft:
     InputError
         When it is not PLY, holds less than it claims or nothing that can be shown.
     """
-    with open_mesh(path) as file:
+    with mesh.open_mesh(path) as file:
         order, elements, line = _read_header(file, path)
         _check_size(elements, path.stat().st_size - file.tell(), path, is_text=not order)
         names = [element.name for element in elements]
@@ -370,7 +363,7 @@ def read_ply(path: Path) -> Draft:
     if faces == "tristrips":
         rows[faces] = _without_strips(rows[faces])
     types = {item.name: item.type for element in elements if element.name == "vertex" for item in element.properties}
-    return Draft([_surface(rows["vertex"], rows[faces], path, types)], notes=notes)
+    return mesh.Draft([_surface(rows["vertex"], rows[faces], path, types)], notes=notes)
 
 
 def _without_strips(strips: ElementRows) -> ElementRows:
@@ -385,7 +378,7 @@ def _without_strips(strips: ElementRows) -> ElementRows:
         odd = (since[last] % 2 == 0)[:, None]
         a, b, c = run[last - 2], run[last - 1], run[last]
         triangles = np.where(odd, np.stack([b, a, c], axis=1), np.stack([a, b, c], axis=1))
-        lists[name] = [Polygons(np.arange(len(triangles)), triangles)]
+        lists[name] = [mesh.Polygons(np.arange(len(triangles)), triangles)]
     return ElementRows({}, lists)
 
 
@@ -399,7 +392,9 @@ def _check_size(elements: list[Element], size: int, path: Path, *, is_text: bool
         )
 
 
-def _surface(vertex: ElementRows, face: ElementRows, path: Path, types: Mapping[str, np.dtype[Any]]) -> MeshSurface:
+def _surface(
+    vertex: ElementRows, face: ElementRows, path: Path, types: Mapping[str, np.dtype[Any]]
+) -> mesh.MeshSurface:
     positions = _columns(vertex, ("x", "y", "z"))
     if positions is None:
         raise InputError(f"{path}: its vertices have no position (allowed: properties x, y, z)")
@@ -413,12 +408,14 @@ def _surface(vertex: ElementRows, face: ElementRows, path: Path, types: Mapping[
     if not sum(len(corners) for _, corners in polygons):
         raise InputError(f"{path}: has no faces")
     for group in polygons:
-        check_corners(group, len(positions), f"{path}: face")
+        mesh.check_corners(group, len(positions), f"{path}: face")
     if uvs is None and _CORNER_UVS in face.lists and (corner_uvs := _corner_uvs(polygons, face)) is not None:
-        vertices, uvs, polygons = weld(polygons, corner_uvs)
+        vertices, uvs, polygons = mesh.weld(polygons, corner_uvs)
         positions = positions[vertices]
         normals, colours = (None if rows is None else rows[vertices] for rows in (normals, colours))
-    return MeshSurface(positions, as_triangles(positions, polygons, f"{path}: face"), normals, uvs, colours=colours)
+    return mesh.MeshSurface(
+        positions, mesh.as_triangles(positions, polygons, f"{path}: face"), normals, uvs, colours=colours
+    )
 
 
 def _colours(vertex: ElementRows, types: Mapping[str, np.dtype[Any]]) -> NDArray[np.float32] | None:
@@ -441,7 +438,7 @@ def _columns(rows: ElementRows, names: tuple[str, ...]) -> Columns | None:
     return result
 
 
-def _corner_uvs(polygons: list[Polygons], face: ElementRows) -> list[Columns] | None:
+def _corner_uvs(polygons: list[mesh.Polygons], face: ElementRows) -> list[Columns] | None:
     """Return texture coordinates of the corners (m, k, 2) of each group of polygons, None when they do not fit."""
     groups = {len(uvs[0]) // 2: (numbers, uvs) for numbers, uvs in face.lists[_CORNER_UVS]}
     fitting = []
@@ -468,7 +465,7 @@ _AFTER = {
 }  # fmt: skip
 
 
-def read_stl(path: Path) -> MeshSurface:
+def read_stl(path: Path) -> mesh.MeshSurface:
     """Return the surface of an STL file; its triangles share no vertices.
 
     Raises
@@ -477,7 +474,7 @@ def read_stl(path: Path) -> MeshSurface:
         When it is not STL, or holds more or fewer triangles than it says.
     """
     size = path.stat().st_size
-    with open_mesh(path) as file:
+    with mesh.open_mesh(path) as file:
         head = file.read(_HEAD_BYTES)
         count = int.from_bytes(head[80:84], "little")
         binary_size = _HEAD_BYTES + count * _ROW.itemsize
@@ -493,7 +490,7 @@ def read_stl(path: Path) -> MeshSurface:
             raise InputError(f"{path}: is not an STL file (allowed: {allowed})")
     if not len(corners):
         raise InputError(f"{path}: has no faces")
-    return MeshSurface(corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
+    return mesh.MeshSurface(corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
 
 
 def _binary(file: BinaryIO, count: int) -> NDArray[np.float32]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import KW_ONLY, astuple, replace
@@ -14,25 +15,20 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from rptcam_cl.core.dataclass import dataclass, takes_options
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, StateError, near_name
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.imaging.writers import MARKED
 from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.ideal import bright_parts
 from rptcam_cl.rendering.layers import Moments
-from rptcam_cl.scene.base import listed, near_name
+from rptcam_cl.scene.base import (
+    listed,
+)
 from rptcam_cl.scene.changes import change_scene
-from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
+from rptcam_cl.scene.lens_settings import AutoFocus
 from rptcam_cl.scene.load import input_error, load_scene
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.focus.contrast import (
-    aim,
-    check_reach,
-    focus_by_contrast,
-    focus_by_depth,
-    focus_by_laplacian,
-    focus_by_variance,
-)
+from rptcam_cl.studies.focus import contrast
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
 from rptcam_cl.studies.focus.phase import clearest_beside, focus_by_hybrid, focus_by_phase, half_view
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Probe, Zone
@@ -60,7 +56,7 @@ def with_warnings(task: Task, report: FocusReport) -> FocusReport:
     """
     failure = _failure(report)
     if failure is not None or _is_at_an_end(task, report.state):
-        check_reach(task, report.state)
+        contrast.check_reach(task, report.state)
     failure = failure or _nothing_sharp(task, report)
     state, zone = report.state, report.zone
     words = (_other_distance(task, report), _astigmatism(task, state, zone), _passage(task, state, zone))
@@ -349,10 +345,10 @@ def _find_deepest(seen: NDArray[np.bool_]) -> tuple[int, int, float]:
 
 
 METHODS: dict[str, Callable[[Task], FocusReport]] = {
-    "contrast": focus_by_contrast,
-    "laplacian": focus_by_laplacian,
-    "variance": focus_by_variance,
-    "depth": focus_by_depth,
+    "contrast": contrast.focus_by_contrast,
+    "laplacian": contrast.focus_by_laplacian,
+    "variance": contrast.focus_by_variance,
+    "depth": contrast.focus_by_depth,
     "phase": focus_by_phase,
     "hybrid": focus_by_hybrid,
 }
@@ -470,7 +466,6 @@ def find_focus(
     session: Session,
     settings: AutoFocus,
     *,
-    zones: Sequence[Zone] | None = None,
     near: float | None = None,
     on_probe: Callable[[Probe], None] | None = None,
     on_state: Callable[[float], None] | None = None,
@@ -481,8 +476,6 @@ def find_focus(
     ----------
     settings
         Method, zones and policy.
-    zones
-        In place of those of the settings.
     near
         State near which the focus is expected; by default it is sought over the whole reach.
     on_probe
@@ -502,25 +495,22 @@ def find_focus(
     if settings.sensor and scene.sensor is None:
         raise InputError("camera.focus.auto.sensor: the scene has none (allowed: sensor: {} in the scene, or without)")
     renderer = ProbeRenderer(scene, session, sensor=settings.sensor)
-    if zones is None and settings.at is not None:
-        zones = [_zone_of_point(renderer, settings.at, settings.object)]
-    if zones is None and settings.object is not None:
-        zones = [zone_of_object(renderer, settings.object)]
+    zones: tuple[Zone, ...]
+    if settings.at is not None:
+        zones = (_zone_of_point(renderer, settings.at, settings.object),)
+    elif settings.object is not None:
+        zones = (zone_of_object(renderer, settings.object),)
+    else:
+        zones = zones_of(scene, settings)
     task = Task(
-        renderer,
-        tuple(zones) if zones is not None else zones_of(scene, settings),
-        Policy(settings.policy),
-        scene.render.seed,
-        near,
-        on_probe=on_probe,
-        on_state=on_state,
+        renderer, zones, Policy(settings.policy), scene.render.seed, near, on_probe=on_probe, on_state=on_state,
         criterion=settings.criterion,
-    )
+    )  # fmt: skip
     report = focus_of(task, settings.method)
-    return _adjusted(task, report, settings.adjustment) if settings.adjustment else report
+    return _adjust(task, report, settings.adjustment) if settings.adjustment else report
 
 
-def _adjusted(task: Task, report: FocusReport, farther: float) -> FocusReport:
+def _adjust(task: Task, report: FocusReport, farther: float) -> FocusReport:
     """Return a report with the focus so many depths of focus farther away, as far as it goes."""
     state = _state_beside(task.drive, report.state, farther)
     return replace(
@@ -548,7 +538,7 @@ def focus_of(task: Task, method: str) -> FocusReport:
         report = search(task, method)
     except NoContrast as problem:
         state = task.renderer.state if task.near is None else task.near
-        check_reach(task, state)
+        contrast.check_reach(task, state)
         causes = [_why_unseen(task, state, zone) for zone in task.zones]
         if (cause := next(filter(None, causes), None)) is None:
             raise
@@ -607,7 +597,7 @@ def search(task: Task, method: str) -> FocusReport:
     NoContrast, OutOfReach
         As the method does.
     """
-    aimed = aim(task) if method in AIMED else None
+    aimed = contrast.aim(task) if method in AIMED else None
     if aimed is None:
         return METHODS[method](task)
     near, zones = aimed
@@ -739,3 +729,77 @@ def autofocus(scene: Scene | str | Path | Mapping[str, Any], **options: Any) -> 
     settings = given.settings_of(scene)
     session = given.device if isinstance(given.device, Session) else open_session(given.device)
     return find_focus(scene, session, settings, near=given.near, on_probe=given.on_probe, on_state=given.on_state)
+
+
+# Zones of a file.
+
+ZoneFractions = tuple[float, float, float, float]
+"""Left, right, top and bottom of a zone in fractions of the picture from its left and top edges."""
+_LARGEST = 1 << 20  # bytes
+_MOST_ZONES = 1000
+COLUMNS = 4
+_WORD = re.compile("[A-Za-z_]+")
+
+
+def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
+    """Return the zones of a file.
+
+    A line holds xleft, xright, ytop and ybottom as fractions of the picture from its top left corner, separated by
+    blanks, tabs or commas. What follows a # is a comment; empty lines and a heading of four words are left out.
+
+    Parameters
+    ----------
+    source
+        The file, or its content.
+    name
+        What errors call it.
+
+    Raises
+    ------
+    InputError
+        ``NAME:LINE: ...`` when a line is not a zone, or there is none.
+    StateError
+        When the file cannot be read.
+    """
+    try:
+        if isinstance(source, bytes):
+            data = source
+        else:
+            with source.open("rb") as stream:
+                data = stream.read(_LARGEST + 1)  # a byte more than may be read
+    except OSError as problem:
+        raise StateError(f"{name}: cannot be read ({problem.strerror})") from None
+    try:
+        text = data[:_LARGEST].decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{name}: is not a text file (allowed: lines of xleft xright ytop ybottom)") from None
+    zones: list[ZoneFractions] = []
+    heading = False
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = re.split(r"[\s,;]+", line.partition("#")[0].strip(" \t,;"))
+        if words == [""]:
+            continue
+        if not (zones or heading) and len(words) == COLUMNS and all(map(_WORD.fullmatch, words)):
+            heading = True
+            continue
+        zones.append(_zone(words, f"{name}:{number}"))
+    if not zones:
+        raise InputError(f"{name}: holds no zones (allowed: a line each of xleft xright ytop ybottom)")
+    if len(zones) > _MOST_ZONES or len(data) > _LARGEST:
+        raise InputError(f"{name}: is too long (allowed: up to {_MOST_ZONES} zones)")
+    return tuple(zones)
+
+
+def _zone(words: list[str], place: str) -> ZoneFractions:
+    try:
+        left, right, top, bottom = (float(word) for word in words)
+    except ValueError:
+        raise InputError(
+            f"{place}: is not a zone (got {' '.join(words)[:80]}; allowed: four numbers xleft xright ytop ybottom)"
+        ) from None
+    if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1 and math.isfinite(left + right + top + bottom)):
+        raise InputError(
+            f"{place}: is not inside the picture (got {' '.join(words)};"
+            " allowed: 0 <= xleft < xright <= 1 and 0 <= ytop < ybottom <= 1)"
+        )
+    return left, right, top, bottom

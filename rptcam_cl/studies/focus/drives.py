@@ -27,18 +27,11 @@ from rptcam_cl.optics.lens import (
     travel_mm,
 )
 from rptcam_cl.optics.surface import FocusMotor
+from rptcam_cl.rendering.cameras import setting
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import CameraModel
-from rptcam_cl.rendering.cameras.setting import (
-    LensSetting,
-    film_for_infinity,
-    film_point,
-    lens_camera,
-    lens_setting,
-    lens_to_focus,
-)
 from rptcam_cl.scene.camera import LensCamera, ThinLensCamera, kinds_where
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.probe import Zone, circle_of_confusion
@@ -201,7 +194,7 @@ class LensDrive(Drive):
     @property
     def own_camera(self) -> LensCamera:
         """The scene's camera."""
-        return lens_camera(self.scene)
+        return setting.lens_camera(self.scene)
 
     @property
     def motor(self) -> FocusMotor | None:
@@ -238,16 +231,16 @@ class LensDrive(Drive):
         """Return the chief rays in a state."""
         return camera_of(scene, self._setting(state)).chief_rays()
 
-    def _setting(self, state: float, stop: float = 1.0) -> LensSetting:
+    def _setting(self, state: float, stop: float = 1.0) -> setting.LensSetting:
         """Return the lens as it is used in a state, its opening closed to a share."""
         lens, film_distance_mm = self.lens_at(state)
-        return LensSetting(_stop_down(lens, stop), film_distance_mm, None, self.own_camera)
+        return setting.LensSetting(_stop_down(lens, stop), film_distance_mm, None, self.own_camera)
 
     def _window(self, scene: Scene, zone: Zone) -> tuple[float, float, float, float]:
         """Return the part of the film that a zone needs [mm]: itself and what the filter reaches."""
         across, down = ((1 + scene.film.filter.radius) / pixels for pixels in scene.film.resolution)
         sides = (zone.left - across, zone.right + across), (zone.top - down, zone.bottom + down)
-        corners = [film_point(scene, self.own_camera, right, below) for right in sides[0] for below in sides[1]]
+        corners = [setting.film_point(scene, self.own_camera, right, below) for right in sides[0] for below in sides[1]]
         x, y, _ = np.array(corners).T.tolist()
         return min(x), max(x), min(y), max(y)
 
@@ -342,7 +335,7 @@ class LensDrive(Drive):
 
     def _find_sharpest_film(self, lens: Lens, distance_mm: float, zone: Zone | None) -> float:
         wavelength = self.own_camera.wavelength_nm
-        x, y, depth = (0.0, 0.0, 0.0) if zone is None else film_point(self.scene, self.own_camera, *zone.centre)
+        x, y, depth = (0.0, 0.0, 0.0) if zone is None else setting.film_point(self.scene, self.own_camera, *zone.centre)
         distance_mm += depth  # to the film in the zone
         if self.own_camera.traced_camera is None:
             return film_distance(lens, distance_mm, wavelength_nm=wavelength) - depth
@@ -400,7 +393,7 @@ class WholeLens(LensDrive):
         """Where the scene has it, or for infinity where autofocus is to find it."""
         if self.own_camera.focus.auto is not None:
             return film_distance(self.lens, np.inf, wavelength_nm=self.own_camera.wavelength_nm)
-        return lens_setting(self.scene).film_distance_mm
+        return setting.lens_setting(self.scene).film_distance_mm
 
     def camera_keys(self, state: float) -> dict[str, object]:
         """Return the keys of the scene's camera that set the state."""
@@ -416,7 +409,7 @@ class GroupDrive(LensDrive):
 
     @cached_property
     def _film_mm(self) -> float:
-        return film_for_infinity(self.scene, self.own_camera)
+        return setting.film_for_infinity(self.scene, self.own_camera)
 
     def lens_at(self, state: float) -> tuple[Lens, float]:
         """Return the lens with its group shifted, and the distance from its last vertex to the film [mm]."""
@@ -479,7 +472,7 @@ class GroupDrive(LensDrive):
         """Where the scene has it, or as in the lens file where autofocus is to find it."""
         if self.own_camera.focus.auto is not None:
             return 0.0
-        return shift_of(self.lens, lens_setting(self.scene).lens)
+        return shift_of(self.lens, setting.lens_setting(self.scene).lens)
 
     def camera_keys(self, state: float) -> dict[str, object]:
         """Return the keys of the scene's camera that set the state."""
@@ -598,7 +591,7 @@ class ThinDrive(Drive):
 
     def _depth(self, zone: Zone | None) -> float:
         """Return how far behind its centre the film lies in a zone [mm]."""
-        return 0.0 if zone is None else film_point(self.scene, self._camera, *zone.centre)[2]
+        return 0.0 if zone is None else setting.film_point(self.scene, self._camera, *zone.centre)[2]
 
     def first_order_distance(self, state: float) -> float | None:
         """Return the distance of the plane in focus from the lens [m]."""
@@ -654,7 +647,7 @@ def focus_drive(scene: Scene) -> Drive:
     if scene.camera.ideal_lens is not None:
         return ThinDrive(scene)
     if (camera := scene.camera.lens_camera) is not None:
-        lens = lens_to_focus(scene, camera)
+        lens = setting.lens_to_focus(scene, camera)
         return GroupDrive(scene, lens) if lens.focuses_by_group else WholeLens(scene, lens)
     if scene.camera.focuses:
         raise scene.camera.lacks("what moves when it focuses (rptcam_cl/studies/focus/drives.py)")

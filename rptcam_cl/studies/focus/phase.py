@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.rendering.cameras.film_pupil import PupilLine, PupilRays, Split, halved, pupil_line
+from rptcam_cl.rendering.cameras.film_pupil import STEP, HalfView, Split, halved, places_round
 from rptcam_cl.studies.focus.contrast import focus_by_contrast, greatest_contrast, no_contrast, state_within_reach
 from rptcam_cl.studies.focus.drives import Drive
 from rptcam_cl.studies.focus.probe import (
@@ -36,113 +36,7 @@ from rptcam_cl.studies.focus.probe import (
     rich_part,
     without_trend,
 )
-from rptcam_cl.studies.focus.renderer import MOST_OF_SEARCH, ProbeRenderer, Probes, Task, probability_within
-
-# What the halves of a pupil do to the picture of a plane at any distance, by exact rays.
-
-Array = NDArray[np.float64]
-
-CLEAREST_TRIALS, CLEAREST_ROUNDS = 17, 3  # of the search for the greatest contrast
-STEP = 12.0  # pixels to the places round the middle of a zone that tell the plane's scale
-
-
-def places_round(middle: tuple[float, float]) -> Array:
-    """Return the places (5, 2) [pixels] whose rays a view needs: its middle, right, left, below, above."""
-    return np.array(middle) + STEP * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
-
-
-@dataclass(frozen=True)
-class HalfView:
-    """Two halves of the pupil, seen from the middle of a zone in one focus state.
-
-    Attributes
-    ----------
-    rays : PupilRays
-        Of the places of `places_round`.
-    split : "x" or "y"
-    """
-
-    rays: PupilRays
-    split: Split
-
-    @cached_property
-    def line(self) -> PupilLine:
-        """The line across the pupil that parts it into halves of equal light."""
-        return pupil_line(self.rays, self.split)
-
-    @property
-    def axis(self) -> int:
-        """Along which the halves lie apart: 0 across, 1 down."""
-        return 0 if self.split == "x" else 1
-
-    @cached_property
-    def _lines(self) -> tuple[Array, Array, Array, Array]:
-        """Constant and slope, over the vergence, of where rays meet a plane (n, 2) and of its scale (2, 2)."""
-        at, along = self.rays.seen(0.0), self.rays.seen(1.0)
-        means = [np.einsum("mn,mnk->mk", self.rays.weights, places) for places in (at, along - at)]
-        scales = [np.stack([mean[1] - mean[2], mean[3] - mean[4]], axis=1) / (2 * STEP) for mean in means]
-        open_ = self.rays.weights[0] > 0
-        return (at[0] - means[0][0])[open_], (along[0] - at[0] - means[1][0])[open_], *scales
-
-    @cached_property
-    def shares(self) -> Array:
-        """The weights (2, n) of the rays of the half before the line and of that beyond it; each sums to 1."""
-        beyond = self.line.beyond(self.rays)[0]
-        weights = (self.rays.weights[0] * np.stack([1 - beyond, beyond]))[:, self.rays.weights[0] > 0]
-        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
-
-    def offsets(self, vergence: float) -> Array:
-        """Return x (n, 2) of the rays that pass [pixels], for the plane at 1 / vergence [m] from the eye."""
-        at, along, scale, scale_along = self._lines
-        return np.asarray((at + vergence * along) @ np.linalg.inv(scale + vergence * scale_along).T)
-
-    def displacement(self, vergence: float) -> float:
-        """Return how far the picture beyond the line lies from that before it, along the split [pixels]."""
-        before, beyond = self.shares @ self.offsets(vergence)
-        return float((before - beyond)[self.axis])
-
-    @property
-    def nearest(self) -> float:
-        """The vergence of planes that lie safely in front of the lens [1/m]."""
-        ahead = -float(self.rays.origins[..., 2].min())
-        return 0.8 / ahead if ahead > 0 else np.inf
-
-    def sharpest(self) -> float:
-        """Return the vergence at which the rays of the whole pupil spread least over a plane [1/m]."""
-        at, along = self._lines[:2]
-        weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
-        return -float(np.sum(weights * at * along) / np.sum(weights * along * along))
-
-    def clearest(self, cycles: float) -> float:
-        """Return the vergence at which details of so many cycles per pixel keep most contrast, across and down [1/m].
-
-        With spherical aberration a small core in a wide halo shows them better than the least spot does.
-        """
-        middle, weights = self.sharpest(), self.rays.weights[0][self.rays.weights[0] > 0]
-
-        def lost(vergence: float) -> float:
-            waves = np.exp(2j * np.pi * cycles * self.offsets(vergence))
-            return -float(np.abs(weights @ waves).sum())
-
-        # from the least spot to where defocus alone blurs by two periods
-        aberrated = self.offsets(middle)
-        defocused = (self.offsets(middle + 1e-3) - aberrated) / 1e-3
-        blur, per_vergence = (float(np.sqrt(weights @ np.sum(each**2, axis=1))) for each in (aberrated, defocused))
-        reach = 2.0 * max(1.0 / cycles, blur) / per_vergence
-        trials = middle + reach * np.linspace(-1, 1, CLEAREST_TRIALS)
-        for _ in range(CLEAREST_ROUNDS):
-            best = trials[int(np.argmin([lost(trial) for trial in trials]))]
-            step = trials[1] - trials[0]
-            trials = best + step * np.linspace(-1, 1, CLEAREST_TRIALS)
-        return float(best)
-
-    def sharpest_along(self) -> tuple[float, float]:
-        """Return the vergences at which the rays spread least across and least down [1/m]: apart by astigmatism."""
-        at, along = self._lines[:2]
-        weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
-        across, down = -np.sum(weights * at * along, axis=0) / np.sum(weights * along * along, axis=0)
-        return float(across), float(down)
-
+from rptcam_cl.studies.focus.renderer import MOST_OF_SEARCH, ProbeRenderer, Task, probability_within
 
 #
 # The distance of a target from two pictures of it through the halves of a pupil.
@@ -158,6 +52,7 @@ class HalfView:
 # mere displacements it is the correlation of the two pictures; the rays of the lens add what that leaves out: that
 # halves blur, each in its own lopsided way, by defocus and by aberrations.
 
+Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 HIGHEST = 0.75  # of the Nyquist frequency: beyond it pixels alias
@@ -849,11 +744,16 @@ def focus_by_phase(task: Task) -> FocusReport:
         When no zone gives a distance.
     """
     search = _phase_search(task)
-    zone, state = search.zone, search.finish()
-    sure = probability_within(0.25, search.error)
-    report = task.report("phase", state, zone, search.error * task.drive.depth_of_focus, sure, search.records())
+    report = _end_by_phase(task, "phase", search, search.zone, [])
     report.notes.update(search.notes())
     return report
+
+
+def _end_by_phase(task: Task, method: str, search: PhaseSearch, zone: Zone, more: list[ProbeRecord]) -> FocusReport:
+    """Return the focus that a search finds with as many probes as it takes; ``more`` were made beside them."""
+    state, sure = search.finish(), probability_within(0.25, search.error)
+    error = search.error * task.drive.depth_of_focus
+    return task.report(method, state, zone, error, sure, search.records() + more)
 
 
 def _phase_search(task: Task) -> PhaseSearch:
@@ -922,7 +822,10 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     try:
         search = _phase_search(task)
         zone = search.zone
-        _approach(search)
+        for _ in range(HYBRID_STEPS):  # until contrast finds the way
+            if _uncertainty_of(search) <= NEAR_ENOUGH:
+                break
+            search.step(search.state, SAMPLES)
         search.narrow_zone()
     except NoContrast as problem:
         if problem.is_flat and search is None:  # one that shows detail first may lose it for want of samples
@@ -938,33 +841,19 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     try:
         peak, _ = greatest_contrast(probes, Policy.CENTRE, (pointed, reach))
     except NoContrast:
-        return _by_phase(task, search, zone, probes, "phase")
+        report = _end_by_phase(task, "hybrid", search, zone, probes.records(0))
+        report.notes["finished_by"] = "phase"
+        return report
     is_rough = search.error > ENOUGH and clearest_beside(task.renderer, search.state, search.zone) > DISAGREE / 2
     if is_rough or abs(peak.place - pointed) > DISAGREE * sharp:
         search.step(probes.state_of(peak.place), NEAR_SAMPLES)
         away = abs(peak.place - probes.place_of(search.state)) / sharp
         if away > max(DISAGREE, AGREEMENT * search.error):
-            return _by_phase(task, search, zone, probes, "phase, as contrast is greatest elsewhere")
+            report = _end_by_phase(task, "hybrid", search, zone, probes.records(0))
+            report.notes["finished_by"] = "phase, as contrast is greatest elsewhere"
+            return report
     sure = probability_within(sharp / 4, peak.error)
     records = search.records() + probes.records(0)
     report = task.report("hybrid", probes.state_of(peak.place), zone, peak.error, sure, records)
     report.notes["finished_by"] = "contrast"
     return report
-
-
-def _by_phase(task: Task, search: PhaseSearch, zone: Zone, probes: Probes, why: str) -> FocusReport:
-    """Return the focus that phase detection finds with further probes."""
-    state = search.finish()
-    error = search.error * task.drive.depth_of_focus
-    sure = probability_within(0.25, search.error)
-    report = task.report("hybrid", state, zone, error, sure, search.records() + probes.records(0))
-    report.notes["finished_by"] = why
-    return report
-
-
-def _approach(search: PhaseSearch) -> None:
-    """Probe through half pupils until contrast finds the way."""
-    for _ in range(HYBRID_STEPS):
-        if _uncertainty_of(search) <= NEAR_ENOUGH:
-            return
-        search.step(search.state, SAMPLES)

@@ -21,11 +21,11 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session
 from rptcam_cl.imaging.sensor import binned_exposure, pixel_area_m2, sensor_of
+from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.model import CameraModel, exposed
 from rptcam_cl.rendering.film import TILE, FilmLayout
 from rptcam_cl.rendering.layers import Moments, SeenEnds, SharpPass, follow_rays
-from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront
@@ -386,7 +386,7 @@ class ProbeRenderer:
             self.samples += both[0].camera_rays
             light, weights = (wavefront.picture(count) for wavefront in both)
             if self._has_sensor:
-                light = self._sensed(light, weights > 0, camera, seed * PARTS + part)
+                light = self._read_sensor(light, weights > 0, camera, seed * PARTS + part)
             pictures.append(_mean_light(light, weights))
         self.seconds += time.perf_counter() - begun
         parts, ranges = np.stack(pictures), [view.in_layout(view.shown(zone)) for zone in view.zones]
@@ -398,7 +398,7 @@ class ProbeRenderer:
         focused = change_scene(self.scene, camera=self.drive.camera_keys(self.state))
         return resolve_exposure(focused, self.session)[0]
 
-    def _sensed(
+    def _read_sensor(
         self, light: NDArray[np.float32], is_lit: NDArray[np.bool_], camera: CameraModel, seed: int
     ) -> NDArray[np.float32]:
         """Expose the scene's sensor to the light of a probe, on each of whose pixels lie as many of its as fit.

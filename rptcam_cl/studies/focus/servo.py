@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import kernels_dir
+from rptcam_cl.core.files import kernels_dir, name_errors
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.charts import FAINT, INK, add_key, new_figure, series, styled
-from rptcam_cl.rendering.metering import resolve_exposure
+from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.scene.changes import at_rest, change_scene, set_keys
 from rptcam_cl.scene.exposure import ContinuousFocus
 from rptcam_cl.scene.scene import Scene
@@ -546,13 +546,12 @@ class FrameTracker:
     def _next(self, number: int) -> tuple[Scene, dict[str, Any]]:
         still = set_keys(self._scene, self._sequence.changes(self._scene.shutter.open_s, number))
         metadata: dict[str, Any] = {}
-        try:
+        with name_errors(f"frame {number}"):
             if self._sequence.continuous_focus is not None and at_rest(still).requested_autofocus is not None:
                 still, metadata = self._focus(still)
-            if self._sequence.exposure_time_constant_s is not None and _is_metered(still):
+            is_metered = still.exposure.mode == "auto" and still.exposure.lock_cd_m2 is None
+            if self._sequence.exposure_time_constant_s is not None and is_metered:
                 still = self._expose(still, self._sequence.exposure_time_constant_s)
-        except InputError as problem:
-            raise type(problem)(f"frame {number}: {problem}") from None
         return still, metadata
 
     def _focus(self, still: Scene) -> tuple[Scene, dict[str, Any]]:
@@ -600,10 +599,6 @@ class FrameTracker:
 
         disk = Disk(KIND, ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
         return disk.find_or_make((__version__, session.info.driver, what, scene.content_hash()), measure_here)
-
-
-def _is_metered(scene: Scene) -> bool:
-    return scene.exposure.mode == "auto" and scene.exposure.lock_cd_m2 is None
 
 
 def _reading_of(scene: Scene, session: Session) -> float | None:

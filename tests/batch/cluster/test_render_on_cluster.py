@@ -26,7 +26,8 @@ import pytest
 from PIL import Image as Picture
 
 import rptcam_cl
-from rptcam_cl.api.job import RenderJob, RenderOptions, merge
+from rptcam_cl.api.job import RenderJob, merge
+from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.batch import cluster as client
 from rptcam_cl.batch import cluster as tasks
 from rptcam_cl.batch import cluster as tasks_out

@@ -35,9 +35,8 @@ from rptcam_cl.optics.spots import (
     setting,
     spot_facts,
     spot_table,
-    wave_point_image,
 )
-from rptcam_cl.optics.waves import PupilFunction, diffraction_mtf
+from rptcam_cl.optics.waves import PupilFunction, diffraction_mtf, wave_point_image
 from tests.support.cases import slow
 
 RNG = np.random.default_rng(7)

@@ -7,13 +7,7 @@ from rptcam_cl.optics.glass import AIR, ConstantIndex
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Status, axis_points
 from rptcam_cl.optics.surface import Surface
-from rptcam_cl.studies.selfcheck_suite import (
-    ellipsoidal,
-    parallel,
-    plano_hyperbolic,
-    spot,
-    weierstrass_error,
-)
+from rptcam_cl.studies.selfcheck_suite import ellipsoidal, parallel, plano_hyperbolic, spot, weierstrass_error
 from tests.rendering.cameras.beams import PRECISIONS, generator, on_device
 
 

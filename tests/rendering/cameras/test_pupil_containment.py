@@ -14,7 +14,7 @@ from rptcam_cl.optics.irradiance import image_circle
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.optics.pupils import DIRECTIONS
 from rptcam_cl.optics.ray_trace import Status
-from rptcam_cl.rendering.cameras.pupil import KEPT, _continued, pupil_sampling
+from rptcam_cl.rendering.cameras.pupil import KEPT, _continue_values, pupil_sampling
 from tests.device.probes import camera_rays
 from tests.rendering.cameras.beams import ASSIGNMENT, back_distance, generator, scene_beam
 from tests.support.cases import fast, slow
@@ -313,7 +313,7 @@ def test_nodes_that_no_ray_reaches_continue_the_others() -> None:
     row, column = np.indices((7, 7))
     whole = np.stack([row - 2.0 * column, 3.0 * column + row], axis=2)
     some = np.where(((row < 4) & (column < 4))[..., None], whole, np.nan)
-    np.testing.assert_allclose(_continued(some), whole, atol=1e-9)
+    np.testing.assert_allclose(_continue_values(some), whole, atol=1e-9)
     alone = np.full((5, 5, 1), np.nan)
     alone[2, 2] = 1.0  # no line leads on from one node
-    np.testing.assert_array_equal(_continued(alone), alone)
+    np.testing.assert_array_equal(_continue_values(alone), alone)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import rptcam_cl.rendering.scene_buffers as scene_trees
+from rptcam_cl.rendering import scene_trees
 from rptcam_cl.rendering.plan import geometry
 from rptcam_cl.studies.selfcheck import (
     RAY_MATTE,

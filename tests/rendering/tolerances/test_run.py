@@ -18,8 +18,17 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.spots import Setting, film_spots, mtf_table, setting, spot_table
 from rptcam_cl.rendering import tolerances
-from rptcam_cl.rendering.tolerance_run import ToleranceRun, loosest_set, report, tolerance, tolerance_chart
-from rptcam_cl.rendering.tolerances import Scores, percentile, rank, share, specification
+from rptcam_cl.rendering.tolerance_run import (
+    ToleranceRun,
+    loosest_set,
+    percentile,
+    rank,
+    report,
+    share,
+    tolerance,
+    tolerance_chart,
+)
+from rptcam_cl.rendering.tolerances import Scores, specification
 from rptcam_cl.rendering.traceable_lens import CopiesTracer
 from tests.support.cases import slow
 

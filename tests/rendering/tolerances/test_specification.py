@@ -8,7 +8,8 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering.tolerances import Limit, components, draw_values, limits, specification
+from rptcam_cl.rendering.tolerance_run import draw_values
+from rptcam_cl.rendering.tolerances import Limit, components, limits, specification
 from rptcam_cl.scene.lens_settings import GRADES, Merit, Tolerance, Tolerances
 
 TRIPLET = load_lens("cooke-triplet-50mm")

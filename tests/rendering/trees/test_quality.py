@@ -7,16 +7,7 @@ import pytest
 
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tree_build
-from rptcam_cl.rendering.tree_build import (
-    BINS,
-    MAX_STACK,
-    SWEEP,
-    Builder,
-    binary_tree,
-    build_bvh,
-    reinsert,
-    widen,
-)
+from rptcam_cl.rendering.tree_build import BINS, MAX_STACK, SWEEP, Builder, binary_tree, build_bvh, reinsert, widen
 from tests.rendering.trees.meshes import boxes_of, hall, knot, soup
 from tests.rendering.trees.trees import quality
 

@@ -8,17 +8,9 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import rptcam_cl
+from rptcam_cl.rendering.cameras.film_pupil import HalfView, places_round
 from rptcam_cl.rendering.cameras.kinds import camera_of
-from rptcam_cl.studies.focus.phase import (
-    HalfView,
-    Halves,
-    PhaseMatch,
-    focus_by_phase,
-    half_probe,
-    half_view,
-    measure_halves,
-    places_round,
-)
+from rptcam_cl.studies.focus.phase import Halves, PhaseMatch, focus_by_phase, half_probe, half_view, measure_halves
 from rptcam_cl.studies.focus.probe import NoContrast, Policy, Zone
 from rptcam_cl.studies.focus.renderer import Task
 from tests.rendering.pictures import seed_of
@@ -203,7 +195,7 @@ def test_sharpest_planes_are_where_the_spread_is_least_across_down_and_of_both()
     def spread(vergence, axes):
         return float(lit @ np.sum((at + vergence * along)[:, axes] ** 2, axis=1))
 
-    own = SimpleNamespace(_lines=(at, along, None, None), rays=SimpleNamespace(weights=[weights]))
+    own = SimpleNamespace(_lines=(at, along, None, None), _weights=lit)
     found = [*HalfView.sharpest_along(own), HalfView.sharpest(own)]
     assert len({round(vergence, 6) for vergence in found}) == 3
     for vergence, axes in zip(found, ([0], [1], [0, 1]), strict=True):

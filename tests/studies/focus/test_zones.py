@@ -9,8 +9,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.scene.lens_settings import read_zones
-from rptcam_cl.studies.focus.controller import METHODS, zone_at, zones_of_mask
+from rptcam_cl.studies.focus.controller import METHODS, read_zones, zone_at, zones_of_mask
 from rptcam_cl.studies.focus.probe import Policy, Zone, choose_zone
 from tests.studies.focus.scenes import lens_camera, noise, scene_of, target
 

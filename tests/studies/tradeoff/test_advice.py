@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.rendering.film import TILE, FilmLayout
-from rptcam_cl.rendering.tolerances import Interval
+from rptcam_cl.rendering.tolerance_run import Interval
 from rptcam_cl.studies import tradeoff
 from rptcam_cl.studies.tradeoff import advise_for_error, advise_for_time, place
 from rptcam_cl.studies.tradeoff_errors import TARGETS, MeasuredVariant

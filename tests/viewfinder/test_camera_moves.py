@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.scene.load import load_scene
-from rptcam_cl.viewfinder.moves import DOLLY, Viewpoint, moved, viewpoint_of
+from rptcam_cl.viewfinder.things import DOLLY, Viewpoint, moved, viewpoint_of
 
 
 def stand(**keys: object) -> Viewpoint:
