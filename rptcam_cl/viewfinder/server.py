@@ -366,6 +366,8 @@ class ViewServer:
         )
         self._server = uvicorn.Server(config)
         self._server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign, assignment]  # `serve` has the signals
+        self._ends = False
+        self._tick, self._server.on_tick = self._server.on_tick, self._tell_of_the_end  # type: ignore[method-assign]
 
     def address(self, token: str) -> str:
         """Return the address of the page for who has a token."""
@@ -377,9 +379,16 @@ class ViewServer:
         self._server.run(sockets=[self._socket])
 
     def stop(self) -> None:
-        """End soon, telling the pages; any thread, and signal handlers."""
-        self._finder.tell({"type": "bye", "text": "the server has ended"})
-        self._server.should_exit = True
+        """End soon, telling the pages; any thread, and signal handlers: they may interrupt whoever holds a lock."""
+        self._ends = True
+
+    async def _tell_of_the_end(self, counter: int) -> bool:
+        """Whether the server ends now; the pages hear of it a turn of its loop before."""
+        over = await self._tick(counter)
+        if self._ends and not over:
+            self._finder.tell({"type": "bye", "text": "the server has ended"})
+            self._server.should_exit = True
+        return over
 
 
 def _patient_protocol() -> Any:

@@ -1,6 +1,7 @@
 """The server as a page meets it: pictures, dials, files and instruments over a plain WebSocket."""
 
 import io
+import threading
 import time
 import zipfile
 from collections.abc import Iterator
@@ -49,6 +50,20 @@ def client(served: Served) -> Iterator[Page]:
     with page(served[1]) as found:
         found.ask(1, "reset")
         yield found
+
+
+def test_end_waits_for_nobody_and_is_told(tmp_path: Path) -> None:
+    """A signal may interrupt the thread that holds the lock of what waits for a page."""
+    path = tmp_path / "ball.yaml"
+    path.write_text(SCENE)
+    with serving(path) as (finder, server), page(server) as client:
+        (waiting,) = [each.outbox for each in finder._clients.values()]
+        with waiting._lock:
+            ends = threading.Thread(target=server.stop, daemon=True)
+            ends.start()
+            ends.join(10)
+            assert not ends.is_alive()
+        assert client.wait(lambda message: message.type == "bye").header["text"] == "the server has ended"
 
 
 def test_page_is_greeted_and_gets_a_picture_that_becomes_finer(served: Served) -> None:

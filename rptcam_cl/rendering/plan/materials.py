@@ -468,7 +468,7 @@ def _place_tables(records: NDArray[np.void]) -> None:
 def _fill_brushed(record: np.void) -> None:
     """Write how large the tables of brushed facets are, of a material that has some."""
     varies = record["roughness_texture"] >= 0 or record["anisotropy_texture"] >= 0
-    if record["kind"] not in _BRUSHED or not _is_brushed(record[None]):
+    if record["kind"] not in _BRUSHED or not _is_brushed(np.asarray(record)[None]):
         return
     if record["kind"] != MaterialKind.ROUGH_PLASTIC or not varies:
         record["brushed_alphas"] = SHARE_SIDES["ALPHAS"] if varies else 1
