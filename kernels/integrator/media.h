@@ -162,7 +162,7 @@ static inline F equiangular_density(Equiangular view, F t)
     t -= view.start;
     F beyond = t - view.ahead;
     F density = view.aside / (2.0f * PI_F * MAX(view.turns, (F)(1e-12f)) * (view.aside * view.aside + beyond * beyond));
-    return (t >= 0.0f) & (t <= view.length) ? density : ZERO;
+    return ((t >= 0.0f) & (t <= view.length)) ? density : ZERO;
 }
 
 static inline F equiangular_distance(Equiangular view, F u)

@@ -173,7 +173,7 @@ def agx_contrast(share: Pixels) -> Pixels:
     """
     toe = _PIVOT_SHOWN - _hyperbola(np.maximum(_PIVOT - share, 0), _PIVOT, _PIVOT_SHOWN, _TOE)
     shoulder = _hyperbola(np.maximum(share - _PIVOT, 0), 1 - _PIVOT, 1 - _PIVOT_SHOWN, _SHOULDER)
-    return (toe + shoulder).astype(np.float32, copy=False)
+    return np.where(share > 0, toe + shoulder, 0).astype(np.float32, copy=False)  # black to the bit on any processor
 
 
 def _hyperbola(distance: Pixels, reach: float, height: float, power: float) -> Pixels:

@@ -185,7 +185,7 @@ MUTANTS = [
            lambda: samples_of("coated")),
     Mutant("base chosen at no cost", "density += lobes.under * (up - density);", "",
            lambda: samples_of("rough plastic")),
-    Mutant("base does not lose the way out", "1.0f - share_above_base(vertex, f3(wo.x, wo.y, MAX(wo.z, ZERO)))", "1.0f",
+    Mutant("base does not lose the way out", "1.0f - share_above_base(vertex, f3(wo.x, wo.y, MAX(wo.z, ZERO)), &mean)", "1.0f",
            lambda: bsdf_values.test_reflection_is_the_same_either_way(open_session(), "principled")),
     Mutant("absorption also outside", "I inside = dot3(vertex.ng, d) > 0.0f;", "I inside = TRUE;",
            materials.test_light_through_an_absorbing_slab_is_beers_law),
