@@ -215,6 +215,129 @@ static F3 middle_of(const __global Emitter *es, I e, I *near)
     return middle;
 }
 
+// Whether an emitter lies at infinity, and the probability with which it is picked at a point then.
+static inline int is_afar(int kind)
+{
+    return kind == EMITTER_DIRECTIONAL || kind == EMITTER_SUN || kind == EMITTER_ENVIRONMENT;
+}
+
+static inline F pick_afar_at(Scene scene, int e, F3 p)
+{
+#if LIGHT_TREE
+    return pick_of_distant(scene, e, p, all_round());
+#else
+    return (F)(scene.emitters[e].pick);
+#endif
+}
+
+// The part of a ray that lies before a flat lamp, where its back does not shine.
+#if EMITTER_FLATS
+static void before_lamp(const __global Emitter *es, I e, Ray ray, F *start, F *end)
+{
+    F3 axis = THREE_OF_EMITTER(normal);
+    F high = dot3(sub(ray.o, THREE_OF_EMITTER(a)), axis);
+    F rise = dot3(ray.d, axis);
+    F level = -high / (absolute(rise) > SMALLEST ? rise : (F)(SMALLEST));
+    I faces = is_flat(OF_EMITTER(I, kind)) & (OF_EMITTER(I, two_sided) == 0);
+    *start = (faces & (rise > 0.0f)) ? MIN(MAX(level, *start), *end) : *start;
+    *end = (faces & (rise <= 0.0f)) ? MAX(MIN(level, *end), *start) : *end;
+}
+#endif
+
+// The part of a stretch that a lamp lights, and distances spread evenly over the angle in which it sees that.
+static Equiangular lit_part(const __global Emitter *es, I e, Stretch s, I *near)
+{
+    F start = ZERO, end = s.length;
+#if EMITTER_SPOTS
+    within_cone(es, e, s.ray, &start, &end);
+#endif
+#if EMITTER_FLATS
+    before_lamp(es, e, s.ray, &start, &end);
+#endif
+    Equiangular view = seen_from(middle_of(es, e, near), s.ray, start, end);
+    *near = *near & (end > start);
+    return view;
+}
+
+// How a medium scatters, as far as picks of lamps know.
+typedef struct { F g; F3 droplets; F extinction; } Air;
+
+#define LEAST_PHASE 0.02f   // so that no lamp is ruled out by an estimate
+
+// About the light that a lamp near by sends to a stretch, or to a place of it at distance t, which scatter it towards the path.
+static F light_in_air(const __global Emitter *es, I e, Stretch s, Air air, F t, int of_stretch)
+{
+    I near;
+    F3 middle = middle_of(es, e, &near);
+    F bright = OF_EMITTER(F, pick);
+#if EMITTER_SPOTS
+    I spot = OF_EMITTER(I, kind) == EMITTER_SPOT;
+    bright = spot ? 2.0f * bright / MAX(OF_EMITTER(F, u.w), (F)(SMALLEST)) : bright;
+#endif
+    F spread;
+    if (of_stretch) {
+        Equiangular view = lit_part(es, e, s, &near);
+        t = equiangular_distance(view, 0.5f);
+        spread = view.turns / view.aside;
+    }
+    F3 to = sub(middle, along(s.ray.o, s.ray.d, t));
+    F extent = OF_EMITTER(F, a.w);
+    F d2 = MAX(dot3(to, to), (F)(SMALLEST));
+    F distance = sqrt(d2);
+    if (!of_stretch) {
+        spread = ONE / d2;
+#if EMITTER_SPOTS
+        spread = spot ? spread * spot_share(es, e, scale(to, ONE / distance)) : spread;
+#endif
+#if EMITTER_FLATS
+        I behind = is_flat(OF_EMITTER(I, kind)) & (OF_EMITTER(I, two_sided) == 0) & (dot3(to, THREE_OF_EMITTER(normal)) > 0.0f);
+        spread = behind ? ZERO : spread;
+#endif
+    }
+    F way = distance + (of_stretch ? t : ZERO);
+    F left = exponential(-MIN(air.extinction * way, (F)(10.0f)));
+    F phase = LEAST_PHASE + phase_of(air.g, air.droplets, dot3(to, s.ray.d) / distance);
+    return near ? bright * spread * left * phase : ZERO;
+}
+
+// The lamp that u and v pick for a stretch, or for a place of it at distance t, and the probability of that; of the lamps in
+// `known`, where they are not negative, that alone. Lamps at infinity have their share of places, those near by what is left.
+static I pick_in_air(Scene scene, Stretch s, Air air, F t, int of_stretch, I known, F u, F v, F *pick)
+{
+    const __global Emitter *es = scene.emitters;
+    F sum = ZERO, afar = ZERO, taken = ZERO;
+    I e = FALSE;
+    for (int lamp = 0; lamp < scene.emitter_count; ++lamp) {
+        if (is_afar(es[lamp].kind)) {
+            afar += of_stretch ? ZERO : pick_afar_at(scene, lamp, along(s.ray.o, s.ray.d, t));
+            continue;
+        }
+        F light = light_in_air(es, (I)(lamp), s, air, t, of_stretch);
+        sum += light;
+        I take = known < 0 ? u * sum < light : known == (I)(lamp);
+        F share = light / MAX(sum, (F)(SMALLEST));
+        u = take ? u / MAX(share, (F)(SMALLEST)) : (u - share) / MAX(1.0f - share, (F)(SMALLEST));
+        e = take ? (I)(lamp) : e;
+        taken = take ? light : taken;
+    }
+    afar = MIN(afar, ONE);
+    *pick = sum > 0.0f ? (1.0f - afar) * taken / sum : ZERO;
+    F whole = sum > 0.0f ? ONE : afar;
+    F left = v * whole;
+    I open = (known < 0) & (left < afar);
+    for (int lamp = 0; lamp < scene.emitter_count && ANY(open); ++lamp) {
+        if (!is_afar(es[lamp].kind))
+            continue;
+        F share = pick_afar_at(scene, lamp, along(s.ray.o, s.ray.d, t));
+        e = open ? (I)(lamp) : e;
+        *pick = open ? share / whole : *pick;
+        open = open & (left >= share);
+        left -= share;
+    }
+    return e;
+}
+
+
 #if HAS_DENSITY
 #define AT_MET_TYPE(type, name) , type name
 #define AT_MET(name) , name
@@ -238,6 +361,14 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
 #endif
     F3 droplets = droplets_in(path->medium & MEDIUM_MASK, scene);
     F g = GATHER(F, scene.media, path->medium & MEDIUM_MASK, .asymmetry);
+    Air air = {g, droplets, (mean.x + mean.y + mean.z) * (1.0f / 3.0f)};
+#if HAS_DENSITY
+    air.extinction = s.gridded ? ZERO : air.extinction;
+#endif
+#if HAS_LAYERED_FOG
+    air.extinction *= relative_density(s.medium, s.ray, distance_after(s.medium, s.ray, middle));
+#endif
+    I by_air = picks_by_air(scene);
     F3 per_metre = mul(path->beta, s.medium.scattering);
 #pragma nounroll
     for (uint way = 0u; way < 2u; ++way) {
@@ -247,23 +378,24 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         // Choose a lamp, and where on the stretch.
         F4 u = random4(path->pixel, path->sample, s.dimension + 2u * way + 1u, rules.seed);
         F first, other;
-        F3 p = way == 0u ? along(s.ray.o, s.ray.d, MIN(met, s.length)) : amid;
-        I e = pick_lamp(scene, p, nowhere, u.a, &first);
+        F t = MIN(met, s.length);
+        F3 p = way == 0u ? along(s.ray.o, s.ray.d, t) : amid;
+        I e = ANY(by_air) ? pick_in_air(scene, s, air, t, way == 1u, (I)(-1), u.a, u.d, &first)
+                          : pick_lamp(scene, p, nowhere, u.a, &first);
         I near;
-        F start = ZERO, end = s.length;
-#if EMITTER_SPOTS
-        within_cone(scene.emitters, e, s.ray, &start, &end);
-#endif
-        Equiangular view = seen_from(middle_of(scene.emitters, e, &near), s.ray, start, end);
-        F t = way == 0u ? met : equiangular_distance(view, u.d);
-        wanted = wanted & ((near & (end > start)) | (I)(way == 0u ? -1 : 0));
+        Equiangular view = lit_part(scene.emitters, e, s, &near);
+        t = way == 0u ? met : equiangular_distance(view, u.d);
+        wanted = wanted & (near | (I)(way == 0u ? -1 : 0)) & (first > 0.0f);
         p = along(s.ray.o, s.ray.d, t);
-        other = emitter_pick(scene, near ? e : FALSE, way == 0u ? amid : p, nowhere);
+        if (ANY(by_air))
+            pick_in_air(scene, s, air, t, way == 0u, e, ZERO, ZERO, &other);
+        else
+            other = emitter_pick(scene, near ? e : FALSE, way == 0u ? amid : p, nowhere);
         other = near ? other : ZERO;
         // Take light from there.
         F here = way == 0u ? first : other;         // probability of the lamp at the place itself
         F whole = way == 0u ? other : first;        // and for the stretch
-        LightSample light = sample_picked(scene, e, here, p, u.b, u.c);
+        LightSample light = sample_picked(scene, e, first, p, u.b, u.c);
         F phase = phase_of(g, droplets, dot3(s.ray.d, light.direction));
         F column = column_of(s.medium, s.ray, t);
         F3 left = transmittance_of(s.medium.extinction, column);
@@ -294,9 +426,10 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         likely = gridded ? MAX(likely, (F)(LEAST_LIKELY)) : likely;
 #endif
         F both_ways = likely * here + whole * spread;
-        F weight = phase * here / MAX(both_ways, (F)(SMALLEST));
+        F weight = phase * first / MAX(both_ways, (F)(SMALLEST));
 #if !LAMPS_BY_SAMPLES
-        F rival = MIN(light.pdf, (F)(LARGEST_DENSITY));
+        F surely = here;
+        F rival = MIN(light.pdf / MAX(first, (F)(SMALLEST)) * surely, (F)(LARGEST_DENSITY));
         F mis = rival > 0.0f ? rival * rival / (rival * rival + phase * phase) : ONE;
 #if LIGHT_PASSES
         mis = hidden_from_paths(light.primitive, scene) ? ONE : mis;
