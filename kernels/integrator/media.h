@@ -428,7 +428,7 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         F both_ways = likely * here + whole * spread;
         F weight = phase * first / MAX(both_ways, (F)(SMALLEST));
 #if !LAMPS_BY_SAMPLES
-        F surely = here;
+        F surely = (by_air & near) ? ONE : here;
         F rival = MIN(light.pdf / MAX(first, (F)(SMALLEST)) * surely, (F)(LARGEST_DENSITY));
         F mis = rival > 0.0f ? rival * rival / (rival * rival + phase * phase) : ONE;
 #if LIGHT_PASSES

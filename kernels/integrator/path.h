@@ -238,7 +238,7 @@ static F3 emission(const Path *path, Vertex vertex, F3 radiance, I shines, F t, 
         I e = MAX(vertex.emitter, FALSE);
         F pick = emitter_pick(scene, e, from.o, receiver_behind(path));
 #if HAS_MEDIA
-        pick = pick;
+        pick = (path->ray.origin == IN_MEDIUM) & picks_by_air(scene) ? ONE : pick;
 #endif
         F other = emitter_pdf(scene.emitters, e, pick, path->ray.o, path->ray.d, t, absolute(cos_i));
 #if LAMPS_BEHIND_GLASS
