@@ -26,6 +26,7 @@
 #define FROM_A_SURFACE 0x70000000u
 #define LEAST_LIKELY   1e-20f   // density by which ways to sample along a grid are weighed: its own is not known
 #endif
+#define HAS_BEAMS (EMITTER_SPOTS && !HAS_BOUNDARY && !HAS_DENSITY && !HAS_ABSORPTION && !HAS_DISPERSION && !HAS_ENTRIES)
 #define SHORT_OF_LAMP   0.99999f    // share of the way to a lamp behind which is the lamp itself
 
 #if HAS_BOUNDARY
@@ -338,6 +339,146 @@ static I pick_in_air(Scene scene, Stretch s, Air air, F t, int of_stretch, I kno
 }
 
 
+#if HAS_BEAMS
+// Beams of spots in a medium, which paths that are scattered towards them meet by chance: from each vertex a place of a beam
+// is chosen, along a direction of its cone by the angle that x sees of that. Of the two ways there each counts by a density
+// that only the places say, so that both know the other's.
+
+// The ray along which a spot lights a place.
+static Ray ray_of_beam(const __global Emitter *es, I e, F3 y, F *distance)
+{
+    Ray ray;
+    ray.o = THREE_OF_EMITTER(a);
+    F3 away = sub(y, ray.o);
+    *distance = MAX(sqrt(dot3(away, away)), (F)(SMALLEST));
+    ray.d = scale(away, ONE / *distance);
+    return ray;
+}
+
+// The spot of which u picks a beam at x, or the one `known`, and the probability of that; 0 for other lamps.
+static I pick_beam(Scene scene, F3 x, I known, F u, F *pick)
+{
+    const __global Emitter *es = scene.emitters;
+    F sum = ZERO, taken = ZERO;
+    I chosen = FALSE;
+    for (int lamp = 0; lamp < scene.emitter_count; ++lamp) {
+        if (es[lamp].kind != EMITTER_SPOT)
+            continue;
+        I e = (I)(lamp);
+        Ray axis;
+        axis.o = THREE_OF_EMITTER(a);
+        axis.d = THREE_OF_EMITTER(normal);
+        Equiangular view = seen_from(x, axis, ZERO, (F)(FARTHEST));
+        F light = OF_EMITTER(F, pick) * view.turns / view.aside;
+        sum += light;
+        I take = known < 0 ? u * sum < light : known == e;
+        F share = light / MAX(sum, (F)(SMALLEST));
+        u = take ? u / MAX(share, (F)(SMALLEST)) : (u - share) / MAX(1.0f - share, (F)(SMALLEST));
+        chosen = take ? e : chosen;
+        taken = take ? light : taken;
+    }
+    *pick = sum > 0.0f ? taken / sum : ZERO;
+    return chosen;
+}
+
+// Density per volume with which the beam of a spot, picked with that probability, is met at y from x.
+static F beam_density(const __global Emitter *es, I e, F pick, F3 x, F3 y)
+{
+    F r;
+    Ray ray = ray_of_beam(es, e, y, &r);
+    F cone = MAX(OF_EMITTER(F, u.w), (F)(SMALLEST));
+    return pick * 0.5f * INV_PI_F / cone * equiangular_density(seen_from(x, ray, ZERO, (F)(FARTHEST)), r) / (r * r);
+}
+
+// Share of the light by the beam's way of what comes from y to x, whence a path goes there with density `pdf`.
+static F share_of_beam(const __global Emitter *es, I e, F density, F pdf, F3 x, F3 y)
+{
+    F r;
+    ray_of_beam(es, e, y, &r);
+    F3 to = sub(y, x);
+    F cone = MAX(OF_EMITTER(F, u.w), (F)(SMALLEST));
+    F by_chance = pdf / MAX(dot3(to, to) * 2.0f * r * sqrt(2.0f * cone), (F)(SMALLEST));
+    return density / MAX(density + by_chance, (F)(SMALLEST));
+}
+
+// Adds what beams send to the vertices where the paths of the lanes `on` have come along a ray.
+static void add_beams(Path *path, Ray ray, Hit hit, I on, Scene scene, Rules rules)
+{
+    const __global Emitter *es = scene.emitters;
+    on = on & (path->depth + 1u < rules.max_depth);
+    if (!ANY(on))
+        return;
+    I afloat = on & (hit.primitive == IN_MEDIUM);
+#if HAS_MIX
+    F choice = random4(path->pixel, path->sample, 2u * path->depth, rules.seed).c;
+#else
+    F choice = ZERO;
+#endif
+    Vertex vertex = vertex_of(ray, hit, on & NOT(afloat), choice, scene);
+    if (ANY(afloat))
+        take_phase(&vertex, afloat, path->medium, ray.d, scene);
+    F3 x = select3(afloat, along(ray.o, ray.d, hit.t), vertex.p);
+    on = on & (vertex.kind != MATERIAL_EMISSIVE);
+    // Choose a place of a beam.
+    F4 u = random4(path->pixel, path->sample, 0x40000002u + 256u * path->depth, rules.seed);
+    F pick;
+    I e = pick_beam(scene, x, (I)(-1), u.a, &pick);
+    F low = u.b * OF_EMITTER(F, u.w);
+    F sine = root(low * (2.0f - low));
+    F sn, cs;
+    sincos_turns(u.c, &sn, &cs);
+    F3 axis = THREE_OF_EMITTER(normal), ax, ay;
+    frame(axis, &ax, &ay);
+    Ray beam;
+    beam.o = THREE_OF_EMITTER(a);
+    beam.d = from_frame(ax, ay, axis, f3(sine * cs, sine * sn, 1.0f - low));
+    F3 y = along(beam.o, beam.d, equiangular_distance(seen_from(x, beam, ZERO, (F)(FARTHEST)), u.d));
+    // Take light from there.
+    F3 to = sub(y, x);
+    F distance = MAX(sqrt(dot3(to, to)), (F)(SMALLEST));
+    Ray first = ray;
+    first.d = scale(to, ONE / distance);
+    first.o = select3(afloat, x, departure(vertex, first.d));
+    first.origin = hit.primitive;
+    first.triangle = hit.triangle;
+    F pdf;
+    F3 value = scatter_eval(vertex, ray.d, first.d, &pdf);
+    I stack = stack_beyond(path->medium, hit.primitive, vertex.ng, ray.d, first.d, scene);
+    Inside medium = inside_of(stack, on, scene);
+    F density = beam_density(es, e, pick, x, y);
+    LightSample light = sample_picked(scene, e, ONE, y, ZERO, ZERO);
+    F g = GATHER(F, scene.media, stack & MEDIUM_MASK, .asymmetry);
+    F phase = phase_of(g, droplets_in(stack & MEDIUM_MASK, scene), dot3(first.d, light.direction));
+    F weight = phase * share_of_beam(es, e, density, pdf, x, y) / MAX(density * distance * distance, (F)(SMALLEST));
+#if HAS_LAYERED_FOG
+    weight *= relative_density(medium, first, distance);
+#endif
+    F3 added = mul(mul(path->beta, value), mul(medium.scattering, scale(light.radiance, weight)));
+    added = mul(added, left_along(first, distance, medium, on, scene));
+    on = on & (pick > 0.0f) & (density > 0.0f) & (pdf > 0.0f) & (max3(added) > 0.0f)
+        & (GATHER(I, scene.media, stack & MEDIUM_MASK, .in_shade) == 0);
+    // Add it where nothing is in the way.
+    I passed;
+    if (!ANY(on))
+        return;
+    on = on & NOT(blocked_before(first, on ? distance : ZERO, (I)(NO_PRIMITIVE), (I)(NO_TRIANGLE), &passed, scene));
+#if LIGHT_PASSES
+    on = on & NOT(passed);
+#endif
+    if (!ANY(on))
+        return;
+    Ray second = first;
+    second.o = y;
+    second.d = light.direction;
+    second.origin = (I)(IN_MEDIUM);
+    second.triangle = (I)(NO_TRIANGLE);
+    on = on & NOT(blocked_before(second, on ? light.reach : ZERO, light.primitive, light.triangle, &passed, scene));
+    if (ANY(on))
+        gather_light(path, on, mul(added, shadow_transmittance(second, stack, light.reach, on, scene)),
+                     group_of_emitter(scene, e));
+}
+#endif
+
 #if HAS_DENSITY
 #define AT_MET_TYPE(type, name) , type name
 #define AT_MET(name) , name
@@ -427,6 +568,15 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
 #endif
         F both_ways = likely * here + whole * spread;
         F weight = phase * first / MAX(both_ways, (F)(SMALLEST));
+#if HAS_BEAMS
+        I beam = wanted & by_air & (path->depth > 1u) & (path->pdf > 0.0f) & (GATHER(I, scene.emitters, e, .kind) == EMITTER_SPOT);
+        if (ANY(beam)) {
+            F pick;
+            pick_beam(scene, path->ray.o, e, ZERO, &pick);
+            F density = beam_density(scene.emitters, e, pick, path->ray.o, p);
+            weight *= beam ? 1.0f - share_of_beam(scene.emitters, e, density, path->pdf, path->ray.o, p) : ONE;
+        }
+#endif
 #if !LAMPS_BY_SAMPLES
         F surely = (by_air & near) ? ONE : here;
         F rival = MIN(light.pdf / MAX(first, (F)(SMALLEST)) * surely, (F)(LARGEST_DENSITY));
@@ -624,6 +774,11 @@ static Hit travel_on(Path *path, Scene scene, Rules rules)
         on = FALSE;
 #endif
     }
+#if HAS_EMITTERS && HAS_BEAMS
+    I arrived = (path->ray.origin != PATH_ENDED) & ((result.primitive >= 0) | (result.primitive == IN_MEDIUM));
+    if (scene.emitter_count <= FEW_LAMPS && ANY(arrived))
+        add_beams(path, path->ray, result, arrived, scene, rules);
+#endif
     // A path that only boundaries hold goes no farther.
     path->ray.origin = on ? (I)(PATH_ENDED) : path->ray.origin;
     return result;
