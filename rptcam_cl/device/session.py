@@ -365,14 +365,12 @@ class Session:
         flags = cl.mem_flags.READ_ONLY | (cl.mem_flags.USE_HOST_PTR if in_place else cl.mem_flags.COPY_HOST_PTR)
         return self._allocate(lambda: cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array)), array.nbytes)
 
-    def allocate(
-        self, nbytes: int, *, zeroed: bool = False, spare: list[NDArray[np.uint8]] | None = None
-    ) -> Any:
+    def allocate(self, nbytes: int, *, zeroed: bool = False, spare: list[NDArray[np.uint8]] | None = None) -> Any:
         """Return a read-write buffer of ``nbytes``, optionally filled with zeros.
 
-        With ``spare`` a device that shares the host's memory takes numpy's, whose large pages are there sooner: an array
-        of that list, to which it returns when nobody has the buffer any longer, so that few pages are new; those that
-        do not suit leave it. Kernels must not take it for aligned to more than 16 bytes.
+        With ``spare`` a device that shares the host's memory takes numpy's, whose large pages are there sooner: an
+        array of that list, to which it returns when nobody has the buffer any longer, so that few pages are new; those
+        that do not suit leave it. Kernels must not take it for aligned to more than 16 bytes.
         """
         import pyopencl as cl
 

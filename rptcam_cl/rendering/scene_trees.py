@@ -398,25 +398,18 @@ def placed_blocks(session: Session, trees: MeshTrees, vertices: Any, triangles: 
 
     Parameters
     ----------
-    trees
-        Of which mesh.
+    session, trees
+        The device, and of which meshes.
     vertices, triangles
         Of the scene on the device, ``vertices`` as rays meet them.
     """
     if not session.info.fp64:
         return _fill_blocks(session, trees.groups, trees.meshes, vertices, triangles, trees.spare)[0]
-    before, width = trees.resting(triangles)[0], WIDTH[session.kind]
-    blocks = session.allocate(4 * _BLOCK_ROWS * width * sum(len(tree.blocks) for tree in trees.groups), spare=trees.spare)
-    program = session.program(["build/shift_blocks.cl"], {"LEAF_WIDTH": width}, "")
-    first = 0
-    for tree, group in zip(trees.groups, trees.meshes.groups, strict=True):
-        given = {f"shift_{axis}": np.float64(shift) for axis, shift in zip("xyz", group.shift, strict=True)}
-        span = {"first": np.int32(first), "count": np.int32(len(tree.blocks))}
-        session.bind(program, "shift_blocks", before=before, blocks=blocks, **given, **span).enqueue(
-            -(-len(tree.blocks) // 64) * 64, 64
-        )
-        first += len(tree.blocks)
-    session.finish()
+    blocks = _allocate_blocks(session, trees.groups, trees.spare)
+    given = {"before": trees.resting(triangles)[0], "blocks": blocks}
+    shifts = [group.shift.tolist() for group in trees.meshes.groups]
+    each = [{"shift_x": np.float64(x), "shift_y": np.float64(y), "shift_z": np.float64(z)} for x, y, z in shifts]
+    _run_on_blocks(session, "shift_blocks", trees.groups, given, each)
     return blocks
 
 
@@ -428,22 +421,42 @@ def _fill_blocks(
     triangles: Any,
     spare: list[NDArray[np.uint8]],
 ) -> tuple[Any, NDArray[np.float32]]:
-    """Return a buffer of the leaf blocks of groups, made of vertices on the device; and the boxes of the blocks (b, 6)."""
-    width, total = WIDTH[session.kind], sum(len(tree.blocks) for tree in trees)
-    blocks = session.allocate(4 * _BLOCK_ROWS * width * total, spare=spare)
-    boxes = session.allocate(4 * 8 * total)
-    facts = {"LEAF_WIDTH": width, "VERTEX_FLOATS": geometry.VERTEX_FLOATS, "BINS": tree_build.BINS}
-    program = session.program(["build/fill_blocks.cl"], facts, "")
+    """Return a buffer of leaf blocks made of vertices on the device, and the boxes (b, 6) of the blocks."""
+    total = sum(len(tree.blocks) for tree in trees)
+    blocks, boxes = _allocate_blocks(session, trees, spare), session.allocate(4 * 8 * total)
     given = {"vertices": vertices, "triangles": triangles, "blocks": blocks, "boxes": boxes}
-    first = 0
-    for tree, group in zip(trees, meshes.groups, strict=True):
-        given["primitives"] = session.upload(tree.blocks, in_place=True)
-        given |= {"first_triangle": np.int32(group.first_triangle), "first": np.int32(first)}
-        launch = session.bind(program, "fill_blocks", **given, count=np.int32(len(tree.blocks)))
-        launch.enqueue(-(-len(tree.blocks) // 64) * 64, 64)
-        first += len(tree.blocks)
-    session.finish()  # arrays may lie in memory of the host, which the next change lets go of
+    each = [
+        {"primitives": session.upload(tree.blocks, in_place=True), "first_triangle": np.int32(group.first_triangle)}
+        for tree, group in zip(trees, meshes.groups, strict=True)
+    ]
+    _run_on_blocks(session, "fill_blocks", trees, given, each)
     return blocks, session.read(boxes, np.float32, 8 * total).reshape(-1, 2, 4)[:, :, :3].reshape(-1, 6)
+
+
+def _allocate_blocks(session: Session, trees: tuple[tree_build.Bvh, ...], spare: list[NDArray[np.uint8]]) -> Any:
+    rows = sum(tree.blocks.size for tree in trees)
+    return session.allocate(4 * _BLOCK_ROWS * rows, spare=spare)
+
+
+def _run_on_blocks(
+    session: Session,
+    kernel: str,
+    trees: tuple[tree_build.Bvh, ...],
+    given: dict[str, Any],
+    each: list[dict[str, Any]],
+) -> None:
+    """Run a kernel over the leaf blocks of each group, with arguments of all and of each; wait for it.
+
+    Arrays may lie in memory of the host, which the next change lets go of.
+    """
+    facts = {"LEAF_WIDTH": WIDTH[session.kind], "VERTEX_FLOATS": geometry.VERTEX_FLOATS, "BINS": tree_build.BINS}
+    program = session.program([f"build/{kernel}.cl"], facts, "")
+    first = 0
+    for tree, own in zip(trees, each, strict=True):
+        span = {"first": np.int32(first), "count": np.int32(len(tree.blocks))}
+        session.bind(program, kernel, **given, **own, **span).enqueue(-(-len(tree.blocks) // 64) * 64, 64)
+        first += len(tree.blocks)
+    session.finish()
 
 
 def placed_trees(trees: MeshTrees, session: Session, movements: geometry.ObjectMovements | None = None) -> DeviceTree:
