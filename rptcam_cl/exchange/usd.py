@@ -530,7 +530,7 @@ class Stage:
         return self._names[content]
 
     def _key_on(self, path: str, prim: Any) -> str:
-        """Return what tells a material on one prim from that on another: its path, and what it reads there."""
+        """Name a material on one prim, by its path and the primvars that it reads there."""
         return content_name(path, *(self.shading.primvar(name, prim) for name in sorted(self._primvars.get(path, ()))))
 
     def _display_colour(self, prim: Any) -> Keys:
