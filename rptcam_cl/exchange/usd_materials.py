@@ -102,19 +102,24 @@ class Shading:
     Attributes
     ----------
     metres_per_unit : float
+    primvars : set of str
+        Names of the primvars that the last surface has read.
     """
 
     time: Any
     report: PrimReport
     files: FileStore
     metres_per_unit: float
+    primvars: set[str] = field(default_factory=set)
+    _prim: Any = None
     _pictures: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.shade = pxr("UsdShade")
 
-    def surface(self, material: Any) -> Keys | None:
-        """Return the keys of a material; None, with a report, for one of another kind."""
+    def surface(self, material: Any, prim: Any) -> Keys | None:
+        """Return the keys of a material on a prim; None, with a report, for one of another kind."""
+        self.primvars, self._prim = set(), prim
         shader = _shader_of(material.ComputeSurfaceSource)
         kind = str(shader.GetIdAttr().Get() or "") if shader else ""
         if "UsdPreviewSurface" in kind:
@@ -124,6 +129,27 @@ class Shading:
         what = f"the colour of the prim, as its shader is {kind or 'none'}"
         self.report.say("approximated", what, material.GetPrim())
         return None
+
+    def shows_colours(self, material: Any) -> bool:
+        """Return whether a preview surface has the colour that a mesh says for its parts."""
+        get = _Inputs(self, shader) if (shader := _shader_of(material.ComputeSurfaceSource)) else None
+        source = get._source("diffuseColor") if get else None
+        reader = self.shade.Shader(source.GetPrim()) if source is not None else None
+        return bool(reader) and _Inputs(self, reader).primvar_name() == "displayColor"
+
+    def primvar(self, name: str, prim: Any) -> Any:
+        """Return the values of a primvar as an array of floats; None where a prim has none of that name."""
+        given = pxr("UsdGeom").PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if prim else None
+        values = np.asarray(given.ComputeFlattened(self.time) if given and given.HasValue() else [])
+        return np.atleast_1d(values) if values.size and values.dtype.kind == "f" else None
+
+    def primvar_of_surface(self, name: str) -> Any:
+        """Return the mean of a primvar of the prim that has the surface; None where it has none of that name."""
+        self.primvars.add(name)
+        values = self.primvar(name, self._prim)
+        if values is not None and np.any(values != values[:1]):
+            self.report.say("approximated", f"{name}, which differs about the prim, as its mean", self._prim)
+        return None if values is None else values.mean(axis=0)
 
     def displacement(self, material: Any) -> Keys | None:
         """Return the picture, height and middle by which a material moves its surface; None for one that does not."""
@@ -370,6 +396,14 @@ class _Inputs:
         """Return the value of an output: a constant or a texture; None, with a report, for other nodes."""
         kind = str(self.shader.GetIdAttr().Get() or "")
         node = kind.removeprefix("ND_").split("_")[0]
+        if (name := self.primvar_name()) is not None:
+            found = self.shading.primvar_of_surface(name)
+            found = self.plain("fallback", self.plain("default", None)) if found is None else found
+            if found is None:
+                self.shading.report.say(
+                    "approximated", f"{wanted} as 0, which a primvar that is not there has", self.shader.GetPrim()
+                )
+            return 0.0 if found is None else found
         if self.shader.GetInput("file"):
             return self._picture(kind, output, wanted)
         if node == "constant":
@@ -384,6 +418,14 @@ class _Inputs:
             return _mixture(*(0.0 if part is None else part for part in (low, high, share)))
         self.shading.report.say("ignored", f"the shader {kind}, which gives {wanted}", self.shader.GetPrim())
         return None
+
+    def primvar_name(self) -> str | None:
+        """Return the name of the primvar that a shader reads; None for a shader that reads none."""
+        kind = str(self.shader.GetIdAttr().Get() or "")
+        if kind.startswith("ND_geomcolor"):
+            return "displayColor"
+        named = {"UsdPrimvarReader": "varname", "ND_geompropvalue": "geomprop"}.get(kind.rsplit("_", 1)[0])
+        return str(self.plain(named, "")) if named else None
 
     def _channel(self, found: Any, node: str, output: str) -> Any:
         """Return one channel of what comes in, where a node takes one."""
