@@ -376,10 +376,8 @@ class Session:
 
         flags = cl.mem_flags
         if spare is not None and self.info.type == "cpu":
-            memory, kinds = np.empty(0, np.uint8), flags.READ_WRITE | flags.USE_HOST_PTR
-            while spare and not nbytes <= memory.nbytes < 2 * nbytes:
-                memory = spare.pop()
-            if not nbytes <= memory.nbytes < 2 * nbytes:
+            kinds, memory = flags.READ_WRITE | flags.USE_HOST_PTR, spare.pop() if spare else None
+            if memory is None or not nbytes <= memory.nbytes < 2 * nbytes:
                 memory = np.empty(nbytes, np.uint8)
             held = memory[:nbytes]  # by the buffer alone
             buffer = self._allocate(lambda: cl.Buffer(self.context, kinds, hostbuf=held), nbytes)

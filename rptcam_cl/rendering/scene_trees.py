@@ -407,8 +407,7 @@ def placed_blocks(session: Session, trees: MeshTrees, vertices: Any, triangles: 
         return _fill_blocks(session, trees.groups, trees.meshes, vertices, triangles, trees.spare)[0]
     blocks = _allocate_blocks(session, trees.groups, trees.spare)
     given = {"before": trees.resting(triangles)[0], "blocks": blocks}
-    shifts = [group.shift.tolist() for group in trees.meshes.groups]
-    each = [{"shift_x": np.float64(x), "shift_y": np.float64(y), "shift_z": np.float64(z)} for x, y, z in shifts]
+    each = [dict(zip(("shift_x", "shift_y", "shift_z"), group.shift, strict=True)) for group in trees.meshes.groups]
     _run_on_blocks(session, "shift_blocks", trees.groups, given, each)
     return blocks
 
