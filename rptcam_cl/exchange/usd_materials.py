@@ -17,7 +17,7 @@ from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.conversion import COAT_INDEX, Array, FileStore, Report, nested
-from rptcam_cl.scene.assets.pictures import SUFFIXES
+from rptcam_cl.scene.assets.pictures import SUFFIXES, read_picture
 from rptcam_cl.scene.materials import LEAST_BEND, MOST_BEND, MOST_INDEX
 from rptcam_cl.scene.textures import MOST_NESTED
 
@@ -286,18 +286,31 @@ class Shading:
 
     def picture(self, asset: Any) -> str | None:
         """The name of a picture beside the scene, copied there also out of a .usdz; None where there is none."""
-        ar = pxr("Ar")
         path = asset.resolvedPath or asset.path
         if not path or "<UDIM>" in path:
             return None
         if path not in self._pictures:
-            content = ar.GetResolver().OpenAsset(ar.ResolvedPath(path)) if asset.resolvedPath else None
             name = Path(path.rstrip("]").replace("[", "/")).name
-            if content is None or Path(name).suffix.lower() not in SUFFIXES:
+            raw = _content(asset)
+            if raw is None or Path(name).suffix.lower() not in SUFFIXES:
                 return None
-            raw = bytes(content.GetBuffer())
             self._pictures[path] = self.files.add("files", name, lambda target: target.write_bytes(raw))
         return self._pictures[path]
+
+
+def _content(asset: Any) -> bytes | None:
+    """Return the bytes of a file that a stage names; None where there is none."""
+    ar = pxr("Ar")
+    content = ar.GetResolver().OpenAsset(ar.ResolvedPath(asset.resolvedPath)) if asset.resolvedPath else None
+    return None if content is None else bytes(content.GetBuffer())
+
+
+def _may_have_alpha(picture: bytes) -> bool:
+    """Return whether a picture has alpha; also of one that cannot be read here, which the scene tells."""
+    try:
+        return read_picture(picture).has_alpha
+    except InputError:
+        return True
 
 
 def _shader_of(source: Callable[..., Any]) -> Any:
@@ -477,13 +490,15 @@ class _Inputs:
             if value is None or nothing is None or np.any(np.asarray(value) != nothing):
                 self.shading.report.say("ignored", name, self.shader.GetPrim())
 
-    def _picture(self, kind: str, output: str, wanted: str) -> Keys | None:
+    def _picture(self, kind: str, output: str, wanted: str) -> Keys | float | None:
         asset = self.plain("file", None)
         file = self.shading.picture(asset) if asset else None
         if file is None:
             what = f"the picture {asset.path}" if asset else f"the shader {kind}"
             self.shading.report.say("ignored", f"{what}, which gives {wanted}", self.shader.GetPrim())
             return None
+        if output == "a" and not _may_have_alpha(_content(asset) or b""):
+            return 1.0  # as such a picture has (UsdUVTexture)
         keys: Keys = {"kind": "image", "file": file, **self._layout(kind)}
         if output in ("r", "g", "b", "a"):
             keys["channel"] = output

@@ -323,18 +323,20 @@ def test_textures_come_along_with_their_layout(tmp_path: Path) -> None:
     Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "a.png")
     shaders = """def Material "red" {
       def Shader "t" { uniform token info:id = "UsdUVTexture" asset inputs:file = @a.png@ token inputs:wrapS = "mirror"
-        float2 inputs:st.connect = </red/p.outputs:result> float3 outputs:rgb float outputs:g }
+        float2 inputs:st.connect = </red/p.outputs:result> float3 outputs:rgb float outputs:g float outputs:a }
       def Shader "p" { uniform token info:id = "UsdTransform2d" float2 inputs:scale = (2, 3)
         float inputs:rotation = 30 float2 inputs:translation = (0.5, 0) float2 outputs:result }"""
     text = (MESH % "").replace('def Material "red" {', shaders)
     text = text.replace("inputs:diffuseColor = (1, 0, 0)", "inputs:diffuseColor.connect = </red/t.outputs:rgb>")
     text = text.replace("inputs:roughness = 0.3", "inputs:roughness.connect = </red/t.outputs:g>")
+    text = text.replace("inputs:metallic = 1", "inputs:opacity.connect = </red/t.outputs:a>")
     done, scene = convert(tmp_path, text)
     colour = done.scene["materials"]["red"]["base_color"]
     assert {key: colour[key] for key in ("wrap", "scale", "rotation_degrees", "offset")} == {
         "wrap": "mirror", "scale": [2, 3], "rotation_degrees": 30, "offset": [0.5, 0],
     }  # fmt: skip
     assert done.scene["materials"]["red"]["roughness"]["channel"] == "g"
+    assert "opacity" not in done.scene["materials"]["red"]  # as a picture without alpha is opaque
     assert scene.materials["red"].base_color.source(scene.folders).is_file()
 
 
