@@ -5,6 +5,7 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import irradiance
+from rptcam_cl.optics.film_probe import FilmProbe
 from rptcam_cl.optics.irradiance import (
     axial_irradiance,
     disk_irradiance,
@@ -15,6 +16,7 @@ from rptcam_cl.optics.irradiance import (
 )
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.pupils import COARSE_OUTLINES, pupil_shapes
 from rptcam_cl.optics.surface import blades
 from tests.optics.truth import NAMES, truth, truth_lens
 from tests.support.cases import one_in
@@ -82,6 +84,41 @@ def test_axial_irradiance_is_the_integral_over_the_pupil(f_number: float | None)
         lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number))
     assert axial_irradiance(lens, 31.0) == pytest.approx(on_axis_irradiance(lens, 31.0), rel=2e-5)
     assert axial_irradiance(load_lens("anamorphic-100mm"), 31.0) is None
+
+
+@pytest.mark.parametrize("name", ["dgauss-50mm", "achromat-100mm", "double-gauss-100mm-f1.25", "wide-22mm"])
+def test_axial_irradiance_near_that_of_another_wavelength_is_within_a_thousandth(name: str) -> None:
+    lens = load_lens(name)
+    film_mm = film_distance(lens, 3000.0)
+    green = axial_irradiance(lens, film_mm, 545.0)
+    for wavelength_nm in (400.0, 480.0, 700.0):
+        found = axial_irradiance(lens, film_mm, wavelength_nm, near=green)
+        assert found == pytest.approx(axial_irradiance(lens, film_mm, wavelength_nm), rel=7e-4)
+        assert axial_irradiance(lens, film_mm, wavelength_nm, near=1.2 * green) is None  # the rim is not there
+        assert axial_irradiance(lens, film_mm, wavelength_nm, near=0.8 * green) is None
+    assert axial_irradiance(load_lens("mirror-500mm"), 100.0, near=0.01) is None
+
+
+def test_pupil_of_a_glance_holds_that_of_every_wavelength_but_for_slivers() -> None:
+    """Less than a thousandth of red and blue over the film lies beyond coarse outlines of one wavelength."""
+    scale = (np.arange(45) + 0.5)[:, None, None] / 30
+    for name in ("achromat-100mm", "dgauss-100mm", "retrofocus-35mm", "zoom-35-51mm", "double-gauss-100mm-f1.25"):
+        lens = load_lens(name)
+        film_mm = film_distance(lens, 3000.0)
+        shapes = pupil_shapes(lens, film_mm, (18.0, 12.0), fineness=COARSE_OUTLINES)
+        nodes, directions = shapes.radii.shape[1:]
+        turns = np.arange(directions) * 2 * np.pi / directions
+        for wavelength_nm in (420.0, 680.0):
+            probe, inside, all_of_it = FilmProbe(lens, film_mm, wavelength_nm), 0.0, 0.0
+            for k in range(nodes):
+                rim = shapes.radii[0, k][:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+                points = shapes.centres[0, k] + shapes.axes[0, k] * rim * scale
+                film = np.array([shapes.reach[0] * k / (nodes - 1), 0.0])
+                light = (
+                    probe.passes(film, points) * scale[..., 0] * np.prod(shapes.axes[0, k]) * shapes.radii[0, k] ** 2
+                )
+                inside, all_of_it = inside + light[:30].sum(), all_of_it + light.sum()
+            assert inside > 0.999 * all_of_it > 0, (name, wavelength_nm, 1 - inside / all_of_it)
 
 
 @pytest.mark.parametrize("name", ["dgauss-50mm", "heliar-105mm"])
