@@ -18,7 +18,7 @@ from rptcam_cl.core.remember import remember
 from rptcam_cl.optics import film_probe
 from rptcam_cl.optics.beams import Beam, chebyshev_nodes, geometry_but_stop
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
-from rptcam_cl.optics.lens import Lens, brought_to_focus, limiting_surface
+from rptcam_cl.optics.lens import Lens, brought_to_focus, exchange_axes, limiting_surface
 from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance, trace_crossings
 
 #
@@ -600,6 +600,8 @@ def lens_info(
 ) -> dict[str, Any]:
     """Return first-order data and working state as plain values, for JSON; None where there is no such number.
 
+    Of a lens that is not alike from every azimuth they are those of its y-z section, the image circle among them.
+
     Parameters
     ----------
     lens : Lens
@@ -630,11 +632,12 @@ def lens_info(
     if film is not None:
         result["working_f_number"] = working_f_number(lens, film, wavelength_nm)
         result["t_number"] = t_number(lens, film, wavelength_nm, transmission)
-        circle = image_circle(lens, film, wavelength_nm)
-        result["half_light_circle_mm"] = 2 * _half_light_radius(lens, film, circle, wavelength_nm)
+        along_y = exchange_axes(lens)  # as first-order data are
+        circle = image_circle(along_y, film, wavelength_nm)
+        result["half_light_circle_mm"] = 2 * _half_light_radius(along_y, film, circle, wavelength_nm)
         if circle < farthest(lens, film, wavelength_nm):  # else nothing in the lens ends its picture
             result["image_circle_mm"] = 2 * circle
-            result["field_of_view_degrees"] = field_of_view(lens, film, circle * INSIDE, wavelength_nm)
+            result["field_of_view_degrees"] = field_of_view(along_y, film, circle * INSIDE, wavelength_nm)
     return dict(plain(result, json=True))
 
 

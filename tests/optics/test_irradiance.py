@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import irradiance
+from rptcam_cl.optics import irradiance, spots
+from rptcam_cl.optics.aberrations import in_section
+from rptcam_cl.optics.field_measures import vignetting_table
 from rptcam_cl.optics.film_probe import FilmProbe
 from rptcam_cl.optics.irradiance import (
     axial_irradiance,
@@ -12,6 +14,7 @@ from rptcam_cl.optics.irradiance import (
     film_irradiance,
     image_circle,
     irradiance_with_error,
+    lens_info,
     on_axis_irradiance,
 )
 from rptcam_cl.optics.lens import film_distance
@@ -163,3 +166,27 @@ def test_nothing_is_traced_again_for_another_stop_or_film(monkeypatch: pytest.Mo
 def test_pupils_that_are_no_disk_are_refused(name: str) -> None:
     lens = load_lens("dgauss-50mm").with_stop_shape(blades(6)) if name == "shaped" else load_lens(name)
     assert disk_irradiance(lens, film_distance(lens, np.inf), NM) is None
+
+
+@pytest.mark.parametrize(("section", "along"), [("y", [0.0, 1.0]), ("x", [1.0, 0.0])])
+def test_vignetting_of_an_anamorphic_lens_is_that_of_its_section(section, along):
+    lens = load_lens("anamorphic-100mm")
+    setting = in_section(spots.setting(lens), section)
+    side, radii = np.linspace(-20, 20, 401), np.array([0.0, 25.0, 45.0])  # the rear rim has a radius of 16.5 mm
+    plane = np.stack([*(each.ravel() for each in np.meshgrid(side, side)), np.full(401**2, lens.length)], axis=1)
+    for row, radius in zip(vignetting_table(setting, radii), radii, strict=True):
+        start = np.array([*(radius * np.array(along)), lens.film_z(setting.film)])
+        passed = lens.trace(np.broadcast_to(start, plane.shape), plane - start, setting.wavelength_nm).passed
+        square = np.sum((plane - start) ** 2, axis=1)
+        expected = np.sum(passed * (setting.film / square) ** 2) * (side[1] - side[0]) ** 2
+        assert row["irradiance"] == pytest.approx(expected, rel=2e-3)
+        assert row["pass_area_mm2"] == pytest.approx(np.count_nonzero(passed) * (side[1] - side[0]) ** 2, rel=2e-3)
+
+
+def test_the_image_circle_of_an_anamorphic_lens_is_that_along_y():
+    lens = load_lens("anamorphic-100mm")
+    info = lens_info(lens)
+    radius, film = info["image_circle_mm"] / 2, info["film_distance_mm"]
+    along_y, along_x = (film_irradiance(lens, film, radius * np.array([0.998, 1.002]), azimuth_degrees=degrees)
+                        for degrees in (90, 0))  # fmt: skip
+    assert along_y[0] > along_y[1] == 0 < along_x.min()
