@@ -230,7 +230,8 @@ def test_passes_with_media_alone_compile_without_a_warning(session, files, bound
 @pytest.mark.parametrize("layered", [1, slow(0)])
 @compiled("travel shadow", "stream")
 def test_passes_with_beams_compile_without_a_warning(session, files, layered):
-    facts = {"HAS_EMITTERS": 1, "EMITTER_SIZELESS": 1, "EMITTER_SPOTS": 1, "HAS_MEDIA": 1, "HAS_LAYERED_FOG": layered, "VW": 8}
+    spots = {"HAS_EMITTERS": 1, "EMITTER_SIZELESS": 1, "EMITTER_SPOTS": 1}
+    facts = spots | {"HAS_MEDIA": 1, "HAS_LAYERED_FOG": layered, "VW": 8}
     without_warnings(session, files, least_facts() | READ | facts)
 
 

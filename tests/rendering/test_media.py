@@ -232,14 +232,14 @@ def test_ball_scatters_the_sky_once_as_quadrature_does(diameter):
 @pytest.mark.parametrize("layer", [None, slow({"scale_height_m": 0.8, "base": 0.5})])
 def test_beams_give_what_paths_that_meet_them_by_chance_give(layer):
     fog = {"scattering_per_m": [0.25, 0.3, 0.35], "absorption_per_m": 0.05, "asymmetry": 0.5, "layer": layer}
-    lights = [
-        {"kind": "spot", "position": [-1.5, 1.2, 0.5], "direction": [1, 0.02, -0.15], "outer_degrees": 25, "intensity": 40},
-        {"kind": "spot", "position": [1.5, 3, -1], "direction": [-0.3, -1, 0.3], "outer_degrees": 35, "intensity": 12},
-    ]
+    spots = [([-1.5, 1.2, 0.5], [1, 0.02, -0.15], 25, 40), ([1.5, 3, -1], [-0.3, -1, 0.3], 35, 12)]
+    names = ("position", "direction", "outer_degrees", "intensity")
+    lights = [{"kind": "spot"} | dict(zip(names, spot, strict=True)) for spot in spots]
     glass = {"kind": "dielectric", "index": 1.5, "roughness": 0.3}
+    plastic = {"kind": "plastic", "reflectance": 0.5, "roughness": 0.4}
     objects = [
         {"shape": "plane", "point": [0, 0, 0], "normal": [0, 1, 0], "material": {"kind": "matte", "reflectance": 0.6}},
-        BALL | {"center": [0.6, 1, 0.3], "radius": 0.4, "material": {"kind": "plastic", "reflectance": 0.5, "roughness": 0.4}},
+        BALL | {"center": [0.6, 1, 0.3], "radius": 0.4, "material": plastic},
         BALL | {"center": [-0.8, 0.5, 0.8], "radius": 0.4, "material": glass},
     ]
     # Where there is a boundary, if only of nothing and out of sight, paths have but chance.
