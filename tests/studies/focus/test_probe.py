@@ -9,8 +9,10 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
 from rptcam_cl.optics.charts import chart_svg
 from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.studies.focus import renderer
 from rptcam_cl.studies.focus.controller import zone_of_object
 from rptcam_cl.studies.focus.probe import FocusReport, ProbeRecord, Zone, focus_plot
+from rptcam_cl.studies.focus.renderer import UNLIMITED, most_light
 from tests.rendering.pictures import seed_of
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.support.cases import fast, slow
@@ -226,3 +228,28 @@ def test_too_few_probes_are_no_curve():
     for method, quantity in (("depth", "distance"), ("phase", "displacement")):
         with pytest.raises(InputError, match="no curve to draw"):
             focus_plot(report_of(method, [quantity]), "title")
+
+
+def test_rare_bright_samples_are_limited_and_others_stay_whole():
+    rng = np.random.default_rng(1)
+    even = (rng.uniform(0.1, 0.9, 4000) * rng.uniform(0.9, 1.1, (2, 4000))).astype(np.float32)
+    assert most_light(even) > 1e3 * even.max()  # texture is no noise
+    noisy = rng.exponential(1.0, (2, 4000)).astype(np.float32)
+    fireflies = np.where(rng.random((2, 4000)) < 0.01, np.float32(1e5), noisy)
+    assert 1.8 < most_light(fireflies) < 3.0  # 2.3 keeps nine tenths, and the mean is 1
+    seldom = (rng.random((2, 4000)) < 0.05) * rng.uniform(0.1, 0.9, 4000)
+    assert np.mean(seldom[seldom > 0] <= most_light(seldom.astype(np.float32))) > 0.89
+    assert most_light(np.zeros((2, 100), np.float32)) == UNLIMITED
+
+
+def test_lamp_out_of_focus_before_a_wall_is_no_noise_of_its_zone(monkeypatch):
+    lamp = {"shape": "sphere", "center": [0.03, 0.0, -0.9], "radius": 0.0004, "material": {"kind": "emissive", "radiance": 1e5}}  # fmt: skip
+    scene = scene_of([target(4.0, 4.0, noise(200)), lamp], lens_camera("dgauss-50mm", f_number=2.1))
+    shown = {}
+    for limited in (True, False):
+        if not limited:
+            monkeypatch.setattr(renderer, "most_light", lambda samples: 1e9)
+        probe = probe_of(scene)
+        image = probe.measure(probe.drive.state_for(4.0, CENTRE), [CENTRE], 64, 1)[0]
+        shown[limited] = float(np.sqrt(image.variance.mean()) / image.luminance.mean())
+    assert shown[True] < 0.3 * shown[False]
