@@ -382,6 +382,8 @@ def _round(
 ) -> tuple[list[Probe], int]:
     """Probe at some places, again with more samples where noise hides what so many would show; return how many."""
     most = min(probes.most, probes.affordable)
+    middle = sum(places) / len(places)  # first, as the first probe shows which samples to limit
+    places = sorted(places, key=lambda place: abs(place - middle))
     while True:
         made = [probes.at(place, samples, stop, reference) for place in places]
         seen = [zone for zone in zones if _contrast(probes, made, zone)]

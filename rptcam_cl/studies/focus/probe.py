@@ -575,15 +575,20 @@ def peak_of(probes: Sequence[Probe], zone: int) -> Peak:
     spread = 0.0
     if all(len(probes[k].measures[zone].blocks) for k in three):
         blocks = gain[three, None] * [probes[k].measures[zone].blocks for k in three]
-        spread = _spread(np.array([_vertex(places[three], rest)[0] for rest in (blocks.sum(axis=1, keepdims=True) - blocks).T]))
+        rest = blocks.sum(axis=1, keepdims=True) - blocks
+        spread = _spread(np.array([_vertex(places[three], values)[0] for values in rest.T]))
     bottom = int(values.argmin())
     difference = _spread(without[top] - without[bottom])
     rise = float((values[top] - values[bottom]) / difference) if difference > 0 else np.inf
     unscaled = 1 - growth * place
     return Peak(
-        origin + place / unscaled, error / unscaled**2, width, rise if values[top] > values[bottom] else 0.0, inside,
-        spread / unscaled**2,
-    )  # fmt: skip
+        place=origin + place / unscaled,
+        error=error / unscaled**2,
+        width=width,
+        rise=rise if values[top] > values[bottom] else 0.0,
+        inside=inside,
+        spread=spread / unscaled**2,
+    )
 
 
 def _growth(away: Array, scale: Array) -> float:

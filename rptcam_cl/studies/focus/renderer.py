@@ -46,6 +46,7 @@ from rptcam_cl.studies.focus.probe import (
     Zone,
     ZoneImage,
     circle_of_confusion,
+    rich_part,
 )
 
 SMALL_WAVE = 1 << 14  # slots, of work that may be given up: so few hold up nothing else on the device
@@ -420,7 +421,8 @@ class ProbeRenderer:
             return camera
         key = tuple(self._wholes.get(zone, zone) for zone in self.view.zones)
         if key not in self._most:
-            faint, pairs = 1e-6 / float(weights.max()), [(sample(light, seed, 1e-6 / float(weights.max())), weights)]
+            faint = 1e-6 / float(weights.max())
+            pairs = [(sample(light, seed, faint), weights)]
             while len(pairs) < 2 or (len(pairs) < SCOUTS and is_noisy(*np.stack(pairs[:2], axis=1))):
                 pairs.append((sample(light, seed + len(pairs), faint), sample(white, seed + len(pairs))))
             self._most[key] = most_light(*np.stack([(one / faint, other) for one, other in pairs], axis=1))
@@ -548,7 +550,7 @@ NOISY = 0.5  # standard deviation of a sample over its mean, from which on it is
 LIMITED = 16  # rounds of finding it
 USUAL, LIT_SHARE = 2.0, 0.9  # times the mean of what is left; share of the samples with light that stay whole
 SCOUTS, GROUPS = 16, 8  # samples of each pixel that tell whether a limit helps, and groups of them
-HELPS = 1.2  # times the standard errors by which details show without it
+HELPS = 0.75  # of the standard errors by which details show without one: few samples know little of rare ones
 
 
 def is_noisy(light: NDArray[np.float32], weights: NDArray[np.float32]) -> bool:
@@ -586,11 +588,16 @@ def most_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> floa
 
 
 def _clearness(light: NDArray[np.float32], weights: NDArray[np.float32]) -> float:
-    """Return by how many standard errors details show in some samples of each pixel."""
+    """Return by how many standard errors details show in some samples of each pixel, or of the part that shows most."""
     groups = [each.reshape(GROUPS, -1, *each.shape[1:], 1).sum(axis=1) for each in (light, weights)]
     parts = np.stack([mean_light(*pair) for pair in zip(*groups, strict=True)])
-    found = MEASURES[BEST].of(ZoneImage(np.repeat(parts, 3, axis=3), len(light)))
-    return found.value / found.error if found.error > 0 else 0.0
+    clear, chosen = 0.0, rich_part(parts[..., 0])
+    for left, right, above, below in [(0, parts.shape[2], 0, parts.shape[1]), *([chosen] if chosen else [])]:
+        shown = parts[:, above:below, left:right]
+        found = MEASURES[BEST].of(ZoneImage(np.repeat(shown, 3, axis=3), len(light)))
+        as_many = math.sqrt(parts[0].size / shown[0].size)  # samples in all
+        clear = max(clear, as_many * found.value / found.error if found.error > 0 else 0.0)
+    return clear
 
 
 LEAST_PASSED = 0.05  # of the mean weight: pixels with less have hardly any rays
@@ -598,7 +605,7 @@ WIDEST_GAP = 3  # doublings of the squares, from 3 pixels on, within which such 
 
 
 def mean_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the mean light of the rays of each pixel (height, width, 3), where hardly any pass that of those beside it.
+    """Return the mean light of the rays of each pixel (height, width, n), or of those beside it where hardly any pass.
 
     A mean of all would be the noise of a texture where few rays of each pixel pass: of the lens of a telephone a fifth.
     """
