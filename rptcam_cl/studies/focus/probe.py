@@ -576,7 +576,7 @@ def peak_of(probes: Sequence[Probe], zone: int) -> Peak:
     if all(len(probes[k].measures[zone].blocks) for k in three):
         blocks = gain[three, None] * [probes[k].measures[zone].blocks for k in three]
         rest = blocks.sum(axis=1, keepdims=True) - blocks
-        spread = _spread(np.array([_vertex(places[three], values)[0] for values in rest.T]))
+        spread = _spread(np.array([_vertex(places[three], each)[0] for each in rest.T]))
     bottom = int(values.argmin())
     difference = _spread(without[top] - without[bottom])
     rise = float((values[top] - values[bottom]) / difference) if difference > 0 else np.inf
