@@ -44,7 +44,7 @@ _LLVMPIPE_LOOP_LIMIT = 65535
 ORGANISATION = "RPTCAM_ORGANISATION"  # environment variable; PASSES has any device work as a GPU does, for tests
 PASSES = "passes"
 FEW_SAMPLES = 1 << 20  # of all pictures of a process, up to which quick programs are worth their slowness
-_MOST_SOURCE = 12 << 20  # bytes of the programs that a session keeps, as PoCL has ten times as many for them
+_MOST_SOURCE = 8 << 20  # bytes of the programs that a session keeps, as PoCL has ten times as many for them
 _opening = threading.Lock()
 
 
