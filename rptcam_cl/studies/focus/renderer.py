@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
@@ -577,9 +578,7 @@ def most_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> floa
     if len(light) < SCOUTS or not mean > 0:
         return whole
     seen = light[passed] / weights[passed]
-    lit, least = seen > 0, 0.0
-    least = float(np.quantile(seen[lit], LIT_SHARE))
-    most = UNLIMITED * mean
+    most, least = whole, float(np.quantile(seen[seen > 0], LIT_SHARE))
     for _ in range(LIMITED):
         most = max(USUAL * float(np.minimum(seen, most).mean(dtype=np.float64)), least)
     unit = float(weights[passed].mean(dtype=np.float64))
@@ -617,22 +616,13 @@ def mean_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> NDAr
     for doubling in range(WIDEST_GAP):
         if passed.all():
             return np.asarray(share, np.float32)
-        sums = [_box_sum(each, 1 << doubling) for each in (light, weights)]
-        near = ~passed & (sums[1] > LEAST_PASSED * mean)
-        share = np.where(near, sums[0] / np.where(near, sums[1], 1.0), share)
+        side = (2 << doubling) + 1
+        around = [np.pad(each, [(side // 2, side // 2)] * 2 + [(0, 0)]) for each in (light, weights)]
+        near_light, near_weights = (sliding_window_view(each, (side, side), (0, 1)).sum((3, 4)) for each in around)
+        near = ~passed & (near_weights > LEAST_PASSED * mean)
+        share = np.where(near, near_light / np.where(near, near_weights, 1.0), share)
         passed = passed | near
     return np.asarray(np.where(passed, share, float(light.mean()) / mean), np.float32)
-
-
-def _box_sum(picture: NDArray[np.float32], reach: int) -> NDArray[np.float64]:
-    """Sum each pixel of a picture (height, width, 3) with those up to so many columns and rows away."""
-    summed: NDArray[np.float64] = picture.astype(np.float64)
-    for axis in (0, 1):
-        sides = [(reach + 1, reach) if each == axis else (0, 0) for each in range(3)]
-        total = np.pad(summed, sides).cumsum(axis=axis)
-        count = picture.shape[axis]
-        summed = np.take(total, range(2 * reach + 1, 2 * reach + 1 + count), axis) - np.take(total, range(count), axis)
-    return summed
 
 
 def _white_world(scene: Scene) -> Scene:
