@@ -383,7 +383,7 @@ class ProbeRenderer:
         count = -(-samples // PARTS)
         both = [self._wavefront(camera, empty=empty) for empty in (False, True)]
         if not self._has_sensor:
-            camera = self._limited(camera, *both, seed * PARTS)
+            camera = self._limited(camera, both[0], both[1], seed * PARTS)
         for wavefront in both:
             wavefront.use_camera(camera)
         pictures = []
@@ -414,7 +414,7 @@ class ProbeRenderer:
             wavefront.clear()
             wavefront.seed = seed
             _take_samples(wavefront, 1)
-            return wavefront.picture(1).max(axis=2)
+            return np.asarray(wavefront.picture(1).max(axis=2))
 
         weights = sample(white, seed)
         passed = weights > 0
@@ -590,7 +590,7 @@ def _clearness(light: NDArray[np.float32], weights: NDArray[np.float32]) -> floa
     """Return by how many standard errors details show in some samples of each pixel, or of the part that shows most."""
     groups = [each.reshape(GROUPS, -1, *each.shape[1:], 1).sum(axis=1) for each in (light, weights)]
     parts = np.stack([mean_light(*pair) for pair in zip(*groups, strict=True)])
-    clear, chosen = 0.0, rich_part(parts[..., 0])
+    clear, chosen = 0.0, rich_part(parts[..., 0].astype(np.float64))
     for left, right, above, below in [(0, parts.shape[2], 0, parts.shape[1]), *([chosen] if chosen else [])]:
         shown = parts[:, above:below, left:right]
         found = MEASURES[BEST].of(ZoneImage(np.repeat(shown, 3, axis=3), len(light)))
