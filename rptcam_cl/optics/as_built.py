@@ -57,8 +57,8 @@ class Heat:
     def lens(self, lens: Lens) -> Lens:
         """Return a lens, made and measured at 20 degrees, under this heat; itself where nothing differs.
 
-        Glass keeps its shape and grows, and mirrors behind it with it, those in air with their bodies; air spaces grow as
-        the barrel does; a cemented surface as the glass behind it.
+        Glass keeps its shape and grows, and mirrors behind it with it, those in air with their bodies; air spaces
+        grow as the barrel does; a cemented surface as the glass behind it.
 
         Raises
         ------

@@ -231,7 +231,7 @@ RING_NODES = 20, 161  # as many as a ring moves by its radius over the film, at 
 RIM_STEPS = 4  # of a secant towards the rim
 TIP_SCAN, TIP_BISECTIONS = 16, 5  # points along a direction by which it is seen whether a crescent reaches it
 TIP_ROOM = 0.01  # of its radius, to both sides of where light passes in the next direction
-TIP_MARGIN = -2e-4  # turns
+TIP_MARGIN = 2e-4  # turns
 STRAIGHT = 6  # directions beside a crescent, to which its edges go on
 
 
@@ -270,6 +270,8 @@ def _ring_line(
     nodes = int(np.clip(RING_NODES[0] * abs(centres[0]) / axes[0], fineness.radial_nodes, RING_NODES[1]))
     film = _film_line(high, nodes)
     centres, axes, reach, holes = seen(film)
+    if not reach.any():
+        return None
     opens = _held_tips(np.stack([*_tips(states, film, (centres, axes), reach, holes)]))
     lit = reach > 0
     outer = _held(reach, lit) * (1.0 + fineness.margin)
@@ -278,7 +280,11 @@ def _ring_line(
 
 
 def _tips(
-    states: Sequence[tuple[film_probe.FilmProbe, float]], film: Array, frames: tuple[Array, Array], reach: Array, holes: Array
+    states: Sequence[tuple[film_probe.FilmProbe, float]],
+    film: Array,
+    frames: tuple[Array, Array],
+    reach: Array,
+    holes: Array,
 ) -> Iterator[Array]:
     """Yield in which directions [turns] the upper halves of crescents begin and end (points,); not a number where dark.
 
@@ -295,10 +301,11 @@ def _tips(
         rho = hole[:, None] - bend[:, None] + np.linspace(0.0, 1.0, TIP_SCAN) * (far - hole + bend + TIP_ROOM)[:, None]
         for _ in range(TIP_BISECTIONS):
             turns = (low + high) / 2 * (2 * np.pi / count)
-            points = frames[0][:, None] + frames[1][:, None] * np.stack([np.cos(turns), np.sin(turns)], -1) * rho[..., None]
-            bright = np.any(
-                [of.passes(scale * film[:, None], points) for of, scale in states], axis=(0, 2)
-            )[:, None]  # fmt: skip
+            points = (
+                frames[0][:, None] + frames[1][:, None] * np.stack([np.cos(turns), np.sin(turns)], -1) * rho[..., None]
+            )
+            passed = [of.passes(scale * film[:, None], points) for of, scale in states]
+            bright = np.any(passed, axis=(0, 2))[:, None]
             low, high = np.where(bright, (low + high) / 2, low), np.where(bright, high, (low + high) / 2)
         yield np.where(lit.any(axis=1), high[:, 0] / count, np.nan)
 
@@ -307,7 +314,9 @@ def _held_tips(tips: Array) -> Array:
     """Return where crescents begin and end (nodes, 2), held between nodes too, from both at all points (2, points)."""
     points = np.arange(tips.shape[1])
     lit = np.isfinite(tips[0])
-    wide = np.stack([-np.interp(points, points[lit], tips[0, lit]), np.interp(points, points[lit], tips[1, lit])], axis=1)
+    wide = np.stack(
+        [-np.interp(points, points[lit], tips[0, lit]), np.interp(points, points[lit], tips[1, lit])], axis=1
+    )
     nodes = wide[::2].copy()
     short = np.maximum(wide - between(nodes), 0.0)
     for padded in (np.pad(short, ((1, 0), (0, 0)))[:-1], np.pad(short, ((0, 1), (0, 0)))[1:]):
@@ -351,7 +360,7 @@ def _held(values: Array, lit: Mask) -> Array:
 
 
 def _continued(values: Array, lit: Mask) -> Array:
-    """Return values (points, directions) whose dark directions go on from the nearest lit one, straight for a little."""
+    """Return values (points, directions) whose dark directions go on from the nearest lit one, at first straight."""
     any_lit = np.flatnonzero(lit.any(axis=1))
     nearest = any_lit[np.argmin(np.abs(np.arange(len(lit))[:, None] - any_lit), axis=1)]
     values, lit = values[nearest], lit[nearest]

@@ -584,7 +584,9 @@ def _knots(radii: Array, inner: Array, opens: Array | None) -> Array:
     half = pupils.DIRECTIONS // 2
     knots = []
     opens = np.broadcast_to([0.0, 0.5], (*radii.shape[:2], 2)) if opens is None else opens
-    rows = zip(radii.reshape(-1, pupils.DIRECTIONS), inner.reshape(-1, pupils.DIRECTIONS), opens.reshape(-1, 2), strict=True)
+    rows = zip(
+        radii.reshape(-1, pupils.DIRECTIONS), inner.reshape(-1, pupils.DIRECTIONS), opens.reshape(-1, 2), strict=True
+    )
     for outer, hole, (first, last) in rows:
         areas = np.interp(turns, every, np.append(outer, outer[0])) ** 2
         areas -= np.interp(turns, every, np.append(hole, hole[0])) ** 2

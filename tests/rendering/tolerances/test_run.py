@@ -477,8 +477,9 @@ def test_copies_of_a_warm_mirror_in_air_are_out_of_focus_as_its_body_says() -> N
     lens = load_lens({"name": "bare", "surfaces": [
         {"radius": -200, "mirror": True, "stop": True, "diameter": 2 * reach, "body_expansion_per_k": body},
     ]})  # fmt: skip
-    given = {"copies": 40, "distribution": "end_point", "refocus": False, "temperature_c": 60, "barrel": "titanium",
-             "merit": {"fields_degrees": [0], "wavelengths_nm": [550]}, "tolerances": [{"radius_percent": share}]}  # fmt: skip
+    merit = {"fields_degrees": [0], "wavelengths_nm": [550]}
+    given = {"copies": 40, "distribution": "end_point", "refocus": False, "temperature_c": 60, "merit": merit,
+             "barrel": "titanium", "tolerances": [{"radius_percent": share}]}  # fmt: skip
     run = tolerance(lens, given, with_sensitivities=False)
     sharp = 100 * (1 + 40 * body)
     assert run.film_distance_mm == pytest.approx(sharp, rel=1e-5)  # third order
