@@ -100,8 +100,21 @@ def translate(material: BlenderMaterial, report: Report, paint: Paint | None = N
     return Translated(keys, reader.coordinates(), reader.takes_colors)
 
 
+_Share = tuple[dict[str, Any], Field]
+"""A surface of a mix, and its share."""
+
+
+def _share_of_second(first: _Share, second: _Share) -> Field:
+    """The share of the second of two surfaces in both."""
+    return combine(lambda a, b: b / np.maximum(a + b, np.float32(1e-9)), first[1], second[1])
+
+
 class _Translator(ValueReader):
     """The surfaces of one material."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self._mixed: dict[int, tuple[list[dict[str, Any]], list[_Share]]] = {}  # by the list of a mix's materials
 
     def surface(self, node: Node) -> dict[str, Any]:
         """The material of a shader node."""
@@ -420,15 +433,48 @@ class _Translator(ValueReader):
         return keys | {"opacity": texture_of(share, 1)}
 
     def _mix_of_two(self, ends: list[dict[str, Any]], factor: Field) -> dict[str, Any]:
-        leaves = []
-        for each in ends:
-            if each["kind"] in ("mix", "emissive"):
-                self.say("a mix within a mix: of the inner one its first shader is taken")
-                each = each["materials"][0] if each["kind"] == "mix" else dict(BLACK)
+        """A mix; of one with mixes in it all surfaces by their shares, until there are two."""
+        leaves: list[_Share] = []
+        for each, share in zip(ends, (combine(lambda f: 1 - grey(f), factor), combine(grey, factor)), strict=True):
             if "opacity" in each:
                 self.say("a mix of surfaces with holes: these are left out")
-            leaves.append({key: value for key, value in each.items() if key != "opacity"})
-        return {"kind": "mix", "materials": leaves, "factor": texture_of(factor, 1)}
+            if each["kind"] == "emissive":
+                self.say("emission in a mix within a mix is left out")
+            own = dict(BLACK) if each["kind"] == "emissive" else {k: v for k, v in each.items() if k != "opacity"}
+            if own["kind"] == "mix":
+                leaves += [
+                    (leaf, combine(np.multiply, share, part)) for leaf, part in self._mixed[id(own["materials"])][1]
+                ]
+            else:
+                leaves.append((own, share))
+        if len(leaves) > 2:
+            while len(leaves) > 2:
+                leaves = self._fewer(leaves)
+            factor = _share_of_second(*leaves)
+        materials = [leaf for leaf, _ in leaves]
+        self._mixed[id(materials)] = materials, leaves
+        return {"kind": "mix", "materials": materials, "factor": texture_of(factor, 1)}
+
+    def _fewer(self, leaves: list[_Share]) -> list[_Share]:
+        """Shares of surfaces with two mattes as one of their mean; where there are not two, without the least."""
+        matte = [leaf for leaf in leaves if leaf[0].keys() == {"kind", "reflectance"} and leaf[0]["kind"] == "matte"]
+        if len(matte) < 2:
+            self.say("a mix of more than two surfaces: the one with the smallest share is left out")
+            least = min(leaves, key=lambda leaf: leaf[1].number)
+            return [leaf for leaf in leaves if leaf is not least]
+        first, second = matte[:2]
+        one, two, amount = (
+            first[0]["reflectance"],
+            second[0]["reflectance"],
+            texture_of(_share_of_second(first, second), 1),
+        )
+        colour: Any = {"kind": "mixture", "first": one, "second": two, "amount": amount}
+        if not any(isinstance(each, dict) for each in (one, two, amount)):
+            colour = (np.broadcast_to(one, 3) * (1 - amount) + np.broadcast_to(two, 3) * amount).tolist()
+        elif not isinstance(amount, dict):
+            colour["amount"] = [amount] * 3
+        mean = {"kind": "matte", "reflectance": colour}, combine(np.add, first[1], second[1])
+        return [mean, *(leaf for leaf in leaves if leaf is not first and leaf is not second)]
 
     def _lamp_beside(self, lamp: dict[str, Any], other: dict[str, Any], share: Field) -> dict[str, Any]:
         """Emission mixed with a surface that scatters: both by their shares."""

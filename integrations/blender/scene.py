@@ -424,4 +424,8 @@ class Builder:
         keys |= more
         if self._deformed:
             self._steps(keys, report)
+        if keys["camera"].get("ghosts", "off") != "off":
+            lamps = [*self._lights, *(each for each in self._objects if isinstance(each.get("material"), dict))]
+            if hidden := sum(not each.get("visible", {}).get("camera", True) for each in lamps):
+                report.add(f"Ghosts are of lamps that the camera sees (Ray Visibility): {hidden} are hidden from it.")
         return Export(keys, report, np.array(self._indices, np.int32), np.array(indices, np.int32), own_names)

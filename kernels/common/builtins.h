@@ -70,7 +70,8 @@ CROSS(float3) CROSS(float4) CROSS(double3) CROSS(double4)
     to##width CONSTANT convert_##to##width(long##width); to##width CONSTANT convert_##to##width(ulong##width); \
     to##width CONSTANT convert_##to##width(float##width); to##width CONSTANT convert_##to##width(double##width);
 CONVERTED_TO(int, 8) CONVERTED_TO(int, 16) CONVERTED_TO(long, 8)
-CONVERTED_TO(float, 8) CONVERTED_TO(float, 16) CONVERTED_TO(double, 8)
+CONVERTED_TO(float, 4) CONVERTED_TO(float, 8) CONVERTED_TO(float, 16)
+CONVERTED_TO(double, 4) CONVERTED_TO(double, 8) CONVERTED_TO(double, 16)
 
 #define LOADED_FROM(space, type, width) type##width READING vload##width(size_t, const space type *);
 #define STORED_TO(space, type, width)   void WRITING vstore##width(type##width, size_t, space type *);

@@ -9,6 +9,7 @@ import os
 import re
 import threading
 import warnings
+import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -43,7 +44,7 @@ _LLVMPIPE_LOOP_LIMIT = 65535
 ORGANISATION = "RPTCAM_ORGANISATION"  # environment variable; PASSES has any device work as a GPU does, for tests
 PASSES = "passes"
 FEW_SAMPLES = 1 << 20  # of all pictures of a process, up to which quick programs are worth their slowness
-_MOST_SOURCE = 12 << 20  # bytes of the programs that a session keeps, as PoCL has ten times as many for them
+_MOST_SOURCE = 8 << 20  # bytes of the programs that a session keeps, as PoCL has ten times as many for them
 _opening = threading.Lock()
 
 
@@ -364,18 +365,23 @@ class Session:
         flags = cl.mem_flags.READ_ONLY | (cl.mem_flags.USE_HOST_PTR if in_place else cl.mem_flags.COPY_HOST_PTR)
         return self._allocate(lambda: cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array)), array.nbytes)
 
-    def allocate(self, nbytes: int, *, zeroed: bool = False, in_place: bool = False) -> Any:
+    def allocate(self, nbytes: int, *, zeroed: bool = False, spare: list[NDArray[np.uint8]] | None = None) -> Any:
         """Return a read-write buffer of ``nbytes``, optionally filled with zeros.
 
-        With ``in_place`` a device that shares the host's memory takes numpy's, whose large pages are there sooner;
-        kernels must not take it for aligned to more than 16 bytes.
+        With ``spare`` a device that shares the host's memory takes numpy's, whose large pages are there sooner: an
+        array of that list, to which it returns when nobody has the buffer any longer, so that few pages are new; those
+        that do not suit leave it. Kernels must not take it for aligned to more than 16 bytes.
         """
         import pyopencl as cl
 
         flags = cl.mem_flags
-        if in_place and self.info.type == "cpu":
-            kinds, memory = flags.READ_WRITE | flags.USE_HOST_PTR, np.empty(nbytes, np.uint8)
-            buffer = self._allocate(lambda: cl.Buffer(self.context, kinds, hostbuf=memory), nbytes)
+        if spare is not None and self.info.type == "cpu":
+            kinds, memory = flags.READ_WRITE | flags.USE_HOST_PTR, spare.pop() if spare else None
+            if memory is None or not nbytes <= memory.nbytes < 2 * nbytes:
+                memory = np.empty(nbytes, np.uint8)
+            held = memory[:nbytes]  # by the buffer alone
+            buffer = self._allocate(lambda: cl.Buffer(self.context, kinds, hostbuf=held), nbytes)
+            weakref.finalize(held, spare.append, memory).atexit = False
         else:
             buffer = self._allocate(lambda: cl.Buffer(self.context, flags.READ_WRITE, nbytes), nbytes)
         if zeroed:

@@ -478,12 +478,15 @@ class MeshData:
     faces : (m, 3) array of int
     normals : (n, 3) array or None
     uvs : (n, 2) array or None
+    colours : (n, 3) array or None
+        Linear, from 0 to 1.
     """
 
     vertices: Array
     faces: Faces
     normals: Array | None = None
     uvs: Array | None = None
+    colours: Array | None = None
 
     def transformed(self, matrix: Matrix) -> MeshData:
         """Return the mesh in another place; its front side is carried along, also by a reflection."""
@@ -522,7 +525,8 @@ class MeshData:
 
     def write_ply(self, path: Path) -> None:
         """Write the mesh as a binary PLY file."""
-        parts = [(self.vertices, "x y z"), (self.normals, "nx ny nz"), (self.uvs, "u v")]
+        parts = [(self.vertices, "x y z"), (self.normals, "nx ny nz"), (self.uvs, "u v"),
+                 (self.colours, "red green blue")]  # fmt: skip
         columns = [rows for rows, _ in parts if rows is not None]
         names = " ".join(names for rows, names in parts if rows is not None).split()
         rows = np.zeros(len(self.faces), np.dtype([("count", "u1"), ("vertices", "<i4", 3)]))
@@ -675,7 +679,7 @@ class PolygonMesh:
         Corners of each face.
     corners : (c,) array of int
         Points of the corners, face by face.
-    uvs, normals : (c, 2) and (c, 3) arrays or None
+    uvs, normals, colours : (c, 2), (c, 3) and (c, 3) arrays or None
         Of the corners.
     creases, sharpness : (k, 2) and (k,) arrays or None
         Edges, by the points at their ends, which stay sharp for so many divisions.
@@ -691,6 +695,7 @@ class PolygonMesh:
     creases: Faces | None = None
     sharpness: Array | None = None
     spikes: Array | None = None
+    colours: Array | None = None
 
     @property
     def starts(self) -> Faces:
@@ -733,6 +738,7 @@ class PolygonMesh:
         return PolygonMesh(
             np.concatenate([moved, on_edges, middles]), np.full(len(quads), 4), quads.ravel(),
             None if self.uvs is None else self._even(self.uvs, face_of, following, before),
+            colours=None if self.colours is None else self._even(self.colours, face_of, following, before),
             creases=halves, sharpness=np.repeat(sharp[lasting] - 1, 2),
             spikes=None if self.spikes is None else np.concatenate(
                 [np.maximum(self.spikes - 1, 0), np.zeros(len(edges) + len(middles))]
@@ -787,17 +793,15 @@ class PolygonMesh:
             mesh = MeshData(self.points, self.corners[corners])
             crosses = np.repeat(mesh.crosses(), 3, axis=0)
             normals = _sum_by(mesh.faces.ravel(), crosses, len(self.points))[self.corners]
-        columns = [part for part in (normals, self.uvs) if part is not None]
+        of_corners = normals, self.uvs, self.colours
+        columns = [part for part in of_corners if part is not None]
         if not columns:
             used, numbers = np.unique(self.corners[corners], return_inverse=True)
             return MeshData(self.points[used], numbers.reshape(-1, 3))
-        rows = np.hstack([self.corners[:, None], *columns])[corners.ravel()]
-        first, numbers = distinct_rows(rows)
-        points, rest = self.points[self.corners[corners.ravel()[first]]], rows[first, 1:]
-        width = 0 if normals is None else 3
-        mesh_normals = None if normals is None else rest[:, :3]
-        mesh_uvs = None if self.uvs is None else rest[:, width : width + 2]
-        return MeshData(points, numbers.reshape(-1, 3), mesh_normals, mesh_uvs)
+        first, numbers = distinct_rows(np.hstack([self.corners[:, None], *columns])[corners.ravel()])
+        kept = corners.ravel()[first]
+        return MeshData(self.points[self.corners[kept]], numbers.reshape(-1, 3),
+                        *(None if part is None else part[kept] for part in of_corners))  # fmt: skip
 
 
 def _sum_by(index: Faces, rows: Array, count: int) -> Array:

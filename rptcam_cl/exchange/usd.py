@@ -6,7 +6,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,6 @@ from rptcam_cl.exchange.conversion import (
     Conversion,
     Faces,
     FileStore,
-    MeshData,
     PolygonMesh,
     is_bearable,
     is_transform_of_ours,
@@ -38,7 +37,6 @@ Keys = dict[str, Any]
 _WIDTH_PX = 960
 _MOST_FACES = (400_000, 400_000, 10_000, 10_000)  # that each division of a subdivision surface may lead to
 _CAMERA_STEPS = 8  # keyframes of a camera go straight
-_MOST_COLOURS = 256  # of the faces of a mesh, each of which is an object then
 _SHARP = 10.0  # a crease of so much is one of every division (UsdGeomMesh, SHARPNESS_INFINITE)
 _MOST_PIXEL_ASPECT = 20.0
 _MOST_DISPLACED, _MOST_STEPS = 1_000_000, 256  # triangles of a displaced mesh, parts of each edge
@@ -79,7 +77,9 @@ class Stage:
     _contents: dict[str, list[tuple[str, Any]]] = field(default_factory=dict)
     _names: dict[str, str] = field(default_factory=dict)
     _heights: dict[str, Keys | None] = field(default_factory=dict)
+    _primvars: dict[str, set[str]] = field(default_factory=dict)  # that a material reads, by its path
     _sizes: dict[str, tuple[int, bool]] = field(default_factory=dict)
+    _coloured: set[str] = field(default_factory=set)  # files of meshes that show colours of their own
 
     def __post_init__(self) -> None:
         self.geom, self.shade, self.lux = pxr("UsdGeom"), pxr("UsdShade"), pxr("UsdLux")
@@ -231,12 +231,15 @@ class Stage:
             transform = {"transform": {"matrix": tidy(placement[:3])}}
         places = {"instances": {"file": table}} if table else {}
         for keys, bound in shapes:
-            material = self._material(bound, prim)
-            if keys["shape"] == "curves":
-                material = self._material_of_curves(material, prim)
+            if keys.get("file") in self._coloured:
+                material = {}
+            elif keys["shape"] == "curves":
+                material = {"material": self._material_of_curves(self._material(bound, prim), prim)}
+            else:
+                material = {"material": self._material(bound, prim)}
             moving = {} if table else self._motion(prim)
             moved = self._displacement(bound, prim, keys)
-            self.objects.append({**keys, **transform, **moving, **places, **moved, "material": material})
+            self.objects.append({**keys, **transform, **moving, **places, **moved, **material})
 
     def _displacement(self, bound: Any, prim: Any, shape: Keys) -> Keys:
         """Return the displacement of an object by its material, with as many triangles as a million allows."""
@@ -310,24 +313,20 @@ class Stage:
         if key not in self._meshes:
             self._meshes[key] = self._write_mesh(prim)
         subsets = {str(bound.GetName()): bound for bound in prim.GetChildren() if bound.IsA(self.geom.Subset)}
-        colours = {name: keys for name, _, keys in self._face_colours(prim)}
-        return [(file, colours.get(name) or subsets.get(name, prim)) for file, name in self._meshes[key]]
+        return [(file, subsets.get(name, prim)) for file, name in self._meshes[key]]
 
-    def _face_colours(self, prim: Any) -> list[tuple[str, Faces, Keys]]:
-        """Return the colours that faces of a mesh without materials have, a name for each, and those faces."""
+    def _own_colours(self, prim: Any) -> Any:
+        """Return the colours that differ about a mesh and what they belong to; None where materials hide them."""
         primvar = self.geom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
-        if not (primvar and primvar.HasValue()) or primvar.GetInterpolation() != self.geom.Tokens.uniform:
-            return []
-        values = _numbers(primvar.ComputeFlattened(self.time), 3)
-        material, _ = self.shade.MaterialBindingAPI(prim).ComputeBoundMaterial()
-        counts = _numbers(self.geom.Mesh(prim).GetFaceVertexCountsAttr().Get(self.time), 1, np.int64)
-        if material or self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets() or len(values) != len(counts):
-            return []
-        colours, of_face = np.unique(np.clip(values, 0, 1), axis=0, return_inverse=True)
-        if not 1 < len(colours) <= _MOST_COLOURS:
-            return []
-        matte = [{"kind": "matte", "reflectance": colour.tolist()} for colour in colours]
-        return [(f"color-{k}", np.flatnonzero(of_face.ravel() == k), keys) for k, keys in enumerate(matte)]
+        values = primvar.ComputeFlattened(self.time) if primvar and primvar.HasValue() else None
+        material = self._bound_material(prim)
+        if values is None or len(values) < 2 or self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
+            return None
+        if material and not self.shading.shows_colours(material):
+            return None
+        if material:
+            self.report.say("approximated", "a material with the colours of a mesh by matte ones", prim)
+        return values, primvar.GetInterpolation()
 
     def _write_mesh(self, prim: Any) -> list[tuple[str, Any]]:
         mesh = self.geom.Mesh(prim)
@@ -337,7 +336,7 @@ class Stage:
         subsets = [
             (str(subset.GetPrim().GetName()), _numbers(subset.GetIndicesAttr().Get(self.time), 1, np.int64))
             for subset in self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-        ] + [(name, faces) for name, faces, _ in self._face_colours(prim)]
+        ]
         # what is copied about a stage without being instanced is written once
         content = content_name(caged, str(mesh.GetSubdivisionSchemeAttr().Get()), subsets)
         if content not in self._contents:
@@ -360,10 +359,12 @@ class Stage:
         written = []
         for name, chosen in parts:
             data = polygons.triangles(chosen, smooth=smooth)
-            data = MeshData(data.vertices, data.faces[data.areas() > 0], data.normals, data.uvs)
+            data = replace(data, faces=data.faces[data.areas() > 0])
             if len(data.faces):
                 file = self.files.add("meshes", f"{prim.GetName()}{name and '-'}{name}.ply", data.write_ply)
                 self._sizes[file] = len(data.faces), data.uvs is not None
+                if data.colours is not None:
+                    self._coloured.add(file)
                 written.append((file, name))
         if not written:
             self.report.say("ignored", "a mesh without faces of any area", prim)
@@ -381,14 +382,16 @@ class Stage:
         face_of = np.repeat(np.arange(len(counts)), counts)
         uvs = self._on_corners(self._uv_primvar(prim), corners, face_of, 2)
         normals = self._on_corners(self._normals(prim, mesh), corners, face_of, 3)
+        colours = self._on_corners(self._own_colours(prim), corners, face_of, 3)
+        colours = None if colours is None else np.clip(colours, 0, 1)
         if mesh.GetOrientationAttr().Get(self.time) == self.geom.Tokens.leftHanded:
             ends = np.cumsum(counts)
             order = np.concatenate(
                 [np.arange(end - 1, end - count - 1, -1) for end, count in zip(ends, counts, strict=True)]
             )
             corners = corners[order]
-            uvs, normals = (None if values is None else values[order] for values in (uvs, normals))
-        return PolygonMesh(points, counts, corners, uvs, normals, *self._creases(mesh, len(points)))
+            uvs, normals, colours = (None if rows is None else rows[order] for rows in (uvs, normals, colours))
+        return PolygonMesh(points, counts, corners, uvs, normals, *self._creases(mesh, len(points)), colours)
 
     def _creases(self, mesh: Any, count: int) -> tuple[Faces | None, Array | None, Array | None]:
         """Return the edges of a mesh that are creased, how sharply, and how sharp its points are."""
@@ -500,20 +503,21 @@ class Stage:
         return None
 
     def _bound_material(self, bound: Any) -> Any:
-        """The material that is bound to a prim; None of the keys of a colour."""
-        return None if isinstance(bound, dict) else self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
+        """The material that is bound to a prim."""
+        return self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
 
     def _material(self, bound: Any, prim: Any) -> str:
         """The name of the material that is bound to a prim; of one without, its colour."""
         material = self._bound_material(bound)
         if not material:
-            keys, name = bound if isinstance(bound, dict) else self._display_colour(prim), "color"
+            keys, name = self._display_colour(prim), "color"
         else:
             name = str(material.GetPrim().GetName())
             path = str(material.GetPath())
-            if path in self._names:
-                return self._names[path]
-            keys = self.shading.surface(material) or self._display_colour(prim)
+            if (key := self._key_on(path, prim)) in self._names:
+                return self._names[key]
+            keys = self.shading.surface(material, prim) or self._display_colour(prim)
+            self._primvars[path] = self.shading.primvars
         content = repr(keys)
         if content not in self._names:
             count, free = 1, name
@@ -522,8 +526,12 @@ class Stage:
                 free = f"{name}-{count}"
             self.materials[free], self._names[content] = keys, free
         if material:
-            self._names[path] = self._names[content]
+            self._names[self._key_on(path, prim)] = self._names[content]
         return self._names[content]
+
+    def _key_on(self, path: str, prim: Any) -> str:
+        """Name a material on one prim, by its path and the primvars that it reads there."""
+        return content_name(path, *(self.shading.primvar(name, prim) for name in sorted(self._primvars.get(path, ()))))
 
     def _display_colour(self, prim: Any) -> Keys:
         primvar = self.geom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
@@ -610,10 +618,11 @@ class Stage:
         if not (width > 0 and height > 0 and width / height < _MOST_PIXEL_ASPECT):
             width, height = 20.955, 15.2908
         film: Keys = {"resolution": [_WIDTH_PX, max(round(_WIDTH_PX * height / width), 1)], "width_mm": float(width)}
-        if camera.horizontalApertureOffset or camera.verticalApertureOffset:
-            self.report.say("ignored", "the offset of the film", self.camera)
+        offset = {"shift_mm": camera.horizontalApertureOffset, "rise_mm": camera.verticalApertureOffset}
         tenth = metres_per_unit / 10  # focal length and film are tenths of a unit of the scene
         if str(camera.projection).endswith("Orthographic"):
+            if any(offset.values()):
+                self.report.say("ignored", "the offset of the film", self.camera)
             return {"kind": "orthographic", **pose, "width_m": width * tenth}, film
         fov = math.degrees(2 * math.atan(width / 2 / camera.focalLength))
         keys: Keys = {"kind": "pinhole", **pose, "fov_degrees": fov}
@@ -621,6 +630,8 @@ class Stage:
             radius = camera.focalLength * tenth / camera.fStop / 2
             focus = float(camera.focusDistance) * metres_per_unit
             keys |= {"kind": "thin_lens", "aperture_radius_m": radius, "focus_distance_m": focus}
+        if any(offset.values()):
+            keys["movements"] = offset
         return keys, film
 
     def _camera_motion(self) -> Keys:
@@ -832,7 +843,7 @@ def convert_stage(source: Path, target: Path, *, time_s: float | None = None) ->
     scene |= stage.shutter_keys()
     if stage.lights:
         scene["lights"] = stage.lights
-    lit = stage.lights or any(isinstance(item["material"], dict) for item in stage.objects)
+    lit = stage.lights or any(isinstance(item.get("material"), dict) for item in stage.objects)
     if stage.environment is None and not lit:
         report.say("note", "has no lights: an even sky", opened.GetPseudoRoot())
         stage.environment = {"kind": "constant", "radiance": [1.0, 1.0, 1.0]}

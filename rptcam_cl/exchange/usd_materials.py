@@ -17,7 +17,7 @@ from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.conversion import COAT_INDEX, Array, FileStore, Report, nested
-from rptcam_cl.scene.assets.pictures import SUFFIXES
+from rptcam_cl.scene.assets.pictures import SUFFIXES, read_picture
 from rptcam_cl.scene.materials import LEAST_BEND, MOST_BEND, MOST_INDEX
 from rptcam_cl.scene.textures import MOST_NESTED
 
@@ -102,19 +102,24 @@ class Shading:
     Attributes
     ----------
     metres_per_unit : float
+    primvars : set of str
+        Names of the primvars that the last surface has read.
     """
 
     time: Any
     report: PrimReport
     files: FileStore
     metres_per_unit: float
+    primvars: set[str] = field(default_factory=set)
+    _prim: Any = None
     _pictures: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.shade = pxr("UsdShade")
 
-    def surface(self, material: Any) -> Keys | None:
-        """Return the keys of a material; None, with a report, for one of another kind."""
+    def surface(self, material: Any, prim: Any) -> Keys | None:
+        """Return the keys of a material on a prim; None, with a report, for one of another kind."""
+        self.primvars, self._prim = set(), prim
         shader = _shader_of(material.ComputeSurfaceSource)
         kind = str(shader.GetIdAttr().Get() or "") if shader else ""
         if "UsdPreviewSurface" in kind:
@@ -124,6 +129,27 @@ class Shading:
         what = f"the colour of the prim, as its shader is {kind or 'none'}"
         self.report.say("approximated", what, material.GetPrim())
         return None
+
+    def shows_colours(self, material: Any) -> bool:
+        """Return whether a preview surface has the colour that a mesh says for its parts."""
+        get = _Inputs(self, shader) if (shader := _shader_of(material.ComputeSurfaceSource)) else None
+        source = get._source("diffuseColor") if get else None
+        reader = self.shade.Shader(source.GetPrim()) if source is not None else None
+        return bool(reader) and _Inputs(self, reader).primvar_name() == "displayColor"
+
+    def primvar(self, name: str, prim: Any) -> Any:
+        """Return the values of a primvar as an array of floats; None where a prim has none of that name."""
+        given = pxr("UsdGeom").PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if prim else None
+        values = np.asarray(given.ComputeFlattened(self.time) if given and given.HasValue() else [])
+        return np.atleast_1d(values) if values.size and values.dtype.kind == "f" else None
+
+    def primvar_of_surface(self, name: str) -> Any:
+        """Return the mean of a primvar of the prim that has the surface; None where it has none of that name."""
+        self.primvars.add(name)
+        values = self.primvar(name, self._prim)
+        if values is not None and np.any(values != values[:1]):
+            self.report.say("approximated", f"{name}, which differs about the prim, as its mean", self._prim)
+        return None if values is None else values.mean(axis=0)
 
     def displacement(self, material: Any) -> Keys | None:
         """Return the picture, height and middle by which a material moves its surface; None for one that does not."""
@@ -260,18 +286,31 @@ class Shading:
 
     def picture(self, asset: Any) -> str | None:
         """The name of a picture beside the scene, copied there also out of a .usdz; None where there is none."""
-        ar = pxr("Ar")
         path = asset.resolvedPath or asset.path
         if not path or "<UDIM>" in path:
             return None
         if path not in self._pictures:
-            content = ar.GetResolver().OpenAsset(ar.ResolvedPath(path)) if asset.resolvedPath else None
             name = Path(path.rstrip("]").replace("[", "/")).name
-            if content is None or Path(name).suffix.lower() not in SUFFIXES:
+            raw = _content(asset)
+            if raw is None or Path(name).suffix.lower() not in SUFFIXES:
                 return None
-            raw = bytes(content.GetBuffer())
             self._pictures[path] = self.files.add("files", name, lambda target: target.write_bytes(raw))
         return self._pictures[path]
+
+
+def _content(asset: Any) -> bytes | None:
+    """Return the bytes of a file that a stage names; None where there is none."""
+    ar = pxr("Ar")
+    content = ar.GetResolver().OpenAsset(ar.ResolvedPath(asset.resolvedPath)) if asset.resolvedPath else None
+    return None if content is None else bytes(content.GetBuffer())
+
+
+def _may_have_alpha(picture: bytes) -> bool:
+    """Return whether a picture has alpha; also of one that cannot be read here, which the scene tells."""
+    try:
+        return read_picture(picture).has_alpha
+    except InputError:
+        return True
 
 
 def _shader_of(source: Callable[..., Any]) -> Any:
@@ -370,6 +409,14 @@ class _Inputs:
         """Return the value of an output: a constant or a texture; None, with a report, for other nodes."""
         kind = str(self.shader.GetIdAttr().Get() or "")
         node = kind.removeprefix("ND_").split("_")[0]
+        if (name := self.primvar_name()) is not None:
+            found = self.shading.primvar_of_surface(name)
+            found = self.plain("fallback", self.plain("default", None)) if found is None else found
+            if found is None:
+                self.shading.report.say(
+                    "approximated", f"{wanted} as 0, which a primvar that is not there has", self.shader.GetPrim()
+                )
+            return 0.0 if found is None else found
         if self.shader.GetInput("file"):
             return self._picture(kind, output, wanted)
         if node == "constant":
@@ -384,6 +431,14 @@ class _Inputs:
             return _mixture(*(0.0 if part is None else part for part in (low, high, share)))
         self.shading.report.say("ignored", f"the shader {kind}, which gives {wanted}", self.shader.GetPrim())
         return None
+
+    def primvar_name(self) -> str | None:
+        """Return the name of the primvar that a shader reads; None for a shader that reads none."""
+        kind = str(self.shader.GetIdAttr().Get() or "")
+        if kind.startswith("ND_geomcolor"):
+            return "displayColor"
+        named = {"UsdPrimvarReader": "varname", "ND_geompropvalue": "geomprop"}.get(kind.rsplit("_", 1)[0])
+        return str(self.plain(named, "")) if named else None
 
     def _channel(self, found: Any, node: str, output: str) -> Any:
         """Return one channel of what comes in, where a node takes one."""
@@ -435,13 +490,15 @@ class _Inputs:
             if value is None or nothing is None or np.any(np.asarray(value) != nothing):
                 self.shading.report.say("ignored", name, self.shader.GetPrim())
 
-    def _picture(self, kind: str, output: str, wanted: str) -> Keys | None:
+    def _picture(self, kind: str, output: str, wanted: str) -> Keys | float | None:
         asset = self.plain("file", None)
         file = self.shading.picture(asset) if asset else None
         if file is None:
             what = f"the picture {asset.path}" if asset else f"the shader {kind}"
             self.shading.report.say("ignored", f"{what}, which gives {wanted}", self.shader.GetPrim())
             return None
+        if output == "a" and not _may_have_alpha(_content(asset) or b""):
+            return 1.0  # as such a picture has (UsdUVTexture)
         keys: Keys = {"kind": "image", "file": file, **self._layout(kind)}
         if output in ("r", "g", "b", "a"):
             keys["channel"] = output

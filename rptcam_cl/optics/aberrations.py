@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
 from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam, without_obstructions
+from rptcam_cl.optics.lens import exchange_axes
 from rptcam_cl.optics.ray_trace import Rays, at_plane
-from rptcam_cl.optics.shapes import Biconic, Grating, Transposed
 from rptcam_cl.optics.spots import NOTHING, STAYS, Setting, default_fields, field_waves, result_of
-from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
+from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.waves import MOST_ACROSS, ExitRays, check_wavefront
 
 if TYPE_CHECKING:
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from rptcam_cl.optics.lens import Lens
 
-
-# A lens with its x and y exchanged: fields along x are those along y of such a lens.
 
 SECTIONS = ("y", "x")
 
@@ -37,49 +35,7 @@ def in_section(setting: Setting, section: str) -> Setting:
     """
     if section not in SECTIONS:
         raise InputError(f'section: must be "x" or "y" (got {section!r})')
-    return replace(setting, lens=_exchange_axes(setting.lens)) if section == "x" else setting
-
-
-def _exchange_axes(lens: Lens) -> Lens:
-    """Return a lens with x and y exchanged, whose name says so; itself where that makes no difference."""
-    if lens.is_rotational and lens.fold is None and not (lens.stop and lens.stop.stop_shape):
-        return lens
-    surfaces = tuple(_exchange_in_surface(surface) for surface in lens.surfaces)
-    fold = None if lens.fold is None else _exchange_in_pose(lens.fold)
-    return replace(lens, name=f"{lens.name}, fields along x", surfaces=surfaces, fold=fold)
-
-
-def _exchange_in_surface(surface: Surface) -> Surface:
-    shape, form, conic, curvature = surface.stop_shape, surface.form, surface.conic, surface.curvature
-    if isinstance(form, Biconic):
-        form, curvature, conic = Biconic(curvature, conic), form.curvature_x, form.conic_x
-    elif form is not None:
-        form = Transposed(form)
-    if isinstance(shape, StopMask):
-        shape = StopMask(shape.cells[::-1, ::-1].T)
-    elif shape is not None:
-        shape = StopShape(tuple((y, x) for x, y in shape.vertices))
-    other = {"x": "y", "y": "x", None: None}
-    phase = surface.phase
-    if isinstance(phase, Grating):
-        phase = replace(phase, towards_degrees=90.0 - phase.towards_degrees)
-    return replace(
-        surface, curvature=curvature, conic=conic, form=form, stop_shape=shape, cylinder=other[surface.cylinder],
-        pose=_exchange_in_pose(surface.pose) if surface.pose else None,
-        region=_exchange_in_region(surface.region) if surface.region else None, phase=phase,
-    )  # fmt: skip
-
-
-def _exchange_in_region(region: Region) -> Region:
-    normal = None if region.normal_degrees is None else 90.0 - region.normal_degrees
-    return replace(region, half_width=region.half_height, half_height=region.half_width,
-                   centre=region.centre[::-1], normal_degrees=normal)  # fmt: skip
-
-
-def _exchange_in_pose(pose: SurfacePose) -> SurfacePose:
-    x, y, z = pose.offset
-    ((a, b, c), (d, e, f), (g, h, i)) = pose.rotation
-    return SurfacePose((y, x, z), ((e, d, f), (b, a, c), (h, g, i)))
+    return replace(setting, lens=exchange_axes(setting.lens)) if section == "x" else setting
 
 
 # Aberrations of a beam as curves: its ray fans, where its sections are sharp, and its spot through focus.

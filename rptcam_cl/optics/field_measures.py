@@ -18,7 +18,7 @@ from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam
 from rptcam_cl.optics.best_focus import axial_blur, best_film_distance
 from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfold, with_film
 from rptcam_cl.optics.irradiance import image_circle, irradiance_with_error, pass_areas, t_number, veiling_glare
-from rptcam_cl.optics.lens import Lens, brought_to_focus, film_distance
+from rptcam_cl.optics.lens import Lens, brought_to_focus, exchange_axes, film_distance
 from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, at_plane, axial_transmittance, has_coatings
 from rptcam_cl.optics.spots import Setting, fan_points, result_of, section_rays
 
@@ -186,7 +186,7 @@ def distortion(
 def film_radii(setting: Setting, steps: int, film_radius_mm: float | None = None) -> Array:
     """Return radii from the centre to a film radius [mm], that of the image circle when absent."""
     if film_radius_mm is None:
-        film_radius_mm = image_circle(setting.lens, setting.film, setting.wavelength_nm)
+        film_radius_mm = image_circle(exchange_axes(setting.lens), setting.film, setting.wavelength_nm)  # along y
     return np.linspace(0.0, film_radius_mm, steps + 1)
 
 
@@ -198,10 +198,11 @@ def vignetting_table(setting: Setting, radii_mm: Array) -> list[Row]:
     pupil arrives, cos^4 of it, the area of the plane of the last vertex through which light passes, and that area over
     the one of the centre.
     """
-    values, errors = irradiance_with_error(setting.lens, setting.film, radii_mm, setting.wavelength_nm)
+    lens = exchange_axes(setting.lens)  # fields lie along y, those of these functions along x
+    values, errors = irradiance_with_error(lens, setting.film, radii_mm, setting.wavelength_nm)
     if not values[0] > 0:
         raise InputError(f"{setting.lens.name}: no light reaches the centre of the film")
-    areas = pass_areas(setting.lens, setting.film, radii_mm, setting.wavelength_nm)
+    areas = pass_areas(lens, setting.film, radii_mm, setting.wavelength_nm)
     pupil = setting.lens.first_order(setting.wavelength_nm).exit_pupil.distance_mm
     rows: list[Row] = []
     for radius, value, error, area in zip(*(each.tolist() for each in (radii_mm, values, errors, areas)), strict=True):

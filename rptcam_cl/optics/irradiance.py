@@ -18,7 +18,7 @@ from rptcam_cl.core.remember import remember
 from rptcam_cl.optics import film_probe
 from rptcam_cl.optics.beams import Beam, chebyshev_nodes, geometry_but_stop
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
-from rptcam_cl.optics.lens import Lens, brought_to_focus, limiting_surface
+from rptcam_cl.optics.lens import Lens, brought_to_focus, exchange_axes, limiting_surface
 from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance, trace_crossings
 
 #
@@ -42,6 +42,7 @@ LEAST_SHARE = 1e-7  # of the window's radius, from which a pupil on the axis is 
 BISECTIONS = 24
 AXIAL_ROUNDS = 3  # each finds the rim of the pupil 128 times as exactly
 BUNDLE = 128  # rays, up to which tracing more takes no longer
+NEAR = 0.04  # share of a pupil's radius within which that of another wavelength is sought
 LOSS_RAYS = 4096  # of a film point, that say how much of its light is lost
 GOLDEN_TURN = np.pi * (3 - np.sqrt(5))
 
@@ -135,25 +136,36 @@ def on_axis_irradiance(
     return value
 
 
-def axial_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float | None:
+def axial_irradiance(
+    lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM, near: float | None = None
+) -> float | None:
     """Return `on_axis_irradiance` without losses, within 2e-5 in a quarter of its time; None where it cannot.
 
     A round pupil without a hole, seen from the axis, is a disk: rays find its rim, and the integral over it is known.
+
+    Parameters
+    ----------
+    near
+        That of another wavelength: the rim is sought about where it is there, with a third of the rays, and the result
+        is within 7e-4. None where it is not there.
     """
-    probe, film = film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm), np.zeros(2)
-    if not _is_alike(probe, film):
+    probe, film, rounds = film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm), np.zeros(2), AXIAL_ROUNDS
+    if not _is_alike(probe, film) or (near is not None and lens.is_obstructed):
         return None
-    low, high = 0.0, float(probe.windows(film[None])[0, 1])
-    for _ in range(AXIAL_ROUNDS):
+    indices = lens.indices(wavelength_nm)
+    low, high, bend = 0.0, float(probe.windows(film[None])[0, 1]), np.pi * float(indices[-1] / indices[0]) ** 2
+    if near is not None:
+        middle, rounds = film_distance_mm * np.sqrt(near / max(bend - near, 1e-300)), 1
+        low, high = (1.0 - NEAR) * middle, min((1.0 + NEAR) * middle, high)
+    for _ in range(rounds):
         radii = np.linspace(low, high, BUNDLE + 1)
         hits = probe.passes(film, np.stack([radii, np.zeros(len(radii))], axis=1))
         last = int(np.count_nonzero(hits)) - 1
-        if last < 1 or not hits[: last + 1].all():
+        if last < 1 or not hits[: last + 1].all() or (near is not None and last == BUNDLE):
             return None
         low, high = radii[last], radii[min(last + 1, BUNDLE)]
     square = ((low + high) / 2) ** 2
-    indices = lens.indices(wavelength_nm)
-    return float(np.pi * square / (film_distance_mm**2 + square) * (indices[-1] / indices[0]) ** 2)
+    return float(bend * square / (film_distance_mm**2 + square))
 
 
 def _pupil_boxes(probe: film_probe.FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
@@ -588,6 +600,8 @@ def lens_info(
 ) -> dict[str, Any]:
     """Return first-order data and working state as plain values, for JSON; None where there is no such number.
 
+    Of a lens that is not alike from every azimuth they are those of its y-z section, the image circle among them.
+
     Parameters
     ----------
     lens : Lens
@@ -618,11 +632,12 @@ def lens_info(
     if film is not None:
         result["working_f_number"] = working_f_number(lens, film, wavelength_nm)
         result["t_number"] = t_number(lens, film, wavelength_nm, transmission)
-        circle = image_circle(lens, film, wavelength_nm)
-        result["half_light_circle_mm"] = 2 * _half_light_radius(lens, film, circle, wavelength_nm)
+        along_y = exchange_axes(lens)  # as first-order data are
+        circle = image_circle(along_y, film, wavelength_nm)
+        result["half_light_circle_mm"] = 2 * _half_light_radius(along_y, film, circle, wavelength_nm)
         if circle < farthest(lens, film, wavelength_nm):  # else nothing in the lens ends its picture
             result["image_circle_mm"] = 2 * circle
-            result["field_of_view_degrees"] = field_of_view(lens, film, circle * INSIDE, wavelength_nm)
+            result["field_of_view_degrees"] = field_of_view(along_y, film, circle * INSIDE, wavelength_nm)
     return dict(plain(result, json=True))
 
 

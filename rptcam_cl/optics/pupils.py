@@ -375,7 +375,8 @@ def _continued(values: Array, lit: Mask) -> Array:
     near, before = (columns - sense * away) % count, (columns - sense * (away + 1)) % count
     slope = np.where(lit[rows, before], values[rows, near] - values[rows, before], 0.0)
     with np.errstate(invalid="ignore"):
-        return np.where(lit, values, values[rows, near] + np.minimum(away, STRAIGHT) * np.nan_to_num(slope))
+        slope = np.maximum(np.nan_to_num(slope), 0.0)  # those that close end at corners
+        return np.where(lit, values, values[rows, near] + np.minimum(away, STRAIGHT) * slope)
 
 
 def _inner(holes: Array, radii: Array, fineness: Fineness, closes: Mask, margin: float) -> Array:

@@ -139,8 +139,8 @@ class SceneBuffers:
         self._placed: scene_trees.DeviceTree | None = None
         if plan.meshes is None:
             return
-        before = None if earlier is None else earlier._trees
-        self._trees = own = scene_trees.mesh_trees(plan.meshes, self._session, before, rough=plan.is_rough)
+        before, triangles = (None, None) if earlier is None else (earlier._trees, earlier.scene.get("triangles"))
+        self._trees = own = scene_trees.mesh_trees(plan.meshes, self._session, before, triangles, rough=plan.is_rough)
         if earlier is not None and before is not None and own.has_blocks_of(before):
             self._take_triangles(earlier, before, own)
         else:
@@ -161,11 +161,10 @@ class SceneBuffers:
         shifted = any(not np.array_equal(one.shift, other.shift) for one, other in groups)
         if before.meshes.vertices is own.meshes.vertices and not shifted:
             return
-        blocks, buffer = self._before["blocks"]
         self.scene["vertices"] = self._buffer("vertices", scene_trees.placed_vertices(own.meshes), in_place=True)
         given = self.scene["vertices"], self.scene["triangles"]
-        self.scene["blocks"] = scene_trees.placed_blocks(self._session, buffer, len(blocks), *given)
-        self._uploaded["blocks"] = blocks, self.scene["blocks"]
+        self.scene["blocks"] = scene_trees.placed_blocks(self._session, own, *given)
+        self._uploaded["blocks"] = self._before["blocks"][0], self.scene["blocks"]
 
 
 def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:

@@ -287,12 +287,19 @@ class MeshTrees:
         Over the instances, None where rays need none; its boxes are not those that rays meet.
     is_rough : bool
         Whether something stood elsewhere when they were built.
+    resting : callable
+        Makes the leaf blocks in the frames of the groups on the device, given the triangles there, and the boxes (b, 6)
+        of the blocks: once, for all trees of the same triangles in the same places.
+    spare : list
+        Memory for leaf blocks that nobody needs, for `Session.allocate`; shared with all trees after these.
     """
 
     meshes: geometry.PackedMeshes
     groups: tuple[tree_build.Bvh, ...]
     instances: tree_build.Bvh | None
-    is_rough: bool = False
+    is_rough: bool
+    resting: Callable[[Any], tuple[Any, NDArray[np.float32]]]
+    spare: list[NDArray[np.uint8]]
 
     def has_blocks_of(self, other: MeshTrees) -> bool:
         """Whether the leaf blocks are those of other trees, but for the places of the triangles in them."""
@@ -301,33 +308,58 @@ class MeshTrees:
 
 
 def mesh_trees(
-    meshes: geometry.PackedMeshes, session: Session, before: MeshTrees | None = None, *, rough: bool = False
+    meshes: geometry.PackedMeshes,
+    session: Session,
+    before: MeshTrees | None = None,
+    triangles: Any = None,
+    *,
+    rough: bool = False,
 ) -> MeshTrees:
     """Make the trees of a scene's meshes for a device: taken from those before, from the disk, or built on it.
 
-    Where ``rough`` things have moved, trees stay and only their boxes change.
+    Where ``rough`` things have moved, trees stay and only their boxes change; ``triangles`` are those before, on the
+    device.
     """
+    spare: list[NDArray[np.uint8]] = [] if before is None else before.spare
     if before is not None and before.is_rough and not rough:
         before = None
     if before is not None and before.meshes is meshes:
         return before
     is_rough = before is not None and before.is_rough
     if before is not None and before.meshes.vertices is meshes.vertices:
-        groups = before.groups
+        groups, resting = before.groups, before.resting
     elif before is not None and rough and before.meshes.triangles is meshes.triangles:
-        pairs = zip(before.groups, meshes.groups, strict=True)
-        groups, is_rough = tuple(_refit_group(tree, before.meshes, meshes, group) for tree, group in pairs), True
+        resting, is_rough = _resting(session, before.groups, meshes, spare), True
+        boxes = np.split(resting(triangles)[1], np.cumsum([len(tree.blocks) for tree in before.groups[:-1]]))
+        groups = tuple(map(tree_build.refit, before.groups, boxes))
     else:
         width = WIDTH[session.kind]
         groups = tuple(_group_tree(meshes, group, width, width, session) for group in meshes.groups)
+        resting = _resting(session, groups, meshes, spare)
     if not meshes.instanced:
-        return MeshTrees(meshes, groups, None, is_rough)
+        return MeshTrees(meshes, groups, None, is_rough, resting, spare)
     if before is not None and before.instances is not None:
         if meshes.has_places_of(before.meshes) and groups is before.groups:
-            return MeshTrees(meshes, groups, before.instances, is_rough)
+            return MeshTrees(meshes, groups, before.instances, is_rough, resting, spare)
         if rough and np.array_equal(before.meshes.group_of_instance, meshes.group_of_instance):
-            return MeshTrees(meshes, groups, before.instances, True)
-    return MeshTrees(meshes, groups, _instance_tree(meshes, session), is_rough)
+            return MeshTrees(meshes, groups, before.instances, True, resting, spare)
+    return MeshTrees(meshes, groups, _instance_tree(meshes, session), is_rough, resting, spare)
+
+
+def _resting(
+    session: Session,
+    trees: tuple[tree_build.Bvh, ...],
+    meshes: geometry.PackedMeshes,
+    spare: list[NDArray[np.uint8]],
+) -> Callable[[Any], tuple[Any, NDArray[np.float32]]]:
+    """Return `MeshTrees.resting` of trees."""
+
+    @lru_cache(maxsize=1)
+    def resting(triangles: Any) -> tuple[Any, NDArray[np.float32]]:
+        vertices = session.upload(meshes.vertices, in_place=True)
+        return _fill_blocks(session, trees, meshes, vertices, triangles, spare)
+
+    return resting
 
 
 def scene_trees(
@@ -353,24 +385,77 @@ def placed_triangles(trees: MeshTrees) -> dict[str, Any]:
 
 def placed_vertices(meshes: geometry.PackedMeshes) -> NDArray[np.float32]:
     """Return the vertices (v, 8) shifted to where rays meet them."""
-    vertices = meshes.vertices.copy()
+    vertices = np.empty_like(meshes.vertices)
     for group in meshes.groups:
         part = slice(group.first_vertex, group.first_vertex + group.vertices)
-        vertices[part, :3] = geometry.shift_points(meshes.vertices[part, :3], group.shift)
+        shift = np.append(group.shift, np.full(geometry.VERTEX_FLOATS - 3, -0.0))  # which leaves each number as it is
+        np.add(meshes.vertices[part], shift, out=vertices[part], casting="unsafe")
     return vertices
 
 
-def placed_blocks(session: Session, before: Any, count: int, vertices: Any, triangles: Any) -> Any:
-    """Return a buffer of ``count`` leaf blocks, made on the device from that of the same triangles elsewhere."""
-    width = WIDTH[session.kind]
-    blocks = session.allocate(4 * _BLOCK_ROWS * width * count, in_place=True)
-    program = session.program(
-        ["build/fill_blocks.cl"], {"LEAF_WIDTH": width, "VERTEX_FLOATS": geometry.VERTEX_FLOATS}, ""
-    )
-    given = {"before": before, "blocks": blocks, "vertices": vertices, "triangles": triangles}
-    session.bind(program, "fill_blocks", **given, count=np.int32(count)).enqueue(-(-count // 64) * 64, 64)
-    session.finish()  # the vertices may lie in memory of the host, which the next change lets go of
+def placed_blocks(session: Session, trees: MeshTrees, vertices: Any, triangles: Any) -> Any:
+    """Return a buffer of the leaf blocks as rays meet them, made on the device.
+
+    Parameters
+    ----------
+    session, trees
+        The device, and of which meshes.
+    vertices, triangles
+        Of the scene on the device, ``vertices`` as rays meet them.
+    """
+    if not session.info.fp64:
+        return _fill_blocks(session, trees.groups, trees.meshes, vertices, triangles, trees.spare)[0]
+    blocks = _allocate_blocks(session, trees.groups, trees.spare)
+    given = {"before": trees.resting(triangles)[0], "blocks": blocks}
+    each = [dict(zip(("shift_x", "shift_y", "shift_z"), group.shift, strict=True)) for group in trees.meshes.groups]
+    _run_on_blocks(session, "shift_blocks", trees.groups, given, each)
     return blocks
+
+
+def _fill_blocks(
+    session: Session,
+    trees: tuple[tree_build.Bvh, ...],
+    meshes: geometry.PackedMeshes,
+    vertices: Any,
+    triangles: Any,
+    spare: list[NDArray[np.uint8]],
+) -> tuple[Any, NDArray[np.float32]]:
+    """Return a buffer of leaf blocks made of vertices on the device, and the boxes (b, 6) of the blocks."""
+    total = sum(len(tree.blocks) for tree in trees)
+    blocks, boxes = _allocate_blocks(session, trees, spare), session.allocate(4 * 8 * total)
+    given = {"vertices": vertices, "triangles": triangles, "blocks": blocks, "boxes": boxes}
+    each = [
+        {"primitives": session.upload(tree.blocks, in_place=True), "first_triangle": np.int32(group.first_triangle)}
+        for tree, group in zip(trees, meshes.groups, strict=True)
+    ]
+    _run_on_blocks(session, "fill_blocks", trees, given, each)
+    return blocks, session.read(boxes, np.float32, 8 * total).reshape(-1, 2, 4)[:, :, :3].reshape(-1, 6)
+
+
+def _allocate_blocks(session: Session, trees: tuple[tree_build.Bvh, ...], spare: list[NDArray[np.uint8]]) -> Any:
+    rows = sum(tree.blocks.size for tree in trees)
+    return session.allocate(4 * _BLOCK_ROWS * rows, spare=spare)
+
+
+def _run_on_blocks(
+    session: Session,
+    kernel: str,
+    trees: tuple[tree_build.Bvh, ...],
+    given: dict[str, Any],
+    each: list[dict[str, Any]],
+) -> None:
+    """Run a kernel over the leaf blocks of each group, with arguments of all and of each; wait for it.
+
+    Arrays may lie in memory of the host, which the next change lets go of.
+    """
+    facts = {"LEAF_WIDTH": WIDTH[session.kind], "VERTEX_FLOATS": geometry.VERTEX_FLOATS, "BINS": tree_build.BINS}
+    program = session.program([f"build/{kernel}.cl"], facts, "")
+    first = 0
+    for tree, own in zip(trees, each, strict=True):
+        span = {"first": np.int32(first), "count": np.int32(len(tree.blocks))}
+        session.bind(program, kernel, **given, **own, **span).enqueue(-(-len(tree.blocks) // 64) * 64, 64)
+        first += len(tree.blocks)
+    session.finish()
 
 
 def placed_trees(trees: MeshTrees, session: Session, movements: geometry.ObjectMovements | None = None) -> DeviceTree:
@@ -397,7 +482,7 @@ def placed_trees(trees: MeshTrees, session: Session, movements: geometry.ObjectM
     root = roots[0]
     if trees.instances is not None:
         boxes = _instance_boxes(meshes, instances, movements)
-        top = tree_build.refit(trees.instances, boxes[trees.instances.blocks[:, 0]])
+        top = tree_build.refit(trees.instances, boxes[trees.instances.blocks[:, 0]].reshape(-1, 6))
         nodes.append(_top_nodes(top, first_node))
         above = tree_build.longest_way(top.children)
         root, levels, stack = first_node, levels + above[0], stack + above[1]
@@ -467,33 +552,6 @@ def _blocks(
         block[:, :9].transpose(0, 2, 1)[unused] = 0
         block[:, 9] = np.where(unused, -1, chosen).astype(np.int32).view(np.float32)
     return out
-
-
-def _refit_group(
-    tree: tree_build.Bvh, before: geometry.PackedMeshes, meshes: geometry.PackedMeshes, group: geometry.TriangleGroup
-) -> tree_build.Bvh:
-    """Return the tree of a group in which some of the triangles have moved."""
-    own = slice(group.first_vertex, group.first_vertex + group.vertices)
-    faces = meshes.triangles[group.first_triangle : group.first_triangle + group.triangles]
-    # Columns one by one: NumPy's reductions over a few numbers are ten times as slow.
-    moved = np.zeros(len(meshes.vertices), np.bool_)
-    moved[own] = np.logical_or.reduce([before.vertices[own, k] != meshes.vertices[own, k] for k in range(3)])
-    corners = [np.ascontiguousarray(faces[:, k]) for k in range(3)]
-    touched = np.arange(len(tree.blocks))
-    if 2 * np.count_nonzero(moved) < group.vertices:  # else to look for those that have not moved is no gain
-        changed = np.logical_or.reduce([moved.take(corner, mode="clip") for corner in corners])
-        changed = np.append(changed, False)  # the last for -1, no triangle
-        touched = np.flatnonzero(np.logical_or.reduce([changed.take(column, mode="wrap") for column in tree.blocks.T]))
-    boxes = tree_build.leaf_boxes(tree)
-    axes = [np.ascontiguousarray(meshes.vertices[:, k]) for k in range(3)]
-    for some in np.array_split(touched, -(-len(touched) // (1 << 12)) or 1):
-        blocks = tree.blocks[some].T
-        blocks = np.where(blocks < 0, blocks[0], blocks)  # the first place of a block has a triangle
-        at = np.concatenate([corner.take(blocks, mode="clip") for corner in corners])
-        for k, axis in enumerate(axes):
-            points = axis.take(at, mode="clip")
-            boxes[some, 0, k], boxes[some, 1, k] = points.min(axis=0), points.max(axis=0)
-    return tree_build.refit(tree, boxes)
 
 
 def _instance_tree(meshes: geometry.PackedMeshes, session: Session) -> tree_build.Bvh:

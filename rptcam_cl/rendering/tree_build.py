@@ -316,25 +316,18 @@ class Bvh:
         return self.bounds.nbytes + self.children.nbytes + self.blocks.nbytes
 
 
-def leaf_boxes(bvh: Bvh) -> NDArray[np.float32]:
-    """Return the lowest and highest corners (blocks, 2, 3) of the leaf blocks, as the nodes above have them."""
-    node, child = np.nonzero(bvh.children < 0)
-    boxes = np.empty((len(bvh.blocks), 2, 3), np.float32)
-    boxes[~bvh.children[node, child]] = bvh.bounds[node, :, child].reshape(-1, 2, 3)
-    return boxes
-
-
 def refit(bvh: Bvh, leaves: NDArray[np.float32]) -> Bvh:
-    """Return the same nodes and blocks where the leaf blocks have other boxes (blocks, 2, 3)."""
-    bounds = bvh.bounds.transpose(0, 2, 1).reshape(*bvh.children.shape, 2, 3).copy()
-    for level in reversed(_levels(bvh.children)):
-        row, boxes = bvh.children[level], bounds[level]
-        leaf, inner = row < 0, (row >= 0) & (row != EMPTY)
-        boxes[leaf] = leaves[~row[leaf]]
-        below = bounds[row[inner]]
-        boxes[inner] = np.stack([below[:, :, 0].min(axis=1), below[:, :, 1].max(axis=1)], axis=1)
-        bounds[level] = boxes
-    return Bvh(bounds.reshape(*bvh.children.shape, 6).transpose(0, 2, 1).copy(), bvh.children, bvh.blocks)
+    """Return the same nodes and blocks where the leaf blocks have other boxes (blocks, 6)."""
+    children, bounds = bvh.children, bvh.bounds.copy()
+    node, child = np.nonzero(children < 0)
+    bounds[node, :, child] = leaves[~children[node, child]]
+    for level in reversed(_levels(children)[:-1]):
+        row = children[level]
+        place, child = np.nonzero((row >= 0) & (row != EMPTY))
+        below = bounds[row[place, child]]
+        bounds[level[place], :3, child] = below[:, :3].min(axis=2)
+        bounds[level[place], 3:, child] = below[:, 3:].max(axis=2)
+    return Bvh(bounds, children, bvh.blocks)
 
 
 def _levels(children: NDArray[np.int32]) -> list[NDArray[np.int64]]:

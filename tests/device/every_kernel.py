@@ -239,7 +239,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "passes": (passes, WAVE),
     "stream": (stream, {"stream"}),
     "lens": (lens, WAVE | {"aim_rays", "trace_copies", "trace_lens", "trace_rays"}),
-    "meshes": (meshes, WAVE | TREES | {"fill_blocks", "layers", "sharp"}),
+    "meshes": (meshes, WAVE | TREES | {"fill_blocks", "shift_blocks", "layers", "sharp"}),
     "denoised": (denoised, WAVE | {"layers", "guides", "denoise"}),
     "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),
     "everything": (everything, WAVE | {"photons"}),

@@ -327,6 +327,13 @@ def test_steps_of_denoising_compile_alone_without_a_warning(session, lanes):
         without_warnings(session, ["pass/denoise.cl"], facts)
 
 
+@pytest.mark.parametrize("width", [4, 16])
+def test_leaf_blocks_are_made_anew_by_kernels_without_a_warning(session, width):
+    facts = {"LEAF_WIDTH": width, "VERTEX_FLOATS": 8, "BINS": 16}
+    without_warnings(session, ["build/fill_blocks.cl"], facts)
+    without_warnings(session, ["build/shift_blocks.cl"], facts)
+
+
 @pytest.mark.parametrize("files", [FILES, *(slow([file]) for file in FILES)], ids=lambda files: files[0])
 def test_kernels_that_build_trees_compile_without_a_warning(session, files):
     without_warnings(session, files, FACTS)

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import PIL.Image
 import pytest
+from numpy.typing import NDArray
 
+import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.conversion import PolygonMesh
@@ -150,18 +152,33 @@ def test_meshes_have_the_materials_of_their_faces(tmp_path: Path, hand: str) -> 
         np.testing.assert_allclose(part.mesh.uvs[part.mesh.faces][..., 0], points[..., 0] - low, atol=1e-6)
 
 
-def test_faces_have_their_own_display_colours(tmp_path: Path) -> None:
-    sheet = """def Mesh "m" { int[] faceVertexCounts = [4, 4, 4]
-        int[] faceVertexIndices = [0, 1, 3, 2, 2, 3, 5, 4, 4, 5, 7, 6]
-        point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0, 2, 0), (1, 2, 0), (0, 3, 0), (1, 3, 0)]
-        uniform token subdivisionScheme = "none"
-        color3f[] primvars:displayColor = [(1, 0, 0), (0, 0.5, 1), (1, 0, 0)] ( interpolation = "%s" ) }"""
-    done, scene = convert(tmp_path, sheet % "uniform")
-    found = {item.material.reflectance: scene.load_mesh(item).contents.parts[0].mesh for item in scene.objects}
-    assert {colour: len(mesh.faces) for colour, mesh in found.items()} == {(1, 0, 0): 4, (0, 0.5, 1): 2}
-    heights = (found[0, 0.5, 1].positions + found[0, 0.5, 1].origin)[:, 1]
-    assert (heights.min(), heights.max()) == (1, 2)
-    assert list(done.report) == [line for line in done.report if "camera" in line or "light" in line]
+SHEET = """def Mesh "m" { int[] faceVertexCounts = [4, 4] int[] faceVertexIndices = [0, 1, 3, 2, 2, 3, 5, 4]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0, 2, 0), (1, 2, 0)]
+    uniform token subdivisionScheme = "none" uniform token orientation = "%s"
+    color3f[] primvars:displayColor = %s ( interpolation = "%s" ) }
+    def Camera "c" { token projection = "orthographic" float horizontalAperture = 10 float verticalAperture = 20
+        double3 xformOp:translate = (0.5, 1, 5) uniform token[] xformOpOrder = ["xformOp:translate"] }"""
+
+
+@pytest.mark.parametrize("hand", ["rightHanded", "leftHanded"])
+@pytest.mark.parametrize("interpolation", ["uniform", "vertex", "varying", "faceVarying"])
+def test_meshes_show_their_own_display_colours(tmp_path: Path, interpolation: str, hand: str) -> None:
+    points = np.array([[x, y] for y in (0, 1, 2) for x in (0, 1)])
+    corners = points[[0, 1, 3, 2, 2, 3, 5, 4]]
+
+    def shade(at: NDArray[Any]) -> NDArray[Any]:
+        return np.stack([at[..., 0], at[..., 1] / 2, 0.5 + 0 * at[..., 0]], axis=-1)
+
+    written = {"uniform": [(1, 0, 0), (0, 0.5, 1)], "faceVarying": shade(corners)}.get(interpolation, shade(points))
+    values = str([tuple(float(each) for each in row) for row in written])
+    done, scene = convert(tmp_path, SHEET % (hand, values, interpolation))
+    assert list(done.report) == [line for line in done.report if "light" in line]
+    film = np.asarray(rptcam_cl.render(scene, size=(20, 40), spp=64))
+    x, y = np.meshgrid(*((np.arange(count) + 0.5) / 20 for count in (20, 40)))
+    seen = shade(np.stack([x, y], axis=-1)) if interpolation != "uniform" else np.where(
+        y[..., None] < 1, written[0], written[1])  # fmt: skip
+    away = np.abs(y - 1) > 0.1  # from the edge that both faces have
+    np.testing.assert_allclose(film[::-1][away], seen[away], atol=0.02)
 
 
 def cube() -> PolygonMesh:
@@ -283,24 +300,43 @@ def test_a_camera_keeps_its_view_and_its_blur(tmp_path: Path) -> None:
     assert not [line for line in done.report if "camera" in line]
 
 
+def test_the_offset_of_the_film_shifts_the_picture(tmp_path: Path) -> None:
+    from pxr import Gf, Usd, UsdGeom
+
+    text = """def Camera "c" { float focalLength = 50 float horizontalAperture = 36 float verticalAperture = 24
+        float horizontalApertureOffset = 9 float verticalApertureOffset = -3 double3 xformOp:translate = (0, 0, 100)
+        uniform token[] xformOpOrder = ["xformOp:translate"] }"""
+    _, scene = convert(tmp_path, BALL + text)
+    stage = Usd.Stage.Open(str(tmp_path / "in.usda"))
+    frustum = UsdGeom.Camera(stage.GetPrimAtPath("/c")).GetCamera().frustum
+    seen = (frustum.ComputeViewMatrix() * frustum.ComputeProjectionMatrix()).Transform(Gf.Vec3d(0, 0, 0))
+    depth = rptcam_cl.render(scene, size=(180, 120), spp=4, layers=["depth"]).layers["depth"]
+    rows, columns = np.nonzero(np.isfinite(depth))
+    np.testing.assert_allclose(
+        [(columns.mean() + 0.5) / 90 - 1, 1 - (rows.mean() + 0.5) / 60], [seen[0], seen[1]], atol=0.01
+    )
+
+
 def test_textures_come_along_with_their_layout(tmp_path: Path) -> None:
     from PIL import Image
 
     Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "a.png")
     shaders = """def Material "red" {
       def Shader "t" { uniform token info:id = "UsdUVTexture" asset inputs:file = @a.png@ token inputs:wrapS = "mirror"
-        float2 inputs:st.connect = </red/p.outputs:result> float3 outputs:rgb float outputs:g }
+        float2 inputs:st.connect = </red/p.outputs:result> float3 outputs:rgb float outputs:g float outputs:a }
       def Shader "p" { uniform token info:id = "UsdTransform2d" float2 inputs:scale = (2, 3)
         float inputs:rotation = 30 float2 inputs:translation = (0.5, 0) float2 outputs:result }"""
     text = (MESH % "").replace('def Material "red" {', shaders)
     text = text.replace("inputs:diffuseColor = (1, 0, 0)", "inputs:diffuseColor.connect = </red/t.outputs:rgb>")
     text = text.replace("inputs:roughness = 0.3", "inputs:roughness.connect = </red/t.outputs:g>")
+    text = text.replace("inputs:metallic = 1", "inputs:opacity.connect = </red/t.outputs:a>")
     done, scene = convert(tmp_path, text)
     colour = done.scene["materials"]["red"]["base_color"]
     assert {key: colour[key] for key in ("wrap", "scale", "rotation_degrees", "offset")} == {
         "wrap": "mirror", "scale": [2, 3], "rotation_degrees": 30, "offset": [0.5, 0],
     }  # fmt: skip
     assert done.scene["materials"]["red"]["roughness"]["channel"] == "g"
+    assert "opacity" not in done.scene["materials"]["red"]  # as a picture without alpha is opaque
     assert scene.materials["red"].base_color.source(scene.folders).is_file()
 
 
@@ -426,3 +462,39 @@ def test_materials_of_materialx_files_are_read_alone_and_in_stages(tmp_path: Pat
     (tmp_path / "m.mtlx").write_text("<materialx><input></materialx>")
     with pytest.raises(InputError, match=r"m\.mtlx: is no MaterialX file \(mismatched tag"):
         convert_stage(tmp_path / "m.mtlx", tmp_path / "balls.yaml")
+
+
+def test_a_material_takes_the_primvars_of_the_prim_that_has_it(tmp_path: Path) -> None:
+    shader = """def Material "m" { token outputs:surface.connect = </m/s.outputs:surface>
+        def Shader "s" { uniform token info:id = "UsdPreviewSurface" token outputs:surface
+            color3f inputs:diffuseColor.connect = </m/c.outputs:result>
+            float inputs:roughness.connect = </m/r.outputs:result> }
+        def Shader "c" { uniform token info:id = "UsdPrimvarReader_float3" token inputs:varname = "displayColor"
+            color3f inputs:fallback = (0.5, 0.25, 0) float3 outputs:result }
+        def Shader "r" { uniform token info:id = "UsdPrimvarReader_float" token inputs:varname = "worn"
+            float outputs:result } }
+"""
+    red, blue = (f"color3f[] primvars:displayColor = [({colour})]" for colour in ("1, 0, 0", "0, 0, 1"))
+    balls = "".join(
+        f"""def Sphere "b{k}" (prepend apiSchemas = ["MaterialBindingAPI"]) {{ rel material:binding = </m>
+        {said} }}\n"""
+        for k, said in enumerate([red + " float primvars:worn = 0.75", blue, red, ""])
+    )
+    done, scene = convert(tmp_path, shader + balls)
+    found = [(item.material.base_color, item.material.roughness) for item in scene.objects]
+    assert found == [((1, 0, 0), 0.75), ((0, 0, 1), 0), ((1, 0, 0), 0), ((0.5, 0.25, 0), 0)]
+    assert len({item["material"] for item in done.scene["objects"]}) == 4
+    assert any("roughness as 0, which a primvar that is not there has (and 2 more)" in line for line in done.report)
+
+
+def test_a_material_that_shows_the_colours_of_a_mesh_leaves_them_to_it(tmp_path: Path) -> None:
+    shader = """def Material "s" { token outputs:surface.connect = </s/p.outputs:surface>
+        def Shader "p" { uniform token info:id = "UsdPreviewSurface" token outputs:surface
+            color3f inputs:diffuseColor.connect = </s/c.outputs:result> }
+        def Shader "c" { uniform token info:id = "UsdPrimvarReader_float3" token inputs:varname = "displayColor"
+            float3 outputs:result } }"""
+    sheet = SHEET % ("rightHanded", "[(1, 0, 0), (0, 0, 1)]", "uniform")
+    sheet = sheet.replace('"m" {', '"m" (prepend apiSchemas = ["MaterialBindingAPI"]) { rel material:binding = </s>', 1)
+    done, _ = convert(tmp_path, sheet + "\n" + shader)
+    assert "material" not in done.scene["objects"][0]
+    assert any("a material with the colours of a mesh by matte ones" in line for line in done.report)

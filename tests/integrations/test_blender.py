@@ -1092,6 +1092,31 @@ def test_passes_of_light_groups_are_those_of_cycles(tmp_path):
         integrations.blender.unregister()
 
 
+def test_pass_of_ghosts_is_the_layer_of_the_same_scene(tmp_path):
+    """A lamp in the picture, glass that reflects: the pass has light, and the picture is more by it; else no pass."""
+    import integrations.blender
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene((48, 32))
+        scene.camera.location, scene.camera.rotation_euler = (0, -6, 0), (np.radians(90), 0, 0)
+        cycles.add_lamp("POINT", (0.6, 0, 0.4), 300, shadow_soft_size=0.05).visible_camera = True
+        scene.render.engine, scene.rptcam.samples = "RPTCAM", 4
+        lens = scene.camera.data.rptcam
+        lens.lens, lens.f_number, lens.transmission, lens.ghosts = "dgauss-50mm", 4.0, "bare", True
+        channels, _ = rendered_layers(tmp_path)
+        ghosts = channels["Ghosts"]
+        assert ghosts.min() >= 0 and np.count_nonzero(ghosts.max(axis=2)) > 0.05 * 48 * 32
+        with_ghosts = channels["Combined"][..., :3]
+        lens.ghosts = False
+        channels, _ = rendered_layers(tmp_path)
+        assert not any(name.startswith("Ghosts") for name in channels)
+        np.testing.assert_allclose(with_ghosts, channels["Combined"][..., :3] + ghosts, rtol=1e-4, atol=1e-6)
+    finally:
+        integrations.blender.unregister()
+
+
 @pytest.mark.parametrize("falloff", ["LINEAR", "QUADRATIC", "INVERSE_QUADRATIC"])
 def test_mist_is_that_of_cycles(falloff, tmp_path):
     """Pixels within 0.01 but at outlines, where ours is of the mean distance; units of half a metre; 1 in the sky."""

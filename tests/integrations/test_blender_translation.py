@@ -487,6 +487,33 @@ def test_refraction_and_gloss_mixed_by_fresnel_are_glass():
         assert other["kind"] == "mix" and any("Fresnel" in each or "f:" in each for each in said)
 
 
+def test_mix_within_a_mix_has_the_shares_of_all():
+    def matte(*color):
+        return Node("BSDF_DIFFUSE", "d", {"Color": color})
+
+    def mixed(first, second, factor):
+        ends = {"Shader": Link(first, "BSDF"), "Shader_001": Link(second, "BSDF")}
+        return Node("MIX_SHADER", "m", ends | {"Fac": factor})
+
+    gloss, red, green, blue = Node("BSDF_GLOSSY", "g", {}), matte(1, 0, 0), matte(0, 1, 0), matte(0, 0, 1)
+    keys, said = surface_of(mixed(mixed(red, green, 0.25), gloss, 0.2))  # 0.6 red, 0.2 green, 0.2 gloss
+    assert keys["factor"] == pytest.approx(0.2) and not said
+    assert keys["materials"][0] == {"kind": "matte", "reflectance": pytest.approx([0.75, 0.25, 0])}
+    assert keys["materials"][1]["kind"] == "mirror"
+    keys, said = surface_of(mixed(mixed(red, gloss, 0.5), mixed(green, blue, 0.75), 0.4))  # 0.3, 0.3, 0.1, 0.3
+    assert keys["factor"] == pytest.approx(0.3) and not said
+    assert keys["materials"][0] == {"kind": "matte", "reflectance": pytest.approx([3 / 7, 1 / 7, 3 / 7])}
+    clear = Node("BSDF_TRANSLUCENT", "t", {"Color": (1, 1, 1)})
+    keys, said = surface_of(mixed(mixed(gloss, clear, 0.1), red, 0.5))  # 0.45, 0.05, 0.5
+    assert [each["kind"] for each in keys["materials"]] == ["mirror", "matte"]
+    assert keys["factor"] == pytest.approx(0.5 / 0.95) and any("smallest share" in each for each in said)
+    by = picture(np.array([[[0] * 3, [255] * 3]], np.uint8))
+    keys, said = surface_of(mixed(mixed(red, gloss, 0.5), green, Link(by, "Color")))  # green, or half red half gloss
+    amount = keys["materials"][0]["reflectance"]["amount"]["file"][..., 0]
+    assert amount == pytest.approx(np.array([[0, 1]])) and not said
+    assert keys["factor"]["file"][..., 0] == pytest.approx(np.array([[0.5, 0]]))
+
+
 SMALL = {
     "camera": {"kind": "pinhole", "fov_degrees": 40, "eye": [0, -3, 0], "target": [0, 0, 0], "up": [0, 0, 1]},
     "film": {"resolution": [24, 16]},

@@ -4,17 +4,22 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import irradiance
+from rptcam_cl.optics import irradiance, spots
+from rptcam_cl.optics.aberrations import in_section
+from rptcam_cl.optics.field_measures import vignetting_table
+from rptcam_cl.optics.film_probe import FilmProbe
 from rptcam_cl.optics.irradiance import (
     axial_irradiance,
     disk_irradiance,
     film_irradiance,
     image_circle,
     irradiance_with_error,
+    lens_info,
     on_axis_irradiance,
 )
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.pupils import COARSE_OUTLINES, pupil_shapes
 from rptcam_cl.optics.surface import blades
 from tests.optics.truth import NAMES, truth, truth_lens
 from tests.support.cases import one_in
@@ -84,6 +89,41 @@ def test_axial_irradiance_is_the_integral_over_the_pupil(f_number: float | None)
     assert axial_irradiance(load_lens("anamorphic-100mm"), 31.0) is None
 
 
+@pytest.mark.parametrize("name", ["dgauss-50mm", "achromat-100mm", "double-gauss-100mm-f1.25", "wide-22mm"])
+def test_axial_irradiance_near_that_of_another_wavelength_is_within_a_thousandth(name: str) -> None:
+    lens = load_lens(name)
+    film_mm = film_distance(lens, 3000.0)
+    green = axial_irradiance(lens, film_mm, 545.0)
+    for wavelength_nm in (400.0, 480.0, 700.0):
+        found = axial_irradiance(lens, film_mm, wavelength_nm, near=green)
+        assert found == pytest.approx(axial_irradiance(lens, film_mm, wavelength_nm), rel=7e-4)
+        assert axial_irradiance(lens, film_mm, wavelength_nm, near=1.2 * green) is None  # the rim is not there
+        assert axial_irradiance(lens, film_mm, wavelength_nm, near=0.8 * green) is None
+    assert axial_irradiance(load_lens("mirror-500mm"), 100.0, near=0.01) is None
+
+
+def test_pupil_of_a_glance_holds_that_of_every_wavelength_but_for_slivers() -> None:
+    """Less than a thousandth of red and blue over the film lies beyond coarse outlines of one wavelength."""
+    scale = (np.arange(45) + 0.5)[:, None, None] / 30
+    for name in ("achromat-100mm", "dgauss-100mm", "retrofocus-35mm", "zoom-35-51mm", "double-gauss-100mm-f1.25"):
+        lens = load_lens(name)
+        film_mm = film_distance(lens, 3000.0)
+        shapes = pupil_shapes(lens, film_mm, (18.0, 12.0), fineness=COARSE_OUTLINES)
+        nodes, directions = shapes.radii.shape[1:]
+        turns = np.arange(directions) * 2 * np.pi / directions
+        for wavelength_nm in (420.0, 680.0):
+            probe, inside, all_of_it = FilmProbe(lens, film_mm, wavelength_nm), 0.0, 0.0
+            for k in range(nodes):
+                rim = shapes.radii[0, k][:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+                points = shapes.centres[0, k] + shapes.axes[0, k] * rim * scale
+                film = np.array([shapes.reach[0] * k / (nodes - 1), 0.0])
+                light = (
+                    probe.passes(film, points) * scale[..., 0] * np.prod(shapes.axes[0, k]) * shapes.radii[0, k] ** 2
+                )
+                inside, all_of_it = inside + light[:30].sum(), all_of_it + light.sum()
+            assert inside > 0.999 * all_of_it > 0, (name, wavelength_nm, 1 - inside / all_of_it)
+
+
 @pytest.mark.parametrize("name", ["dgauss-50mm", "heliar-105mm"])
 def test_sampling_error_is_said_and_holds_for_round_lenses_too(name, monkeypatch):
     lens = load_lens(name)
@@ -126,3 +166,27 @@ def test_nothing_is_traced_again_for_another_stop_or_film(monkeypatch: pytest.Mo
 def test_pupils_that_are_no_disk_are_refused(name: str) -> None:
     lens = load_lens("dgauss-50mm").with_stop_shape(blades(6)) if name == "shaped" else load_lens(name)
     assert disk_irradiance(lens, film_distance(lens, np.inf), NM) is None
+
+
+@pytest.mark.parametrize(("section", "along"), [("y", [0.0, 1.0]), ("x", [1.0, 0.0])])
+def test_vignetting_of_an_anamorphic_lens_is_that_of_its_section(section, along):
+    lens = load_lens("anamorphic-100mm")
+    setting = in_section(spots.setting(lens), section)
+    side, radii = np.linspace(-20, 20, 401), np.array([0.0, 25.0, 45.0])  # the rear rim has a radius of 16.5 mm
+    plane = np.stack([*(each.ravel() for each in np.meshgrid(side, side)), np.full(401**2, lens.length)], axis=1)
+    for row, radius in zip(vignetting_table(setting, radii), radii, strict=True):
+        start = np.array([*(radius * np.array(along)), lens.film_z(setting.film)])
+        passed = lens.trace(np.broadcast_to(start, plane.shape), plane - start, setting.wavelength_nm).passed
+        square = np.sum((plane - start) ** 2, axis=1)
+        expected = np.sum(passed * (setting.film / square) ** 2) * (side[1] - side[0]) ** 2
+        assert row["irradiance"] == pytest.approx(expected, rel=2e-3)
+        assert row["pass_area_mm2"] == pytest.approx(np.count_nonzero(passed) * (side[1] - side[0]) ** 2, rel=2e-3)
+
+
+def test_the_image_circle_of_an_anamorphic_lens_is_that_along_y():
+    lens = load_lens("anamorphic-100mm")
+    info = lens_info(lens)
+    radius, film = info["image_circle_mm"] / 2, info["film_distance_mm"]
+    along_y, along_x = (film_irradiance(lens, film, radius * np.array([0.998, 1.002]), azimuth_degrees=degrees)
+                        for degrees in (90, 0))  # fmt: skip
+    assert along_y[0] > along_y[1] == 0 < along_x.min()

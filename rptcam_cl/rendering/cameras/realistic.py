@@ -417,7 +417,8 @@ def realistic_model(
     clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
     seen = None if coarse else on_axis_of
     axial_colour = _axial_colour(scene, setting, lens, (clear, on_axis), seen, (low, high)) if dispersive else None
-    pupil = shared or _pupil(scene, setting, lens, sampled_nm, windows, coarse)
+    # Coarse outlines are so wide that they hold the pupil of every wavelength.
+    pupil = shared or _pupil(scene, setting, lens, sampled_nm[:1] if coarse else sampled_nm, windows, coarse)
     through = _rays_through(scene, setting, lens, (low, high) if dispersive else None)
     record = _record(scene, setting, lens, pupil, len(through.surfaces))
     entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
@@ -531,12 +532,19 @@ def axis_irradiance(
     return _without_losses(lens, film_distance_mm, wavelength_nm)
 
 
-def _glanced_axis(lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
+def _glanced_axis(
+    lens: Lens,
+    film_distance_mm: float,
+    wavelength_nm: float,
+    losses: LensTransmission = IDEAL,
+    near: Callable[[], float] | None = None,
+) -> float:
     """Return the irradiance on the axis for the colours of a glance: of a round stop, with the losses of an axial ray.
 
-    Over that of another wavelength it is right within a thousandth.
+    Over that of another wavelength, which ``near`` gives without losses, it is right within a thousandth.
     """
-    clear = axis_irradiance(without_shape(lens), film_distance_mm, wavelength_nm, soon=_axial)
+    soon = _axial if near is None else partial(axial_irradiance, near=near())
+    clear = axis_irradiance(without_shape(lens), film_distance_mm, wavelength_nm, soon=soon)
     return clear * float(axial_transmittance(lens, np.array([wavelength_nm]), losses)[0]) if losses else clear
 
 
@@ -612,8 +620,8 @@ def _axial_colour(
     losses, whole = (IDEAL, on_axis[0]) if shows_losses(scene) else (setting.transmission, on_axis[1])
     samples = _AXIAL_SAMPLES
     if irradiance is None:
-        irradiance, samples = _glanced_axis, _GLANCED_SAMPLES
-        whole = _glanced_axis(lens, film_distance_mm, camera.wavelength_nm, losses)
+        own = partial(_glanced_axis, lens, film_distance_mm, camera.wavelength_nm)
+        irradiance, samples, whole = partial(_glanced_axis, near=own), _GLANCED_SAMPLES, own(losses)
     few, wavelengths = np.linspace(*range_nm, _AXIAL_SAMPLES), np.linspace(*range_nm, _LOSS_SAMPLES)
     traced = np.linspace(*range_nm, samples)
     seen = np.array([irradiance(lens, film_distance_mm, nm, losses) for nm in traced.tolist()]) / whole
