@@ -319,6 +319,7 @@ def _held_tips(tips: Array) -> Array:
     )
     nodes = wide[::2].copy()
     short = np.maximum(wide - between(nodes), 0.0)
+    short[wide >= [0.0, 0.5]] = 0.5  # a ring becomes a crescent at once
     for padded in (np.pad(short, ((1, 0), (0, 0)))[:-1], np.pad(short, ((0, 1), (0, 0)))[1:]):
         nodes += padded[::2]
     nodes[nodes[:, 0] < 0, 0] += TIP_MARGIN
