@@ -273,9 +273,9 @@ def _ring_line(
     if not reach.any():
         return None
     opens = _held_tips(np.stack([*_tips(states, film, (centres, axes), reach, holes)]))
-    lit = reach > 0
-    outer = _held(reach, lit) * (1.0 + fineness.margin)
-    inner = np.maximum(-_held(-holes, lit) - fineness.margin, 0.0)
+    bright = reach > 0
+    outer = _held(reach, bright) * (1.0 + fineness.margin)
+    inner = np.maximum(-_held(-holes, bright) - fineness.margin, 0.0)
     return PupilShapes(np.array([high]), centres[None, ::2], axes[None, ::2], outer[None], inner[None], opens[None])
 
 
@@ -323,7 +323,7 @@ def _held_tips(tips: Array) -> Array:
     for padded in (np.pad(short, ((1, 0), (0, 0)))[:-1], np.pad(short, ((0, 1), (0, 0)))[1:]):
         nodes += padded[::2]
     nodes[nodes[:, 0] < 0, 0] += TIP_MARGIN
-    return np.clip(nodes * [-1.0, 1.0], 0.0, 0.5)
+    return np.asarray(np.clip(nodes * [-1.0, 1.0], 0.0, 0.5))
 
 
 def _stop_frames(probe: film_probe.FilmProbe, film: Array) -> tuple[Array, Array]:
