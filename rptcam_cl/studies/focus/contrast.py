@@ -28,7 +28,7 @@ from rptcam_cl.studies.focus.probe import (
     peak_of,
     rich_part,
 )
-from rptcam_cl.studies.focus.renderer import MOST_SAMPLES, SIGHT_ACROSS, Probes, Task, probability_within
+from rptcam_cl.studies.focus.renderer import MOST_SAMPLES, PRECISE, SIGHT_ACROSS, Probes, Task, probability_within
 
 #
 # Focus by distance: rays tell how far away the zone is, and the lens says where its film has to be.
@@ -196,16 +196,20 @@ def _state_by_rays(task: Task, state: float, zones: Mapping[int, Zone]) -> tuple
     return zone, met[zone], state_within_reach(task.drive, met[zone].middle, task.zones[zone])
 
 
+FAR_M = 1e6  # of what lies behind everything
 BREATHING = 0.05  # by how much the image may grow on the way before the rays of a zone meet something else
 
 
 def aim(task: Task) -> tuple[float, tuple[Zone, ...]] | None:
     """Return the state that rays tell a search to begin in, and the parts of the zones that show what they lead to.
 
-    None where they lead to nothing, or to what is out of reach.
+    Where they lead to nothing at all that is the far end of the focus, as of a sky. None where they lead to what is out
+    of reach.
     """
     state, zones = task.renderer.state, dict(enumerate(task.zones))
     try:
+        if all(np.isposinf(task.renderer.sight(state, zone).depths).all() for zone in task.zones):
+            return state_within_reach(task.drive, FAR_M, task.zones[0]), task.zones
         _, _, aimed = _state_by_rays(task, state, zones)
         if abs(task.drive.image_scale(aimed, state) - 1) > BREATHING:
             aimed = _state_by_rays(task, aimed, zones)[2]
@@ -292,7 +296,6 @@ FIRST_SAMPLES = 64  # per pixel
 NEAR_SAMPLES = 16  # of a search near a place, whose probes are sharp enough to tell more from fewer
 MOST_NEAR = 512  # of it, where nothing is seen: it may be elsewhere
 LUCK = 1.0  # standard errors that what is seen may lie below what there is
-PRECISE = 8.0  # parts of a depth of focus, of which a top may err by one
 
 
 def no_contrast(why: str, *, is_flat: bool = False) -> NoContrast:
@@ -349,9 +352,12 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
         if start is not None:  # a lopsided curve pulls the top of wide steps to a side
             step = min(step, WIDEST / 2 * probes.drive.depth_of_focus)
         more = _for_measure(made, zones) if start is None else _for_place(probes, peaks, zones, before, step)
-        samples = max(min(max(int(more * samples), FIRST_SAMPLES), probes.most, probes.affordable), samples)
-        if samples > first:
+        wanted = max(int(more * samples), FIRST_SAMPLES if start is None else 2 * NEAR_SAMPLES)
+        if wanted > first:
             _narrow_zones(probes, made, zones)
+        if start is not None:
+            wanted = min(wanted, max(probes.enough, 2 * NEAR_SAMPLES))
+        samples = max(min(wanted, probes.most, probes.affordable), samples)
         centre = _centre(peaks, zones)
         made, samples = _round(probes, _three_places(probes, centre, step), stop, samples, zones, centre)
         peaks = _widen(probes, made, zones, step, samples)
@@ -376,6 +382,8 @@ def _round(
 ) -> tuple[list[Probe], int]:
     """Probe at some places, again with more samples where noise hides what so many would show; return how many."""
     most = min(probes.most, probes.affordable)
+    middle = sum(places) / len(places)  # first, as the first probe shows which samples to limit
+    places = sorted(places, key=lambda place: abs(place - middle))
     while True:
         made = [probes.at(place, samples, stop, reference) for place in places]
         seen = [zone for zone in zones if _contrast(probes, made, zone)]
@@ -533,7 +541,7 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
     for _ in range(4):
         if peak.rise < CLEAR and samples >= most:
             raise _same_everywhere(peak)
-        is_converged = peak.rise >= CLEAR and (peak.error < sharp / PRECISE or samples >= most)
+        is_converged = peak.rise >= CLEAR and (peak.error < probes.enough_error or samples >= most)
         if is_converged and _is_even(made, zone, peak, (low, high), widest):
             return peak
         step = min(max(SHARE * peak.width, sharp), widest / 2 if is_converged else widest)
@@ -590,9 +598,9 @@ def _focus_by_measure(method: str, measure: str, task: Task) -> FocusReport:
     task.note_state(probes.state_of(peak.place))
     state = probes.state_of(peak.place)
     sure = (
-        probability_within(task.drive.depth_of_focus / 4, peak.error) if peak.inside else 0.0
+        probability_within(task.drive.depth_of_focus / 4, peak.uncertainty) if peak.inside else 0.0
     )  # at the far end of the reach
-    return task.report(method, state, task.zones[zone], peak.error, sure, probes.records(zone))
+    return task.report(method, state, task.zones[zone], peak.uncertainty, sure, probes.records(zone))
 
 
 WALK_START, WALK_STEP = 50.0, 5.0  # scene units, as the paper prints them: d = 50, s = 5

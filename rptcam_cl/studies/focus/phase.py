@@ -36,7 +36,14 @@ from rptcam_cl.studies.focus.probe import (
     rich_part,
     without_trend,
 )
-from rptcam_cl.studies.focus.renderer import MOST_OF_SEARCH, ProbeRenderer, Task, probability_within
+from rptcam_cl.studies.focus.renderer import (
+    CONTENT,
+    DEAR,
+    MOST_OF_SEARCH,
+    ProbeRenderer,
+    Task,
+    probability_within,
+)
 
 #
 # The distance of a target from two pictures of it through the halves of a pupil.
@@ -514,6 +521,7 @@ class PhaseSearch:
     others: list[HalfProbe] = field(default_factory=list)
     _state: tuple[Match, float] | None = None  # of the last match
     _samples: int = SAMPLES  # per pixel, of the last probe
+    _near: tuple[float, float] = (-math.inf, math.inf)  # vergences [1/m] of a search near a place
 
     @property
     def drive(self) -> Drive:
@@ -544,6 +552,11 @@ class PhaseSearch:
         affordable = (MOST_OF_SEARCH - self.spent) // (2 * (x1 - x0) * (y1 - y0))
         return min(MOST_SAMPLES, max(affordable, NEAR_SAMPLES))
 
+    @property
+    def enough(self) -> float:
+        """Standard error of the state that is enough [depths of focus]."""
+        return CONTENT if self.spent >= 2 * DEAR else ENOUGH
+
     def begin_near(self, start: float, width: float) -> None:
         """Probe from a state for a distance that is sharp within so many depths of focus of it.
 
@@ -554,16 +567,20 @@ class PhaseSearch:
         """
         own = half_view(self.renderer, start, self.zone, "x").sharpest()
         away = width * self.drive.sharp_vergence(start)
+        self._near = own - away, own + away
         refusal: str | None = "flat"
-        for split in _SPLITS:
-            for samples in (NEAR_SAMPLES, 4 * NEAR_SAMPLES, MOST_SAMPLES):
+        splits = _SPLITS
+        for samples in (NEAR_SAMPLES, 4 * NEAR_SAMPLES, MOST_SAMPLES):
+            for split in splits:
                 match = self._probe(start, split, samples, (own - away, own + away))
                 refusal = "flat" if match is None else match.refusal_among(NEAR_GAIN)
                 if match is not None and refusal is None and abs(match.vergence - own) <= away:
                     return
                 if match is None or not match.is_promising(MOST_SAMPLES / samples):
+                    splits = tuple(each for each in splits if each != split)
+                if refusal == "flat":  # whichever way the pupil is split
                     break
-            if refusal == "flat":
+            if not splits or (refusal == "flat" and len(splits) < len(_SPLITS)):
                 break
         raise no_contrast(REASONS[refusal or "vague"], is_flat=refusal == "flat")
 
@@ -604,7 +621,7 @@ class PhaseSearch:
             state = self.state
             if self.moved <= NEAR:
                 is_confirmed = len(self.probes) > 1  # by a second probe, from the state that the first has found
-                if (self.error <= ENOUGH and is_confirmed) or self.most <= max(samples, self._samples):
+                if (self.error <= self.enough and is_confirmed) or self.most <= max(samples, self._samples):
                     return state
                 samples *= 2 if self.probe.stop == 1.0 else 1
             samples = self.step(state, samples)
@@ -613,12 +630,18 @@ class PhaseSearch:
     def step(self, state: float, samples: int) -> int:
         """Probe from a state near the focus, and return with how many samples per pixel."""
         match, probe = self.match, self.probe
-        needed = self._samples * (self.error * probe.stop / PRECISE) ** 2  # by which its error falls to that
-        samples = int(min(max(samples, needed), self.most))
-        if samples > self._samples:
+        is_dear = self.spent >= 2 * DEAR
+        needed = self._samples * (self.error * probe.stop / (0.7 * CONTENT if is_dear else PRECISE)) ** 2
+        if max(samples, needed) > self._samples:
             self.narrow_zone()
+        if not is_dear:  # both halves take that many rays; half of them go on
+            x0, x1, y0, y1 = self.renderer.view.shown(self.zone)
+            needed = min(needed, max(DEAR // ((x1 - x0) * (y1 - y0)), NEAR_SAMPLES))
+        samples = int(min(max(samples, needed), self.most))
         reach = max(DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
-        refined = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
+        least, most = self._near if self._near[0] <= match.vergence <= self._near[1] else (-math.inf, math.inf)
+        within = max(match.vergence - reach, least), min(match.vergence + reach, most)
+        refined = self._probe(state, probe.view.split, samples, within)
         if refined is None or refined.refusal in ("flat", "vague"):  # the first probe has distinguished rivals
             raise no_contrast(REASONS["flat" if refined is None else str(refined.refusal)])
         return samples
@@ -852,8 +875,12 @@ def focus_by_hybrid(task: Task) -> FocusReport:
             report = _end_by_phase(task, "hybrid", search, zone, probes.records(0))
             report.notes["finished_by"] = "phase, as contrast is greatest elsewhere"
             return report
-    sure = probability_within(sharp / 4, peak.error)
+    if peak.uncertainty > max(search.error, ENOUGH) * sharp:  # few details, or coarse ones: the halves know better
+        report = _end_by_phase(task, "hybrid", search, zone, probes.records(0))
+        report.notes["finished_by"] = "phase, as contrast is less certain"
+        return report
+    sure = probability_within(sharp / 4, peak.uncertainty)
     records = search.records() + probes.records(0)
-    report = task.report("hybrid", probes.state_of(peak.place), zone, peak.error, sure, records)
+    report = task.report("hybrid", probes.state_of(peak.place), zone, peak.uncertainty, sure, records)
     report.notes["finished_by"] = "contrast"
     return report

@@ -154,6 +154,8 @@ def _weighted_median(zones: Sequence[Zone], places: Mapping[int, float]) -> int:
 # The luminance is divided by its mean over the zone first and a quadratic surface is taken off, so that exposure,
 # vignetting and light that falls off smoothly change nothing.
 
+TOP_BLOCKS = 3  # of the zone each way, by which tops of curves may differ
+
 Array = NDArray[np.float64]
 Filters = Callable[[Array], list[Array]]
 
@@ -168,11 +170,14 @@ class Estimate:
         The measure and its standard error.
     leave_one_out : (parts,) array
         The measure without each of the parts, for errors of what is computed from several measures (jackknife).
+    blocks : (n,) array
+        What each part of the zone adds to it; none where that is not known.
     """
 
     value: float
     error: float
     leave_one_out: Array
+    blocks: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def _without_exposure(image: ZoneImage) -> Array | None:
@@ -212,11 +217,17 @@ def energy(filters: Filters) -> Callable[[ZoneImage], Estimate]:
         count = len(image.parts)
         if parts is None:
             return Estimate(0.0, 0.0, np.zeros(count))
-        products = np.zeros((count, count))
+        products = np.zeros((TOP_BLOCKS**2, count, count))
         for output in filters(parts):
-            flat = output.reshape(count, -1)
-            products += flat @ flat.T / flat.shape[1]
-        return jackknife(count, lambda kept: _mean_of_pairs(products[np.ix_(kept, kept)]))
+            blocks = [
+                each.reshape(count, -1)
+                for rows in np.array_split(output, TOP_BLOCKS, axis=1)
+                for each in np.array_split(rows, TOP_BLOCKS, axis=2)
+            ]
+            products += np.stack([flat @ flat.T for flat in blocks]) / output[0].size
+        whole = products.sum(axis=0)
+        found = jackknife(count, lambda kept: _mean_of_pairs(whole[np.ix_(kept, kept)]))
+        return replace(found, blocks=np.array([_mean_of_pairs(block) for block in products]))
 
     return measure
 
@@ -304,7 +315,8 @@ def sum_modified_laplacian(image: ZoneImage) -> Estimate:
         return Estimate(0.0, 0.0, np.zeros(count))
     differences = _second_differences(parts)
     measure = jackknife(count, lambda kept: sum(float(_sizes(each[kept]).mean()) for each in differences))
-    return replace(measure, error=max(measure.error, _error_of_noise(differences)))
+    blocks = sum(block_sums(_sizes(each), TOP_BLOCKS) / each[0].size for each in differences)
+    return replace(measure, error=max(measure.error, _error_of_noise(differences)), blocks=np.asarray(blocks))
 
 
 def _second_differences(parts: Array) -> list[Array]:
@@ -347,10 +359,10 @@ def _error_of_noise(differences: list[Array]) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-def block_sums(picture: Array) -> Array:
-    """Sum a picture over `BLOCKS` blocks each way."""
-    rows = np.array_split(picture, BLOCKS)
-    return np.array([block.sum() for row in rows for block in np.array_split(row, BLOCKS, axis=1)])
+def block_sums(picture: Array, count: int = BLOCKS) -> Array:
+    """Sum a picture over so many blocks each way."""
+    rows = np.array_split(picture, count)
+    return np.array([block.sum() for row in rows for block in np.array_split(row, count, axis=1)])
 
 
 SEEN_BY = 2  # pixels each way that are taken together, as details of an edge are wider and noise is not
@@ -509,6 +521,9 @@ class Peak:
         Where it is [mm].
     error : float
         Its standard error, from noise.
+    spread : float
+        Its standard error by how parts of the zone differ, which know what noise does not: that what they show changes
+        with the place, as the borders of the zone cross it.
     width : float
         Distance from it at which the measure is half of its greatest; infinite for a flat curve.
     rise : float
@@ -522,6 +537,12 @@ class Peak:
     width: float
     rise: float
     inside: bool
+    spread: float = 0.0
+
+    @property
+    def uncertainty(self) -> float:
+        """Its standard error: the greater of the two, as each is blind to a part of what the other sees [mm]."""
+        return max(self.error, self.spread)
 
 
 def peak_of(probes: Sequence[Probe], zone: int) -> Peak:
@@ -551,12 +572,22 @@ def peak_of(probes: Sequence[Probe], zone: int) -> Peak:
     place, width = _vertex(places[three], values[three])
     others = np.array([_vertex(places[three], values)[0] for values in without[three].T])
     error = _spread(others)
+    spread = 0.0
+    if all(len(probes[k].measures[zone].blocks) for k in three):
+        blocks = gain[three, None] * [probes[k].measures[zone].blocks for k in three]
+        rest = blocks.sum(axis=1, keepdims=True) - blocks
+        spread = _spread(np.array([_vertex(places[three], each)[0] for each in rest.T]))
     bottom = int(values.argmin())
     difference = _spread(without[top] - without[bottom])
     rise = float((values[top] - values[bottom]) / difference) if difference > 0 else np.inf
     unscaled = 1 - growth * place
     return Peak(
-        origin + place / unscaled, error / unscaled**2, width, rise if values[top] > values[bottom] else 0.0, inside
+        place=origin + place / unscaled,
+        error=error / unscaled**2,
+        width=width,
+        rise=rise if values[top] > values[bottom] else 0.0,
+        inside=inside,
+        spread=spread / unscaled**2,
     )
 
 

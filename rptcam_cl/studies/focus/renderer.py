@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
@@ -35,6 +36,8 @@ from rptcam_cl.scene.lights import ConstantEnvironment
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
 from rptcam_cl.studies.focus.probe import (
+    BEST,
+    MEASURES,
     FocusReport,
     Measure,
     NoContrast,
@@ -44,6 +47,7 @@ from rptcam_cl.studies.focus.probe import (
     Zone,
     ZoneImage,
     circle_of_confusion,
+    rich_part,
 )
 
 SMALL_WAVE = 1 << 14  # slots, of work that may be given up: so few hold up nothing else on the device
@@ -276,7 +280,9 @@ class ProbeRenderer:
     """
 
     def __init__(self, scene: Scene, session: Session, state: float | None = None, *, sensor: bool = False) -> None:
-        self.scene, self.session, self._has_sensor = _with_traced_lens(at_opening(scene)), session, sensor
+        traced = _with_traced_lens(at_opening(scene))
+        self.scene = traced if sensor else change_scene(traced, render={"clamp": LIMIT})
+        self.session, self._has_sensor = session, sensor
         self.drive = focus_drive(self.scene)
         self.state = self.drive.start if state is None else state
         self.samples, self.seconds = 0, 0.0
@@ -290,6 +296,7 @@ class ProbeRenderer:
         self._sharp: SharpPass | None = None
         self._sights: dict[tuple[float, Zone], Sight] = {}
         self._wholes: dict[Zone, Zone] = {}  # of parts of zones
+        self._most: dict[tuple[Zone, ...], float] = {}  # radiance that counts in full, of zones
 
     @property
     def view(self) -> ZoneView:
@@ -375,6 +382,8 @@ class ProbeRenderer:
         camera = exposed(camera, self._exposed_scene if self._has_sensor else view.scene)
         count = -(-samples // PARTS)
         both = [self._wavefront(camera, empty=empty) for empty in (False, True)]
+        if not self._has_sensor:
+            camera = self._limited(camera, both[0], both[1], seed * PARTS)
         for wavefront in both:
             wavefront.use_camera(camera)
         pictures = []
@@ -387,10 +396,40 @@ class ProbeRenderer:
             light, weights = (wavefront.picture(count) for wavefront in both)
             if self._has_sensor:
                 light = self._read_sensor(light, weights > 0, camera, seed * PARTS + part)
-            pictures.append(_mean_light(light, weights))
+            pictures.append(mean_light(light, weights))
         self.seconds += time.perf_counter() - begun
         parts, ranges = np.stack(pictures), [view.in_layout(view.shown(zone)) for zone in view.zones]
         return [ZoneImage(np.ascontiguousarray(parts[:, rows, columns]), count * PARTS) for rows, columns in ranges]
+
+    def _limited(self, camera: CameraModel, light: Wavefront, white: Wavefront, seed: int) -> CameraModel:
+        """Return a camera whose exposure brings the most light that counts in full to the limit of a sample.
+
+        What is limited is a function of the place in the scene, as its light is, and is sharp where that is.
+        """
+
+        def sample(wavefront: Wavefront, seed: int, factor: float = 1.0) -> NDArray[np.float32]:
+            record = camera.record.copy()
+            record["exposure"] *= factor
+            wavefront.use_camera(replace(camera, record=record))
+            wavefront.clear()
+            wavefront.seed = seed
+            _take_samples(wavefront, 1)
+            return np.asarray(wavefront.picture(1).max(axis=2))
+
+        weights = sample(white, seed)
+        passed = weights > 0
+        if not passed.any():
+            return camera
+        key = tuple(self._wholes.get(zone, zone) for zone in self.view.zones)
+        if key not in self._most:
+            faint = 1e-6 / float(weights.max())
+            pairs = [(sample(light, seed, faint), weights)]
+            while len(pairs) < 2 or (len(pairs) < SCOUTS and is_noisy(*np.stack(pairs[:2], axis=1))):
+                pairs.append((sample(light, seed + len(pairs), faint), sample(white, seed + len(pairs))))
+            self._most[key] = most_light(*np.stack([(one / faint, other) for one, other in pairs], axis=1))
+        record = camera.record.copy()
+        record["exposure"] *= LIMIT / (self._most[key] * float(weights[passed].mean()))
+        return replace(camera, record=record)
 
     @cached_property
     def _exposed_scene(self) -> Scene:
@@ -506,15 +545,84 @@ class ProbeRenderer:
         return self._wavefronts[facts]
 
 
+LIMIT = 1.0  # `render.clamp` of probes
+UNLIMITED = 1e6  # times the mean light
+NOISY = 0.5  # standard deviation of a sample over its mean, from which on it is
+LIMITED = 16  # rounds of finding it
+USUAL, LIT_SHARE = 2.0, 0.9  # times the mean of what is left; share of the samples with light that stay whole
+SCOUTS, GROUPS = 16, 8  # samples of each pixel that tell whether a limit helps, and groups of them
+HELPS = 0.75  # of the standard errors by which details show without one: few samples know little of rare ones
+
+
+def is_noisy(light: NDArray[np.float32], weights: NDArray[np.float32]) -> bool:
+    """Whether two samples of each pixel, with the weights of their rays (2, height, width), scatter much."""
+    both = (weights > 0).all(axis=0)
+    one, other = (light[k][both] / weights[k][both] for k in (0, 1))
+    mean = (float(one.mean(dtype=np.float64)) + float(other.mean(dtype=np.float64))) / 2 if both.any() else 0.0
+    return mean > 0 and float(np.square(one - other, dtype=np.float64).mean()) / 2 > (NOISY * mean) ** 2
+
+
+def most_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> float:
+    """Return the light up to which samples count in full: that by which details show best over their noise.
+
+    Fireflies of lamps would be most of the noise, but bright places may be most of what there is to see.
+
+    Parameters
+    ----------
+    light, weights : (n, height, width) arrays
+        Samples of each pixel, and the weights of their rays.
+    """
+    passed = weights > 0
+    mean = float(light.sum(dtype=np.float64)) / max(float(weights.sum(dtype=np.float64)), 1e-30)
+    whole = UNLIMITED * (mean or 1.0)
+    if len(light) < SCOUTS or not mean > 0:
+        return whole
+    seen = light[passed] / weights[passed]
+    most, least = whole, float(np.quantile(seen[seen > 0], LIT_SHARE))
+    for _ in range(LIMITED):
+        most = max(USUAL * float(np.minimum(seen, most).mean(dtype=np.float64)), least)
+    unit = float(weights[passed].mean(dtype=np.float64))
+    clear = [_clearness(np.minimum(light, limit * unit), weights) for limit in (whole, most)]
+    return most if clear[1] > HELPS * clear[0] else whole
+
+
+def _clearness(light: NDArray[np.float32], weights: NDArray[np.float32]) -> float:
+    """Return by how many standard errors details show in some samples of each pixel, or of the part that shows most."""
+    groups = [each.reshape(GROUPS, -1, *each.shape[1:], 1).sum(axis=1) for each in (light, weights)]
+    parts = np.stack([mean_light(*pair) for pair in zip(*groups, strict=True)])
+    clear, chosen = 0.0, rich_part(parts[..., 0].astype(np.float64))
+    for left, right, above, below in [(0, parts.shape[2], 0, parts.shape[1]), *([chosen] if chosen else [])]:
+        shown = parts[:, above:below, left:right]
+        found = MEASURES[BEST].of(ZoneImage(np.repeat(shown, 3, axis=3), len(light)))
+        as_many = math.sqrt(parts[0].size / shown[0].size)  # samples in all
+        clear = max(clear, as_many * found.value / found.error if found.error > 0 else 0.0)
+    return clear
+
+
 LEAST_PASSED = 0.05  # of the mean weight: pixels with less have hardly any rays
+WIDEST_GAP = 3  # doublings of the squares, from 3 pixels on, within which such pixels are filled from rays beside them
 
 
-def _mean_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the mean light of the rays of each pixel, and of all where hardly any pass."""
+def mean_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the mean light of the rays of each pixel (height, width, n), or of those beside it where hardly any pass.
+
+    A mean of all would be the noise of a texture where few rays of each pixel pass: of the lens of a telephone a fifth.
+    """
     mean = float(weights.mean())
+    if not mean > 0:
+        return np.zeros_like(light)
     passed = weights > LEAST_PASSED * mean
     share = light / np.where(passed, weights, 1.0)
-    return np.asarray(np.where(passed, share, float(light.mean()) / mean if mean > 0 else 0.0), np.float32)
+    for doubling in range(WIDEST_GAP):
+        if passed.all():
+            return np.asarray(share, np.float32)
+        side = (2 << doubling) + 1
+        around = [np.pad(each, [(side // 2, side // 2)] * 2 + [(0, 0)]) for each in (light, weights)]
+        near_light, near_weights = (sliding_window_view(each, (side, side), (0, 1)).sum((3, 4)) for each in around)
+        near = ~passed & (near_weights > LEAST_PASSED * mean)
+        share = np.where(near, near_light / np.where(near, near_weights, 1.0), share)
+        passed = passed | near
+    return np.asarray(np.where(passed, share, float(light.mean()) / mean), np.float32)
 
 
 def _white_world(scene: Scene) -> Scene:
@@ -621,6 +729,9 @@ def probability_within(tolerance: float, error: float) -> float:
 
 MOST_SAMPLES = 512  # per pixel
 MOST_OF_SEARCH = 5_000_000  # samples of all pixels: what is not decided by then is refused, or as uncertain as it says
+PRECISE = 8.0  # parts of a depth of focus, of which a focus may err by one
+DEAR = 400_000  # samples of all pixels, after which a search is content with the error of `CONTENT`
+CONTENT = 0.2  # depths of focus: four times of five the focus then lies within a quarter
 MOST_PROBES = 40  # after which a search gives up
 
 
@@ -654,6 +765,17 @@ class Probes:
         """Samples per pixel that each of three probes more takes at most."""
         left = self.budget - sum(probe.samples for probe in self.made)
         return min(MOST_SAMPLES, self.task.renderer.choose_zones(self.task.zones).samples_in(left // 3))
+
+    @property
+    def enough(self) -> int:
+        """Samples per pixel of each of three probes more, after which an error of `CONTENT` is enough."""
+        return self.task.renderer.choose_zones(self.task.zones).samples_in(DEAR // 3)
+
+    @property
+    def enough_error(self) -> float:
+        """Standard error of the place that is enough [mm]."""
+        spent = sum(probe.samples for probe in self.made)
+        return (CONTENT if spent >= DEAR else 1 / PRECISE) * self.drive.depth_of_focus
 
     @property
     def ends(self) -> tuple[float, float]:

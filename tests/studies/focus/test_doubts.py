@@ -239,7 +239,7 @@ def test_top_at_the_end_of_what_was_searched_is_none_but_for_infinity(place, ins
         monkeypatch.setattr(contrast, name, lambda *_, value=value: value)
     drive = SimpleNamespace(depth_of_focus=0.4)
     probes = SimpleNamespace(
-        ends=(30.0, 80.0), drive=drive, most=64, affordable=64, task=SimpleNamespace(zones=(CENTRE,))
+        ends=(30.0, 80.0), drive=drive, most=64, affordable=64, enough=64, task=SimpleNamespace(zones=(CENTRE,))
     )
     if message is None:
         assert contrast.greatest_contrast(probes, Policy.CENTRE, start) == (peak, 0)

@@ -9,8 +9,10 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
 from rptcam_cl.optics.charts import chart_svg
 from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.studies.focus import renderer
 from rptcam_cl.studies.focus.controller import zone_of_object
 from rptcam_cl.studies.focus.probe import FocusReport, ProbeRecord, Zone, focus_plot
+from rptcam_cl.studies.focus.renderer import SCOUTS, UNLIMITED, is_noisy, mean_light, most_light
 from tests.rendering.pictures import seed_of
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.support.cases import fast, slow
@@ -226,3 +228,43 @@ def test_too_few_probes_are_no_curve():
     for method, quantity in (("depth", "distance"), ("phase", "displacement")):
         with pytest.raises(InputError, match="no curve to draw"):
             focus_plot(report_of(method, [quantity]), "title")
+
+
+def test_rare_bright_samples_are_limited_and_others_stay_whole():
+    rng, ones = np.random.default_rng(1), np.ones((SCOUTS, 40, 50), np.float32)
+    texture = np.where(np.indices((40, 50)).sum(axis=0) // 3 % 2 == 0, 0.5, 1.5)
+    noisy = (texture * rng.exponential(1.0, ones.shape)).astype(np.float32)
+    assert is_noisy(noisy[:2], ones[:2])
+    assert not is_noisy((texture * rng.uniform(0.9, 1.1, ones.shape)).astype(np.float32)[:2], ones[:2])
+    fireflies = np.where(rng.random(ones.shape) < 0.01, np.float32(1e5), noisy)
+    assert 1.8 < most_light(fireflies, ones) < 3.5  # nine tenths stay whole, and the mean is 1
+    sparks = np.zeros((40, 50))
+    sparks[::9, ::9] = 200.0  # bright places, which each sample shows, are what there is to see
+    assert most_light((sparks * rng.uniform(0.9, 1.1, ones.shape) + noisy).astype(np.float32), ones) > 1e5
+    assert most_light(noisy[:2], ones[:2]) > 1e5
+    assert most_light(np.zeros_like(ones), ones) == UNLIMITED
+
+
+def test_pixels_without_rays_show_what_lies_beside_them():
+    rng = np.random.default_rng(2)
+    slope = np.repeat(np.linspace(1.0, 3.0, 30)[None, :, None], 20, axis=0)
+    weights = np.where(rng.random((20, 30, 1)) < 0.6, 1.0, 0.0).astype(np.float32)
+    shown = mean_light((slope * weights).astype(np.float32), weights)
+    assert np.abs(shown - slope).max() < 0.2  # the mean of all is up to 1 off
+    whole = np.ones((20, 30, 1), np.float32)
+    assert np.allclose(mean_light(slope.astype(np.float32), whole), slope)
+    assert not mean_light(whole, 0 * whole).any()
+
+
+def test_lamp_out_of_focus_before_a_wall_is_no_noise_of_its_zone(monkeypatch):
+    glow = {"kind": "emissive", "radiance": 1e5}
+    lamp = {"shape": "sphere", "center": [0.01, 0.0, -0.9], "radius": 0.0004, "material": glow}
+    scene = scene_of([target(4.0, 4.0, noise(200)), lamp], lens_camera("dgauss-50mm", f_number=2.1))
+    shown = {}
+    for limited in (True, False):
+        if not limited:
+            monkeypatch.setattr(renderer, "most_light", lambda *_: 1e9)
+        probe = probe_of(scene)
+        image = probe.measure(probe.drive.state_for(4.0, CENTRE), [CENTRE], 64, 1)[0]
+        shown[limited] = float(np.sqrt(image.variance.mean()) / image.luminance.mean())
+    assert shown[True] < 0.3 * shown[False]
