@@ -90,7 +90,7 @@ def _outline_aims(
     frames = sampling.table[: 4 * nodes].reshape(-1, 4)
     radii = outline_radii(sampling, nodes, start)
     if sampling.ring:
-        u = _at_share(np.pad(radii[2], ((0, 0), (0, 1)), constant_values=1.0), corners, u)
+        u = _at_share(radii[2], corners, u)
         turns = np.stack([np.cos(2 * np.pi * u), np.sin(2 * np.pi * u)], axis=1)
     frame = sum((share[:, None] * frames[node] for node, share in corners), np.zeros((len(film), 4)))
     reach, hole = np.zeros((2, len(film)))

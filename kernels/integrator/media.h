@@ -26,6 +26,7 @@
 #define FROM_A_SURFACE 0x70000000u
 #define LEAST_LIKELY   1e-20f   // density by which ways to sample along a grid are weighed: its own is not known
 #endif
+#define HAS_BEAMS (EMITTER_SPOTS && !HAS_BOUNDARY && !HAS_DENSITY && !HAS_ABSORPTION && !HAS_DISPERSION && !HAS_ENTRIES)
 #define SHORT_OF_LAMP   0.99999f    // share of the way to a lamp behind which is the lamp itself
 
 #if HAS_BOUNDARY
@@ -215,6 +216,269 @@ static F3 middle_of(const __global Emitter *es, I e, I *near)
     return middle;
 }
 
+// Whether an emitter lies at infinity, and the probability with which it is picked at a point then.
+static inline int is_afar(int kind)
+{
+    return kind == EMITTER_DIRECTIONAL || kind == EMITTER_SUN || kind == EMITTER_ENVIRONMENT;
+}
+
+static inline F pick_afar_at(Scene scene, int e, F3 p)
+{
+#if LIGHT_TREE
+    return pick_of_distant(scene, e, p, all_round());
+#else
+    return (F)(scene.emitters[e].pick);
+#endif
+}
+
+// The part of a ray that lies before a flat lamp, where its back does not shine.
+#if EMITTER_FLATS
+static void before_lamp(const __global Emitter *es, I e, Ray ray, F *start, F *end)
+{
+    F3 axis = THREE_OF_EMITTER(normal);
+    F high = dot3(sub(ray.o, THREE_OF_EMITTER(a)), axis);
+    F rise = dot3(ray.d, axis);
+    F level = -high / (absolute(rise) > SMALLEST ? rise : (F)(SMALLEST));
+    I faces = is_flat(OF_EMITTER(I, kind)) & (OF_EMITTER(I, two_sided) == 0);
+    *start = (faces & (rise > 0.0f)) ? MIN(MAX(level, *start), *end) : *start;
+    *end = (faces & (rise <= 0.0f)) ? MAX(MIN(level, *end), *start) : *end;
+}
+#endif
+
+// The part of a stretch that a lamp lights, and distances spread evenly over the angle in which it sees that.
+static Equiangular lit_part(const __global Emitter *es, I e, Stretch s, I *near)
+{
+    F start = ZERO, end = s.length;
+#if EMITTER_SPOTS
+    within_cone(es, e, s.ray, &start, &end);
+#endif
+#if EMITTER_FLATS
+    before_lamp(es, e, s.ray, &start, &end);
+#endif
+    Equiangular view = seen_from(middle_of(es, e, near), s.ray, start, end);
+    *near = *near & (end > start);
+    return view;
+}
+
+// How a medium scatters, as far as picks of lamps know.
+typedef struct { F g; F3 droplets; F extinction; } Air;
+
+#define LEAST_PHASE 0.02f   // so that no lamp is ruled out by an estimate
+
+// About the light that a lamp near by sends to a stretch, or to a place of it at distance t, which scatter it towards the path.
+static F light_in_air(const __global Emitter *es, I e, Stretch s, Air air, F t, int of_stretch)
+{
+    I near;
+    F3 middle = middle_of(es, e, &near);
+    F bright = OF_EMITTER(F, pick);
+#if EMITTER_SPOTS
+    I spot = OF_EMITTER(I, kind) == EMITTER_SPOT;
+    bright = spot ? 2.0f * bright / MAX(OF_EMITTER(F, u.w), (F)(SMALLEST)) : bright;
+#endif
+    F spread;
+    if (of_stretch) {
+        Equiangular view = lit_part(es, e, s, &near);
+        t = equiangular_distance(view, 0.5f);
+        spread = view.turns / view.aside;
+    }
+    F3 to = sub(middle, along(s.ray.o, s.ray.d, t));
+    F extent = OF_EMITTER(F, a.w);
+    F d2 = MAX(dot3(to, to), (F)(SMALLEST));
+    F distance = sqrt(d2);
+    if (!of_stretch) {
+        spread = ONE / d2;
+#if EMITTER_SPOTS
+        spread = spot ? spread * spot_share(es, e, scale(to, ONE / distance)) : spread;
+#endif
+#if EMITTER_FLATS
+        I behind = is_flat(OF_EMITTER(I, kind)) & (OF_EMITTER(I, two_sided) == 0) & (dot3(to, THREE_OF_EMITTER(normal)) > 0.0f);
+        spread = behind ? ZERO : spread;
+#endif
+    }
+    F way = distance + (of_stretch ? t : ZERO);
+    F left = exponential(-MIN(air.extinction * way, (F)(10.0f)));
+    F phase = LEAST_PHASE + phase_of(air.g, air.droplets, dot3(to, s.ray.d) / distance);
+    return near ? bright * spread * left * phase : ZERO;
+}
+
+// The lamp that u and v pick for a stretch, or for a place of it at distance t, and the probability of that; of the lamps in
+// `known`, where they are not negative, that alone. Lamps at infinity have their share of places, those near by what is left.
+static I pick_in_air(Scene scene, Stretch s, Air air, F t, int of_stretch, I known, F u, F v, F *pick)
+{
+    const __global Emitter *es = scene.emitters;
+    F sum = ZERO, afar = ZERO, taken = ZERO;
+    I e = FALSE;
+    for (int lamp = 0; lamp < scene.emitter_count; ++lamp) {
+        if (is_afar(es[lamp].kind)) {
+            afar += of_stretch ? ZERO : pick_afar_at(scene, lamp, along(s.ray.o, s.ray.d, t));
+            continue;
+        }
+        F light = light_in_air(es, (I)(lamp), s, air, t, of_stretch);
+        sum += light;
+        I take = known < 0 ? u * sum < light : known == (I)(lamp);
+        F share = light / MAX(sum, (F)(SMALLEST));
+        u = take ? u / MAX(share, (F)(SMALLEST)) : (u - share) / MAX(1.0f - share, (F)(SMALLEST));
+        e = take ? (I)(lamp) : e;
+        taken = take ? light : taken;
+    }
+    afar = MIN(afar, ONE);
+    *pick = sum > 0.0f ? (1.0f - afar) * taken / sum : ZERO;
+    F whole = sum > 0.0f ? ONE : afar;
+    F left = v * whole;
+    I open = (known < 0) & (left < afar);
+    for (int lamp = 0; lamp < scene.emitter_count && ANY(open); ++lamp) {
+        if (!is_afar(es[lamp].kind))
+            continue;
+        F share = pick_afar_at(scene, lamp, along(s.ray.o, s.ray.d, t));
+        e = open ? (I)(lamp) : e;
+        *pick = open ? share / whole : *pick;
+        open = open & (left >= share);
+        left -= share;
+    }
+    return e;
+}
+
+
+#if HAS_BEAMS
+// Beams of spots in a medium, which paths that are scattered towards them meet by chance: from each vertex a place of a beam
+// is chosen, along a direction of its cone by the angle that x sees of that. Of the two ways there each counts by a density
+// that only the places say, so that both know the other's.
+
+// The ray along which a spot lights a place.
+static Ray ray_of_beam(const __global Emitter *es, I e, F3 y, F *distance)
+{
+    Ray ray;
+    ray.o = THREE_OF_EMITTER(a);
+    F3 away = sub(y, ray.o);
+    *distance = MAX(sqrt(dot3(away, away)), (F)(SMALLEST));
+    ray.d = scale(away, ONE / *distance);
+    return ray;
+}
+
+// The spot of which u picks a beam at x, or the one `known`, and the probability of that; 0 for other lamps.
+static I pick_beam(Scene scene, F3 x, I known, F u, F *pick)
+{
+    const __global Emitter *es = scene.emitters;
+    F sum = ZERO, taken = ZERO;
+    I chosen = FALSE;
+    for (int lamp = 0; lamp < scene.emitter_count; ++lamp) {
+        if (es[lamp].kind != EMITTER_SPOT)
+            continue;
+        I e = (I)(lamp);
+        Ray axis;
+        axis.o = THREE_OF_EMITTER(a);
+        axis.d = THREE_OF_EMITTER(normal);
+        Equiangular view = seen_from(x, axis, ZERO, (F)(FARTHEST));
+        F light = OF_EMITTER(F, pick) * view.turns / view.aside;
+        sum += light;
+        I take = known < 0 ? u * sum < light : known == e;
+        F share = light / MAX(sum, (F)(SMALLEST));
+        u = take ? u / MAX(share, (F)(SMALLEST)) : (u - share) / MAX(1.0f - share, (F)(SMALLEST));
+        chosen = take ? e : chosen;
+        taken = take ? light : taken;
+    }
+    *pick = sum > 0.0f ? taken / sum : ZERO;
+    return chosen;
+}
+
+// Density per volume with which the beam of a spot, picked with that probability, is met at y from x.
+static F beam_density(const __global Emitter *es, I e, F pick, F3 x, F3 y)
+{
+    F r;
+    Ray ray = ray_of_beam(es, e, y, &r);
+    F cone = MAX(OF_EMITTER(F, u.w), (F)(SMALLEST));
+    return pick * 0.5f * INV_PI_F / cone * equiangular_density(seen_from(x, ray, ZERO, (F)(FARTHEST)), r) / (r * r);
+}
+
+// Share of the light by the beam's way of what comes from y to x, whence a path goes there with density `pdf`.
+static F share_of_beam(const __global Emitter *es, I e, F density, F pdf, F3 x, F3 y)
+{
+    F r;
+    ray_of_beam(es, e, y, &r);
+    F3 to = sub(y, x);
+    F cone = MAX(OF_EMITTER(F, u.w), (F)(SMALLEST));
+    F by_chance = pdf / MAX(dot3(to, to) * 2.0f * r * sqrt(2.0f * cone), (F)(SMALLEST));
+    return density / MAX(density + by_chance, (F)(SMALLEST));
+}
+
+// Adds what beams send to the vertices where the paths of the lanes `on` have come along a ray.
+static void add_beams(Path *path, Ray ray, Hit hit, I on, Scene scene, Rules rules)
+{
+    const __global Emitter *es = scene.emitters;
+    on = on & (path->depth + 1u < rules.max_depth);
+    if (!ANY(on))
+        return;
+    I afloat = on & (hit.primitive == IN_MEDIUM);
+#if HAS_MIX
+    F choice = random4(path->pixel, path->sample, 2u * path->depth, rules.seed).c;
+#else
+    F choice = ZERO;
+#endif
+    Vertex vertex = vertex_of(ray, hit, on & NOT(afloat), choice, scene);
+    if (ANY(afloat))
+        take_phase(&vertex, afloat, path->medium, ray.d, scene);
+    F3 x = select3(afloat, along(ray.o, ray.d, hit.t), vertex.p);
+    on = on & (vertex.kind != MATERIAL_EMISSIVE);
+    // Choose a place of a beam.
+    F4 u = random4(path->pixel, path->sample, 0x40000002u + 256u * path->depth, rules.seed);
+    F pick;
+    I e = pick_beam(scene, x, (I)(-1), u.a, &pick);
+    F low = u.b * OF_EMITTER(F, u.w);
+    F sine = root(low * (2.0f - low));
+    F sn, cs;
+    sincos_turns(u.c, &sn, &cs);
+    F3 axis = THREE_OF_EMITTER(normal), ax, ay;
+    frame(axis, &ax, &ay);
+    Ray beam;
+    beam.o = THREE_OF_EMITTER(a);
+    beam.d = from_frame(ax, ay, axis, f3(sine * cs, sine * sn, 1.0f - low));
+    F3 y = along(beam.o, beam.d, equiangular_distance(seen_from(x, beam, ZERO, (F)(FARTHEST)), u.d));
+    // Take light from there.
+    F3 to = sub(y, x);
+    F distance = MAX(sqrt(dot3(to, to)), (F)(SMALLEST));
+    Ray first = ray;
+    first.d = scale(to, ONE / distance);
+    first.o = select3(afloat, x, departure(vertex, first.d));
+    first.origin = hit.primitive;
+    first.triangle = hit.triangle;
+    F pdf;
+    F3 value = scatter_eval(vertex, ray.d, first.d, &pdf);
+    I stack = stack_beyond(path->medium, hit.primitive, vertex.ng, ray.d, first.d, scene);
+    Inside medium = inside_of(stack, on, scene);
+    F density = beam_density(es, e, pick, x, y);
+    LightSample light = sample_picked(scene, e, ONE, y, ZERO, ZERO);
+    F g = GATHER(F, scene.media, stack & MEDIUM_MASK, .asymmetry);
+    F phase = phase_of(g, droplets_in(stack & MEDIUM_MASK, scene), dot3(first.d, light.direction));
+    F weight = phase * share_of_beam(es, e, density, pdf, x, y) / MAX(density * distance * distance, (F)(SMALLEST));
+#if HAS_LAYERED_FOG
+    weight *= relative_density(medium, first, distance);
+#endif
+    F3 added = mul(mul(path->beta, value), mul(medium.scattering, scale(light.radiance, weight)));
+    added = mul(added, left_along(first, distance, medium, on, scene));
+    on = on & (pick > 0.0f) & (density > 0.0f) & (pdf > 0.0f) & (max3(added) > 0.0f)
+        & (GATHER(I, scene.media, stack & MEDIUM_MASK, .in_shade) == 0);
+    // Add it where nothing is in the way.
+    I passed;
+    if (!ANY(on))
+        return;
+    on = on & NOT(blocked_before(first, on ? distance : ZERO, (I)(NO_PRIMITIVE), (I)(NO_TRIANGLE), &passed, scene));
+#if LIGHT_PASSES
+    on = on & NOT(passed);
+#endif
+    if (!ANY(on))
+        return;
+    Ray second = first;
+    second.o = y;
+    second.d = light.direction;
+    second.origin = (I)(IN_MEDIUM);
+    second.triangle = (I)(NO_TRIANGLE);
+    on = on & NOT(blocked_before(second, on ? light.reach : ZERO, light.primitive, light.triangle, &passed, scene));
+    if (ANY(on))
+        gather_light(path, on, mul(added, shadow_transmittance(second, stack, light.reach, on, scene)),
+                     group_of_emitter(scene, e));
+}
+#endif
+
 #if HAS_DENSITY
 #define AT_MET_TYPE(type, name) , type name
 #define AT_MET(name) , name
@@ -238,6 +502,14 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
 #endif
     F3 droplets = droplets_in(path->medium & MEDIUM_MASK, scene);
     F g = GATHER(F, scene.media, path->medium & MEDIUM_MASK, .asymmetry);
+    Air air = {g, droplets, (mean.x + mean.y + mean.z) * (1.0f / 3.0f)};
+#if HAS_DENSITY
+    air.extinction = s.gridded ? ZERO : air.extinction;
+#endif
+#if HAS_LAYERED_FOG
+    air.extinction *= relative_density(s.medium, s.ray, distance_after(s.medium, s.ray, middle));
+#endif
+    I by_air = picks_by_air(scene);
     F3 per_metre = mul(path->beta, s.medium.scattering);
 #pragma nounroll
     for (uint way = 0u; way < 2u; ++way) {
@@ -247,23 +519,24 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         // Choose a lamp, and where on the stretch.
         F4 u = random4(path->pixel, path->sample, s.dimension + 2u * way + 1u, rules.seed);
         F first, other;
-        F3 p = way == 0u ? along(s.ray.o, s.ray.d, MIN(met, s.length)) : amid;
-        I e = pick_lamp(scene, p, nowhere, u.a, &first);
+        F t = MIN(met, s.length);
+        F3 p = way == 0u ? along(s.ray.o, s.ray.d, t) : amid;
+        I e = ANY(by_air) ? pick_in_air(scene, s, air, t, way == 1u, (I)(-1), u.a, u.d, &first)
+                          : pick_lamp(scene, p, nowhere, u.a, &first);
         I near;
-        F start = ZERO, end = s.length;
-#if EMITTER_SPOTS
-        within_cone(scene.emitters, e, s.ray, &start, &end);
-#endif
-        Equiangular view = seen_from(middle_of(scene.emitters, e, &near), s.ray, start, end);
-        F t = way == 0u ? met : equiangular_distance(view, u.d);
-        wanted = wanted & ((near & (end > start)) | (I)(way == 0u ? -1 : 0));
+        Equiangular view = lit_part(scene.emitters, e, s, &near);
+        t = way == 0u ? met : equiangular_distance(view, u.d);
+        wanted = wanted & (near | (I)(way == 0u ? -1 : 0)) & (first > 0.0f);
         p = along(s.ray.o, s.ray.d, t);
-        other = emitter_pick(scene, near ? e : FALSE, way == 0u ? amid : p, nowhere);
+        if (ANY(by_air))
+            pick_in_air(scene, s, air, t, way == 0u, e, ZERO, ZERO, &other);
+        else
+            other = emitter_pick(scene, near ? e : FALSE, way == 0u ? amid : p, nowhere);
         other = near ? other : ZERO;
         // Take light from there.
         F here = way == 0u ? first : other;         // probability of the lamp at the place itself
         F whole = way == 0u ? other : first;        // and for the stretch
-        LightSample light = sample_picked(scene, e, here, p, u.b, u.c);
+        LightSample light = sample_picked(scene, e, first, p, u.b, u.c);
         F phase = phase_of(g, droplets, dot3(s.ray.d, light.direction));
         F column = column_of(s.medium, s.ray, t);
         F3 left = transmittance_of(s.medium.extinction, column);
@@ -294,9 +567,19 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         likely = gridded ? MAX(likely, (F)(LEAST_LIKELY)) : likely;
 #endif
         F both_ways = likely * here + whole * spread;
-        F weight = phase * here / MAX(both_ways, (F)(SMALLEST));
+        F weight = phase * first / MAX(both_ways, (F)(SMALLEST));
+#if HAS_BEAMS
+        I beam = wanted & by_air & (path->depth > 1u) & (path->pdf > 0.0f) & (GATHER(I, scene.emitters, e, .kind) == EMITTER_SPOT);
+        if (ANY(beam)) {
+            F pick;
+            pick_beam(scene, path->ray.o, e, ZERO, &pick);
+            F density = beam_density(scene.emitters, e, pick, path->ray.o, p);
+            weight *= beam ? 1.0f - share_of_beam(scene.emitters, e, density, path->pdf, path->ray.o, p) : ONE;
+        }
+#endif
 #if !LAMPS_BY_SAMPLES
-        F rival = MIN(light.pdf, (F)(LARGEST_DENSITY));
+        F surely = (by_air & near) ? ONE : here;
+        F rival = MIN(light.pdf / MAX(first, (F)(SMALLEST)) * surely, (F)(LARGEST_DENSITY));
         F mis = rival > 0.0f ? rival * rival / (rival * rival + phase * phase) : ONE;
 #if LIGHT_PASSES
         mis = hidden_from_paths(light.primitive, scene) ? ONE : mis;
@@ -491,6 +774,11 @@ static Hit travel_on(Path *path, Scene scene, Rules rules)
         on = FALSE;
 #endif
     }
+#if HAS_EMITTERS && HAS_BEAMS
+    I arrived = (path->ray.origin != PATH_ENDED) & ((result.primitive >= 0) | (result.primitive == IN_MEDIUM));
+    if (scene.emitter_count <= FEW_LAMPS && ANY(arrived))
+        add_beams(path, path->ray, result, arrived, scene, rules);
+#endif
     // A path that only boundaries hold goes no farther.
     path->ray.origin = on ? (I)(PATH_ENDED) : path->ray.origin;
     return result;

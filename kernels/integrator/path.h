@@ -218,6 +218,13 @@ static inline void leave_one_wavelength(Path *path, Vertex vertex, I on, Scene s
 }
 #endif
 
+#if HAS_MEDIA
+#define FEW_LAMPS 16    // of which each is asked what it gives a place in a medium
+
+// Lanes, which are all alike, that pick lamps for media so: for weights against paths that meet lamps, with certainty.
+static inline I picks_by_air(Scene scene) { return (I)(scene.emitter_count <= FEW_LAMPS ? -1 : 0); }
+#endif
+
 #if HAS_LAMPS
 // Emission of the primitive that was hit, weighted against light sampling.
 static F3 emission(const Path *path, Vertex vertex, F3 radiance, I shines, F t, F cos_i, Scene scene)
@@ -230,6 +237,9 @@ static F3 emission(const Path *path, Vertex vertex, F3 radiance, I shines, F t, 
     if (ANY(rival)) {
         I e = MAX(vertex.emitter, FALSE);
         F pick = emitter_pick(scene, e, from.o, receiver_behind(path));
+#if HAS_MEDIA
+        pick = (path->ray.origin == IN_MEDIUM) & picks_by_air(scene) ? ONE : pick;
+#endif
         F other = emitter_pdf(scene.emitters, e, pick, path->ray.o, path->ray.d, t, absolute(cos_i));
 #if LAMPS_BEHIND_GLASS
         other = path->pdf > 0.0f ? other : aim_pdf(scene.emitters, e, pick, from.o, from.d);

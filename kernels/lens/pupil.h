@@ -263,7 +263,8 @@ static inline F inverse_density_at(F fx, F fy, F x, F y, const __global Realisti
         knot += knots_near(tables, p, own, knot + step).here * (float)PUPIL_DIRECTIONS <= turn ? (I)(step) : FALSE;
     Knots knots = knots_near(tables, p, own, knot);
     F r2 = u * u + v * v, slope = (knots.ahead - knots.here) * (float)PUPIL_DIRECTIONS;
-    return (p.lit & (r2 < o.r * o.r) & (r2 >= o.hole * o.hole))
+    I open = (turn >= knots.here * (float)PUPIL_DIRECTIONS) & (turn <= knots.ahead * (float)PUPIL_DIRECTIONS);
+    return (p.lit & open & (r2 < o.r * o.r) & (r2 >= o.hole * o.hole))
            ? PI_F * o.a * o.b * o.r * o.r * (ONE - hole_of(o)) * slope : ZERO;
 #else
     return (p.lit & (u * u + v * v < o.r * o.r)) ? PI_F * o.a * o.b * o.r * o.r : ZERO;

@@ -57,21 +57,21 @@ class Heat:
     def lens(self, lens: Lens) -> Lens:
         """Return a lens, made and measured at 20 degrees, under this heat; itself where nothing differs.
 
-        Glass keeps its shape and grows, and mirrors behind it with it; air spaces grow as the barrel does; a cemented
-        surface as the glass behind it.
+        Glass keeps its shape and grows, and mirrors behind it with it, those in air with their bodies; air spaces
+        grow as the barrel does; a cemented surface as the glass behind it.
 
         Raises
         ------
         InputError
-            When a catalogue does not say how a glass changes, or for mirrors in front of a body, which is not known.
+            When a catalogue or a lens file does not say how a glass or the body of a mirror changes.
         """
         if self.celsius == STANDARD_C and self.pressure_hpa == STANDARD_HPA:
             return lens
         for k, surface in enumerate(lens.surfaces):
-            if surface.is_mirror and surface.glass == AIR:
+            if surface.is_mirror and surface.glass == AIR and surface.body_per_k is None:
                 raise InputError(
-                    f"{lens.name}: surface {k} is a mirror in front of its body, and no file says how that expands"
-                    " (mirrors behind glass keep its shape)"
+                    f"{lens.name}: surfaces[{k}]: is a mirror in front of its body, and nothing says how that expands"
+                    " (write body_expansion_per_k beside mirror: true)"
                 )
         if lens.fold is not None:
             raise InputError(f"{lens.name}: its axis is folded, and no file says how its parts are held apart")
@@ -79,6 +79,9 @@ class Heat:
         media = [self._medium(lens, f"surfaces[{k}]", lens.surfaces[k].glass) for k in range(len(lens.surfaces))]
         growth = [self._growth(lens, k) for k in range(len(lens.surfaces))]
         bodies = [growth[k] if s.glass != AIR or k == 0 else growth[k - 1] for k, s in enumerate(lens.surfaces)]
+        for k, surface in enumerate(lens.surfaces):
+            if surface.body_per_k is not None:
+                bodies[k] = 1.0 + surface.body_per_k * (self.celsius - STANDARD_C)
         surfaces = [
             replace(_scale_surface(surface, body), thickness=surface.thickness * gap, glass=medium)
             for surface, body, gap, medium in zip(lens.surfaces, bodies, growth, media, strict=True)

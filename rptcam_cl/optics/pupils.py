@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -99,6 +99,8 @@ class PupilShapes:
         Radius in the frame of the axes, per direction k / DIRECTIONS of a turn.
     inner : array like radii, or None
         Within what radius nothing passes, of lenses whose middle is obstructed.
+    opens : (lines, nodes, 2) array, or None
+        Directions [turns, to 0.5] from which and up to which light passes, and in their mirror images, of crescents.
     """
 
     reach: Array
@@ -106,6 +108,7 @@ class PupilShapes:
     axes: Array
     radii: Array
     inner: Array | None = None
+    opens: Array | None = None
 
     @property
     def radial(self) -> bool:
@@ -226,6 +229,10 @@ RING_OUTLINES = replace(FINE_OUTLINES, bisections=9, margin=0.001, farthest=RING
 COARSE_RINGS = replace(RING_OUTLINES, radial_nodes=11, bisections=6, margin=0.004)
 RING_NODES = 20, 161  # as many as a ring moves by its radius over the film, at most
 RIM_STEPS = 4  # of a secant towards the rim
+TIP_SCAN, TIP_BISECTIONS = 16, 5  # points along a direction by which it is seen whether a crescent reaches it
+TIP_ROOM = 0.01  # of its radius, to both sides of where light passes in the next direction
+TIP_MARGIN = 2e-4  # turns
+STRAIGHT = 6  # directions beside a crescent, to which its edges go on
 
 
 def _of_rings(fineness: Fineness) -> Fineness:
@@ -261,11 +268,62 @@ def _ring_line(
     if not np.isfinite([centres, axes]).all():
         return None
     nodes = int(np.clip(RING_NODES[0] * abs(centres[0]) / axes[0], fineness.radial_nodes, RING_NODES[1]))
-    centres, axes, reach, holes = seen(_film_line(high, nodes))
-    outer = _held(reach, reach == 0.0) * (1.0 + fineness.margin)
-    inner = -_held(-holes, np.isinf(holes))
-    inner = np.maximum(np.where(np.isfinite(inner), inner, 0.0) - fineness.margin, 0.0)
-    return PupilShapes(np.array([high]), centres[None, ::2], axes[None, ::2], outer[None], inner[None])
+    film = _film_line(high, nodes)
+    centres, axes, reach, holes = seen(film)
+    if not reach.any():
+        return None
+    opens = _held_tips(np.stack([*_tips(states, film, (centres, axes), reach, holes)]))
+    bright = reach > 0
+    outer = _held(reach, bright) * (1.0 + fineness.margin)
+    inner = np.maximum(-_held(-holes, bright) - fineness.margin, 0.0)
+    return PupilShapes(np.array([high]), centres[None, ::2], axes[None, ::2], outer[None], inner[None], opens[None])
+
+
+def _tips(
+    states: Sequence[tuple[film_probe.FilmProbe, float]],
+    film: Array,
+    frames: tuple[Array, Array],
+    reach: Array,
+    holes: Array,
+) -> Iterator[Array]:
+    """Yield in which directions [turns] the upper halves of crescents begin and end (points,); not a number where dark.
+
+    Between the last direction of which rays pass and the next one, directions are bisected.
+    """
+    count = reach.shape[1]
+    lit, rows = reach[:, : count // 2 + 1] > 0, np.arange(len(film))
+    for first, out in ((np.argmax(lit, axis=1), -1), (count // 2 - np.argmax(lit[:, ::-1], axis=1), 1)):
+        ends = (first == 0) | (first == count // 2)
+        low, high, near = first[:, None] + 0.0, first[:, None] + out * ~ends[:, None], (first - out) % count
+        far, hole = reach[rows, first], np.where(np.isfinite(holes[rows, first]), holes[rows, first], 0.0)
+        other = holes[rows, near]
+        bend = np.where(np.isfinite(other), 1.5 * np.abs(hole - other), 0.0) + TIP_ROOM
+        rho = hole[:, None] - bend[:, None] + np.linspace(0.0, 1.0, TIP_SCAN) * (far - hole + bend + TIP_ROOM)[:, None]
+        for _ in range(TIP_BISECTIONS):
+            turns = (low + high) / 2 * (2 * np.pi / count)
+            points = (
+                frames[0][:, None] + frames[1][:, None] * np.stack([np.cos(turns), np.sin(turns)], -1) * rho[..., None]
+            )
+            passed = [of.passes(scale * film[:, None], points) for of, scale in states]
+            bright = np.any(passed, axis=(0, 2))[:, None]
+            low, high = np.where(bright, (low + high) / 2, low), np.where(bright, high, (low + high) / 2)
+        yield np.where(lit.any(axis=1), high[:, 0] / count, np.nan)
+
+
+def _held_tips(tips: Array) -> Array:
+    """Return where crescents begin and end (nodes, 2), held between nodes too, from both at all points (2, points)."""
+    points = np.arange(tips.shape[1])
+    lit = np.isfinite(tips[0])
+    wide = np.stack(
+        [-np.interp(points, points[lit], tips[0, lit]), np.interp(points, points[lit], tips[1, lit])], axis=1
+    )
+    nodes = wide[::2].copy()
+    short = np.maximum(wide - between(nodes), 0.0)
+    short[wide >= [0.0, 0.5]] = 0.5  # a ring becomes a crescent at once
+    for padded in (np.pad(short, ((1, 0), (0, 0)))[:-1], np.pad(short, ((0, 1), (0, 0)))[1:]):
+        nodes += padded[::2]
+    nodes[nodes[:, 0] < 0, 0] += TIP_MARGIN
+    return np.asarray(np.clip(nodes * [-1.0, 1.0], 0.0, 0.5))
 
 
 def _stop_frames(probe: film_probe.FilmProbe, film: Array) -> tuple[Array, Array]:
@@ -286,22 +344,40 @@ def _stop_frames(probe: film_probe.FilmProbe, film: Array) -> tuple[Array, Array
     return centres, np.stack([(right + left) / 2, up], axis=1)
 
 
-def _held(values: Array, jumps: Mask) -> Array:
+def _held(values: Array, lit: Mask) -> Array:
     """Return values (nodes, DIRECTIONS) that, interpolated, hold those at points and directions between them too.
 
     Parameters
     ----------
-    values, jumps
-        (points, directions) as of `RING_OUTLINES`, and which of them do not go on smoothly.
+    values, lit
+        (points, directions) as of `RING_OUTLINES`, and where any ray passes; beside those they go on straight.
     """
-    wide = _envelope(values[None], RING_OUTLINES.directions)
-    wide = _from_neighbours(wide, jumps[None, ::2, ::2])[0]
-    nodes = np.where(jumps[::2, ::2], wide, values[::2, ::2])
+    whole = _continued(values, lit)
+    nodes = whole[::2, ::2]
     fine = between(nodes)
     fine = np.stack([fine, (fine + np.roll(fine, -1, axis=1)) / 2], axis=2).reshape(values.shape)
-    with np.errstate(invalid="ignore"):
-        short = np.where(jumps, 0.0, np.nan_to_num(np.maximum(values - fine, 0.0)))
+    short = np.where(lit, np.maximum(whole - fine, 0.0), 0.0)
     return np.asarray(nodes + _envelope(short[None], RING_OUTLINES.directions)[0])
+
+
+def _continued(values: Array, lit: Mask) -> Array:
+    """Return values (points, directions) whose dark directions go on from the nearest lit one, at first straight."""
+    any_lit = np.flatnonzero(lit.any(axis=1))
+    nearest = any_lit[np.argmin(np.abs(np.arange(len(lit))[:, None] - any_lit), axis=1)]
+    values, lit = values[nearest], lit[nearest]
+    count = values.shape[1]
+    away = np.where(lit, 0, count)
+    sense = np.zeros(lit.shape, int)
+    for step in range(1, count // 2 + 1):
+        for out in (-1, 1):
+            found = (away == count) & np.roll(lit, out * step, axis=1)
+            away[found], sense[found] = step, out
+    columns, rows = np.arange(count), np.arange(len(lit))[:, None]
+    near, before = (columns - sense * away) % count, (columns - sense * (away + 1)) % count
+    slope = np.where(lit[rows, before], values[rows, near] - values[rows, before], 0.0)
+    with np.errstate(invalid="ignore"):
+        slope = np.maximum(np.nan_to_num(slope), 0.0)  # those that close end at corners
+        return np.where(lit, values, values[rows, near] + np.minimum(away, STRAIGHT) * slope)
 
 
 def _inner(holes: Array, radii: Array, fineness: Fineness, closes: Mask, margin: float) -> Array:

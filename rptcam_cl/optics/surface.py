@@ -433,6 +433,8 @@ class Surface:
         Whether this is the aperture stop.
     is_mirror : bool
         Whether it reflects the light.
+    body_per_k : float or None
+        Linear expansion of the body behind a mirror in air [1/K], where it is known.
     conic : float
         k: 0 sphere, -1 paraboloid, below -1 hyperboloid.
     aspheric : tuple of (power, coefficient)
@@ -469,6 +471,7 @@ class Surface:
     stop_shape: StopShape | StopMask | None = None
     coating: Coating | None = None
     phase: Phase | None = None
+    body_per_k: float | None = None
 
     @property
     def radius(self) -> float:

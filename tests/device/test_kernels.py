@@ -227,6 +227,14 @@ def test_passes_with_media_alone_compile_without_a_warning(session, files, bound
     without_warnings(session, files, least_facts() | READ | MEDIA | facts)
 
 
+@pytest.mark.parametrize("layered", [1, slow(0)])
+@compiled("travel shadow", "stream")
+def test_passes_with_beams_compile_without_a_warning(session, files, layered):
+    spots = {"HAS_EMITTERS": 1, "EMITTER_SIZELESS": 1, "EMITTER_SPOTS": 1}
+    facts = spots | {"HAS_MEDIA": 1, "HAS_LAYERED_FOG": layered, "VW": 8}
+    without_warnings(session, files, least_facts() | READ | facts)
+
+
 @compiled("intersect shadow")
 def test_walks_side_by_side_compile_without_a_warning(session, files):
     facts = all_facts() | TREES | {"VW": 16}

@@ -216,10 +216,29 @@ def test_mirror_behind_glass_grows_with_it_and_one_before_its_body_is_refused() 
     alike = mangin({"index": float(index(mangin("N-BK7").surfaces[0].glass, 60.0, D_NM))}, 1 + 40 * 7.1e-6)
     assert hot.first_order().focal_length_mm == pytest.approx(alike.first_order().focal_length_mm, rel=1e-12)
     assert hot.surfaces[1].curvature == pytest.approx(-1 / (110 * (1 + 40 * 7.1e-6)), rel=1e-12)
-    with pytest.raises(InputError, match="surface 0 is a mirror in front of its body"):
+    with pytest.raises(InputError, match="write body_expansion_per_k"):
         Heat(60.0).lens(load_lens({"name": "a", "surfaces": [{"radius": -100, "mirror": True, "diameter": 20}]}))
     with pytest.raises(InputError, match="nothing says how glass"):
         Heat(60.0).lens(load_lens("mirror-500mm"))
+
+
+def test_mirrors_in_air_grow_as_their_bodies_and_gaps_as_the_barrel(tmp_path: Path) -> None:
+    rows = [
+        {"radius": -400, "thickness": -140, "mirror": True, "conic": -1, "diameter": 100, "body_expansion_per_k": 8e-6},
+        {"radius": -160, "mirror": True, "conic": -2.7777777777777777, "diameter": 34, "body_expansion_per_k": -2e-8},
+    ]
+    cold = load_lens({"name": "cassegrain", "surfaces": rows})
+    hot = Heat(70.0, barrel_per_k=23.6e-6).lens(cold)
+    large, small, gap = 200 * (1 + 50 * 8e-6), 80 * (1 - 50 * 2e-8), 140 * (1 + 50 * 23.6e-6)
+    left = large - gap  # from the small mirror to the focus of the large one; then 1 / s = 1 / left - 1 / small
+    film = 1 / (1 / left - 1 / small)
+    assert hot.first_order().focal_length_mm == pytest.approx(large * film / left, rel=1e-12)
+    assert hot.first_order().back_focal_distance_mm == pytest.approx(film, rel=1e-12)  # 5 mm from that of the cold one
+    assert hot.surfaces[0].semi_diameter == pytest.approx(50 * (1 + 50 * 8e-6), rel=1e-14)
+    (tmp_path / "lens.yaml").write_text(lens_text(cold))
+    assert load_lens(tmp_path / "lens.yaml").surfaces == cold.surfaces
+    with pytest.raises(InputError, match="only a mirror in air has a body"):
+        load_lens({"surfaces": [{"radius": 50, "diameter": 20, "body_expansion_per_k": 1e-6}]})
 
 
 THERMAL = {"d": [1.86e-6, 1.31e-8, -1.37e-11], "e": [4.34e-7, 6.27e-10], "resonance_um": 0.17}

@@ -229,6 +229,31 @@ def test_ball_scatters_the_sky_once_as_quadrature_does(diameter):
     assert_equivalent(mean, error, total, 4e-3)
 
 
+@pytest.mark.parametrize("layer", [None, slow({"scale_height_m": 0.8, "base": 0.5})])
+def test_beams_give_what_paths_that_meet_them_by_chance_give(layer):
+    fog = {"scattering_per_m": [0.25, 0.3, 0.35], "absorption_per_m": 0.05, "asymmetry": 0.5, "layer": layer}
+    spots = [([-1.5, 1.2, 0.5], [1, 0.02, -0.15], 25, 40), ([1.5, 3, -1], [-0.3, -1, 0.3], 35, 12)]
+    names = ("position", "direction", "outer_degrees", "intensity")
+    lights = [{"kind": "spot"} | dict(zip(names, spot, strict=True)) for spot in spots]
+    glass = {"kind": "dielectric", "index": 1.5, "roughness": 0.3}
+    plastic = {"kind": "plastic", "reflectance": 0.5, "roughness": 0.4}
+    objects = [
+        {"shape": "plane", "point": [0, 0, 0], "normal": [0, 1, 0], "material": {"kind": "matte", "reflectance": 0.6}},
+        BALL | {"center": [0.6, 1, 0.3], "radius": 0.4, "material": plastic},
+        BALL | {"center": [-0.8, 0.5, 0.8], "radius": 0.4, "material": glass},
+    ]
+    # Where there is a boundary, if only of nothing and out of sight, paths have but chance.
+    away = BALL | {"center": [0, 1, 90], "material": {"kind": "boundary", "interior": {}}}
+    camera = looking([0, 1.2, 4], [0, 1, 0], fov=60) | {"up": [0, 1, 0]}
+    found = []
+    for number, each in enumerate((objects, [*objects, away])):
+        scene = scene_of(each, camera, lights=lights, depth=4, medium=fog)
+        seeds = [seed_of(f"beams {number} {place}") for place in range(8)]
+        found.append(np.array([pixels(scene, seed=seed, spp=512).mean(axis=(0, 1)) for seed in seeds]))
+    (own, noise), (other, chance) = ((each.mean(axis=0), each.std(axis=0, ddof=1) / 8**0.5) for each in found)
+    assert_equivalent(own - other, np.hypot(noise, chance), 0, 0.03 * other)
+
+
 @pytest.mark.slow
 def test_boundary_alone_is_not_there():
     empty = {"interior": {}}

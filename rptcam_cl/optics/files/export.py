@@ -619,6 +619,8 @@ def _surface_keys(lens: Lens, k: int, last: bool) -> dict[str, Any]:
         row["stop"] = True
     if surface.is_mirror:
         row["mirror"] = True
+    if surface.body_per_k is not None:
+        row["body_expansion_per_k"] = surface.body_per_k
     if surface.curvature:
         row["radius"] = short_radius(surface.curvature)
     if not last:

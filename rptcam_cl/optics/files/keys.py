@@ -166,6 +166,7 @@ SURFACE = {
     ),
     "glass": Key("What fills the space behind the surface; air by default.", GLASS_VALUE),
     "mirror": Key("Whether the surface reflects; the light stays in the medium it comes from.", {"type": "boolean"}),
+    "body_expansion_per_k": Key("Linear expansion of the body that carries a mirror in air [1/K].", NUMBER),
     "diameter": Key("Full clear diameter [unit].", POSITIVE),
     "inner_diameter": Key("Of a hole or an obstruction in the middle, which stops light [unit].", POSITIVE),
     "stop": Key("Whether this is the aperture stop; at most one is.", {"type": "boolean"}),

@@ -609,6 +609,7 @@ def _surface(document: Document, index: int, last: bool, scale: float) -> Surfac
         inner_semi_diameter=inner * scale / 2,
         is_stop=fields.flag("stop"),
         is_mirror=fields.flag("mirror"),
+        body_per_k=fields.number("body_expansion_per_k") if "body_expansion_per_k" in fields else None,
         **_read_shape(fields, scale),
     )
 
@@ -626,6 +627,9 @@ def _turn_at_mirrors(document: Document, surfaces: tuple[Surface, ...], before: 
             if surface.region is not None and not surface.region.blocks:
                 raise problem(document, (*path, "outside"), "nothing passes beside a mirror; leave it out")
             surface = replace(surface, glass=before)
+        if surface.body_per_k is not None and not (surface.is_mirror and before == AIR):
+            path = ("surfaces", k, "body_expansion_per_k")
+            raise problem(document, path, "only a mirror in air has a body of its own; leave it out")
         result.append(surface)
         before = surface.glass
     return tuple(result)

@@ -274,17 +274,24 @@ def _out_of_outlines(sampling: PupilSampling, film: Array, points: Array, margin
     out = away_by > between(radii[0]) + margin
     if sampling.ring:
         out |= away_by < between(radii[1]) - margin
+        begin, end = (sum(share * radii[2][node, k] for node, share in corners) for k in (0, -1))
+        beside = margin / (2 * np.pi) + 1e-7
+        out |= (place < pupils.DIRECTIONS * (begin - beside)) | (place > pupils.DIRECTIONS * (end + beside))
     return np.asarray(out & (frame[:, 2] > 0))
 
 
 def outline_radii(sampling: PupilSampling, nodes: int, start: int) -> list[Array]:
-    """Return the radii (nodes, directions) of the outlines in a table; of rings those of holes, and `_knots` too."""
+    """Return the radii (nodes, directions) of the outlines in a table; of rings those of holes, and `_knots`, too."""
     size = 4 * nodes * pupils.DIRECTIONS
     tables = (
         sampling.table[at : at + size : 4]
         for at in range(start, start + (2 * sampling.ring + 1) * (size + 4), size + 4)
     )
-    return [table.reshape(-1, pupils.DIRECTIONS).astype(np.float64) for table in tables]
+    radii = [table.reshape(-1, pupils.DIRECTIONS).astype(np.float64) for table in tables]
+    if sampling.ring:
+        end = start + 2 * (size + 4) + 4 * pupils.DIRECTIONS - 3
+        radii[2] = np.column_stack([radii[2], sampling.table[end : end + size : 4 * pupils.DIRECTIONS]])
+    return radii
 
 
 def outlines_around(
@@ -548,7 +555,9 @@ def tight_sampling(shapes: pupils.PupilShapes) -> PupilSampling:
     frames, last = np.concatenate([shapes.centres, shapes.axes], axis=-1), np.zeros(4)
     lines, nodes = frames.shape[:2]
     radii = [_with_ahead(values) for values in (shapes.radii, shapes.inner) if values is not None]
-    radii += [_with_ahead(_knots(shapes.radii, shapes.inner), 1.0)] if shapes.inner is not None else []
+    if shapes.inner is not None:
+        knots = _knots(shapes.radii, shapes.inner, shapes.opens)
+        radii.append(_with_next(np.stack([knots[..., :-1], knots[..., 1:]], axis=-1)))
     if shapes.radial:
         parameters: PupilGrid | PupilLines = PupilGrid(1 / (shapes.reach[0] / (nodes - 1)), 0.0, nodes, 1)
         reaches: list[Array] = []
@@ -561,19 +570,44 @@ def tight_sampling(shapes: pupils.PupilShapes) -> PupilSampling:
     return PupilSampling("tight", PupilKind.OUTLINES, parameters, numbers, ring=ring)
 
 
-def _knots(radii: Array, inner: Array) -> Array:
-    """Return the directions (lines, nodes, DIRECTIONS) up to which equal shares of the area of rings lie [turns]."""
-    ends = np.linspace(0.0, 1.0, pupils.DIRECTIONS + 1)
-    outer, hole = (
-        values**2 + values * np.roll(values, -1, -1) + np.roll(values, -1, -1) ** 2 for values in (radii, inner)
+_FINE = 16  # steps of a direction, by which shares of the area are found
+
+
+def _knots(radii: Array, inner: Array, opens: Array | None) -> Array:
+    """Return the directions (lines, nodes, DIRECTIONS + 1) up to which equal shares of the area of rings lie [turns].
+
+    They begin and end where light does. Where there are two crescents, one step leads from the end of the first to the
+    other, which has a step less.
+    """
+    turns = np.arange(_FINE * pupils.DIRECTIONS + 1) / (_FINE * pupils.DIRECTIONS)
+    every = np.arange(pupils.DIRECTIONS + 1) / pupils.DIRECTIONS
+    half = pupils.DIRECTIONS // 2
+    knots = []
+    opens = np.broadcast_to([0.0, 0.5], (*radii.shape[:2], 2)) if opens is None else opens
+    rows = zip(
+        radii.reshape(-1, pupils.DIRECTIONS), inner.reshape(-1, pupils.DIRECTIONS), opens.reshape(-1, 2), strict=True
     )
-    shares = np.cumsum(outer - hole + 1e-9, axis=-1).reshape(-1, pupils.DIRECTIONS)
-    knots = (np.interp(ends[:-1], np.append(0.0, own / own[-1]), ends) for own in shares)
-    return np.reshape([*knots], radii.shape)
+    for outer, hole, (first, last) in rows:
+        areas = np.interp(turns, every, np.append(outer, outer[0])) ** 2
+        areas -= np.interp(turns, every, np.append(hole, hole[0])) ** 2
+        below = np.concatenate([[0.0], np.cumsum(np.maximum(areas[1:] + areas[:-1], 0.0) + 1e-9)])
+        if last - first < 1e-6:
+            first, last = 0.0, 0.5
+        low, high, low2, high2 = np.interp([first, last, 1.0 - last, 1.0 - first], turns, below)
+        if last >= 0.5:
+            knots.append(np.interp(np.linspace(low, high2, len(every)), below, turns))
+        else:
+            parts = np.linspace(low, high, half + 1), np.linspace(low2, high2, half)
+            knots.append(np.interp(np.concatenate(parts), below, turns))
+        knots[-1][[0, -1]] = first, 1.0 - first
+    return np.reshape(knots, (*radii.shape[:2], -1))
 
 
-def _with_ahead(values: Array, turn: float = 0.0) -> Array:
-    """Return values (lines, nodes, directions), which grow by a number each turn, with those of the next direction, and
-    both at the next node, beside."""
-    rows = np.stack([values, np.concatenate([values[..., 1:], values[..., :1] + turn], axis=-1)], axis=-1)
+def _with_ahead(values: Array) -> Array:
+    """Return values (lines, nodes, directions) with those of the next direction, and both at the next node, beside."""
+    return _with_next(np.stack([values, np.roll(values, -1, axis=-1)], axis=-1))
+
+
+def _with_next(rows: Array) -> Array:
+    """Return rows (lines, nodes, directions, 2) with those of the next node beside."""
     return np.concatenate([rows, np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)], axis=-1)

@@ -472,6 +472,23 @@ def test_copies_of_a_warm_mirror_behind_glass_are_out_of_focus_as_matrices_say()
     assert spots == pytest.approx(expected, rel=2e-5)  # third order, at f/138
 
 
+def test_copies_of_a_warm_mirror_in_air_are_out_of_focus_as_its_body_says() -> None:
+    body, share, reach = 3.3e-6, 0.2, 0.5
+    lens = load_lens({"name": "bare", "surfaces": [
+        {"radius": -200, "mirror": True, "stop": True, "diameter": 2 * reach, "body_expansion_per_k": body},
+    ]})  # fmt: skip
+    merit = {"fields_degrees": [0], "wavelengths_nm": [550]}
+    given = {"copies": 40, "distribution": "end_point", "refocus": False, "temperature_c": 60, "merit": merit,
+             "barrel": "titanium", "tolerances": [{"radius_percent": share}]}  # fmt: skip
+    run = tolerance(lens, given, with_sensitivities=False)
+    sharp = 100 * (1 + 40 * body)
+    assert run.film_distance_mm == pytest.approx(sharp, rel=1e-5)  # third order
+    expected = [
+        1e3 * reach * (1 + 40 * body) / (sharp * (1 + off)) * sharp * abs(off) / math.sqrt(2) for off in (2e-3, -2e-3)
+    ]
+    assert np.unique(np.round(run.scores.spot_um, 9)) == pytest.approx(expected, rel=1e-4)
+
+
 @pytest.mark.slow
 def test_ring_beams_of_mirrors_have_the_spots_of_random_rays() -> None:
     lens = load_lens("mirror-500mm")
