@@ -13,12 +13,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.optics_worker import FAR_MM
 from benchmarks.report import print_table
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.core import LINE_C_NM, LINE_D_NM, LINE_F_NM
@@ -83,7 +85,7 @@ def rows_of(lens: Any) -> list[dict[str, Any]]:
 
 def ours(setting: spots.Setting, heights: Array) -> Figures:
     """Return our figures; fans through heights in the plane of the first vertex [mm]."""
-    lens, beam = setting.lens, Beam(FIELD)
+    lens, beam = setting.lens, Beam(FIELD, setting.object_distance_mm)
     marginal, chief = aberrations.paraxial_rays(setting, FIELD)
     sums = aberrations.seidel(setting, FIELD, (LINE_F_NM, LINE_C_NM), unit="sums").rows[:-1]
     (pencils,) = aberrations.curvature_rows(setting, [FIELD], [LINE_D_NM])
@@ -106,6 +108,8 @@ def compare(python: str, program: str, spec: Any) -> dict[str, float]:
     """Return by how much figures differ, at most, in parts of the largest of their kind."""
     lens = load_lens(spec)
     setting = spots.setting(lens)
+    if program == "rayoptics":  # knows no object at infinity
+        setting = replace(setting, object_distance_mm=FAR_MM)
     worker = Worker(python, "benchmarks.optics_worker", program)
     try:
         answer = worker.ask(

@@ -23,7 +23,7 @@ Trace = Callable[[Array, Array], Array]  # points and directions (n, 3) -> point
 Row = dict[str, Any]
 WAVELENGTH_NM = 587.5618
 FDC = (486.1327, WAVELENGTH_NM, 656.2725)
-FAR_MM = 1e10  # a distant object of ray-optics
+FAR_MM = 1e7  # a distant object of ray-optics
 BEFORE_MM = 1.0  # of the first vertex, where rays start
 
 
