@@ -30,6 +30,9 @@ __kernel void travel(SCENE_PARAMETERS
     path.groups = (GroupLight){state, capacity, slot};
 #endif
     Scene scene = SCENE;
+#if HAS_BEAMS
+    path.pdf = depth == 1u ? ZERO : READ_F(PDF, slot);
+#endif
     path.medium = depth == 1u ? (I)(scene.media_at_camera) : READ_I(MEDIUM, slot);
 #if HAS_ENTRIES
     path.entry = READ_F3(ENTRY, slot);     // of no account at depth 1, which begins in no such medium

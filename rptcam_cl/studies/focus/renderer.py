@@ -404,12 +404,14 @@ class ProbeRenderer:
     def _limited(self, camera: CameraModel, light: Wavefront, white: Wavefront, seed: int) -> CameraModel:
         """Return a camera whose exposure brings the most light that counts in full to the limit of a sample.
 
-        What is limited is a function of the place in the scene, as its light is, and is sharp where that is.
+        What is limited is a function of the place in the scene, as its light is, and is sharp where that is. It is the
+        same for the whole pupil and for its halves, which show few details of lamps out of focus.
         """
 
         def sample(wavefront: Wavefront, seed: int, factor: float = 1.0) -> NDArray[np.float32]:
             record = camera.record.copy()
             record["exposure"] *= factor
+            record["half_pupil"]["offset"], record["half_pupil"]["beyond"] = -FARTHEST, 1
             wavefront.use_camera(replace(camera, record=record))
             wavefront.clear()
             wavefront.seed = seed
@@ -546,6 +548,7 @@ class ProbeRenderer:
 
 
 LIMIT = 1.0  # `render.clamp` of probes
+FARTHEST = 1e30  # mm, of a line beyond which all of a pupil lies
 UNLIMITED = 1e6  # times the mean light
 NOISY = 0.5  # standard deviation of a sample over its mean, from which on it is
 LIMITED = 16  # rounds of finding it

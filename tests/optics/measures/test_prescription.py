@@ -97,7 +97,7 @@ def test_writer_knows_every_field_of_a_lens() -> None:
     }  # fmt: skip
     assert {field.name for field in fields(Surface)} == {
         "curvature", "thickness", "glass", "semi_diameter", "is_stop", "conic", "aspheric", "cylinder", "form",
-        "pose", "region", "stop_shape", "coating", "inner_semi_diameter", "is_mirror", "phase",
+        "pose", "region", "stop_shape", "coating", "inner_semi_diameter", "is_mirror", "phase", "body_per_k",
     }  # fmt: skip
 
 
