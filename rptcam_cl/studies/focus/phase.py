@@ -507,7 +507,7 @@ class PhaseSearch:
     probes : list
         Every probe so far and what was made of it; None where it shows nothing.
     others : list
-        The same of zones that did not decide.
+        The same of zones that did not decide, and of light that was limited, or not, where that shows less.
     on_state : callable or None
         Called with every state that the target is taken to be sharp in.
     """
@@ -680,9 +680,20 @@ class PhaseSearch:
         if stop < 1.0:
             view = half_view(self.renderer, state, self.zone, split, stop)
         blur = math.ceil(BLUR * min(largest * stop, room)) + 2
-        probe = half_probe(self.renderer, view, state, self.zone, samples, self.seed, stop, (blur, blur))
-        match = PhaseMatch(probe.halves, view).best(low, high) if probe.halves.pictures.any() else None
-        probe = replace(probe, match=match)
+
+        def seen() -> HalfProbe:
+            probe = half_probe(self.renderer, view, state, self.zone, samples, self.seed, stop, (blur, blur))
+            match = PhaseMatch(probe.halves, view).best(low, high) if probe.halves.pictures.any() else None
+            return replace(probe, match=match)
+
+        probe = seen()
+        if not self.probes and self.renderer.is_limited:  # details may show better in all of the light
+            self.renderer.limits_halves = False
+            pair = sorted([probe, seen()], key=lambda each: each.match.error if each.match else math.inf)
+            self.renderer.limits_halves = pair[0] is probe
+            probe = pair[0]
+            self.others.append(pair[1])
+        match = probe.match
         self.probes.append(probe)
         self._samples = samples
         if self.on_probe is not None:

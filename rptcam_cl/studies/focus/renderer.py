@@ -296,7 +296,8 @@ class ProbeRenderer:
         self._sharp: SharpPass | None = None
         self._sights: dict[tuple[float, Zone], Sight] = {}
         self._wholes: dict[Zone, Zone] = {}  # of parts of zones
-        self._most: dict[tuple[Zone, ...], float] = {}  # radiance that counts in full, of zones
+        self._most: dict[tuple[Zone, ...], tuple[float, bool]] = {}  # light that counts in full; whether some does not
+        self.is_limited, self.limits_halves = False, True  # the last picture's light; those of halves may be
 
     @property
     def view(self) -> ZoneView:
@@ -404,14 +405,12 @@ class ProbeRenderer:
     def _limited(self, camera: CameraModel, light: Wavefront, white: Wavefront, seed: int) -> CameraModel:
         """Return a camera whose exposure brings the most light that counts in full to the limit of a sample.
 
-        What is limited is a function of the place in the scene, as its light is, and is sharp where that is. It is the
-        same for the whole pupil and for its halves, which show few details of lamps out of focus.
+        What is limited is a function of the place in the scene, as its light is, and is sharp where that is.
         """
 
         def sample(wavefront: Wavefront, seed: int, factor: float = 1.0) -> NDArray[np.float32]:
             record = camera.record.copy()
             record["exposure"] *= factor
-            record["half_pupil"]["offset"], record["half_pupil"]["beyond"] = -FARTHEST, 1
             wavefront.use_camera(replace(camera, record=record))
             wavefront.clear()
             wavefront.seed = seed
@@ -422,15 +421,19 @@ class ProbeRenderer:
         passed = weights > 0
         if not passed.any():
             return camera
+        faint = 1e-6 / float(weights.max())
+        if "HALF_PUPIL" in camera.facts and not self.limits_halves:
+            self.is_limited, record = False, camera.record.copy()
+            record["exposure"] *= faint
+            return replace(camera, record=record)
         key = tuple(self._wholes.get(zone, zone) for zone in self.view.zones)
         if key not in self._most:
-            faint = 1e-6 / float(weights.max())
             pairs = [(sample(light, seed, faint), weights)]
             while len(pairs) < 2 or (len(pairs) < SCOUTS and is_noisy(*np.stack(pairs[:2], axis=1))):
                 pairs.append((sample(light, seed + len(pairs), faint), sample(white, seed + len(pairs))))
             self._most[key] = most_light(*np.stack([(one / faint, other) for one, other in pairs], axis=1))
-        record = camera.record.copy()
-        record["exposure"] *= LIMIT / (self._most[key] * float(weights[passed].mean()))
+        (most, self.is_limited), record = self._most[key], camera.record.copy()
+        record["exposure"] *= LIMIT / (most * float(weights[passed].mean()))
         return replace(camera, record=record)
 
     @cached_property
@@ -548,7 +551,6 @@ class ProbeRenderer:
 
 
 LIMIT = 1.0  # `render.clamp` of probes
-FARTHEST = 1e30  # mm, of a line beyond which all of a pupil lies
 UNLIMITED = 1e6  # times the mean light
 NOISY = 0.5  # standard deviation of a sample over its mean, from which on it is
 LIMITED = 16  # rounds of finding it
@@ -565,8 +567,8 @@ def is_noisy(light: NDArray[np.float32], weights: NDArray[np.float32]) -> bool:
     return mean > 0 and float(np.square(one - other, dtype=np.float64).mean()) / 2 > (NOISY * mean) ** 2
 
 
-def most_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> float:
-    """Return the light up to which samples count in full: that by which details show best over their noise.
+def most_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> tuple[float, bool]:
+    """Return the light up to which samples count in full, by which details show best, and whether some is above it.
 
     Fireflies of lamps would be most of the noise, but bright places may be most of what there is to see.
 
@@ -579,14 +581,14 @@ def most_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> floa
     mean = float(light.sum(dtype=np.float64)) / max(float(weights.sum(dtype=np.float64)), 1e-30)
     whole = UNLIMITED * (mean or 1.0)
     if len(light) < SCOUTS or not mean > 0:
-        return whole
+        return whole, False
     seen = light[passed] / weights[passed]
     most, least = whole, float(np.quantile(seen[seen > 0], LIT_SHARE))
     for _ in range(LIMITED):
         most = max(USUAL * float(np.minimum(seen, most).mean(dtype=np.float64)), least)
     unit = float(weights[passed].mean(dtype=np.float64))
     clear = [_clearness(np.minimum(light, limit * unit), weights) for limit in (whole, most)]
-    return most if clear[1] > HELPS * clear[0] else whole
+    return (most, True) if clear[1] > HELPS * clear[0] else (whole, False)
 
 
 def _clearness(light: NDArray[np.float32], weights: NDArray[np.float32]) -> float:

@@ -237,12 +237,12 @@ def test_rare_bright_samples_are_limited_and_others_stay_whole():
     assert is_noisy(noisy[:2], ones[:2])
     assert not is_noisy((texture * rng.uniform(0.9, 1.1, ones.shape)).astype(np.float32)[:2], ones[:2])
     fireflies = np.where(rng.random(ones.shape) < 0.01, np.float32(1e5), noisy)
-    assert 1.8 < most_light(fireflies, ones) < 3.5  # nine tenths stay whole, and the mean is 1
+    assert 1.8 < most_light(fireflies, ones)[0] < 3.5  # nine tenths stay whole, and the mean is 1
     sparks = np.zeros((40, 50))
     sparks[::9, ::9] = 200.0  # bright places, which each sample shows, are what there is to see
-    assert most_light((sparks * rng.uniform(0.9, 1.1, ones.shape) + noisy).astype(np.float32), ones) > 1e5
-    assert most_light(noisy[:2], ones[:2]) > 1e5
-    assert most_light(np.zeros_like(ones), ones) == UNLIMITED
+    assert most_light((sparks * rng.uniform(0.9, 1.1, ones.shape) + noisy).astype(np.float32), ones)[0] > 1e5
+    assert most_light(noisy[:2], ones[:2])[0] > 1e5
+    assert most_light(np.zeros_like(ones), ones) == (UNLIMITED, False)
 
 
 def test_pixels_without_rays_show_what_lies_beside_them():
@@ -263,7 +263,7 @@ def test_lamp_out_of_focus_before_a_wall_is_no_noise_of_its_zone(monkeypatch):
     shown = {}
     for limited in (True, False):
         if not limited:
-            monkeypatch.setattr(renderer, "most_light", lambda *_: 1e9)
+            monkeypatch.setattr(renderer, "most_light", lambda *_: (1e9, False))
         probe = probe_of(scene)
         image = probe.measure(probe.drive.state_for(4.0, CENTRE), [CENTRE], 64, 1)[0]
         shown[limited] = float(np.sqrt(image.variance.mean()) / image.luminance.mean())
