@@ -42,7 +42,7 @@ COMMANDS = {
     "focus": ("camera", "find the focus of a scene's camera"),
     "tradeoff": ("camera", "measure what each approximation of a picture costs and gains"),
     "develop": ("render", "make pictures of a film that was saved"),
-    "convert": ("first_steps", "make a scene file from one of pbrt"),
+    "convert": ("first_steps", "make a scene file from one of pbrt or USD, or from a model"),
     "lens": ("lens", "list, examine, draw, measure, convert and design lenses"),
     "camera": ("camera", "the camera for computer vision: intrinsics, distortion, pose"),
     "devices": ("first_steps", "list the OpenCL devices"),
