@@ -86,11 +86,11 @@ def _pupil_near_windows(
 ) -> PupilSampling:  # fmt: skip
     """Return boxes round the pupils seen from some windows at least, which films near each other have in common."""
     film = math.exp(NEAR_FILM * round(math.log(film_distance_mm) / NEAR_FILM))
-    half = tuple(math.exp(NEAR_HALF * math.ceil(math.log(side) / NEAR_HALF)) for side in half_film_mm)
-    cell = np.repeat(2 * np.array(half) / FINE, 2)
+    across, down = (math.exp(NEAR_HALF * math.ceil(math.log(side) / NEAR_HALF)) for side in half_film_mm)
+    cell = np.repeat(2 * np.array([across, down]) / FINE, 2)
     ends = np.array(windows) / cell
     whole = np.where([True, False] * 2, np.floor(ends), np.ceil(ends)) * cell
-    return _pupil_in_windows(lens, film, half, wavelength_nm, tuple(map(tuple, whole.tolist())), frame)
+    return _pupil_in_windows(lens, film, (across, down), wavelength_nm, tuple(map(tuple, whole.tolist())), frame)
 
 
 @remember(most=REMEMBERED, by=by_content)

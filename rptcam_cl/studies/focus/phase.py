@@ -501,7 +501,7 @@ REASONS = {
 
 
 def _sureness(probe: HalfProbe) -> float:
-    """Return what grows as a probe says more of the distance."""
+    """Return how certain the distance is that a probe shows, as one over its standard error."""
     return 0.0 if probe.match is None else 1.0 / max(probe.match.error, SMALLEST)
 
 
