@@ -42,6 +42,7 @@ from rptcam_cl.scene.scene import Scene
 QUEUE_SECONDS = 0.006  # of work that is enqueued before the device is waited for
 FIRST_SLOTS = 1 << 14  # of the first wave, whose time is not known
 MOST_DENOISED = 1 << 21  # pixels, as denoising takes 150 bytes of memory for each
+FEW_SAMPLES = 8  # of a frame, up to which a network of half the time does: 0.954 beside 0.959 of SSIM at 3
 
 
 @dataclass(frozen=True)
@@ -416,11 +417,11 @@ class RenderSession:
         wavefront = self._guides_of(self._shown, 1.0)[0].wavefront
         assert isinstance(wavefront, Wavefront) and wavefront.layer_pass is not None, "it has `GUIDES`"
         layers = wavefront.layer_pass
-        planes = layers.planes()
+        planes, quality = layers.planes(), "fast" if frame.spp < FEW_SAMPLES else "high"
 
         def clean() -> NDArray[np.float32]:
             arrays = layers.arrays(planes)
-            return denoise(frame.pixels, arrays["albedo"], arrays["normal"])[0]
+            return denoise(frame.pixels, arrays["albedo"], arrays["normal"], quality)[0]
 
         return clean
 
