@@ -656,7 +656,7 @@ static void choose_column(const Path *path, Stretch *s, Rules rules)
 }
 
 // How far what a stretch meets matters: where no lamp sees it, to where it scatters and no farther.
-static F reach_of(const Path *path, Stretch s, I on, Scene scene)
+static F reach_in_shade(const Path *path, Stretch s, I on, Scene scene)
 {
     I shade = on & (max3(s.medium.scattering) > 0.0f) & NOT(max3(s.medium.glow) > 0.0f);
 #if HAS_DENSITY
@@ -774,7 +774,7 @@ static Hit travel_on(Path *path, Scene scene, Rules rules)
         F reach = (F)(NEVER);
         if (ANY(on & (max3(s.medium.scattering) > 0.0f))) {
             choose_column(path, &s, rules);
-            reach = reach_of(path, s, on, scene);
+            reach = reach_in_shade(path, s, on, scene);
         }
         Hit hit = hit_before(ray, reach, scene);
         hit.t = hit.primitive >= 0 ? hit.t : (F)(NEVER);
