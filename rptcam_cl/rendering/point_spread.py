@@ -71,6 +71,18 @@ def unit_px(pupil: FilmPupil, pixel_mm: tuple[float, float], nm: float = MIDDLE_
     return float(length / (2 * pupil.aperture) / np.sqrt(abs(pixel_mm[0] * pixel_mm[1])))
 
 
+def finest_contrast(pupil: FilmPupil, pixel_mm: tuple[float, float]) -> float:
+    """Return what a perfect wavefront leaves of lines of two pixels, along columns or rows, whichever is less."""
+    apart = [MIDDLE_NM * 1e-6 / pupil.index / abs(2 * side) / pupil.step for side in pixel_mm]  # of two cells
+    shares: list[float] = []
+    for open_share, cells in zip((pupil.coverage.T, pupil.coverage), apart, strict=True):
+        whole = np.pad(open_share, ((0, min(int(cells) + 1, len(open_share))), (0, 0)))
+        kept = [float((open_share * whole[k : k + len(open_share)]).sum()) if k < len(open_share) else 0.0
+                for k in (int(cells), int(cells) + 1)]  # fmt: skip
+        shares.append((kept[0] + (cells % 1) * (kept[1] - kept[0])) / float((open_share**2).sum()))
+    return min(shares)
+
+
 def reach_px(unit: float, largest: int, units: float = REACH, wider: int = 0) -> int:
     """Return half the width of a kernel [pixels], at most that of the film; ``wider`` for aberrations."""
     return int(min(max(np.ceil(units * unit), LEAST_REACH) + wider, _MOST_REACH, largest))
