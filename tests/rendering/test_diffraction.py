@@ -363,6 +363,22 @@ def test_parts_are_merged_with_the_diffraction_of_the_whole(tmp_path):
     assert not np.array_equal(merged, whole["direct"])
 
 
+@pytest.mark.parametrize("radiance", [1e5, 5.0])
+def test_parts_whose_film_decides_are_merged_as_the_whole(tmp_path, radiance):
+    lamp = {"shape": "sphere", "center": [0, 0, -10], "radius": 0.003, "material": {"kind": "emissive"}}
+    lamp["material"]["radiance"] = radiance
+    scene = scene_of([lamp], AT_10_M | {"f_number": 8, "diffraction": "auto"}, depth=1, film={"width_mm": 16 * 0.03},
+                     resolution=(16, 12)) | {"environment": {"kind": "constant", "radiance": 1.0}}  # fmt: skip
+    whole, parts = rptcam_cl.render(scene, spp=4, layers=["direct"]), [tmp_path / "1.rpck", tmp_path / "2.rpck"]
+    for number, path in enumerate(parts, 1):
+        rptcam_cl.render(scene, spp=4, layers=["direct"], part=f"{number}/2", checkpoint=path)
+    merged, shows = rptcam_cl.merge(parts), radiance > 10
+    np.testing.assert_array_equal(merged, whole)
+    assert merged.metadata["diffraction"] == whole.metadata["diffraction"]
+    assert merged.metadata["diffraction"]["on"] == shows
+    assert np.array_equal(whole, whole["direct"]) != shows
+
+
 @pytest.mark.parametrize("blades", [5, slow(6)])
 def test_spikes_are_one_for_each_direction_across_a_blade_and_grow_with_the_wavelength(blades):
     found = found_of(f_number=22, aperture={"shape": "polygon", "blades": blades})
