@@ -415,7 +415,7 @@ def realistic_model(
     on_axis_of = axis_irradiance if shared is None else partial(axis_irradiance, soon=disk_irradiance)
     irradiance = _paraxial_irradiance if windows else partial(axis_irradiance, soon=_axial) if coarse else on_axis_of
     clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
-    seen = None if coarse else on_axis_of
+    seen = None if coarse or windows else on_axis_of
     axial_colour = _axial_colour(scene, setting, lens, (clear, on_axis), seen, (low, high)) if dispersive else None
     # Coarse outlines are so wide that they hold the pupil of every wavelength.
     pupil = shared or _pupil(scene, setting, lens, sampled_nm[:1] if coarse else sampled_nm, windows, coarse)
