@@ -70,6 +70,19 @@ def test_kernel_of_a_round_opening_has_the_transfer_of_its_wavelengths(f_number)
             assert got == pytest.approx([exact, exact], abs=0.01)  # the reach leaves out 0.5 % of the light
 
 
+@pytest.mark.parametrize("pixel_mm", [0.0055, 0.008, 0.012, slow(0.02), 0.05, slow(0.5)])
+def test_kernel_of_wide_pixels_has_the_transfer_of_its_wavelengths_once(pixel_mm):
+    """The film of the rays has been averaged over pixels already: of lines of four pixels a kernel keeps all."""
+    pupil = found_of(f_number=16).openings.pupils(np.zeros(2), 72)
+    reach = point_spread.reach_px(point_spread.unit_px(pupil, (pixel_mm, pixel_mm)), 10_000, point_spread.NEAR)
+    kernel, places = near_kernel(pupil, (pixel_mm, pixel_mm), reach), np.arange(-reach, reach + 1)
+    assert kernel.min() >= 0
+    for across, up in ((0.05, 0.0), (0.15, 0.0), (0.25, 0.0), (0.0, 0.25), (0.2, 0.2), (0.35, 0.0)):
+        exact = perfect_mtf(np.hypot(across, up) / pixel_mm * WAVES_NM * 1e-6 * 16) @ SHARES
+        turned = np.exp(2j * np.pi * (across * places + up * places[:, None]))
+        assert np.abs((kernel * turned).sum(axis=(1, 2))) == pytest.approx(exact, abs=0.012), (across, up)
+
+
 @pytest.mark.parametrize("pixel_mm", [slow(0.06), slow(0.14), 1.0])
 def test_a_pixel_much_larger_than_the_airy_disk_keeps_its_light(pixel_mm):
     found = found_of(width_mm=64 * pixel_mm, f_number=2)
