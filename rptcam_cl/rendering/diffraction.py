@@ -132,7 +132,7 @@ LOST_CONTRAST = 0.25  # of lines of two pixels in the film's middle, at 550 nm
 SEEN_STAR = 0.03  # light of lamps some pixels away, over the mean of the pixels that are none
 _STAR_FROM, _STAR_TO = 3, 16  # pixels from a lamp that it is looked for
 _DARK = 1e-4  # of the film's mean, below which it is black
-TOLD = 1e-3  # of the light, from which a line says that it falls beside the film
+WORTH_A_LINE = 1e-3  # of the light, from which a line says that it falls beside the film
 LAMP = 16.0  # times the mean of the film, from which a pixel counts as a lamp
 _WIDE_PX = 2.0  # length of a lamp's straight edges, from which its far light is as wide as they are
 NODES, MORE_NODES = (5, 3), (9, 7)  # along the longer and the shorter side of the film: openings, and wavefronts
@@ -620,14 +620,14 @@ def _says(known: Mapping[str, Any]) -> str:
     if star is not None:
         says += f"; {_STAR_FROM} pixels from a lamp its light is {star:.2g} of the mean, and shows from {SEEN_STAR:g}"
     beside = known.get("share_beside", 0.0)
-    return says if beside < TOLD else f"{says}; {beside:.2g} of the light falls beside the film"
+    return says if beside < WORTH_A_LINE else f"{says}; {beside:.2g} of the light falls beside the film"
 
 
-def told(metadata: Mapping[str, Any], said: Mapping[str, Any]) -> dict[str, Any]:
+def describe_film(metadata: Mapping[str, Any], said: Mapping[str, Any]) -> dict[str, Any]:
     """Return metadata of a picture with what its film said of its diffraction."""
     if "diffraction" not in metadata:
         return dict(metadata)
-    known = {key: value for key, value in metadata["diffraction"].items() if key != "film_decides"} | said
+    known = {key: value for key, value in {**metadata["diffraction"], **said}.items() if key != "film_decides"}
     return {**metadata, "diffraction": known | {"says": _says(known)}}
 
 

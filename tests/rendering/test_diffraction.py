@@ -24,10 +24,10 @@ from rptcam_cl.rendering.diffraction import (
     LampImage,
     blur,
     brightness,
+    describe_film,
     diffraction_of,
     spread_of,
     star_light,
-    told,
     without_lamps,
 )
 from rptcam_cl.rendering.film import FilmLayout
@@ -167,7 +167,7 @@ def test_auto_takes_it_where_stars_of_lamps_show():
     assert same is film and not said["on"] and said["star_over_mean"] == pytest.approx(0.027, rel=1e-6)
     film[places] = 1.1 * seen
     spread, said = found.over(film)
-    says = told({"diffraction": found.metadata}, said)["diffraction"]["says"]
+    says = describe_film({"diffraction": found.metadata}, said)["diffraction"]["says"]
     assert said["on"] and "3 pixels from a lamp its light is 0.033 of the mean" in says
     assert spread[24, 35, 1] - 1 == pytest.approx(0.033, rel=0.05)  # in bands and in square pixels
     beside = np.array([[67.0, 24.5, *3 * [1.1 * seen], 0, 0, -1]])
@@ -181,9 +181,9 @@ def test_light_that_falls_beside_the_film_is_told():
     assert said["share_beside"] == pytest.approx(1 - spread.sum(dtype=float) / 3, abs=1e-5)
     film[48, 48], film[0, 48] = 0.0, 1.0  # half of it
     assert found.over(film)[1]["share_beside"] == pytest.approx(1 - found.over(film)[0].sum(dtype=float) / 3, abs=1e-5)
-    says = told({"diffraction": found.metadata}, said)["diffraction"]["says"]
+    says = describe_film({"diffraction": found.metadata}, said)["diffraction"]["says"]
     assert says.endswith(f"{said['share_beside']:.2g} of the light falls beside the film")
-    assert "beside" not in told({"diffraction": found.metadata}, {"share_beside": 9e-4})["diffraction"]["says"]
+    assert "beside" not in describe_film({"diffraction": found.metadata}, {"share_beside": 9e-4})["diffraction"]["says"]
 
 
 @pytest.mark.parametrize(
