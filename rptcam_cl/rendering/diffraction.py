@@ -76,7 +76,7 @@ def _blur(
     kernels: Sequence[Array],
     reach: int,
 ) -> Array:
-    """Return what `blur` does with what lamps send beside the picture, so many pixels round it."""
+    """Return the same with so many pixels round it, for the light that lamps send there."""
     height, width = planes.shape[1:]
     even = np.pad(planes - lamps, ((0, 0), (reach, reach), (reach, reach)), mode="edge")
     out = np.zeros((3, height + 2 * reach, width + 2 * reach))
@@ -127,7 +127,7 @@ def _convolve(plane: Array, kernel: Array, *, within: bool = False) -> Array:
 # The film with what its openings make of it.
 
 _FINEST_PX = 0.03  # wavelength times f-number, below which no ring of a lamp shows
-# What `auto` leaves out, and what a picture tells.
+# Errors that `auto` leaves out, and from where the printed line has the light that is lost.
 LOST_CONTRAST = 0.25  # of lines of two pixels in the film's middle, at 550 nm
 SEEN_STAR = 0.03  # light of lamps some pixels away, over the mean of the pixels that are none
 _STAR_FROM, _STAR_TO = 3, 16  # pixels from a lamp that it is looked for

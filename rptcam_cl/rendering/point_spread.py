@@ -73,7 +73,7 @@ def unit_px(pupil: FilmPupil, pixel_mm: tuple[float, float], nm: float = MIDDLE_
 
 
 def finest_contrast(pupil: FilmPupil, pixel_mm: tuple[float, float]) -> float:
-    """Return what a perfect wavefront leaves of lines of two pixels, along columns or rows, whichever is less."""
+    """Return the modulation of lines of two pixels by a perfect wavefront, across columns or rows, the lower one."""
     apart = [MIDDLE_NM * 1e-6 / pupil.index / abs(2 * side) / pupil.step for side in pixel_mm]  # of two cells
     shares: list[float] = []
     for open_share, cells in zip((pupil.coverage.T, pupil.coverage), apart, strict=True):
