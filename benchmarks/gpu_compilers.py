@@ -113,6 +113,7 @@ LIMITS = {
     "shadow": Limit(64, 0, 8),
     "sharp": Limit(72, 0, 8),
     "shift_blocks": Limit(32, 0, 32),  # dg2 has no float64
+    "sort": Limit(32, 0, 16),
     "subtree": Limit(168, 2976, 16),
     "trace_copies": Limit(80, 0, 0),
     "trace_lens": Limit(80, 0, 0),

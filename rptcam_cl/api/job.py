@@ -51,7 +51,7 @@ from rptcam_cl.rendering.several import (
     split_text,
 )
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
-from rptcam_cl.scene.changes import at_rest, change_scene, exposure_steps, set_keys
+from rptcam_cl.scene.changes import at_rest, change_scene, exposure_steps, focus_keys, set_keys
 from rptcam_cl.scene.film import LIGHT_LAYER, SHARP_LAYERS, LayerName
 from rptcam_cl.scene.load import SceneSource, load_scene, plain_data, read_scene, scene_text
 from rptcam_cl.scene.scene import Scene
@@ -711,7 +711,7 @@ def _keys(scene: Scene, resolved: Resolved) -> dict[str, Any]:
     """The focus, camera model and exposure as keys of the scene, by key path."""
     changes: dict[str, Any] = {}
     if resolved.focus is not None:
-        changes |= {f"camera.{key}": value for key, value in resolved.focus["camera"].items()}
+        changes |= focus_keys(scene, resolved.focus["camera"])
     if "accuracy" in resolved.metadata:
         chosen, spectrum = resolved.scene.camera, resolved.scene.spectrum
         if chosen.kind != scene.camera.kind:

@@ -21,9 +21,7 @@ from rptcam_cl.imaging.writers import MARKED
 from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.ideal import bright_parts
 from rptcam_cl.rendering.layers import Moments
-from rptcam_cl.scene.base import (
-    listed,
-)
+from rptcam_cl.scene.base import listed
 from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.lens_settings import AutoFocus
 from rptcam_cl.scene.load import input_error, load_scene
@@ -608,7 +606,8 @@ def search(task: Task, method: str) -> FocusReport:
         if problem.is_flat:  # rays through all glass and by all mirrors lead there: elsewhere it is no sharper
             raise
         report = METHODS[method](parts)
-    return replace(report, zone=task.zones[zones.index(report.zone)], zones=task.zones)
+    notes = {**report.notes, "part": list(astuple(report.zone))}  # of the zone, that shows what rays lead to
+    return replace(report, zone=task.zones[zones.index(report.zone)], zones=task.zones, notes=notes)
 
 
 def focused_scene(scene: Scene, report: FocusReport) -> Scene:
@@ -688,17 +687,11 @@ def _find_keys(scene: Scene, session: Session, settings: AutoFocus) -> dict[str,
 def _at_the_end(drive: Drive, settings: AutoFocus, problem: OutOfReach) -> FocusReport:
     """Return the report of a focus that went as far as it can."""
     return FocusReport(
-        method=settings.method,
-        state=problem.state,
-        film_distance_mm=drive.film_distance(problem.state),
-        focus_distance_m=drive.object_distance(problem.state, problem.zone),
-        confidence=0.0,
-        error=math.inf,
-        depth_of_focus_mm=drive.depth_of_focus,
-        zone=problem.zone,
-        zones=(problem.zone,),
+        method=settings.method, state=problem.state, film_distance_mm=drive.film_distance(problem.state),
+        focus_distance_m=drive.object_distance(problem.state, problem.zone), confidence=0.0, error=math.inf,
+        depth_of_focus_mm=drive.depth_of_focus, zone=problem.zone, zones=(problem.zone,),
         failure=f"{problem}; the focus stands at its end",
-    )
+    )  # fmt: skip
 
 
 @takes_options(FocusOptions)
