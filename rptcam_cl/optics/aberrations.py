@@ -174,7 +174,7 @@ def zernike(
     `fringe` counts polynomials that are 1 at the edge, `noll` those whose rms is 1; both the same terms, as far as an
     order. The angle counts from +x, and the circle goes round what passes along x and y through the chief ray, in
     direction cosines. `rest_waves` is the rms of what they leave, and `error_waves` half of what a third of the cells
-    changes of the fringe coefficient.
+    changes any fringe coefficient of the wavefront.
     """
     rows: list[Row] = []
     for wave in field_waves(setting, fields, wavelengths_nm, rays):
@@ -182,14 +182,13 @@ def zernike(
         middle, radius = pupil_circle(setting, degrees, nm)
         terms = [(n, m) for n in range(order + 1) for m in range(-n, n + 1, 2)]
         factors, rest = fit_zernikes(wave, middle, radius, terms)
-        moves = [np.abs(fit_zernikes(part, middle, radius, terms)[0] - factors) for part in wave.thirds()]
+        moves = [np.abs(fit_zernikes(part, middle, radius, terms)[0] - factors).max() for part in wave.thirds()]
+        error = float(max(moves)) / THIRDS_OVER_ALL  # of all terms: what one changes may be nothing by chance
         rows += [
             {"field_degrees": degrees, "wavelength_nm": nm, "n": n, "m": m, "fringe": fringe_number(n, m),
              "noll": noll_number(n, m), "fringe_waves": factor, "error_waves": error, "rest_waves": rest,
              "noll_waves": factor / math.sqrt((n + 1) * (1 if m == 0 else 2))}
-            for (n, m), factor, error in zip(
-                terms, factors.tolist(), (np.max(moves, axis=0) / THIRDS_OVER_ALL).tolist(), strict=True
-            )
+            for (n, m), factor in zip(terms, factors.tolist(), strict=True)
         ]  # fmt: skip
     rows.sort(key=lambda row: (row["field_degrees"], row["wavelength_nm"], row["fringe"]))
     return result_of(
