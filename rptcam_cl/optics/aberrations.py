@@ -211,7 +211,7 @@ def pupil_circle(setting: Setting, degrees: float, nm: float) -> tuple[Array, fl
         ends[axis, :, axis] += _edges(setting, degrees, nm, ends[axis, 0].copy(), axis, most)
     traced = _through(setting, setting.lens, degrees, nm, ends.reshape(4, 2)).directions[:, :2].reshape(2, 2, 2)
     sides = np.stack([traced[axis, :, axis] for axis in (0, 1)])
-    return np.asarray(sides.mean(axis=1)), float(np.abs(np.diff(sides, axis=1)).max()) / 2
+    return np.asarray(sides.mean(axis=1), np.float64), float(np.abs(np.diff(sides, axis=1)).max()) / 2
 
 
 def fit_zernikes(
