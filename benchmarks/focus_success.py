@@ -19,7 +19,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -380,8 +380,8 @@ def outcome(case: Case, method: str, session: Session, electrons: float | None =
 
 
 def miss_of(probe: ProbeRenderer, case: Case, report: FocusReport, *, by_details: bool) -> float:
-    """Return how far a state lies from the nearest that is right [depths of focus]."""
-    drive, zone = probe.drive, case.zone
+    """Return how far a state lies from the nearest that is right where the zone was looked at [depths of focus]."""
+    drive, zone = probe.drive, Zone(*report.notes.get("part", astuple(case.zone)))
     far = 0.0 if report.focus_distance_m is None else 1 / report.focus_distance_m
     place, misses = drive.coordinate(report.state), [math.inf]
     for distance in sorted(case.distances_m, key=lambda one: abs(1 / one - far))[:2]:

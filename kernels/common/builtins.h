@@ -14,6 +14,7 @@
 #define WRITING  __attribute__((overloadable))
 
 size_t CONSTANT get_global_id(uint dimension);
+void __attribute__((overloadable, convergent)) barrier(cl_mem_fence_flags flags);
 
 #define OF_ONE(type) \
     type CONSTANT sqrt(type); type CONSTANT rsqrt(type); type CONSTANT exp(type); type CONSTANT log(type); \

@@ -27,6 +27,34 @@
 #define WRITE_F3(name, slot, v) \
     do { WRITE_F(name##X, slot, (v).x); WRITE_F(name##Y, slot, (v).y); WRITE_F(name##Z, slot, (v).z); } while (0)
 
+// The order in which work items of one lane take the paths of a block of slots, and how many these are: pass/sort.cl.
+#define QUEUE_BLOCK    2048u
+#define QUEUE          ((__global ushort *)FIELD(QUEUE))    // slots, each within its block
+#define QUEUED(block)  (QUEUE[capacity + (block)])
+#define NO_SLOT        0xffffffffu
+
+// The (first) slot of a work item, NO_SLOT behind the last path. Before paths are sorted they are taken as they lie.
+static inline uint slot_of_item(__global float *state, uint capacity, int are_sorted)
+{
+    uint item = get_global_id(0);
+#if VW == 1
+    if (are_sorted)
+        return item % QUEUE_BLOCK < QUEUED(item / QUEUE_BLOCK) ? item / QUEUE_BLOCK * QUEUE_BLOCK + QUEUE[item] : NO_SLOT;
+    QUEUE[item] = (ushort)(item % QUEUE_BLOCK);
+#endif
+    return item * VW;
+}
+
+// The same once more, for a read in place of a register that is held all along: compilers for GPUs keep what they do not see.
+static inline uint slot_again(__global float *state, uint capacity)
+{
+    uint item = get_global_id(0);
+#if VW == 1
+    return item / QUEUE_BLOCK * QUEUE_BLOCK + *(volatile __global ushort *)(QUEUE + item);
+#endif
+    return item * VW;
+}
+
 // The ray that a path is on.
 static Ray read_ray(const __global float *state, uint capacity, uint slot)
 {

@@ -38,10 +38,10 @@ __kernel void shade(SCENE_PARAMETERS
                     const __global uint *tiles,     // that are rendered
                     const __global float *survival_scale) // of roulette, by cell of the film
 {
-    uint slot = get_global_id(0) * VW;
+    uint slot = slot_of_item(state, capacity, 1);
     // Read the path and its hit.
     Path path;
-    if (!ANY(READ_I(ORIGIN, slot) != PATH_ENDED))
+    if (slot == NO_SLOT || !ANY(READ_I(ORIGIN, slot) != PATH_ENDED))
         return;
     path.ray = read_ray(state, capacity, slot);
     Lane lane = lane_of(slot, wave, tiles);
@@ -97,6 +97,7 @@ __kernel void shade(SCENE_PARAMETERS
 #endif
     ShadowRay shadow = shade_vertex(&path, hit, scene, rules_of(wave, limits));
     // Write the path, and the shadow ray.
+    slot = slot_again(state, capacity);
 #if HAS_DISPERSION
     WRITE_F(WAVELENGTH_SAMPLE, slot, path.wavelength_sample);
 #endif

@@ -24,7 +24,9 @@ __kernel void shadow(SCENE_PARAMETERS
 #endif
                      )
 {
-    uint slot = get_global_id(0) * VW;
+    uint slot = slot_of_item(state, capacity, 1);
+    if (slot == NO_SLOT)
+        return;
     F reach = READ_F(REACH, slot);
     I wanted = reach > 0.0f;
     if (!ANY(wanted))

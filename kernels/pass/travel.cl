@@ -14,10 +14,10 @@ __kernel void travel(SCENE_PARAMETERS
                      uint            depth,      // of the vertex that follows, from 1
                      const __global uint *tiles) // that are rendered
 {
-    uint slot = get_global_id(0) * VW;
+    uint slot = slot_of_item(state, capacity, depth > 1u);
     // Read the path.
     Path path;
-    if (!ANY(READ_I(ORIGIN, slot) != PATH_ENDED))
+    if (slot == NO_SLOT || !ANY(READ_I(ORIGIN, slot) != PATH_ENDED))
         return;
     path.ray = read_ray(state, capacity, slot);
     Lane lane = lane_of(slot, wave, tiles);
@@ -43,6 +43,7 @@ __kernel void travel(SCENE_PARAMETERS
     // Take it through media.
     Hit hit = travel_on(&path, scene, rules_of(wave, limits));
     // Write what it met.
+    slot = slot_again(state, capacity);
     WRITE_I(ORIGIN, slot, path.ray.origin);
     WRITE_F3(B, slot, path.beta);
     WRITE_F3(L, slot, path.radiance);

@@ -22,7 +22,7 @@ from rptcam_cl.rendering.plan.plan import Plan, make_plan, serve, with_film, wit
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import SMALL, Wavefront, WavefrontPool, order, warm_up_denoiser
-from rptcam_cl.scene.changes import set_keys
+from rptcam_cl.scene.changes import focus_keys, set_keys
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2
 from rptcam_cl.scene.film import Film, RenderSettings
 from rptcam_cl.scene.scene import Scene
@@ -81,7 +81,7 @@ def keep_focus(state: SceneState, scene: Scene) -> Scene:
     known = state.resolved.focus
     if known is None or scene.requested_autofocus is None:
         return scene
-    return set_keys(scene, {f"camera.{key}": value for key, value in known["camera"].items()})
+    return set_keys(scene, focus_keys(scene, known["camera"]))
 
 
 def changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:

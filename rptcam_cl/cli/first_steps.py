@@ -5,9 +5,11 @@ import argparse
 import contextlib
 import importlib.util
 import io
+import os
 import shlex
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -445,22 +447,36 @@ def _examine(arguments: argparse.Namespace) -> int:
     """Write the report of one device, and print a line for each step."""
     from rptcam_cl.device.devices import choose_device
     from rptcam_cl.device.session import Session
-    from rptcam_cl.studies.selfcheck_suite import CardReport, environment
+    from rptcam_cl.studies.selfcheck_suite import END_S, CardReport, environment
 
     if arguments.numerics or arguments.json:
         raise InputError("rptcam doctor: --gpu checks numerics too and writes JSON to its file; give it alone")
     path = arguments.output or Path(GPU_REPORT)
     files.check_writable(path)
     info = choose_device(arguments.device)
-    report = CardReport(Session(info, profiling=True))
+    known, report = environment(info.id), CardReport(Session(info, profiling=True))
+
+    def write() -> None:
+        written = known | {"failed": report.failed, "report": report.found}
+        with files.replacing(path) as temporary:
+            temporary.write_text(as_json(written) + "\n", encoding="utf-8")
+        print(f"wrote {path}; please send it to the authors", flush=True)
+
+    def give_up() -> None:  # in a thread of its own, while the driver does not return
+        print(f"{report.failed[-1]}: FAIL did not end before {END_S:g} s; what follows is left out", flush=True)
+        write()
+        os._exit(NumericError.exit_code)
+
+    watch = threading.Timer(END_S, give_up)
+    watch.daemon = True
+    watch.start()
     print(f"{info.id} {info.type}  {info.name}", flush=True)
-    with files.fresh_cache():  # so that trees are built here
+    with contextlib.ExitStack() as ended:
+        ended.callback(watch.cancel)
+        ended.enter_context(files.fresh_cache())  # so that trees are built here
         for line in report.run():
             print(line, flush=True)
-    written = environment(info.id) | {"failed": report.failed, "report": report.found}
-    with files.replacing(path) as temporary:
-        temporary.write_text(as_json(written) + "\n", encoding="utf-8")
-    print(f"wrote {path}; please send it to the authors", flush=True)
+    write()
     if report.failed:
         raise NumericError(f"{len(report.failed)} steps failed: {'; '.join(report.failed)}")
     return 0

@@ -389,8 +389,7 @@ def _info(arguments: argparse.Namespace) -> int:
 
 PERCENT = 90  # of copies that are as good as the one in the picture, or better
 GRADE = "commercial"
-ACROSS, STRIP = 1800, 70  # pixels of the built-in board over the film, and of the strip that is rendered
-SQUARE = 10  # pixels of a square of the board
+STRIP = 70  # pixels of the built-in board that are rendered, from above to below
 
 
 def _add_lens_optimise(commands: output.Commands) -> None:
@@ -422,6 +421,7 @@ def _add_lens_optimise(commands: output.Commands) -> None:
 
 def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     from rptcam_cl.core.files import check_writable
+    from rptcam_cl.device.session import open_sessions
     from rptcam_cl.optics.design import UNITS, read_problem
     from rptcam_cl.optics.files.export import lens_text
     from rptcam_cl.optics.optimise import optimise
@@ -438,8 +438,18 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     output.print_warnings(problem.lens.warnings)
     spec = arguments.tolerances or problem.tolerances
     scene = None if arguments.scene is None else _scene(arguments.scene, problem)
-    judge = spot_of_copies(problem) if any(term.name == "as_built" for term in problem.terms) else None
-    found = optimise(problem, state=arguments.state, on_progress=lambda line: print(line, file=sys.stderr), judge=judge)
+    names = {term.name for term in problem.terms}
+    judges: dict[str, Any] = {}
+    if "as_built" in names:
+        judges["as_built"] = spot_of_copies(problem)
+    if "picture" in names:
+        from rptcam_cl.rendering.account import ZONE_SAMPLES, blur_of_zones
+
+        device = open_sessions(output.device_of(arguments))[0][0]
+        judges["picture"] = blur_of_zones(problem, device)
+    found = optimise(
+        problem, state=arguments.state, on_progress=lambda line: print(line, file=sys.stderr), judge=judges
+    )
     output.print_warnings(f"{words} at the end" for words in found.lost)
     if arguments.output is not None:
         lens_options.write(lens_text(found.lens).encode(), arguments.output)
@@ -455,6 +465,10 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     rows = [[name, before, found.after[name], UNITS.get(name, "")] for name, before in found.before.items()]
     length = [lens.first_order().focal_length_mm for lens in (found.start, found.lens)]
     rows.append(["focal length, d line", *length, "mm"])
+    if "picture" in judges:
+        anew = blur_of_zones(problem, device, 4 * ZONE_SAMPLES, seed=1)
+        both = [anew(*state) for state in ((found.start, found.start_film_mm), (found.lens, found.film_mm))]
+        rows.append(["picture by other samples", *(f"{one.value:.4g} ± {one.error:.2g}" for one in both), "%"])
     output.print_table(("", "before", "after", "unit"), rows, f"{found.lens.name}, {found.evaluations} evaluations")
     if runs:
         output.print_table(("copies [%]", "before", "after"), _yield_rows(runs), f"as built ({spec}), rms spot [µm]")
@@ -535,32 +549,18 @@ def _write_drawings(found: "Optimised", folder: Path) -> None:
 
 def _scene(given: str, problem: "Problem") -> "Scene":
     """The scene to be rendered, or the board: squares that fill the film, far enough that they are sharp together."""
+    from rptcam_cl.optics.design import BOARD
+    from rptcam_cl.rendering.account import BOARD_PIXELS, board
+    from rptcam_cl.scene.changes import change_scene
     from rptcam_cl.scene.load import load_scene
 
-    if given != "board":
+    if given != BOARD:
         scene = load_scene(given)
         if scene.camera.kind != "realistic":
             raise InputError(f"{given}: camera.kind: must be realistic, so that a lens takes the picture")
         return scene
-    length = problem.focal_length_mm
-    half = length * math.tan(math.radians(max(problem.fields_degrees) or 5.0))
-    away, height = 0.1 * length, 2 * half * 2 / 3  # 100 focal lengths [m]
-    if math.isfinite(problem.object_distance_mm):
-        raise InputError("--scene: board stands far away; of a near object give a scene with the lens focused on it")
-    size = [away / length * 2 * half * 1.1, away / length * height * 1.1]
-    squares = 1.1 * ACROSS / SQUARE
-    strip = STRIP / (ACROSS * 2 / 3) / 2
-    crop = [0.5, 0.98, 0.5 - strip, 0.5 + strip]
-    checks = {"kind": "checker", "even": 0.04, "odd": 0.85, "scale": [squares, squares * 2 / 3]}
-    return load_scene({
-        "film": {"resolution": [ACROSS, ACROSS * 2 // 3], "width_mm": 2 * half, "crop": crop},
-        "camera": {"kind": "realistic", "eye": [0, 0, away], "target": [0, 0, 0], "lens": "cooke-triplet-50mm",
-                   "focus": {"distance_m": away, "method": "spot"}},
-        "render": {"spp": 128},
-        "objects": [{"shape": "rectangle", "corner": [-size[0] / 2, -size[1] / 2, 0], "edge_u": [size[0], 0, 0],
-                     "edge_v": [0, size[1], 0], "material": {"kind": "matte", "reflectance": checks}}],
-        "environment": {"kind": "constant", "radiance": 1},
-    })  # fmt: skip
+    strip = STRIP / (BOARD_PIXELS * 2 / 3) / 2
+    return change_scene(board(problem), film={"crop": (0.5, 0.98, 0.5 - strip, 0.5 + strip)})
 
 
 def _write_pictures(found: "Optimised", scene: "Scene", spec: str, arguments: argparse.Namespace) -> None:

@@ -888,7 +888,7 @@ RECORDS = (
 CAMERA_RAY_FLOATS = 8  # origin, weight, direction and time: what the stream reads per slot
 # The fields of a path in their order, each row with the facts of scenes whose paths need it, and all rows before it.
 _FIELDS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("OX OY OZ DX DY DZ BX BY BZ LX LY LZ WEIGHT ORIGIN HIT T", ()),
+    ("OX OY OZ DX DY DZ BX BY BZ LX LY LZ WEIGHT ORIGIN HIT T QUEUE", ()),
     ("PDF REACH FROM TARGET SX SY SZ WX WY WZ CX CY CZ", ("HAS_EMITTERS",)),
     ("TRIANGLE HIT_TRIANGLE B1 B2 FROM_TRIANGLE TARGET_TRIANGLE", ("HAS_MESH", "HAS_CURVE")),
     ("TIME", ("MOVES",)),
@@ -939,7 +939,7 @@ def device_declarations() -> str:
     lines += ["typedef float real;", "#endif"]
     lines += [record.typedef for record in RECORDS]
     lines += kind_constants()
-    lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
+    lines += [f"#define RAY_STATUS_COUNT {len(RayStatus)}", f"#define MATERIAL_KINDS {len(MaterialKind)}"]
     lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
     lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
     lines += [f"#define ONCE_TERMS {ONCE_TERMS}", f"#define DENSITY_BLOCK {DENSITY_BLOCK}"]

@@ -204,8 +204,7 @@ def _row(
 Kind = Literal["curvature", "thickness", "conic", "aspheric", "film"]
 UNITS = {
     "spot": "µm", "wavefront": "waves", "mtf": "", "distortion": "%", "axial_colour": "mm", "lateral_colour": "µm",
-    "focal_length": "mm", "f_number": "", "telecentricity": "°",
-    "as_built": "µm",
+    "focal_length": "mm", "f_number": "", "telecentricity": "°", "as_built": "µm", "picture": "%",
 }  # fmt: skip
 _TARGETS = {"mtf": "per_mm", "focal_length": "target_mm", "f_number": "target"}
 _BOUNDS = ("glass_centre_mm", "glass_edge_mm", "air_centre_mm", "air_edge_mm", "length_mm", "back_focal_mm")
@@ -213,9 +212,10 @@ _TOP = (
     "lens", "f_number", "focal_length_mm", "object_distance_mm", "fields_degrees", "field_weights", "wavelengths_nm",
     "wavelength_weights",
     "variables", "pickups", "solves", "film", "bounds", "merit", "search", "evaluations", "rings", "arms",
-    "vignetting", "tolerances",
+    "vignetting", "tolerances", "scene", "zones",
 )  # fmt: skip
 _SHARED = ("curvature", "thickness", "conic")
+BOARD = "board"  # the scene that is built in
 MOST_EVALUATIONS = 100_000
 THIN = 0.02  # of the focal length: how thin glass may become where nothing is said
 
@@ -299,6 +299,10 @@ class Problem:
     film : str or float
         ``best``, ``paraxial``, or a distance behind the last vertex [mm].
     bounds : mapping of str to (least, most)
+    scene : str
+        What `picture` is of: a scene file, or ``board``.
+    zones : tuple of (left, right, top, bottom)
+        Of the picture, in fractions from its left and top; none for squares at the fields, to the right of the middle.
     digest : str
         Of all that the result follows from.
     """
@@ -326,6 +330,8 @@ class Problem:
     arms: int
     vignetting: bool
     tolerances: str
+    scene: str
+    zones: tuple[tuple[float, ...], ...]
     digest: str
 
     @property
@@ -358,8 +364,8 @@ class _Reader:
     """Takes the keys of a problem one by one."""
 
     def __init__(self, document: Document, folder: Path) -> None:
-        self.document, self.top = document, Fields(document, (), _TOP)
-        self.lens = self._lens(folder)
+        self.document, self.top, self.folder = document, Fields(document, (), _TOP), folder
+        self.lens = self._lens()
         self.last = len(self.lens.surfaces) - 1
 
     def problem(self) -> Problem:
@@ -394,10 +400,10 @@ class _Reader:
             solves, film, self._bounds(), terms, glasses, self._hunt(),
             self._count("evaluations", 400, MOST_EVALUATIONS), self._count("rings", 4, 40), self._count("arms", 4, 90),
             top.flag("vignetting") if "vignetting" in top else True,
-            tolerances, hashlib.sha256(text.encode()).hexdigest(),
+            tolerances, self._scene(), self._zones(), hashlib.sha256(text.encode()).hexdigest(),
         )  # fmt: skip
 
-    def _lens(self, folder: Path) -> Lens:
+    def _lens(self) -> Lens:
         given = self.top.get("lens")
         if isinstance(given, dict):
             lens = load_lens(given)
@@ -405,7 +411,7 @@ class _Reader:
             name = self.top.text("lens")
             if not name:
                 raise self.top.fail(None, "lens is missing: a name of the library, or a lens file")
-            lens = load_lens(folder / name if names_a_file(name) else name)
+            lens = load_lens(self.folder / name if names_a_file(name) else name)
         for k, surface in enumerate(lens.surfaces):
             if not follows_derivatives(surface):
                 raise self.top.fail("lens", f"surface {k} is no sphere, conic or asphere about the axis that refracts")
@@ -416,6 +422,18 @@ class _Reader:
         if not math.isfinite(lens.first_order().focal_length_mm):
             raise self.top.fail("lens", "has no focal length")
         return lens
+
+    def _scene(self) -> str:
+        name = self.top.text("scene", BOARD)
+        return name if name == BOARD else str(self.folder / name)
+
+    def _zones(self) -> tuple[tuple[float, ...], ...]:
+        rows = self.top.get("zones") or []
+        for row in rows if isinstance(rows, list) else [rows]:
+            fits = isinstance(row, list) and len(row) == 4 and all(isinstance(side, int | float) for side in row)
+            if not (fits and 0 <= row[0] < row[1] <= 1 and 0 <= row[2] < row[3] <= 1):
+                raise self.top.fail("zones", "expected [[left, right, top, bottom], …] from 0 to 1")
+        return tuple(tuple(float(side) for side in row) for row in rows)
 
     def _fields(self) -> tuple[float, ...]:
         try:

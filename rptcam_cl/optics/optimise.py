@@ -68,21 +68,22 @@ class State:
 _Rows = tuple[str, Array, Array]  # a name, values (n,) and derivatives (n, variables)
 
 
-Judge = Callable[[Lens, float], float]  # of a lens and its film distance: the spot of its copies [um]
-STEP = 1e-4  # of a variable, by which the spot of copies is differentiated
+Judge = Callable[[Lens, float], Any]  # of a lens and its film distance: the value of a term, or that and residuals
+Judges = Mapping[str, Judge]  # by the name of the term
+STEPS = {"as_built": 1e-4, "picture": 1e-3}  # of a variable, by which what judges say is differentiated
 
 
 class MeritFunction:
     """The merit of a problem with some glasses.
 
-    `opening` is the share of pupil and field that rays fill, and `judge` what says how good copies are; without it
-    they count for nothing.
+    `opening` is the share of pupil and field that rays fill, and `judges` say how good copies and pictures are; a term
+    without one counts for nothing.
     """
 
     def __init__(
-        self, given: Problem, glasses: Mapping[int, Medium], opening: float = 1.0, judge: Judge | None = None
+        self, given: Problem, glasses: Mapping[int, Medium], opening: float = 1.0, judges: Judges | None = None
     ) -> None:
-        self.given, self.opening, self.judge = given, opening, judge
+        self.given, self.opening, self.judges = given, opening, judges or {}
         self.start = given.lens.with_changes({k: {"glass": glass} for k, glass in glasses.items()})
         self.indices = self.start.indices(np.array(given.wavelengths_nm))
         self.pupil = given.focal_length_mm / given.f_number / 2
@@ -93,7 +94,12 @@ class MeritFunction:
         self.weight = 0.0
         self.defaults = self._default_bounds()
         self._last: tuple[bytes, bool, Array, Array] | None = None
-        self._focus()
+        self.by_spots: MeritFunction | None = None  # where pictures begin: they are noisy, and flat far from focus
+        if "picture" in self.judges:
+            self.by_spots = MeritFunction(replace(given, terms=(Term("spot", 1.0),)), glasses, opening)
+            self.x0 = self.by_spots.x0
+        else:
+            self._focus()
 
     def _focus(self) -> None:
         """Start with the film where the merit is least: spots are linear in its distance."""
@@ -372,7 +378,7 @@ class MeritFunction:
             rows = [
                 (term.weight * r, term.weight * j) for term in self.given.terms for _, r, j in self._term(state, term)
             ]
-            rows += self._as_built(x, state, derivatives)
+            rows += self._judgements(x, state, derivatives)
             rows += [self._lost(state), self._bounds(state)]
         values, by = np.concatenate([r for r, _ in rows]), np.concatenate([j for _, j in rows])
         bad = ~np.isfinite(values)
@@ -381,21 +387,23 @@ class MeritFunction:
         self._last = (key, derivatives, values, by)
         return values, by
 
-    def _copies_um(self, x: Array, state: State) -> float:
-        assert self.judge is not None
-        return self.judge(self.finished(state)[0], state.film_mm)
+    def _judge(self, name: str, state: State) -> tuple[float, Array]:
+        """Return the value that the judge of a term finds for a state, and its residuals."""
+        if name not in self.judges:
+            return 0.0, np.zeros(1)
+        found = self.judges[name](self.finished(state)[0], state.film_mm)
+        return (found[0], found[1]) if isinstance(found, tuple) else (found, np.array([found]))
 
-    def _as_built(self, x: Array, state: State, derivatives: bool) -> list[tuple[Array, Array]]:
-        """Return the spot of copies; it is differentiated by differences, as all copies have the same errors."""
-        weight = sum(term.weight for term in self.given.terms if term.name == "as_built")
-        if not weight or self.judge is None:
-            return []
-        value, by = self._copies_um(x, state), np.zeros((1, len(x) if derivatives else 0))
-        for j in range(by.shape[1]):
-            moved = x.copy()
-            moved[j] += STEP
-            by[0, j] = (self._copies_um(moved, self.state(moved, False)) - value) / STEP
-        return [(weight * np.array([value]), weight * by)]
+    def _judgements(self, x: Array, state: State, derivatives: bool) -> Iterator[tuple[Array, Array]]:
+        """Yield what judges say; it is differentiated by differences, as errors and samples are always the same."""
+        for term in self.given.terms:
+            if term.name in self.judges:
+                values, step = self._judge(term.name, state)[1], STEPS[term.name]
+                by = np.zeros((len(values), len(x) if derivatives else 0))
+                for j in range(by.shape[1]):
+                    moved = self.state(x + np.eye(1, len(x), j)[0] * step, False)
+                    by[:, j] = (self._judge(term.name, moved)[1] - values) / step
+                yield term.weight * values, term.weight * by
 
     def _lost(self, state: State) -> tuple[Array, Array]:
         """Count rays that miss a surface or are totally reflected as spots of `LOST`, larger the farther they fail."""
@@ -436,8 +444,7 @@ class MeritFunction:
             state = self.state(x, False)
             parts = {term.name: [r for _, r, _ in self._term(state, term)] for term in self.given.terms}
         values = {name: float(np.sqrt(sum(np.sum(r * r) for r in rows))) for name, rows in parts.items()}
-        if "as_built" in values:
-            values["as_built"] = self._copies_um(x, state) if self.judge is not None else 0.0
+        values |= {name: self._judge(name, state)[0] for name in values if name in STEPS}
         values["merit"] = math.sqrt(sum((term.weight * values[term.name]) ** 2 for term in self.given.terms))
         return values
 
@@ -463,8 +470,8 @@ class MeritFunction:
                 for rays in self.fields:
                     if rays.field or term.name == "telecentricity":
                         yield getattr(self, f"_{term.name}")(state, rays)
-            case "as_built":
-                return  # see `_as_built`
+            case "as_built" | "picture":
+                return  # see `_judgements`
             case "axial_colour":
                 lengths, by, *_ = self._images(state.paraxial)
                 low, high = int(np.argmin(given.wavelengths_nm)), int(np.argmax(given.wavelengths_nm))
@@ -668,6 +675,8 @@ class _Search:
 
     def descent(self, merit: MeritFunction, x: Array) -> Array:
         """Return the minimum near x; where rays are lost in it, the one that opening pupil and field in steps finds."""
+        if merit.by_spots is not None:
+            x, _ = self.local(merit.by_spots, x, "by spots")
         found, _ = self.local(merit, x, "descent")
         if not merit.lost_rays(found):
             return found
@@ -732,7 +741,7 @@ class _Search:
             improved = False
             for change in self.given.glasses:
                 for medium in neighbours(glasses[change.surface], change, self.given.wavelengths_nm):
-                    tried = MeritFunction(self.given, {**glasses, change.surface: medium}, judge=merit.judge)
+                    tried = MeritFunction(self.given, {**glasses, change.surface: medium}, judges=merit.judges)
                     found, _ = self.local(tried, x, f"{medium.name} behind surface {change.surface}")
                     if tried.values_of(found)["merit"] < 0.999 * merit.values_of(x)["merit"] and _holds(tried, found):
                         merit, x, improved = tried, found, True
@@ -772,7 +781,7 @@ def optimise(
     *,
     state: str | Path | None = None,
     on_progress: Progress | None = None,
-    judge: Judge | None = None,
+    judge: Judge | Judges | None = None,
 ) -> Optimised:
     """Search for the best lens of a problem.
 
@@ -786,7 +795,8 @@ def optimise(
         Gets a line after each stage.
     judge
         Returns the spot of copies of a lens, where the merit has `as_built`: `spot_of_copies` of
-        `rptcam_cl.rendering.tolerance_run`.
+        `rptcam_cl.rendering.tolerance_run`. Of several terms a mapping: ``picture`` is judged by `blur_of_zones` of
+        `rptcam_cl.rendering.account`.
 
     Raises
     ------
@@ -794,10 +804,12 @@ def optimise(
         For a problem that cannot be read, and bounds that no values of the variables hold.
     """
     given = source if isinstance(source, Problem) else read_problem(source)
-    if judge is None and any(term.name == "as_built" for term in given.terms):
-        raise InputError(f"{given.label}: merit.as_built needs a judge of copies (see optimise)")
+    judges = {} if judge is None else judge if isinstance(judge, Mapping) else {"as_built": judge}
+    for term in given.terms:
+        if term.name in STEPS and term.name not in judges:
+            raise InputError(f"{given.label}: merit.{term.name} needs a judge (see optimise)")
     search = _Search(given, _Journal(given, None if state is None else Path(state)), on_progress or (lambda _: None))
-    merit = MeritFunction(given, {}, judge=judge)
+    merit = MeritFunction(given, {}, judges=judges)
     start, x = merit, merit.x0
     _check_bounds(merit)
     if len(x):

@@ -1,11 +1,12 @@
-"""What is measured of a render: its exposure, what it will take, what float32 costs in its lens; and its report."""
+"""What is measured of a render: its exposure, time, float32 in its lens, and its report; what zones lose to a lens."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +17,19 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import Maker, made_by
 from rptcam_cl.device.session import Session
+from rptcam_cl.optics.design import BOARD, Problem
 from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays
 from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_of
-from rptcam_cl.rendering.cameras.kinds import camera_model
-from rptcam_cl.rendering.cameras.model import camera_geometry, camera_irradiance, values_per_irradiance
+from rptcam_cl.rendering.cameras.kinds import camera_model, camera_of
+from rptcam_cl.rendering.cameras.model import camera_geometry, camera_irradiance, exposed, values_per_irradiance
 from rptcam_cl.rendering.cameras.setting import (
     LensSetting,
     film_frame,
+    film_point,
     half_film_mm,
+    lens_camera,
     lens_setting,
     on_film,
     pupil_in_world,
@@ -37,10 +41,12 @@ from rptcam_cl.rendering.plan.plan import Plan, make_plan, serve
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.progressive import FilmRun, Rendering, render_plan
 from rptcam_cl.rendering.several import WHOLE, AnyWavefront, FilmPart, SharedWavefront, is_shared
-from rptcam_cl.rendering.tracer import MemoryNeeds, Wavefront
-from rptcam_cl.scene.changes import at_rest, set_keys
+from rptcam_cl.rendering.tracer import MemoryNeeds, Wavefront, WavefrontPool
+from rptcam_cl.scene.camera import LensCamera
+from rptcam_cl.scene.changes import at_rest, change_scene, set_keys
 from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO, MOST_STOPS, Exposure
-from rptcam_cl.scene.film import Film, FilmFilter, RenderSettings
+from rptcam_cl.scene.film import Film, FilmFilter, LensColour, RenderSettings
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.quantities import LONGEST_S, SHORTEST_S
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shapes import Board
@@ -618,3 +624,158 @@ def _check_range(what: str, value: float, least: float, most: float) -> None:
         raise InputError(
             f"exposure: auto metering needs an {what} out of range (got {value:.3g}; allowed: {least:g} to {most:g})"
         )
+
+
+# What zones of a picture show through a lens.
+
+BOARD_PIXELS, BOARD_SQUARE = 1800, 10  # across the film of the built-in board; of one of its squares
+ZONE = 1 / 40  # of the film's width: side of a zone where none is given
+CLOSED = 0.02  # of the stop's diameter: blur is that much smaller in the picture that others are compared with
+PICTURES = 4  # independent pictures of each zone
+ZONE_SAMPLES = 256  # per pixel: with 64 a search makes the noise of one zone its own, 9.6 for 11.9 %
+FAR_LENGTHS = 1e4  # focal lengths, in which the image moves by a ten-thousandth of one
+LEAST_SIDE = 8  # of a zone [pixels]
+
+
+def board(problem: Problem, lengths: float = 100.0) -> Scene:
+    """Return the scene ``board`` of a problem: squares that fill the film, so many focal lengths away."""
+    length = problem.focal_length_mm
+    half = length * math.tan(math.radians(max(problem.fields_degrees) or 5.0))
+    away, height = lengths * length / 1000, 2 * half * 2 / 3
+    if math.isfinite(problem.object_distance_mm):
+        raise InputError(f"{BOARD} stands far away; of a near object give a scene with the lens focused on it")
+    size = [away / length * side * 1.1 for side in (2 * half, height)]
+    squares = 1.1 * BOARD_PIXELS / BOARD_SQUARE
+    checks = {"kind": "checker", "even": 0.04, "odd": 0.85, "scale": [squares, squares * 2 / 3]}
+    return load_scene({
+        "film": {"resolution": [BOARD_PIXELS, BOARD_PIXELS * 2 // 3], "width_mm": 2 * half},
+        "camera": {"kind": "realistic", "eye": [0, 0, away], "target": [0, 0, 0], "lens": "cooke-triplet-50mm",
+                   "focus": {"distance_m": away, "method": "spot"}},
+        "render": {"spp": 128},
+        "objects": [{"shape": "rectangle", "corner": [-size[0] / 2, -size[1] / 2, 0], "edge_u": [size[0], 0, 0],
+                     "edge_v": [0, size[1], 0], "material": {"kind": "matte", "reflectance": checks}}],
+        "environment": {"kind": "constant", "radiance": 1},
+    })  # fmt: skip
+
+
+class Blur(NamedTuple):
+    """What zones lose to a lens.
+
+    Attributes
+    ----------
+    value : float
+        Rms over the zones [%].
+    residuals : (zones,) array
+        Whose squares add up to that of the value.
+    error : float
+        Standard error of the value.
+    zones : list of (value, error)
+    """
+
+    value: float
+    residuals: Array
+    error: float
+    zones: list[tuple[float, float]]
+
+
+def blur_of_zones(
+    problem: Problem, session: Session, samples: int = ZONE_SAMPLES, seed: int = 0
+) -> Callable[[Lens, float], Blur]:
+    """Return the function that renders the zones of a problem through a lens with its film somewhere [mm].
+
+    They are rendered too at the camera's wavelength with the stop all but closed: sharp, but drawn as the lens draws
+    them. The blur of a zone is the rms of the difference of both, relative to the rms of that one [%]; infinite of a
+    lens that forms no picture. Light that varies slowly, and by how much the whole zone is shifted, count for nothing;
+    noise adds nothing on the average. Lenses that are alike have it alike. Diffraction is left out.
+
+    Raises
+    ------
+    InputError
+        For a scene without a realistic camera, and fields beyond its film.
+    """
+    given = board(problem, FAR_LENGTHS) if problem.scene == BOARD else load_scene(problem.scene)
+    if given.camera.traced_camera is None:
+        raise InputError(f"{problem.scene}: camera.kind: must be realistic, so that a lens takes the picture")
+    scene = change_scene(given, render={"layers": (), "noise": None})
+    scene = scene.model_copy(update={"exposure": Exposure()})
+    zones = problem.zones or tuple(_zones_at_fields(problem, scene))
+    (width, height), camera = scene.film.resolution, lens_camera(scene)
+    corners = np.round(np.reshape(zones, (-1, 2, 2)).swapaxes(1, 2) * (width, height)).astype(int)
+    corners[:, 1] = np.maximum(corners[:, 1] - corners[:, 0], LEAST_SIDE)
+    layouts = [FilmLayout(width, height, *each.ravel().tolist()) for each in corners]
+    windows = [_window(scene, camera, zone) for zone in zones]
+    pool, parts, count = WavefrontPool(session), PlanParts(), -(-samples // PICTURES)
+
+    def pictures(lens: Lens, film_mm: float, colour: LensColour) -> list[Array]:
+        use = LensSetting(lens, film_mm, None, camera)
+        plan = make_plan(scene, exposed(camera_of(scene, use).model(colour, windows=windows), scene), parts=parts)
+        buffers, shown = pool.upload(plan), []
+        for number, layout in enumerate(layouts):
+            wavefront = pool.wavefront(plan, buffers, layout, scene.render, f"{colour} {number}")
+            light = []
+            for part in range(PICTURES):
+                wavefront.clear()
+                wavefront.seed = seed * PICTURES + part
+                for wave in wavefront.waves(0, count):
+                    wavefront.enqueue(*wave)
+                wavefront.finish()
+                light.append(luminance(wavefront.picture(count).astype(np.float64)))
+            flat = np.stack(light).reshape(PICTURES, -1) / (np.mean(light) or 1.0)
+            x, y = np.meshgrid(np.linspace(-1, 1, layout.width), np.linspace(-1, 1, layout.height))
+            terms, _ = np.linalg.qr(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6))
+            shown.append((flat - flat @ terms @ terms.T).reshape(PICTURES, layout.height, layout.width))
+        return shown
+
+    def blur(lens: Lens, film_mm: float) -> Blur:
+        closed = lens.with_stop_diameter(2 * CLOSED * lens.surfaces[lens.stop_index or 0].semi_diameter)
+        try:
+            both = zip(pictures(lens, film_mm, "on"), pictures(closed, film_mm, "off"), strict=True)
+        except InputError:  # no light, or a film within the lens
+            return Blur(math.inf, np.full(len(layouts), math.inf), 0.0, [])
+        found = [_blur(*each) for each in both]
+        shares, errors = np.array(found).T / math.sqrt(len(found))
+        value = float(np.linalg.norm(shares))
+        return Blur(value, shares, float(np.linalg.norm(shares * errors)) / (value or 1.0), found)
+
+    return blur
+
+
+def _window(scene: Scene, camera: LensCamera, zone: Sequence[float]) -> tuple[float, float, float, float]:
+    """Return the part of the film that a zone needs [mm]: itself and what the filter reaches."""
+    beyond = (1 + scene.film.filter.radius) / np.array(scene.film.resolution)
+    (left, top), (right, bottom) = np.reshape(zone, (2, 2)).T + np.outer((-1, 1), beyond)
+    x, y, _ = np.array([film_point(scene, camera, *at) for at in product((left, right), (top, bottom))]).T
+    return float(x.min()), float(x.max()), float(y.min()), float(y.max())
+
+
+def _zones_at_fields(problem: Problem, scene: Scene) -> Iterator[tuple[float, ...]]:
+    """Yield a square zone at each field, right of the middle of the picture and as a whole within it."""
+    width, height = (side * 1e3 for side in scene.film.size_m())
+    for degrees in problem.fields_degrees:
+        at = 0.5 + problem.focal_length_mm * math.tan(math.radians(degrees)) / width
+        if at > 1 + 1e-9:
+            raise InputError(
+                f"{problem.scene}: the film does not reach to {degrees:g} degrees (give zones, or a wider film)"
+            )
+        at = min(at, 1 - ZONE / 2)
+        high = ZONE / 2 * width / height
+        yield at - ZONE / 2, at + ZONE / 2, 0.5 - high, 0.5 + high
+
+
+def _blur(shown: Array, sharp: Array) -> tuple[float, float]:
+    """Return the rms difference of two pictures (parts, height, width), over that of the sharp one [%], and its error.
+
+    Products of different parts take the place of squares, which the noise would add to; the error is by jackknife.
+    """
+    slopes = np.stack([slope.ravel() for slope in np.gradient(sharp.mean(axis=0))], axis=1)
+    off, whole = (shown - sharp).reshape(PICTURES, -1), sharp.reshape(PICTURES, -1)
+    off = off - slopes @ np.linalg.lstsq(slopes, off.mean(axis=0))[0]
+
+    def ratio(kept: NDArray[np.intp]) -> float:
+        squares = [one[kept].sum(axis=0) ** 2 - (one[kept] ** 2).sum(axis=0) for one in (off, whole)]
+        lost, all_ = (float(each.sum()) for each in squares)
+        return 100 * math.sqrt(max(lost, 0.0) / all_) if all_ > 0 else 0.0
+
+    every = np.arange(PICTURES)
+    without = np.array([ratio(np.delete(every, part)) for part in every])
+    return ratio(every), float(np.sqrt((PICTURES - 1) * np.mean((without - without.mean()) ** 2)))

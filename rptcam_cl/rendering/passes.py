@@ -142,6 +142,8 @@ def _of(buffers: Mapping[str, Any], *names: str) -> dict[str, Any]:
 _LENS_LANES = 16  # lanes per work item that trace a lens on a CPU: its surfaces are long chains of roots
 PACKETS = 4  # of lanes that a work item of a CPU takes through a lens side by side
 
+SORTED, SORTERS = 2048, 64  # slots that are sorted together, and work items that do it: kernels/pass/sort.cl
+
 Run = Callable[[Launch, int], None]
 """Enqueues a launch over a number of work items."""
 
@@ -353,40 +355,35 @@ class StreamPass:
 
 
 class DepthPasses:
-    """The passes ``intersect``, ``shade`` and ``shadow`` for every depth of the paths, then ``film``.
+    """The passes ``intersect``, ``sort``, ``shade`` and ``shadow`` for every depth of the paths, then ``film``.
 
-    Where a scene has media, ``travel`` stands in place of ``intersect``.
+    Where a scene has media, ``travel`` stands in place of ``intersect``. Only paths of one lane are sorted.
     """
 
     def __init__(self, session: Session, plan: Plan, settings: RenderSettings, buffers: WaveBuffers) -> None:
-        self._lanes = session.lanes
+        self._lanes, self._max_depth, scene = session.lanes, settings.max_depth, buffers.scene.scene
         has_media = plan.facts["HAS_MEDIA"] > 0
-        first = "travel" if has_media else "intersect"
-        files = [f"pass/{first}.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
-        program, scene = _tracing_program(session, plan, buffers, files), buffers.scene.scene
-        depths = range(1, settings.max_depth + 1)
-        own = {**scene, **buffers.slots}
+        names = ("travel" if has_media else "intersect", "sort", "shade", "shadow", "film")
+        program = _tracing_program(session, plan, buffers, [f"pass/{name}.cl" for name in names])
+        of_depth = {**buffers.slots, "depth": np.uint32(1)}
         of_wave = {"wave": _NO_WAVE, "tiles": buffers.tiles}
-        of_depth = {**of_wave, "limits": ALIKE.limits(settings)}
-        self._tracks = plan.facts["HAS_DENSITY"] > 0  # whether shadow rays take random numbers
-        tracks: dict[str, Any] = {**of_wave, "depth": np.uint32(1)} if self._tracks else {}
-        self._follows, self._max_depth = plan.facts["LAMPS_BEHIND_GLASS"] > 0, settings.max_depth
-        tracks |= {"left": np.int32(0)} if self._follows else {}
-        self._shadow = session.bind(program, "shadow", **own, **tracks) if plan.emitters.count else None
-        self._shade = [
-            session.bind(
-                program, "shade", **own, **of_depth, depth=np.uint32(depth), survival_scale=buffers.survival_scale
-            )
-            for depth in depths
-        ]
-        self._travel = [
-            session.bind(program, "travel", **own, **of_depth, depth=np.uint32(depth)) for depth in depths if has_media
-        ]
-        self._intersect = None if has_media else session.bind(program, "intersect", **own)
-        for launch in self._travel:
-            launch.steps = max(_TRACKED * plan.media.steps, 1.0)
-        if self._shadow is not None:
+        of_path = {**scene, **of_depth, **of_wave, "limits": ALIKE.limits(settings)}
+        self._search = session.bind(program, names[0], **(of_path if has_media else {**scene, **of_depth}))
+        self._search.steps = max(_TRACKED * plan.media.steps, 1.0)
+        materials = {name: scene[name] for name in ("primitives", "materials")}
+        self._sort = session.bind(program, "sort", **materials, **of_depth, wave=_NO_WAVE)
+        self._shade = session.bind(program, "shade", **of_path, survival_scale=buffers.survival_scale)
+        self._of_depth, self._shadow = [self._search, self._sort, self._shade], None
+        self._of_wave = self._of_depth[0 if has_media else 1 :]
+        tracks = plan.facts["HAS_DENSITY"] > 0  # whether shadow rays take random numbers
+        self._follows = plan.facts["LAMPS_BEHIND_GLASS"] > 0
+        if plan.emitters.count:
+            more: dict[str, Any] = {"left": np.int32(0)} if self._follows else {}
+            more |= {**of_depth, **of_wave} if tracks else buffers.slots
+            self._shadow = session.bind(program, "shadow", **scene, **more)
             self._shadow.steps = max(plan.media.steps, 1.0)
+            self._of_depth += [self._shadow] * tracks
+            self._of_wave += [self._shadow] * tracks
         self._film = session.bind(
             program, "film", **buffers.slots, sums=buffers.film.sums, counters=buffers.film.counters, wave=_NO_WAVE,
             pixels=np.uint32(buffers.film.pixels), tiles=buffers.tiles,
@@ -395,27 +392,24 @@ class DepthPasses:
 
     def use_roulette(self, limits: bytes, survival_scale: Any) -> None:
         """Play roulette by other limits, and by another buffer of survival scales."""
-        for shade in self._shade:
-            shade.set(limits=limits, survival_scale=survival_scale)
+        self._shade.set(limits=limits, survival_scale=survival_scale)
 
     def enqueue(self, wave: bytes, pixels: int, slots: int, run: Run) -> None:
         """Trace a wave."""
         items = slots // self._lanes
-        for index, shade in enumerate(self._shade):
-            if self._intersect is not None:
-                run(self._intersect, items)
-            else:
-                self._travel[index].set(wave=wave)
-                run(self._travel[index], items)
-            shade.set(wave=wave)
-            run(shade, items)
-            if self._shadow is not None and shade is not self._shade[-1]:
-                if self._tracks:
-                    self._shadow.set(wave=wave, depth=np.uint32(index + 1))
+        for launch in (*self._of_wave, self._film):
+            launch.set(wave=wave)
+        for depth in range(1, self._max_depth + 1):
+            for launch in self._of_depth:
+                launch.set(depth=np.uint32(depth))
+            run(self._search, items)
+            if self._lanes == 1:
+                run(self._sort, -(-slots // SORTED) * SORTERS)
+            run(self._shade, items)
+            if self._shadow is not None and depth < self._max_depth:
                 if self._follows:
-                    self._shadow.set(left=np.int32(self._max_depth - index - 1))
+                    self._shadow.set(left=np.int32(self._max_depth - depth))
                 run(self._shadow, items)
-        self._film.set(wave=wave)
         run(self._film, pixels // self._lanes)
 
 

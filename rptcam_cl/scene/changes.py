@@ -195,6 +195,13 @@ def change_scene(scene: Scene, **parts: Mapping[str, Any]) -> Scene:
     return _check_changed(scene, data, parts)
 
 
+def focus_keys(scene: Scene, found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the changes that set a focus by the keys of its camera, in place of what finds it in each frame."""
+    goes_on = scene.sequence is not None and scene.sequence.continuous_focus is not None
+    keys = {f"camera.{name}": value for name, value in found.items()}
+    return keys | ({"sequence.continuous_focus": None} if goes_on else {})
+
+
 def with_camera(scene: Scene, keys: Mapping[str, Any]) -> Scene:
     """Return a copy of a scene with another camera, given by its keys, checked as `change_scene` does.
 

@@ -126,8 +126,8 @@ def _check_followed(camera: Camera, objects: Sequence[Object]) -> None:
         raise unknown_name("is no name of an object", followed, known, without=without, path=path)
 
 
-def _check_sequence(sequence: FrameSequence | None, shutter: Shutter, exposure: Exposure, autofocus: bool) -> None:
-    """Refuse what is to follow from frame to frame where nothing is found anew in each, and keys that move twice."""
+def _check_sequence(sequence: FrameSequence | None, shutter: Shutter) -> None:
+    """Refuse keys that move twice."""
     if sequence is None:
         return
     for name in sequence.keys.keys() & shutter.keys.keys():
@@ -137,19 +137,20 @@ def _check_sequence(sequence: FrameSequence | None, shutter: Shutter, exposure: 
             allowed="one of the two; those of the shutter move from frame to frame as well",
             path=("sequence", "keys", name),
         )
-    if sequence.continuous_focus is not None and not autofocus:
-        raise refuse(
-            "says how autofocus follows, and the focus is given",
-            allowed="camera.focus: {auto: …} beside it",
-            path=("sequence", "continuous_focus"),
+
+
+def _sequence_warnings(sequence: FrameSequence | None, exposure: Exposure, autofocus: bool) -> list[str]:
+    """Name what is to follow from frame to frame where nothing is found anew in each."""
+    warnings = []
+    if sequence is not None and sequence.continuous_focus is not None and not autofocus:
+        warnings.append(
+            "sequence.continuous_focus follows nothing, as the focus is given (camera.focus: {auto: …} is followed)"
         )
-    if sequence.exposure_time_constant_s is not None and exposure.mode != "auto":
-        raise refuse(
-            "says how auto exposure follows the light",
-            got=exposure.mode,
-            allowed="exposure: auto beside it",
-            path=("sequence", "exposure_time_constant_s"),
+    if sequence is not None and sequence.exposure_time_constant_s is not None and exposure.mode != "auto":
+        warnings.append(
+            f"sequence.exposure_time_constant_s follows nothing, as the exposure is {exposure.mode} (auto is followed)"
         )
+    return warnings
 
 
 def _check_keys_of_shutter(shutter: Shutter, camera: Camera, render: RenderSettings) -> None:
@@ -456,7 +457,7 @@ class Scene(SceneModel):
         if self.sensor is None and self.requested_autofocus is not None and self.requested_autofocus.sensor:
             path = ("camera", "focus", "auto", "sensor")
             raise refuse("the scene has none", got=True, allowed="sensor: {} in the scene, or without", path=path)
-        _check_sequence(self.sequence, self.shutter, self.exposure, self.requested_autofocus is not None)
+        _check_sequence(self.sequence, self.shutter)
         _check_followed(self.camera, self.objects)
         _check_keys_of_shutter(self.shutter, self.camera, self.render)
         for index, item in self.new_objects():
@@ -545,7 +546,8 @@ class Scene(SceneModel):
         own = _scene_warnings(
             self.camera, self.film, self.shutter, objects, self.lights, self.environment, self._folders
         )
-        return (*self._stand_ins, *own, *self.lens_doubts)
+        followed = _sequence_warnings(self.sequence, self.exposure, self.requested_autofocus is not None)
+        return (*self._stand_ins, *own, *followed, *self.lens_doubts)
 
     @property
     def lens_doubts(self) -> tuple[str, ...]:

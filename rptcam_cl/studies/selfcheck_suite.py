@@ -502,7 +502,8 @@ THUMBNAIL = (16, 8)  # blocks of pixels whose means stand in the report
 KNOWN_SIZE, KNOWN_SPP = 8, 16  # divides width and height; samples of a pixel
 KNOWN_MEANS = {"A": 0.5421156, "A_lens": 0.3248519, "B": 0.1215812, "C": 0.3166448}  # of the film: PoCL 3.0
 OFF = 1e-3  # by which such a mean may be off, relative: approximate roots and quotients change it by 1.3e-5
-LIMIT_S = 540.0  # after which no further step begins: the last one has a minute
+LIMIT_S = 540.0  # after which no further step begins
+END_S = 600.0  # after which a step that has not ended is given up, and all behind it
 
 Triangles = tuple[Array, NDArray[np.int64]]
 Make = Callable[[], tuple[Any, str, bool]]
@@ -648,6 +649,8 @@ class CardReport:
         begun = time.perf_counter()
         for number, (section, name, make) in enumerate(self._steps, 1):
             before = time.perf_counter()
+            self.failed.append(f"{section}, {name}")  # as it is if it never ends
+            self.found.setdefault(section, {})[name] = {"right": False, "value": {"error": "did not end"}}
             if before - begun > limit_s:
                 value, word, right = {"left_out": f"{limit_s:.0f} s were over"}, "left out, as time is over", True
             else:
@@ -656,10 +659,10 @@ class CardReport:
                 except Exception as error:  # whatever a driver throws belongs in the report
                     word = f"{type(error).__name__}: {' '.join(str(error).split())}"
                     value, right = {"error": word}, False
-            if not right:
-                self.failed.append(f"{section}, {name}")
+            if right:
+                self.failed.pop()
             seconds = time.perf_counter() - before
-            self.found.setdefault(section, {})[name] = {"seconds": seconds, "right": right, "value": value}
+            self.found[section][name] = {"seconds": seconds, "right": right, "value": value}
             verdict = "" if right else "FAIL "
             yield f"[{number}/{len(self._steps)}] {section}, {name}: {verdict}{word} ({seconds:.1f} s)"
 

@@ -160,6 +160,7 @@ class Engine:
         self._deliver(clients)
         for slot in self._studio.slots:
             slot.follow()
+        self._requests.track_focus()
         self._requests.note_state()
         a, b = self._studio.a, self._studio.b
         if a is not None and b is not None and self._studio.compares_difference:

@@ -14,11 +14,13 @@ from typing import Any
 from rptcam_cl.api.combined import focus_stack
 from rptcam_cl.core.errors import DeviceError, InputError, StateError, near_name
 from rptcam_cl.imaging.image import Image
+from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.lens_settings import METHODS
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import autofocus
 from rptcam_cl.studies.focus.drives import focus_drive
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, Probe
+from rptcam_cl.studies.focus.servo import FrameFocus, FrameTracker
 from rptcam_cl.viewfinder import messages, things, timeline
 from rptcam_cl.viewfinder.background import Background, BackgroundTask
 from rptcam_cl.viewfinder.dials import turn_dial, turn_focus, zoom_by
@@ -48,6 +50,10 @@ class Requests:
         self._studio = studio
         self._searching, self._saving = background.worker("focus"), background.worker("save")
         self._selecting, self._stacking = background.worker("select"), background.worker("stack")
+        self._tracking = background.worker("track")
+        self._tracked: tuple[int, dict[str, Any]] | None = None  # frame and changes whose focus was sought last
+        self._tracks_later = False  # once its kernels are compiled
+        self._tracker: tuple[Any, str, FrameTracker] | None = None  # of a session and a scene; the worker's alone
         self.history = History(studio)
         self._acted = False  # whether somebody changed something since the last state was noted
         self._waiting: list[messages.Request] = []
@@ -183,7 +189,7 @@ class Requests:
     @property
     def any_waits(self) -> bool:
         """Whether requests wait until their kernels are compiled."""
-        return bool(self._waiting)
+        return bool(self._waiting) or self._tracks_later
 
     def answer_waiting(self) -> None:
         """Answer the requests whose kernels have been compiled meanwhile."""
@@ -206,6 +212,55 @@ class Requests:
             client.outbox.news("focus", {"type": "notice", "kind": "focus", "ok": True, "text": text})
         self._waiting.append(request)
         return True
+
+    def track_focus(self) -> None:
+        """Have the focus of the frame that is shown found as ``--frames`` finds it, where each frame has its own.
+
+        While frames play the focus comes after them, as the last that was found.
+        """
+        studio, slot, self._tracks_later = self._studio, self._studio.a, False
+        if slot is None or not studio.focuses_each_frame or slot.dials.clock.frame < 1:
+            self._tracked = None
+            self._tracking.end()
+            return
+        frame, plays = slot.dials.clock.frame, studio.recorder.is_playing
+        state = frame, {key: value for key, value in slot.changes.items() if key.split(".")[0] not in _LEAVES_FOCUS}
+        if state == self._tracked or (slot.rests_in() > 0 and not plays) or (plays and self._tracking.tasks):
+            return
+        file = studio.as_file(slot)
+        order = partial(focus_order, slot.session.device.info.id, file, None, {})
+        self._tracks_later = not slot.session.is_carried_out(("focus", "frames"), order)
+        if self._tracks_later:
+            return
+        self._tracking.end()
+        self._tracked = state
+        device = slot.session.device.beside()
+
+        def work(task: BackgroundTask) -> tuple[float, str]:
+            if file.sequence is None or file.sequence.continuous_focus is None:
+                report = autofocus(set_keys(file, timeline.at_frame(file, slot.dials.clock, frame)[0]), device=device)
+                return report.state, f"Focus of frame {frame}: {report.focus_distance_m or math.inf:.4g} m"
+            name, kept, self._tracker = file.content_hash(), self._tracker, None  # none that is left within a frame
+            if kept is None or kept[:2] != (slot.session, name):
+                kept = slot.session, name, FrameTracker(file, lambda: device)
+            scene, metadata = kept[2].frame(frame)
+            self._tracker, found = kept, FrameFocus.of(frame, 0.0, scene, metadata)
+            off = "nothing to focus on"
+            if found.off is not None:
+                off = f"{found.off:+.2f} depths of focus off the subject at {found.subject_m:.4g} m"
+            return metadata["continuous_focus"]["state"], f"Focus of frame {frame}: {found.focus_m:.4g} m, {off}"
+
+        def done(found: tuple[float, str]) -> None:
+            studio.change("A", state_changes(slot.scene, found[0]), by_hand=False)
+            slot.messages = (found[1],)
+
+        def failed(problem: Exception) -> None:
+            text = f"the focus of frame {frame} is not found: {text_of(problem)}"
+            studio.tell({"type": "notice", "kind": "focus", "ok": False, "text": text})
+            if not isinstance(problem, InputError | StateError):
+                raise problem
+
+        self._tracking.start(BackgroundTask(f"focus of frame {frame}", work, done, failed))
 
     def _focus(self, client: messages.Client, message: messages.FocusRequest) -> None:
         self._leave_other_search(message)
@@ -364,8 +419,7 @@ class Requests:
     def _text(self, client: messages.Client, message: messages.TextRequest) -> None:
         slot, origin = self._studio.slot(message.slot), self._studio.origin
         if message.type == "scene":
-            clock = self._studio.slot("A").dials.clock
-            answer = {"yaml": origin.text(timeline.as_file(slot.scene, clock)), "name": origin.name}
+            answer = {"yaml": origin.text(self._studio.as_file(slot)), "name": origin.name}
         else:
             answer = {"text": origin.command(slot.scene, slot.session.spp, slot.dials.mix if slot.is_mixed else {})}
         client.outbox.answer({"type": message.type, "id": message.id, **answer})
@@ -380,6 +434,7 @@ class Requests:
 
     def _history(self, client: messages.Client, message: messages.HistoryRequest) -> None:
         self.leave_search()
+        self._tracked = None  # a state that was may have been noted before its focus was found
         self.history.note(acted=True)
         self._acted = False
         match message.do, message.number:

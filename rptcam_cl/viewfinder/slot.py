@@ -230,7 +230,9 @@ class Slot:
         """Samples per pixel at which the picture is done."""
         return self.scene.render.most_spp
 
-    def change(self, keys: Mapping[str, Any], *, transient: bool = False, dials: Dials | None = None) -> Change:
+    def change(
+        self, keys: Mapping[str, Any], *, transient: bool = False, dials: Dials | None = None, by_hand: bool = True
+    ) -> Change:
         """Change the scene, at once or not at all.
 
         Parameters
@@ -241,6 +243,8 @@ class Slot:
             Whether more will come at once, as from a control that is held.
         dials
             The camera's body afterwards; without it the scene says.
+        by_hand
+            Whether it is one of `changes`; not so what the camera finds by itself in each frame.
 
         Raises
         ------
@@ -249,7 +253,8 @@ class Slot:
         """
         before = self.resolved
         change = self.session.change(dict(keys), wait=False)
-        self.changes = with_changes(self.changes, keys)
+        if by_hand:
+            self.changes = with_changes(self.changes, keys)
         if dials is not None:
             self.dials = dials
         elif any(part in _BODY for part in change.keys):
@@ -507,7 +512,7 @@ class Slot:
         """What of the picture takes so long that it is added at rest, off the thread of frames."""
         described = self.session.metadata
         has = {
-            "diffraction": described.get("diffraction", {}).get("on", False),
+            "diffraction": any(described.get("diffraction", {}).get(key, False) for key in ("on", "film_decides")),
             "ghosts": "ghosts" in described,
             "sensor": self.scene.sensor is not None,
         }

@@ -156,7 +156,8 @@ class Origin:
         """
         assert self._loaded is not None, "a scene is loaded before it is shown"
         changes = _differences("", _data(self._loaded), _data(shown))
-        changes = {key: value for key, value in changes.items() if key.split(".")[0] != "sequence"}  # of frames alone
+        of_frames = {key for key in changes if key.split(".")[0] == "sequence"} - {"sequence.continuous_focus"}
+        changes = {key: value for key, value in changes.items() if key not in of_frames}
         own = [f"{key}={json.dumps(value, ensure_ascii=False)}" for key, value in changes.items()]
         sets = [word for text in (*self._overrides, *own) for word in ("--set", text)]
         name = self.name if self.path is None else str(self.path)
@@ -495,9 +496,15 @@ class Studio:
             client.outbox.answer(message)
 
     def change(
-        self, name: str, keys: Mapping[str, Any], *, transient: bool = False, dials: Dials | None = None
+        self,
+        name: str,
+        keys: Mapping[str, Any],
+        *,
+        dials: Dials | None = None,
+        transient: bool = False,
+        by_hand: bool = True,
     ) -> Change:
-        """Change a slot; what A gets, B gets too, where it has nothing else for it.
+        """Change a slot, as `Slot.change` does; what A gets, B gets too, where it has nothing else for it.
 
         Raises
         ------
@@ -505,12 +512,12 @@ class Studio:
             Nothing is changed then.
         """
         slot = self.slot(name)
-        change = slot.change(keys, transient=transient, dials=dials)
+        change = slot.change(keys, transient=transient, dials=dials, by_hand=by_hand)
         self._tell_compiling(slot, not slot.compiling)
         if name == "A" and self.b is not None:
             own = {key: value for key, value in keys.items() if not _touches(key, self.b_keys)}
             try:
-                self.b.change(own, transient=transient)
+                self.b.change(own, transient=transient, by_hand=by_hand)
                 self._tell_compiling(self.b, not self.b.compiling)
             except InputError as problem:
                 self.b.messages = (f"B keeps its own: {problem}",)
@@ -603,6 +610,28 @@ class Studio:
         except InputError as problem:
             dropped.append(f"the comparison: {problem}")
         return dropped
+
+    @property
+    def focuses_each_frame(self) -> bool:
+        """Whether the camera of A finds the focus of each frame: the file has it so, and no hand has set it."""
+        file, slot = self._scene, self.a
+        if file is None or slot is None or file.requested_autofocus is None:
+            return False
+        goes_on = file.sequence is not None and file.sequence.continuous_focus is not None
+        by_hand = any(key == "camera" or key.startswith("camera.focus") for key in slot.changes)
+        return (goes_on or slot.dials.clock.frame > 0) and not by_hand
+
+    def as_file(self, slot: Slot) -> Scene:
+        """Return a scene as it is saved: as it stands in its first frame, its focus as the file has it found."""
+        scene = timeline.as_file(slot.scene, self.slot("A").dials.clock)
+        if not self.focuses_each_frame:
+            return scene
+        assert self._scene is not None and self._scene.made_of
+        names = [name for each in (scene, self._scene) for name in each.made_of["camera"] if name.startswith("focus")]
+        keys = [f"camera.{name}" for name in names]
+        if self._scene.sequence is not None:
+            keys.append("sequence.continuous_focus")
+        return set_keys(scene, values_before(self._scene, keys))
 
     def reset(self, prefix: str) -> None:
         """Go back to the scene file, as a whole or in the keys that begin so."""

@@ -333,17 +333,9 @@ def time_message(panel: Panel, recorder: Recorder) -> dict[str, Any]:
 
 def follows_anew(panel: Panel) -> list[str]:
     """Sentences on what the frame that is shown has not, and ``--frames`` finds for each frame."""
-    scene, sequence = panel.scene, sequence_of(panel.scene)
-    if panel.dials.clock.frame <= 1:
+    if panel.dials.clock.frame <= 1 or sequence_of(panel.scene).exposure_time_constant_s is None:
         return []
-    sentences = []
-    if scene.requested_autofocus is not None:
-        sentences.append("The focus stays as it was found: rptcam render --frames finds it anew in each frame")
-    if sequence.exposure_time_constant_s is not None:
-        sentences.append(
-            "The exposure is that of this frame alone: rptcam render --frames lets it follow the light slowly"
-        )
-    return sentences
+    return ["The exposure is that of this frame alone: rptcam render --frames lets it follow the light slowly"]
 
 
 # Keyframes as a scene file has them.

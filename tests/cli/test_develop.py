@@ -49,9 +49,7 @@ def test_peaking_colours_what_is_sharp_and_nothing_else(rptcam: Command) -> None
 
 
 @pytest.mark.usefixtures("film")
-def test_a_picture_with_marks_is_written_whole_or_not_at_all(
-    rptcam: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_picture_with_marks_is_written_whole_or_not_at_all(rptcam: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     words = ("develop", "film.exr", "-o", "marked.png", "--peaking", "0.9")
     assert rptcam(*words).code == 0
     before = Path("marked.png").read_bytes()

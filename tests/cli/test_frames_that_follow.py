@@ -132,11 +132,27 @@ def test_first_frame_with_nothing_to_focus_on_is_named(following: Path) -> None:
         FrameTracker(scene, lambda: open_session(None)).frame(2)
 
 
+def test_one_picture_is_taken_of_a_scene_that_is_followed(following: Path) -> None:
+    alone = rptcam_cl.load_scene(following, ["sequence=null"])
+    of_sequence = rptcam_cl.load_scene(following)
+    assert np.array_equal(rptcam_cl.render(of_sequence, spp=1).pixels, rptcam_cl.render(alone, spp=1).pixels)
+    with rptcam_cl.RenderSession(following) as session:
+        session.change({"camera.f_number": 4})
+        assert session.scene.sequence is not None and session.scene.sequence.continuous_focus is None
+    rptcam_cl.settle(following, "settled.yaml")
+    assert not rptcam_cl.load_scene("settled.yaml").warnings
+
+
+def test_what_has_nothing_to_follow_is_a_warning(following: Path) -> None:
+    scene = rptcam_cl.load_scene(following, ["camera.focus_distance_m=2", "exposure=relative"])
+    focus, exposure = scene.warnings
+    assert focus.startswith("sequence.continuous_focus follows nothing, as the focus is given")
+    assert exposure.startswith("sequence.exposure_time_constant_s follows nothing, as the exposure is relative")
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("camera.focus_distance_m=2", "sequence.continuous_focus: says how autofocus follows, and the focus is given"),
-        ("exposure=relative", "sequence.exposure_time_constant_s: says how auto exposure follows the light"),
         ("sequence.exposure_time_constant_s=0", "exposure_time_constant_s: is out of range"),
         ("sequence.continuous_focus.speed=0", "continuous_focus.speed: is out of range"),
     ],

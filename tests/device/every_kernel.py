@@ -32,7 +32,7 @@ SIZE = (8, 4)
 SKY = {"kind": "sky", "sun_elevation_degrees": 60, "sun_azimuth_degrees": 0}
 FEW_SURFACES = "biconvex-stop"  # two: a lens of ten has 45 pairs that make ghosts
 TREES = {"gather", "histogram", "partition", "subtree", "leaves", "search", "reinsert"}
-WAVE = {"generate", "intersect", "shade", "shadow", "film"}
+WAVE = {"generate", "intersect", "sort", "shade", "shadow", "film"}
 
 
 def small_waves() -> None:

@@ -7,17 +7,21 @@ import rptcam_cl
 from benchmarks.scenes import reference_scene, render_samples, wavefront_of
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.files import kernels_dir
+from rptcam_cl.core.records import MATERIAL, PRIMITIVE, STATE_FIELDS, WAVE, MaterialKind, device_declarations
 from rptcam_cl.device import programs, session
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.layers import NO_PRIMITIVE, PATH_ENDED
+from rptcam_cl.rendering.passes import SORTED, SORTERS
 from rptcam_cl.studies.selfcheck_suite import run_suite
 from tests.device.probes import open_session
-from tests.device.test_kernels import sheet
+from tests.device.test_kernels import all_facts, sheet
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
 from tests.support.approximate import FLUSHED, approximate
 
 SIZE, SPP = (24, 16), 8
+IN_AIR = -3  # what is hit where a medium scatters
 MATTE = {"kind": "matte", "reflectance": [0.7, 0.5, 0.3]}
 SHEET = {"shape": "mesh", "mesh": "sheet", "material": MATTE}
 
@@ -118,6 +122,49 @@ def test_reference_scenes_agree_to_the_bit_but_for_a_lens(name, monkeypatch):
         np.testing.assert_allclose(passes, stream, rtol=1e-5, atol=1e-6)
     else:
         np.testing.assert_array_equal(passes, stream)
+
+
+@pytest.mark.parametrize("sky", [0, 1])
+def test_paths_of_a_block_are_sorted_by_what_they_met_and_those_that_ended_left_out(sky):
+    slots = 2 * SORTED + 512  # the last block is not full
+    random = np.random.default_rng(5)
+    kinds = random.permutation(len(MaterialKind))
+    materials, primitives = np.zeros(len(kinds), MATERIAL.dtype), np.zeros(len(kinds), PRIMITIVE.dtype)
+    materials["kind"], primitives["material"] = kinds, np.arange(len(kinds))[::-1]
+    session = open_session()
+    session.write(
+        state := session.allocate(4 * len(STATE_FIELDS) * slots), np.zeros(slots * len(STATE_FIELDS), np.int32)
+    )
+    program = session.program(
+        ["pass/sort.cl"], all_facts() | {"ENVIRONMENT": sky, "EMITTER_SUNS": 0, "VW": 1}, device_declarations()
+    )
+    wave = np.zeros(1, WAVE.dtype)
+    wave["pixels"], wave["samples"] = slots // 2, 2
+    launch = session.bind(
+        program, "sort", primitives=session.upload(primitives), materials=session.upload(materials), state=state,
+        capacity=np.uint32(slots), wave=wave.tobytes(), depth=np.uint32(1),
+    )  # fmt: skip
+    order = [np.arange(first, min(first + SORTED, slots)) for first in range(0, slots, SORTED)]
+    fields = session.read(state, np.int32, slots * len(STATE_FIELDS)).reshape(-1, slots)
+    queue = fields[STATE_FIELDS.index("QUEUE")].view(np.uint16)
+    queue[:slots] = np.arange(slots) % SORTED  # as the search leaves it
+    for depth in (1, 2, 3):
+        origin = np.where(random.random(slots) < 0.4, PATH_ENDED, random.integers(-1, 3, slots))
+        hit = random.choice([NO_PRIMITIVE, IN_AIR, *range(len(kinds))], slots)
+        fields[STATE_FIELDS.index("ORIGIN")], fields[STATE_FIELDS.index("HIT")] = origin, hit
+        session.write(state, fields)
+        launch.set(depth=np.uint32(depth))
+        launch.enqueue(len(order) * SORTERS, SORTERS)
+        fields = session.read(state, np.int32, fields.size).reshape(-1, slots)
+        queue = fields[STATE_FIELDS.index("QUEUE")].view(np.uint16)
+        goes_on = (origin != PATH_ENDED) & ((hit != NO_PRIMITIVE) | (sky > 0))
+        rank = np.where(hit >= 0, kinds[::-1][hit], len(kinds) + (hit == NO_PRIMITIVE))
+        for block, before in enumerate(order):
+            living = before[goes_on[before]]
+            order[block] = living[np.argsort(rank[living], kind="stable")]
+            assert queue[slots + block] == len(living) > 50
+            first = block * SORTED
+            np.testing.assert_array_equal(first + queue[first : first + len(living)].astype(int), order[block])
 
 
 @pytest.fixture

@@ -173,7 +173,7 @@ def test_scene_with_everything_turns_every_fact_on():
 
 # What widths differ in is the same few macros in every pass: the fast tests have each pass at one of them.
 ONE_LANE_TOO = [slow(1), 8]
-SCENE_PASSES = ("film intersect shade shadow photons", "ghosts guides layers", "occluded", "sharp", "stream")
+SCENE_PASSES = ("film intersect sort shade shadow photons", "ghosts guides layers", "occluded", "sharp", "stream")
 OWN_TESTS = {"aim_rays", "denoise", "generate", "trace_copies", "trace_lens", "trace_rays", "travel"}
 
 
@@ -204,7 +204,7 @@ def test_passes_with_everything_compile_without_a_warning(session, files, lanes)
 
 
 @pytest.mark.parametrize("lanes", ONE_LANE_TOO)
-@compiled("travel shade shadow", "stream", "layers", "sharp")
+@compiled("travel sort shade shadow", "stream", "layers", "sharp")
 def test_passes_with_media_and_everything_compile_without_a_warning(session, files, lanes):
     facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | MADE | MEDIA | GROUPS | TABLES | {"VW": lanes}
     without_warnings(session, files, facts)

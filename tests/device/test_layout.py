@@ -71,7 +71,7 @@ def test_zeroed_buffer_is_zero(session):
 
 @pytest.mark.parametrize(
     ("needed", "last"),
-    [((), "T"), (("HAS_EMITTERS",), "CZ"), (("HAS_CURVE",), "TARGET_TRIANGLE"), (("HAS_EMITTERS", "MOVES"), "TIME"),
+    [((), "QUEUE"), (("HAS_EMITTERS",), "CZ"), (("HAS_CURVE",), "TARGET_TRIANGLE"), (("HAS_EMITTERS", "MOVES"), "TIME"),
      (("SPECTRUM", "HAS_MESH"), "WAVELENGTH_SAMPLE"), (("LIGHT_TREE",), "NZ"),
      (("LIGHT_TREE", "LIGHT_LOBES"), "LOBE_SHARE"), (("CAUSTICS",), "SINCE_RECEIVER"),
      (("LIGHT_PASSES",), "MIS"), (("LAMPS_BEHIND_GLASS",), "CHANCE")],

@@ -7,8 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rptcam_cl.api.job import render
 from rptcam_cl.cli import main
+from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.device.session import open_session
 from rptcam_cl.optics.design import GlassChoice, read_problem, singlet
 from rptcam_cl.optics.glass import GLASSES, abbe_number
 from rptcam_cl.optics.lens import film_distance
@@ -17,7 +20,9 @@ from rptcam_cl.optics.optimise import MeritFunction, neighbours, optimise
 from rptcam_cl.optics.ray_derivatives import Seeds, trace_with_derivatives
 from rptcam_cl.optics.ray_trace import Status, trace
 from rptcam_cl.optics.spots import Setting, spot, wavefront
+from rptcam_cl.rendering.account import FAR_LENGTHS, blur_of_zones, board
 from rptcam_cl.rendering.tolerance_run import spot_of_copies
+from rptcam_cl.scene.changes import set_keys
 from tests.support.cases import slow
 
 EVERY_TERM = {
@@ -260,6 +265,7 @@ def test_glasses_are_exchanged_for_neighbours_that_are_better():
     ({"lens": "zoom-70-200mm"}, "lens: zooms"),
     ({"film": "flat"}, "film: allowed: best, paraxial"),
     ({"vignetting": 3}, "vignetting"),
+    ({"zones": [[0.4, 0.3, 0, 1]]}, r"zones: expected \[\[left, right"),
 ])  # fmt: skip
 def test_faults_of_a_problem_name_their_key(change, words):
     with pytest.raises(InputError, match=words):
@@ -315,3 +321,58 @@ def test_merit_of_copies_falls_and_is_what_their_judge_says_of_the_lens():
         optimise(problem)
     with pytest.raises(InputError, match=r"merit.as_built needs tolerances"):
         read_problem(TRIPLET | {"merit": {"as_built": 1}})
+
+
+PICTURE = TRIPLET | {"merit": {"picture": 1}, "variables": {"curvatures": [1, 4]}, "zones": [[0.8, 0.825, 0.48, 0.52]]}
+
+
+def rendered_blur(problem, lens, film_mm):
+    """The blur of the one zone of a problem by whole renders of two seeds, without the search's renderer."""
+    [(left, right, top, bottom)] = problem.zones
+    halves = []
+    for seed in (5, 6):
+        pictures = []
+        for share, colour in ((1.0, "on"), (0.02, "off")):
+            own = lens.with_stop_diameter(2 * share * lens.surfaces[lens.stop_index].semi_diameter)
+            scene = set_keys(board(problem, FAR_LENGTHS), {
+                "camera.lens": _as_mapping(own), "camera.focus": {"film_distance_mm": film_mm},
+                "film.crop": [left, right, top, bottom], "spectrum.lens": colour,
+            })  # fmt: skip
+            light = luminance(np.asarray(render(scene, spp=256, seed=seed), np.float64))
+            y, x = np.indices(light.shape) / len(light)
+            trend = np.stack([x**i * y**j for i in range(3) for j in range(3 - i)], axis=-1).reshape(-1, 6)
+            flat = light.ravel() / light.mean()
+            pictures.append(flat - trend @ np.linalg.lstsq(trend, flat, rcond=None)[0])
+        slopes = np.stack([part.ravel() for part in np.gradient(pictures[1].reshape(light.shape))], axis=1)
+        off = pictures[0] - pictures[1]
+        halves.append((off - slopes @ np.linalg.lstsq(slopes, off, rcond=None)[0], pictures[1]))
+    return 100 * math.sqrt((halves[0][0] @ halves[1][0]) / (halves[0][1] @ halves[1][1]))
+
+
+def test_blur_of_a_rendered_zone_is_that_of_whole_renders():
+    problem = read_problem(PICTURE)
+    merit = MeritFunction(problem, {})
+    lens, film = merit.finished(merit.state(merit.x0, False))
+    blur = blur_of_zones(problem, open_session(None), 256)
+    found = blur(lens, film)
+    assert found.value == found.zones[0][0] and 0 < found.error < 0.5
+    again = blur_of_zones(problem, open_session(None), 1024, seed=9)(lens, film)
+    assert abs(found.value - again.value) < 4 * math.hypot(found.error, again.error)
+    # the render's pupils are those of the whole film, so that its noise is another
+    assert again.value == pytest.approx(rendered_blur(problem, lens, film), abs=0.3)
+    assert blur(lens, -99.0).value == math.inf  # no picture at all
+
+
+def test_search_by_a_rendered_zone_makes_it_sharper_than_one_by_spots():
+    device = open_session(None)
+    problem = read_problem(PICTURE)
+    plain = optimise({**PICTURE, "merit": {"spot": 1}})
+    found = optimise(problem, judge={"picture": blur_of_zones(problem, device)})
+    judge = blur_of_zones(problem, device, 1024, seed=3)  # samples of which the search knows nothing
+    before, after = judge(plain.lens, plain.film_mm), judge(found.lens, found.film_mm)
+    assert after.value < before.value - 4 * math.hypot(before.error, after.error)
+    assert found.after["picture"] == pytest.approx(after.value, abs=5 * after.error + 0.3)
+    with pytest.raises(InputError, match=r"merit.picture needs a judge"):
+        optimise(problem)
+    with pytest.raises(InputError, match="the film does not reach to 14 degrees"):
+        blur_of_zones(read_problem({**PICTURE, "zones": [], "scene": "examples/portrait.yaml"}), device)

@@ -173,6 +173,31 @@ def test_a_sequence_of_the_file_opens_as_it_stands_and_is_shown_frame_by_frame(f
         assert np.array_equal(shown(client, 12), rendered(yaml.safe_load(file.read_text()), folder, 13))
 
 
+COMING = [{"time_s": 0, "translate": [0, 0, -2]}, {"time_s": 1, "translate": [0, 0, 0]}]
+
+
+@pytest.mark.parametrize("continuous", [True, False])
+def test_each_frame_has_the_focus_that_frames_find_for_it(folder: Path, continuous: bool) -> None:
+    scene = yaml.safe_load(SCENE)
+    scene["camera"]["focus"] = {"auto": {"method": "depth"}}
+    scene["objects"][0]["motion"] = COMING
+    scene["sequence"] = {"frames_per_second": 12} | ({"continuous_focus": {}} if continuous else {})
+    file = folder / "coming.yaml"
+    file.write_text(yaml.safe_dump(scene))
+    with serving(file) as (_, server), page(server) as client:
+        for number, frame in ((10, 11), (20, 5)):
+            client.ask(number, "time", do="go", frame=frame)
+            words = f"Focus of frame {frame}: "
+            client.wait(lambda m: m.type == "state" and any(words in each for each in m.header["messages"]))  # noqa: B023
+            assert np.array_equal(shown(client, number + 1), rendered(scene, folder, frame))
+        assert saved(client, 30)["camera"]["focus"] == scene["camera"]["focus"]
+        assert saved(client, 31)["sequence"] == scene["sequence"]
+        client.ask(40, "set", changes={"camera.focus.distance_m": 2.0})  # by hand it stays
+        client.ask(41, "time", do="go", frame=11)
+        scene["camera"]["focus"] = {"distance_m": 2.0}
+        assert np.array_equal(shown(client, 42), rendered(scene, folder, 11))
+
+
 def test_frames_and_keys_are_said(client: Page) -> None:
     client.ask(10, "time", do="rack", from_m=1.0, to_m=2.0, seconds=0.125)
     client.send("time", id=11, do="go", frame=2)

@@ -15,7 +15,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.core.remember import remember
-from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe, Wavelengths, narrowing_probes, pupil_boxes
+from rptcam_cl.optics.film_probe import FilmFrame, FilmProbe, Wavelengths, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.irradiance import axial_irradiance, disk_irradiance, on_axis_irradiance
 from rptcam_cl.optics.lens import Lens, zoom_range_mm
 from rptcam_cl.optics.pupils import PupilShapes, StoppedPupils, shared_shapes, stopped_pupils
@@ -75,14 +75,29 @@ Window = tuple[float, float, float, float]
 """Part of the film: x from, x to, y from, y to [mm], in the frame of the lens."""
 
 
+REMEMBERED = 256  # cells whose tables are kept, of 30 to 150 kB each; states of a lens whose numbers are
+NEAR_FILM, NEAR_HALF = 0.01, 0.02  # cells of film distances and of sizes of films, in natural logarithms
+NEAR_SPREAD = 0.01  # share of its size that a box is widened by, for the other films of its cell
+
+
+def _pupil_near_windows(
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float,
+    windows: Sequence[Window], frame: FilmFrame,
+) -> PupilSampling:  # fmt: skip
+    """Return boxes round the pupils seen from some windows at least, which films near each other have in common."""
+    film = math.exp(NEAR_FILM * round(math.log(film_distance_mm) / NEAR_FILM))
+    across, down = (math.exp(NEAR_HALF * math.ceil(math.log(side) / NEAR_HALF)) for side in half_film_mm)
+    cell = np.repeat(2 * np.array([across, down]) / FINE, 2)
+    ends = np.array(windows) / cell
+    whole = np.where([True, False] * 2, np.floor(ends), np.ceil(ends)) * cell
+    return _pupil_in_windows(lens, film, (across, down), wavelength_nm, tuple(map(tuple, whole.tolist())), frame)
+
+
+@remember(most=REMEMBERED, by=by_content)
 def _pupil_in_windows(
-    lens: Lens,
-    film_distance_mm: float,
-    half_film_mm: tuple[float, float],
-    wavelength_nm: float,
-    windows: Sequence[Window],
-    frame: FilmFrame = UNMOVED,
-) -> PupilSampling:
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float,
+    windows: tuple[Window, ...], frame: FilmFrame,
+) -> PupilSampling:  # fmt: skip
     """Return boxes round the pupils seen from the cells of the film that windows touch; from elsewhere it is dark.
 
     Of a film that is moved, `half_film_mm` are half the sides of what it takes about the axis.
@@ -103,7 +118,8 @@ def _pupil_in_windows(
             held = slice(y0, y1 + 1), slice(x0, x1 + 1)
             corner, sides = np.split(_between(tile, boxes[around], lit[around], held, size, half), 2, axis=-1)
             low[held], high[held] = np.minimum(low[held], corner), np.maximum(high[held], corner + sides)
-    table = np.where(low[..., :1] < np.inf, np.concatenate([low, high - low], axis=2), 0.0)
+    more = NEAR_SPREAD * (high - low)
+    table = np.where(low[..., :1] < np.inf, np.concatenate([low - more, high - low + 2 * more], axis=2), 0.0)
     parameters = PupilGrid(1 / size[0], 1 / size[1], FINE, FINE)
     return PupilSampling("windows", PupilKind.BOXES, parameters, table.astype(np.float32).ravel())
 
@@ -182,7 +198,6 @@ _ZOOM_CELLS = 16  # while the focal length doubles
 _FILM_CELLS = 4  # while the film doubles in size
 _BEYOND_FILM = 1.02  # for states whose film is farther away
 FAR_MM = 1e12  # stands for infinity
-REMEMBERED = 256  # cells whose tables are kept, of 30 to 150 kB each; states of a lens whose numbers are
 _FEW_REMEMBERED = 32  # cells of focus whose rays are kept, of 1 MB each
 
 
@@ -415,7 +430,7 @@ def realistic_model(
     on_axis_of = axis_irradiance if shared is None else partial(axis_irradiance, soon=disk_irradiance)
     irradiance = _paraxial_irradiance if windows else partial(axis_irradiance, soon=_axial) if coarse else on_axis_of
     clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
-    seen = None if coarse else on_axis_of
+    seen = None if coarse or windows else on_axis_of
     axial_colour = _axial_colour(scene, setting, lens, (clear, on_axis), seen, (low, high)) if dispersive else None
     # Coarse outlines are so wide that they hold the pupil of every wavelength.
     pupil = shared or _pupil(scene, setting, lens, sampled_nm[:1] if coarse else sampled_nm, windows, coarse)
@@ -430,24 +445,14 @@ def realistic_model(
     if entrance is not None:
         metadata["entrance_pupil"] = entrance.described()
     return model.CameraModel(
-        through.kernel,
-        record,
+        through.kernel, record,
         facts=through.facts | pupil.facts | place_film(record, scene) | place_fold(record, lens),
-        tables=np.concatenate([pupil.table, through.table]),
-        surfaces=through.surfaces,
-        stop=through.stop,
-        has_lens=True,
-        metadata=metadata,
-        view=_view(scene, setting),
-        on_axis_irradiance=on_axis,
-        passed=on_axis / clear,
-        axial_weight=on_axis,
-        usable_nm=(low, high),
+        tables=np.concatenate([pupil.table, through.table]), surfaces=through.surfaces, stop=through.stop,
+        has_lens=True, metadata=metadata, view=_view(scene, setting), on_axis_irradiance=on_axis,
+        passed=on_axis / clear, axial_weight=on_axis, usable_nm=(low, high),
         reach=model.lens_reach(lens, film_distance_mm, camera.wavelength_nm, half_film_mm(scene)),
-        axial_colour=axial_colour,
-        setting=setting,
-        pupil=None if coarse else entrance,
-    )
+        axial_colour=axial_colour, setting=setting, pupil=None if coarse else entrance,
+    )  # fmt: skip
 
 
 def _rays_through(scene: Scene, setting: LensSetting, lens: Lens, range_nm: tuple[float, float] | None) -> LensRays:
@@ -499,7 +504,7 @@ def _pupil(
     assert camera is not None
     frame = film_frame(camera)
     if windows:
-        return _pupil_in_windows(lens, film_distance_mm, frame.bounds(half), camera.wavelength_nm, windows, frame)
+        return _pupil_near_windows(lens, film_distance_mm, frame.bounds(half), camera.wavelength_nm, windows, frame)
     tier = "auto" if camera.pupil == "shared" else camera.pupil
     return pupil_sampling(lens, film_distance_mm, half, sampled_nm, tier, frame, coarse=coarse)
 

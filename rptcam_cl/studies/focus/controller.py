@@ -21,9 +21,7 @@ from rptcam_cl.imaging.writers import MARKED
 from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.ideal import bright_parts
 from rptcam_cl.rendering.layers import Moments
-from rptcam_cl.scene.base import (
-    listed,
-)
+from rptcam_cl.scene.base import listed
 from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.lens_settings import AutoFocus
 from rptcam_cl.scene.load import input_error, load_scene
@@ -89,8 +87,10 @@ def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
     slack = 0.5 + abs(report.notes.get("beyond_spot", 0.0))
     if report.method in BY_DETAILS:
         slack += clearest_beside(task.renderer, best, zone)
-    if np.mean(away <= slack) >= SHARP_SHARE:
+    if (share := float(np.mean(away <= slack))) >= SHARP_SHARE:
         return None
+    if share:  # of a slanted zone, that shows far more distances than are sharp
+        return f"{share:.1%} of what the zone shows is sharp (allowed: {SHARP_SHARE:.0%})"
     where = "beyond infinity" if distance is None else f"at {distance:.4g} m"
     lies = f"{1 / nearest:.4g} m away" if nearest > 0 else "infinitely far away"
     return (
@@ -608,7 +608,8 @@ def search(task: Task, method: str) -> FocusReport:
         if problem.is_flat:  # rays through all glass and by all mirrors lead there: elsewhere it is no sharper
             raise
         report = METHODS[method](parts)
-    return replace(report, zone=task.zones[zones.index(report.zone)], zones=task.zones)
+    notes = {**report.notes, "part": list(astuple(report.zone))}  # of the zone, that shows what rays lead to
+    return replace(report, zone=task.zones[zones.index(report.zone)], zones=task.zones, notes=notes)
 
 
 def focused_scene(scene: Scene, report: FocusReport) -> Scene:
@@ -688,17 +689,11 @@ def _find_keys(scene: Scene, session: Session, settings: AutoFocus) -> dict[str,
 def _at_the_end(drive: Drive, settings: AutoFocus, problem: OutOfReach) -> FocusReport:
     """Return the report of a focus that went as far as it can."""
     return FocusReport(
-        method=settings.method,
-        state=problem.state,
-        film_distance_mm=drive.film_distance(problem.state),
-        focus_distance_m=drive.object_distance(problem.state, problem.zone),
-        confidence=0.0,
-        error=math.inf,
-        depth_of_focus_mm=drive.depth_of_focus,
-        zone=problem.zone,
-        zones=(problem.zone,),
+        method=settings.method, state=problem.state, film_distance_mm=drive.film_distance(problem.state),
+        focus_distance_m=drive.object_distance(problem.state, problem.zone), confidence=0.0, error=math.inf,
+        depth_of_focus_mm=drive.depth_of_focus, zone=problem.zone, zones=(problem.zone,),
         failure=f"{problem}; the focus stands at its end",
-    )
+    )  # fmt: skip
 
 
 @takes_options(FocusOptions)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ from rptcam_cl.studies.focus.renderer import (
     MOST_OF_SEARCH,
     ProbeRenderer,
     Task,
+    clearer_light,
     probability_within,
 )
 
@@ -212,7 +213,7 @@ class PhaseMatch:
     def _misfits_of(self, spectra: Complex, vergence: float) -> Array:
         """Return the misfits (n, height, width) of spectra (n, 2, …) of both pictures."""
         offsets = self.view.offsets(vergence)
-        one, other = (self._response(offsets, shares) for shares in self.view.shares)
+        one, other = (self._response(offsets[shares > 0], shares[shares > 0]) for shares in self.view.shares)
         expected = self._power[0] * _square(other) + self._power[1] * _square(one)
         difference = spectra[:, 0] * other - spectra[:, 1] * one
         # Whitened: as a picture, so that what the edges of the pictures have spoilt stays outside the zone.
@@ -435,8 +436,8 @@ def half_probe(
     seed: int,
     stop: float = 1.0,
     margin: tuple[int, int] = (0, 0),
-) -> HalfProbe:
-    """Return a probe through halves.
+) -> dict[Light, HalfProbe]:
+    """Return a probe through halves, with a limit on bright samples and, where some are, in all of the light.
 
     Parameters
     ----------
@@ -449,11 +450,14 @@ def half_probe(
     across, down = (-(-pixels // MARGIN_STEP) * MARGIN_STEP for pixels in margin)
     margins = renderer.choose_zones([zone], (across, down)).margins(zone)
     images = _render_halves(renderer, view, state, zone, samples, seed, stop)
-    parts = np.stack([image.luminance for image in images])
-    light = parts.mean(axis=(1, 2, 3), keepdims=True)
-    halves = Halves(parts / np.where(light > 0, light, 1.0), margins)
-    taken = 2 * images[0].samples * parts[0, 0].size
-    return HalfProbe(state, stop, view, halves, taken, time.perf_counter() - begun)
+    taken = 2 * images[0].samples * images[0].parts[0, ..., 0].size
+    seconds, probes = time.perf_counter() - begun, {}
+    for light in _LIGHTS if any(image.whole is not None for image in images) else _LIGHTS[:1]:
+        parts = np.stack([image.in_light(light).luminance for image in images])
+        mean = parts.mean(axis=(1, 2, 3), keepdims=True)
+        halves = Halves(parts / np.where(mean > 0, mean, 1.0), margins)
+        probes[light] = HalfProbe(state, stop, view, halves, taken, seconds)
+    return probes
 
 
 def _render_halves(
@@ -475,11 +479,14 @@ LEAST_STOP = 0.04  # share of the opening
 SAMPLES, MOST_SAMPLES = 64, 256  # per pixel
 NEAR_SAMPLES = 16  # the same of the first probe near a place
 _SPLITS: tuple[Split, ...] = ("x", "y")
+Light = Literal["limited", "whole"]
+_LIGHTS: tuple[Light, ...] = ("limited", "whole")
 DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepared for
 LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
 NEAR = 1.0  # depths of focus: a probe so near to the focus that it found is the last one
 SEEN = 3.0  # depths of focus: a probe so near shows where the details of a zone lie
 PRECISE, ENOUGH = 0.06, 0.125  # depths of focus: standard error aimed at, and taken
+BESIDE_NOISE = 0.1  # depths of focus that matches err by where other distances show beside the zone, whatever the noise
 MOST_PROBES = 12
 SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
 BLUR = 1.2  # radius of a blurred point over the displacement of its halves
@@ -491,6 +498,11 @@ REASONS = {
     "ambiguous": "it repeats itself, and fits at more than one distance",
     "dark": "it is dark",
 }
+
+
+def _sureness(probe: HalfProbe) -> float:
+    """Return how certain the distance is that a probe shows, as one over its standard error."""
+    return 0.0 if probe.match is None else 1.0 / max(probe.match.error, SMALLEST)
 
 
 @dataclass
@@ -507,7 +519,7 @@ class PhaseSearch:
     probes : list
         Every probe so far and what was made of it; None where it shows nothing.
     others : list
-        The same of zones that did not decide, and of light that was limited, or not, where that shows less.
+        The same of zones that did not decide.
     on_state : callable or None
         Called with every state that the target is taken to be sharp in.
     """
@@ -521,6 +533,7 @@ class PhaseSearch:
     others: list[HalfProbe] = field(default_factory=list)
     _state: tuple[Match, float] | None = None  # of the last match
     _samples: int = SAMPLES  # per pixel, of the last probe
+    light: Light = "limited"
     _near: tuple[float, float] = (-math.inf, math.inf)  # vergences [1/m] of a search near a place
 
     @property
@@ -681,18 +694,17 @@ class PhaseSearch:
             view = half_view(self.renderer, state, self.zone, split, stop)
         blur = math.ceil(BLUR * min(largest * stop, room)) + 2
 
-        def seen() -> HalfProbe:
-            probe = half_probe(self.renderer, view, state, self.zone, samples, self.seed, stop, (blur, blur))
-            match = PhaseMatch(probe.halves, view).best(low, high) if probe.halves.pictures.any() else None
-            return replace(probe, match=match)
+        def matched(probe: HalfProbe) -> HalfProbe:
+            has_light = probe.halves.pictures.any()
+            return replace(probe, match=PhaseMatch(probe.halves, view).best(low, high) if has_light else None)
 
-        probe = seen()
-        if not self.probes and self.renderer.is_limited:  # details may show better in all of the light
-            self.renderer.limits_halves = False
-            pair = sorted([probe, seen()], key=lambda each: each.match.error if each.match else math.inf)
-            self.renderer.limits_halves = pair[0] is probe
-            probe = pair[0]
-            self.others.append(pair[1])
+        seen = half_probe(self.renderer, view, state, self.zone, samples, self.seed, stop, (blur, blur))
+        if self.probes or len(seen) < len(_LIGHTS):
+            probe = matched(seen.get(self.light, seen["limited"]))
+        else:
+            both = {light: matched(each) for light, each in seen.items()}
+            self.light = clearer_light(*(_sureness(both[light]) for light in _LIGHTS))
+            probe = both[self.light]
         match = probe.match
         self.probes.append(probe)
         self._samples = samples
@@ -747,16 +759,11 @@ class PhaseSearch:
         """Return every probe: its value is the displacement of the halves [pixels]."""
         return [
             ProbeRecord(
-                probe.state,
-                self.drive.film_distance(probe.state),
-                *self._displacement_of(probe),
-                probe.stop,
-                probe.samples,
-                probe.seconds,
-                "displacement",
+                probe.state, self.drive.film_distance(probe.state), *self._displacement_of(probe), probe.stop,
+                probe.samples, probe.seconds, "displacement",
             )
             for probe in (*self.others, *self.probes)
-        ]
+        ]  # fmt: skip
 
     def notes(self) -> dict[str, Any]:
         """Describe the last probe for the report."""
@@ -785,9 +792,9 @@ def focus_by_phase(task: Task) -> FocusReport:
 
 def _end_by_phase(task: Task, method: str, search: PhaseSearch, zone: Zone, more: list[ProbeRecord]) -> FocusReport:
     """Return the focus that a search finds with as many probes as it takes; ``more`` were made beside them."""
-    state, sure = search.finish(), probability_within(0.25, search.error)
-    error = search.error * task.drive.depth_of_focus
-    return task.report(method, state, zone, error, sure, search.records() + more)
+    state, error = search.finish(), math.hypot(search.error, BESIDE_NOISE)
+    sure, error_mm = probability_within(0.25, error), error * task.drive.depth_of_focus
+    return task.report(method, state, zone, error_mm, sure, search.records() + more)
 
 
 def _phase_search(task: Task) -> PhaseSearch:

@@ -61,10 +61,18 @@ class ZoneImage:
         Linear film values, rendered `count` times with independent random numbers.
     samples : int
         Per pixel, of all parts together.
+    whole : like parts, or None
+        The same in all of the light, where the brightest samples of `parts` are limited.
     """
 
     parts: NDArray[np.float32]
     samples: int
+    whole: NDArray[np.float32] | None = None
+
+    def in_light(self, light: Literal["limited", "whole"]) -> ZoneImage:
+        """Return the picture with the limit, or in all of the light, alone."""
+        chosen = self.whole if light == "whole" and self.whole is not None else self.parts
+        return ZoneImage(chosen, self.samples)
 
     @property
     def pixels(self) -> NDArray[np.float32]:
@@ -582,13 +590,9 @@ def peak_of(probes: Sequence[Probe], zone: int) -> Peak:
     rise = float((values[top] - values[bottom]) / difference) if difference > 0 else np.inf
     unscaled = 1 - growth * place
     return Peak(
-        place=origin + place / unscaled,
-        error=error / unscaled**2,
-        width=width,
-        rise=rise if values[top] > values[bottom] else 0.0,
-        inside=inside,
-        spread=spread / unscaled**2,
-    )
+        place=origin + place / unscaled, error=error / unscaled**2, width=width, inside=inside,
+        rise=rise if values[top] > values[bottom] else 0.0, spread=spread / unscaled**2,
+    )  # fmt: skip
 
 
 def _growth(away: Array, scale: Array) -> float:

@@ -11,10 +11,9 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
@@ -25,7 +24,7 @@ from rptcam_cl.imaging.sensor import binned_exposure, pixel_area_m2, sensor_of
 from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.model import CameraModel, exposed
-from rptcam_cl.rendering.film import TILE, FilmLayout
+from rptcam_cl.rendering.film import PLANES, TILE, FilmLayout
 from rptcam_cl.rendering.layers import Moments, SeenEnds, SharpPass, follow_rays
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
@@ -236,14 +235,17 @@ def _distances_apart(
     across = np.cross(ends.directions, np.where(np.abs(ends.directions[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0]))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     frame = np.stack([across, np.cross(ends.directions, across)], axis=1)
+    steps = [(shift * side, turn * side) for shift, turn in ((BESIDE_M, 0.0), (0.0, BESIDE_RAD)) for side in sides]
+    starts, ways = (np.concatenate(each) for each in zip(
+        *((origins + shift, directions + turn) for shift, turn in steps), strict=True))  # fmt: skip
+    every = follow(starts, ways, np.tile(rays, len(steps)))
     moved, alike = [], np.ones(len(rays), np.bool_)
-    for shift, turn in ((BESIDE_M, 0.0), (0.0, BESIDE_RAD)):
-        for side in sides:
-            beside = follow(origins + shift * side, directions + turn * side, rays)
-            away = beside.points - ends.points
-            step = np.sum(away * ends.directions, axis=1) / np.sum(beside.directions * ends.directions, axis=1)
-            moved.append(np.einsum("nij,nj->ni", frame, away - step[:, None] * beside.directions))
-            alike &= (beside.panes == ends.panes) & (beside.mirrors == ends.mirrors) & np.isfinite(beside.lengths)
+    for first_row in range(0, len(every), len(rays)):
+        beside = every[first_row : first_row + len(rays)]
+        away = beside.points - ends.points
+        step = np.sum(away * ends.directions, axis=1) / np.sum(beside.directions * ends.directions, axis=1)
+        moved.append(np.einsum("nij,nj->ni", frame, away - step[:, None] * beside.directions))
+        alike &= (beside.panes == ends.panes) & (beside.mirrors == ends.mirrors) & np.isfinite(beside.lengths)
     shifted, turned = np.stack(moved[:2], axis=2) / BESIDE_M, np.stack(moved[2:], axis=2) / BESIDE_RAD
     alike &= np.abs(np.linalg.det(np.where(np.isfinite(turned), turned, 0.0))) > 0
     vergence = 1.0 / ends.lengths
@@ -295,9 +297,9 @@ class ProbeRenderer:
         self._white: tuple[Plan, SceneBuffers] | None = None
         self._sharp: SharpPass | None = None
         self._sights: dict[tuple[float, Zone], Sight] = {}
+        self._rays: dict[tuple[float, float, tuple[int, int], bytes], PupilRays] = {}
         self._wholes: dict[Zone, Zone] = {}  # of parts of zones
-        self._most: dict[tuple[Zone, ...], tuple[float, bool]] = {}  # light that counts in full; whether some does not
-        self.is_limited, self.limits_halves = False, True  # the last picture's light; those of halves may be
+        self._most: dict[tuple[Zone, ...], float] = {}  # light that counts in full
 
     @property
     def view(self) -> ZoneView:
@@ -371,7 +373,10 @@ class ProbeRenderer:
 
     def rays(self, state: float, places: NDArray[np.float64], stop: float = 1.0) -> PupilRays:
         """Return the rays of places [pixels] of the film that the zones are seen on."""
-        return self.drive.rays(self.view.scene, state, stop, places)
+        key = state, stop, self.view.resolution, places.tobytes()
+        if key not in self._rays:
+            self._rays[key] = self.drive.rays(self.view.scene, state, stop, places)
+        return self._rays[key]
 
     def render(self, camera: CameraModel, samples: int, seed: int) -> list[ZoneImage]:
         """Render the chosen zones through a camera: the mean of the light of the rays that pass it.
@@ -387,7 +392,7 @@ class ProbeRenderer:
             camera = self._limited(camera, both[0], both[1], seed * PARTS)
         for wavefront in both:
             wavefront.use_camera(camera)
-        pictures = []
+        pictures: list[list[NDArray[np.float32]]] = [[], []]
         for part in range(PARTS):
             for wavefront in both:
                 wavefront.clear()
@@ -397,10 +402,17 @@ class ProbeRenderer:
             light, weights = (wavefront.picture(count) for wavefront in both)
             if self._has_sensor:
                 light = self._read_sensor(light, weights > 0, camera, seed * PARTS + part)
-            pictures.append(mean_light(light, weights))
+            pictures[0].append(mean_light(light, weights))
+            removed = None if self._has_sensor else view.layout.in_rows(both[0].planes()[PLANES : PLANES + 1])[0]
+            if removed is not None and removed.any():
+                pictures[1].append(mean_light(light + removed[..., None] / count, weights))
+            else:
+                pictures[1].append(pictures[0][-1])
         self.seconds += time.perf_counter() - begun
-        parts, ranges = np.stack(pictures), [view.in_layout(view.shown(zone)) for zone in view.zones]
-        return [ZoneImage(np.ascontiguousarray(parts[:, rows, columns]), count * PARTS) for rows, columns in ranges]
+        limited, whole = (np.stack(each) for each in pictures)
+        bright = any(one is not other for one, other in zip(*pictures, strict=True))
+        shown = [(slice(None), *view.in_layout(view.shown(zone))) for zone in view.zones]
+        return [ZoneImage(limited[at].copy(), count * PARTS, whole[at].copy() if bright else None) for at in shown]
 
     def _limited(self, camera: CameraModel, light: Wavefront, white: Wavefront, seed: int) -> CameraModel:
         """Return a camera whose exposure brings the most light that counts in full to the limit of a sample.
@@ -421,19 +433,13 @@ class ProbeRenderer:
         passed = weights > 0
         if not passed.any():
             return camera
-        faint = 1e-6 / float(weights.max())
-        if "HALF_PUPIL" in camera.facts and not self.limits_halves:
-            self.is_limited, record = False, camera.record.copy()
-            record["exposure"] *= faint
-            return replace(camera, record=record)
         key = tuple(self._wholes.get(zone, zone) for zone in self.view.zones)
         if key not in self._most:
-            pairs = [(sample(light, seed, faint), weights)]
-            while len(pairs) < 2 or (len(pairs) < SCOUTS and is_noisy(*np.stack(pairs[:2], axis=1))):
-                pairs.append((sample(light, seed + len(pairs), faint), sample(white, seed + len(pairs))))
+            faint = 1e-6 / float(weights.max())
+            pairs = [(sample(light, seed, faint), weights), (sample(light, seed + 1, faint), sample(white, seed + 1))]
             self._most[key] = most_light(*np.stack([(one / faint, other) for one, other in pairs], axis=1))
-        (most, self.is_limited), record = self._most[key], camera.record.copy()
-        record["exposure"] *= LIMIT / (most * float(weights[passed].mean()))
+        record = camera.record.copy()
+        record["exposure"] *= LIMIT / (self._most[key] * float(weights[passed].mean()))
         return replace(camera, record=record)
 
     @cached_property
@@ -555,52 +561,53 @@ UNLIMITED = 1e6  # times the mean light
 NOISY = 0.5  # standard deviation of a sample over its mean, from which on it is
 LIMITED = 16  # rounds of finding it
 USUAL, LIT_SHARE = 2.0, 0.9  # times the mean of what is left; share of the samples with light that stay whole
-SCOUTS, GROUPS = 16, 8  # samples of each pixel that tell whether a limit helps, and groups of them
-HELPS = 0.75  # of the standard errors by which details show without one: few samples know little of rare ones
+HELPS = 0.75  # of the standard errors by which details show in all of the light: few samples know little of rare ones
 
 
-def is_noisy(light: NDArray[np.float32], weights: NDArray[np.float32]) -> bool:
-    """Whether two samples of each pixel, with the weights of their rays (2, height, width), scatter much."""
-    both = (weights > 0).all(axis=0)
-    one, other = (light[k][both] / weights[k][both] for k in (0, 1))
-    mean = (float(one.mean(dtype=np.float64)) + float(other.mean(dtype=np.float64))) / 2 if both.any() else 0.0
-    return mean > 0 and float(np.square(one - other, dtype=np.float64).mean()) / 2 > (NOISY * mean) ** 2
+def most_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> float:
+    """Return the light from which on samples are limited, where two of each pixel scatter much.
 
-
-def most_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> tuple[float, bool]:
-    """Return the light up to which samples count in full, by which details show best, and whether some is above it.
-
-    Fireflies of lamps would be most of the noise, but bright places may be most of what there is to see.
+    Fireflies of lamps would be most of the noise, but bright places may be most of what there is to see: probes show
+    both, with the limit and in all of the light, and searches go on with what shows more (`clearer_light`).
 
     Parameters
     ----------
-    light, weights : (n, height, width) arrays
+    light, weights : (2, height, width) arrays
         Samples of each pixel, and the weights of their rays.
     """
     passed = weights > 0
     mean = float(light.sum(dtype=np.float64)) / max(float(weights.sum(dtype=np.float64)), 1e-30)
     whole = UNLIMITED * (mean or 1.0)
-    if len(light) < SCOUTS or not mean > 0:
-        return whole, False
+    both = passed.all(axis=0)
+    if not (mean > 0 and both.any()):
+        return whole
+    one, other = light[:, both] / weights[:, both]
+    own = float(one.mean(dtype=np.float64) + other.mean(dtype=np.float64)) / 2
+    if float(np.square(one - other, dtype=np.float64).mean()) / 2 <= (NOISY * own) ** 2:
+        return whole
     seen = light[passed] / weights[passed]
     most, least = whole, float(np.quantile(seen[seen > 0], LIT_SHARE))
     for _ in range(LIMITED):
         most = max(USUAL * float(np.minimum(seen, most).mean(dtype=np.float64)), least)
-    unit = float(weights[passed].mean(dtype=np.float64))
-    clear = [_clearness(np.minimum(light, limit * unit), weights) for limit in (whole, most)]
-    return (most, True) if clear[1] > HELPS * clear[0] else (whole, False)
+    return most
 
 
-def _clearness(light: NDArray[np.float32], weights: NDArray[np.float32]) -> float:
-    """Return by how many standard errors details show in some samples of each pixel, or of the part that shows most."""
-    groups = [each.reshape(GROUPS, -1, *each.shape[1:], 1).sum(axis=1) for each in (light, weights)]
-    parts = np.stack([mean_light(*pair) for pair in zip(*groups, strict=True)])
-    clear, chosen = 0.0, rich_part(parts[..., 0].astype(np.float64))
-    for left, right, above, below in [(0, parts.shape[2], 0, parts.shape[1]), *([chosen] if chosen else [])]:
-        shown = parts[:, above:below, left:right]
-        found = MEASURES[BEST].of(ZoneImage(np.repeat(shown, 3, axis=3), len(light)))
-        as_many = math.sqrt(parts[0].size / shown[0].size)  # samples in all
-        clear = max(clear, as_many * found.value / found.error if found.error > 0 else 0.0)
+def clearer_light(limited: float, whole: float) -> Literal["limited", "whole"]:
+    """Return in which light a search goes on: by how many standard errors its first probe shows what it looks for."""
+    return "limited" if limited > whole else "whole"
+
+
+def clearness(images: Sequence[ZoneImage]) -> float:
+    """Return by how many standard errors details show in some zones, or in the part of one that shows most."""
+    clear = 0.0
+    for image in images:
+        parts = image.parts
+        chosen = rich_part(image.luminance)
+        for left, right, above, below in [(0, parts.shape[2], 0, parts.shape[1]), *([chosen] if chosen else [])]:
+            shown = ZoneImage(parts[:, above:below, left:right], image.samples)
+            found = MEASURES[BEST].of(shown)
+            as_many = math.sqrt(parts[0].size / shown.parts[0].size)  # samples in all
+            clear = max(clear, as_many * found.value / found.error if found.error > 0 else 0.0)
     return clear
 
 
@@ -622,12 +629,18 @@ def mean_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> NDAr
         if passed.all():
             return np.asarray(share, np.float32)
         side = (2 << doubling) + 1
-        around = [np.pad(each, [(side // 2, side // 2)] * 2 + [(0, 0)]) for each in (light, weights)]
-        near_light, near_weights = (sliding_window_view(each, (side, side), (0, 1)).sum((3, 4)) for each in around)
+        near_light, near_weights = (_sum_around(each, side) for each in (light, weights))
         near = ~passed & (near_weights > LEAST_PASSED * mean)
         share = np.where(near, near_light / np.where(near, near_weights, 1.0), share)
         passed = passed | near
     return np.asarray(np.where(passed, share, float(light.mean()) / mean), np.float32)
+
+
+def _sum_around(picture: NDArray[np.float32], side: int) -> NDArray[np.float64]:
+    """Return the sum of a picture (height, width, n) over the square of a side round each pixel, 0 beyond its edges."""
+    half = side // 2
+    sums = np.pad(picture.astype(np.float64), [(half + 1, half)] * 2 + [(0, 0)]).cumsum(0).cumsum(1)
+    return np.asarray(sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side])
 
 
 def _white_world(scene: Scene) -> Scene:
@@ -703,28 +716,17 @@ class Task:
 
     def report(
         self,
-        method: str,
-        state: float,
-        zone: Zone,
-        error: float,
-        confidence: float,
-        probes: list[ProbeRecord],
+        method: str, state: float, zone: Zone, error: float, confidence: float, probes: list[ProbeRecord],
         distance_m: float | None = None,
-    ) -> FocusReport:
+    ) -> FocusReport:  # fmt: skip
         """Return the report of a focus that was found; by default it finds which distance the lens has it at."""
         drive = self.drive
         return FocusReport(
-            method=method,
-            state=state,
-            film_distance_mm=drive.film_distance(state),
+            method=method, state=state, film_distance_mm=drive.film_distance(state),
             focus_distance_m=drive.object_distance(state, zone) if distance_m is None else distance_m,
-            confidence=confidence,
-            error=error,
-            depth_of_focus_mm=drive.depth_of_focus,
-            zone=zone,
-            zones=self.zones,
+            confidence=confidence, error=error, depth_of_focus_mm=drive.depth_of_focus, zone=zone, zones=self.zones,
             probes=probes,
-        )
+        )  # fmt: skip
 
 
 def probability_within(tolerance: float, error: float) -> float:
@@ -752,6 +754,8 @@ class Probes:
         Samples per pixel of a probe that a search takes at most.
     budget : int
         Samples of all pixels that it takes at most.
+    light : str
+        Whether its pictures are with the limit on bright samples, or in all of the light.
     """
 
     task: Task
@@ -759,6 +763,7 @@ class Probes:
     made: list[Probe] = field(default_factory=list)
     most: int = MOST_SAMPLES
     budget: int = MOST_OF_SEARCH
+    light: Literal["limited", "whole"] = "limited"
 
     @property
     def drive(self) -> Drive:
@@ -811,6 +816,10 @@ class Probes:
         begun = time.perf_counter()
         fixed = None if reference is None else self.state_of(reference)
         images = self.task.renderer.measure(self.state_of(place), self.task.zones, samples, self.task.seed, stop, fixed)
+        if not self.made and any(image.whole is not None for image in images):
+            whole = [image.in_light("whole") for image in images]
+            self.light = clearer_light(clearness(images), HELPS * clearness(whole))
+        images = [image.in_light(self.light) for image in images]
         pixels = sum(image.parts.shape[1] * image.parts.shape[2] for image in images)
         measures = [self.measure.of(image) for image in images]
         scale = self.drive.image_scale(self.state_of(place), self.state_of(self.ends[0]) if fixed is None else fixed)
@@ -828,11 +837,6 @@ class Probes:
     def _record(self, probe: Probe, zone: int) -> ProbeRecord:
         state, measure = self.state_of(probe.place), probe.measures[zone]
         return ProbeRecord(
-            state,
-            self.drive.film_distance(state),
-            measure.value,
-            measure.error,
-            probe.stop,
-            probe.samples,
+            state, self.drive.film_distance(state), measure.value, measure.error, probe.stop, probe.samples,
             probe.seconds,
-        )
+        )  # fmt: skip

@@ -11,8 +11,8 @@ from rptcam_cl.optics.charts import chart_svg
 from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.studies.focus import renderer
 from rptcam_cl.studies.focus.controller import zone_of_object
-from rptcam_cl.studies.focus.probe import FocusReport, ProbeRecord, Zone, focus_plot
-from rptcam_cl.studies.focus.renderer import SCOUTS, UNLIMITED, is_noisy, mean_light, most_light
+from rptcam_cl.studies.focus.probe import FocusReport, ProbeRecord, Zone, ZoneImage, focus_plot
+from rptcam_cl.studies.focus.renderer import UNLIMITED, clearer_light, clearness, mean_light, most_light
 from tests.rendering.pictures import seed_of
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.support.cases import fast, slow
@@ -231,18 +231,28 @@ def test_too_few_probes_are_no_curve():
 
 
 def test_rare_bright_samples_are_limited_and_others_stay_whole():
-    rng, ones = np.random.default_rng(1), np.ones((SCOUTS, 40, 50), np.float32)
+    rng, ones = np.random.default_rng(1), np.ones((2, 40, 50), np.float32)
     texture = np.where(np.indices((40, 50)).sum(axis=0) // 3 % 2 == 0, 0.5, 1.5)
     noisy = (texture * rng.exponential(1.0, ones.shape)).astype(np.float32)
-    assert is_noisy(noisy[:2], ones[:2])
-    assert not is_noisy((texture * rng.uniform(0.9, 1.1, ones.shape)).astype(np.float32)[:2], ones[:2])
     fireflies = np.where(rng.random(ones.shape) < 0.01, np.float32(1e5), noisy)
-    assert 1.8 < most_light(fireflies, ones)[0] < 3.5  # nine tenths stay whole, and the mean is 1
+    assert 1.8 < most_light(fireflies, ones) < 3.5  # nine tenths stay whole, and the mean is 1
+    even = (texture * rng.uniform(0.9, 1.1, ones.shape)).astype(np.float32)
+    assert most_light(even, ones) > 1e5
+    assert most_light(0 * ones, ones) == UNLIMITED
+
+
+def test_details_show_more_with_a_limit_unless_they_are_what_it_takes():
+    rng, shape = np.random.default_rng(1), (4, 40, 50)
+    texture = np.where(np.indices((40, 50)).sum(axis=0) // 3 % 2 == 0, 0.5, 1.5)
     sparks = np.zeros((40, 50))
     sparks[::9, ::9] = 200.0  # bright places, which each sample shows, are what there is to see
-    assert most_light((sparks * rng.uniform(0.9, 1.1, ones.shape) + noisy).astype(np.float32), ones)[0] > 1e5
-    assert most_light(noisy[:2], ones[:2])[0] > 1e5
-    assert most_light(np.zeros_like(ones), ones) == (UNLIMITED, False)
+    noisy = texture * rng.exponential(1.0, shape)
+    rare = np.where(rng.random(shape) < 0.01, 1e5, noisy)
+    for picture, better in ((rare, "limited"), (sparks * rng.uniform(0.9, 1.1, shape) + noisy, "whole")):
+        clear = []
+        for shown in (np.minimum(picture, 3.0), picture):
+            clear.append(clearness([ZoneImage(np.repeat(shown[..., None], 3, axis=3).astype(np.float32), 4)]))
+        assert clearer_light(*clear) == better
 
 
 def test_pixels_without_rays_show_what_lies_beside_them():
@@ -256,15 +266,31 @@ def test_pixels_without_rays_show_what_lies_beside_them():
     assert not mean_light(whole, 0 * whole).any()
 
 
-def test_lamp_out_of_focus_before_a_wall_is_no_noise_of_its_zone(monkeypatch):
+def test_lamp_out_of_focus_before_a_wall_is_no_noise_of_its_zone():
     glow = {"kind": "emissive", "radiance": 1e5}
     lamp = {"shape": "sphere", "center": [0.01, 0.0, -0.9], "radius": 0.0004, "material": glow}
     scene = scene_of([target(4.0, 4.0, noise(200)), lamp], lens_camera("dgauss-50mm", f_number=2.1))
-    shown = {}
+    probe = probe_of(scene)
+    image = probe.measure(probe.drive.state_for(4.0, CENTRE), [CENTRE], 64, 1)[0]
+    shown = [np.sqrt(each.variance.mean()) / each.luminance.mean() for each in (image, image.in_light("whole"))]
+    assert shown[0] < 0.3 * shown[1]
+
+
+def test_all_of_the_light_is_that_of_a_probe_without_a_limit(monkeypatch):
+    # Grey light, as what the limit takes is known as the mean of the channels.
+    glow = {"kind": "emissive", "radiance": 1e3}
+    lamp = {"shape": "sphere", "center": [0.01, 0.0, -0.9], "radius": 0.004, "material": glow}
+    scene = scene_of([target(4.0, 4.0, noise(200)), lamp], lens_camera("dgauss-50mm", f_number=2.1))
+    shown = []
     for limited in (True, False):
         if not limited:
-            monkeypatch.setattr(renderer, "most_light", lambda *_: (1e9, False))
+            monkeypatch.setattr(renderer, "most_light", lambda *_: 1e9)
         probe = probe_of(scene)
-        image = probe.measure(probe.drive.state_for(4.0, CENTRE), [CENTRE], 64, 1)[0]
-        shown[limited] = float(np.sqrt(image.variance.mean()) / image.luminance.mean())
-    assert shown[True] < 0.3 * shown[False]
+        shown.append(probe.measure(probe.drive.state_for(4.0, CENTRE), [CENTRE], 16, 1)[0])
+    one, other = (each.in_light("whole").luminance for each in shown)
+    assert shown[0].whole is not None
+    assert shown[1].whole is None
+    one, other = one / one.mean(), other / other.mean()  # exposures differ
+    assert np.abs(one - other).max() < 1e-3 * other.max()
+    limited = shown[0].luminance / shown[0].luminance.mean()
+    assert np.abs(limited - other).max() > 0.1 * other.max()

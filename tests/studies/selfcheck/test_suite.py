@@ -3,6 +3,8 @@
 import itertools
 import json
 import math
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -246,6 +248,36 @@ def test_report_leaves_out_what_would_begin_too_late(session):
     report = CardReport(session, ("B",), {}, 16, 0.02)
     assert all("left out, as time is over" in line for line in report.run(-1.0))
     assert report.found["speeds"]["B"]["value"] == {"left_out": "-1 s were over"}
+
+
+def test_report_ends_a_step_that_a_driver_never_ends_and_names_it(tmp_path):
+    file = tmp_path / "card.json"
+    program = """
+import sys
+from pathlib import Path
+import pyopencl
+from rptcam_cl.cli import main
+from rptcam_cl.studies import selfcheck_suite as suite
+
+def endless(report):
+    session, source = report._session, "__kernel void endless(volatile __global int *p) { while (p[0] == 0) ; }"
+    kernel = pyopencl.Program(session.context, source).build().endless
+    kernel(session.queue, (1,), None, session.allocate(4, zeroed=True))
+    session.finish()
+
+suite.CardReport.__init__.__defaults__ = ((), {}, 16, 0.02)
+suite.CardReport._kernels = endless
+suite.pocl_cache_folder = lambda: Path("none")
+suite.END_S = 10.0
+sys.exit(main(["doctor", "--gpu", "-o", sys.argv[1]]))
+"""
+    done = subprocess.run([sys.executable, "-c", program, str(file)], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 5, done.stderr
+    assert "kernels, figures of the driver: FAIL did not end before 10 s; what follows is left out" in done.stdout
+    written = json.loads(file.read_text("utf-8"))
+    assert written["failed"] == ["kernels, figures of the driver"]
+    assert written["report"]["driver"]["answers"]["right"]
+    assert "launches" not in written["report"]
 
 
 def test_report_is_written_whole_or_not_at_all(small_report, monkeypatch, tmp_path, capsys):
