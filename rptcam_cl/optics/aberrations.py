@@ -222,7 +222,7 @@ def fit_zernikes(
     x, y = np.meshgrid((wave.cosines_x - middle[0]) / radius, (wave.cosines_y - middle[1]) / radius)
     values = np.stack([zernike_term(n, m, x[lit], y[lit]) for n, m in terms], axis=1)
     weight, target = np.sqrt(wave.coverage[lit]), wave.waves_on_sphere[lit]
-    factors = np.linalg.lstsq(values * weight[:, None], target * weight, rcond=None)[0]
+    factors = np.asarray(np.linalg.lstsq(values * weight[:, None], target * weight, rcond=None)[0], np.float64)
     return factors, float(np.sqrt(np.average((values @ factors - target) ** 2, weights=weight**2)))
 
 
