@@ -202,8 +202,7 @@ def _split_curves(
 
 
 def _area(lower: Array, upper: Array) -> Array:
-    x, y, z = (upper - lower).T
-    return np.asarray(x * y + y * z + z * x)
+    return np.asarray(((upper - lower) * np.roll(upper - lower, 1, axis=1)).sum(axis=1))
 
 
 def _swept(record: np.void, kind: int, places: geometry.Places, rest: tuple[Array, Array]) -> tuple[Array, Array]:
