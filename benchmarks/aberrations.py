@@ -2,10 +2,10 @@
 
     python -m benchmarks.aberrations [--optics-python PATH] [--json FILE] [--quick]
 
-First-order rays, Seidel sums surface by surface, sums of colour, foci of thin pencils, and rays of a fan with their
-path differences. Both programs aim at the entrance pupil of first order, so pencils and fans are compared on lenses
-whose stop comes first, and our rays start where theirs do. optiland's sums leave out polynomial aspheres, and
-ray-optics' pencils all aspheres: they are compared without.
+First-order rays, Seidel sums surface by surface, sums of colour, foci of thin pencils, rays of a fan with their path
+differences, and Zernike coefficients. Both programs aim at the entrance pupil of first order, so pencils and fans are
+compared on lenses whose stop comes first, and our rays start where theirs do. optiland's sums leave out polynomial
+aspheres, and ray-optics' pencils all aspheres: they are compared without.
 """
 
 from __future__ import annotations
@@ -66,6 +66,7 @@ LENSES = (
 )  # fmt: skip
 PROGRAMS = ("rayoptics", "optiland")
 FIELD = 5.0  # degrees
+ORDER = 14  # of Zernike terms, over the circle of direction cosines that ours have: what is left depends on the rays
 PUPIL = (-0.9, -0.5, 0.3, 0.8)  # of the fan, in radii of the entrance pupil
 SUMS = ("spherical", "coma", "astigmatism", "petzval", "distortion")
 
@@ -101,6 +102,15 @@ def ours(setting: spots.Setting, heights: Array) -> Figures:
         "thin pencils [mm]": np.array([pencils["sagittal_mm"], pencils["tangential_mm"]]),
         "fan [mm]": off,
         "path [waves]": exit_rays.waves(points, traced)[1],
+        "Zernikes [waves]": np.array(
+            [
+                row["noll_waves"]
+                for row in sorted(
+                    aberrations.zernike(setting, [FIELD], [LINE_D_NM], order=ORDER, rays=None).rows,
+                    key=lambda row: row["noll"],
+                )
+            ][1:]
+        ),
     }
 
 
@@ -110,18 +120,24 @@ def compare(python: str, program: str, spec: Any) -> dict[str, float]:
     setting = spots.setting(lens)
     if program == "rayoptics":  # knows no object at infinity
         setting = replace(setting, object_distance_mm=FAR_MM)
+    (*middle,), radius = aberrations.pupil_circle(setting, FIELD, LINE_D_NM)
     worker = Worker(python, "benchmarks.optics_worker", program)
     try:
         answer = worker.ask(
             do="aberrations", rows=rows_of(lens), film=setting.film, field=FIELD, pupil=PUPIL,
-            diameter=lens.first_order().entrance_pupil.diameter_mm,
+            diameter=lens.first_order().entrance_pupil.diameter_mm, terms=(ORDER + 1) * (ORDER + 2) // 2,
+            circle=[*middle, radius],
         )  # fmt: skip
     finally:
         worker.close()
     theirs = {name: np.array(values) for name, values in answer["figures"].items()}
     mine = ours(setting, np.array(answer["heights"]))
     if lens.stop_index != 0:
-        theirs = {name: values for name, values in theirs.items() if name.split()[0] not in ("thin", "fan", "path")}
+        theirs = {
+            name: values
+            for name, values in theirs.items()
+            if name.split()[0] not in ("thin", "fan", "path", "Zernikes")
+        }
     return {
         name: float(np.abs(values - mine[name]).max() / size)
         for name, values in theirs.items()

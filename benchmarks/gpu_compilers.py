@@ -121,25 +121,30 @@ LIMITS = {
     "travel": Limit(128, 0, 8),
     "C: intersect": Limit(64, 0, 16),
     "C: shadow": Limit(64, 0, 16),
+    "A: shade": Limit(40, 0, 16),
+    "A_lens: shade": Limit(40, 0, 16),
+    "B: shade": Limit(56, 0, 16),
+    "C: shade": Limit(64, 0, 16),
+    "first_light: shade": Limit(64, 0, 16),
     "media: shadow": Limit(72, 0, 8),  # with the light that media let through
     "lighthouse: shadow": Limit(80, 0, 8),
-    "lighthouse: travel": Limit(152, 0, 8),
-    "media: travel": Limit(136, 0, 8),  # overlapping solids are left one by one
+    "lighthouse: travel": Limit(164, 0, 8),
+    "media: travel": Limit(160, 0, 8),  # overlapping solids are left one by one
     "smoke: shadow": Limit(124, 0, 8),
-    "smoke: travel": Limit(242, 0, 8),  # which walks through grids at five places
+    "smoke: travel": Limit(244, 0, 8),  # which walks through grids at five places
     "tea: shadow": Limit(116, 0, 8),
-    "tea: travel": Limit(234, 0, 8),
+    "tea: travel": Limit(236, 0, 8),
     "underwater: shadow": Limit(128, 0, 8),  # curves and meshes under water
-    "underwater: travel": Limit(192, 0, 8),
+    "underwater: travel": Limit(200, 0, 8),
     "conjugates: generate": Limit(56, 0, 8),
     "hair: intersect": Limit(96, 0, 8),  # of a curve alone: eighteen numbers, and where on it
     "hair: shadow": Limit(96, 0, 8),
     "leaf: intersect": Limit(96, 0, 8),
     "leaf: shadow": Limit(96, 0, 8),
-    "everything: intersect": Limit(104, 0, 8),  # with holes by every texture
-    "everything: shadow": Limit(112, 0, 8),
-    "everything: photons": Limit(208, 1032, 8),
-    "everything: shade": Limit(255, 24, 8),
+    "everything: intersect": Limit(106, 0, 8),  # with holes by every texture
+    "everything: shadow": Limit(116, 0, 8),
+    "everything: photons": Limit(208, 1048, 8),
+    "everything: shade": Limit(255, 160, 8),
 }
 
 

@@ -127,7 +127,21 @@ def optiland_aberrations(request: dict[str, Any]) -> dict[str, Any]:
     rays = optic.trace_generic(0.0, 1.0, 0.0, np.array([0.0, *request["pupil"]]), WAVELENGTH_NM * 1e-3)
     at = np.ravel(rays.y)
     figures["fan [mm]"] = (at[1:] - at[0]).tolist()
+    figures["Zernikes [waves]"] = optiland_zernikes(optic, request["circle"], request["terms"])
     return {"figures": figures, "heights": (request["diameter"] / 2 * np.array(request["pupil"])).tolist()}
+
+
+def optiland_zernikes(optic: Any, circle: Sequence[float], terms: int) -> list[float]:
+    """Return optiland's Noll coefficients of its wavefront, but for the first, over a circle of direction cosines."""
+    from optiland.wavefront import Wavefront
+    from optiland.zernike import ZernikeFit
+
+    field, um = (0.0, 1.0), WAVELENGTH_NM * 1e-3
+    waves = Wavefront(optic, fields=[field], wavelengths=[um], num_rays=24, distribution="hexapolar")
+    rays = optic.trace(*field, um, None, waves.distribution)
+    x, y = ((np.ravel(part) - middle) / circle[2] for part, middle in zip((rays.L, rays.M), circle, strict=False))
+    fit = ZernikeFit(x, y, np.ravel(waves.get_data(field, um).opd), "noll", terms)
+    return [float(factor) for factor in np.ravel(fit.coeffs)[1:]]
 
 
 def rayoptics_aberrations(request: dict[str, Any]) -> dict[str, Any]:

@@ -93,12 +93,12 @@ static F past_holes(I lanes, Ray ray, F t, int i, Scene scene)
 #define PLACE           ZERO
 #endif
 
-// What the ray meets first.
-static Hit nearest_hit(Ray ray, Scene scene)
+// What the ray meets first, before `reach`.
+static Hit hit_before(Ray ray, F reach, Scene scene)
 {
     const __global Primitive *primitives = scene.primitives;
     const __global int *kind_end = scene.kind_end;
-    F best = (F)(NEVER);
+    F best = reach;
     I index = (I)(NO_PRIMITIVE);
     PLACE_ON_CURVE
 #if HAS_HIDDEN
@@ -137,6 +137,8 @@ static Hit nearest_hit(Ray ray, Scene scene)
 #endif
     return hit;
 }
+
+static inline Hit nearest_hit(Ray ray, Scene scene) { return hit_before(ray, (F)(NEVER), scene); }
 
 // Lanes whose ray meets anything before `reach`, but not `target` (of a mesh its triangle `target_triangle` alone) nor what
 // lies in its plane. Lanes of reach 0 do not matter. `passed`: lanes that pass what a path would meet, where LIGHT_PASSES.

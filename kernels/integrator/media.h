@@ -125,6 +125,8 @@ typedef struct {
     F    length;
     Inside medium;
     F3   shares;        // with which each wavelength chooses the distance
+    F    chosen;        // the extinction of the one that has,
+    F    column;        // and the column after which it scatters
     U    dimension;     // of its random numbers
 #if HAS_DENSITY
     I    gridded;       // whether its density is a grid's, within whose box it is then
@@ -639,6 +641,31 @@ static F3 weight_of(Collision c, Stretch s)
 }
 #endif
 
+// Chooses where a stretch may scatter, by the transmittance of one of three wavelengths.
+static void choose_column(const Path *path, Stretch *s, Rules rules)
+{
+    F3 extinction = s->medium.extinction, scattering = s->medium.scattering;
+    F3 albedo = f3(scattering.x / MAX(extinction.x, (F)(SMALLEST)), scattering.y / MAX(extinction.y, (F)(SMALLEST)),
+                   scattering.z / MAX(extinction.z, (F)(SMALLEST)));
+    F3 shares = f3(path->beta.x * MAX(albedo.x, (F)(LEAST_ALBEDO)), path->beta.y * MAX(albedo.y, (F)(LEAST_ALBEDO)),
+                   path->beta.z * MAX(albedo.z, (F)(LEAST_ALBEDO)));
+    s->shares = shares = scale(shares, ONE / MAX(shares.x + shares.y + shares.z, (F)(SMALLEST)));
+    F4 u = random4(path->pixel, path->sample, s->dimension, rules.seed);
+    s->chosen = u.a < shares.x ? extinction.x : (u.a < shares.x + shares.y ? extinction.y : extinction.z);
+    s->column = -logarithm(MAX(1.0f - u.b, (F)(1e-9f))) / MAX(s->chosen, (F)(1e-20f));
+}
+
+// How far what a stretch meets matters: where no lamp sees it, to where it scatters and no farther.
+static F reach_in_shade(const Path *path, Stretch s, I on, Scene scene)
+{
+    I shade = on & (max3(s.medium.scattering) > 0.0f) & NOT(max3(s.medium.glow) > 0.0f);
+#if HAS_DENSITY
+    shade = shade & NOT(s.gridded);
+#endif
+    shade = shade & (GATHER(I, scene.media, path->medium & MEDIUM_MASK, .in_shade) != 0);
+    return shade ? distance_after(s.medium, s.ray, s.column) * 1.00001f + SMALLEST : (F)(NEVER);
+}
+
 // Takes the paths of the lanes `on` along a stretch: adds what it emits and scatters towards them, and its transmittance.
 // Returns which of them it scatters, at distance *met.
 static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules rules)
@@ -682,16 +709,7 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
     }
 #endif
     if (ANY(murky)) {
-        // Choose a distance by the transmittance of one of three.
-        F3 albedo = f3(s.medium.scattering.x / MAX(extinction.x, (F)(SMALLEST)),
-                       s.medium.scattering.y / MAX(extinction.y, (F)(SMALLEST)),
-                       s.medium.scattering.z / MAX(extinction.z, (F)(SMALLEST)));
-        s.shares = f3(path->beta.x * MAX(albedo.x, (F)(LEAST_ALBEDO)), path->beta.y * MAX(albedo.y, (F)(LEAST_ALBEDO)),
-                      path->beta.z * MAX(albedo.z, (F)(LEAST_ALBEDO)));
-        s.shares = scale(s.shares, ONE / MAX(s.shares.x + s.shares.y + s.shares.z, (F)(SMALLEST)));
-        F4 u = random4(path->pixel, path->sample, s.dimension, rules.seed);
-        F chosen = u.a < s.shares.x ? extinction.x : (u.a < s.shares.x + s.shares.y ? extinction.y : extinction.z);
-        F column = -logarithm(MAX(1.0f - u.b, (F)(1e-9f))) / MAX(chosen, (F)(1e-20f));
+        F column = s.column;
         F t = MIN(distance_after(s.medium, s.ray, column), s.length);
         scatters = murky & (column < whole);
 #if HAS_DENSITY
@@ -701,7 +719,7 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
         c.guess = ZERO;
         if (ANY(gridded)) {
             Chance chance = chance_of(path->pixel, path->sample, s.dimension + TO_COLLIDE, rules.seed);
-            c = collide(s.ray, s.length, s.medium.grid, MAX(chosen, (F)(1e-20f)), chance, gridded, grids_of(scene));
+            c = collide(s.ray, s.length, s.medium.grid, MAX(s.chosen, (F)(1e-20f)), chance, gridded, grids_of(scene));
             t = gridded ? c.t : t;
             scatters = gridded ? c.scatters : scatters;
             tracked = weight_of(c, s);
@@ -741,19 +759,26 @@ static Hit travel_on(Path *path, Scene scene, Rules rules)
     result.b2 = ZERO;
     for (uint step = 0u; step < MOST_BOUNDARIES && ANY(on); ++step) {
         ray.origin = on ? ray.origin : (I)(PATH_ENDED);
-        Hit hit = nearest_hit(ray, scene);
         Stretch s;
         s.ray = ray;
-        s.length = MIN(hit.t, (F)(FARTHEST));
         s.medium = inside_of(path->medium, on, scene);
 #if HAS_ENTRIES
         s.medium.scattering = select3(s.medium.by_entry, mul(s.medium.extinction, path->entry), s.medium.scattering);
 #endif
         s.dimension = 0x40000000u + 4u * (path->depth * 64u + step % 64u) + (step / 64u << 24);
         s.shares = f3(ZERO, ZERO, ZERO);
+        s.chosen = s.column = ZERO;
 #if HAS_DENSITY
         s.gridded = on & (s.medium.grid > 0);
 #endif
+        F reach = (F)(NEVER);
+        if (ANY(on & (max3(s.medium.scattering) > 0.0f))) {
+            choose_column(path, &s, rules);
+            reach = reach_in_shade(path, s, on, scene);
+        }
+        Hit hit = hit_before(ray, reach, scene);
+        hit.t = hit.primitive >= 0 ? hit.t : (F)(NEVER);
+        s.length = MIN(hit.t, (F)(FARTHEST));
         I foggy = on & (has_extinction(s.medium) | (max3(s.medium.glow) > 0.0f));
         I scatters = FALSE;
         F met = ZERO;

@@ -30,7 +30,7 @@ from rptcam_cl.rendering import account
 from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.checkpoint import SUFFIX, Saver, layout_of, merge_states, picture_of, write_checkpoint
-from rptcam_cl.rendering.diffraction import Diffraction, diffract, diffraction_of, spread_of
+from rptcam_cl.rendering.diffraction import Diffraction, describe_film, diffraction_of, spread_of
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts, saved_ghosts
 from rptcam_cl.rendering.lamps import aimed_plan
@@ -431,7 +431,10 @@ class RenderJob:
     def _with_optics(self, image: Image) -> Image:
         if self.ghosting is not None:
             image = with_ghosts(image, *self.ghosting.result)
-        return replace(image, pixels=diffract(self._diffraction, image.pixels))
+        if self._diffraction is None:
+            return image
+        pixels, said = self._diffraction.over(image.pixels)
+        return replace(image, pixels=pixels, metadata=describe_film(image.metadata, said))
 
     def _report_progress(self, progress: Progress) -> None:
         assert self.options.on_progress is not None
@@ -789,7 +792,8 @@ def merge(
     if ghosts is not None:
         image = with_ghosts(image, *ghosts)
     if spread is not None:
-        image = replace(image, pixels=spread.over(image.pixels, layout))
+        spread_film, said = spread.over(image.pixels, layout)
+        image = replace(image, pixels=spread_film, metadata=describe_film(image.metadata, said))
     try:
         return develop(image, folders=folders_of_film(parts[0]))
     except InputError as problem:  # of keys that every render has checked: it is damaged, or their files are not here

@@ -17,7 +17,7 @@ from rptcam_cl.optics.lens import exchange_axes
 from rptcam_cl.optics.ray_trace import Rays, at_plane
 from rptcam_cl.optics.spots import NOTHING, STAYS, Setting, default_fields, field_waves, result_of
 from rptcam_cl.optics.surface import Surface
-from rptcam_cl.optics.waves import MOST_ACROSS, ExitRays, check_wavefront
+from rptcam_cl.optics.waves import MOST_ACROSS, THIRDS_OVER_ALL, ExitRays, PupilFunction, check_wavefront
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -173,30 +173,20 @@ def zernike(
 
     `fringe` counts polynomials that are 1 at the edge, `noll` those whose rms is 1; both the same terms, as far as an
     order. The angle counts from +x, and the circle goes round what passes along x and y through the chief ray, in
-    direction cosines. `rest_waves` is the rms of what they leave.
+    direction cosines. `rest_waves` is the rms of what they leave, and `error_waves` half of what a third of the cells
+    changes any fringe coefficient of the wavefront.
     """
     rows: list[Row] = []
     for wave in field_waves(setting, fields, wavelengths_nm, rays):
         degrees, nm = wave.field_degrees, wave.wavelength_nm
-        points, _, _ = passing_beam(setting.lens, Beam(degrees, setting.object_distance_mm), nm, ACROSS)
-        height, _ = chief_ray(setting.lens, degrees, nm, setting.object_distance_mm)
-        ends = np.tile([0.0, height], (2, 2, 1))
-        for axis in (0, 1):
-            most = 1.2 * float(np.abs(points[:, axis] - ends[0, 0, axis]).max())
-            ends[axis, :, axis] += _edges(setting, degrees, nm, ends[axis, 0].copy(), axis, most)
-        traced = _through(setting, setting.lens, degrees, nm, ends.reshape(4, 2)).directions[:, :2].reshape(2, 2, 2)
-        sides = np.stack([traced[axis, :, axis] for axis in (0, 1)])
-        middle, radius = sides.mean(axis=1), float(np.abs(np.diff(sides, axis=1)).max()) / 2
-        lit = wave.coverage > 0
-        x, y = np.meshgrid((wave.cosines_x - middle[0]) / radius, (wave.cosines_y - middle[1]) / radius)
+        middle, radius = pupil_circle(setting, degrees, nm)
         terms = [(n, m) for n in range(order + 1) for m in range(-n, n + 1, 2)]
-        values = np.stack([zernike_term(n, m, x[lit], y[lit]) for n, m in terms], axis=1)
-        weight, target = np.sqrt(wave.coverage[lit]), wave.waves_on_sphere[lit]
-        factors = np.linalg.lstsq(values * weight[:, None], target * weight, rcond=None)[0]
-        rest = float(np.sqrt(np.average((values @ factors - target) ** 2, weights=weight**2)))
+        factors, rest = fit_zernikes(wave, middle, radius, terms)
+        moves = [np.abs(fit_zernikes(part, middle, radius, terms)[0] - factors).max() for part in wave.thirds()]
+        error = float(max(moves)) / THIRDS_OVER_ALL  # of all terms: what one changes may be nothing by chance
         rows += [
             {"field_degrees": degrees, "wavelength_nm": nm, "n": n, "m": m, "fringe": fringe_number(n, m),
-             "noll": noll_number(n, m), "fringe_waves": factor, "rest_waves": rest,
+             "noll": noll_number(n, m), "fringe_waves": factor, "error_waves": error, "rest_waves": rest,
              "noll_waves": factor / math.sqrt((n + 1) * (1 if m == 0 else 2))}
             for (n, m), factor in zip(terms, factors.tolist(), strict=True)
         ]  # fmt: skip
@@ -209,6 +199,31 @@ def zernike(
             ("fringe", "number of the term"), [("fringe_waves", "degrees")], "waves", "field_degrees", ("o:",),
         ),
     )  # fmt: skip
+
+
+def pupil_circle(setting: Setting, degrees: float, nm: float) -> tuple[Array, float]:
+    """Return middle and radius, in direction cosines, of the circle round what passes along x and y."""
+    points, _, _ = passing_beam(setting.lens, Beam(degrees, setting.object_distance_mm), nm, ACROSS)
+    height, _ = chief_ray(setting.lens, degrees, nm, setting.object_distance_mm)
+    ends = np.tile([0.0, height], (2, 2, 1))
+    for axis in (0, 1):
+        most = 1.2 * float(np.abs(points[:, axis] - ends[0, 0, axis]).max())
+        ends[axis, :, axis] += _edges(setting, degrees, nm, ends[axis, 0].copy(), axis, most)
+    traced = _through(setting, setting.lens, degrees, nm, ends.reshape(4, 2)).directions[:, :2].reshape(2, 2, 2)
+    sides = np.stack([traced[axis, :, axis] for axis in (0, 1)])
+    return np.asarray(sides.mean(axis=1), np.float64), float(np.abs(np.diff(sides, axis=1)).max()) / 2
+
+
+def fit_zernikes(
+    wave: PupilFunction, middle: Array, radius: float, terms: Sequence[tuple[int, int]]
+) -> tuple[Array, float]:
+    """Return the factors of terms that are 1 at the edge of a circle of direction cosines, and the rms of the rest."""
+    lit = wave.coverage > 0
+    x, y = np.meshgrid((wave.cosines_x - middle[0]) / radius, (wave.cosines_y - middle[1]) / radius)
+    values = np.stack([zernike_term(n, m, x[lit], y[lit]) for n, m in terms], axis=1)
+    weight, target = np.sqrt(wave.coverage[lit]), wave.waves_on_sphere[lit]
+    factors = np.asarray(np.linalg.lstsq(values * weight[:, None], target * weight, rcond=None)[0], np.float64)
+    return factors, float(np.sqrt(np.average((values @ factors - target) ** 2, weights=weight**2)))
 
 
 def zernike_term(n: int, m: int, x: Array, y: Array) -> Array:
@@ -345,8 +360,16 @@ def through_focus(
         ):
             count *= 2
             before, sides = sides, _through_focus(setting, degrees, wavelengths_nm, shifts_mm, count)
+        moved = 0.0 if before is None else float(np.max(np.abs(before - sides)))
         rows += [
-            {"field_degrees": degrees, "shift_mm": shift, "rms_um": math.hypot(x, y), "rms_x_um": x, "rms_y_um": y}
+            {
+                "field_degrees": degrees,
+                "shift_mm": shift,
+                "rms_um": math.hypot(x, y),
+                "rms_x_um": x,
+                "rms_y_um": y,
+                "rms_error_um": None if before is None else 1e3 * moved,
+            }
             for shift, x, y in zip(shifts_mm.tolist(), *(1e3 * sides).tolist(), strict=True)
         ]
     title = f"{setting.lens.name}: spots through focus"

@@ -262,7 +262,8 @@ WAVEFRONT = Measurement(
     "Return the rms and the range of the wavefront of each field and wavelength, and its Strehl ratios.",
     (_wavelengths((LINE_D_NM,)), _RAYS, _fields()),
     _FIELD_COLUMN | _WAVELENGTH_COLUMN | {
-        "rms_waves": "rms [waves]", "rms_waves_without_tilt": "less tilt", "peak_to_valley_waves": "range",
+        "rms_waves": "rms [waves]", "rms_waves_without_tilt": "less tilt", "rms_error_waves": "rms ±",
+        "peak_to_valley_waves": "range",
         "strehl": "Strehl", "strehl_at_peak": "at the peak", "range_error_waves": "range ±", "strehl_error": "Strehl ±",
         "chief_y_mm": "y [mm]",
     },
@@ -306,7 +307,8 @@ ZERNIKE = Measurement(
                fault=_fault_of_order),
     ),
     _FIELD_COLUMN | _WAVELENGTH_COLUMN | {
-        "n": "n", "m": "m", "fringe": "fringe", "fringe_waves": "[waves]", "noll": "Noll", "noll_waves": "rms [waves]",
+        "n": "n", "m": "m", "fringe": "fringe", "fringe_waves": "[waves]", "error_waves": "±",
+        "noll": "Noll", "noll_waves": "rms [waves]",
         "rest_waves": "rest [waves]",
     },
     "zernike", ("fields", "wavelengths_nm"), has_best_focus=True,
@@ -386,7 +388,9 @@ THROUGH_FOCUS = Measurement(
                "R", fault=_fault_of_range),
         Option("steps", "count", 41, "places of the film (default: %(default)s)", "--steps", printed=11),
     ),
-    _FIELD_COLUMN | {"shift_mm": "shift [mm]", "rms_um": "rms [µm]", "rms_x_um": "in x", "rms_y_um": "in y"},
+    _FIELD_COLUMN | {
+        "shift_mm": "shift [mm]", "rms_um": "rms [µm]", "rms_x_um": "in x", "rms_y_um": "in y", "rms_error_um": "±",
+    },
     "through_focus", ("range_mm", "fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
 DEPTH_OF_FIELD = Measurement(

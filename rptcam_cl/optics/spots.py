@@ -387,24 +387,38 @@ def spot_facts(points: Array) -> dict[str, Any]:
 def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
     """Return a row for each spot, and for each field of several wavelengths one of all together (wavelength None).
 
-    ``rms_error_um`` and ``largest_error_um`` are what half as many rays across change.
+    ``rms_error_um`` and ``largest_error_um`` are what half as many rays across change, in the wavelength of the field
+    that changes most: in one alone it may be nothing by chance.
     """
     rows: list[dict[str, Any]] = []
     for degrees, group in _by_field(spots).items():
+        moves = np.max([_moves(spot) for spot in group], axis=0)
         for spot in group:
-            rows.append(_row(degrees, spot.wavelength_nm, [spot]))
+            rows.append(_row(degrees, spot.wavelength_nm, [spot], moves))
         if len(group) > 1:
-            rows.append(_row(degrees, None, group))
+            rows.append(_row(degrees, None, group, moves))
     return rows
 
 
-def _row(degrees: float, wavelength_nm: float | None, group: Sequence[FilmSpot]) -> dict[str, Any]:
-    facts, errors = spot_facts(pool(group)), {}
-    less = fewer(group)
-    before = spot_facts(pool(less)) if less else facts
-    for name in ("rms", "largest"):
-        value, other = facts[f"{name}_um"], before[f"{name}_um"]
-        errors[f"{name}_error_um"] = None if value is None or other is None or not less else abs(value - other)
+def _moves(spot: FilmSpot) -> Array:
+    """Return the shares of a spot's rms, whole or across or down, and of its largest distance that more rays change."""
+    if spot.fewer is None or not len(spot.points):
+        return np.zeros(2)
+    facts, before = spot_facts(spot.points), spot_facts(spot.fewer)
+    if not len(spot.fewer):
+        return np.full(2, math.inf)
+    rms = max(abs(facts[name] - before[name]) for name in ("rms_um", "rms_x_um", "rms_y_um"))
+    off = [rms, abs(facts["largest_um"] - before["largest_um"])]
+    return np.divide(off, [facts["rms_um"] or math.inf, facts["largest_um"] or math.inf])
+
+
+def _row(degrees: float, wavelength_nm: float | None, group: Sequence[FilmSpot], moves: Array) -> dict[str, Any]:
+    facts = spot_facts(pool(group))
+    known = facts["rays"] and np.isfinite(moves).all() and all(spot.fewer is not None for spot in group)
+    errors = {
+        f"{name}_error_um": share * facts[f"{name}_um"] if known else None
+        for name, share in zip(("rms", "largest"), moves.tolist(), strict=True)
+    }
     return {"field_degrees": degrees, "wavelength_nm": wavelength_nm, **facts, **errors}
 
 
@@ -627,7 +641,8 @@ def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None =
     names = [f"radius_of_{100 * share:.0f}_percent_um" for share in PSF_SHARES]
     facts |= dict(zip(names, np.quantile(radii, PSF_SHARES).tolist(), strict=True))
     if less and len(before := pool(less)):
-        facts["rms_error_um"] = abs(facts["rms_um"] - spot_facts(before)["rms_um"])
+        few = spot_facts(before)
+        facts["rms_error_um"] = max(abs(facts[name] - few[name]) for name in ("rms_um", "rms_x_um", "rms_y_um"))
         changes = np.quantile(_radii(before)[1], PSF_SHARES) - np.quantile(radii, PSF_SHARES)
         facts["radius_error_um"] = float(np.abs(changes).max())
     half = (width_um or 2 * ROOM * max(float(np.quantile(radii, 0.99)), 1e-6)) / 2
@@ -756,16 +771,22 @@ def _wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
         rows.append({
             "field_degrees": wave.field_degrees,
             "wavelength_nm": wave.wavelength_nm,
-            "rms_waves": rms_waves(wave, wave.waves_on_sphere),
-            "rms_waves_without_tilt": rms_waves(wave, wave.waves_on_sphere, without_tilt=True),
+            **dict(zip(("rms_waves", "rms_waves_without_tilt"), _rms(wave), strict=True)),
             "peak_to_valley_waves": extent,
             "strehl": ratio.at_chief_ray,
             "strehl_at_peak": ratio.at_peak,
+            "rms_error_waves": float(np.abs([np.subtract(_rms(part), _rms(wave)) for part in wave.thirds()]).max())
+            / THIRDS_OVER_ALL,
             "range_error_waves": max(abs(part - extent) for part, _ in thirds) / THIRDS_OVER_ALL,
             "strehl_error": float(np.abs(moves).max()) / THIRDS_OVER_ALL,
             "chief_y_mm": float(wave.chief[1]),
         })  # fmt: skip
     return rows
+
+
+def _rms(wave: PupilFunction) -> list[float]:
+    """Return the rms of a wavefront on its sphere, and less its tilt [waves]."""
+    return [rms_waves(wave, wave.waves_on_sphere, without_tilt=flat) for flat in (False, True)]
 
 
 @charts.styled()

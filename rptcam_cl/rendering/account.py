@@ -635,6 +635,7 @@ PICTURES = 4  # independent pictures of each zone
 ZONE_SAMPLES = 256  # per pixel: with 64 a search makes the noise of one zone its own, 9.6 for 11.9 %
 FAR_LENGTHS = 1e4  # focal lengths, in which the image moves by a ten-thousandth of one
 LEAST_SIDE = 8  # of a zone [pixels]
+NO_DETAIL = 1e3  # blur [%] of a zone in which nothing is seen even sharp: less would draw a search there
 
 
 def board(problem: Problem, lengths: float = 100.0) -> Scene:
@@ -774,7 +775,7 @@ def _blur(shown: Array, sharp: Array) -> tuple[float, float]:
     def ratio(kept: NDArray[np.intp]) -> float:
         squares = [one[kept].sum(axis=0) ** 2 - (one[kept] ** 2).sum(axis=0) for one in (off, whole)]
         lost, all_ = (float(each.sum()) for each in squares)
-        return 100 * math.sqrt(max(lost, 0.0) / all_) if all_ > 0 else 0.0
+        return 100 * math.sqrt(max(lost, 0.0) / all_) if all_ > 0 else NO_DETAIL
 
     every = np.arange(PICTURES)
     without = np.array([ratio(np.delete(every, part)) for part in every])

@@ -28,7 +28,7 @@ from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.lamps import UNLIKE, LampImage, Window, lamp_images, pixel_mm
+from rptcam_cl.rendering.lamps import UNLIKE, LampImage, Window, has_lamps, lamp_images, pixel_mm
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_waves import Conjugates, conjugates_of, kernel_of_waves
 from rptcam_cl.scene.scene import Scene
@@ -63,8 +63,21 @@ def blur(
     kernels
         One (3, k, k) for each node, by rows; k is odd, and may differ.
     """
-    height, width = planes.shape[1:]
     reach = max(part.shape[-1] // 2 for part in kernels)
+    out = _blur(planes, lamps, offset, nodes, kernels, reach)
+    return out[:, reach : reach + planes.shape[1], reach : reach + planes.shape[2]]
+
+
+def _blur(
+    planes: Array,
+    lamps: Array,
+    offset: tuple[int, int],
+    nodes: tuple[Array, Array],
+    kernels: Sequence[Array],
+    reach: int,
+) -> Array:
+    """Return the same with so many pixels round it, for the light that lamps send there."""
+    height, width = planes.shape[1:]
     even = np.pad(planes - lamps, ((0, 0), (reach, reach), (reach, reach)), mode="edge")
     out = np.zeros((3, height + 2 * reach, width + 2 * reach))
     weights = [_hats(axis, start + np.arange(length)) for axis, start, length in
@@ -82,7 +95,7 @@ def blur(
             target[on_film] += share * _convolve(plane[about], part, within=True)
             if bright.any():
                 target[about] += _convolve(bright * share, part)
-    return out[:, reach : reach + height, reach : reach + width]
+    return out
 
 
 def _places(nodes: tuple[Array, Array]) -> Iterator[tuple[int, int]]:
@@ -114,7 +127,12 @@ def _convolve(plane: Array, kernel: Array, *, within: bool = False) -> Array:
 # The film with what its openings make of it.
 
 _FINEST_PX = 0.03  # wavelength times f-number, below which no ring of a lamp shows
-SHOWS_PX = 0.5  # Airy radius from which `auto` takes it: as much as `camera.accuracy: auto` lets light stray
+# Errors that `auto` leaves out, and from where the printed line has the light that is lost.
+LOST_CONTRAST = 0.25  # of lines of two pixels in the film's middle, at 550 nm
+SEEN_STAR = 0.03  # light of lamps some pixels away, over the mean of the pixels that are none
+_STAR_FROM, _STAR_TO = 3, 16  # pixels from a lamp that it is looked for
+_DARK = 1e-4  # of the film's mean, below which it is black
+WORTH_A_LINE = 1e-3  # of the light, from which a line says that it falls beside the film
 LAMP = 16.0  # times the mean of the film, from which a pixel counts as a lamp
 _WIDE_PX = 2.0  # length of a lamp's straight edges, from which its far light is as wide as they are
 NODES, MORE_NODES = (5, 3), (9, 7)  # along the longer and the shorter side of the film: openings, and wavefronts
@@ -156,6 +174,10 @@ class FilmSpread:
         Light of lamps beside the picture, as `lamp_images` has it.
     directions : int
         Of far light.
+    film_decides : bool
+        Whether it is only for films whose lamps show stars.
+    middle_unit_px : float
+        Wavelength times f-number in the film's middle, at 550 nm [pixels].
     """
 
     resolution: tuple[int, int]
@@ -168,6 +190,8 @@ class FilmSpread:
     lamps: tuple[LampImage, ...] = ()
     beside: Array = field(default_factory=lambda: np.zeros((0, 8)))
     directions: int = point_spread.ANGLES
+    film_decides: bool = False
+    middle_unit_px: float = 0.0
 
     @property
     def reach(self) -> int:
@@ -197,36 +221,56 @@ class FilmSpread:
         """Share of the far light of red, green and blue, and its kernel over twice the picture."""
         return self._far_light.shares, self._far_light.kernel(*self.window)[:, :, ::-1]
 
-    def over(self, pixels: NDArray[np.float32], layout: FilmLayout) -> NDArray[np.float32]:
-        """Return a film (height, width, 3) of linear RGB with its light spread."""
+    def over(self, pixels: NDArray[np.float32], layout: FilmLayout) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Return a film (height, width, 3) of linear RGB with its light spread, and what metadata say of it.
+
+        The very same film where that shows neither in its lines nor about its lamps.
+        """
+        said: dict[str, Any] = {}
+        if self.film_decides:
+            star = star_light(pixels, self.middle_unit_px, self.beside, layout)
+            said = {"on": star >= SEEN_STAR, "star_over_mean": star}
+            if star < SEEN_STAR:
+                return pixels, said
+        film, lost = self._spread(pixels, layout)
+        return film, said | {"share_beside": lost}
+
+    def _spread(self, pixels: NDArray[np.float32], layout: FilmLayout) -> tuple[NDArray[np.float32], float]:
+        """Return the film with its light spread, and the share of it that falls beside, but for lamps cut in two."""
         planes, offset = np.moveaxis(pixels.astype(np.float64), -1, 0), (layout.x, layout.y)
         bright, by_lamps = lamps_of(planes), brightness(planes, offset, self.lamps)
         is_dark = np.append(by_lamps, np.zeros((1, 3)), axis=0).sum(axis=1) == 0  # the last stands for no picture
         beside = self.beside[is_dark[self.beside[:, 7].astype(int)]]
         has_stars = bright.any() or by_lamps.any() or len(beside) > 0
         if self.edges is not None and self.directions > point_spread.FEW_ANGLES and not has_stars:
-            return self._of_plain_films.over(pixels, layout)
+            return self._of_plain_films._spread(pixels, layout)
         if by_lamps.any():
             planes, by_lamps = without_lamps(planes, offset, self.lamps, by_lamps)
             bright = np.where(bright > 0, planes, 0.0)
-        nodes, kernels = self.kernels
-        spread = blur(planes, bright, offset, nodes, kernels)
+        on_film, reach = (slice(self.reach, self.reach + side) for side in planes.shape[1:]), self.reach
+        whole = _blur(planes, bright, offset, *self.kernels, reach)
+        spread = whole[(slice(None), *on_film)]
+        total, lost = float(planes.sum() + by_lamps.sum()), float(whole.sum() - spread.sum())
         if self.edges is not None:
             shares, light = self.far
-            spread += point_spread.strew(planes + self._at_lamps(planes.shape, offset, by_lamps), light)
+            sent = planes + self._at_lamps(planes.shape, offset, by_lamps)
             around = shares[:, None, None] - point_spread.received(light, planes.shape[1:])
+            lost += float((sent * around).sum())
+            spread += point_spread.strew(sent, light)
             spread += around * (planes - bright).mean(axis=(1, 2))[:, None, None]  # as bright beside the film as on it
         if by_lamps.any():
             spread += by_waves(planes.shape, offset, self._near_lamps, by_lamps)
             for number, edge in self._wide.items():
                 lamp = self.lamps[number]
                 star = self._star(lamp.place, edge, lamp.radius, lamp.reach, layout)
+                lost += float(by_lamps[number] @ np.maximum(self.far[0] - star.sum(axis=(1, 2)), 0.0))
                 spread += by_lamps[number][:, None, None] * star
             spread = np.maximum(spread, 0.0) if pixels.min(initial=0.0) >= 0 else spread
         beside = np.concatenate([beside, self._images_beside(by_lamps, layout)])
         if len(beside):
             spread += self._from_beside(beside, layout)
-        return np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
+        film = np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
+        return film, lost / total if total > 0 else 0.0
 
     @cached_property
     def _near_lamps(self) -> list[LampImage]:
@@ -339,7 +383,7 @@ class FilmSpread:
             "diffraction_pixel_mm": np.array(self.pixel_mm),
             "diffraction_near": np.stack(self.near),
             "diffraction_order": np.array(self.order, np.float64),
-            "diffraction_index": np.array([self.index]),
+            "diffraction_index": np.array([self.index, float(self.film_decides), self.middle_unit_px]),
             "diffraction_edges": np.zeros((0, 4)) if self.edges is None else self.edges,
             "diffraction_beside": self.beside,
         }
@@ -365,7 +409,7 @@ def spread_of(
     first, second = (int(count) for count in arrays["diffraction_order"].tolist())
     nodes = [len(axis) for axis in _nodes(resolution, (first, second))]
     width, height = arrays["diffraction_pixel_mm"].tolist()
-    near, index = arrays["diffraction_near"], float(arrays["diffraction_index"][0])
+    near, (index, decides, unit) = arrays["diffraction_near"], arrays["diffraction_index"].tolist()
     count, side = nodes[0] * nodes[1], near.shape[-1]
     if not min(width, height) > 0 or near.shape != (count, 3, side, side) or side % 2 == 0:
         raise ValueError("diffraction")
@@ -382,8 +426,9 @@ def spread_of(
         number += 1
     edges_or_none = edges if len(edges) else None
     return FilmSpread(
-        resolution, window, (width, height), (first, second), tuple(near), index, edges_or_none, tuple(lamps), beside
-    )
+        resolution, window, (width, height), (first, second), tuple(near), index, edges_or_none, tuple(lamps), beside,
+        film_decides=decides > 0, middle_unit_px=unit,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -461,8 +506,11 @@ class Diffraction:
     scene : Scene
         In focus, with the camera as requested, whatever cheaper one renders it.
     is_on : bool
+        By choice, or by what it does to lines.
     airy_radius_px : float or None
         In the middle of the film at 550 nm; None for a camera without an opening.
+    lost_contrast : float or None
+        Of lines of two pixels there, across the one or the other.
     openings : FilmOpenings or None
         Those that the film sees.
     plan : Plan or None
@@ -478,6 +526,12 @@ class Diffraction:
     openings: FilmOpenings | None
     plan: Plan | None = None
     session: Session | None = None
+    lost_contrast: float | None = None
+
+    @property
+    def film_decides(self) -> bool:
+        """Whether the lamps of a film do."""
+        return not self.is_on and self.openings is not None and "lights" not in self.scene.render.layers
 
     @property
     def conjugates(self) -> Conjugates | None:
@@ -521,7 +575,10 @@ class Diffraction:
         small = tuple(kernel.astype(np.float32) for kernel in near)
         layout = FilmLayout.of(film)
         window = layout.width, layout.height
-        spread = FilmSpread(film.resolution, window, size, openings.order, small, middle.index, edges)
+        spread = FilmSpread(
+            film.resolution, window, size, openings.order, small, middle.index, edges,
+            film_decides=self.film_decides, middle_unit_px=(self.airy_radius_px or 0.0) / AIRY,
+        )  # fmt: skip
         if self.plan is None:
             return spread
         known, units = (
@@ -534,19 +591,71 @@ class Diffraction:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays of a saved render by which `merge` applies it without the scene; none where it is off."""
-        return self.spread.arrays() if self.is_on else {}
+        return self.spread.arrays() if self.is_on or self.film_decides else {}
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """What the picture's metadata should say."""
+        """What the picture's metadata should say, before there is a film."""
         radius = self.airy_radius_px
-        if radius is None:
-            says = "off: no opening forms an image in the middle of the film"
-        elif self.is_on:
-            says = f"on: the Airy radius is {radius:.2g} px"
-        else:
-            says = f"off: the Airy radius is {radius:.2g} px, and shows from {SHOWS_PX:g} px"
-        return {"on": self.is_on, "airy_radius_px": radius, "says": says}
+        known = {"on": self.is_on, "airy_radius_px": radius, "lost_contrast": self.lost_contrast}
+        return known | {"film_decides": self.film_decides, "says": _says(known)}
+
+    def over(self, pixels: NDArray[np.float32]) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Return a film (height, width, 3) of linear RGB with its diffraction, and what its metadata say beside."""
+        layout = FilmLayout.of(self.scene.film)
+        if self.film_decides and (self.plan is None or not has_lamps(self.plan)):  # none that may be beside the film
+            star = star_light(pixels, (self.airy_radius_px or 0.0) / AIRY, np.zeros((0, 8)), layout)
+            if star < SEEN_STAR:
+                return pixels, {"on": False, "star_over_mean": star}
+        return self.spread.over(pixels, layout) if self.is_on or self.film_decides else (pixels, {})
+
+
+def _says(known: Mapping[str, Any]) -> str:
+    """Return the sentence of metadata."""
+    radius, lost, star = (known.get(key) for key in ("airy_radius_px", "lost_contrast", "star_over_mean"))
+    if radius is None or lost is None:
+        return "off: no opening forms an image in the middle of the film"
+    state, limit = ("on", "") if known["on"] else ("off", f" and shows from {LOST_CONTRAST:.0%}")
+    says = f"{state}: the Airy radius is {radius:.2g} px, which takes {lost:.0%} of the finest lines{limit}"
+    if star is not None:
+        says += f"; {_STAR_FROM} pixels from a lamp its light is {star:.2g} of the mean, and shows from {SEEN_STAR:g}"
+    beside = known.get("share_beside", 0.0)
+    return says if beside < WORTH_A_LINE else f"{says}; {beside:.2g} of the light falls beside the film"
+
+
+def describe_film(metadata: Mapping[str, Any], said: Mapping[str, Any]) -> dict[str, Any]:
+    """Return metadata of a picture with what its film said of its diffraction."""
+    if "diffraction" not in metadata:
+        return dict(metadata)
+    known = {key: value for key, value in {**metadata["diffraction"], **said}.items() if key != "film_decides"}
+    return {**metadata, "diffraction": known | {"says": _says(known)}}
+
+
+def star_light(pixels: NDArray[np.float32], unit_px: float, beside: Array, layout: FilmLayout) -> float:
+    """Return the most light of lamps in a pixel three away from them or farther, over the mean of those that are none.
+
+    As a round opening spreads it: by the cube of the distance. Of lamps beside the film, in its next pixel.
+
+    Parameters
+    ----------
+    unit_px
+        Wavelength times f-number [pixels].
+    beside
+        As `FilmSpread` has it.
+    """
+    planes = np.moveaxis(pixels.astype(np.float64), -1, 0)
+    bright, plane = lamps_of(planes).sum(axis=0), planes.sum(axis=0)
+    dark = bright == 0
+    low, high = np.array([layout.x, layout.y]), np.array([layout.x + layout.width, layout.y + layout.height])
+    off = np.maximum(np.maximum(low - beside[:, :2], beside[:, :2] - high), 0.0)
+    light = float(beside[:, 2:5].sum(axis=1) @ np.maximum(np.hypot(*off.T), _STAR_FROM) ** -3.0) if len(beside) else 0.0
+    if not dark.all():  # some always are
+        away = np.arange(-_STAR_TO, _STAR_TO + 1)
+        distance = np.hypot(away[:, None], away)
+        spread = _convolve(bright, np.where(distance < _STAR_FROM, 0.0, np.maximum(distance, 1.0) ** -3))
+        light += float(spread[_STAR_TO:-_STAR_TO, _STAR_TO:-_STAR_TO][dark].max())
+    mean = max(float(plane[dark].mean()), _DARK * float(plane.mean() + light))
+    return light * unit_px / np.pi**3 / mean if light > 0 else 0.0
 
 
 def _sparse_nodes(axis: Array, every: int) -> Array:
@@ -568,20 +677,15 @@ def diffraction_of(scene: Scene) -> Diffraction | None:
     if not film_frame(scene.camera).is_flat:  # `on` is refused there
         return Diffraction(scene, False, None, None)
     try:
-        pupils = camera_of(scene).film_pupils()
-        radius = AIRY * point_spread.unit_px(pupils(np.zeros(2)), pixel_mm(scene))
+        pupils, pixel = camera_of(scene).film_pupils(), pixel_mm(scene)
+        middle = pupils(np.zeros(2))
+        radius, lost = AIRY * point_spread.unit_px(middle, pixel), 1 - point_spread.finest_contrast(middle, pixel)
     except InputError:
         if choice == "on":
             raise
         return Diffraction(scene, False, None, None)
-    return Diffraction(scene, choice == "on" or radius >= SHOWS_PX, radius, FilmOpenings(scene, pupils))
-
-
-def diffract(diffraction: Diffraction | None, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return a film (height, width, 3) of linear RGB with its diffraction; the very same where that is off."""
-    if diffraction is None or not diffraction.is_on:
-        return pixels
-    return diffraction.spread.over(pixels, FilmLayout.of(diffraction.scene.film))
+    is_on = choice == "on" or lost >= LOST_CONTRAST
+    return Diffraction(scene, is_on, radius, FilmOpenings(scene, pupils), lost_contrast=lost)
 
 
 def _nodes(resolution: tuple[int, int], order: tuple[int, int]) -> tuple[Array, Array]:

@@ -625,6 +625,11 @@ def _among(lamp: _Lamp, own: Array, places: Array, turn: Array, per_pixel: float
     return Polynomial(_directions(own), places, 2).at(_directions(_points(lamp, more) @ turn))
 
 
+def has_lamps(plan: Plan) -> bool:
+    """Return whether a plan has lamps that the camera may see."""
+    return any(True for _ in _lamps(plan, np.zeros(3)))
+
+
 def _lamps(plan: Plan, pupil: Array) -> Iterator[_Lamp]:
     """Yield the lamps that the camera may see, the brightest first; by what they send to a place about the eye [m]."""
     records = plan.emitters.shining

@@ -61,7 +61,8 @@ NEAR, REACH = 20.0, 64.0  # half width of a kernel with far light and without, i
 LEAST_REACH, _MOST_REACH = 2, 256  # the same in pixels
 KNOWN = 0.453  # of the cells across an opening, from where the light is left out: it shows its image again so many away
 FINE = 2.5  # points per wavelength over twice the numerical aperture; 2 resolve the light exactly
-SHARP, SMOOTH = 1.4, 2.0  # the same in pixels: below the first a pixel averages the light, above the second it samples
+SMOOTH = 2.0  # the same in pixels, from where on these resolve the light
+_FIT, _ROUNDS = 0.35, 10  # cycles per pixel up to which a kernel of wide pixels has the transfer, and rounds to it
 MIDDLE_NM = 550.0
 
 
@@ -69,6 +70,18 @@ def unit_px(pupil: FilmPupil, pixel_mm: tuple[float, float], nm: float = MIDDLE_
     """Return wavelength over twice the numerical aperture, which is wavelength times f-number [pixels]."""
     length = nm * 1e-6 / pupil.index
     return float(length / (2 * pupil.aperture) / np.sqrt(abs(pixel_mm[0] * pixel_mm[1])))
+
+
+def finest_contrast(pupil: FilmPupil, pixel_mm: tuple[float, float]) -> float:
+    """Return the modulation of lines of two pixels by a perfect wavefront, across columns or rows, the lower one."""
+    apart = [MIDDLE_NM * 1e-6 / pupil.index / abs(2 * side) / pupil.step for side in pixel_mm]  # of two cells
+    shares: list[float] = []
+    for open_share, cells in zip((pupil.coverage.T, pupil.coverage), apart, strict=True):
+        whole = np.pad(open_share, ((0, min(int(cells) + 1, len(open_share))), (0, 0)))
+        kept = [float((open_share * whole[k : k + len(open_share)]).sum()) if k < len(open_share) else 0.0
+                for k in (int(cells), int(cells) + 1)]  # fmt: skip
+        shares.append((kept[0] + (cells % 1) * (kept[1] - kept[0])) / float((open_share**2).sum()))
+    return min(shares)
 
 
 def reach_px(unit: float, largest: int, units: float = REACH, wider: int = 0) -> int:
@@ -98,10 +111,47 @@ def near_kernel(
         How far its rays miss the middle [pixels].
     """
     total = np.zeros((3, 2 * reach + 1, 2 * reach + 1))
+    resolve = unit_px(pupil, pixel_mm, WAVES_NM[0]) >= SMOOTH
     for nm, shares in zip(WAVES_NM, shares_of_white(WAVES_NM), strict=True):
         wave = pupil.coverage if amplitude is None else amplitude(nm)
-        total += shares[:, None, None] * of_wavelength(pupil, pixel_mm, reach, nm, wave, wide)
-    return faded(total, reach)
+        light = of_wavelength(pupil, pixel_mm, reach, nm, wave, wide) if resolve else _up_to_lines(
+            pupil, pixel_mm, reach, nm, wave)  # fmt: skip
+        total += shares[:, None, None] * light
+    return faded(total if resolve else _without_negative(total), reach)
+
+
+def _up_to_lines(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, nm: float, wave: Array | Waves) -> Array:
+    """Return the light of a wavelength at the middles of pixels, without what is finer than they resolve.
+
+    Pixels of a film by rays have averaged it over their width already, so a kernel is not to do so once more. Its
+    transfer is the autocorrelation of the opening, up to lines of two pixels; some of it is negative.
+    """
+    checkpoint()
+    side, count = quick(2 * len(wave)), 2 * quick(2 * reach + 1)
+    auto = np.fft.ifft2(np.abs(np.fft.fft2(wave, (side, side))) ** 2)
+    hats, kept = [], []
+    for pixel in pixel_mm:
+        cells = np.fft.fftfreq(count) * (nm * 1e-6 / (pupil.index * pixel * pupil.step))  # that two of it are apart
+        low, rows, hat = np.floor(cells).astype(int), np.arange(count), np.zeros((count, side))
+        for other, share in ((low, low + 1 - cells), (low + 1, cells - low)):
+            np.add.at(hat, (rows, other % side), np.where(np.abs(cells) < len(wave), share, 0.0))
+        hats.append(hat)
+        places = np.minimum(np.abs(np.arange(-reach, reach + 1) * pixel * pupil.step * pupil.index / (nm * 1e-6)), 0.5)
+        kept.append(kept_by_cells(places) * np.sinc(places) ** 2)  # the second of what lies linearly between cells
+    light = np.fft.ifft2(hats[1] @ auto @ hats[0].T).real / auto[0, 0].real
+    return np.asarray(np.roll(light, (reach, reach), (0, 1))[: 2 * reach + 1, : 2 * reach + 1] / np.outer(*kept[::-1]))
+
+
+def _without_negative(kernel: Array) -> Array:
+    """Return kernels (3, n, n) without negative values, of the same transfer to all but the finest lines."""
+    side = quick(2 * kernel.shape[-1])
+    across, down = np.fft.rfftfreq(side), np.fft.fftfreq(side)
+    counts = np.exp(-((np.hypot(across, down[:, None]) / _FIT) ** 4))
+    near = np.maximum(kernel, 0.0)
+    for _ in range(_ROUNDS):
+        lacks = np.fft.irfft2(counts * np.fft.rfft2(kernel - near, (side, side)), (side, side))
+        near = np.maximum(near + lacks[:, : kernel.shape[1], : kernel.shape[2]], 0.0)
+    return near
 
 
 def faded(kernel: Array, reach: int) -> Array:
@@ -119,7 +169,7 @@ def of_wavelength(
     wave: Array | Waves | None = None,
     wide: float = 0.0,
 ) -> Array:
-    """Return the share of the light of a wavelength in each pixel; what lies beyond is not among them.
+    """Return the share of the light of a wavelength in each pixel, by its middle; what lies beyond is not among them.
 
     Parameters
     ----------
@@ -130,14 +180,8 @@ def of_wavelength(
     """
     checkpoint()
     wave = pupil.coverage if wave is None else wave
-    unit, size = unit_px(pupil, pixel_mm, nm), 2 * reach + 1
-    far = KNOWN * len(pupil.cosines_x) * unit + wide
-    if far < 0.5:  # all of it in the middle one
-        return np.pad(np.ones((1, 1)), reach)
-    width = float(np.sqrt(np.clip((SMOOTH - unit) / (SMOOTH - SHARP), 0.0, 1.0)))  # of the square that is averaged
-    finer = max(int(np.ceil(FINE / unit * width)), 1)
-    within = ((np.arange(finer) + 0.5) / finer - 0.5) * width
-    places = (np.arange(-reach, reach + 1)[:, None] + within).ravel()
+    far = KNOWN * len(pupil.cosines_x) * unit_px(pupil, pixel_mm, nm) + wide
+    places = np.arange(-reach, reach + 1.0)
     known = np.abs(places) <= far
     turn = 2j * np.pi * pupil.index / (nm * 1e-6)
     columns = np.exp(turn * pixel_mm[0] * np.outer(pupil.cosines_x - pupil.cosines_x.mean(), places[known]))
@@ -146,9 +190,8 @@ def of_wavelength(
     kept = kept_by_cells(places[known] * pupil.step * pupil.index / (nm * 1e-6) * np.array(pixel_mm)[:, None])
     rows, columns = rows.astype(np.complex64), columns.astype(np.complex64)  # twice as fast, within 1e-5
     light[np.ix_(known, known)] = np.abs(rows @ wave.astype(np.complex64) @ columns) ** 2 / np.outer(kept[1], kept[0])
-    per_point = (pupil.step * pupil.index / (nm * 1e-6)) ** 2 * abs(pixel_mm[0] * pixel_mm[1]) / finer**2
-    binned = light.reshape(size, finer, size, finer).sum(axis=(1, 3))
-    return np.asarray(binned * per_point / (np.abs(wave) ** 2).sum())
+    per_point = (pupil.step * pupil.index / (nm * 1e-6)) ** 2 * abs(pixel_mm[0] * pixel_mm[1])
+    return np.asarray(light * per_point / (np.abs(wave) ** 2).sum())
 
 
 def kept_by_cells(places: Array) -> Array:

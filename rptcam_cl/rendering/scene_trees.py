@@ -79,6 +79,9 @@ _PRIMITIVES = Disk(
 )
 _MOST_LEVELS = 32  # of nodes on the way of a ray that keeps its place in registers, `geometry/short_stack.h`
 BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
+_MOST_HALVINGS = 4  # of a curve, for boxes that hold little else
+_SPLIT_GAIN = 0.8  # of the area of a box, that its halves must stay below
+_PART_MARGIN = 0.05  # of the half width, by which the nearest place along a curve may be missed, and more
 LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
 
 
@@ -119,6 +122,8 @@ def primitive_tree(
         for place in np.flatnonzero(movements.of_primitive[bounded, 1]).tolist():
             box, index = (lower[place], upper[place]), int(bounded[place])
             lower[place], upper[place] = _swept(records[index], int(kinds[index]), movements.places(index), box)
+    rests = np.ones(len(bounded), bool) if movements is None else movements.of_primitive[bounded, 1] == 0
+    whole, lower, upper = _split_curves(records[bounded], (kinds[bounded] == Kind.CURVE) & rests, lower, upper)
     lower32, upper32 = _outwards(lower, upper)
 
     def build() -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
@@ -126,8 +131,8 @@ def primitive_tree(
 
     driver = session.info.name, session.info.driver, session.kind, session.loop_limit
     key = builder_identity(), driver, lower32, upper32
-    nodes, order, stack = _PRIMITIVES.find_or_make(key, build) if on_disk or len(bounded) > tree_build.FEW else build()
-    arrays = {"primitive_nodes": nodes, "primitive_leaves": bounded[order]}
+    nodes, order, stack = _PRIMITIVES.find_or_make(key, build) if on_disk or len(whole) > tree_build.FEW else build()
+    arrays = {"primitive_nodes": nodes, "primitive_leaves": bounded[whole[order]]}
     return arrays, {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack}
 
 
@@ -168,6 +173,36 @@ def _bounds_of_curves(rows: Array, half_width: Array) -> tuple[Array, Array]:
     farthest = np.abs(rows).max(axis=(1, 2)) + half_width
     margin = (half_width + HIT_ROUNDING * farthest)[:, None]
     return rows.min(axis=2) - margin, rows.max(axis=2) + margin
+
+
+def _split_curves(
+    records: NDArray[np.void], splits: NDArray[np.bool_], lower: Array, upper: Array
+) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return boxes round parts of long curves in place of one round each, and of which of the records every box is."""
+    part = np.flatnonzero(splits)
+    if not len(part):
+        return np.arange(len(records)), lower, upper
+    rows = np.stack([records[part][f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
+    wide = (1 + _PART_MARGIN) * _half_width(records[part])
+    done = [(np.flatnonzero(~splits), lower[~splits], upper[~splits])]
+    for _ in range(_MOST_HALVINGS):
+        # Halve by de Casteljau what gains by it.
+        a, b = (rows[..., :-1] + rows[..., 1:]) / 2, (rows[..., :-2] + 2 * rows[..., 1:-1] + rows[..., 2:]) / 4
+        middle = b.mean(axis=2)
+        halves = (np.stack([rows[..., 0], a[..., 0], b[..., 0], middle], axis=2),
+                  np.stack([middle, b[..., 1], a[..., 2], rows[..., 3]], axis=2))  # fmt: skip
+        box, parts = _bounds_of_curves(rows, wide), [_bounds_of_curves(half, wide) for half in halves]
+        gains = _area(*parts[0]) + _area(*parts[1]) < _SPLIT_GAIN * _area(*box)
+        done.append((part[~gains], box[0][~gains], box[1][~gains]))
+        part, wide = np.tile(part[gains], 2), np.tile(wide[gains], 2)
+        rows = np.concatenate([half[gains] for half in halves])
+    done.append((part, *_bounds_of_curves(rows, wide)))
+    whole, low, high = (np.concatenate(each) for each in zip(*done, strict=True))
+    return whole, low, high
+
+
+def _area(lower: Array, upper: Array) -> Array:
+    return np.asarray(((upper - lower) * np.roll(upper - lower, 1, axis=1)).sum(axis=1))
 
 
 def _swept(record: np.void, kind: int, places: geometry.Places, rest: tuple[Array, Array]) -> tuple[Array, Array]:

@@ -512,7 +512,7 @@ class Slot:
         """What of the picture takes so long that it is added at rest, off the thread of frames."""
         described = self.session.metadata
         has = {
-            "diffraction": described.get("diffraction", {}).get("on", False),
+            "diffraction": any(described.get("diffraction", {}).get(key, False) for key in ("on", "film_decides")),
             "ghosts": "ghosts" in described,
             "sensor": self.scene.sensor is not None,
         }

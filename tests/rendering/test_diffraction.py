@@ -14,18 +14,20 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.waves import pupil_function, transfer
+from rptcam_cl.optics.waves import AIRY, pupil_function, transfer
 from rptcam_cl.rendering import point_spread
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.diffraction import (
-    SHOWS_PX,
+    LOST_CONTRAST,
+    SEEN_STAR,
     LampImage,
     blur,
     brightness,
-    diffract,
+    describe_film,
     diffraction_of,
     spread_of,
+    star_light,
     without_lamps,
 )
 from rptcam_cl.rendering.film import FilmLayout
@@ -68,6 +70,19 @@ def test_kernel_of_a_round_opening_has_the_transfer_of_its_wavelengths(f_number)
             assert got == pytest.approx([exact, exact], abs=0.01)  # the reach leaves out 0.5 % of the light
 
 
+@pytest.mark.parametrize("pixel_mm", [0.0055, 0.008, 0.012, slow(0.02), 0.05, slow(0.5)])
+def test_kernel_of_wide_pixels_has_the_transfer_of_its_wavelengths_once(pixel_mm):
+    """The film of the rays has been averaged over pixels already: of lines of four pixels a kernel keeps all."""
+    pupil = found_of(f_number=16).openings.pupils(np.zeros(2), 72)
+    reach = point_spread.reach_px(point_spread.unit_px(pupil, (pixel_mm, pixel_mm)), 10_000, point_spread.NEAR)
+    kernel, places = near_kernel(pupil, (pixel_mm, pixel_mm), reach), np.arange(-reach, reach + 1)
+    assert kernel.min() >= 0
+    for across, up in ((0.05, 0.0), (0.15, 0.0), (0.25, 0.0), (0.0, 0.25), (0.2, 0.2), (0.35, 0.0)):
+        exact = perfect_mtf(np.hypot(across, up) / pixel_mm * WAVES_NM * 1e-6 * 16) @ SHARES
+        turned = np.exp(2j * np.pi * (across * places + up * places[:, None]))
+        assert np.abs((kernel * turned).sum(axis=(1, 2))) == pytest.approx(exact, abs=0.012), (across, up)
+
+
 @pytest.mark.parametrize("pixel_mm", [slow(0.06), slow(0.14), 1.0])
 def test_a_pixel_much_larger_than_the_airy_disk_keeps_its_light(pixel_mm):
     found = found_of(width_mm=64 * pixel_mm, f_number=2)
@@ -100,7 +115,7 @@ def test_light_of_a_lamp_is_where_its_closed_form_has_it_and_comes_back_from_no_
     assert found.spread.edges is not None
     film = np.full((96, 96, 3), 1e-3, np.float32)
     film[48, 48] = 1e9
-    spread = diffract(found, film).astype(float)
+    spread = found.over(film)[0].astype(float)
     assert spread.min() > 0
     down, right = np.mgrid[:96, :96] - 48
     radii = np.array([12.5, 20.5, 30.5, 46.5])  # of circles [pixels]: 3 to 12 wavelengths times f-number
@@ -108,7 +123,7 @@ def test_light_of_a_lamp_is_where_its_closed_form_has_it_and_comes_back_from_no_
     v = np.pi * radii[:, None] * (0.3 / 96) / (WAVES_NM * 1e-6 * 22.0)
     np.testing.assert_allclose(inside, (1 - j0(v) ** 2 - j1(v) ** 2) @ SHARES, atol=0.003)
     film[48, 48], film[0, 48] = 1e-3, 1e9
-    border = diffract(found, film)[:8, 48, 1].astype(float)
+    border = found.over(film)[0][:8, 48, 1].astype(float)
     np.testing.assert_allclose(border[1:], spread[49:56, 48, 1], rtol=1e-3)
 
 
@@ -130,14 +145,45 @@ def test_even_light_stays_even_and_lamps_lose_what_leaves_the_picture():
 
 def test_auto_takes_it_where_the_airy_radius_shows():
     sharp, soft = found_of(width_mm=36, diffraction="auto"), found_of(width_mm=1, diffraction="auto")
-    assert not sharp.is_on and sharp.airy_radius_px < SHOWS_PX
-    assert soft.is_on and soft.airy_radius_px > SHOWS_PX
+    assert not sharp.is_on and sharp.lost_contrast < LOST_CONTRAST < soft.lost_contrast and soft.is_on
+    for each in (sharp, soft):
+        cycles_over_limit = each.airy_radius_px / AIRY / 2
+        assert each.lost_contrast == pytest.approx(1 - perfect_mtf(cycles_over_limit), abs=0.005)
     assert "0.69 px" in soft.metadata["says"]
     film = np.ones((48, 64, 3), np.float32)
-    assert diffract(sharp, film) is film
+    assert sharp.over(film)[0] is film
     assert found_of(diffraction="off") is None
     pinhole = load_scene(scene_of([], {"kind": "pinhole", "fov_degrees": 40, "diffraction": "auto", **POSE}))
     assert diffraction_of(pinhole).metadata["on"] is False
+
+
+def test_auto_takes_it_where_stars_of_lamps_show():
+    """On pixels of 0.56 mm; a round opening has unit / (pi^3 d^3) of a point's light in a pixel at a distance d."""
+    found, film = found_of(width_mm=36, diffraction="auto"), np.ones((48, 64, 3), np.float32)
+    unit, places = found.airy_radius_px / AIRY, ([24], [32])
+    seen = SEEN_STAR * 27 * np.pi**3 / unit  # of a pixel
+    film[places] = 0.9 * seen
+    same, said = found.over(film)
+    assert same is film and not said["on"] and said["star_over_mean"] == pytest.approx(0.027, rel=1e-6)
+    film[places] = 1.1 * seen
+    spread, said = found.over(film)
+    says = describe_film({"diffraction": found.metadata}, said)["diffraction"]["says"]
+    assert said["on"] and "3 pixels from a lamp its light is 0.033 of the mean" in says
+    assert spread[24, 35, 1] - 1 == pytest.approx(0.033, rel=0.05)  # in bands and in square pixels
+    beside = np.array([[67.0, 24.5, *3 * [1.1 * seen], 0, 0, -1]])
+    assert star_light(np.ones_like(film), unit, beside, FilmLayout.of(found.scene.film)) == pytest.approx(0.033)
+
+
+def test_light_that_falls_beside_the_film_is_told():
+    found, film = found_of(f_number=22, width_mm=0.3, resolution=(96, 96)), np.zeros((96, 96, 3), np.float32)
+    film[48, 48] = 1.0
+    spread, said = found.over(film)
+    assert said["share_beside"] == pytest.approx(1 - spread.sum(dtype=float) / 3, abs=1e-5)
+    film[48, 48], film[0, 48] = 0.0, 1.0  # half of it
+    assert found.over(film)[1]["share_beside"] == pytest.approx(1 - found.over(film)[0].sum(dtype=float) / 3, abs=1e-5)
+    says = describe_film({"diffraction": found.metadata}, said)["diffraction"]["says"]
+    assert says.endswith(f"{said['share_beside']:.2g} of the light falls beside the film")
+    assert "beside" not in describe_film({"diffraction": found.metadata}, {"share_beside": 9e-4})["diffraction"]["says"]
 
 
 @pytest.mark.parametrize(
@@ -330,6 +376,22 @@ def test_parts_are_merged_with_the_diffraction_of_the_whole(tmp_path):
     assert not np.array_equal(merged, whole["direct"])
 
 
+@pytest.mark.parametrize("radiance", [1e5, 5.0])
+def test_parts_whose_film_decides_are_merged_as_the_whole(tmp_path, radiance):
+    lamp = {"shape": "sphere", "center": [0, 0, -10], "radius": 0.003, "material": {"kind": "emissive"}}
+    lamp["material"]["radiance"] = radiance
+    scene = scene_of([lamp], AT_10_M | {"f_number": 8, "diffraction": "auto"}, depth=1, film={"width_mm": 16 * 0.03},
+                     resolution=(16, 12)) | {"environment": {"kind": "constant", "radiance": 1.0}}  # fmt: skip
+    whole, parts = rptcam_cl.render(scene, spp=4, layers=["direct"]), [tmp_path / "1.rpck", tmp_path / "2.rpck"]
+    for number, path in enumerate(parts, 1):
+        rptcam_cl.render(scene, spp=4, layers=["direct"], part=f"{number}/2", checkpoint=path)
+    merged, shows = rptcam_cl.merge(parts), radiance > 10
+    np.testing.assert_array_equal(merged, whole)
+    assert merged.metadata["diffraction"] == whole.metadata["diffraction"]
+    assert merged.metadata["diffraction"]["on"] == shows
+    assert np.array_equal(whole, whole["direct"]) != shows
+
+
 @pytest.mark.parametrize("blades", [5, slow(6)])
 def test_spikes_are_one_for_each_direction_across_a_blade_and_grow_with_the_wavelength(blades):
     found = found_of(f_number=22, aperture={"shape": "polygon", "blades": blades})
@@ -434,13 +496,13 @@ def test_far_light_of_a_lamp_does_not_ring_and_is_the_same_once_read():
     shape = {"shape": "polygon", "blades": 6}
     found = found_of(width_mm=4, resolution=(60, 5), f_number=16, aperture=shape, stop={"dirt": {}})
     film = np.full((5, 60, 3), 1e-3, np.float32)
-    np.testing.assert_allclose(diffract(found, film), 1e-3, rtol=1e-5)  # even light stays even
+    np.testing.assert_allclose(found.over(film)[0], 1e-3, rtol=1e-5)  # even light stays even
     film[2, 20] = 1e9
-    spread = diffract(found, film).astype(float)
+    spread = found.over(film)[0].astype(float)
     assert (spread.sum(axis=(0, 1)) < 1e9).all()  # some falls beside the film
     assert spread.min() > 0
     assert (np.diff(spread[2, 34:, 1]) < 0).mean() > 0.9  # it falls evenly, apart from what dirt scatters
-    again = spread_of(found.arrays(), (60, 5), (60, 5)).over(film, FilmLayout.of(found.scene.film))
+    again = spread_of(found.arrays(), (60, 5), (60, 5)).over(film, FilmLayout.of(found.scene.film))[0]
     np.testing.assert_array_equal(again, spread.astype(np.float32))
 
 
@@ -586,7 +648,7 @@ def test_nothing_moves_and_even_light_stays_even_where_the_image_circle_ends(len
     found = diffraction_of(scene)
     found = replace(found, plan=stigmatic(make_plan(scene), found.conjugates))
     assert "STIGMATIC" in found.plan.camera.facts
-    even = found.spread.over(np.ones((108, 192, 3), np.float32), FilmLayout.of(scene.film))
+    even = found.spread.over(np.ones((108, 192, 3), np.float32), FilmLayout.of(scene.film))[0]
     assert even == pytest.approx(1.0, abs=1e-4)
     near, reach = np.stack(found.spread.near), found.spread.reach
     steps = np.arange(-reach, reach + 1)

@@ -427,11 +427,11 @@ def realistic_model(
     sampled_nm = (camera.wavelength_nm, low, high) if dispersive else (camera.wavelength_nm,)
     shares = camera.pupil == "shared" and not (windows or coarse)
     shared = shared_sampling(scene, setting, sampled_nm) if shares else None
-    on_axis_of = axis_irradiance if shared is None else partial(axis_irradiance, soon=disk_irradiance)
-    irradiance = _paraxial_irradiance if windows else partial(axis_irradiance, soon=_axial) if coarse else on_axis_of
+    irradiance, of_colours = _irradiances(bool(windows), coarse, shared is not None)
     clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
-    seen = None if coarse or windows else on_axis_of
-    axial_colour = _axial_colour(scene, setting, lens, (clear, on_axis), seen, (low, high)) if dispersive else None
+    axial_colour = (
+        _axial_colour(scene, setting, lens, (clear, on_axis), of_colours, (low, high)) if dispersive else None
+    )
     # Coarse outlines are so wide that they hold the pupil of every wavelength.
     pupil = shared or _pupil(scene, setting, lens, sampled_nm[:1] if coarse else sampled_nm, windows, coarse)
     through = _rays_through(scene, setting, lens, (low, high) if dispersive else None)
@@ -453,6 +453,16 @@ def realistic_model(
         reach=model.lens_reach(lens, film_distance_mm, camera.wavelength_nm, half_film_mm(scene)),
         axial_colour=axial_colour, setting=setting, pupil=None if coarse else entrance,
     )  # fmt: skip
+
+
+def _irradiances(windows: bool, coarse: bool, shared: bool) -> tuple[Callable[..., float], Callable[..., float] | None]:
+    """Return the functions for the irradiance on the axis and for that of its colours; None for those of a glance."""
+    if windows:
+        return _paraxial_irradiance, None
+    if coarse:
+        return partial(axis_irradiance, soon=_axial), None
+    whole = partial(axis_irradiance, soon=disk_irradiance) if shared else axis_irradiance
+    return whole, whole
 
 
 def _rays_through(scene: Scene, setting: LensSetting, lens: Lens, range_nm: tuple[float, float] | None) -> LensRays:

@@ -87,8 +87,10 @@ def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
     slack = 0.5 + abs(report.notes.get("beyond_spot", 0.0))
     if report.method in BY_DETAILS:
         slack += clearest_beside(task.renderer, best, zone)
-    if np.mean(away <= slack) >= SHARP_SHARE:
+    if (share := float(np.mean(away <= slack))) >= SHARP_SHARE:
         return None
+    if share:  # of a slanted zone, that shows far more distances than are sharp
+        return f"{share:.1%} of what the zone shows is sharp (allowed: {SHARP_SHARE:.0%})"
     where = "beyond infinity" if distance is None else f"at {distance:.4g} m"
     lies = f"{1 / nearest:.4g} m away" if nearest > 0 else "infinitely far away"
     return (

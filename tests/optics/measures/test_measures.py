@@ -337,3 +337,19 @@ def test_slivers_of_pupil_have_as_many_azimuths_as_they_need() -> None:  # once 
     square = np.sum((passed - film) ** 2, axis=1)
     light = area * np.mean(state.film**2 / (state.film**2 + square) ** 2)
     assert film_irradiance(state.lens, state.film, radius)[0] == pytest.approx(light, rel=3 / np.sqrt(number))
+
+
+@pytest.mark.parametrize("method, value, error, options", [
+    ("spot", "rms_um", "rms_error_um", {"fields": [0, 14, 20]}),
+    ("wavefront", "rms_waves", "rms_error_waves", {"fields": [14]}),
+    ("zernike", "fringe_waves", "error_waves", {"fields": [14], "order": 4}),
+    ("through_focus", "rms_um", "rms_error_um", {"fields": [14], "steps": 3}),
+])  # fmt: skip
+def test_sampling_errors_hold_what_many_more_rays_change(method, value, error, options):
+    lens = rptcam_cl.load_lens("cooke-triplet-50mm")
+    finer = {"rays": 320 if method in ("wavefront", "zernike") else 640}
+    rows, best = (getattr(lens, method)(**options, **more).rows for more in ({}, finer))
+    size = max(abs(row[value]) for row in best)
+    for row, other in zip(rows, best, strict=True):
+        assert abs(row[value] - other[value]) <= row[error]
+        assert row[error] < 0.01 * size
