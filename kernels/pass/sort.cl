@@ -53,7 +53,7 @@ __kernel void sort(const __global Primitive *primitives,
         if (kind < KINDS)
             of_kind[kind][item] |= 1u << i;
     }
-    barrier(CLK_LOCAL_MEM_FENCE);
+    barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);  // the queue is read before any item writes it
     // Count each kind.
     if (item < KINDS) {
         uint sum = 0u;
