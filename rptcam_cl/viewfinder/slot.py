@@ -111,7 +111,8 @@ _BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that t
 # 0.02 at 20 cycles per degree (Campbell and Robson, J. Physiol. 197, 1968).
 CLEAN = 0.02
 DARKEST = 0.01  # of white, below which a screen shows hardly any differences
-NETWORK_S = 1.0  # that a film rests before Open Image Denoise, which takes as long, takes both cores
+NETWORK_S = 1.0  # that a film rests before Open Image Denoise takes both cores for almost as long
+NETWORK_WORTH = 8  # times the samples of a frame that it has cleaned, which others need to look as clean
 HAS_NETWORK = importlib.util.find_spec("pyoidn") is not None
 DENOISED_S = 5.0  # of a film whose picture has what comes last: that is added to the noisy one
 
@@ -502,7 +503,7 @@ class Slot:
         shown = self.shown.frame if self.shown is not None and self.film == film else None
         if shown is None or self.wants_glance or not self.denoises or self._is_clean(self._last or frame):
             return
-        if shown.scale < 1 or shown.spp < 2 * frame.spp:
+        if shown.scale < 1 or shown.spp < NETWORK_WORTH * frame.spp:
             self._clean = frame, clean
             self.show(frame, False, self._answers)
             self._network_spp = frame.spp
