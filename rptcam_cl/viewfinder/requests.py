@@ -233,8 +233,7 @@ class Requests:
         if self._tracks_later:
             return
         self._tracking.end()
-        self._tracked = state
-        device = slot.session.device.beside()
+        self._tracked, device = state, slot.session.device.beside()
 
         def work(task: BackgroundTask) -> tuple[float, str]:
             if file.sequence is None or file.sequence.continuous_focus is None:
