@@ -363,6 +363,7 @@ def test_blur_of_a_rendered_zone_is_that_of_whole_renders():
     assert blur(lens, -99.0).value == math.inf  # no picture at all
 
 
+@pytest.mark.slow
 def test_search_by_a_rendered_zone_makes_it_sharper_than_one_by_spots():
     device = open_session(None)
     problem = read_problem(PICTURE)

@@ -250,6 +250,7 @@ def test_report_leaves_out_what_would_begin_too_late(session):
     assert report.found["speeds"]["B"]["value"] == {"left_out": "-1 s were over"}
 
 
+@pytest.mark.slow
 def test_report_ends_a_step_that_a_driver_never_ends_and_names_it(tmp_path):
     file = tmp_path / "card.json"
     program = """
