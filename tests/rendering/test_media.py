@@ -335,11 +335,11 @@ def test_light_samples_are_left_out_where_glass_stops_them_all(monkeypatch):
 
 
 def test_walks_in_shade_miss_nothing_nearer_than_where_they_scatter(monkeypatch):
-    """Nothing absorbs: a ball of milk round a white one keeps no light; a step that misses a surface never comes out."""
+    """Milk round a white ball keeps no light in a white world; a step that misses a surface never comes out."""
     milk = BALL | {"material": {"kind": "dielectric", "index": 1.2, "interior": {"scattering_per_m": 4}}}
-    inner = {"shape": "sphere", "center": [0.3, 0, 0.2], "radius": 0.4, "material": {"kind": "matte", "reflectance": 1.0}}
-    scene = scene_of([milk, inner], looking([0, -4, 1], [0, 0, 0], fov=22), depth=2000,
-                     resolution=(16, 16), environment=WHITE)  # fmt: skip
+    inner = BALL | {"center": [0.3, 0, 0.2], "radius": 0.4, "material": {"kind": "matte", "reflectance": 1.0}}
+    eye = looking([0, -4, 1], [0, 0, 0], fov=22)
+    scene = scene_of([milk, inner], eye, depth=2000, resolution=(16, 16), environment=WHITE)
     left = pixels(scene, spp=4)
     np.testing.assert_allclose(left, 1, rtol=1e-5)  # the same in every channel, so that each sample is 1
     monkeypatch.setattr(media, "_mark_shade", lambda *_: None)
