@@ -84,6 +84,8 @@ class Launch:
     ----------
     steps : float
         That a work item takes, where it may take many: GPUs get such work in several launches.
+    group : int or None
+        Work items of a group, where the kernel asks for so many.
 
     Raises
     ------
@@ -107,6 +109,8 @@ class Launch:
                 self._kernel = cl.Kernel(program.handle, name)
         except cl.Error as error:
             raise DeviceError(f"device {session.info.id} has no kernel {name} in what it built: {error}") from error
+        of_group = cl.kernel_work_group_info.COMPILE_WORK_GROUP_SIZE
+        self.group = self._kernel.get_work_group_info(of_group, session.info.handle)[0] or None
         self._index = {parameter: index for index, parameter in enumerate(program.parameters[name])}
         assert len(self._index) == self._kernel.num_args, f"kernel {name}: its parameters were not read as they are"
         self._arguments: dict[str, Any] = {}
