@@ -521,7 +521,7 @@ class Conjugates:
         return _source(self.chief, place, self.vergence, self.film_z)
 
     def wave(self, row: float, column: float, *, splits: bool) -> Callable[[float], PointWave] | None:
-        """Return what gives the light of a conjugate at a wavelength [nm]; None where a node about it has none.
+        """Return the light of a conjugate as a function of the wavelength [nm]; None where a node about it has none.
 
         Parameters
         ----------
