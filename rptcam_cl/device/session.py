@@ -99,8 +99,7 @@ class Launch:
         import pyopencl as cl
 
         self.name, self.steps = name, 1.0
-        self._session, self._program = session, program
-        self._enqueue = cl.enqueue_nd_range_kernel
+        self._session, self._program, self._enqueue = session, program, cl.enqueue_nd_range_kernel
         try:
             self._idle = program.idle_kernels(name)
             try:

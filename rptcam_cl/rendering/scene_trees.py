@@ -118,16 +118,14 @@ def primitive_tree(
     bounded = np.flatnonzero(kinds != Kind.PLANE).astype(np.int32)
     if len(bounded) < max(BREAK_EVEN, 1):
         return None
-    lower, upper = np.empty((2, len(bounded), 3))
-    for first in range(0, len(bounded), _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        lower[part], upper[part] = primitive_bounds(records[bounded[part]], kinds[bounded[part]])
+    parts = np.array_split(bounded, -(-len(bounded) // _AT_ONCE))
+    lower, upper = np.concatenate([primitive_bounds(records[part], kinds[part]) for part in parts], axis=1)
+    splits = kinds[bounded] == Kind.CURVE
     if movements is not None:
+        splits &= movements.of_primitive[bounded, 1] == 0
         for place in np.flatnonzero(movements.of_primitive[bounded, 1]).tolist():
             box, index = (lower[place], upper[place]), int(bounded[place])
             lower[place], upper[place] = _swept(records[index], int(kinds[index]), movements.places(index), box)
-    rests = np.ones(len(bounded), bool) if movements is None else movements.of_primitive[bounded, 1] == 0
-    splits = (kinds[bounded] == Kind.CURVE) & rests
     whole, lower, upper = _split_curves(records[bounded[splits]], splits, lower, upper)
     lower32, upper32 = _outwards(lower, upper)
 

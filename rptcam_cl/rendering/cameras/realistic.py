@@ -460,15 +460,12 @@ def _irradiance_of_own(windows: bool, coarse: bool, shared: bool) -> Callable[..
     """Return the function for the irradiance on the axis, of the camera's own wavelength."""
     if windows:
         return _paraxial_irradiance
-    if coarse:
-        return partial(axis_irradiance, soon=_axial)
-    return partial(axis_irradiance, soon=disk_irradiance) if shared else axis_irradiance
+    return partial(axis_irradiance, soon=_axial if coarse else disk_irradiance if shared else None)
 
 
 def _irradiance_of_colours(pupil: PupilSampling) -> Callable[..., float]:
     """Return that of other wavelengths: sooner where a table is proven to hold the pupils of all."""
-    is_proven = pupil.tier != "rear" and not pupil.ring
-    return partial(axis_irradiance, soon=disk_irradiance) if is_proven else axis_irradiance
+    return partial(axis_irradiance, soon=None if pupil.tier == "rear" or pupil.ring else disk_irradiance)
 
 
 def _rays_through(scene: Scene, setting: LensSetting, lens: Lens, range_nm: tuple[float, float] | None) -> LensRays:
