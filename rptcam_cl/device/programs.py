@@ -44,7 +44,7 @@ def kernel_parameters(source: str) -> dict[str, tuple[str, ...]]:
     macros: _Macros = {}
     parameters: dict[str, tuple[str, ...]] = {}
     head = ""
-    for line in _active(itertools.chain.from_iterable(map(_heads, source.split("\n#line "))), macros):
+    for line in _active_lines(itertools.chain.from_iterable(map(_heads, source.split("\n#line "))), macros):
         if head or line.lstrip().startswith("__kernel"):
             head += f" {line}"
             if "{" in line:
@@ -59,7 +59,7 @@ _Line = tuple[str, str]  # word of a directive, and what follows it; or nothing,
 
 
 def _read_lines(text: str) -> Iterator[_Line]:
-    for line in text.splitlines():
+    for line in _COMMENT.sub(" ", text).splitlines():
         directive = _DIRECTIVE.match(line) if "#" in line else None  # most lines have none, and a look costs less
         yield ("", line) if directive is None else (directive[1], directive[2])
 
@@ -68,7 +68,7 @@ def _read_lines(text: str) -> Iterator[_Line]:
 def _heads(part: str) -> tuple[_Line, ...]:
     """Return the directives and the heads of kernels of a part of a program; programs have most parts in common."""
     lines, within = [], False
-    for word, rest in _read_lines(_COMMENT.sub(" ", part)):
+    for word, rest in _read_lines(part):
         within = within or (not word and rest.lstrip().startswith("__kernel"))
         if word or within:
             lines.append((word, rest))
@@ -76,12 +76,8 @@ def _heads(part: str) -> tuple[_Line, ...]:
     return tuple(lines)
 
 
-def _active_lines(text: str, macros: _Macros) -> Iterator[str]:
+def _active_lines(lines: Iterable[_Line], macros: _Macros) -> Iterator[str]:
     """Yield the lines that conditions leave; keep ``macros`` as they are at each of them."""
-    return _active(_read_lines(text), macros)
-
-
-def _active(lines: Iterable[_Line], macros: _Macros) -> Iterator[str]:
     taken: list[tuple[bool, bool]] = []  # of each open condition: whether its branch at hand is in, and any before it
     active = True  # all of them are in
     for word, rest in lines:
@@ -200,29 +196,20 @@ def _expand(name: str, facts: Mapping[str, int | str], seen: set[str], lines: li
         return
     seen.add(name)
     lines.append(f'#line 1 "{name}"')
-    for before, include, is_open, number in _pieces((kernels_dir() / name).read_text(encoding="utf-8")):
-        lines.extend(before)
-        if include is not None:
-            _expand(include[1] or str(facts[include[2]]), facts, set(seen) if is_open else seen, lines)
-            lines.append(f'#line {number} "{name}"')
-
-
-@lru_cache(maxsize=1024)
-def _pieces(text: str) -> list[tuple[list[str], re.Match[str] | None, bool, int]]:
-    """Cut a file at its includes: what stands before, the include, whether a condition is open, and the next line."""
-    pieces: list[tuple[list[str], re.Match[str] | None, bool, int]] = []
-    before: list[str] = []
+    text = (kernels_dir() / name).read_text(encoding="utf-8")
     depth = -1 if _GUARD.search(text) else 0
     for number, line in enumerate(text.splitlines(), start=1):
-        include = _INCLUDE.match(line) if "#" in line else None
-        if include is not None:
-            pieces.append((["\n".join(before)] if before else [], include, depth != 0, number + 1))
-            before = []
+        if "#" not in line:
+            lines.append(line)
             continue
-        before.append(line)
-        condition = _CONDITION.match(line) if "#" in line else None
-        depth += 0 if condition is None else -1 if condition[1] == "endif" else 1
-    return [*pieces, (["\n".join(before)] if before else [], None, False, 0)]
+        include = _INCLUDE.match(line)
+        if include is None:
+            condition = _CONDITION.match(line)
+            depth += 0 if condition is None else -1 if condition[1] == "endif" else 1
+            lines.append(line)
+            continue
+        _expand(include[1] or str(facts[include[2]]), facts, seen if depth == 0 else set(seen), lines)
+        lines.append(f'#line {number + 1} "{name}"')
 
 
 def assemble(files: list[str], facts: Mapping[str, int | str], declarations: str, *, library_arch: str | None) -> str:

@@ -216,7 +216,7 @@ def film_of(name):
     return lens, back, min(lit, abs(lens.first_order().focal_length_mm))
 
 
-QUICK = {*ASSIGNMENT, "mirror-500mm", "zoom-70-200mm"}
+QUICK = {*ASSIGNMENT, "zoom-70-200mm"}
 
 
 @pytest.mark.parametrize("name", [name if name in QUICK else slow(name) for name in list_lenses()])

@@ -193,6 +193,7 @@ def small_report(monkeypatch):
     monkeypatch.setattr(CardReport.__init__, "__defaults__", (("B",), few, 16, 0.02))
 
 
+@pytest.mark.slow
 def test_report_of_a_card_has_every_section_and_the_known_picture(small_report, tmp_path, capsys):
     file = tmp_path / "card.json"
     assert main(["doctor", "--gpu", "-o", str(file)]) == 0
