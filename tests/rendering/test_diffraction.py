@@ -16,6 +16,7 @@ from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.waves import AIRY, pupil_function, transfer
 from rptcam_cl.rendering import point_spread
+from rptcam_cl.rendering.cameras.film_pupil import film_points
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.diffraction import (
@@ -34,7 +35,14 @@ from rptcam_cl.rendering.diffraction import (
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import FarLight, near_kernel, of_wavelength, shares_of_white, strew
-from rptcam_cl.rendering.point_waves import kernel_of_waves, point_opening, ray_picture, stigmatic, wave_picture
+from rptcam_cl.rendering.point_waves import (
+    conjugates_of,
+    kernel_of_waves,
+    point_opening,
+    ray_picture,
+    stigmatic,
+    wave_picture,
+)
 from rptcam_cl.scene.lens_settings import Dirt
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import scene_of
@@ -285,7 +293,7 @@ def test_kernels_of_a_lens_have_the_transfer_of_its_waves_off_the_axis(lens, f_n
     found, setting = diffraction_of(scene), camera_of(scene).setting
     conjugates, pixel, reach = replace(found.openings, order=(3, 2)).conjugates, 36 / 3600, 80
     node = int(np.flatnonzero(conjugates.columns == 1800)[0])  # above the middle
-    wave = conjugates.by_wavelength(splits=True)[node]
+    wave = conjugates.wave(0, node, splits=True)
     kernel = kernel_of_waves(wave, (-pixel / 4, pixel / 4), reach)[1]
     places = np.array([[conjugates.columns[node], conjugates.rows[0]]])
     there = conjugates.at(places)[0]
@@ -300,6 +308,25 @@ def test_kernels_of_a_lens_have_the_transfer_of_its_waves_off_the_axis(lens, f_n
         shares = SHARES[::2, 1]
         exact = np.abs(np.tensordot(shares / shares.sum(), waves, 1))
         np.testing.assert_allclose(np.abs(turned @ kernel.sum(axis=1 - axis)), exact, atol=0.015)
+
+
+def test_a_wave_between_nodes_has_the_modulation_of_the_one_that_is_traced_there():
+    """Kernels of two nodes have a mean that is 0.03 off at 40 cycles/mm, and so has a linear wave."""
+    scene = load_scene(lens_scene("dgauss-50mm", 5.6))
+    found = diffraction_of(scene)
+
+    def waves(*rows):
+        nodes = np.array([1800.0]), np.array(rows)
+        points = film_points(scene, np.stack(np.meshgrid(*nodes), axis=-1).reshape(-1, 2))[:, :2]
+        pupils = found.openings.pupils
+        return conjugates_of(scene, pupils, nodes, points, [pupils(point, 72) for point in points])
+
+    traced, between = (each.wave(row, 0, splits=False)(550.0)
+                       for each, row in ((waves(133.0), 0), (waves(0.0, 400.0, 800.0, 1200.0), 0.3325)))  # fmt: skip
+    cells = np.array([4, 9, 18])  # 17, 40 and 80 cycles/mm
+    for axis in (0, 1):
+        exact = traced.modulation(550.0, cells, axis)
+        np.testing.assert_allclose(between.modulation(550.0, cells, axis), exact, atol=0.005)
 
 
 @pytest.mark.parametrize("flip", [True, slow(False)])
