@@ -229,7 +229,8 @@ def test_ball_scatters_the_sky_once_as_quadrature_does(diameter):
     assert_equivalent(mean, error, total, 4e-3)
 
 
-@pytest.mark.parametrize("layer", [None, slow({"scale_height_m": 0.8, "base": 0.5})])
+@pytest.mark.slow
+@pytest.mark.parametrize("layer", [None, {"scale_height_m": 0.8, "base": 0.5}])
 def test_beams_give_what_paths_that_meet_them_by_chance_give(layer):
     fog = {"scattering_per_m": [0.25, 0.3, 0.35], "absorption_per_m": 0.05, "asymmetry": 0.5, "layer": layer}
     spots = [([-1.5, 1.2, 0.5], [1, 0.02, -0.15], 25, 40), ([1.5, 3, -1], [-0.3, -1, 0.3], 35, 12)]
