@@ -540,7 +540,7 @@ def focus_of(task: Task, method: str) -> FocusReport:
         state = task.renderer.state if task.near is None else task.near
         contrast.check_reach(task, state)
         causes = [_why_unseen(task, state, zone) for zone in task.zones]
-        if (cause := next(filter(None, causes), None)) is None:
+        if (cause := next(filter(None, causes), None)) is None or cause in str(problem):
             raise
         raise NoContrast(f"{problem}; {cause}") from None
     return with_warnings(task, report if task.criterion is None else _by_criterion(task, report))
