@@ -84,6 +84,8 @@ class Launch:
     ----------
     steps : float
         That a work item takes, where it may take many: GPUs get such work in several launches.
+    group : int or None
+        Work items of a group, where the kernel asks for so many.
 
     Raises
     ------
@@ -97,8 +99,7 @@ class Launch:
         import pyopencl as cl
 
         self.name, self.steps = name, 1.0
-        self._session, self._program = session, program
-        self._enqueue = cl.enqueue_nd_range_kernel
+        self._session, self._program, self._enqueue = session, program, cl.enqueue_nd_range_kernel
         try:
             self._idle = program.idle_kernels(name)
             try:
@@ -107,6 +108,8 @@ class Launch:
                 self._kernel = cl.Kernel(program.handle, name)
         except cl.Error as error:
             raise DeviceError(f"device {session.info.id} has no kernel {name} in what it built: {error}") from error
+        of_group = cl.kernel_work_group_info.COMPILE_WORK_GROUP_SIZE
+        self.group = self._kernel.get_work_group_info(of_group, session.info.handle)[0] or None
         self._index = {parameter: index for index, parameter in enumerate(program.parameters[name])}
         assert len(self._index) == self._kernel.num_args, f"kernel {name}: its parameters were not read as they are"
         self._arguments: dict[str, Any] = {}

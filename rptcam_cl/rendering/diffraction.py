@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -136,6 +136,7 @@ WORTH_A_LINE = 1e-3  # of the light, from which a line says that it falls beside
 LAMP = 16.0  # times the mean of the film, from which a pixel counts as a lamp
 _WIDE_PX = 2.0  # length of a lamp's straight edges, from which its far light is as wide as they are
 NODES, MORE_NODES = (5, 3), (9, 7)  # along the longer and the shorter side of the film: openings, and wavefronts
+_BETWEEN, _MOST_PARTS = 0.01, 4  # modulation that the mean of two kernels may be off, and finer nodes for it, each way
 GOOD = 0.9  # Strehl ratio at all nodes from which the few are enough
 ALL_CELLS, NEAR_CELLS = 144, 72  # across an opening whose kernels reach 64 wavelengths over twice its aperture, and 20
 _NODE_PX = 16  # least distance between nodes
@@ -160,8 +161,8 @@ class FilmSpread:
         Columns and rows of the part of it that is a picture.
     pixel_mm : tuple of float
         Width and height of a pixel.
-    order : tuple of int
-        Nodes along the longer and the shorter side of the film, at most.
+    nodes : tuple of arrays
+        Columns and rows on the whole film of what the picture sees [pixels].
     near : tuple of (3, n, n) arrays
         What each node makes of a point, by rows of nodes, without far light: in red, green and blue, each of sum 1.
     index : float
@@ -183,7 +184,7 @@ class FilmSpread:
     resolution: tuple[int, int]
     window: tuple[int, int]
     pixel_mm: tuple[float, float]
-    order: tuple[int, int]
+    nodes: tuple[Array, Array]
     near: tuple[NDArray[np.float32], ...]
     index: float
     edges: Array | None = None
@@ -204,7 +205,7 @@ class FilmSpread:
         own = [part.astype(np.float64) for part in self.near]
         if self.edges is not None:
             own = [part * (1 - self.far[0])[:, None, None] for part in own]
-        return _nodes(self.resolution, self.order), own
+        return self.nodes, own
 
     @cached_property
     def _far_light(self) -> point_spread.FarLight:
@@ -308,10 +309,7 @@ class FilmSpread:
         rows = [np.zeros((0, 8))]
         for number, (lamp, light) in enumerate(zip(self.lamps, by_lamps, strict=True)):
             if light.any() and number not in self._wide:
-                own = [
-                    [i + 0.5, j + 0.5, *(share * light), -number - 1.0, 0.0, number]
-                    for i, j, share in about(lamp.place)
-                ]
+                own = [[i + 0.5, j + 0.5, *(k * light), -number - 1.0, 0.0, number] for i, j, k in about(lamp.place)]
                 rows.append(np.array([row for row in own if not layout.holds(np.array([row[:2]]))[0]]).reshape(-1, 8))
         return np.concatenate(rows)
 
@@ -319,16 +317,12 @@ class FilmSpread:
         """Return the light (3, height, width) that reaches a picture from beside it."""
         reach, (nodes, kernels) = self.reach, self.kernels
         total: Array = np.zeros((3, layout.height, layout.width))
-        columns, rows = (
-            np.floor(beside[:, k]).astype(int) - first + reach for k, first in enumerate((layout.x, layout.y))
-        )
+        places = np.floor(beside[:, :2]).astype(int) - (layout.x, layout.y) + reach
         around: Array = np.zeros((3, layout.height + 2 * reach, layout.width + 2 * reach))
-        near = (
-            (beside[:, 5] >= 0) & (columns >= 0) & (rows >= 0) & (columns < around.shape[2]) & (rows < around.shape[1])
-        )
+        near = (beside[:, 5] >= 0) & (places >= 0).all(axis=1) & (places < around.shape[:0:-1]).all(axis=1)
         if near.any():
             for plane, light in zip(around, beside[near, 2:5].T, strict=True):
-                np.add.at(plane, (rows[near], columns[near]), light)
+                np.add.at(plane, tuple(places[near].T[::-1]), light)
             spread = blur(around, around, (layout.x - reach, layout.y - reach), nodes, kernels)
             total += spread[:, reach : reach + layout.height, reach : reach + layout.width]
         for number in np.unique(beside[:, 5]) if self.edges is not None else ():
@@ -337,10 +331,8 @@ class FilmSpread:
             shares = own[:, 2:5].sum(axis=1) / light.sum()
             place, edge = shares @ own[:, :2], self._far_light.straightest * 2 * radius
             size = np.sqrt(12 * shares @ np.sum((own[:, :2] - place) ** 2, axis=1) / 2)
-            wide = edge if edge > _WIDE_PX else 0.0
-            star = self._star(
-                (float(place[0]), float(place[1])), max(wide, float(size), 1.0), radius if wide else 0.0, reach, layout
-            )
+            wide, at = edge if edge > _WIDE_PX else 0.0, (float(place[0]), float(place[1]))
+            star = self._star(at, max(wide, float(size), 1.0), radius if wide else 0.0, reach, layout)
             total += light[:, None, None] * star
         return total
 
@@ -382,7 +374,8 @@ class FilmSpread:
         arrays: dict[str, NDArray[Any]] = {
             "diffraction_pixel_mm": np.array(self.pixel_mm),
             "diffraction_near": np.stack(self.near),
-            "diffraction_order": np.array(self.order, np.float64),
+            "diffraction_columns": self.nodes[0],
+            "diffraction_rows": self.nodes[1],
             "diffraction_index": np.array([self.index, float(self.film_decides), self.middle_unit_px]),
             "diffraction_edges": np.zeros((0, 4)) if self.edges is None else self.edges,
             "diffraction_beside": self.beside,
@@ -406,12 +399,12 @@ def spread_of(
     """
     if "diffraction_index" not in arrays:
         return None
-    first, second = (int(count) for count in arrays["diffraction_order"].tolist())
-    nodes = [len(axis) for axis in _nodes(resolution, (first, second))]
+    nodes = arrays["diffraction_columns"], arrays["diffraction_rows"]
     width, height = arrays["diffraction_pixel_mm"].tolist()
     near, (index, decides, unit) = arrays["diffraction_near"], arrays["diffraction_index"].tolist()
-    count, side = nodes[0] * nodes[1], near.shape[-1]
-    if not min(width, height) > 0 or near.shape != (count, 3, side, side) or side % 2 == 0:
+    count, side = nodes[0].size * nodes[1].size, near.shape[-1]
+    rising = all(axis.ndim == 1 and axis.size and (np.diff(axis) > 0).all() for axis in nodes)
+    if not (rising and min(width, height) > 0 and near.shape == (count, 3, side, side) and side % 2):
         raise ValueError("diffraction")
     edges = arrays["diffraction_edges"]
     beside = arrays["diffraction_beside"]
@@ -426,7 +419,7 @@ def spread_of(
         number += 1
     edges_or_none = edges if len(edges) else None
     return FilmSpread(
-        resolution, window, (width, height), (first, second), tuple(near), index, edges_or_none, tuple(lamps), beside,
+        resolution, window, (width, height), nodes, tuple(near), index, edges_or_none, tuple(lamps), beside,
         film_decides=decides > 0, middle_unit_px=unit,
     )  # fmt: skip
 
@@ -456,6 +449,12 @@ class FilmOpenings:
         if all(wave.strehl(point_spread.MIDDLE_NM) > GOOD for wave in known):
             return self
         return FilmOpenings(self.scene, self.pupils, MORE_NODES)
+
+    @cached_property
+    def parts(self) -> int:
+        """Into how many the way between two nodes is divided, so that kernels change little over each."""
+        off = 0.0 if self.conjugates is None else self.conjugates.between(pixel_mm(self.scene))
+        return int(np.clip(np.ceil(np.sqrt(off / _BETWEEN)), 1, _MOST_PARTS))
 
     @cached_property
     def nodes(self) -> tuple[Array, Array]:
@@ -550,42 +549,45 @@ class Diffraction:
         film, pixel = self.scene.film, pixel_mm(self.scene)
         middle = openings.pupils(np.zeros(2))
         pupils = [middle if pupil is None else pupil for pupil in openings.seen]
-        conjugates, waves = None, None
+        conjugates, splits, wide = None, False, 0.0
         if self.plan is not None and is_stigmatic:
-            conjugates = openings.conjugates
+            conjugates, splits = openings.conjugates, bool(self.plan.facts.get("LENS_SPLITS"))
             assert conjugates is not None
-            waves = conjugates.by_wavelength(splits=bool(self.plan.facts.get("LENS_SPLITS")))
-        wide = (
-            0.0 if waves is None else max(wave(point_spread.MIDDLE_NM).radius_mm for wave in waves if wave is not None)
-        )
-        unit, largest, edges = (
-            max(point_spread.unit_px(pupil, pixel) for pupil in pupils),
-            max(film.resolution),
-            openings.edges,
-        )
+            across = len(openings.nodes[0])
+            waves = [conjugates.wave(k // across, k % across, splits=splits) for k in range(len(pupils))]
+            wide = max(wave(point_spread.MIDDLE_NM).radius_mm for wave in waves if wave is not None)
+        unit = max(point_spread.unit_px(pupil, pixel) for pupil in pupils)
+        largest, edges = max(film.resolution), openings.edges
         wider = int(np.ceil(wide / min(map(abs, pixel))))
         reach = point_spread.reach_px(unit, largest, point_spread.NEAR, wider)
         if edges is None or not reach < largest:
             edges, reach = None, point_spread.reach_px(unit, largest, point_spread.REACH, wider)
-        near = [
-            point_spread.near_kernel(pupil, pixel, reach) if wave is None else kernel_of_waves(wave, pixel, reach)
-            for pupil, wave in zip(pupils, waves or [None] * len(pupils), strict=True)
-        ]
-        size = abs(pixel[0]), abs(pixel[1])
-        small = tuple(kernel.astype(np.float32) for kernel in near)
-        layout = FilmLayout.of(film)
+        layout, size = FilmLayout.of(film), (abs(pixel[0]), abs(pixel[1]))
         window = layout.width, layout.height
+        parts, across = 1 if conjugates is None else openings.parts, len(openings.nodes[0])
+        places = [_finer_nodes(axis, parts, start - reach, start + side + reach) for axis, start, side in
+                  zip(_nodes(film.resolution, openings.order), (layout.x, layout.y), window, strict=True)]  # fmt: skip
+        nodes = places[0][1], places[1][1]
+
+        @cache
+        def kernel(row: float, column: float) -> Array:
+            wave = None if conjugates is None else conjugates.wave(row, column, splits=splits)
+            if wave is not None:
+                return kernel_of_waves(wave, pixel, reach)
+            if conjugates is None or (row.is_integer() and column.is_integer()):
+                return point_spread.near_kernel(pupils[int(row) * across + int(column)], pixel, reach)
+            near = conjugates.about(row, column)
+            return np.asarray(sum(weight * kernel(float(k // across), float(k % across)) for weight, k in near))
+
+        small = tuple(kernel(row, column).astype(np.float32) for row in places[1][0] for column in places[0][0])
         spread = FilmSpread(
-            film.resolution, window, size, openings.order, small, middle.index, edges,
+            film.resolution, window, size, nodes, small, middle.index, edges,
             film_decides=self.film_decides, middle_unit_px=(self.airy_radius_px or 0.0) / AIRY,
         )  # fmt: skip
         if self.plan is None:
             return spread
-        known, units = (
-            list(zip(openings.points, pupils, strict=True)),
-            point_spread.REACH if edges is None else point_spread.NEAR,
-        )
-        units = units if unit >= _FINEST_PX else 0.0
+        known = list(zip(openings.points, pupils, strict=True))
+        units = 0.0 if unit < _FINEST_PX else point_spread.REACH if edges is None else point_spread.NEAR
         lamps, beside = lamp_images(self.scene, self.plan, openings.pupils, known, units, conjugates, self.session)
         return replace(spread, lamps=tuple(lamps), beside=beside)
 
@@ -699,6 +701,15 @@ def _pixels_along(pixels: int, most: int) -> Array:
     """Return places of nodes along a side of the film, from its first pixel to its last [pixels]."""
     count = min(most, 1 + pixels // _NODE_PX)
     return np.array([(pixels - 1) / 2]) if count < 2 else np.linspace(0.0, pixels - 1.0, count)
+
+
+def _finer_nodes(axis: Array, parts: int, low: int, high: int) -> tuple[list[float], Array]:
+    """Return those of nodes so many times as close that have a weight between two places, in nodes and as places."""
+    at = np.arange((len(axis) - 1) * parts + 1) / parts
+    finer = np.interp(at, np.arange(len(axis)), axis)
+    first, last = np.searchsorted(finer, low, "right") - 1, np.searchsorted(finer, high)
+    own = slice(max(int(first), 0), int(last) + 1)
+    return at[own].tolist(), finer[own]
 
 
 #

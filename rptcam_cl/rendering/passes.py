@@ -223,7 +223,7 @@ class Launches:
 
     def run(self, launch: Launch, items: int) -> None:
         """Enqueue a launch over ``items`` work items, in pieces where a GPU would take too long for all."""
-        group = SORTERS if launch.name == "sort" else min(self._group, items)  # as the kernel asks for
+        group = launch.group or min(self._group, items)
         most = items
         if self._session.kind == "gpu":
             most = max(int(STEPS_OF_LAUNCH / launch.steps) // group, 1) * group

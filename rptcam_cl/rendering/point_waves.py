@@ -104,6 +104,12 @@ class PointWave:
         wave = self.amplitude(nm)
         return float((np.abs(wave.sum()) / np.abs(wave).sum()) ** 2)
 
+    def modulation(self, nm: float, cells: NDArray[np.int_], axis: int) -> Array:
+        """Return the modulation of lines across x or y, by how far apart two points of the opening are [cells]."""
+        wave = self.amplitude(nm) if axis else self.amplitude(nm).T
+        kept = [np.abs((wave[k:] * wave[: len(wave) - k].conj()).sum()) for k in cells]
+        return np.array(kept) / float((np.abs(wave) ** 2).sum())
+
     def amplitude(self, nm: float) -> Waves:
         """Return the complex amplitude of each cell (n, n); its square sums to about 1."""
         turns = (self.path_mm - self.path_mm[self.flux > 0].mean()) / (nm * 1e-6)
@@ -453,6 +459,7 @@ FARTHEST_M = 1e5  # of a point of the scene, beyond which focus is as at infinit
 # Root mean square of a wavefront [waves], in the plane of focus. Below the first, waves bring it. Above the second rays
 # do, as well as waves would and with the sign that tells curvature of the field from what is out of focus otherwise.
 BY_WAVES, BY_RAYS = 0.45, 0.7
+_LINES = np.array([1 / 16, 1 / 8, 1 / 4])  # of the finest that an opening passes, whose modulation is looked at
 # Beside the image circle a sliver of the pupil may show a point of the scene far from where its chief ray leads, which
 # would crowd even light between two nodes, or too few rays say how its wavefront goes on.
 MOST_MOVED = 0.004  # of the way to the next node, up to which waves may move the image
@@ -513,19 +520,52 @@ class Conjugates:
         """Return the conjugate of a place (2,) in the frame of the lens [mm], within `FARTHEST_M`."""
         return _source(self.chief, place, self.vergence, self.film_z)
 
-    def by_wavelength(self, *, splits: bool) -> list[Callable[[float], PointWave] | None]:
-        """Return, for each node, what gives the light of its conjugate at a wavelength [nm].
+    def wave(self, row: float, column: float, *, splits: bool) -> Callable[[float], PointWave] | None:
+        """Return the light of a conjugate as a function of the wavelength [nm]; None where a node about it has none.
 
         Parameters
         ----------
+        row, column
+            Its place, in nodes from the first. Between nodes its wave is a cubic polynomial of theirs, each as a
+            function of the place within its own square of directions.
         splits
             Whether the lens refracts each wavelength in its own way; otherwise all go as the camera's.
         """
-        known = self.waves if splits else [{nm: each[nm] for nm in each if nm == self.nm} for each in self.waves]
-        shares = (
-            np.sqrt(self.shares * (2 - self.shares)).ravel().tolist()
-        )  # with the rest by rays the same second moment
-        return [_by_inverse_square(each, share) if each else None for each, share in zip(known, shares, strict=True)]
+        own = self._waves_about(row, column, 4, splits=splits) or self._waves_about(row, column, 2, splits=splits)
+        share = sum(weight * float(self.shares.flat[k]) for weight, k in self.about(row, column))
+        # with the rest by rays the same second moment
+        return _by_inverse_square(own, float(np.sqrt(share * (2 - share)))) if own else None
+
+    def about(self, row: float, column: float, nodes: int = 2) -> list[tuple[float, int]]:
+        """Return weights, of the sum 1, and numbers of so many nodes each way about a place, in nodes."""
+        by_row, by_column = (_polynomial(at, count, nodes) for at, count in
+                             zip((row, column), self.shares.shape, strict=True))  # fmt: skip
+        return [(a * b, i * self.shares.shape[1] + j) for i, a in by_row for j, b in by_column]
+
+    def _waves_about(self, row: float, column: float, nodes: int, *, splits: bool) -> dict[float, PointWave]:
+        near, wide = {k: weight for weight, k in self.about(row, column)}, self.about(row, column, nodes)
+        waves = [self.waves[k] for _, k in wide]
+        known = [nm for nm in waves[0] if all(nm in each for each in waves) and (splits or nm == self.nm)]
+        weights = np.array([(weight, near.get(k, 0.0)) for weight, k in wide]).T
+        return {nm: _mean_wave([each[nm] for each in waves], *weights) for nm in known}
+
+    def between(self, pixel_mm: tuple[float, float]) -> float:
+        """Return the most that the modulation of the mean of two nodes is off that of the place between them.
+
+        Of lines across columns and rows, of four pixels or more: a quarter of what a node is off its two neighbours.
+        """
+        values = np.full((len(self.waves), 2, len(_LINES)), np.nan)
+        for own, waves in zip(values, self.waves, strict=True):
+            if self.nm in waves:
+                wave = waves[self.nm]
+                cells = np.rint(_LINES * 2 * wave.pupil.aperture / wave.pupil.step).astype(int)
+                per_mm = cells * wave.pupil.step * wave.pupil.index / (self.nm * 1e-6)
+                for axis, side in enumerate(pixel_mm):
+                    seen = per_mm * abs(side) < 0.25
+                    own[axis, seen] = wave.modulation(self.nm, cells[seen], axis)
+        grid = values.reshape(*self.shares.shape, -1)
+        off = [np.abs(np.diff(grid, 2, axis=axis)).ravel() / 8 for axis in (0, 1)]
+        return float(np.nanmax(np.concatenate([*off, np.zeros(1)])))
 
     def table(self) -> NDArray[np.float32]:
         """The conjugates of `ACROSS` x `ACROSS` places from edge to edge, as `kernels/lens/stigmatic.h` reads them."""
@@ -545,6 +585,28 @@ def source_of(point: Array, film_z: float) -> Array:
     length = float(np.linalg.norm(point[:3]))
     there = point[:3] * min(FARTHEST_M / length, 1.0 / point[3] if point[3] > 0 else np.inf)
     return np.asarray(1e3 * there + [0.0, 0.0, film_z])
+
+
+def _polynomial(at: float, count: int, nodes: int) -> list[tuple[int, float]]:
+    """Return numbers and weights of so many nodes about a place among them (Lagrange's); without those of none."""
+    nodes = min(nodes, count)
+    some = np.clip(int(at) + 1 - nodes // 2, 0, count - nodes) + np.arange(nodes)
+    weights = [float(np.prod([(at - b) / (a - b) for b in some if b != a])) for a in some]
+    return [(int(k), weight) for k, weight in zip(some, weights, strict=True) if weight]
+
+
+def _mean_wave(waves: Sequence[PointWave], weights: Array, linear: Array) -> PointWave:
+    """Return the wave between others, by weights of paths and directions and by others of what ends at a rim."""
+    pupils, own = [wave.pupil for wave in waves], linear > 0
+
+    def mean(parts: list[Array]) -> Array:
+        return np.asarray(np.tensordot(weights, parts, 1))
+
+    axes = mean([each.cosines_x for each in pupils]), mean([each.cosines_y for each in pupils])
+    coverage = np.tensordot(linear[own], [pupil.coverage for pupil, lit in zip(pupils, own, strict=True) if lit], 1)
+    density = np.tensordot(linear[own], [wave.density for wave, lit in zip(waves, own, strict=True) if lit], 1)
+    paths, places = mean([wave.path_mm for wave in waves]), mean([wave.places for wave in waves])
+    return PointWave(FilmPupil(coverage, *axes, pupils[0].index), paths, density, places)
 
 
 def _by_inverse_square(known: Mapping[float, PointWave], share: float) -> Callable[[float], PointWave]:

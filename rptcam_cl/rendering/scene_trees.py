@@ -79,6 +79,7 @@ _PRIMITIVES = Disk(
 )
 _MOST_LEVELS = 32  # of nodes on the way of a ray that keeps its place in registers, `geometry/short_stack.h`
 BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
+_AT_ONCE = 65_536  # primitives whose boxes are found together: each takes half a kilobyte meanwhile
 _MOST_HALVINGS = 4  # of a curve, for boxes that hold little else
 _SPLIT_GAIN = 0.8  # of the area of a box, that its halves must stay below
 _PART_MARGIN = 0.05  # of the half width, by which the nearest place along a curve may be missed, and more
@@ -117,13 +118,15 @@ def primitive_tree(
     bounded = np.flatnonzero(kinds != Kind.PLANE).astype(np.int32)
     if len(bounded) < max(BREAK_EVEN, 1):
         return None
-    lower, upper = primitive_bounds(records[bounded], kinds[bounded])
+    parts = np.array_split(bounded, -(-len(bounded) // _AT_ONCE))
+    lower, upper = np.concatenate([primitive_bounds(records[part], kinds[part]) for part in parts], axis=1)
+    splits = kinds[bounded] == Kind.CURVE
     if movements is not None:
+        splits &= movements.of_primitive[bounded, 1] == 0
         for place in np.flatnonzero(movements.of_primitive[bounded, 1]).tolist():
             box, index = (lower[place], upper[place]), int(bounded[place])
             lower[place], upper[place] = _swept(records[index], int(kinds[index]), movements.places(index), box)
-    rests = np.ones(len(bounded), bool) if movements is None else movements.of_primitive[bounded, 1] == 0
-    whole, lower, upper = _split_curves(records[bounded], (kinds[bounded] == Kind.CURVE) & rests, lower, upper)
+    whole, lower, upper = _split_curves(records[bounded[splits]], splits, lower, upper)
     lower32, upper32 = _outwards(lower, upper)
 
     def build() -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
@@ -176,14 +179,20 @@ def _bounds_of_curves(rows: Array, half_width: Array) -> tuple[Array, Array]:
 
 
 def _split_curves(
-    records: NDArray[np.void], splits: NDArray[np.bool_], lower: Array, upper: Array
+    curves: NDArray[np.void], splits: NDArray[np.bool_], lower: Array, upper: Array
 ) -> tuple[NDArray[np.int64], Array, Array]:
-    """Return boxes round parts of long curves in place of one round each, and of which of the records every box is."""
+    """Return boxes round parts of long curves in place of one round each, and of which primitive every box is.
+
+    Parameters
+    ----------
+    curves
+        Records of those that ``splits`` names among all primitives.
+    """
     part = np.flatnonzero(splits)
     if not len(part):
-        return np.arange(len(records)), lower, upper
-    rows = np.stack([records[part][f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
-    wide = (1 + _PART_MARGIN) * _half_width(records[part])
+        return np.arange(len(splits)), lower, upper
+    rows = np.stack([curves[f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
+    wide = (1 + _PART_MARGIN) * _half_width(curves)
     done = [(np.flatnonzero(~splits), lower[~splits], upper[~splits])]
     for _ in range(_MOST_HALVINGS):
         # Halve by de Casteljau what gains by it.

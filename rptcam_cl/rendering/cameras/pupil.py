@@ -432,11 +432,11 @@ def _check_sampling(view: _View, tier: Tier) -> PupilSampling:
     else:
         sampling = tight_sampling(view.shapes())
     probe = film_probe.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm, view.frame)
-    if sampling.tier == "tight" and loses_light(sampling, probe, view.half_film_mm):
+    loses = loses_light(sampling, probe, view.half_film_mm)
+    if loses and sampling.tier == "tight":
         sampling = tight_sampling(view.shapes(pupils.FINEST_OUTLINES))
-    if loses_light(sampling, probe, view.half_film_mm):
-        return replace(_rear(view), instead_of=sampling.tier)
-    return sampling
+        loses = loses_light(sampling, probe, view.half_film_mm)
+    return replace(_rear(view), instead_of=sampling.tier) if loses else sampling
 
 
 @remember(most=REMEMBERED, by=lambda view: by_content(*view))

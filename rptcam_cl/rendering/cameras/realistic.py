@@ -427,13 +427,14 @@ def realistic_model(
     sampled_nm = (camera.wavelength_nm, low, high) if dispersive else (camera.wavelength_nm,)
     shares = camera.pupil == "shared" and not (windows or coarse)
     shared = shared_sampling(scene, setting, sampled_nm) if shares else None
-    irradiance, of_colours = _irradiances(bool(windows), coarse, shared is not None)
-    clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
-    axial_colour = (
-        _axial_colour(scene, setting, lens, (clear, on_axis), of_colours, (low, high)) if dispersive else None
-    )
+    of_own = _irradiance_of_own(bool(windows), coarse, shared is not None)
+    clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, of_own)
     # Coarse outlines are so wide that they hold the pupil of every wavelength.
     pupil = shared or _pupil(scene, setting, lens, sampled_nm[:1] if coarse else sampled_nm, windows, coarse)
+    axial_colour = None
+    if dispersive:
+        of_colours = None if windows or coarse else _irradiance_of_colours(pupil)
+        axial_colour = _axial_colour(scene, setting, lens, (clear, on_axis), of_colours, (low, high))
     through = _rays_through(scene, setting, lens, (low, high) if dispersive else None)
     record = _record(scene, setting, lens, pupil, len(through.surfaces))
     entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
@@ -455,14 +456,16 @@ def realistic_model(
     )  # fmt: skip
 
 
-def _irradiances(windows: bool, coarse: bool, shared: bool) -> tuple[Callable[..., float], Callable[..., float] | None]:
-    """Return the functions for the irradiance on the axis and for that of its colours; None for those of a glance."""
+def _irradiance_of_own(windows: bool, coarse: bool, shared: bool) -> Callable[..., float]:
+    """Return the function for the irradiance on the axis, of the camera's own wavelength."""
     if windows:
-        return _paraxial_irradiance, None
-    if coarse:
-        return partial(axis_irradiance, soon=_axial), None
-    whole = partial(axis_irradiance, soon=disk_irradiance) if shared else axis_irradiance
-    return whole, whole
+        return _paraxial_irradiance
+    return partial(axis_irradiance, soon=_axial if coarse else disk_irradiance if shared else None)
+
+
+def _irradiance_of_colours(pupil: PupilSampling) -> Callable[..., float]:
+    """Return that of other wavelengths: sooner where a table is proven to hold the pupils of all."""
+    return partial(axis_irradiance, soon=None if pupil.tier == "rear" or pupil.ring else disk_irradiance)
 
 
 def _rays_through(scene: Scene, setting: LensSetting, lens: Lens, range_nm: tuple[float, float] | None) -> LensRays:
