@@ -670,8 +670,8 @@ class Blur(NamedTuple):
     value : float
         Rms over the zones [%].
     residuals : (2 zones,) array
-        Whose squares add up to that of the value; then what each zone lacks [%] of the light through the first lens
-        that was asked for, so that a search takes none for sharper that is darker.
+        Whose squares add up to that of the value; then what each zone lacks [%] of the light through the first lens,
+        so that a search takes none for sharper that is darker.
     error : float
         Standard error of the value.
     zones : list of (value, error)
