@@ -335,6 +335,18 @@ def test_light_samples_are_left_out_where_glass_stops_them_all(monkeypatch):
     np.testing.assert_array_equal(pixels(scene, spp=4), left_out)
 
 
+def test_walks_in_shade_miss_nothing_nearer_than_where_they_scatter(monkeypatch):
+    """Milk round a white ball keeps no light in a white world; a step that misses a surface never comes out."""
+    milk = BALL | {"material": {"kind": "dielectric", "index": 1.2, "interior": {"scattering_per_m": 4}}}
+    inner = BALL | {"center": [0.3, 0, 0.2], "radius": 0.4, "material": {"kind": "matte", "reflectance": 1.0}}
+    eye = looking([0, -4, 1], [0, 0, 0], fov=22)
+    scene = scene_of([milk, inner], eye, depth=2000, resolution=(16, 16), environment=WHITE)
+    left = pixels(scene, spp=4)
+    np.testing.assert_allclose(left, 1, rtol=1e-5)  # the same in every channel, so that each sample is 1
+    monkeypatch.setattr(media, "_mark_shade", lambda *_: None)
+    np.testing.assert_array_equal(pixels(scene, spp=4), left)
+
+
 def test_rays_lose_what_media_on_their_way_take():
     """From the near plane in a sea, through two boxes that overlap, where the last entered counts, and many more."""
     objects = [layer_of(0.5, None, 0), layer_of(0.2, 1, 4), layer_of(0.3, 2, 6)]
