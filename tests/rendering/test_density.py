@@ -53,7 +53,7 @@ def density_at(grid, box, p):
     return total * inside
 
 
-def columns(grid, box, start, end, count=60):
+def columns(grid, box, start, end, count=30):
     """Integrals of the density from points to points, by the midpoint rule."""
     share = (np.arange(count) + 0.5) / count
     way = end - start
@@ -63,7 +63,7 @@ def columns(grid, box, start, end, count=60):
 
 def scattered_once(grid, box, lamps):
     d = directions(20, 12)
-    t = (np.arange(240) + 0.5) / 240 * (5 / d[:, 1])[:, None]
+    t = (np.arange(160) + 0.5) / 160 * (5 / d[:, 1])[:, None]
     p = t[..., None] * d[:, None]
     density = density_at(grid, box, p)
     step = (t[:, 1] - t[:, 0])[:, None]
