@@ -70,7 +70,9 @@ def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:
 
 
 def _with_transforms(mitsuba: Any, description: dict[str, Any]) -> dict[str, Any]:
-    """Return a description with its ``{"matrix": rows}`` and ``{"voxels": …}`` as Mitsuba has them."""
+    """Return a description with its ``{"matrix": rows}``, ``{"voxels": …}`` and ``"strands"`` as Mitsuba has them."""
+    import tempfile
+
     import numpy as np
 
     found = {}
@@ -80,6 +82,10 @@ def _with_transforms(mitsuba: Any, description: dict[str, Any]) -> dict[str, Any
         elif isinstance(value, dict):
             matrix = value.get("matrix")
             found[key] = _with_transforms(mitsuba, value) if matrix is None else mitsuba.ScalarTransform4f(matrix)
+        elif key == "strands":
+            with tempfile.NamedTemporaryFile("w", suffix=".txt", delete=False) as file:
+                file.writelines("".join("{} {} {} {}\n".format(*row) for row in strand) + "\n" for strand in value)
+            found["filename"] = file.name
         else:
             found[key] = value
     return found

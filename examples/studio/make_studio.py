@@ -25,6 +25,9 @@ GOBLET = [(0, 0), (3.3, 0), (3.5, 0.12), (3.2, 0.3), (1.1, 0.6), (0.5, 1.2), (0.
 GOBLET += [(2.6, 9.5), (3.95, 11.6), (4.1, 14), (3.7, 17), (3.15, 19.4), (3.02, 19.5)]
 GOBLET += [(2.9, 19.4), (3.45, 17), (3.86, 14)]
 WINE = [(0, 8.75), (0.7, 8.85), (2.45, 9.8), (3.7, 11.7), (3.86, 14)]  # the inside of the bowl, as far as it is full
+TEA_GLASS = [(0, 0), (2.2, 0), (2.5, 0.15), (2.95, 1.7), (2.85, 3.2), (2.2, 5.2), (2.1, 6.3), (2.45, 8.3), (3.0, 10.1)]
+TEA_GLASS += [(2.93, 10.2), (2.84, 10.1), (2.4, 8.6), (2.3, 8.25), (2.15, 8.2), (0, 8.2)]  # one body with its tea
+TEA = [(0, 0.8), (1.9, 0.8), (2.6, 1.5), (2.6, 3.2), (1.95, 5.2), (1.88, 6.3), (2.2, 8.1), (2.1, 8.18), (0, 8.18)]
 CANDLESTICK = [(0, 0), (4.0, 0), (4.3, 0.3), (3.7, 0.8), (1.3, 1.3), (0.7, 2.2), (1.15, 3.0), (0.6, 3.9), (0.55, 6.3)]
 CANDLESTICK += [(0.9, 7.0), (1.6, 7.4), (1.65, 8.3), (1.3, 8.4), (1.25, 8.2), (0, 8.2)]
 CANDLE = [(0, 0), (1.1, 0), (1.1, 6.4), (1.06, 6.7), (0.85, 6.75), (0.6, 6.5), (0, 6.42)]
@@ -129,6 +132,10 @@ def main(folder: str = "") -> None:
     write_ply(out / "cushion_fine.ply", shapes.cushion(96), uvs=False)  # no triangle of it shows where light grazes
     write_ply(out / "goblet.ply", shapes.lathe(GOBLET, 96, rounds=2), uvs=False)
     write_ply(out / "wine.ply", shapes.lathe(WINE, 96, rounds=2), uvs=False)
+    write_ply(out / "tea_glass.ply", shapes.lathe(TEA_GLASS, 96, rounds=3), uvs=False)
+    write_ply(out / "tea.ply", shapes.lathe(TEA, 96, rounds=3), uvs=False)
+    write_ply(out / "milk.ply", shapes.plume(), uvs=False)
+    write_ply(out / "saucer.ply", shapes.lathe(SAUCER, 96, rounds=3), uvs=False)
     write_ply(out / "candlestick.ply", shapes.lathe(CANDLESTICK, 72, rounds=2), uvs=False)
     write_ply(out / "candle.ply", shapes.lathe(CANDLE, 48, rounds=2), uvs=False)
     write_ply(out / "moor.ply", shapes.moor(), steps=40)

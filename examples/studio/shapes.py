@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+TEA_WIDTHS = [(0.8, 1.7), (1.3, 2.45), (2.2, 2.58), (3.4, 2.4), (5.2, 1.95), (6.3, 1.88), (8.2, 2.15)]  # height, radius
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,32 @@ def tube(line: Array, radius: ArrayLike, sides: int, *, closed: bool = False) ->
     radii = np.broadcast_to(np.asarray(radius, float).T, (len(angle), len(line))).T[..., None]
     ring = np.cos(angle)[:, None] * side[:, None] + np.sin(angle)[:, None] * other[:, None]
     return grid(line[:, None] + radii * ring, closed=closed)
+
+
+def plume(rows: int = 150, sides: int = 180) -> Shape:
+    """Return milk that was poured into a glass of tea: a thread that falls, spreads on the bottom and billows."""
+    line = [(0, 0.95), (1.0, 0.95), (2.1, 1.15), (2.3, 2.2), (1.9, 3.3), (1.35, 3.7), (0.95, 3.0), (0.6, 2.9)]
+    line += [(0.45, 4.2), (0.4, 5.6), (0.36, 6.9), (0.5, 7.6), (0.9, 7.85), (0.8, 8.05), (0, 8.08)]
+    curve = rounded(line, 4)
+    steps = np.append(0, np.cumsum(np.hypot(*np.diff(curve, axis=0).T)))
+    radius, height = (np.interp(np.linspace(0, steps[-1], rows), steps, values)[:, None] for values in curve.T)
+    angle = np.linspace(0, 2 * np.pi, sides + 1)
+    around, up = np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=-1), np.array([0, 1.0, 0])
+    slope = np.gradient(np.concatenate([radius, height], axis=1), axis=0)
+    slope /= np.linalg.norm(slope, axis=1, keepdims=True)
+    out = slope[:, None, 1:] * around - slope[:, None, :1] * up
+    at = radius[..., None] * around + height[..., None] * up
+    random, swell = np.random.default_rng(12), np.zeros(at.shape[:2])
+    for octave in range(4):
+        waves, shifts = random.normal(size=(6, 3)) * 1.3 * 2.0**octave, random.uniform(0, 6, 6)
+        swell += 0.32 / 1.9**octave * np.abs(np.sin(at @ waves.T + shifts)).mean(axis=-1)
+    thick = np.minimum(radius / 2.3, 1)[..., None]  # thin parts have small billows and bend, and the ends are closed
+    at += (swell - swell.mean())[..., None] * (0.15 + 1.2 * thick) * np.minimum(1, 3 * thick) * out
+    y = at[..., 1:2]
+    at += (1 - thick) * np.concatenate([0.28 * np.sin(0.9 * y + 0.5), 0 * y, 0.22 * np.cos(1.3 * y)], axis=-1)
+    most = np.interp(y, *np.transpose(TEA_WIDTHS)) - 0.06
+    at *= np.where([True, False, True], np.minimum(1, most / np.hypot(at[..., :1], at[..., 2:])), 1)
+    return grid(np.concatenate([at[..., :1], np.clip(y, 0.9, 8.1), at[..., 2:]], axis=-1))
 
 
 def knot(steps: int = 456, sides: int = 112) -> Shape:

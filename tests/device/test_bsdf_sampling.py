@@ -11,7 +11,7 @@ from tests.rendering.pictures import seed_of
 from tests.support.statistics import ALPHA, Z, chi_squared, moment_scores, sidak
 
 scatter = partial(scattering.scatter, again=True)
-COUNT = 1 << 17
+COUNT = 1 << 16
 BANDS, SECTORS, INNER = 24, 24, 12
 WHITE = [1.0, 1.0, 1.0]
 MATERIALS = {

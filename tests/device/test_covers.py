@@ -18,6 +18,7 @@ from rptcam_cl.rendering.plan.materials import (
 )
 from rptcam_cl.scene.materials import alpha_pair
 from tests.device.scattering import direction, scatter
+from tests.support.cases import fast
 
 WHITE = [1.0, 1.0, 1.0]
 COLUMNS = {
@@ -60,7 +61,7 @@ COATS = {
 }
 
 
-@pytest.mark.parametrize("coat", COATS)
+@pytest.mark.parametrize("coat", fast(COATS.keys() - {"brushed, coated"}, COATS))
 def test_white_principled_surfaces_give_back_all_light_at_every_angle(session, coat):
     for roughness, cosine in itertools.product((0.1, 0.3, 0.6, 1.0), (0.05, 0.2, 0.6, 1.0)):
         for turns in (0, 0.06, 0.25) if "anisotropy" in COATS[coat] else (0,):

@@ -104,6 +104,7 @@ def test_brightest_ghosts_lie_where_the_truth_has_them() -> None:
         assert ghost.rms_mm == pytest.approx(rms, abs=0.005 * height + change)
 
 
+@pytest.mark.slow
 def test_the_double_gauss_has_its_known_ghosts() -> None:
     bare, coated = ghosts_of("dgauss50", 0, "bare"), ghosts_of("dgauss50", 1, "mgf2")
     assert total(bare) == pytest.approx(3.596e-2, rel=0.01)

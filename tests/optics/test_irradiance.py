@@ -22,7 +22,7 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.pupils import COARSE_OUTLINES, pupil_shapes
 from rptcam_cl.optics.surface import blades
 from tests.optics.truth import NAMES, truth, truth_lens
-from tests.support.cases import one_in
+from tests.support.cases import one_in, slow
 
 
 @pytest.mark.parametrize("name", one_in(2, NAMES))
@@ -124,7 +124,7 @@ def test_pupil_of_a_glance_holds_that_of_every_wavelength_but_for_slivers() -> N
             assert inside > 0.999 * all_of_it > 0, (name, wavelength_nm, 1 - inside / all_of_it)
 
 
-@pytest.mark.parametrize("name", ["dgauss-50mm", "heliar-105mm"])
+@pytest.mark.parametrize("name", ["dgauss-50mm", slow("heliar-105mm")])
 def test_sampling_error_is_said_and_holds_for_round_lenses_too(name, monkeypatch):
     lens = load_lens(name)
     back = film_distance(lens, np.inf)

@@ -356,7 +356,7 @@ def test_blur_of_a_rendered_zone_is_that_of_whole_renders():
     blur = blur_of_zones(problem, open_session(None), 256)
     found = blur(lens, film)
     assert found.value == found.zones[0][0] and 0 < found.error < 0.5
-    again = blur_of_zones(problem, open_session(None), 1024, seed=9)(lens, film)
+    again = blur_of_zones(problem, open_session(None), 512, seed=9)(lens, film)
     assert abs(found.value - again.value) < 4 * math.hypot(found.error, again.error)
     # the render's pupils are those of the whole film, so that its noise is another
     assert again.value == pytest.approx(rendered_blur(problem, lens, film), abs=0.3)

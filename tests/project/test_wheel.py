@@ -88,6 +88,7 @@ def test_scenes_of_the_readme_are_in_the_wheel_and_need_nothing_beside_them(chec
         assert not re.search(r"\.(ply|png|hdr|jpg|glb|csv)\b", (checkout / name).read_text("utf-8")), name
 
 
+@pytest.mark.slow
 def test_installed_package_renders_the_first_picture_anywhere(wheel: Path, tmp_path: Path) -> None:
     package, elsewhere = tmp_path / "package", tmp_path / "elsewhere"
     elsewhere.mkdir()

@@ -85,6 +85,7 @@ def bare() -> rptcam_cl.Image:
     return rptcam_cl.render(scene(sun(10.0)))
 
 
+@pytest.mark.slow
 def test_a_sun_has_the_ghosts_of_the_lens() -> None:
     image = rptcam_cl.render(scene(sun(10.0), lens=MANY_PAIRS))
     total, y = expected(image, Beam(10.0), lens=load_lens(MANY_PAIRS))

@@ -229,7 +229,8 @@ def test_ball_scatters_the_sky_once_as_quadrature_does(diameter):
     assert_equivalent(mean, error, total, 4e-3)
 
 
-@pytest.mark.parametrize("layer", [None, slow({"scale_height_m": 0.8, "base": 0.5})])
+@pytest.mark.slow
+@pytest.mark.parametrize("layer", [None, {"scale_height_m": 0.8, "base": 0.5}])
 def test_beams_give_what_paths_that_meet_them_by_chance_give(layer):
     fog = {"scattering_per_m": [0.25, 0.3, 0.35], "absorption_per_m": 0.05, "asymmetry": 0.5, "layer": layer}
     spots = [([-1.5, 1.2, 0.5], [1, 0.02, -0.15], 25, 40), ([1.5, 3, -1], [-0.3, -1, 0.3], 35, 12)]
@@ -332,6 +333,18 @@ def test_light_samples_are_left_out_where_glass_stops_them_all(monkeypatch):
     left_out = pixels(scene, spp=4)
     monkeypatch.setattr(media, "_mark_shade", lambda *_: None)
     np.testing.assert_array_equal(pixels(scene, spp=4), left_out)
+
+
+def test_walks_in_shade_miss_nothing_nearer_than_where_they_scatter(monkeypatch):
+    """Milk round a white ball keeps no light in a white world; a step that misses a surface never comes out."""
+    milk = BALL | {"material": {"kind": "dielectric", "index": 1.2, "interior": {"scattering_per_m": 4}}}
+    inner = BALL | {"center": [0.3, 0, 0.2], "radius": 0.4, "material": {"kind": "matte", "reflectance": 1.0}}
+    eye = looking([0, -4, 1], [0, 0, 0], fov=22)
+    scene = scene_of([milk, inner], eye, depth=2000, resolution=(16, 16), environment=WHITE)
+    left = pixels(scene, spp=4)
+    np.testing.assert_allclose(left, 1, rtol=1e-5)  # the same in every channel, so that each sample is 1
+    monkeypatch.setattr(media, "_mark_shade", lambda *_: None)
+    np.testing.assert_array_equal(pixels(scene, spp=4), left)
 
 
 def test_rays_lose_what_media_on_their_way_take():

@@ -73,7 +73,7 @@ def test_files_of_merged_parts_are_those_of_one_run_to_the_byte(order, whole, fo
     assert merged.stats["samples"] == whole.stats["samples"]
 
 
-@pytest.mark.parametrize("exposure", ["relative", "auto"])
+@pytest.mark.parametrize("exposure", [slow("relative"), "auto"])
 def test_parts_that_jobs_make_one_after_the_other_come_to_the_picture_of_one_run(exposure, whole, tmp_path):
     """As workers of a cluster do; what the first has measured the second takes over."""
     given = scene() | {"exposure": exposure}

@@ -92,6 +92,7 @@ def test_state_before_the_first_run_of_samples_is_kept(asked, how, tmp_path, mon
     assert rest.stats["noise"] == whole.stats["noise"]
 
 
+@pytest.mark.slow
 def test_another_process_goes_on_to_the_same_bits(tmp_path):
     state = tmp_path / "a.rpck"
     rptcam_cl.render(scene("pinhole"), size=SIZE, spp=5, checkpoint=state, resume=True)

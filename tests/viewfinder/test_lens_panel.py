@@ -45,7 +45,7 @@ def behind(lens: Lens, k: int) -> Lens:
     )  # fmt: skip
 
 
-LENSES = [("dgauss-50mm", 2.0), ("zoom-70-200mm", 5.0), ("fisheye-10mm", 2.0), ("mirror-500mm", 50.0)]
+LENSES = [("dgauss-50mm", 2.0), slow("zoom-70-200mm", 5.0), ("fisheye-10mm", 2.0), ("mirror-500mm", 50.0)]
 
 
 @pytest.mark.parametrize(("lens", "distance_m"), LENSES)

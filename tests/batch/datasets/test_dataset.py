@@ -198,7 +198,7 @@ def test_states_drawn_from_a_continuum_share_pupils_and_frames_stay_what_they_ar
     "key, lens",
     [
         slow("camera.focal_length_mm: {uniform: [100, 101]}", "zoom-70-200mm"),
-        ("camera.movements.rise_mm: {uniform: [-2, 2]}", "dgauss-50mm"),
+        slow("camera.movements.rise_mm: {uniform: [-2, 2]}", "dgauss-50mm"),
     ],
 )
 def test_zooms_and_shifts_drawn_from_a_continuum_share_pupils(key: str, lens: str, place: Path) -> None:

@@ -297,13 +297,13 @@ def test_meshes_of_a_material_become_one_where_a_scene_file_holds_no_more(conver
 
 def test_many_instances_become_a_table_of_places(convert: Convert) -> None:
     text = 'ObjectBegin "o" Translate 0 0 1 Shape "cylinder" Shape "sphere" ObjectEnd\n'
-    done = convert(text + 'Rotate 1 1 2 3 ObjectInstance "o"\n' * 4000, HEAD)
+    done = convert(text + 'Rotate 1 1 2 3 ObjectInstance "o"\n' * 1000, HEAD)
     assert len(done.objects) == 2
     assert done.objects[0]["instances"] == done.objects[1]["instances"] == {"file": "out_places/o.npz"}
     cylinder = done.scene.objects[0]
     places = cylinder.places(done.scene.folders, 0.0)
     axis = np.array([1, 2, 3]) / np.sqrt(14)
-    for index in (0, 3999):
+    for index in (0, 999):
         expected = np.eye(4)
         expected[:3, :3] = turn_about(axis, index + 1.0)
         expected[:3, 3] += expected[:3, 2]
@@ -319,12 +319,12 @@ def test_places_of_an_object_that_cannot_be_used_are_left_out(convert: Convert) 
 
 
 def test_spheres_by_the_thousand_become_a_table(convert: Convert) -> None:
-    text = "".join(f'Translate 1 0 0 Shape "sphere" "float radius" {1 + index % 7}\n' for index in range(6000))
+    text = "".join(f'Translate 1 0 0 Shape "sphere" "float radius" {1 + index % 7}\n' for index in range(4600))
     done = convert(text + 'Material "mirror" Shape "sphere"', HEAD)
     assert len(done.objects) == 2
     places = done.scene.objects[0].places(done.scene.folders, 0.0)
-    np.testing.assert_allclose(places[:, 0, 3], np.arange(1.0, 6001))
-    np.testing.assert_allclose(places[:, 1, 1], 1 + np.arange(6000) % 7)
+    np.testing.assert_allclose(places[:, 0, 3], np.arange(1.0, 4601))
+    np.testing.assert_allclose(places[:, 1, 1], 1 + np.arange(4600) % 7)
 
 
 PLY = (

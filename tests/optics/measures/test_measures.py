@@ -201,7 +201,7 @@ def test_a_field_that_nothing_reaches_is_an_empty_row_among_others() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["tessar-100mm", "microscope-20x", "fisheye-10mm", *map(slow, ("dgauss-50mm", "telephoto-400mm"))]
+    "name", ["tessar-100mm", "microscope-20x", *map(slow, ("fisheye-10mm", "dgauss-50mm", "telephoto-400mm"))]
 )
 @pytest.mark.parametrize("f_number", [None, 16.0])
 def test_modulation_is_never_above_the_limit_of_diffraction(name: str, f_number: float | None) -> None:
@@ -286,7 +286,7 @@ def test_figures_by_default_are_those_of_many_rays_and_say_how_exact_they_are(
     name: str, f_number: float, degrees: float
 ) -> None:  # once 2.3 % off the spot, and 0.29 for a modulation of 0.0001, as the rays stood in step with the lines
     state, lines = setting(load_lens(name), f_number), [10.0, 30.0, 50.0]
-    true = film_spots(state, [degrees], [587.5618], 900)
+    true = film_spots(state, [degrees], [587.5618], 500)
     (row,), (best,) = spot_table(film_spots(state, [degrees], [587.5618])), spot_table(true)
     for key in ("rms_um", "rms_x_um", "rms_y_um"):
         assert row[key] == pytest.approx(best[key], rel=5e-3)
@@ -347,7 +347,7 @@ def test_slivers_of_pupil_have_as_many_azimuths_as_they_need() -> None:  # once 
 ])  # fmt: skip
 def test_sampling_errors_hold_what_many_more_rays_change(method, value, error, options):
     lens = rptcam_cl.load_lens("cooke-triplet-50mm")
-    finer = {"rays": 320 if method in ("wavefront", "zernike") else 640}
+    finer = {"rays": 320 if method in ("wavefront", "zernike") else 256}
     rows, best = (getattr(lens, method)(**options, **more).rows for more in ({}, finer))
     size = max(abs(row[value]) for row in best)
     for row, other in zip(rows, best, strict=True):

@@ -199,6 +199,7 @@ def write_many(folder: str, tree: Bvh) -> None:
             path.unlink(missing_ok=True)
 
 
+@pytest.mark.slow
 def test_writers_at_the_same_time_leave_a_whole_tree(folder, tree):
     context = multiprocessing.get_context("spawn")
     writers = [context.Process(target=write_many, args=(str(folder.parent), tree)) for _ in range(2)]

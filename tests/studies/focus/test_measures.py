@@ -26,7 +26,7 @@ def stripes(amplitude=0.2, period=6.0):
     return np.broadcast_to(1 + amplitude * np.sin(2 * np.pi * x / period), SHAPE)
 
 
-def repeated(name, picture, noise, count=400):
+def repeated(name, picture, noise, count=200):
     rng = np.random.default_rng(seed_of(name))
     found = [MEASURES[name].of(image_of(picture, noise, rng)) for _ in range(count)]
     return np.array([measured.value for measured in found]), np.array([measured.error for measured in found])

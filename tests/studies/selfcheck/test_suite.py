@@ -31,11 +31,14 @@ def cache_of_few_kernels(monkeypatch, tmp_path):
     monkeypatch.setattr(selfcheck_suite, "pocl_cache_folder", lambda: tmp_path)
 
 
+LONG = {"ways through a lens", "organisation", "tree of shapes", "leaks"}
+
+
 def checks_of(session, name):
     return [check for checks, _ in run_suite(session, {name: SUITE[name]}) for check in checks]
 
 
-@pytest.mark.parametrize("name", fast(SUITE.keys() - {"ways through a lens", "organisation"}, SUITE))
+@pytest.mark.parametrize("name", fast(SUITE.keys() - LONG, SUITE))
 def test_sound_device_passes(session, name):
     checks = checks_of(session, name)
     assert checks
@@ -190,6 +193,7 @@ def small_report(monkeypatch):
     monkeypatch.setattr(CardReport.__init__, "__defaults__", (("B",), few, 16, 0.02))
 
 
+@pytest.mark.slow
 def test_report_of_a_card_has_every_section_and_the_known_picture(small_report, tmp_path, capsys):
     file = tmp_path / "card.json"
     assert main(["doctor", "--gpu", "-o", str(file)]) == 0

@@ -67,7 +67,7 @@ EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 SCENES = [
     slow("sunny_sixteen.yaml", []),
     ("still_life.yaml", ["render.sampler=independent", "render.clamp=10"]),
-    ("paper/figure_4.yaml", ["camera.pupil=thick", "camera.accuracy=auto"]),
+    slow("paper/figure_4.yaml", ["camera.pupil=thick", "camera.accuracy=auto"]),
 ]
 
 
