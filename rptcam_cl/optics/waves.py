@@ -399,7 +399,7 @@ def _coverage_by_places(limits: Sequence[tuple[Surface, Array, Array]], shape: t
     return coverage
 
 
-def _both_halves(right: Array, cells: int, sign: ArrayLike = 1.0) -> Array:
+def _both_halves(right: Array, cells: int, sign: Array | float = 1.0) -> Array:
     """Return all columns of what is even, or odd with the sign -1, from the right half of so many."""
     return np.concatenate([sign * right[:, cells % 2 :][:, ::-1], right], axis=1)
 
@@ -410,12 +410,12 @@ _Nodes = tuple[Array, tuple[Array, Array], Array, Mask]
 def _mirrored_nodes(right: _Nodes, nodes: int) -> _Nodes:
     """Return points, path differences, places on surfaces and which are known of all nodes, from their right half."""
 
-    def both(values: Array, sign: ArrayLike = 1.0) -> Array:
+    def both(values: Array, sign: Array | float = 1.0) -> Array:
         return _both_halves(values.reshape(nodes, -1, *values.shape[1:]), nodes, sign).reshape(-1, *values.shape[1:])
 
     points, (plane, sphere), places, met = right
     odd = np.array([-1.0, 1.0])
-    return both(points, odd), (both(plane), both(sphere)), np.stack([both(each, odd) for each in places]), both(met) > 0
+    return both(points, odd), (both(plane), both(sphere)), np.stack([both(each, odd) for each in places]), both(met * 1.0) > 0
 
 
 def _by_an_edge(passes: Mask) -> Mask:
