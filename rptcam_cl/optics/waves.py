@@ -276,9 +276,8 @@ class ExitRays:
         across, down = _between(at, targets[0, :, 0] - self.box[0, 0]), _between(at, targets[:, 0, 1] - self.box[0, 1])
         if nodes not in self._nodes:
             columns = self.box[0, 0] + (at[nodes // 2 :] if self.is_even else at)
-            points, rays, met = self._find_rays(
-                np.stack(np.meshgrid(columns, self.box[0, 1] + at), axis=-1).reshape(-1, 2)
-            )
+            of_nodes = np.stack(np.meshgrid(columns, self.box[0, 1] + at), axis=-1).reshape(-1, 2)
+            points, rays, met = self._find_rays(of_nodes)
             places, crossed = self._crossings(points)
             known = points, self.waves(points, rays), places, met & crossed
             self._nodes[nodes] = _mirrored_nodes(known, nodes) if self.is_even else known
@@ -414,8 +413,8 @@ def _mirrored_nodes(right: _Nodes, nodes: int) -> _Nodes:
         return _both_halves(values.reshape(nodes, -1, *values.shape[1:]), nodes, sign).reshape(-1, *values.shape[1:])
 
     points, (plane, sphere), places, met = right
-    odd = np.array([-1.0, 1.0])
-    return both(points, odd), (both(plane), both(sphere)), np.stack([both(each, odd) for each in places]), both(met * 1.0) > 0
+    odd, known = np.array([-1.0, 1.0]), both(met.astype(np.float64)) > 0
+    return both(points, odd), (both(plane), both(sphere)), np.stack([both(each, odd) for each in places]), known
 
 
 def _by_an_edge(passes: Mask) -> Mask:

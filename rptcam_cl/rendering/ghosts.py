@@ -574,7 +574,7 @@ def _pairs(lens: Lens) -> Iterator[Way]:
         yield from ((j, i) for i in partly if i < j)
 
 
-def _spread_light(film: Array, width: float) -> Array:
+def _spread_light(film: NDArray[Any], width: float) -> NDArray[Any]:
     """Return a film whose light is spread by a tent of a half width [pixels], and mirrored at its border."""
     reach = int(np.ceil(width))
     tent = np.maximum(width - np.abs(np.arange(-reach, reach + 1)), 0.0)
