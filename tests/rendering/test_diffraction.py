@@ -405,7 +405,7 @@ def test_parts_are_merged_with_the_diffraction_of_the_whole(tmp_path):
     assert not np.array_equal(merged, whole["direct"])
 
 
-@pytest.mark.parametrize("radiance", [1e5, 5.0])
+@pytest.mark.parametrize("radiance", [slow(1e5), 5.0])
 def test_parts_whose_film_decides_are_merged_as_the_whole(tmp_path, radiance):
     lamp = {"shape": "sphere", "center": [0, 0, -10], "radius": 0.003, "material": {"kind": "emissive"}}
     lamp["material"]["radiance"] = radiance

@@ -57,6 +57,7 @@ def coverage(trials, scale, rendered=EVERY, every=EVERY, seed=0):
     return {name: count / trials for name, count in found.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.015])
 def test_intervals_hold_the_truth_as_often_as_they_say(scale):
     found = coverage(TRIALS, scale)
