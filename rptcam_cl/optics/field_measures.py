@@ -655,9 +655,8 @@ def ghost_summary(ghosts: Ghosts, fewer: Sequence[Ghosts] = ()) -> dict[str, Any
 
 def _ghost_sums(ghosts: Ghosts) -> NDArray[np.float64]:
     """Return the light of all ghosts in the frame and on the film's plane, as shares of the image's."""
-    return np.array([[ghost.flux_in_frame, ghost.flux] for ghost in ghosts.ghosts] or [[0.0, 0.0]]).sum(axis=0) / (
-        ghosts.reference
-    )
+    rows = np.array([(ghost.flux_in_frame, ghost.flux) for ghost in ghosts.ghosts], np.float64).reshape(-1, 2)
+    return np.asarray(rows.sum(axis=0) / ghosts.reference, np.float64)
 
 
 def _density(ghost: Any) -> float:
