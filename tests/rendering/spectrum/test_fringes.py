@@ -87,7 +87,7 @@ def test_blur_of_figure_4(v):
         assert width == pytest.approx(thin, rel=0.05, abs=0.03 * PAPER_PIXEL_MM)
 
 
-@pytest.mark.parametrize("name", FIGURE_7)
+@pytest.mark.parametrize("name", fast(["doublet"], FIGURE_7))
 def test_blur_of_figure_7(name):
     prescription, film_distance_mm = FIGURE_7[name]
     lens = load_lens(prescription)
@@ -190,7 +190,6 @@ def test_noise_of_one_wavelength_is_the_least_that_there_is():
     assert colour == pytest.approx(found["least"][1], rel=0.05)
 
 
-@pytest.mark.slow
 def test_light_that_meets_no_dispersive_glass_has_the_noise_of_rgb():
     pictures = {mode: pixels({**room(GLASS_BALL), "spectrum": mode}, seed=3, spp=4) for mode in ("rgb", "dispersive")}
     same = np.isclose(pictures["rgb"], pictures["dispersive"], rtol=1e-5, atol=1e-6).all(axis=-1)

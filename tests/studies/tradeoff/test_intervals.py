@@ -94,7 +94,7 @@ def test_light_that_no_two_pictures_miss_in_the_same_pixel_is_missing_all_the_sa
 
 @pytest.mark.parametrize("fall", [slow(1.0), 1.5])
 def test_fall_of_noise_is_found(fall):
-    rng, trials = np.random.default_rng(8), 40
+    rng, trials = np.random.default_rng(8), 20
     found = [measured(rng, np.zeros(EVERY * PER_TILE), EVERY, EVERY, 200, fall)[1] for _ in range(trials)]
     truth = NOISE / (1 + EDGE**2)
     for holding in (
