@@ -709,6 +709,7 @@ class PointImage:
 WIDEST = 48.0  # radius of the first circle that is searched, in Airy radii
 SHOWN = 1.2  # half width of the image over the radius that holds 80 % of the light
 THIRDS_OVER_ALL = 2.0  # what a third of the cells changes over the error of all: 8 where that goes by their square
+ROUNDING = 1e-12  # of a modulation
 FINEST = 16.0  # points per wavelength times f-number that pixels are averaged over at least; 4 leave 2 % at the peak
 MOST_POINTS = 1200  # along each side of the image
 
@@ -730,9 +731,13 @@ def _modulation(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -
 
 
 def transfer_errors(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike, all_cells: Sequence[Array]) -> Array:
-    """Return by how much a third of the cells changes the modulation of one field, over `THIRDS_OVER_ALL`."""
+    """Return by how much a third of the cells changes the modulation of one field, over `THIRDS_OVER_ALL`.
+
+    Of the frequency where it is most, as one alone can stay by chance; nothing is sampled of that of 0.
+    """
     parts = [_modulation(part, frequencies_per_mm) for part in zip(*(wave.thirds() for wave in group), strict=True)]
-    return np.asarray(np.abs(np.array(parts) - np.array(all_cells[:2])).max(axis=(0, 1)) / THIRDS_OVER_ALL)
+    most = float(np.abs(np.array(parts) - np.array(all_cells[:2])).max()) / THIRDS_OVER_ALL
+    return np.where(np.asarray(frequencies_per_mm) == 0, ROUNDING, most)
 
 
 def wave_point_image(group: Sequence[PupilFunction], pixels: int, width_um: float | None = None) -> PointImage:
