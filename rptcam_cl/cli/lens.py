@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.optics.optimise import Optimised
     from rptcam_cl.optics.ray_trace import LensTransmission
+    from rptcam_cl.rendering.account import Blur
     from rptcam_cl.rendering.tolerance_run import ToleranceRun
     from rptcam_cl.scene.scene import Scene
 
@@ -451,6 +452,14 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
         problem, state=arguments.state, on_progress=lambda line: print(line, file=sys.stderr), judge=judges
     )
     output.print_warnings(f"{words} at the end" for words in found.lost)
+    both = []
+    if "picture" in judges:
+        anew = blur_of_zones(problem, device, 4 * ZONE_SAMPLES, seed=1)
+        both = [anew(*state) for state in ((found.start, found.start_film_mm), (found.lens, found.film_mm))]
+    if found.no_better:
+        output.print_warnings([f"the lens is no better by its merit than its start: {found.no_better}"])
+    elif both and both[1].value > both[0].value - 2 * math.hypot(both[0].error, both[1].error):
+        output.print_warnings(["by other samples the picture is no sharper than that of the start"])
     if arguments.output is not None:
         lens_options.write(lens_text(found.lens).encode(), arguments.output)
     runs = [_tolerance(lens, spec, problem) for lens in (found.start, found.lens)] if spec else []
@@ -460,14 +469,12 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
         if scene is not None:
             _write_pictures(found, scene, spec or GRADE, arguments)
     if arguments.json:
-        print(output.as_json(_facts(found, runs)))
+        print(output.as_json(_facts(found, runs, both)))
         return 0
     rows = [[name, before, found.after[name], UNITS.get(name, "")] for name, before in found.before.items()]
     length = [lens.first_order().focal_length_mm for lens in (found.start, found.lens)]
     rows.append(["focal length, d line", *length, "mm"])
-    if "picture" in judges:
-        anew = blur_of_zones(problem, device, 4 * ZONE_SAMPLES, seed=1)
-        both = [anew(*state) for state in ((found.start, found.start_film_mm), (found.lens, found.film_mm))]
+    if both:
         rows.append(["picture by other samples", *(f"{one.value:.4g} ± {one.error:.2g}" for one in both), "%"])
     output.print_table(("", "before", "after", "unit"), rows, f"{found.lens.name}, {found.evaluations} evaluations")
     if runs:
@@ -508,7 +515,7 @@ def _yield_rows(runs: "list[ToleranceRun | None]") -> list[list[Any]]:
     return rows + [[f"{percent:g}", *values] for percent, *values in zip(PERCENTILES, *columns, strict=True)]
 
 
-def _facts(found: "Optimised", runs: "list[ToleranceRun | None]") -> dict[str, Any]:
+def _facts(found: "Optimised", runs: "list[ToleranceRun | None]", pictures: "list[Blur]") -> dict[str, Any]:
     from rptcam_cl.optics.files.export import lens_text
 
     facts: dict[str, Any] = {
@@ -516,6 +523,9 @@ def _facts(found: "Optimised", runs: "list[ToleranceRun | None]") -> dict[str, A
         "film_distance_mm": found.film_mm, "focal_length_mm": found.lens.first_order().focal_length_mm,
         "lens": lens_text(found.lens),
     }  # fmt: skip
+    if pictures:
+        named = zip(("before", "after"), pictures, strict=True)
+        facts["picture_by_other_samples"] = {name: {"value": one.value, "error": one.error} for name, one in named}
     if runs:
         facts["as_built_spot_um"] = [
             dict(zip(("copies", "before", "after"), row, strict=True)) for row in _yield_rows(runs)

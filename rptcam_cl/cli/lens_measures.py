@@ -150,7 +150,7 @@ def _print_rows(measurement: Measurement, result: "Measured") -> None:
 
 # ``rptcam lens ghosts``: light that surfaces reflect onto the film, way by way.
 
-_COLUMNS = ("surfaces", "in frame", "on the plane", "x [mm]", "y [mm]", "rms [mm]", "focus [mm]", "blur [mm]")
+_COLUMNS = ("surfaces", "in frame", "on the plane", "±", "x [mm]", "y [mm]", "rms [mm]", "focus [mm]", "blur [mm]")
 SHOWN = 20
 
 
@@ -206,18 +206,19 @@ def _ghosts(arguments: argparse.Namespace) -> int:
     lens_options.check_picture(arguments.output, arguments.lens, (".svg",))
     state = lens_options.lens_in_use(arguments)
     away = 1000 * arguments.source_distance_m if arguments.source_distance_m is not None else float("inf")
-    accounts = [
+    accounts, *fewer = ([
         find_ghosts(
             Lit(
                 state.lens, state.film, Beam(arguments.source, away), wavelength, arguments.film_mm,
                 film_reflectance=arguments.film_reflectance,
             ),
-            arguments.order,
+            arguments.order, 1 / divided,
         )
         for wavelength in arguments.wavelengths
-    ]  # fmt: skip
+    ] for divided in (1, 2, 3))  # fmt: skip
     parts = [
-        {"wavelength_nm": one.lit.wavelength_nm, **ghost_summary(one), "ways": ghost_table(one)} for one in accounts
+        {"wavelength_nm": one.lit.wavelength_nm, **ghost_summary(one, less), "ways": ghost_table(one, less)}
+        for one, *less in zip(accounts, *fewer, strict=True)
     ]
     if arguments.json:
         head = {"lens": state.lens.name, "film_distance_mm": state.film, "source_degrees": arguments.source}
@@ -244,11 +245,12 @@ def _print_ghosts(part: dict[str, Any], title: str, arguments: argparse.Namespac
     print_table(_COLUMNS, cells, f"{title}, {part['wavelength_nm']:g} nm; shares of {of}")
     if len(rows) < len(part["ways"]):
         print(f"and {len(part['ways']) - len(rows)} fainter ones (--all shows them)")
-    print(f"all ghosts: {part['ghosts_in_frame']:.4g} in the frame, {part['ghosts']:.4g} on its plane")
+    frame, plane, error = (part[name] for name in ("ghosts_in_frame", "ghosts", "ghosts_error"))
+    print(f"all ghosts: {frame:.4g} in the frame, {plane:.4g} on its plane, ± {error:.2g}")
     if part["worst"] is not None:
         print(f"worst: {way_text(part['worst'])}; most concentrated: {way_text(part['densest'])}")
     goes = ", ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in part["account"].items() if value)
-    print(f"of the light that enters: {goes}")
+    print(f"of the light that enters: {goes}, ± {part['account_error']:.2g}")
 
 
 # ``rptcam lens trace``: the path and fate of single rays.

@@ -216,6 +216,7 @@ _TOP = (
 )  # fmt: skip
 _SHARED = ("curvature", "thickness", "conic")
 BOARD = "board"  # the scene that is built in
+NO_DETAIL = 1e3  # blur [%] of a zone in which nothing is seen even sharp: less would draw a search there
 MOST_EVALUATIONS = 100_000
 THIN = 0.02  # of the focal length: how thin glass may become where nothing is said
 

@@ -17,7 +17,14 @@ from rptcam_cl.optics.aberrations import FINE, fields_of
 from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam
 from rptcam_cl.optics.best_focus import axial_blur, best_film_distance
 from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfold, with_film
-from rptcam_cl.optics.irradiance import image_circle, irradiance_with_error, pass_areas, t_number, veiling_glare
+from rptcam_cl.optics.irradiance import (
+    GLARE_RAYS,
+    image_circle,
+    irradiance_with_error,
+    pass_areas,
+    t_number,
+    veiling_glare,
+)
 from rptcam_cl.optics.lens import Lens, brought_to_focus, exchange_axes, film_distance
 from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, at_plane, axial_transmittance, has_coatings
 from rptcam_cl.optics.spots import Setting, fan_points, result_of, section_rays
@@ -190,6 +197,9 @@ def film_radii(setting: Setting, steps: int, film_radius_mm: float | None = None
     return np.linspace(0.0, film_radius_mm, steps + 1)
 
 
+BISECTED = 1e-9  # of the light: how exactly the ends of what passes are found
+
+
 def vignetting_table(setting: Setting, radii_mm: Array) -> list[Row]:
     """Return a row for each film radius.
 
@@ -213,7 +223,7 @@ def vignetting_table(setting: Setting, radii_mm: Array) -> list[Row]:
                 "film_radius_mm": radius,
                 "irradiance": value,
                 "relative": relative,
-                "relative_error": (error + relative * float(errors[0])) / float(values[0]),
+                "relative_error": (error + relative * float(errors[0])) / float(values[0]) + BISECTED,
                 "stops": math.log2(relative) if relative > 0 else None,
                 "angle_degrees": math.degrees(angle),
                 "cos4": math.cos(angle) ** 4,
@@ -316,11 +326,14 @@ def glare(
     """Return the veiling glare at wavelengths, in parts of a white film's light."""
     rows = []
     for wavelength in wavelengths_nm:
-        light = veiling_glare(
-            setting.lens, setting.film, wavelength, film_reflectance=film_reflectance,
-            barrel_reflectance=barrel_reflectance,
+        light, *fewer = (
+            veiling_glare(
+                setting.lens, setting.film, wavelength, film_reflectance=film_reflectance,
+                barrel_reflectance=barrel_reflectance, rays=GLARE_RAYS // parts,
+            ) for parts in (1, 2, 3)
         )  # fmt: skip
-        rows.append({"wavelength_nm": wavelength, **asdict(light)})
+        error = max(abs(one.index - light.index) for one in fewer)
+        rows.append({"wavelength_nm": wavelength, **asdict(light), "index_error": error})
     return result_of(setting, "veiling glare", rows, None, f"{setting.lens.name}; parts of a white film's light")
 
 
@@ -584,22 +597,27 @@ def way_text(way: tuple[int, ...]) -> str:
     return ", ".join(map(str, way))
 
 
-def ghost_table(ghosts: Ghosts) -> list[dict[str, Any]]:
+def ghost_table(ghosts: Ghosts, fewer: Sequence[Ghosts] = ()) -> list[dict[str, Any]]:
     """Return a row for each ghost, brightest in the frame first.
 
-    Shares are of the image's light. `focus_mm` is how far behind the film its paraxial image lies; `blur_mm` the
-    diameter on the film of a full beam from the axis.
+    Shares are of the image's light, `share_error` is what fewer rays change of either most. `focus_mm` is how far
+    behind the film its paraxial image lies; `blur_mm` the diameter on the film of a full beam from the axis.
     """
     lit = ghosts.lit
     with_its_film = with_film(lit.lens, lit.film_distance_mm)
     pupil = lit.lens.first_order(lit.wavelength_nm).entrance_pupil.diameter_mm
+    others = [(each.reference, {ghost.way: ghost for ghost in each.ghosts}) for each in fewer]
     rows = []
     for ghost in ghosts.ghosts:
+        own = np.array([ghost.flux_in_frame, ghost.flux]) / ghosts.reference
+        less = [np.array([one.flux_in_frame, one.flux]) / of if (one := ways.get(ghost.way)) else 0 * own
+                for of, ways in others]  # fmt: skip
         image = ghost_image(with_its_film, ghost.way, 0.0, lit.wavelength_nm, lit.source.object_distance_mm)
         rows.append({
             "surfaces": list(ghost.way),
-            "share_in_frame": ghost.flux_in_frame / ghosts.reference,
-            "share": ghost.flux / ghosts.reference,
+            "share_in_frame": float(own[0]),
+            "share": float(own[1]),
+            "share_error": max((float(np.abs(one - own).max()) for one in less), default=math.nan),
             "x_mm": ghost.centroid_mm[0],
             "y_mm": ghost.centroid_mm[1],
             "rms_mm": ghost.rms_mm,
@@ -609,21 +627,36 @@ def ghost_table(ghosts: Ghosts) -> list[dict[str, Any]]:
     return rows
 
 
-def ghost_summary(ghosts: Ghosts) -> dict[str, Any]:
-    """Return the sums, the worst ghost and where the light goes, as shares of what enters."""
-    account, reference_flux = asdict(ghosts.account), ghosts.reference
+def ghost_summary(ghosts: Ghosts, fewer: Sequence[Ghosts] = ()) -> dict[str, Any]:
+    """Return the sums, the worst ghost and where the light goes, as shares of what enters.
+
+    Errors are what fewer rays change: `ghosts_error` of either sum, `account_error` of any of the account's shares.
+    """
+    sums = _ghost_sums(ghosts)
+    account = asdict(ghosts.account)
     entered = account.pop("entered")
     worst = max(ghosts.ghosts, key=lambda ghost: ghost.flux_in_frame, default=None)
     densest = max(ghosts.ghosts, key=_density, default=None)
     return {
         "image_share": ghosts.image.flux / entered,
-        "ghosts_in_frame": sum(ghost.flux_in_frame for ghost in ghosts.ghosts) / reference_flux,
-        "ghosts": sum(ghost.flux for ghost in ghosts.ghosts) / reference_flux,
+        "ghosts_in_frame": float(sums[0]),
+        "ghosts": float(sums[1]),
+        "ghosts_error": max((float(np.abs(_ghost_sums(one) - sums).max()) for one in fewer), default=math.nan),
         "shares_are_of": "image" if ghosts.image.flux else "light that enters",
         "worst": None if worst is None else list(worst.way),
         "densest": None if densest is None else list(densest.way),
         "account": {name: value / entered for name, value in account.items()},
-    }
+        "account_error": max((
+            abs(getattr(one.account, name) / one.account.entered - value / entered)
+            for one in fewer for name, value in account.items()
+        ), default=math.nan),
+    }  # fmt: skip
+
+
+def _ghost_sums(ghosts: Ghosts) -> NDArray[np.float64]:
+    """Return the light of all ghosts in the frame and on the film's plane, as shares of the image's."""
+    rows = np.array([(ghost.flux_in_frame, ghost.flux) for ghost in ghosts.ghosts], np.float64).reshape(-1, 2)
+    return np.asarray(rows.sum(axis=0) / ghosts.reference, np.float64)
 
 
 def _density(ghost: Any) -> float:

@@ -823,7 +823,7 @@ class Ghosts:
         return self.image.flux or self.account.entered
 
 
-def find_ghosts(lit: Lit, order: int = 2) -> Ghosts:
+def find_ghosts(lit: Lit, order: int = 2, share: float = 1.0) -> Ghosts:
     """Return the ghosts of a source.
 
     Parameters
@@ -831,6 +831,8 @@ def find_ghosts(lit: Lit, order: int = 2) -> Ghosts:
     lit : Lit
     order : int
         Most reflections: 2 or 4.
+    share : float
+        Of the usual rays.
 
     Raises
     ------
@@ -845,15 +847,15 @@ def find_ghosts(lit: Lit, order: int = 2) -> Ghosts:
     check_lens(lit.lens)
     if not 0 <= lit.film_reflectance < 1:
         raise InputError(f"the film reflects a share from 0 to below 1 (got {lit.film_reflectance:g})")
-    tree = Tree(lit, order)
+    tree = Tree(lit, order, int(RAYS[order] * share))
     landed, stops = tree.landed, [lit]
     formed = len(landed[()].light) if () in landed else 0
     if formed < SURE and lit.lens.stop is not None:
         opening = float(np.sqrt(SURE / max(formed, 0.25)))
         factors = [opening / CLOSING**k for k in range(int(np.log(opening) / np.log(CLOSING)) + 1)]
         stops = [replace(lit, lens=with_wider_stop(lit.lens, factor)) for factor in factors] + [lit]
-        landed = Tree(stops[0], order).landed
-    own = _own_light(landed | _scout_rare(stops[0], landed), stops)
+        landed = Tree(stops[0], order, int(RAYS[order] * share)).landed
+    own = _own_light(landed | _scout_rare(stops[0], landed), stops, share)
     image = own.pop((), FilmLight((), 0.0, 0.0, (np.nan, np.nan), np.nan))
     ghosts = sorted((light for light in own.values() if light.flux > 0), key=lambda light: -light.flux_in_frame)
     return Ghosts(lit, image, tuple(ghosts), tree.account)
@@ -877,7 +879,7 @@ def _scout_rare(lit: Lit, landed: Mapping[Way, Landed]) -> dict[Way, Landed]:
     return {way: rays for way, rays in found.items() if len(rays.points)}
 
 
-def _own_light(landed: dict[Way, Landed], stops: list[Lit]) -> dict[Way, FilmLight]:
+def _own_light(landed: dict[Way, Landed], stops: list[Lit], share: float) -> dict[Way, FilmLight]:
     """Return the light of each way by rays of its own, about those that have landed, perhaps through wider stops.
 
     Parameters
@@ -885,12 +887,14 @@ def _own_light(landed: dict[Way, Landed], stops: list[Lit]) -> dict[Way, FilmLig
     landed : dict
     stops : list of Lit
         Ever narrower; the last is the one that is meant.
+    share : float
+        Of the usual rays.
     """
     # As many rays for each way as the root of its light, by which falls what they err by.
     weights = {way: float(np.sqrt(rays.light @ (rays.inside + WIDE))) for way, rays in landed.items()}
     total = sum(weight for way, weight in weights.items() if way) or 1.0
-    counts = {way: int(np.clip(OWN_RAYS * weight / total, LEAST, MOST)) for way, weight in weights.items()}
-    counts[()], whole = IMAGE_RAYS, landed
+    counts = {way: int(share * np.clip(OWN_RAYS * weight / total, LEAST, MOST)) for way, weight in weights.items()}
+    counts[()], whole = int(share * IMAGE_RAYS), landed
     for stage in stops:
         whole = follow(stage, whole, counts)
     parts = {way: rays for way, rays in whole.items() if rays.inside.any() and rays.inside.mean() < PART}

@@ -488,7 +488,7 @@ class _AxialRays:
 # the scene straight is what would form the image there, what leaves after two reflections is the veil; what comes
 # back to the film, and what rims behind the stop catch, is light that a film or a barrel that is not black would add.
 
-RAYS = 12_000  # over the rear surface
+GLARE_RAYS = 12_000  # over the rear surface
 SKY_MM = 1e5  # from the front to a plane that all light towards the scene meets
 
 
@@ -520,6 +520,7 @@ def veiling_glare(
     *,
     film_reflectance: float = 0.0,
     barrel_reflectance: float = 0.0,
+    rays: int = GLARE_RAYS,
 ) -> Glare:
     """Return the veiling glare of a lens under a hemisphere of even light.
 
@@ -534,6 +535,8 @@ def veiling_glare(
         Share of the light that the film scatters evenly. The whole plane of the film counts as lit.
     barrel_reflectance : float
         Share that rims behind the stop scatter evenly. They count as lit like the film.
+    rays : int
+        Over the rear surface.
 
     Raises
     ------
@@ -545,7 +548,7 @@ def veiling_glare(
             raise InputError(f"the {name} reflects a share from 0 to below 1 (got {share:g})")
     check_lens(lens)
     point = Beam(0.0, film_distance_mm, is_diffuse=True)
-    tree = Tree(Lit(_reversed_lens(lens), SKY_MM, point, wavelength_nm, (np.inf, np.inf), transmission), 2, RAYS)
+    tree = Tree(Lit(_reversed_lens(lens), SKY_MM, point, wavelength_nm, (np.inf, np.inf), transmission), 2, rays)
     account, image = tree.account, tree.account.image
     if not image > 0:
         raise InputError(f"{lens.name}: no light reaches the middle of the film")

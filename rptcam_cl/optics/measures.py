@@ -433,7 +433,8 @@ GLARE = Measurement(
                "--barrel-reflectance", "R"),
         _wavelengths((MIDDLE_NM,)),
     ),
-    _WAVELENGTH_COLUMN | {"surfaces": "surfaces", "film": "film", "barrel": "barrel", "index": "glare index"},
+    _WAVELENGTH_COLUMN | {"surfaces": "surfaces", "film": "film", "barrel": "barrel", "index": "glare index",
+                          "index_error": "±"},
     "glare", ("wavelengths_nm",), has_coating=True, has_chart=False, has_section=False,
 )  # fmt: skip
 

@@ -19,7 +19,7 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import read_whole, replacing
 from rptcam_cl.core.strict_yaml import MAX_BYTES
 from rptcam_cl.optics import ray_derivatives
-from rptcam_cl.optics.design import THIN, GlassChange, Problem, Solve, Term, Variable, read_problem
+from rptcam_cl.optics.design import NO_DETAIL, THIN, GlassChange, Problem, Solve, Term, Variable, read_problem
 from rptcam_cl.optics.files.glasses import find_glass, glasses_of
 from rptcam_cl.optics.glass import AIR, Medium, abbe_number, known_range
 from rptcam_cl.optics.lens import Lens
@@ -70,7 +70,7 @@ _Rows = tuple[str, Array, Array]  # a name, values (n,) and derivatives (n, vari
 
 Judge = Callable[[Lens, float], Any]  # of a lens and its film distance: the value of a term, or that and residuals
 Judges = Mapping[str, Judge]  # by the name of the term
-STEPS = {"as_built": 1e-4, "picture": 1e-3}  # of a variable, by which what judges say is differentiated
+STEPS = {"as_built": 1e-4, "picture": 4e-3}  # of a variable, by which what judges say is differentiated
 
 
 class MeritFunction:
@@ -448,6 +448,18 @@ class MeritFunction:
         values["merit"] = math.sqrt(sum((term.weight * values[term.name]) ** 2 for term in self.given.terms))
         return values
 
+    def check_zones(self, x: Array) -> None:
+        """Refuse zones that show nothing through the lens of some values: no search makes them sharper."""
+        state = self.state(x, False)
+        zones = self.judges["picture"](self.finished(state)[0], state.film_mm).zones
+        unseen = [str(number) for number, (value, _) in enumerate(zones) if value >= NO_DETAIL]
+        if unseen or not zones:
+            words = "zone " + ", ".join(unseen) if unseen else "any zone"
+            raise InputError(
+                f"{self.given.label}: zones: nothing is seen in {words} through the best lens by spots (no light, or a "
+                "plain field); choose others, or fields that the lens covers"
+            )
+
     def lost_rays(self, x: Array) -> list[str]:
         """Return why rays are lost, in words; nothing where all come through."""
         beam, words = self.state(x, False).beam, []
@@ -596,6 +608,8 @@ class Optimised:
         The lens that it was, set likewise.
     start_film_mm : float
         Its best film distance by the same merit.
+    no_better : str
+        Why the lens is no better than its start by the merit; empty where it is.
     """
 
     lens: Lens
@@ -607,6 +621,7 @@ class Optimised:
     start: Lens
     start_film_mm: float
     problem: Problem = field(repr=False)
+    no_better: str = ""
 
 
 class _Journal:
@@ -676,7 +691,10 @@ class _Search:
     def descent(self, merit: MeritFunction, x: Array) -> Array:
         """Return the minimum near x; where rays are lost in it, the one that opening pupil and field in steps finds."""
         if merit.by_spots is not None:
-            x, _ = self.local(merit.by_spots, x, "by spots")
+            found, _ = self.local(merit.by_spots, x, "by spots")
+            merit.check_zones(found)
+            merit.set_hold(merit.values_of(found)["merit"])
+            x = min(found, x, key=lambda v: self.score(merit, v))
         found, _ = self.local(merit, x, "descent")
         if not merit.lost_rays(found):
             return found
@@ -829,7 +847,12 @@ def optimise(
     lens, film = merit.finished(merit.state(x, False))
     lens = replace(lens, name=f"{given.lens.name}, optimised", source=_provenance(given, before, after))
     first, first_film = start.finished(start.state(start.x0, False))
-    return Optimised(lens, film, before, after, search.evaluations, merit.lost_rays(x), first, first_film, given)
+    no_better = ""
+    if after["merit"] >= before["merit"]:
+        words, over = start.worst_bound(start.x0)
+        no_better = f"the start does not hold {words} ({over:.4g} mm)" if over > 0 else "the search found none"
+    lost = merit.lost_rays(x)
+    return Optimised(lens, film, before, after, search.evaluations, lost, first, first_film, given, no_better)
 
 
 def _check_bounds(merit: MeritFunction) -> None:

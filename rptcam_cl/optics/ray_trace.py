@@ -231,6 +231,11 @@ class Rays:
             self.optical_path[chosen],
         )  # fmt: skip
 
+    def put(self, chosen: NDArray[np.int_], rays: Rays) -> None:
+        """Write others over some of the rays, without what is left of their light."""
+        for name in ("origins", "directions", "status", "surface", "optical_path"):
+            getattr(self, name)[chosen] = getattr(rays, name)
+
 
 def trace(
     lens: Prescription,

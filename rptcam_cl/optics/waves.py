@@ -191,7 +191,7 @@ class ExitRays:
     ) -> None:
         self.lens, self.beam, self.wavelength_nm, self.film_z = lens, beam, wavelength_nm, film_z
         self.open = at_conjugates(without_rims(lens), beam.object_distance_mm, wavelength_nm)
-        self._nodes: dict[int, tuple[Array, tuple[Array, Array], Array, Mask]] = {}
+        self._nodes: dict[int, _Nodes] = {}
         self._too_few: set[int] = set()  # nodes between which rays differ from those that are interpolated
         self._lit: Mask = np.ones((1, 1), dtype=bool)  # where light may pass, by the cells of the last grid
         indices = lens.indices(wavelength_nm)
@@ -203,6 +203,8 @@ class ExitRays:
         cosines = rays.directions[:, :2]
         low, high = cosines.min(axis=0), cosines.max(axis=0)
         self.box = np.stack([(low + high) / 2, np.full(2, float((high - low).max()) * ROOM / 2)])
+        self.is_even = lens.is_rotational and not any(surface.stop_shape for surface in lens.surfaces)
+        self.box[0, 0] *= not self.is_even  # what is left of the sum of both sides
         self.inverse = _fit(self.box, cosines, points)
         height, _ = chief_ray(lens, beam.field_degrees, wavelength_nm, beam.object_distance_mm)
         chief = self._trace(np.array([[0.0, height]]))
@@ -237,14 +239,16 @@ class ExitRays:
         """Return the pupil function on a grid of direction cosines.
 
         Rays are traced for the nodes of a coarser grid, and for cells between nodes where some ray is lost; the others
-        are interpolated, as long as a sample of them agrees with traced ones.
+        are interpolated, as long as a sample of them agrees with traced ones. Of an even pupil only the right half, and
+        a column beside it, which its border needs.
         """
         cells = int(np.ceil(across * ROOM))
         offsets = ((np.arange(cells) + 0.5) / cells * 2 - 1) * self.box[1, 0]
         cosines_x, cosines_y = self.box[0, 0] + offsets, self.box[0, 1] + offsets
         step = float(offsets[1] - offsets[0])
-        targets = np.stack(np.meshgrid(cosines_x, cosines_y), axis=-1)
-        for nodes in (*(count for count in NODES if count < cells), 0):
+        left = cells // 2 - 1 if self.is_even else 0  # the first column
+        targets = np.stack(np.meshgrid(cosines_x[left:], cosines_y), axis=-1)
+        for nodes in (*(count for count in NODES[self.is_even :] if count < cells), 0):
             if nodes in self._too_few:
                 continue
             parts = points, plane, sphere, coverage = self._on_cells(targets, nodes)
@@ -252,6 +256,9 @@ class ExitRays:
                 break
             self._too_few.add(nodes)
         self._trace_cells(parts, targets, step)
+        if self.is_even:
+            plane, sphere, coverage = (_both_halves(part[:, 1:], cells) for part in (plane, sphere, coverage))
+            points = _both_halves(points[:, 1:], cells, np.array([-1.0, 1.0]))
         self._lit = _near(_near(coverage > 0))
         density = self._density(points, step)
         coverage = np.where(np.isfinite(density), coverage, 0.0)
@@ -266,18 +273,20 @@ class ExitRays:
         if not nodes:
             return np.full((*shape, 2), np.nan), np.zeros(shape), np.zeros(shape), np.zeros(shape)
         at = np.linspace(-1.0, 1.0, nodes) * self.box[1, 0]
-        weights = _between(at, targets[0, :, 0] - self.box[0, 0])
+        across, down = _between(at, targets[0, :, 0] - self.box[0, 0]), _between(at, targets[:, 0, 1] - self.box[0, 1])
         if nodes not in self._nodes:
-            of_nodes = np.stack(np.meshgrid(self.box[0, 0] + at, self.box[0, 1] + at), axis=-1).reshape(-1, 2)
+            columns = self.box[0, 0] + (at[nodes // 2 :] if self.is_even else at)
+            of_nodes = np.stack(np.meshgrid(columns, self.box[0, 1] + at), axis=-1).reshape(-1, 2)
             points, rays, met = self._find_rays(of_nodes)
             places, crossed = self._crossings(points)
-            self._nodes[nodes] = points, self.waves(points, rays), places, met & crossed
+            known = points, self.waves(points, rays), places, met & crossed
+            self._nodes[nodes] = _mirrored_nodes(known, nodes) if self.is_even else known
         points, waves, places, met = self._nodes[nodes]
 
         def spread_out(values: Array) -> Array:
-            return np.asarray(weights @ np.where(met, values, 0.0).reshape(nodes, nodes) @ weights.T)
+            return np.asarray(down @ np.where(met, values, 0.0).reshape(nodes, nodes) @ across.T)
 
-        lost = (weights != 0) @ (~met).reshape(nodes, nodes).astype(float) @ (weights != 0).T > 0
+        lost = (down != 0) @ (~met).reshape(nodes, nodes).astype(float) @ (across != 0).T > 0
         plane, sphere = (np.where(lost, 0.0, spread_out(part)) for part in waves)
         all_points = np.stack([spread_out(points[:, axis]) for axis in (0, 1)], axis=-1)
         all_points[lost] = np.nan
@@ -292,7 +301,7 @@ class ExitRays:
         """Trace the cells whose points are not known, where light may pass."""
         points, plane, sphere, coverage = parts
         last = (np.arange(len(points)) * len(self._lit)) // len(points)
-        unknown = ~np.isfinite(points[..., 0]) & self._lit[np.ix_(last, last)]
+        unknown = ~np.isfinite(points[..., 0]) & self._lit[np.ix_(last, last[-points.shape[1] :])]
         lit = coverage > 0
         lit[unknown] = self._passes(self.inverse(targets[unknown]))
         rest = _near(_near(lit)) & unknown
@@ -325,15 +334,15 @@ class ExitRays:
         """Return the points of the first vertex plane whose rays leave in given directions, the rays, and which do."""
         guess = self.inverse(targets)
         points, off_target = guess.copy(), np.arange(len(guess))
+        rays = self._trace(points)
         for _ in range(NEWTON):
-            rays = self._trace(points[off_target])
-            off = targets[off_target] - rays.directions[:, :2]
-            is_off = rays.passed & (np.abs(off).max(axis=1) >= EXACT)
+            off = targets[off_target] - rays.directions[off_target, :2]
+            is_off = rays.passed[off_target] & (np.abs(off).max(axis=1) >= EXACT)
             off_target, off = off_target[is_off], off[is_off]
             if not len(off_target):
                 break
             points[off_target] += guess[off_target] - self.inverse(targets[off_target] - off)
-        rays = self._trace(points)
+            rays.put(off_target, self._trace(points[off_target]))
         near = np.abs(targets - rays.directions[:, :2]).max(axis=1) < 1e-9
         return points, rays, rays.passed & near
 
@@ -387,6 +396,25 @@ def _coverage_by_places(limits: Sequence[tuple[Surface, Array, Array]], shape: t
     coverage = passes.astype(np.float64)
     coverage[edge] = parts.mean(axis=1)
     return coverage
+
+
+def _both_halves(right: Array, cells: int, sign: Array | float = 1.0) -> Array:
+    """Return all columns of what is even, or odd with the sign -1, from the right half of so many."""
+    return np.concatenate([sign * right[:, cells % 2 :][:, ::-1], right], axis=1)
+
+
+_Nodes = tuple[Array, tuple[Array, Array], Array, Mask]
+
+
+def _mirrored_nodes(right: _Nodes, nodes: int) -> _Nodes:
+    """Return points, path differences, places on surfaces and which are known of all nodes, from their right half."""
+
+    def both(values: Array, sign: Array | float = 1.0) -> Array:
+        return _both_halves(values.reshape(nodes, -1, *values.shape[1:]), nodes, sign).reshape(-1, *values.shape[1:])
+
+    points, (plane, sphere), places, met = right
+    odd, known = np.array([-1.0, 1.0]), both(met.astype(np.float64)) > 0
+    return both(points, odd), (both(plane), both(sphere)), np.stack([both(each, odd) for each in places]), known
 
 
 def _by_an_edge(passes: Mask) -> Mask:
@@ -681,6 +709,7 @@ class PointImage:
 WIDEST = 48.0  # radius of the first circle that is searched, in Airy radii
 SHOWN = 1.2  # half width of the image over the radius that holds 80 % of the light
 THIRDS_OVER_ALL = 2.0  # what a third of the cells changes over the error of all: 8 where that goes by their square
+ROUNDING = 1e-12  # of a modulation
 FINEST = 16.0  # points per wavelength times f-number that pixels are averaged over at least; 4 leave 2 % at the peak
 MOST_POINTS = 1200  # along each side of the image
 
@@ -702,9 +731,13 @@ def _modulation(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -
 
 
 def transfer_errors(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike, all_cells: Sequence[Array]) -> Array:
-    """Return by how much a third of the cells changes the modulation of one field, over `THIRDS_OVER_ALL`."""
+    """Return by how much a third of the cells changes the modulation of one field, over `THIRDS_OVER_ALL`.
+
+    Of the frequency where it is most, as one alone can stay by chance; nothing is sampled of that of 0.
+    """
     parts = [_modulation(part, frequencies_per_mm) for part in zip(*(wave.thirds() for wave in group), strict=True)]
-    return np.asarray(np.abs(np.array(parts) - np.array(all_cells[:2])).max(axis=(0, 1)) / THIRDS_OVER_ALL)
+    most = float(np.abs(np.array(parts) - np.array(all_cells[:2])).max()) / THIRDS_OVER_ALL
+    return np.where(np.asarray(frequencies_per_mm) == 0, ROUNDING, most)
 
 
 def wave_point_image(group: Sequence[PupilFunction], pixels: int, width_um: float | None = None) -> PointImage:

@@ -17,7 +17,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import Maker, made_by
 from rptcam_cl.device.session import Session
-from rptcam_cl.optics.design import BOARD, Problem
+from rptcam_cl.optics.design import BOARD, NO_DETAIL, Problem
 from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays
@@ -634,27 +634,30 @@ CLOSED = 0.02  # of the stop's diameter: blur is that much smaller in the pictur
 PICTURES = 4  # independent pictures of each zone
 ZONE_SAMPLES = 256  # per pixel: with 64 a search makes the noise of one zone its own, 9.6 for 11.9 %
 FAR_LENGTHS = 1e4  # focal lengths, in which the image moves by a ten-thousandth of one
+TURN = math.atan(1 / 7)  # of the board: edges along rows of pixels blur by where between them they lie, 10 or 20 %
 LEAST_SIDE = 8  # of a zone [pixels]
-NO_DETAIL = 1e3  # blur [%] of a zone in which nothing is seen even sharp: less would draw a search there
+LEAST_DETAIL = 0.2  # of the squares of one picture, noise among them: the noise of a zone without detail is no detail
 
 
-def board(problem: Problem, lengths: float = 100.0) -> Scene:
-    """Return the scene ``board`` of a problem: squares that fill the film, so many focal lengths away."""
+def board(problem: Problem, lengths: float = 100.0, turn: float = 0.0) -> Scene:
+    """Return the scene ``board`` of a problem: squares that fill the film, so many focal lengths away, turned [rad]."""
     length = problem.focal_length_mm
     half = length * math.tan(math.radians(max(problem.fields_degrees) or 5.0))
     away, height = lengths * length / 1000, 2 * half * 2 / 3
     if math.isfinite(problem.object_distance_mm):
         raise InputError(f"{BOARD} stands far away; of a near object give a scene with the lens focused on it")
-    size = [away / length * side * 1.1 for side in (2 * half, height)]
-    squares = 1.1 * BOARD_PIXELS / BOARD_SQUARE
+    beyond, cos, sin = 1.1 + 1.5 * math.sin(turn), math.cos(turn), math.sin(turn)
+    across, up = (away / length * side * beyond for side in (2 * half, height))
+    u, v = np.array([across * cos, across * sin, 0.0]), np.array([-up * sin, up * cos, 0.0])
+    squares = beyond * BOARD_PIXELS / BOARD_SQUARE
     checks = {"kind": "checker", "even": 0.04, "odd": 0.85, "scale": [squares, squares * 2 / 3]}
     return load_scene({
         "film": {"resolution": [BOARD_PIXELS, BOARD_PIXELS * 2 // 3], "width_mm": 2 * half},
         "camera": {"kind": "realistic", "eye": [0, 0, away], "target": [0, 0, 0], "lens": "cooke-triplet-50mm",
                    "focus": {"distance_m": away, "method": "spot"}},
         "render": {"spp": 128},
-        "objects": [{"shape": "rectangle", "corner": [-size[0] / 2, -size[1] / 2, 0], "edge_u": [size[0], 0, 0],
-                     "edge_v": [0, size[1], 0], "material": {"kind": "matte", "reflectance": checks}}],
+        "objects": [{"shape": "rectangle", "corner": (-(u + v) / 2).tolist(), "edge_u": u.tolist(),
+                     "edge_v": v.tolist(), "material": {"kind": "matte", "reflectance": checks}}],
         "environment": {"kind": "constant", "radiance": 1},
     })  # fmt: skip
 
@@ -666,8 +669,9 @@ class Blur(NamedTuple):
     ----------
     value : float
         Rms over the zones [%].
-    residuals : (zones,) array
-        Whose squares add up to that of the value.
+    residuals : (2 zones,) array
+        Whose squares add up to that of the value; then what each zone lacks [%] of the light through the first lens,
+        so that a search takes none for sharper that is darker.
     error : float
         Standard error of the value.
     zones : list of (value, error)
@@ -694,7 +698,7 @@ def blur_of_zones(
     InputError
         For a scene without a realistic camera, and fields beyond its film.
     """
-    given = board(problem, FAR_LENGTHS) if problem.scene == BOARD else load_scene(problem.scene)
+    given = board(problem, FAR_LENGTHS, TURN) if problem.scene == BOARD else load_scene(problem.scene)
     if given.camera.traced_camera is None:
         raise InputError(f"{problem.scene}: camera.kind: must be realistic, so that a lens takes the picture")
     scene = change_scene(given, render={"layers": (), "noise": None})
@@ -706,11 +710,12 @@ def blur_of_zones(
     layouts = [FilmLayout(width, height, *each.ravel().tolist()) for each in corners]
     windows = [_window(scene, camera, zone) for zone in zones]
     pool, parts, count = WavefrontPool(session), PlanParts(), -(-samples // PICTURES)
+    first: list[Array] = []  # light in the zones through the first lens
 
-    def pictures(lens: Lens, film_mm: float, colour: LensColour) -> list[Array]:
+    def pictures(lens: Lens, film_mm: float, colour: LensColour) -> tuple[list[Array], Array]:
         use = LensSetting(lens, film_mm, None, camera)
         plan = make_plan(scene, exposed(camera_of(scene, use).model(colour, windows=windows), scene), parts=parts)
-        buffers, shown = pool.upload(plan), []
+        buffers, shown, means = pool.upload(plan), [], []
         for number, layout in enumerate(layouts):
             wavefront = pool.wavefront(plan, buffers, layout, scene.render, f"{colour} {number}")
             light = []
@@ -721,22 +726,30 @@ def blur_of_zones(
                     wavefront.enqueue(*wave)
                 wavefront.finish()
                 light.append(luminance(wavefront.picture(count).astype(np.float64)))
-            flat = np.stack(light).reshape(PICTURES, -1) / (np.mean(light) or 1.0)
+            means.append(float(np.mean(light)))
+            flat = np.stack(light).reshape(PICTURES, -1) / (means[-1] or 1.0)
             x, y = np.meshgrid(np.linspace(-1, 1, layout.width), np.linspace(-1, 1, layout.height))
             terms, _ = np.linalg.qr(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6))
             shown.append((flat - flat @ terms @ terms.T).reshape(PICTURES, layout.height, layout.width))
-        return shown
+        return shown, np.array(means)
 
     def blur(lens: Lens, film_mm: float) -> Blur:
+        nothing = Blur(math.inf, np.full(2 * len(layouts), math.inf), 0.0, [])
+        if not film_mm > 0:
+            return nothing
         closed = lens.with_stop_diameter(2 * CLOSED * lens.surfaces[lens.stop_index or 0].semi_diameter)
         try:
-            both = zip(pictures(lens, film_mm, "on"), pictures(closed, film_mm, "off"), strict=True)
-        except InputError:  # no light, or a film within the lens
-            return Blur(math.inf, np.full(len(layouts), math.inf), 0.0, [])
-        found = [_blur(*each) for each in both]
+            (shown, light), (sharp, _) = pictures(lens, film_mm, "on"), pictures(closed, film_mm, "off")
+        except (InputError, ArithmeticError):  # no light, or no lens at all
+            return nothing
+        if not first:
+            first.append(light)
+        lacking = 100 * np.clip(1 - light / np.where(first[0] > 0, first[0], 1.0), 0.0, None) / math.sqrt(len(light))
+        found = [_blur(*each) for each in zip(shown, sharp, strict=True)]
         shares, errors = np.array(found).T / math.sqrt(len(found))
         value = float(np.linalg.norm(shares))
-        return Blur(value, shares, float(np.linalg.norm(shares * errors)) / (value or 1.0), found)
+        residuals = np.concatenate([shares, lacking])
+        return Blur(value, residuals, float(np.linalg.norm(shares * errors)) / (value or 1.0), found)
 
     return blur
 
@@ -774,8 +787,9 @@ def _blur(shown: Array, sharp: Array) -> tuple[float, float]:
 
     def ratio(kept: NDArray[np.intp]) -> float:
         squares = [one[kept].sum(axis=0) ** 2 - (one[kept] ** 2).sum(axis=0) for one in (off, whole)]
-        lost, all_ = (float(each.sum()) for each in squares)
-        return 100 * math.sqrt(max(lost, 0.0) / all_) if all_ > 0 else NO_DETAIL
+        lost, all_ = (float(each.sum()) / (len(kept) - 1) for each in squares)
+        seen = all_ > LEAST_DETAIL * float((whole[kept] ** 2).sum())
+        return 100 * math.sqrt(max(lost, 0.0) / all_) if seen else NO_DETAIL
 
     every = np.arange(PICTURES)
     without = np.array([ratio(np.delete(every, part)) for part in every])

@@ -542,7 +542,7 @@ class GhostFilm:
                 self._launch(0, way, self.lenses[record], table, len(boxes), count, words)
                 if is_cancellable():
                     session.finish()
-            units = session.read(words, "<i8", film.size).astype(np.float64)
+            units = session.read(words, "<i8", film.size).astype(np.float32)
             film += _spread_light(units.reshape(film.shape), FINER**steps)
         return film * (largest / ONE_LIGHT * self.value)
 
@@ -574,12 +574,12 @@ def _pairs(lens: Lens) -> Iterator[Way]:
         yield from ((j, i) for i in partly if i < j)
 
 
-def _spread_light(film: Array, width: float) -> Array:
+def _spread_light(film: NDArray[Any], width: float) -> NDArray[Any]:
     """Return a film whose light is spread by a tent of a half width [pixels], and mirrored at its border."""
     reach = int(np.ceil(width))
     tent = np.maximum(width - np.abs(np.arange(-reach, reach + 1)), 0.0)
     tent /= tent.sum()
-    band = sum(weight * np.eye(_BAND, _BAND + 2 * reach, k) for k, weight in enumerate(tent))
+    band = sum(weight * np.eye(_BAND, _BAND + 2 * reach, k) for k, weight in enumerate(tent)).astype(film.dtype)
     for _ in range(2):  # along the rows, and along the columns
         size, flat = len(film), film.reshape(len(film), -1)
         places = np.arange(-reach, size + reach) % (2 * size)

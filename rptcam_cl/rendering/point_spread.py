@@ -466,7 +466,8 @@ def received(kernel: Array, shape: tuple[int, ...]) -> Array:
     """Return the light (3, height, width) that `strew` brings to each pixel of a film of ones, by a kernel."""
     height, width = shape
     top, left = kernel.shape[1] // 2 - height + 1, kernel.shape[2] // 2 - width + 1
-    own = kernel[:, top : top + 2 * height - 1, left : left + 2 * width - 1]
-    total = np.pad(np.cumsum(np.cumsum(own, axis=1), axis=2), ((0, 0), (1, 0), (1, 0)))
-    low = total[:, height:] - total[:, :height]
-    return np.asarray(low[:, :, width:] - low[:, :, :width])
+    within = np.cumsum(kernel[:, top : top + 2 * height - 1, left : left + 2 * width - 1], axis=1)
+    within[:, height:] -= within[:, : height - 1]
+    total = np.cumsum(within[:, height - 1 :], axis=2)
+    total[:, :, width:] -= total[:, :, : width - 1]
+    return total[:, :, width - 1 :]

@@ -523,6 +523,9 @@ class Conjugates:
     def wave(self, row: float, column: float, *, splits: bool) -> Callable[[float], PointWave] | None:
         """Return the light of a conjugate as a function of the wavelength [nm]; None where a node about it has none.
 
+        Nor where rays keep some of the aberrations of a node about a place: kernels of waves that are a part of two
+        wavefronts are softer than the mean of those of the nodes, as rays blur as well.
+
         Parameters
         ----------
         row, column
@@ -531,8 +534,11 @@ class Conjugates:
         splits
             Whether the lens refracts each wavelength in its own way; otherwise all go as the camera's.
         """
+        near = self.about(row, column)
+        share = min(float(self.shares.flat[k]) for _, k in near)
+        if len(near) > 1 and share < 1:
+            return None
         own = self._waves_about(row, column, 4, splits=splits) or self._waves_about(row, column, 2, splits=splits)
-        share = sum(weight * float(self.shares.flat[k]) for weight, k in self.about(row, column))
         # with the rest by rays the same second moment
         return _by_inverse_square(own, float(np.sqrt(share * (2 - share)))) if own else None
 

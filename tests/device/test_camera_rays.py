@@ -127,7 +127,7 @@ def test_round_aperture_is_filled_evenly(session):
     assert np.abs(moment_scores(moments, expected)).max() < Z
 
 
-@pytest.mark.parametrize(("blades", "degrees"), [(3, 0), (5, 0), (6, 20), (8, -11)])
+@pytest.mark.parametrize(("blades", "degrees"), [(3, 0), slow(5, 0), slow(6, 20), (8, -11)])
 def test_polygon_aperture_is_filled_evenly_to_its_edges(session, blades, degrees):
     aperture = {"shape": "polygon", "blades": blades, "rotation_degrees": degrees}
     rays = camera_rays(session, thin(aperture=aperture), 512)

@@ -152,6 +152,7 @@ def test_which_words_mean_a_single_device(monkeypatch, wanted, split, one):
     assert means_one(wanted, split) == one
 
 
+@pytest.mark.slow
 def test_second_render_of_a_scene_finds_its_programs_built(monkeypatch, tmp_path):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     (tmp_path / "scene.yaml").write_text(SCENE)

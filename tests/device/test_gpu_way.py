@@ -80,7 +80,7 @@ def taken(kind, session):
 
 
 # A lens in float64 has tests of its own way through it; all shapes, lamps and textures are in test_widths.py.
-FAST = "everything"
+FAST = "a lens that disperses"
 
 
 @pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind != FAST)) for kind in KINDS])

@@ -20,7 +20,7 @@ from rptcam_cl.optics.optimise import MeritFunction, neighbours, optimise
 from rptcam_cl.optics.ray_derivatives import Seeds, trace_with_derivatives
 from rptcam_cl.optics.ray_trace import Status, trace
 from rptcam_cl.optics.spots import Setting, spot, wavefront
-from rptcam_cl.rendering.account import FAR_LENGTHS, blur_of_zones, board
+from rptcam_cl.rendering.account import FAR_LENGTHS, TURN, blur_of_zones, board
 from rptcam_cl.rendering.tolerance_run import spot_of_copies
 from rptcam_cl.scene.changes import set_keys
 from tests.support.cases import slow
@@ -334,7 +334,7 @@ def rendered_blur(problem, lens, film_mm):
         pictures = []
         for share, colour in ((1.0, "on"), (0.02, "off")):
             own = lens.with_stop_diameter(2 * share * lens.surfaces[lens.stop_index].semi_diameter)
-            scene = set_keys(board(problem, FAR_LENGTHS), {
+            scene = set_keys(board(problem, FAR_LENGTHS, TURN), {
                 "camera.lens": _as_mapping(own), "camera.focus": {"film_distance_mm": film_mm},
                 "film.crop": [left, right, top, bottom], "spectrum.lens": colour,
             })  # fmt: skip
@@ -363,16 +363,41 @@ def test_blur_of_a_rendered_zone_is_that_of_whole_renders():
     assert blur(lens, -99.0).value == math.inf  # no picture at all
 
 
+def test_a_zone_that_shows_nothing_or_gets_less_light_is_no_sharper():
+    problem = read_problem(PICTURE | {"zones": [[0.97, 0.985, 0.48, 0.5]]})  # the edge, where searches went astray
+    merit = MeritFunction(problem, {})
+    lens, film = merit.finished(merit.state(merit.x0, False))[0], 42.25
+    blur = blur_of_zones(problem, open_session(None), 64)
+    best = np.linalg.norm(blur(lens, film).residuals)
+    narrow, dark = (lens.with_changes({0: {"semi_diameter": height}}) for height in (4.4, 1.0))
+    assert np.linalg.norm(blur(narrow, film).residuals) > 50 > best  # half of the light is lost in the first rim
+    for one, place in ((dark, film), (lens, 1700.0)):  # no light; a field without detail
+        assert np.linalg.norm(blur(one, place).residuals) > 500
+    with pytest.raises(InputError, match="nothing is seen in zone 0 through the best lens by spots"):
+        optimise(problem, judge={"picture": lambda lens, _film: blur(lens, 1700.0)})
+
+
+def test_edges_of_the_board_blur_alike_wherever_they_lie_between_pixels():
+    problem = read_problem(PICTURE | {"focal_length_mm": 50.0213663})
+    merit = MeritFunction(problem, {})
+    lens, _ = merit.finished(merit.state(merit.x0, False))
+    blur = blur_of_zones(problem, open_session(None), 128)
+    near, far = (blur(lens, film).value for film in (42.15, 42.182))  # half a pixel; 19.4 and 10.7 by a straight board
+    assert abs(near - far) < 3
+
+
 @pytest.mark.slow
 def test_search_by_a_rendered_zone_makes_it_sharper_than_one_by_spots():
     device = open_session(None)
-    problem = read_problem(PICTURE)
-    plain = optimise({**PICTURE, "merit": {"spot": 1}})
+    given = PICTURE | {"variables": {"curvatures": "all"}, "zones": [[0.97, 0.995, 0.48, 0.52]]}
+    problem = read_problem(given)
+    plain = optimise({**given, "merit": {"spot": 1}})
     found = optimise(problem, judge={"picture": blur_of_zones(problem, device)})
     judge = blur_of_zones(problem, device, 1024, seed=3)  # samples of which the search knows nothing
     before, after = judge(plain.lens, plain.film_mm), judge(found.lens, found.film_mm)
     assert after.value < before.value - 4 * math.hypot(before.error, after.error)
     assert found.after["picture"] == pytest.approx(after.value, abs=5 * after.error + 0.3)
+    assert not found.no_better
     with pytest.raises(InputError, match=r"merit.picture needs a judge"):
         optimise(problem)
     with pytest.raises(InputError, match="the film does not reach to 14 degrees"):

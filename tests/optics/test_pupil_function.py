@@ -17,6 +17,7 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.waves import (
     AIRY,
+    ExitRays,
     PupilFunction,
     centroid,
     encircled_function,
@@ -230,6 +231,15 @@ def test_interpolated_wavefronts_are_those_of_rays_in_every_cell(name, degrees, 
     assert quick.flux.sum() == pytest.approx(traced.flux.sum(), rel=1e-4)
     assert abs(quick.coverage - traced.coverage).max() < 0.1
     assert strehl(quick).at_peak == pytest.approx(strehl(traced).at_peak, rel=1e-3)
+
+
+@pytest.mark.parametrize("across", [40, 41])
+def test_half_of_an_even_pupil_says_what_all_of_its_cells_do(across: int) -> None:
+    whole, half = (ExitRays(load_lens("tessar-100mm"), Beam(12.0), 550.0, 190.0) for _ in range(2))
+    whole.is_even = False
+    for name in ("cosines_x", "coverage", "density", "waves", "waves_on_sphere"):
+        expected, found = (getattr(rays.on_grid(across), name) for rays in (whole, half))
+        np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max(), err_msg=name)
 
 
 def test_radii_of_light_have_no_steps() -> None:

@@ -13,7 +13,7 @@ from rptcam_cl.optics.irradiance import film_irradiance, lens_info
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.optics.pupils import pupil_shapes
-from tests.support.cases import one_in
+from tests.support.cases import one_in, slow
 
 STOPS = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0]
 # of light, to that of first-order optics, where the pupil is so small that only its real place off it counts
@@ -96,7 +96,7 @@ def test_a_lens_stopped_down_has_the_light_of_first_order_optics(name):
     assert all(b < a * 1.001 for a, b in pairwise(values))
 
 
-@pytest.mark.parametrize("name", ["dgauss-50mm", "biotar-58mm", "telephoto-250mm"])
+@pytest.mark.parametrize("name", ["dgauss-50mm", slow("biotar-58mm"), slow("telephoto-250mm")])
 def test_a_cover_glass_before_the_film_takes_no_light(name):
     bare, covered = load_lens(name), behind_glass(name)
     for f_number, value in lights(bare, film_distance(bare, np.inf)).items():

@@ -12,6 +12,7 @@ from rptcam_cl.optics.irradiance import film_irradiance, image_circle, lens_info
 from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.surface import Surface
+from tests.support.cases import slow
 
 
 @pytest.mark.parametrize(
@@ -30,7 +31,7 @@ def test_image_circle_of_the_assignment_lenses(name, film, radius):
     assert not fan_passes(lens, film, circle * 1.001) and fan_passes(lens, film, circle * 0.9995)
 
 
-@pytest.mark.parametrize(("f_number", "middle"), [(11.0, True), (12.5, False), (13.0, False)])
+@pytest.mark.parametrize(("f_number", "middle"), [slow(11.0, True), (12.5, False), slow(13.0, False)])
 def test_image_circle_of_a_mirror_lens_ends_with_its_crescents_and_not_in_a_dark_middle(f_number, middle):
     lens = load_lens("mirror-500mm")
     lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number))

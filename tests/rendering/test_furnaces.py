@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.rendering.pictures import MATTE, WHITE, flat_mean, looking, pixels, scene_of, seed_of
-from tests.support.cases import fast
+from tests.support.cases import fast, slow
 from tests.support.statistics import assert_equivalent
 
 SQUASH = [{"scale": [1.0, 0.5, 0.7]}, {"rotate": {"axis": [1, 2, 3], "degrees": 40}}]
@@ -181,7 +181,7 @@ def test_every_sample_in_a_cavity_is_the_truncated_series(radius, reflectance, d
     np.testing.assert_allclose(film, expected, rtol=2e-6 + 1e-6 * depth)
 
 
-@pytest.mark.parametrize("roulette", [1, 2, 4])
+@pytest.mark.parametrize("roulette", [1, slow(2), slow(4)])
 def test_roulette_changes_no_mean(roulette):
     series = sum(0.8**k for k in range(1, 12))
     mean, error = flat_mean(lit_cavity(1.0, 0.8, 12, roulette), f"roulette {roulette}", spp=2000)

@@ -85,7 +85,6 @@ def bare() -> rptcam_cl.Image:
     return rptcam_cl.render(scene(sun(10.0)))
 
 
-@pytest.mark.slow
 def test_a_sun_has_the_ghosts_of_the_lens() -> None:
     image = rptcam_cl.render(scene(sun(10.0), lens=MANY_PAIRS))
     total, y = expected(image, Beam(10.0), lens=load_lens(MANY_PAIRS))
@@ -155,7 +154,7 @@ def test_a_sun_outside_of_the_frame_has_ghosts_within(session: Session) -> None:
     assert image["ghosts"][..., 1].sum(dtype=np.float64) == pytest.approx(IRRADIANCE * total * left, rel=5e-3)
 
 
-@pytest.mark.parametrize(("name", "degrees"), [("fisheye-10mm", 30.0), slow("zoom-70-200mm", 3.0)])
+@pytest.mark.parametrize(("name", "degrees"), [slow("fisheye-10mm", 30.0), slow("zoom-70-200mm", 3.0)])
 def test_a_small_opening_behind_a_wide_front_has_its_ghosts(name: str, degrees: float, session: Session) -> None:
     image = ghosts_alone(session, scene(sun(degrees), lens=name, f_number=16))
     lens = load_lens(name)
@@ -207,7 +206,7 @@ def test_ghosts_take_the_shape_of_the_stop() -> None:
 @pytest.mark.parametrize(
     ("written", "coating", "purple"),
     [
-        ("mgf2", MAGNESIUM_FLUORIDE, True),
+        slow("mgf2", MAGNESIUM_FLUORIDE, True),
         slow({"layers": [{"index": 1.38, "thickness_nm": 70}]}, QuarterWave(1.38, 386.4), False),  # for violet: yellow
         slow(METAL, LayerStack((Layer(1.46, 70.0), Layer(0.9, 3.0, 2.6))), True),
         slow(THREE, LayerStack((Layer(1.38, 99.6), Layer(2.1, 131.0), Layer(1.7, 80.9))), True),

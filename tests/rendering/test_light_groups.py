@@ -87,6 +87,7 @@ def test_passes_have_the_bits_of_the_stream(picture, monkeypatch):
     assert all(np.array_equal(passes[name], picture[name]) for name in picture.layers)
 
 
+@pytest.mark.slow
 def test_a_denoised_film_keeps_the_layers(picture):
     pytest.importorskip("pyoidn")
     smooth = rc.render(SCENE, denoise=True, layers=["depth", "lights"])

@@ -50,6 +50,7 @@ def error(film: Film, truth: Film) -> float:
     return float(np.mean((shown - true) ** 2) / np.mean(true**2))
 
 
+@pytest.mark.slow
 def test_denoised_picture_is_nearer_to_the_finished_one_and_changes_less_with_samples() -> None:
     with RenderSession(scene()) as session:
         few = session.take(2)

@@ -33,7 +33,7 @@ DARK = EVEN + "exposure: auto\n"
     [
         slow(BLIND, {"camera.focus.distance_m": 1.0}),
         (DARK, {"exposure": "relative"}),
-        (BLIND + "exposure: auto\n", {"camera.focus.distance_m": 1.0, "exposure": "relative"}),
+        slow(BLIND + "exposure: auto\n", {"camera.focus.distance_m": 1.0, "exposure": "relative"}),
         (SCENE, {}),
     ],
     ids=["no contrast", "no light", "neither", "both"],
@@ -80,7 +80,8 @@ LAMP = "lights: [{kind: point, position: [1, 1, 1], intensity: 5}]"
 NIGHT = SCENE.replace("environment: {kind: constant, radiance: [0.4, 0.5, 0.6]}", LAMP)
 
 
-@pytest.mark.parametrize("automatic", [True, slow(False)])
+@pytest.mark.slow
+@pytest.mark.parametrize("automatic", [True, False])
 def test_camera_may_be_turned_into_the_dark_and_back(tmp_path: Path, automatic: bool) -> None:
     path = tmp_path / "night.yaml"
     path.write_text(NIGHT)

@@ -12,6 +12,7 @@ from PIL import Image
 
 import rptcam_cl
 from rptcam_cl.cli import main
+from tests.support.cases import slow
 from tests.viewfinder.page_client import SCENE, Page, at_rest, page, reset_page, serving, serving_text
 
 
@@ -176,7 +177,7 @@ def test_a_sequence_of_the_file_opens_as_it_stands_and_is_shown_frame_by_frame(f
 COMING = [{"time_s": 0, "translate": [0, 0, -2]}, {"time_s": 1, "translate": [0, 0, 0]}]
 
 
-@pytest.mark.parametrize("continuous", [True, False])
+@pytest.mark.parametrize("continuous", [True, slow(False)])
 def test_each_frame_has_the_focus_that_frames_find_for_it(folder: Path, continuous: bool) -> None:
     scene = yaml.safe_load(SCENE)
     scene["camera"]["focus"] = {"auto": {"method": "depth"}}

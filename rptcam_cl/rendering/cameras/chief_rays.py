@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.beams import ChiefRays, aimed_rays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.charts import add_key, new_chart, series, styled
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.lens import Lens, film_distance, focus_reach_mm, nearest_object_distance, shift_of
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission
-from rptcam_cl.rendering.cameras.pupil import FilmGrid
+from rptcam_cl.rendering.cameras.pupil import FilmGrid, by_content
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, half_film_mm
 from rptcam_cl.scene.scene import Scene
 
@@ -154,7 +155,7 @@ class TracedRays(CameraRays):
         """Aims and rays at the nodes."""
         sides = np.linspace(-self._reach, self._reach, NODES)
         nodes = np.stack(np.meshgrid(sides, sides), axis=-1).reshape(-1, 2)
-        rays = film_chief_rays(self._lens, self._film(nodes), self._nm)
+        rays = _grid_rays(self._lens, self._film(nodes), self._nm)
         values = np.where(rays.found[:, None], np.hstack([rays.aims, *self._in_camera(rays)]), np.nan)
         return FilmGrid(values.reshape(NODES, NODES, -1), self._reach)
 
@@ -195,6 +196,9 @@ class TracedRays(CameraRays):
     def _in_camera(self, rays: ChiefRays) -> tuple[Array, Array]:
         """Return origins [m] and directions in the frame of the camera."""
         return (rays.origins - [0.0, 0.0, self._lens.film_z(self._back)]) * 1e-3, rays.directions
+
+
+_grid_rays = remember(most=8, by=lambda lens, points, nm: by_content(lens, points.tobytes(), nm))(film_chief_rays)
 
 
 def _keep_rays(rays: tuple[Array, Array], keep: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -89,7 +89,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind in ("rise", "zoom"))) for kind in KINDS]
+    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind in ("pose", "rise", "zoom"))) for kind in KINDS]
 )
 def test_frames_make_anew_what_is_drawn_alone(
     kind: str, work: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

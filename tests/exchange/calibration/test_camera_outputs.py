@@ -64,7 +64,7 @@ def test_failure_while_the_last_file_is_written_leaves_none(tmp_path, capsys, mo
     monkeypatch.setattr("rptcam_cl.exchange.camera_maps.vignetting_exr", fail)
     files = {"opencv": "cv.yaml", "vignetting": "v.exr", "colmap": "model"}
     words = [word for name, file in files.items() for word in (f"--{name}", str(tmp_path / file))]
-    assert main(["camera", "dgauss-50mm", "--size", "24x16", *words]) == StateError.exit_code
+    assert main(["camera", "achromat-100mm", "--size", "24x16", *words]) == StateError.exit_code
     assert "v.exr: cannot be written: No space left on device" in capsys.readouterr().err
     assert names_in(tmp_path) == []
 

@@ -220,7 +220,7 @@ def test_spoilt_scenes_are_converted_or_refused_in_one_line(tmp_path: Path) -> N
     words = ["[", "]", '"', "#", "-1", "0", "1e30", "nan", "AttributeEnd", '"float"', '"rgb L"', "Shape", "\\", "é"]
     source = tmp_path / "in.pbrt"
     outcomes = {"converted": 0, "refused": 0}
-    for _ in range(400):
+    for _ in range(200):
         text = TREE
         for _ in range(rng.randint(1, 2)):
             at = rng.randrange(len(text))

@@ -11,6 +11,7 @@ from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays
+from tests.support.cases import slow
 
 WIDTH = 96
 DISTANCE_M = 2.0
@@ -98,7 +99,7 @@ def test_metadata_tells_degree_and_errors():
         ({"transmission": {"fresnel": True}}, "camera.rays: fitted rays know no losses"),
         ({"precision": "double"}, "camera.rays: fitted rays are float32"),
         ({"pupil": "rear"}, "camera.rays: fitted rays hold for the true pupil alone"),
-        ({"lens": "anamorphic-100mm"}, "camera.rays: .* not the same from every azimuth; use traced"),
+        slow({"lens": "anamorphic-100mm"}, "camera.rays: .* not the same from every azimuth; use traced"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(keys, why):

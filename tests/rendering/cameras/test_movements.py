@@ -155,6 +155,7 @@ def test_rays_of_ideal_cameras_meet_in_scheimpflugs_plane(session, kind):
     assert inside.min() > -1e-3 and inside.max() < 1 + 1e-3
 
 
+@pytest.mark.slow
 def test_a_tilted_lens_is_sharp_in_the_plane_of_first_order_optics(session):
     """A real lens: rays of small film areas meet in the tilted plane, and spread far there without tilt."""
     focus = {"distance_m": 2.5}

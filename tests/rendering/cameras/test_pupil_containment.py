@@ -193,7 +193,7 @@ def passing_stopped_down(name):
 @pytest.mark.parametrize(
     ("name", "tier"),
     [
-        pytest.param(*case, marks=() if case[0] in ("dgauss-50mm", "wide-22mm") else pytest.mark.slow)
+        pytest.param(*case, marks=() if case[0] == "dgauss-50mm" else pytest.mark.slow)
         for case in STOPPED
     ],
 )

@@ -54,7 +54,7 @@ def lost_and_passing(scene: Scene, sampling: PupilSampling) -> tuple[float, floa
         slow("retrofocus-35mm", 28, 0.5, "thick", False),
         slow("zoom-70-200mm", 30, 3, "thick", False),
         slow("double-gauss-50mm-f1.1", 28, 1, "thick", False),
-        ("double-gauss-50mm-f1.1", 36, 1, "thick", True),  # no chief ray comes from the corners
+        slow("double-gauss-50mm-f1.1", 36, 1, "thick", True),  # no chief ray comes from the corners
     ],
 )
 def test_a_cell_holds_the_pupils_of_all_its_states(
@@ -179,7 +179,7 @@ def test_light_on_the_axis_is_that_of_a_state_with_its_own_table(colour: Any) ->
 @pytest.mark.parametrize(
     "lens, camera",
     [
-        ("anamorphic-100mm", {}),
+        pytest.param("anamorphic-100mm", {}, marks=pytest.mark.slow),
         ("mirror-500mm", {}),
         ("dgauss-50mm", {"movements": {"tilt_degrees": 3}}),
         ("dgauss-50mm", {"focus": {"film_distance_mm": 20.0}}),

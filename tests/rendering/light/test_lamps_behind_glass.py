@@ -126,7 +126,7 @@ ENDLESS = {"shape": "plane", "point": [0, 0, 1], "normal": [0, 0, 1], "material"
     ("objects", "rest", "within"),
     [
         ([SHINY, WALL, pane(0.8, THIN)], SUNNY, 1e-3),
-        ([FLOOR, pane(0.8, THIN), ENDLESS, ball(0.5, LAMP, (0.9, 0, 1.6))], {}, 0.05),
+        slow([FLOOR, pane(0.8, THIN), ENDLESS, ball(0.5, LAMP, (0.9, 0, 1.6))], {}, 0.05),
     ],
 )
 def test_light_that_photons_do_not_bring_comes_as_without_them(objects, rest, within):

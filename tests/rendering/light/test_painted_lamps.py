@@ -43,7 +43,7 @@ def folder(tmp_path: Path) -> Path:
 def assert_irradiance(folder, lamp, expected, name) -> None:
     camera = looking([-0.1, -0.1, 0.03], [0, 0, 0], fov=0.0002)
     scene = load_scene(scene_of([GROUND, lamp, *SPECKS], camera, depth=2, resolution=(64, 64)), base_dir=folder)
-    film = np.pi * np.asarray(rptcam_cl.render(scene, spp=512, seed=seed_of(name)), np.float64).reshape(-1, 3)
+    film = np.pi * np.asarray(rptcam_cl.render(scene, spp=128, seed=seed_of(name)), np.float64).reshape(-1, 3)
     assert_equivalent(film.mean(axis=0), film.std(axis=0) / 64, expected, 0.01 * expected)
 
 

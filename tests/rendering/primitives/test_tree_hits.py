@@ -62,7 +62,7 @@ def test_hits_are_those_of_the_loop(session, monkeypatch, rays, lanes):
 
 
 @pytest.mark.parametrize("rays", RAYS)
-@pytest.mark.parametrize("start", ["there", "at the eye"])
+@pytest.mark.parametrize("start", [slow("there"), "at the eye"])
 def test_hits_far_from_the_eye_are_those_of_the_loop(session, monkeypatch, rays, start):
     rng = rng_of(f"far {rays} {start}")
     tree, loop = both(session, monkeypatch, crowd(rng, 150, FAR))

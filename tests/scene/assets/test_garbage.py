@@ -59,7 +59,7 @@ def test_any_bytes_are_read_or_refused(tmp_path: Path, suffix: str, content: byt
     check(path)
 
 
-@settings(max_examples=600, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(VALID), st.data())
 def test_mutated_file_is_read_or_refused(tmp_path: Path, valid: tuple[str, bytes], data: st.DataObject) -> None:
     suffix, content = valid

@@ -57,6 +57,7 @@ def coverage(trials, scale, rendered=EVERY, every=EVERY, seed=0):
     return {name: count / trials for name, count in found.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.015])
 def test_intervals_hold_the_truth_as_often_as_they_say(scale):
     found = coverage(TRIALS, scale)
@@ -93,7 +94,7 @@ def test_light_that_no_two_pictures_miss_in_the_same_pixel_is_missing_all_the_sa
 
 @pytest.mark.parametrize("fall", [slow(1.0), 1.5])
 def test_fall_of_noise_is_found(fall):
-    rng, trials = np.random.default_rng(8), 40
+    rng, trials = np.random.default_rng(8), 20
     found = [measured(rng, np.zeros(EVERY * PER_TILE), EVERY, EVERY, 200, fall)[1] for _ in range(trials)]
     truth = NOISE / (1 + EDGE**2)
     for holding in (
