@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rptcam_cl
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.waves import pupil_function, transfer
@@ -98,7 +99,11 @@ def main() -> None:
         for f_number in map(float, given.f_numbers.split(",")):
             for degrees in map(float, given.degrees.split(",")):
                 for along in (False, True):
-                    found, exact = errors(lens, f_number, degrees, along, "off" if given.off else "on")
+                    try:
+                        found, exact = errors(lens, f_number, degrees, along, "off" if given.off else "on")
+                    except InputError as problem:  # that field lies beside the film
+                        print(lens, f_number, degrees, along, problem, flush=True)
+                        continue
                     print(lens, f_number, degrees, along, np.round(exact, 3), np.round(found - exact, 3), flush=True)
 
 

@@ -734,11 +734,14 @@ def blur_of_zones(
         return shown, np.array(means)
 
     def blur(lens: Lens, film_mm: float) -> Blur:
+        nothing = Blur(math.inf, np.full(2 * len(layouts), math.inf), 0.0, [])
+        if not film_mm > 0:
+            return nothing
         closed = lens.with_stop_diameter(2 * CLOSED * lens.surfaces[lens.stop_index or 0].semi_diameter)
         try:
             (shown, light), (sharp, _) = pictures(lens, film_mm, "on"), pictures(closed, film_mm, "off")
-        except InputError:  # no light, or a film within the lens
-            return Blur(math.inf, np.full(2 * len(layouts), math.inf), 0.0, [])
+        except (InputError, ArithmeticError):  # no light, or no lens at all
+            return nothing
         if not first:
             first.append(light)
         lacking = 100 * np.clip(1 - light / np.where(first[0] > 0, first[0], 1.0), 0.0, None) / math.sqrt(len(light))

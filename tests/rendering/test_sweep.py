@@ -13,10 +13,13 @@ from rptcam_cl.api.job import SeriesRenderer
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.scene.changes import set_keys
+from tests.rendering.pictures import MATTE, WHITE, looking, scene_of
 from tests.rendering.test_world import still_life
 
 OVER = {"camera.fov_degrees": [30, 50.0], "picture.ev": [0, 1, 2]}
 OPTIONS = {"size": (24, 16), "spp": 2, "seed": 5}
+BALL = {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": MATTE}
+SMALL = scene_of([BALL], looking([0, -4, 0], [0, 0, 0]), environment=WHITE)
 
 
 @pytest.fixture
@@ -180,7 +183,7 @@ def test_what_follows_the_film_is_another_picture(tmp_path):
 def test_film_without_the_layers_of_the_scene_is_made_anew(tmp_path):
     kept = []
     for layers in ([], ["depth"], ["depth"]):
-        scene = set_keys(rptcam_cl.load_scene(still_life()), {"render.layers": layers})
+        scene = set_keys(rptcam_cl.load_scene(SMALL), {"render.layers": layers})
         (entry,) = rptcam_cl.sweep(scene, {"camera.fov_degrees": [30]}, tmp_path / "out", **OPTIONS)
         kept.append(entry.kept)
     assert kept == [False, False, True]
