@@ -176,7 +176,10 @@ class Draw:
                 self.add(cube(*ROOM), {"kind": "matte", "reflectance": 0.0}, black)
             self.ours["medium"], self.outside = own, {"exterior": other}
             self.sensor["medium"] = other
-        self._fill() if seed < SKIN else self._model(seed >= HAIR)
+        if seed < SKIN:
+            self._fill()
+        else:
+            self._model(seed >= HAIR)
         self._shine()
 
     def add(self, shape: Pair, own: dict[str, Any], other: dict[str, Any]) -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import os
 import re
 import tempfile
 import time
 import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -44,7 +43,7 @@ def kernel_parameters(source: str) -> dict[str, tuple[str, ...]]:
     macros: _Macros = {}
     parameters: dict[str, tuple[str, ...]] = {}
     head = ""
-    for line in _active_lines(itertools.chain.from_iterable(map(_heads, source.split("\n#line "))), macros):
+    for line in _active_lines(_COMMENT.sub(" ", source), macros):
         if head or line.lstrip().startswith("__kernel"):
             head += f" {line}"
             if "{" in line:
@@ -55,36 +54,17 @@ def kernel_parameters(source: str) -> dict[str, tuple[str, ...]]:
     return parameters
 
 
-_Line = tuple[str, str]  # word of a directive, and what follows it; or nothing, and a line
-
-
-def _read_lines(text: str) -> Iterator[_Line]:
-    for line in _COMMENT.sub(" ", text).splitlines():
-        directive = _DIRECTIVE.match(line) if "#" in line else None  # most lines have none, and a look costs less
-        yield ("", line) if directive is None else (directive[1], directive[2])
-
-
-@lru_cache(maxsize=2048)
-def _heads(part: str) -> tuple[_Line, ...]:
-    """Return the directives and the heads of kernels of a part of a program; programs have most parts in common."""
-    lines, within = [], False
-    for word, rest in _read_lines(part):
-        within = within or (not word and rest.lstrip().startswith("__kernel"))
-        if word or within:
-            lines.append((word, rest))
-        within = within and (bool(word) or "{" not in rest)
-    return tuple(lines)
-
-
-def _active_lines(lines: Iterable[_Line], macros: _Macros) -> Iterator[str]:
+def _active_lines(text: str, macros: _Macros) -> Iterator[str]:
     """Yield the lines that conditions leave; keep ``macros`` as they are at each of them."""
     taken: list[tuple[bool, bool]] = []  # of each open condition: whether its branch at hand is in, and any before it
     active = True  # all of them are in
-    for word, rest in lines:
-        if not word:
+    for line in text.splitlines():
+        directive = _DIRECTIVE.match(line) if "#" in line else None  # most lines have none, and a look costs less
+        if directive is None:
             if active:
-                yield rest
+                yield line
             continue
+        word, rest = directive.groups()
         if word in ("if", "ifdef", "ifndef"):
             holds = active and _holds(rest if word == "if" else f"{'!' * (word == 'ifndef')}defined({rest})", macros)
             taken.append((holds, holds))

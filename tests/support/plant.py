@@ -359,10 +359,10 @@ def compiled_lines(source: str) -> dict[str, set[int]]:
         directive = directive or line.lstrip().startswith("#")
         marked.append(line if directive else f"@{path}:{number}@ {line}")
         directive = directive and line.endswith("\\")
-    from rptcam_cl.device.programs import _active_lines, _read_lines
+    from rptcam_cl.device.programs import _COMMENT, _active_lines
 
     lines: dict[str, set[int]] = defaultdict(set)
-    for line in _active_lines(_read_lines("\n".join(marked)), {}):
+    for line in _active_lines(_COMMENT.sub(" ", "\n".join(marked)), {}):
         if at := re.match(r"@(.+):(\d+)@", line):
             lines[at[1]].add(int(at[2]))
     return lines
