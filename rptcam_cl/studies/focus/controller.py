@@ -600,16 +600,24 @@ def search(task: Task, method: str) -> FocusReport:
     aimed = contrast.aim(task) if method in AIMED else None
     if aimed is None:
         return METHODS[method](task)
-    near, zones = aimed
-    parts = replace(task, zones=zones)
-    try:
-        report = METHODS[method](replace(parts, near=near, reach=AIMED_REACH))
-    except NoContrast as problem:
-        if problem.is_flat:  # rays through all glass and by all mirrors lead there: elsewhere it is no sharper
-            raise
-        report = METHODS[method](parts)
-    notes = {**report.notes, "part": list(astuple(report.zone))}  # of the zone, that shows what rays lead to
-    return replace(report, zone=task.zones[zones.index(report.zone)], zones=task.zones, notes=notes)
+    near, parts = aimed
+    nearby = replace(task, zones=parts, near=near, reach=AIMED_REACH)
+    failure: NoContrast | None = None
+    # Of what is even only its edge can be sharp, which parts of zones leave out.
+    whole = [replace(nearby, zones=task.zones)] if parts != task.zones else []
+    for attempt in (nearby, *whole, replace(task, zones=parts)):
+        if failure is not None and failure.is_flat and attempt.near != near:
+            break  # rays through all glass and by all mirrors lead there: elsewhere it is no sharper
+        try:
+            report = METHODS[method](attempt)
+        except NoContrast as problem:
+            failure = failure if failure is not None and failure.is_flat else problem
+            continue
+        notes = {**report.notes, "part": list(astuple(report.zone))}  # of the zone, that shows what rays lead to
+        zone = task.zones[attempt.zones.index(report.zone)]
+        return replace(report, zone=zone, zones=task.zones, notes=notes)
+    assert failure is not None
+    raise failure
 
 
 def focused_scene(scene: Scene, report: FocusReport) -> Scene:

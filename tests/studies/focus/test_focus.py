@@ -13,6 +13,7 @@ from rptcam_cl.studies.focus.renderer import ProbeRenderer
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, scene_of, target
 from tests.studies.focus.test_probe import THIN, with_group
 from tests.support.cases import fast, slow
+from tests.support.pages import ROOT
 
 OFF = Zone(0.24, 0.29, 0.3, 0.375)
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -121,6 +122,13 @@ def test_walk_of_the_paper_ends_on_the_slope_towards_the_focus():
     values = [probe.value for probe in report.probes]
     found = next(probe for probe in report.probes if probe.film_distance_mm == report.film_distance_mm)
     assert found.value == max(values)
+
+
+@pytest.mark.parametrize("method", ["contrast", slow("laplacian"), slow("phase"), slow("hybrid")])
+def test_even_ball_is_found_by_its_edge(method):
+    # The front of the ball is 24.5 units away, its rim, which bounds it in the picture, 24.99.
+    report = rptcam_cl.autofocus(ROOT / "examples" / "paper" / "autofocus.yaml", method)
+    assert 24.5e-3 < report.focus_distance_m < 25.3e-3
 
 
 NEAR_AND_FAR = [target(1.0, 0.6, noise(120), x=-0.62), target(3.0, 3.0, noise(300), x=3.01)]
