@@ -571,7 +571,8 @@ _ROUNDS = 120
 _DAMPING = 1e-3
 _NEAR = 1e-9  # the same for a start that leaves little
 _SMALL = 1e-13  # share of the error by which a step has to improve it
-_TOO_HIGH = 1e12  # damping at which no step helps any more
+# Damping at which no step helps any more, and below which dependent parameters may leave equations singular.
+_TOO_HIGH, _TOO_LOW = 1e12, 1e-12
 
 
 @dataclass(frozen=True)
@@ -878,7 +879,7 @@ def _least_squares(
         else:
             break
         done = cost - improved <= _SMALL * cost
-        parameters, error, cost, damping = trial, new, improved, max(damping / 10, 1e-15)
+        parameters, error, cost, damping = trial, new, improved, max(damping / 10, _TOO_LOW)
         if done:
             break
     return parameters

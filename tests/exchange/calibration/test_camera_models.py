@@ -1,5 +1,7 @@
 """Camera models fitted to lenses: against chief rays traced the other way, OpenCV, and the formulas themselves."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,7 @@ from rptcam_cl.optics.beams import chief_ray, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.load import load_scene
 from tests.support.cases import slow
+from tests.support.pages import ROOT
 
 ALLOWED_PX = 0.05
 # Lens, model, size of the picture [pixels] and of the film [mm].
@@ -190,6 +193,12 @@ CAMERA = {
     "kind": "realistic", "lens": "dgauss-50mm", "eye": [1.0, 2.0, 3.0], "target": [1.0, 2.0, -4.0], "f_number": 8,
     "focus": {"distance_m": 1.0},
 }  # fmt: skip
+
+
+def test_terms_that_a_lens_does_not_need_leave_no_equations_unsolved(capsys):
+    burst = ROOT / "examples" / "zoom_burst.yaml"  # whose equations were singular to the last digit
+    assert main(["camera", str(burst), "--set", "shutter.open_s=1", "--model", "rational", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["models"]["rational"]["rms_px"] < 1e-4
 
 
 def test_shifted_and_cropped_films_move_the_principal_point():
