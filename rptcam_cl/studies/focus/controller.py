@@ -601,8 +601,7 @@ def search(task: Task, method: str) -> FocusReport:
     if aimed is None:
         return METHODS[method](task)
     near, parts = aimed
-    nearby = replace(task, zones=parts, near=near, reach=AIMED_REACH)
-    failure: NoContrast | None = None
+    nearby, failure = replace(task, zones=parts, near=near, reach=AIMED_REACH), None
     # Of what is even only its edge can be sharp, which parts of zones leave out.
     whole = [replace(nearby, zones=task.zones)] if parts != task.zones else []
     for attempt in (nearby, *whole, replace(task, zones=parts)):
@@ -614,10 +613,8 @@ def search(task: Task, method: str) -> FocusReport:
             failure = failure if failure is not None and failure.is_flat else problem
             continue
         notes = {**report.notes, "part": list(astuple(report.zone))}  # of the zone, that shows what rays lead to
-        zone = task.zones[attempt.zones.index(report.zone)]
-        return replace(report, zone=zone, zones=task.zones, notes=notes)
-    assert failure is not None
-    raise failure
+        return replace(report, zone=task.zones[attempt.zones.index(report.zone)], zones=task.zones, notes=notes)
+    raise failure or NoContrast
 
 
 def focused_scene(scene: Scene, report: FocusReport) -> Scene:
