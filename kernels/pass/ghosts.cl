@@ -24,7 +24,7 @@ static Landed through_lens(F3 p, F3 d, const __global Surface *surfaces, int cou
                            float film_distance)
 {
     LensPath path = enter_lens(p, d, ONE);
-    for (int k = 0; k < count; ++k)
+    for (int k = 0; k < count && ANY(MASK_OF(path.passed)); ++k)
         cross_surface(&path, surfaces + k, stop);
     F t = (film_distance - path.p.z) / path.d.z;
     Landed landed;
@@ -81,10 +81,10 @@ static F3 point_of_patch(const __global float4 *patch, F s, F t)
 }
 #endif
 
-static void enter_front(const __global float4 *source, uint number, uint rays, F3 *p, F3 *d, F *weight)
+static void enter_front(const __global float4 *source, uint number, uint rays, uint stride, F3 *p, F3 *d, F *weight)
 {
     float4 at = source[0], box = source[1];
-    U n = AS_U((I)((int)number) + LANES);
+    U n = (AS_U((I)((int)((ulong)number * stride % rays)) + LANES * (int)stride)) % rays;
     float4 first = source[3];
     F u = (TO_F(AS_I(n)) + first.x) / (float)rays;
     F v = step_of(n, GOLDEN, first.y);
@@ -134,6 +134,7 @@ __kernel void ghosts(const __global Surface *surfaces,       // in order of trav
                      const __global float4  *sources,        // [sources][SOURCE_ROWS]
                      uint                    source_count,
                      uint                    rays,           // of each source
+                     uint                    stride,         // from lane to lane, between neighbours of the lattice
                      float                   film_distance,  // behind the last vertex [mm]
                      float4                  pixels,         // column = x + y * film x, row = z + w * film y
                      uint2                   size,           // columns and rows of the film
@@ -147,7 +148,7 @@ __kernel void ghosts(const __global Surface *surfaces,       // in order of trav
     const __global float4 *lamp = sources + SOURCE_ROWS * source;
     F3 p, d;
     F weight;
-    enter_front(lamp, first - source * rays, rays, &p, &d, &weight);
+    enter_front(lamp, first - source * rays, rays, stride, &p, &d, &weight);
     Landed landed = through_lens(p, d, surfaces, count, stop, film_distance);
 #if GHOST_SCOUT
     uint all = source_count * rays;

@@ -6,6 +6,7 @@ result depends on the scene alone, not on samples, waves or devices that share t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -318,6 +319,7 @@ _SHARING = 0.7  # power to which ways share rays: between alike and by what each
 WIDTH, FINER = 1.7, 1.6  # of the spread of a way's light [pixels], by trial; ratio of one width to the next
 LEAST_SPREAD = 2  # steps from one pixel, below which the points of a sun would show
 STEP = LATTICE / (1 << 32)
+_NEIGHBOURS = (1, 3, 5, 7, 11, 13, 21, 29, 47, 55, 89, 123, 199, 233, 377, 521, 843, 987)  # of Fibonacci's and Lucas'
 _BAND = 32  # rows of a film that are spread at once
 PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])  # steps of the plane's plastic sequence (Roberts 2018)
 
@@ -409,6 +411,7 @@ class GhostFilm:
         launch = self.session.bind(
             self.programs[scout], "ghosts", surfaces=self.session.upload(surfaces), count=np.int32(len(surfaces)),
             stop=stop, sources=table, source_count=np.uint32(count), rays=np.uint32(rays),
+            stride=np.uint32(_stride(rays)),
             film_distance=np.float32(self.film_distance), pixels=self.to_pixels.tobytes(),
             size=np.array([self.columns, self.rows], np.uint32).tobytes(), film=out,
         )  # fmt: skip
@@ -457,7 +460,7 @@ class GhostFilm:
         if not len(lit):
             return narrow
         inside = self._land(way, opening, lit, boxes[lit], scouts)[2] > 0
-        numbers = np.arange(scouts, dtype=np.uint64)
+        numbers = np.arange(scouts, dtype=np.uint64) * _stride(scouts) % scouts
         u = (numbers + 0.5) / scouts
         v = ((numbers * LATTICE % (1 << 32)) >> 8).astype(np.float64) / (1 << 24)
         for source, hit in zip(lit, inside, strict=True):
@@ -545,6 +548,12 @@ class GhostFilm:
             units = session.read(words, "<i8", film.size).astype(np.float32)
             film += _spread_light(units.reshape(film.shape), FINER**steps)
         return film * (largest / ONE_LIGHT * self.value)
+
+
+def _stride(rays: int) -> int:
+    """Return the step between numbers of rays that are neighbours in the lattice, and that leads to all of them."""
+    steps = [step for step in _NEIGHBOURS if math.gcd(step, rays) == 1]
+    return min(steps, key=lambda step: (step / rays) ** 2 + (step * STEP - round(step * STEP)) ** 2)
 
 
 def _shifts(numbers: NDArray[np.intp], rays: int) -> Array:
