@@ -278,7 +278,7 @@ ONE_LIGHT = float(1 << 36)  # units of the device's whole numbers
 # What some rays say of the light of ghosts by a pair of surfaces: where it enters, how much arrives, and where.
 
 MORE = 4  # times as many over the whole front, where the opening is small in it
-_SECOND_SCOUTS = 4096  # of all sources and wavelengths of a way, where the first have found light
+_SECOND_SCOUTS = 6144  # of all sources and wavelengths of a way, where the first have found light
 CELLS = (24, 16)  # columns and rows of the coarse film by which rays are shared out
 
 
@@ -299,7 +299,7 @@ class Scouted:
     largest : float
         Largest share of a ray's light that arrives.
     by_source : (n,) array
-        Of each source, all that it brings, in any unit.
+        Share of each source in each wavelength's flux, added up.
     """
 
     boxes: Array
@@ -351,6 +351,8 @@ class GhostFilm:
         self.value = plan.camera.metadata["values_per_irradiance"] / pixel_mm2  # of 1 W/m2 over 1 mm2
         self.shape = (self.rows, self.columns, 3)
         places, patches = self.sources.places, self.sources.patches
+        whole = np.concatenate([patches.base, patches.first, patches.second], axis=1)
+        self.lamp_of = np.unique(whole, axis=0, return_inverse=True)[1].ravel()
         pencils, sized = int(self.sources.mirrored > 0), int(patches.first.any())
         self.light_rows = np.concatenate([places[:, :4], patches.rows()[:, : 20 * sized], places[:, 4:]], axis=1)
         facts = self.lenses[0][0].facts | {"VW": session.lanes, "DOUBLE": 0}
@@ -444,9 +446,9 @@ class GhostFilm:
             at = [(place[hits] * cell / size).astype(int)
                   for place, cell, size in ((y, CELLS[1], self.rows), (x, CELLS[0], self.columns))]  # fmt: skip
             brought = share * area * np.abs(light).sum(axis=1)[:, None]
+            brought /= max(float(brought.sum()), 1e-300)
             by_source[lit] += brought.sum(axis=1)
-            carried = brought[hits]
-            np.add.at(cells[..., record], tuple(at), carried / max(float(carried.sum()), 1e-300))
+            np.add.at(cells[..., record], tuple(at), brought[hits])
             sent, arrived = sent + sample * len(own), arrived + int(hits.sum())
             largest = max(largest, float(share.max()))
         return Scouted(boxes, flux, cells, max(arrived / max(sent, 1), 1e-3), largest, by_source)
@@ -518,6 +520,12 @@ class GhostFilm:
         scale = total / sum(float(weight.sum()) for weight in weights.values())
         return {way: scale * weight for way, weight in weights.items()}
 
+    def _needs(self, by_source: Array) -> Array:
+        """How many rays sources want, in any unit: the patches of a lamp equally many, so that they are even together."""
+        lamp, patches = self.lamp_of, np.bincount(self.lamp_of)
+        light = np.bincount(lamp, by_source) / patches
+        return np.asarray((np.maximum(light, _FAINTEST * light.max()) ** _SHARING_LAMPS)[lamp])
+
     def _spread_steps(self, one: Scouted, rays: float) -> int:
         """Return over how many steps of `FINER` from one pixel the light of a way is spread, which has got some rays.
 
@@ -540,7 +548,7 @@ class GhostFilm:
                 boxes = one.boxes[lit]
                 if not len(boxes):
                     continue
-                needs = np.maximum(one.by_source[lit], _FAINTEST * one.by_source.max()) ** _SHARING_LAMPS
+                needs = self._needs(one.by_source)[lit]
                 counts = self._whole_groups(shared[way][record] * needs / needs.sum())
                 weights = light[lit] * (boxes[:, 2] * boxes[:, 3] / counts)[:, None]
                 brightest = 4.0 * one.largest * float(np.abs(weights).max())  # a ray may bring more than scouts
