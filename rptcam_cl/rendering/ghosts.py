@@ -521,7 +521,7 @@ class GhostFilm:
         return {way: scale * weight for way, weight in weights.items()}
 
     def _needs(self, by_source: Array) -> Array:
-        """How many rays sources want, in any unit: the patches of a lamp equally many, so that they are even together."""
+        """How many rays sources want, in any unit: patches of a lamp equally many, so that they are even together."""
         lamp, patches = self.lamp_of, np.bincount(self.lamp_of)
         light = np.bincount(lamp, by_source) / patches
         return np.asarray((np.maximum(light, _FAINTEST * light.max()) ** _SHARING_LAMPS)[lamp])
