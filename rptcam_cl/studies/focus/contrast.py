@@ -368,9 +368,7 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
     if start is not None and not peak.inside and abs(peak.place - probes.ends[0]) > 1e-9 * abs(peak.place):
         raise no_contrast("it still gets sharper where it was searched")
     if peak.place >= probes.ends[1] - 1e-9 * abs(probes.ends[1]):
-        raise NoContrast(
-            "what the zone shows is too near: it still gets sharper where the focus ends; it stays as it was"
-        )
+        raise NoContrast("what the zone shows is too near: it still gets sharper where the focus ends; that stays")
     return peak, zone
 
 
