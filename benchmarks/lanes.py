@@ -35,7 +35,7 @@ WARP, SECTOR = 32, 8  # lanes; slots whose field a card reads together, 32 bytes
 SEARCHES = ("intersect", "travel")
 WIDTH = 160  # of an example [pixels]
 
-Counts = dict[str, NDArray[np.int64]]  # by pass and order: working lanes, their warps, kinds in those, sectors
+Counts = dict[str, NDArray[np.int64]]  # by pass and order: working lanes, their warps, kinds in those, sectors, items
 
 
 def scene_of(name: str) -> Scene:
@@ -63,7 +63,7 @@ class Counting:
         self._session, self._plan = session, make_plan(scene)
         self._wavefront = Wavefront(session, self._plan, FilmLayout.of(scene.film), scene.render)
         self._kinds = self._plan.materials["kind"][self._plan.primitives["material"]].astype(int)
-        self.counts: Counts = defaultdict(lambda: np.zeros(4, int))
+        self.counts: Counts = defaultdict(lambda: np.zeros(5, int))
         self._depth, self._living = 0, np.array([], bool)
         launches = self._wavefront._launches
         self._run, launches.run = launches.run, self._counted  # type: ignore[method-assign]
@@ -102,7 +102,7 @@ class Counting:
             works = fields["REACH"] > 0 if launch.name == "shadow" else self._living
             kinds = np.where(hit >= 0, self._kinds[np.maximum(hit, 0)], hit)
             for name, order in orders.items():
-                self.counts[f"{launch.name}, {name}"] += warps(order, works, kinds)
+                self.counts[f"{launch.name}, {name}"] += [*warps(order, works, kinds), items]
         self._run(launch, items)
 
 
@@ -117,12 +117,13 @@ def main() -> None:
     for name in options.scenes:
         counts = Counting(session, scene_of(name)).counts
         results[name] = {key: found.tolist() for key, found in counts.items()}
-        for key, (lanes, of_warps, kinds, sectors) in counts.items():
+        for key, (lanes, of_warps, kinds, sectors, items) in counts.items():
             share, mixed, read = lanes / of_warps / WARP, kinds / of_warps, sectors / lanes
-            rows.append([name, key, f"{share:.2f}", f"{of_warps}", f"{mixed:.2f}", f"{read:.2f}"])
+            launched = f"{items / lanes:.2f}"
+            rows.append([name, key, f"{share:.2f}", f"{of_warps}", f"{mixed:.2f}", f"{read:.2f}", launched])
     facts = machine(session.info)
     print_machine(facts)
-    columns = ("scene", "pass", "lanes that work", "warps", "kinds of material in a warp", "sectors a lane")
+    columns = ("scene", "pass", "lanes that work", "warps", "kinds of material", "sectors a lane", "items a lane")
     print_table("Lanes of a GPU's warps, first four samples", columns, rows)
     write_json(options.json, facts, results)
 

@@ -1,6 +1,6 @@
 // Sends light of sources through one way of a lens, whose surfaces stand in the order in which it meets them, and adds it
-// to the film. Every work item traces VW rays; a ray belongs to source (number % sources) and is a point of a lattice over
-// that source's box on the plane of the first vertex. Light is added as whole numbers of 64 bits, in two words with a
+// to the film. Every work item traces VW rays of one source; a ray is a point of a lattice over that source's box on the
+// plane of the first vertex, and its neighbours are traced beside it. Light is added as whole numbers of 64 bits, in two words with a
 // carry: such sums do not depend on their order. With GHOST_SCOUT nothing is added, and each ray's place on the film and
 // the share of its light that gets there are stored.
 #undef LENS_FRESNEL
@@ -24,7 +24,7 @@ static Landed through_lens(F3 p, F3 d, const __global Surface *surfaces, int cou
                            float film_distance)
 {
     LensPath path = enter_lens(p, d, ONE);
-    for (int k = 0; k < count; ++k)
+    for (int k = 0; k < count && ANY(MASK_OF(path.passed)); ++k)
         cross_surface(&path, surfaces + k, stop);
     F t = (film_distance - path.p.z) / path.d.z;
     Landed landed;
@@ -40,7 +40,7 @@ static Landed through_lens(F3 p, F3 d, const __global Surface *surfaces, int cou
 }
 
 // A source is x, y, z towards it or where it is [mm], w: 1 for a place; then its box: corner and sides; then its weights; then
-// where its lattice begins. With GHOST_PATCHES a patch of an emitter stands around that point, and rays come from all over
+// where its lattice begins; then its first work item, its rays, and the step between neighbours of the lattice. With GHOST_PATCHES a patch of an emitter stands around that point, and rays come from all over
 // it: base and map, two edges or radii with the bulge of a sun, a cell of the unit square, and the normal of a flat lamp over
 // the cosine that the weights have. With GHOST_PENCILS w may be 2, of light whose direction is that of x, y, z at the first
 // vertex; how it changes along x and y stands last.
@@ -50,9 +50,9 @@ static Landed through_lens(F3 p, F3 d, const __global Surface *surfaces, int cou
 #define PATCH_ROWS 0
 #endif
 #if GHOST_PENCILS
-#define SOURCE_ROWS (6 + PATCH_ROWS)
+#define SOURCE_ROWS (7 + PATCH_ROWS)
 #else
-#define SOURCE_ROWS (4 + PATCH_ROWS)
+#define SOURCE_ROWS (5 + PATCH_ROWS)
 #endif
 
 static inline F step_of(U n, uint step, float first)
@@ -81,17 +81,19 @@ static F3 point_of_patch(const __global float4 *patch, F s, F t)
 }
 #endif
 
-static void enter_front(const __global float4 *source, uint number, uint rays, F3 *p, F3 *d, F *weight)
+static void enter_front(const __global float4 *source, uint item, F3 *p, F3 *d, F *weight)
 {
     float4 at = source[0], box = source[1];
-    U n = AS_U((I)((int)number) + LANES);
+    uint rays = as_uint(source[4].y), stride = as_uint(source[4].z);
+    uint number = (item - as_uint(source[4].x)) * VW;
+    U n = AS_U((I)((int)(number * stride)) + LANES * (int)stride) & (rays - 1u);      // rays are a power of two
     float4 first = source[3];
     F u = (TO_F(AS_I(n)) + first.x) / (float)rays;
     F v = step_of(n, GOLDEN, first.y);
     *p = f3(box.x + u * box.z, box.y + v * box.w, ZERO);
     F3 from = f3_of(at);
 #if GHOST_PATCHES
-    const __global float4 *patch = source + 4;
+    const __global float4 *patch = source + 5;
     U4 h = hash4(n, (U)(0u), (U)(0u), (uint2)(as_uint(first.z), as_uint(first.w)));
     F s = step_of(n, PLASTIC_1, first.z) + JITTER * unit_float(h.a);
     F t = step_of(n, PLASTIC_2, first.w) + JITTER * unit_float(h.b);
@@ -108,7 +110,7 @@ static void enter_front(const __global float4 *source, uint number, uint rays, F
 #endif
 #if GHOST_PENCILS
     if (at.w > 1.0f) {
-        float4 by_x = source[4 + PATCH_ROWS], by_y = source[5 + PATCH_ROWS];
+        float4 by_x = source[5 + PATCH_ROWS], by_y = source[6 + PATCH_ROWS];
         away = f3(at.x + by_x.x * p->x + by_y.x * p->y, at.y + by_x.y * p->x + by_y.y * p->y,
                   at.z + by_x.z * p->x + by_y.z * p->y);
         length2 = dot3(away, away);
@@ -133,24 +135,31 @@ __kernel void ghosts(const __global Surface *surfaces,       // in order of trav
                      const __global real    *stop,           // shape of the stop
                      const __global float4  *sources,        // [sources][SOURCE_ROWS]
                      uint                    source_count,
-                     uint                    rays,           // of each source
+                     uint                    items,          // of all of them
                      float                   film_distance,  // behind the last vertex [mm]
                      float4                  pixels,         // column = x + y * film x, row = z + w * film y
                      uint2                   size,           // columns and rows of the film
                      __global uint          *film)           // [rows][columns][3] low and high words; or with GHOST_SCOUT
-                                                             // float [3][source_count * rays]: x, y, share
+                                                             // float [3][items * VW]: x, y, share
 {
-    uint first = get_global_id(0) * VW;
-    uint source = first / rays;
-    if (source >= source_count)
+    uint item = get_global_id(0);
+    if (item >= items)
         return;
+    uint source = 0, beyond = source_count;
+    while (beyond - source > 1) {
+        uint middle = (source + beyond) / 2;
+        if (as_uint(sources[SOURCE_ROWS * middle + 4].x) <= item)
+            source = middle;
+        else
+            beyond = middle;
+    }
     const __global float4 *lamp = sources + SOURCE_ROWS * source;
     F3 p, d;
     F weight;
-    enter_front(lamp, first - source * rays, rays, &p, &d, &weight);
+    enter_front(lamp, item, &p, &d, &weight);
     Landed landed = through_lens(p, d, surfaces, count, stop, film_distance);
 #if GHOST_SCOUT
-    uint all = source_count * rays;
+    uint all = items * VW, first = item * VW;
     __global float *out = (__global float *)film;
     STORE_F(out, first, landed.x);
     STORE_F(out + all, first, landed.y);

@@ -701,45 +701,17 @@ def blur_of_zones(
     given = board(problem, FAR_LENGTHS, TURN) if problem.scene == BOARD else load_scene(problem.scene)
     if given.camera.traced_camera is None:
         raise InputError(f"{problem.scene}: camera.kind: must be realistic, so that a lens takes the picture")
-    scene = change_scene(given, render={"layers": (), "noise": None})
-    scene = scene.model_copy(update={"exposure": Exposure()})
-    zones = problem.zones or tuple(_zones_at_fields(problem, scene))
-    (width, height), camera = scene.film.resolution, lens_camera(scene)
-    corners = np.round(np.reshape(zones, (-1, 2, 2)).swapaxes(1, 2) * (width, height)).astype(int)
-    corners[:, 1] = np.maximum(corners[:, 1] - corners[:, 0], LEAST_SIDE)
-    layouts = [FilmLayout(width, height, *each.ravel().tolist()) for each in corners]
-    windows = [_window(scene, camera, zone) for zone in zones]
-    pool, parts, count = WavefrontPool(session), PlanParts(), -(-samples // PICTURES)
+    scene = change_scene(given, render={"layers": (), "noise": None}).model_copy(update={"exposure": Exposure()})
+    pictures = _ZonePictures(session, scene, problem.zones or tuple(_zones_at_fields(problem, scene)), samples, seed)
     first: list[Array] = []  # light in the zones through the first lens
 
-    def pictures(lens: Lens, film_mm: float, colour: LensColour) -> tuple[list[Array], Array]:
-        use = LensSetting(lens, film_mm, None, camera)
-        plan = make_plan(scene, exposed(camera_of(scene, use).model(colour, windows=windows), scene), parts=parts)
-        buffers, shown, means = pool.upload(plan), [], []
-        for number, layout in enumerate(layouts):
-            wavefront = pool.wavefront(plan, buffers, layout, scene.render, f"{colour} {number}")
-            light = []
-            for part in range(PICTURES):
-                wavefront.clear()
-                wavefront.seed = seed * PICTURES + part
-                for wave in wavefront.waves(0, count):
-                    wavefront.enqueue(*wave)
-                wavefront.finish()
-                light.append(luminance(wavefront.picture(count).astype(np.float64)))
-            means.append(float(np.mean(light)))
-            flat = np.stack(light).reshape(PICTURES, -1) / (means[-1] or 1.0)
-            x, y = np.meshgrid(np.linspace(-1, 1, layout.width), np.linspace(-1, 1, layout.height))
-            terms, _ = np.linalg.qr(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6))
-            shown.append((flat - flat @ terms @ terms.T).reshape(PICTURES, layout.height, layout.width))
-        return shown, np.array(means)
-
     def blur(lens: Lens, film_mm: float) -> Blur:
-        nothing = Blur(math.inf, np.full(2 * len(layouts), math.inf), 0.0, [])
+        nothing = Blur(math.inf, np.full(2 * len(pictures.layouts), math.inf), 0.0, [])
         if not film_mm > 0:
             return nothing
         closed = lens.with_stop_diameter(2 * CLOSED * lens.surfaces[lens.stop_index or 0].semi_diameter)
         try:
-            (shown, light), (sharp, _) = pictures(lens, film_mm, "on"), pictures(closed, film_mm, "off")
+            (shown, light), (sharp, _) = pictures.take(lens, film_mm, "on"), pictures.take(closed, film_mm, "off")
         except (InputError, ArithmeticError):  # no light, or no lens at all
             return nothing
         if not first:
@@ -752,6 +724,45 @@ def blur_of_zones(
         return Blur(value, residuals, float(np.linalg.norm(shares * errors)) / (value or 1.0), found)
 
     return blur
+
+
+class _ZonePictures:
+    """Renders zones of a scene's film, `PICTURES` of each with other samples, through any lens."""
+
+    def __init__(
+        self, session: Session, scene: Scene, zones: Sequence[Sequence[float]], samples: int, seed: int
+    ) -> None:
+        (width, height), self._camera = scene.film.resolution, lens_camera(scene)
+        corners = np.round(np.reshape(zones, (-1, 2, 2)).swapaxes(1, 2) * (width, height)).astype(int)
+        corners[:, 1] = np.maximum(corners[:, 1] - corners[:, 0], LEAST_SIDE)
+        self.layouts = [FilmLayout(width, height, *each.ravel().tolist()) for each in corners]
+        self._windows = [_window(scene, self._camera, zone) for zone in zones]
+        self._scene, self._count, self._seed = scene, -(-samples // PICTURES), seed
+        self._pool, self._parts = WavefrontPool(session), PlanParts()
+
+    def take(self, lens: Lens, film_mm: float, colour: LensColour) -> tuple[list[Array], Array]:
+        """Return of each zone what differs from light that varies slowly, (`PICTURES`, height, width), over its mean
+        light; and the mean light of each."""
+        use = LensSetting(lens, film_mm, None, self._camera)
+        model = camera_of(self._scene, use).model(colour, windows=self._windows)
+        plan = make_plan(self._scene, exposed(model, self._scene), parts=self._parts)
+        buffers, shown, means = self._pool.upload(plan), [], []
+        for number, layout in enumerate(self.layouts):
+            wavefront = self._pool.wavefront(plan, buffers, layout, self._scene.render, f"{colour} {number}")
+            light = []
+            for part in range(PICTURES):
+                wavefront.clear()
+                wavefront.seed = self._seed * PICTURES + part
+                for wave in wavefront.waves(0, self._count):
+                    wavefront.enqueue(*wave)
+                wavefront.finish()
+                light.append(luminance(wavefront.picture(self._count).astype(np.float64)))
+            means.append(float(np.mean(light)))
+            flat = np.stack(light).reshape(PICTURES, -1) / (means[-1] or 1.0)
+            x, y = np.meshgrid(np.linspace(-1, 1, layout.width), np.linspace(-1, 1, layout.height))
+            terms, _ = np.linalg.qr(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6))
+            shown.append((flat - flat @ terms @ terms.T).reshape(PICTURES, layout.height, layout.width))
+        return shown, np.array(means)
 
 
 def _window(scene: Scene, camera: LensCamera, zone: Sequence[float]) -> tuple[float, float, float, float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -264,6 +264,8 @@ def _bands_of_spectrum(seen: Array, waves: tuple[float, ...]) -> Iterator[tuple[
 Way = tuple[int, ...]
 Lit = NDArray[np.bool_] | NDArray[np.intp]
 """Which sources."""
+Counts = NDArray[np.intp]
+"""Of rays, each a power of two of work groups."""
 
 GROUP = 4
 SCOUTS = 1024  # rays of a source that look for the light of each way
@@ -276,7 +278,7 @@ ONE_LIGHT = float(1 << 36)  # units of the device's whole numbers
 # What some rays say of the light of ghosts by a pair of surfaces: where it enters, how much arrives, and where.
 
 MORE = 4  # times as many over the whole front, where the opening is small in it
-_SECOND_SCOUTS = 4096  # of all sources and wavelengths of a way, where the first have found light
+_SECOND_SCOUTS = 6144  # of all sources and wavelengths of a way, where the first have found light
 CELLS = (24, 16)  # columns and rows of the coarse film by which rays are shared out
 
 
@@ -296,6 +298,8 @@ class Scouted:
         Share of rays through the boxes that reach the film.
     largest : float
         Largest share of a ray's light that arrives.
+    by_source : (n,) array
+        Share of each source in each wavelength's flux, added up.
     """
 
     boxes: Array
@@ -303,6 +307,7 @@ class Scouted:
     cells: Array
     arriving: float
     largest: float
+    by_source: Array
 
 
 #
@@ -313,7 +318,8 @@ class Scouted:
 
 LEAST_SHARE = 1e-3  # of all ghosts in each colour, below which a way is left out
 DARK = 0.2  # of the mean light: darker cells are no reason for more rays
-PER_PIXEL, _LEAST_RAYS, MOST_RAYS = 40.0, 1 << 20, 1 << 25  # of all ways
+PER_PIXEL, _LEAST_RAYS, MOST_RAYS = 40.0, 1 << 20, 1 << 23  # of all ways
+_SHARING_LAMPS, _FAINTEST = 0.7, 1e-4  # the same of its sources; least part of the brightest that one counts
 _SHARING = 0.7  # power to which ways share rays: between alike and by what each needs, found by trial
 WIDTH, FINER = 1.7, 1.6  # of the spread of a way's light [pixels], by trial; ratio of one width to the next
 LEAST_SPREAD = 2  # steps from one pixel, below which the points of a sun would show
@@ -345,6 +351,8 @@ class GhostFilm:
         self.value = plan.camera.metadata["values_per_irradiance"] / pixel_mm2  # of 1 W/m2 over 1 mm2
         self.shape = (self.rows, self.columns, 3)
         places, patches = self.sources.places, self.sources.patches
+        whole = np.concatenate([patches.base, patches.first, patches.second], axis=1)
+        self.lamp_of = np.unique(whole, axis=0, return_inverse=True)[1].ravel()
         pencils, sized = int(self.sources.mirrored > 0), int(patches.first.any())
         self.light_rows = np.concatenate([places[:, :4], patches.rows()[:, : 20 * sized], places[:, 4:]], axis=1)
         facts = self.lenses[0][0].facts | {"VW": session.lanes, "DOUBLE": 0}
@@ -377,8 +385,8 @@ class GhostFilm:
     def _land(self, way: Way, opening: _Opening, which: Lit, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
         """Return column, row and share of the light (n, rays) of rays through boxes; no share beside the film."""
         count = len(boxes)
-        memory = self.session.allocate(12 * count * rays)
-        self._launch(1, way, opening, self._table(which, boxes, np.ones((count, 3))), count, rays, memory)
+        memory, counts = self.session.allocate(12 * count * rays), np.full(count, rays)
+        self._launch(1, way, opening, self._table(which, boxes, np.ones((count, 3)), counts), counts, memory)
         landed = self.session.read(memory, np.float32, 3 * count * rays).astype(np.float64)
         x, y, share = landed.reshape(3, count, rays)
         columns, rows = self.to_pixels[0] + self.to_pixels[1] * x, self.to_pixels[2] + self.to_pixels[3] * y
@@ -390,53 +398,60 @@ class GhostFilm:
         """Find the sources that shine at a wavelength and have boxes."""
         return np.asarray((boxes[:, 2] > 0) & self.bands[record][1].any(axis=1))
 
-    def _whole_groups(self, rays: float) -> int:
-        """Return a number of rays of a source that fills whole work groups."""
+    def _whole_groups(self, rays: ArrayLike) -> Any:
+        """Return numbers of rays of sources that fill whole work groups, each a power of two of them."""
         step = self.session.lanes * GROUP
-        return max(int(np.ceil(rays / step)) * step, step)
+        return step << np.rint(np.log2(np.maximum(np.asarray(rays) / step, 1.0))).astype(int)
 
-    def _table(self, which: Lit, boxes: Array, weights: Array, first: ArrayLike = (0.5, 0.0, 0.0, 0.0)) -> Any:
-        """Return some sources with their boxes, weights (n, 3) and first points of their lattices on the device."""
+    def _table(
+        self, which: Lit, boxes: Array, weights: Array, rays: Counts, first: ArrayLike = (0.5, 0.0, 0.0, 0.0)
+    ) -> Any:
+        """Return sources with boxes, weights (n, 3), rays and first points of their lattices on the device."""
         light = self.light_rows[which].reshape(len(boxes), -1, 4)
-        table = np.zeros((len(boxes), 3 + light.shape[1], 4), np.float32)
-        table[:, 0], table[:, 4:] = light[:, 0], light[:, 1:]
+        table = np.zeros((len(boxes), 4 + light.shape[1], 4), np.float32)
+        table[:, 0], table[:, 5:] = light[:, 0], light[:, 1:]
         table[:, 1], table[:, 2, :3], table[:, 3] = boxes, weights, first
+        share = table.view(np.uint32)[:, 4]
+        share[:, 0], share[:, 1] = (np.cumsum(rays) - rays) // self.session.lanes, rays
+        share[:, 2] = [_basis(int(each))[1] for each in rays]
         return self.session.upload(table)
 
-    def _launch(self, scout: int, way: Way, opening: _Opening, table: Any, count: int, rays: int, out: Any) -> None:
+    def _launch(self, scout: int, way: Way, opening: _Opening, table: Any, counts: Counts, out: Any) -> None:
         records, stop = opening
-        surfaces = records.way(way)
+        surfaces, items = records.way(way), int(counts.sum()) // self.session.lanes
         launch = self.session.bind(
             self.programs[scout], "ghosts", surfaces=self.session.upload(surfaces), count=np.int32(len(surfaces)),
-            stop=stop, sources=table, source_count=np.uint32(count), rays=np.uint32(rays),
+            stop=stop, sources=table, source_count=np.uint32(len(counts)), items=np.uint32(items),
             film_distance=np.float32(self.film_distance), pixels=self.to_pixels.tobytes(),
             size=np.array([self.columns, self.rows], np.uint32).tobytes(), film=out,
         )  # fmt: skip
-        launch.enqueue(count * rays // self.session.lanes, GROUP)
+        launch.enqueue(items, GROUP)
 
     def _scout(self, way: Way) -> Scouted:
         """Look by some rays how much light a way brings at each wavelength, and where."""
         checkpoint()
         boxes, waves = self._boxes(way), len(self.lenses)
         flux, cells = np.zeros((waves, 3)), np.zeros((CELLS[1], CELLS[0], waves))
-        sent, arrived, largest = 0, 0, 0.0
+        sent, arrived, largest, by_source = 0, 0, 0.0, np.zeros(len(boxes))
         for record in range(waves):
             lit = self._lit(boxes, record)
             own, light = boxes[lit], self.bands[record][1][lit]
             if not len(own):
                 continue
-            sample = self._whole_groups(_SECOND_SCOUTS / (len(own) * waves))
+            sample = int(self._whole_groups(_SECOND_SCOUTS / (len(own) * waves)))
             area = (own[:, 2] * own[:, 3] / sample)[:, None]
             x, y, share = self._land(way, self.lenses[record], lit, own, sample)
             flux[record] = np.abs((share.sum(axis=1)[:, None] * area * light).sum(axis=0))
             hits = share > 0
             at = [(place[hits] * cell / size).astype(int)
                   for place, cell, size in ((y, CELLS[1], self.rows), (x, CELLS[0], self.columns))]  # fmt: skip
-            carried = (share * area * np.abs(light).sum(axis=1)[:, None])[hits]
-            np.add.at(cells[..., record], tuple(at), carried / max(float(carried.sum()), 1e-300))
+            brought = share * area * np.abs(light).sum(axis=1)[:, None]
+            brought /= max(float(brought.sum()), 1e-300)
+            by_source[lit] += brought.sum(axis=1)
+            np.add.at(cells[..., record], tuple(at), brought[hits])
             sent, arrived = sent + sample * len(own), arrived + int(hits.sum())
             largest = max(largest, float(share.max()))
-        return Scouted(boxes, flux, cells, max(arrived / max(sent, 1), 1e-3), largest)
+        return Scouted(boxes, flux, cells, max(arrived / max(sent, 1), 1e-3), largest, by_source)
 
     def _boxes(self, way: Way) -> Array:
         """Return where the light of a way enters (n, 4), by rays over the whole front at a middle wavelength.
@@ -457,7 +472,7 @@ class GhostFilm:
         if not len(lit):
             return narrow
         inside = self._land(way, opening, lit, boxes[lit], scouts)[2] > 0
-        numbers = np.arange(scouts, dtype=np.uint64)
+        numbers = np.arange(scouts, dtype=np.uint64) * _basis(scouts)[1] % scouts
         u = (numbers + 0.5) / scouts
         v = ((numbers * LATTICE % (1 << 32)) >> 8).astype(np.float64) / (1 << 24)
         for source, hit in zip(lit, inside, strict=True):
@@ -505,6 +520,12 @@ class GhostFilm:
         scale = total / sum(float(weight.sum()) for weight in weights.values())
         return {way: scale * weight for way, weight in weights.items()}
 
+    def _needs(self, by_source: Array) -> Array:
+        """How many rays sources want, in any unit: patches of a lamp equally many, so that they are even together."""
+        lamp, patches = self.lamp_of, np.bincount(self.lamp_of)
+        light = np.bincount(lamp, by_source) / patches
+        return np.asarray((np.maximum(light, _FAINTEST * light.max()) ** _SHARING_LAMPS)[lamp])
+
     def _spread_steps(self, one: Scouted, rays: float) -> int:
         """Return over how many steps of `FINER` from one pixel the light of a way is spread, which has got some rays.
 
@@ -527,19 +548,20 @@ class GhostFilm:
                 boxes = one.boxes[lit]
                 if not len(boxes):
                     continue
-                count = self._whole_groups(shared[way][record] / len(boxes))
-                weights = light[lit] * (boxes[:, 2] * boxes[:, 3] / count)[:, None]
+                needs = self._needs(one.by_source)[lit]
+                counts = self._whole_groups(shared[way][record] * needs / needs.sum())
+                weights = light[lit] * (boxes[:, 2] * boxes[:, 3] / counts)[:, None]
                 brightest = 4.0 * one.largest * float(np.abs(weights).max())  # a ray may bring more than scouts
                 largest = max(largest, brightest)
-                alike.append((way, record, lit, boxes, weights, count))
+                alike.append((way, record, lit, boxes, weights, counts))
         film, session = np.zeros(self.shape), self.session
         for steps, alike in sorted(launches.items()):
             words = session.allocate(8 * film.size, zeroed=True)
-            for way, record, lit, boxes, weights, count in alike:
+            for way, record, lit, boxes, weights, counts in alike:
                 checkpoint()
-                first = _shifts(len(boxes) * record + np.arange(len(boxes)), count)
-                table = self._table(lit, boxes, weights / largest, first)  # added up in units of `ONE_LIGHT`
-                self._launch(0, way, self.lenses[record], table, len(boxes), count, words)
+                first = _shifts(len(boxes) * record + np.arange(len(boxes)), counts)
+                table = self._table(lit, boxes, weights / largest, counts, first)  # added up in units of `ONE_LIGHT`
+                self._launch(0, way, self.lenses[record], table, counts, words)
                 if is_cancellable():
                     session.finish()
             units = session.read(words, "<i8", film.size).astype(np.float32)
@@ -547,12 +569,22 @@ class GhostFilm:
         return film * (largest / ONE_LIGHT * self.value)
 
 
-def _shifts(numbers: NDArray[np.intp], rays: int) -> Array:
+def _shifts(numbers: NDArray[np.intp], rays: Counts) -> Array:
     """Return where lattices begin (n, 4) so that all of them together, and some in a row, are even as well.
 
     The first coordinate is in points of the lattice. They are points of the plane's plastic sequence (Roberts 2018) in
-    the shortest basis of the lattice (n / rays, n g mod 1), which Gauss's reduction finds.
+    the shortest basis of the lattice (n / rays, n g mod 1).
     """
+    bases = np.array([_basis(int(each))[0] for each in rays]).reshape(-1, 2, 2)
+    u, v = np.einsum("ni,nij->jn", np.mod(numbers[:, None] * PLASTIC + 0.5, 1.0), bases)
+    whole = np.floor(u * rays)
+    aside = np.mod(numbers[:, None] * PLASTIC[::-1] + 0.5, 1.0)  # of the points of patches
+    return np.column_stack([u * rays - whole, np.mod(v - whole * STEP, 1.0), aside])
+
+
+@cache
+def _basis(rays: int) -> tuple[Array, int]:
+    """Return the shortest basis of a lattice, by Gauss's reduction, and an odd step between numbers of neighbours."""
     a, b = np.array([1.0 / rays, STEP]), np.array([0.0, 1.0])
     while True:
         a, b = (a, b) if a @ a <= b @ b else (b, a)
@@ -560,10 +592,8 @@ def _shifts(numbers: NDArray[np.intp], rays: int) -> Array:
         if steps == 0:
             break
         b = b - steps * a
-    u, v = (np.mod(numbers[:, None] * PLASTIC + 0.5, 1.0) @ np.array([a, b])).T
-    whole = np.floor(u * rays)
-    aside = np.mod(numbers[:, None] * PLASTIC[::-1] + 0.5, 1.0)  # of the points of patches
-    return np.column_stack([u * rays - whole, np.mod(v - whole * STEP, 1.0), aside])
+    numbers = [round(float(way[0]) * rays) % rays for way in (a, b, a + b)]
+    return np.array([a, b]), next(number for number in numbers if number % 2)
 
 
 def _pairs(lens: Lens) -> Iterator[Way]:

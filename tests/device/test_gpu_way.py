@@ -96,6 +96,44 @@ def test_passes_of_single_lanes_make_the_picture_of_the_stream(kind, monkeypatch
     assert abs(passes.mean() / stream.mean() - 1) < 0.005
 
 
+def test_work_items_take_living_paths_alone_and_the_host_waits_for_nothing_inside_a_wave(monkeypatch):
+    monkeypatch.setattr(Session, "kind", "gpu")
+    device = open_session()
+    wavefront = wavefront_of(reference_scene("B", shrink=16), device, 3 * SORTED)
+    wave = wavefront.waves(0, SPP)[0]
+    with monkeypatch.context() as waiting:
+        for name in ("finish", "read"):
+            waiting.delattr(Session, name)  # a wave that waits fails
+        wavefront.enqueue(*wave)
+    run, held, taken = wavefront._launches.run, wavefront._held, []
+
+    def fields():
+        return device.read(held.state, np.int32, wavefront.needs.paths // 4).reshape(-1, held.capacity)
+
+    def half(launch, items):  # leaves the later half of each block's paths out of the shading
+        if launch.name != "shade":
+            run(launch, items)
+            return
+        before = fields()
+        queue = before[STATE_FIELDS.index("QUEUE")].view(np.uint16)
+        blocks = range(-(-items // SORTED))
+        listed = [queue[SORTED * k :][: queue[held.capacity + k]].astype(int) + SORTED * k for k in blocks]
+        met = before[STATE_FIELDS.index("HIT"), :items] != NO_PRIMITIVE
+        goes_on = (before[STATE_FIELDS.index("ORIGIN"), :items] != PATH_ENDED) & met  # there is no sky
+        wanted = np.flatnonzero(goes_on) if not taken else np.intersect1d(taken[-1], np.flatnonzero(goes_on))
+        np.testing.assert_array_equal(np.sort(np.concatenate(listed)), wanted)
+        for k in blocks:
+            queue[held.capacity + k] //= 2
+        device.write(held.state, before)
+        run(launch, items)
+        taken.append(np.sort(np.concatenate([each[: len(each) // 2] for each in listed])))
+        np.testing.assert_array_equal(np.flatnonzero((fields() != before).any(axis=0)), taken[-1])
+
+    monkeypatch.setattr(wavefront._launches, "run", half)
+    wavefront.enqueue(*wave)
+    assert 100 < len(taken[2]) < len(taken[1]) < len(taken[0])
+
+
 def test_a_processor_works_as_a_gpu_where_the_environment_says_so(monkeypatch):
     monkeypatch.setenv("RPTCAM_ORGANISATION", "passes")
     device = Session(choose_device(None))

@@ -20,7 +20,7 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
 from rptcam_cl.optics.surface import blades
 from rptcam_cl.rendering import ghosts as ghost_film
-from rptcam_cl.rendering.ghosts import WAVES_NM, GhostFilm, _as_one, _spread_light
+from rptcam_cl.rendering.ghosts import STEP, WAVES_NM, GhostFilm, _as_one, _basis, _spread_light
 from rptcam_cl.rendering.lamps import _on_sphere
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import shares_of_white
@@ -279,6 +279,27 @@ def test_a_lamp_has_the_ghosts_of_its_distance(session: Session) -> None:
     assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)
 
 
+def test_a_bright_and_a_dim_lamp_have_the_ghosts_of_both(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ghost_film, "_LEAST_RAYS", 1 << 18)
+
+    def lamps(*watts: float) -> np.ndarray:
+        lights = [{"kind": "point", "position": [x, -0.3, -2], "intensity": [power] * 3}
+                  for x, power in zip((0.1, -0.2), watts, strict=True)]  # fmt: skip
+        return ghosts_alone(session, scene(lights[0]) | {"lights": lights})["ghosts"].astype(np.float64)
+
+    both, bright, dim = lamps(300, 30), lamps(300, 0), lamps(0, 30)
+    assert both.sum() == pytest.approx(bright.sum() + dim.sum(), rel=2e-3)
+    assert np.abs(both - bright - dim).sum() < 0.02 * both.sum()  # the dim one has a quarter of the rays
+
+
+@pytest.mark.parametrize("rays", [32, 1024, 1 << 20])
+def test_rays_are_traced_beside_their_neighbours(rays: int) -> None:
+    step = _basis(rays)[1]
+    aside = np.array([step / rays, step * STEP])
+    assert step % 2 == 1  # so that it leads to all of a power of two
+    assert np.hypot(*(aside - np.rint(aside))) < 2 / np.sqrt(rays)
+
+
 @pytest.mark.slow
 def test_a_softbox_has_the_ghosts_of_the_many_small_lamps_that_it_is_made_of() -> None:
     def lit(columns: int, rows: int) -> Any:
@@ -350,7 +371,7 @@ def test_ghosts_are_spread_by_the_pixels_that_they_cover(share: float) -> None:
     film.shape = (400, 600)
     cells = np.zeros((16, 24, 1))
     cells[: round(16 * share)] = 1.0
-    way = ghost_film.Scouted(np.zeros((1, 4)), np.ones((1, 3)), cells, 0.5, 1.0)
+    way = ghost_film.Scouted(np.zeros((1, 4)), np.ones((1, 3)), cells, 0.5, 1.0, np.ones(1))
     pixels, rays = 400 * 600 * share, 4000.0
     width = ghost_film.WIDTH * (pixels**0.5 / (0.5 * rays / pixels)) ** (1 / 3)
     steps = np.log(width) / np.log(ghost_film.FINER)

@@ -16,10 +16,10 @@ const MODES = {
 
 function modes(dial, turned) {
   const name = newId("modes");
-  const inputs = dial.choices.map(({ value }) => h("input", { type: "radio", name, value, on: { change: () => turned(dial.name, value, false) } }));
+  const inputs = dial.choices.map(({ value, label }) => h("input", { type: "radio", name, value, "aria-label": MODES[value] ?? label, on: { change: () => turned(dial.name, value, false) } }));
   const element = h("fieldset", { class: "vf-modes", "data-dial": dial.name }, h("legend", { class: "vf-hidden" }, dial.label),
     dial.choices.map(({ value, label }, i) => h("label", { title: MODES[value] ?? label },
-      inputs[i], h("span", { class: value.length > 1 ? "vf-word" : null, "aria-label": MODES[value] ?? label }, value.length > 1 ? capital(label) : value))));
+      inputs[i], h("span", { class: value.length > 1 ? "vf-word" : null }, value.length > 1 ? capital(label) : value))));
   return {
     element,
     show(latest) {

@@ -192,10 +192,7 @@ def passing_stopped_down(name):
 
 @pytest.mark.parametrize(
     ("name", "tier"),
-    [
-        pytest.param(*case, marks=() if case[0] == "dgauss-50mm" else pytest.mark.slow)
-        for case in STOPPED
-    ],
+    [pytest.param(*case, marks=() if case[0] == "dgauss-50mm" else pytest.mark.slow) for case in STOPPED],
 )
 def test_no_ray_that_passes_at_f_22_lies_outside_its_pupil(name, tier):
     lens, back, half, film, points = passing_stopped_down(name)
