@@ -418,7 +418,8 @@ class FilmSpread:
         light = opening.at(self._tables[key], x - some_columns, some_rows - y, by)  # x runs to the left
         if every > 1:
             light = point_spread.between(light, (some_rows, some_columns), (rows, columns))
-        near = np.ix_(range(3), np.abs(rows - y) < reach + 2, np.abs(columns - x) < reach + 2)
+        sides = np.zeros(3), np.abs(rows - y), np.abs(columns - x)
+        near = np.ix_(*(np.flatnonzero(side < reach + 2) for side in sides))
         away = np.hypot(columns - x, rows[:, None] - y)[near[1][0], near[2][0]]
         light[near] *= 1 - point_spread.fade(away, reach)
         return np.asarray(light)

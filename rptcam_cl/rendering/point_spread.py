@@ -32,7 +32,7 @@ def shares_of_white(waves_nm: tuple[float, ...]) -> Array:
     return np.asarray(shares / shares.sum(axis=0))
 
 
-def fade(radius_px: Array, reach: int) -> Array:
+def fade(radius_px: Array, reach: float) -> Array:
     """Return the share of the light at radii that a kernel keeps; the rest of it is far light."""
     radius = radius_px / (reach + 1)
     return np.asarray(np.cos(np.pi / 2 * np.clip((radius - _TAPER) / (1 - _TAPER), 0.0, 1.0)) ** 2)
@@ -371,7 +371,7 @@ class FarLight:
             high += v * (rows.take(first + _SPANS + 1, 0) - high)
             low += u * (high - low)
             np.multiply(low, (radius > lit)[..., None] * np.float32(abs(a * d - b * c)), out=here)
-        return np.moveaxis(light, -1, 0)
+        return np.asarray(np.moveaxis(light, -1, 0))
 
     @cached_property
     def straightest(self) -> float:
