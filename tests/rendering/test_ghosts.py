@@ -20,7 +20,7 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
 from rptcam_cl.optics.surface import blades
 from rptcam_cl.rendering import ghosts as ghost_film
-from rptcam_cl.rendering.ghosts import STEP, WAVES_NM, GhostFilm, _as_one, _basis, _spread_light
+from rptcam_cl.rendering.ghosts import STEP, WAVES_NM, GhostFilm, _as_one, _basis, _even_cells, _spread_light
 from rptcam_cl.rendering.lamps import _on_sphere
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import shares_of_white
@@ -65,7 +65,7 @@ def expected(image: rptcam_cl.Image, beam: Beam, **lit: Any) -> tuple[float, flo
     return flux * image.metadata["values_per_irradiance"] / PIXEL_MM2, middle / flux
 
 
-def ghosts_alone(session: Session, text: dict[str, Any]) -> rptcam_cl.Image:
+def ghosts_alone(session: Session, text: dict[str, Any] | Path) -> rptcam_cl.Image:
     """The ghosts of a scene without its picture, whose kernels take longest to compile."""
     loaded = load_scene(text)
     plan = make_plan(loaded)
@@ -290,6 +290,42 @@ def test_a_bright_and_a_dim_lamp_have_the_ghosts_of_both(session: Session, monke
     both, bright, dim = lamps(300, 30), lamps(300, 0), lamps(0, 30)
     assert both.sum() == pytest.approx(bright.sum() + dim.sum(), rel=2e-3)
     assert np.abs(both - bright - dim).sum() < 0.02 * both.sum()  # the dim one has a quarter of the rays
+
+
+def test_a_lamp_with_a_picture_has_the_ghosts_of_its_texels(
+    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ghost_film, "_LEAST_RAYS", 1 << 19)
+    picture = np.array([[[8, 1, 0.5], [0.1, 0.2, 0.1]], [[1, 1, 1], [0.3, 0, 2]]], np.float32)
+    rptcam_cl.Image(picture, {}, {}).save(tmp_path / "texels.exr")
+
+    def box(x: float, y: float, side: float, radiance: Any) -> dict[str, Any]:
+        return {"shape": "rectangle", "corner": [x, y, -3], "edge_u": [side, 0, 0], "edge_v": [0, side, 0],
+                "material": {"kind": "emissive", "radiance": radiance}}  # fmt: skip
+
+    def lit(*boxes: dict[str, Any]) -> np.ndarray:
+        text = scene(sun(10.0) | {"irradiance": 0}, objects=boxes, focus={"distance_m": 3})
+        (tmp_path / "scene.yaml").write_text(json.dumps(text))
+        fine = ghosts_alone(session, tmp_path / "scene.yaml")["ghosts"].astype(np.float64)
+        return fine.reshape(16, 2, 24, 2, 3).sum(axis=(1, 3))
+
+    image = {"kind": "image", "file": "texels.exr", "filter": "nearest"}
+    whole = lit(box(0.1, 0.3, 0.8, image))
+    parts = lit(*(box(0.1 + 0.4 * x, 0.3 + 0.4 * y, 0.4, picture[1 - y, x].tolist()) for x in (0, 1) for y in (0, 1)))
+    np.testing.assert_allclose(whole.sum(axis=(0, 1)), parts.sum(axis=(0, 1)), rtol=5e-3)
+    assert np.sqrt(np.mean((whole - parts) ** 2) / np.mean(parts**2)) < 0.03  # an even lamp of their mean: 0.3
+
+
+def test_a_picture_is_parted_where_it_is_uneven() -> None:
+    picture = np.full((64, 64, 3), 0.5)
+    picture[8:24, 40:44] = [9.0, 5.0, 1.0]
+    cells, colours = _even_cells(picture, 64)
+    bright = colours[:, 0] > 1
+    assert cells[:, 2:].prod(axis=1).sum() == pytest.approx(1)
+    assert cells[bright, 2:].prod(axis=1).sum() == 16 * 4 / 64**2
+    assert cells[bright, :2].min(axis=0) == pytest.approx([40 / 64, 8 / 64])
+    np.testing.assert_allclose(colours, np.where(bright[:, None], [9.0, 5.0, 1.0], 0.5), rtol=1e-12)
+    assert len(_even_cells(np.random.default_rng(1).random((64, 64, 3)), 20)[0]) == 20
 
 
 @pytest.mark.parametrize("rays", [32, 1024, 1 << 20])
