@@ -6,6 +6,8 @@ result depends on the scene alone, not on samples, waves or devices that share t
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache, cached_property
@@ -30,6 +32,7 @@ from rptcam_cl.rendering.film import FilmLayout, array_of_text, text_of_array
 from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among
 from rptcam_cl.rendering.lamps import (
     FLAT,
+    POINTS,
     Patches,
     Points,
     lattice,
@@ -165,11 +168,17 @@ def _as_one(
 ) -> tuple[tuple[Array, Array, Array], Patches]:
     """Return points and patches of an emitter; of a lamp that shows small from the front one, of all of it."""
     at, light, target = points
-    size = max(float(np.linalg.norm(side, axis=1).max()) for side in (patches.first, patches.second))
-    if len(at) == 1 or not at[0, 3] or size > _SMALL * np.linalg.norm(at[:, :3] - vertex, axis=1).min():
+    if len(at) == 1 or not at[0, 3] or not _shows_small(patches, vertex):
         return points, patches
     whole = replace(patches[:1], cell=np.array([[0.0, 0.0, 1.0, 1.0]]), normal=patches.normal.mean(axis=0)[None])
     return (at.mean(axis=0)[None], light.sum(axis=0)[None], target[:1]), whole
+
+
+def _shows_small(patches: Patches, vertex: Array) -> bool:
+    """Return whether all of a lamp shines through the same parts of the front."""
+    size = max(float(np.linalg.norm(side, axis=1).max()) for side in (patches.first, patches.second))
+    half = np.full(len(patches), 0.5)
+    return bool(size <= _SMALL * np.linalg.norm(patches.at(half, half) - vertex, axis=1).min())
 
 
 def _known(record: np.void, irradiance: Array, parted: bool) -> Array:
@@ -214,7 +223,8 @@ def _painted(
     picture = textures.image_at(texture, *at)
     if picture is None:
         return None
-    cells, colours = _even_cells(picture.reshape(across, across, 3), max(most, 1))
+    side = 1 if most < POINTS or _shows_small(patches, vertex) else math.isqrt(POINTS)
+    cells, colours = _even_cells(picture.reshape(across, across, 3), side, max(most, 1))
     parts = replace(whole[np.zeros(len(cells), int)], cell=cells)
     middles, share = parts.at(np.full(len(cells), 0.5), np.full(len(cells), 0.5)), cells[:, 2:].prod(axis=1)
     away = vertex - (a if sphere else middles)
@@ -228,8 +238,11 @@ def _painted(
     return points_at(middles, 1.0, colours * (area * facing / square)[:, None], record), parts
 
 
-def _even_cells(picture: Array, most: int) -> tuple[Array, Array]:
-    """Part a square picture (n, n, 3) of t and s into as even cells (m, 4) as may be; with their colours (m, 3)."""
+def _even_cells(picture: Array, side: int, most: int) -> tuple[Array, Array]:
+    """Part a square picture (n, n, 3) of t and s into as even cells (m, 4) as may be; with their colours (m, 3).
+
+    ``side`` is the number of cells along it to begin with.
+    """
     size = len(picture)
     sums, squares = np.zeros((2, size + 1, size + 1, 3))
     sums[1:, 1:], squares[1:, 1:] = (each.cumsum(axis=0).cumsum(axis=1) for each in (picture, picture**2))
@@ -241,8 +254,9 @@ def _even_cells(picture: Array, most: int) -> tuple[Array, Array]:
         area = np.asarray((y1 - y0) * (x1 - x0))[..., None]
         return np.maximum(within(squares, y0, x0, y1, x1) - within(sums, y0, x0, y1, x1) ** 2 / area, 0.0).sum(axis=-1)
 
-    cells = [(0, 0, size, size)]
-    left = [float(uneven(*cells[0]))]
+    ends = [size * k // side for k in range(side + 1)]
+    cells = [(y0, x0, y1, x1) for y0, y1 in itertools.pairwise(ends) for x0, x1 in itertools.pairwise(ends)]
+    left = [float(uneven(*cell)) for cell in cells]
     enough = _EVEN * float(squares[-1, -1].sum())
     while len(cells) < most and sum(left) > enough:
         worst = int(np.argmax(left))
