@@ -23,7 +23,7 @@ from rptcam_cl.core.records import EmitterKind, Hidden, SpectrumKind, device_dec
 from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.ghosts import with_wider_stop
-from rptcam_cl.optics.irradiance import veiling_glare
+from rptcam_cl.optics.irradiance import scatter_share, sines_of_film, veiling_glare
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, ghosts_have_colours, usable_nm
@@ -758,8 +758,10 @@ class Ghosting:
         pixels, metadata = GhostFilm(self.scene, self.plan, self.session).light()
         if share := _barrel_share(self.scene):
             metadata["barrel_share"] = share
-        metadata["says"] = _summary(metadata)
         layout = FilmLayout.of(self.scene.film)
+        if scatter := _front_scatter(self.scene, layout):
+            metadata["scatter"] = scatter
+        metadata["says"] = _summary(metadata)
         rows, columns = slice(layout.y, layout.y + layout.height), slice(layout.x, layout.x + layout.width)
         return pixels[rows, columns], metadata
 
@@ -826,6 +828,24 @@ def _barrel_share(scene: Scene) -> float:
         raise InputError(f"camera.barrel_reflectance: {problem} (allowed: 0)") from None
 
 
+def _front_scatter(scene: Scene, layout: FilmLayout) -> dict[str, Any]:
+    """Return what `scattered` takes beside the film, and the share of its light; nothing of a front that is clean."""
+    camera = scene.camera.traced_camera
+    if camera is None or not camera.front_scatter:
+        return {}
+    setting, (width, height), (columns, rows) = ghost_setting(scene), scene.film.size_m(), scene.film.resolution
+    if (share := scatter_share(camera.front_scatter)) >= 1:
+        raise InputError(f"camera.front_scatter: scatters {share:.3g} of the light (allowed: total scatter below 1)")
+    try:
+        sines = sines_of_film(setting.lens, setting.film_distance_mm, 500.0 * float(np.hypot(width, height)))
+    except InputError as problem:
+        raise InputError(f"camera.front_scatter: {problem} (allowed: none)") from None
+    steps = 1e3 * width / columns, 1e3 * height / rows
+    begins = (layout.x - columns / 2) * steps[0], (layout.y - rows / 2) * steps[1]
+    pixels = begins[0], steps[0], begins[1], steps[1]
+    return {"abg": list(camera.front_scatter), "share": share, "sines": sines, "pixels_mm": list(pixels)}
+
+
 def _summary(metadata: dict[str, Any]) -> str:
     """A line on the ghosts of a picture."""
     text = f"{metadata['ways']} pairs of surfaces from {metadata['sources']} points of light"
@@ -835,6 +855,8 @@ def _summary(metadata: dict[str, Any]) -> str:
         text += f"; fainter ones with {metadata['dropped_share']:.1g} of the light are left out"
     if "barrel_share" in metadata:
         text += f"; the barrel adds {metadata['barrel_share']:.2g} of the film's mean light"
+    if "scatter" in metadata:
+        text += f"; the front scatters {metadata['scatter']['share']:.2g} of the light"
     if "left_out" in metadata:
         text += f"; what makes none here: {', '.join(metadata['left_out'])}"
     return text

@@ -120,16 +120,32 @@ def test_a_sun_in_a_picture_has_the_ghosts_of_a_sun(tmp_path: Path) -> None:
     assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)  # from below, as that of `sun`
 
 
-def test_a_barrel_adds_its_share_of_the_mean_film(bare: rptcam_cl.Image) -> None:
-    image = rptcam_cl.render(scene(sun(10.0), barrel_reflectance=0.1))
+def test_a_barrel_adds_its_share_of_the_mean_film() -> None:
+    bare, image = (rptcam_cl.render(scene(sun(170.0), objects=(ball(0),), **own))
+                   for own in ({}, {"barrel_reflectance": 0.1}))  # fmt: skip
     film, lens = image.metadata["film_distance_mm"], load_lens(LENS)
     share = veiling_glare(lens, film, 587.5618, UNCOATED, barrel_reflectance=0.1).barrel
     direct = bare.pixels - bare["ghosts"]
     veil = image["ghosts"] - bare["ghosts"]
     assert 1e-5 < share < 1e-2
+    assert direct.max() > 0
     np.testing.assert_allclose(veil, np.broadcast_to(share * direct.mean(axis=(0, 1)), veil.shape), rtol=1e-3)
     with pytest.raises(InputError, match="barrel_reflectance: is light of ghosts"):
         rptcam_cl.render(scene(sun(10.0), barrel_reflectance=0.1, ghosts="off"))
+
+
+def test_what_the_front_scatters_is_taken_from_the_direct_light() -> None:
+    clean, dusty = (rptcam_cl.render(scene(sun(170.0), objects=(ball(0),), **own))  # from behind: no ghosts
+                    for own in ({}, {"front_scatter": [3e-3, 1e-4, 2.0]}))  # fmt: skip
+    share, glow = np.pi * 3e-3 * np.log(1 + 1e4), dusty["ghosts"]
+    assert dusty.metadata["ghosts"]["scatter"]["share"] == pytest.approx(share, rel=1e-6)
+    np.testing.assert_allclose(dusty.pixels, clean.pixels * (1 - share) + glow, rtol=1e-5)
+    assert glow.min() > 0
+    assert 0.2 * share < glow.sum() / clean.pixels.sum() < share  # the rest falls beside the film
+    with pytest.raises(InputError, match="front_scatter: is light of ghosts"):
+        rptcam_cl.render(scene(sun(10.0), front_scatter=[3e-3, 1e-4, 2.0], ghosts="off"))
+    with pytest.raises(InputError, match="front_scatter: scatters 8"):
+        rptcam_cl.render(scene(sun(10.0), front_scatter=[0.3, 1e-4, 2.0]))
 
 
 def test_what_hides_the_sun_hides_its_ghosts(session: Session) -> None:

@@ -198,11 +198,6 @@ def _pack_texels(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32],
 _COARSE = 256  # rows and columns of a picture by which its parts are known
 
 
-def word_count(size: tuple[int, int], form: TexelFormat) -> int:
-    """Return how many words `_pack_texels` makes of a picture."""
-    return size[0] * (size[1] + 1) * (2 if form is TexelFormat.HALF else 1)
-
-
 def unpack_texels(
     words: NDArray[np.uint32], size: tuple[int, int], form: TexelFormat
 ) -> NDArray[np.uint8] | NDArray[np.float16]:
@@ -338,7 +333,8 @@ class Textures:
             return None
         size, form = (int(record["height"]), int(record["width"])), TexelFormat(int(record["format"]))
         first = int(record["first"])
-        texels = unpack_texels(self.texels[first : first + word_count(size, form)], size, form)[::-1]
+        words = size[0] * (size[1] + 1) << int(form is TexelFormat.HALF)
+        texels = unpack_texels(self.texels[first : first + words], size, form)[::-1]
         light = texels.astype(np.float64) if form is TexelFormat.HALF else linear_codes(form)[texels].astype(np.float64)
         for axis, count in enumerate(size):
             starts = np.arange(0, count, -(-count // _COARSE))
