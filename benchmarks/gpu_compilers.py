@@ -111,7 +111,7 @@ LIMITS = {
     "search": Limit(48, 1024, 16),
     "shade": Limit(128, 0, 8),
     "shadow": Limit(64, 0, 8),
-    "sharp": Limit(72, 0, 8),
+    "sharp": Limit(64, 0, 8),
     "shift_blocks": Limit(32, 0, 32),  # dg2 has no float64
     "sort": Limit(32, 0, 16),
     "subtree": Limit(168, 2976, 16),
@@ -126,19 +126,18 @@ LIMITS = {
     "B: shade": Limit(56, 0, 16),
     "C: shade": Limit(64, 0, 16),
     "first_light: shade": Limit(64, 0, 16),
-    "media: shadow": Limit(72, 0, 8),  # with the light that media let through
     "lighthouse: shadow": Limit(80, 0, 8),
     "lighthouse: travel": Limit(164, 0, 8),
-    "media: travel": Limit(160, 0, 8),  # overlapping solids are left one by one
-    "smoke: shadow": Limit(124, 0, 8),
+    "media: travel": Limit(164, 0, 8),  # overlapping solids are left one by one
+    "smoke: shadow": Limit(96, 0, 8),
     "smoke: travel": Limit(244, 0, 8),  # which walks through grids at five places
     "tea: shadow": Limit(116, 0, 8),
     "tea: travel": Limit(236, 0, 8),
     "underwater: shadow": Limit(128, 0, 8),  # curves and meshes under water
     "underwater: travel": Limit(200, 0, 8),
     "conjugates: generate": Limit(56, 0, 8),
-    "hair: intersect": Limit(96, 0, 8),  # of a curve alone: eighteen numbers, and where on it
-    "hair: shadow": Limit(96, 0, 8),
+    "hair: intersect": Limit(80, 0, 8),  # of a curve alone: fourteen numbers, and where on it
+    "hair: shadow": Limit(80, 0, 8),
     "leaf: intersect": Limit(96, 0, 8),
     "leaf: shadow": Limit(96, 0, 8),
     "everything: intersect": Limit(106, 0, 8),  # with holes by every texture

@@ -66,6 +66,27 @@ static inline F strand_depth(Strand s, F u)
     return w * w * (w * s.z0 + 3.0f * u * s.z1) + u * u * (3.0f * w * s.z2 + u * s.z3);
 }
 
+// The same for a single ray, by points that are read again where a curve is met: compilers for GPUs hold no z meanwhile.
+#if VW == 1
+static inline float along_again(const __global Primitive *p, int k, Ray ray)
+{
+    const volatile __global float *x = (const volatile __global float *)&p->row_x;
+    const volatile __global float *y = (const volatile __global float *)&p->row_y;
+    const volatile __global float *z = (const volatile __global float *)&p->row_z;
+    return dot3(sub(f3(x[k], y[k], z[k]), ray.o), ray.d);
+}
+
+static float depth_again(const __global Primitive *p, Ray ray, float u)
+{
+    float w = 1.0f - u;
+    return w * w * (w * along_again(p, 0, ray) + 3.0f * u * along_again(p, 1, ray))
+        + u * u * (3.0f * w * along_again(p, 2, ray) + u * along_again(p, 3, ray));
+}
+#define STRAND_DEPTH(u, on)  ((on) ? depth_again(p, ray, u) : ZERO)
+#else
+#define STRAND_DEPTH(u, on)  strand_depth(s, u)
+#endif
+
 static inline F half_width(Strand s, F u) { return s.first + u * (F)(s.last - s.first); }
 
 // Distance to the curve, negative without a hit, and where along it: nearest to the ray in one of the pieces. `from_curve` are
@@ -113,11 +134,12 @@ static F hit_curve(const __global Primitive *p, Ray ray, I from_curve, F *u)
         F3 slope = strand_slope(s, at);
         F amiss = dot3(off, slope);
         I end = k == 0 ? at <= 0.0f : (k == CURVE_PIECES - 1 ? at >= 1.0f : FALSE);
-        F depth = strand_depth(s, at);
         F half_w = half_width(s, at);
         F limit = STEADY * half_w;
         I steady = amiss * amiss <= limit * limit * dot3(slope, slope);
-        I met = (end | steady) & (dot3(off, off) <= half_w * half_w) & (depth > (from_curve ? 2.0f * half_w : ZERO)) & (depth < best);
+        I met = (end | steady) & (dot3(off, off) <= half_w * half_w);
+        F depth = STRAND_DEPTH(at, met);
+        met = met & (depth > (from_curve ? 2.0f * half_w : ZERO)) & (depth < best);
         best = met ? depth : best;
         *u = met ? at : *u;
     }

@@ -181,15 +181,20 @@ static inline F equiangular_distance(Equiangular view, F u)
 static void within_cone(const __global Emitter *es, I e, Ray ray, F *start, F *end)
 {
     F3 axis = THREE_OF_EMITTER(normal);
+    F cap = OF_EMITTER(F, u.w);
+    F cosine = 1.0f - cap;
+    F c2 = cosine * cosine, s2 = cap * (2.0f - cap);
+    // From the place nearest to the apex, and across the axis: differences of squares would lose a cone that is thin there.
     F3 q = sub(ray.o, THREE_OF_EMITTER(a));
-    F cosine = 1.0f - OF_EMITTER(F, u.w);
-    F c2 = cosine * cosine;
+    F nearest = -dot3(q, ray.d);
+    q = along(q, ray.d, nearest);
     F rise = dot3(ray.d, axis), high = dot3(q, axis);
-    // (high + t rise)^2 = c2 (q + t d)^2
-    F a = rise * rise - c2;
+    F3 turn = along(ray.d, axis, -rise), off = along(q, axis, -high);
+    // s2 (high + t rise)^2 = c2 (off + t turn)^2
+    F a = s2 * rise * rise - c2 * dot3(turn, turn);
     a = absolute(a) > SMALLEST ? a : (F)(SMALLEST);
-    F b = high * rise - c2 * dot3(q, ray.d);
-    F c = high * high - c2 * dot3(q, q);
+    F b = s2 * high * rise - c2 * dot3(off, turn);
+    F c = s2 * high * high - c2 * dot3(off, off);
     F under = b * b - a * c;
     F r = -b - with_sign(root(under), b);
     F one = r / a;
@@ -197,6 +202,8 @@ static void within_cone(const __global Emitter *es, I e, Ray ray, F *start, F *e
     F low = MIN(one, two), top = MAX(one, two);
     I across = a < 0.0f;        // the ray meets the cone on its way in and out, or neither
     I met = (under > 0.0f) & (high + 0.5f * (low + top) * rise > 0.0f);
+    low += nearest;
+    top += nearest;
     F from = across ? (met ? low : *end) : (rise > 0.0f ? top : *start);
     F to = across ? (met ? top : *start) : (rise > 0.0f ? *end : low);
     I cone = (OF_EMITTER(I, kind) == EMITTER_SPOT) & (cosine > 0.0f);

@@ -49,6 +49,17 @@ __kernel void shadow(SCENE_PARAMETERS
 #endif
     if (!ANY(lit))
         return;
+#if HAS_MEDIA
+#if SPECTRAL_COLOURS
+    scene.spectral = spectral_colours_of(READ_F(WAVELENGTH_SAMPLE, slot), scene.colours);
+#endif
+#if HAS_DENSITY
+    Lane lane = lane_of(slot, wave, tiles);
+    Chance chance = chance_of(lane.pixel, lane.sample, (U)(FROM_A_SURFACE + depth), wave.seed);
+#endif
+    F3 through = shadow_transmittance(ray, READ_I(FROM_MEDIUM, slot), reach, lit, scene WITH_CHANCE(chance));
+    slot = slot_again(state, capacity);     // so that what is read from here on needs no register before
+#endif
     F3 radiance = READ_F3(L, slot);
     F3 light = READ_F3(C, slot);
 #if LIGHT_PASSES
@@ -74,14 +85,7 @@ __kernel void shadow(SCENE_PARAMETERS
     }
 #endif
 #if HAS_MEDIA
-#if SPECTRAL_COLOURS
-    scene.spectral = spectral_colours_of(READ_F(WAVELENGTH_SAMPLE, slot), scene.colours);
-#endif
-#if HAS_DENSITY
-    Lane lane = lane_of(slot, wave, tiles);
-    Chance chance = chance_of(lane.pixel, lane.sample, (U)(FROM_A_SURFACE + depth), wave.seed);
-#endif
-    light = mul(light, shadow_transmittance(ray, READ_I(FROM_MEDIUM, slot), reach, lit, scene WITH_CHANCE(chance)));
+    light = mul(light, through);
 #endif
     WRITE_F3(L, slot, add(radiance, keep3(lit, light)));
 #if LIGHT_GROUPS

@@ -27,6 +27,11 @@ __kernel void sharp(SCENE_PARAMETERS
     Hit hit = nearest_hit(ray, scene);
     I on = (hit.primitive >= 0) & (ray.origin != PATH_ENDED);
     hit.t = on ? hit.t : ZERO;
+#if VW == 1     // read again, since compilers for GPUs hold it in registers otherwise
+    const volatile __global float *again = rays + i;
+    ray.o = f3(again[0], again[capacity], again[2 * (size_t)capacity]);
+    ray.d = f3(again[3 * (size_t)capacity], again[4 * (size_t)capacity], again[5 * (size_t)capacity]);
+#endif
     Vertex vertex = vertex_of(ray, hit, on, (F)(0.5f), scene);
     F3 found[3] = {vertex.p, vertex.n, vertex.ng};
     for (int k = 0; k < 3; ++k) {

@@ -92,6 +92,32 @@ def test_fog_scatters_the_beam_of_a_spot_once_as_quadrature_does(number):
     np.testing.assert_allclose(mean, scattered_once([position], 1.0, share_of=share), rtol=3 * NOISE)
 
 
+def test_thin_beam_is_seen_next_to_its_lamp_from_afar():
+    lamp, half, cap = np.array([0, 40.0, 0]), np.tan(np.radians(0.4)), 1 - np.cos(np.radians(4))
+    spot = {"kind": "spot", "position": lamp.tolist(), "direction": [1, 0.1, 0], "intensity": 1.0}
+    lights = [spot | {"outer_degrees": 4, "inner_degrees": 3.999}]
+    thin = {"absorption_per_m": 0.01, "scattering_per_m": 0.02, "asymmetry": ASYMMETRY}
+    wall = WALL | {"point": [0, 60, 0]}
+    scene = scene_of([wall], looking([0, 0, 0], [0, 1, 0], fov=0.8), depth=2, medium=thin, lights=lights)
+    # Right of the pixels about the lamp, which have most of the noise.
+    mean = pixels(scene, seed=seed_of("lamp afar"), spp=256)[:, 17:].sum() / 32**2 / 3
+    # What each direction of the cone sends between the edges of these, over the solid angle of the picture.
+    versine, turn = np.meshgrid((np.arange(30) + 0.5) / 30 * cap, (np.arange(60) + 0.5) / 60 * 2 * np.pi)
+    axis, up = np.array([1, 0.1, 0]) / np.hypot(1, 0.1), np.array([0, 0, 1.0])
+    sine = np.sqrt(versine * (2 - versine))
+    across = np.cos(turn)[..., None] * up + np.sin(turn)[..., None] * np.cross(axis, up)
+    ways = ((1 - versine)[..., None] * axis + sine[..., None] * across).reshape(-1, 3)
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    near, far = (edge * 40 / (ways[:, 0] - edge * ways[:, 1]) for edge in (half / 16, half))
+    r = near[:, None] + (far - near)[:, None] * (nodes + 1) / 2
+    place = lamp + r[..., None] * ways[:, None]
+    distance = np.linalg.norm(place, axis=-1)
+    phase = henyey_greenstein(ASYMMETRY, -np.einsum("ijk,ik->ij", place, ways) / distance)
+    light = 0.02 * phase * np.exp(-0.03 * (r + distance)) * distance / place[..., 1] ** 3
+    total = (light * weights).sum(axis=1) @ (far - near) / 2 / len(ways) * 2 * np.pi * cap / (2 * half) ** 2
+    np.testing.assert_allclose(mean, total, rtol=5 * NOISE)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("spectrum", ["rgb", "spectral"])
 def test_many_lamps_of_a_light_tree_light_fog_as_quadrature_does(spectrum):
