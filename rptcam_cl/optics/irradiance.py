@@ -835,7 +835,7 @@ def sines_of_film(lens: Lens, film_distance_mm: float, radius_mm: float) -> list
     return [float(factor / radius_mm ** (2 * power)) for power, factor in enumerate(factors)]
 
 
-def scattered(film: Array, abg: Sequence[float], sines: Sequence[float], pixels_mm: Sequence[float]) -> Array:
+def scattered(film: NDArray[Any], abg: Sequence[float], sines: Sequence[float], pixels_mm: Sequence[float]) -> Array:
     """Return the light that the front of a lens scatters onto a film.
 
     Parameters
@@ -884,7 +884,7 @@ def _scatter_kernel(
 ) -> Array:
     """Return the mean of the scatter function over cells of sines, about the corner of a torus."""
 
-    def function(x: Array, y: Array) -> Array:
+    def function(x: NDArray[Any], y: NDArray[Any]) -> Array:
         return np.asarray(abg[0] / (abg[1] + np.hypot(x, y) ** abg[2]))
 
     j, i = (np.fft.fftfreq(count, 1 / count) for count in size)

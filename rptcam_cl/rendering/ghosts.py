@@ -252,13 +252,13 @@ def _even_cells(picture: Array, side: int, most: int) -> tuple[Array, Array]:
 
     def uneven(y0: Any, x0: Any, y1: Any, x1: Any) -> Array:
         area = np.asarray((y1 - y0) * (x1 - x0))[..., None]
-        return np.maximum(within(squares, y0, x0, y1, x1) - within(sums, y0, x0, y1, x1) ** 2 / area, 0.0).sum(axis=-1)
+        off = within(squares, y0, x0, y1, x1) - within(sums, y0, x0, y1, x1) ** 2 / area
+        return np.asarray(np.maximum(off, 0.0).sum(axis=-1))
 
     ends = [size * k // side for k in range(side + 1)]
     cells = [(y0, x0, y1, x1) for y0, y1 in itertools.pairwise(ends) for x0, x1 in itertools.pairwise(ends)]
     left = [float(uneven(*cell)) for cell in cells]
-    enough = _EVEN * float(squares[-1, -1].sum())
-    while len(cells) < most and sum(left) > enough:
+    while len(cells) < most and sum(left) > _EVEN * float(squares[-1, -1].sum()):
         worst = int(np.argmax(left))
         y0, x0, y1, x1 = cells[worst]
         y, x = np.arange(y0 + 1, y1), np.arange(x0 + 1, x1)
