@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field, replace
 from functools import cache, cached_property
 from typing import Any
@@ -93,7 +94,11 @@ def _blur(
         for plane, bright, part, target in zip(even, lamps[:, top:bottom, left:right], kernel, out, strict=True):
             checkpoint()
             target[on_film] += share * _convolve(plane[about], part, within=True)
-            if bright.any():
+            lit = np.argwhere(bright)
+            if len(lit) * part.size < _FEW_SUMS * bright.size:
+                for j, i in lit:
+                    target[about][j : j + len(part), i : i + len(part)] += bright[j, i] * share[j, i] * part
+            else:
                 target[about] += _convolve(bright * share, part)
     return out
 
@@ -126,6 +131,7 @@ def _convolve(plane: Array, kernel: Array, *, within: bool = False) -> Array:
 #
 # The film with what its openings make of it.
 
+_FEW_SUMS = 8  # for each pixel, which are sooner done than the Fourier transforms
 _FINEST_PX = 0.03  # wavelength times f-number, below which no ring of a lamp shows
 # Errors that `auto` leaves out, and from where the printed line has the light that is lost.
 LOST_CONTRAST = 0.25  # of lines of two pixels in the film's middle, at 550 nm
@@ -134,12 +140,18 @@ _STAR_FROM, _STAR_TO = 3, 16  # pixels from a lamp that it is looked for
 _DARK = 1e-4  # of the film's mean, below which it is black
 WORTH_A_LINE = 1e-3  # of the light, from which a line says that it falls beside the film
 LAMP = 16.0  # times the mean of the film, from which a pixel counts as a lamp
+_ACROSS_A_DISK = 0.87  # of its diameter: sides of a square of the same spread
+_PER_OCTAVE = 4.0  # widths of an edge
+_SMOOTH_PX = 4.5  # of that, from which every second pixel says what a star is
 _WIDE_PX = 2.0  # length of a lamp's straight edges, from which its far light is as wide as they are
 NODES, MORE_NODES = (5, 3), (9, 7)  # along the longer and the shorter side of the film: openings, and wavefronts
 _BETWEEN, _MOST_PARTS = 0.01, 4  # modulation that the mean of two kernels may be off, and finer nodes for it, each way
 GOOD = 0.9  # Strehl ratio at all nodes from which the few are enough
 ALL_CELLS, NEAR_CELLS = 144, 72  # across an opening whose kernels reach 64 wavelengths over twice its aperture, and 20
 _NODE_PX = 16  # least distance between nodes
+_MOST_OPENINGS = 12  # of lamps, beside those that are one turned and drawn out
+_ALIKE, _FEW_CORNERS = 0.005, 256  # of its radius (rms), within which two openings are one; and corners that tell
+_VEIL_STEPS, _COARSEST = 6, 8  # into which the reach of a kernel is divided for light of no lamp, and pixels of a step
 _SLIVER = 0.05  # of the widest opening, below which a node says nothing of the brighter places about it
 
 
@@ -173,8 +185,12 @@ class FilmSpread:
         Those whose pictures by waves take the place of those by rays.
     beside : (n, 8) array
         Light of lamps beside the picture, as `lamp_images` has it.
-    directions : int
-        Of far light.
+    outlines : tuple of (n, 4) arrays
+        Edges of other openings that lamps have, with their dirt.
+    stars : (n, 11) array
+        Lamps that the picture shows, or the light of: number of the lamp, as in `beside`; number of its picture, -1
+        without; x and y of its middle, width of its sharp image, and radius of its rays [pixels]; number of its
+        opening, 0 for that of the film's middle; and the linear map (2, 2) of this onto its own, by rows.
     film_decides : bool
         Whether it is only for films whose lamps show stars.
     middle_unit_px : float
@@ -190,7 +206,8 @@ class FilmSpread:
     edges: Array | None = None
     lamps: tuple[LampImage, ...] = ()
     beside: Array = field(default_factory=lambda: np.zeros((0, 8)))
-    directions: int = point_spread.ANGLES
+    outlines: tuple[Array, ...] = ()
+    stars: Array = field(default_factory=lambda: np.zeros((0, 11)))
     film_decides: bool = False
     middle_unit_px: float = 0.0
 
@@ -204,23 +221,43 @@ class FilmSpread:
         """Columns and rows of the nodes on the whole film, and the kernel of each, with the light that is not far."""
         own = [part.astype(np.float64) for part in self.near]
         if self.edges is not None:
-            own = [part * (1 - self.far[0])[:, None, None] for part in own]
+            own = [part * (1 - self._shares)[:, None, None] for part in own]
         return self.nodes, own
 
     @cached_property
     def _far_light(self) -> point_spread.FarLight:
         assert self.edges is not None
-        return point_spread.FarLight(self.edges, self.index, self.pixel_mm, self.reach, self.directions)
-
-    @cached_property
-    def _of_plain_films(self) -> FilmSpread:
-        """The same for films without lamps, which show no spikes."""
-        return replace(self, directions=point_spread.FEW_ANGLES)
+        return point_spread.FarLight(self.edges, self.index, self.pixel_mm, self.reach)
 
     @cached_property
     def far(self) -> tuple[Array, Array]:
         """Share of the far light of red, green and blue, and its kernel over twice the picture."""
-        return self._far_light.shares, self._far_light.kernel(*self.window)[:, :, ::-1]
+        return self._shares, self._far_light.kernel(*self.window)[:, :, ::-1]
+
+    @cached_property
+    def _veil_light(self) -> tuple[point_spread.FarLight, int]:
+        """Far light of what is no lamp, by squares, and how many pixels each has each way."""
+        step = int(np.clip(self.reach // _VEIL_STEPS, 1, _COARSEST))
+        size, reach = (step * self.pixel_mm[0], step * self.pixel_mm[1]), (self.reach + 1) / step - 1
+        return replace(self._far_light, pixel_mm=size, reach=reach, directions=point_spread.FEW_ANGLES), step
+
+    @cached_property
+    def _shares(self) -> Array:
+        """Share of red, green and blue that is far light (3,)."""
+        return self._veil_light[0].shares
+
+    @cached_property
+    def _openings(self) -> list[point_spread.FarLight]:
+        """Far light of the openings that lamps have, the film's middle first."""
+        maps = np.append(self.stars[:, 7:], [[1.0, 0.0, 0.0, 1.0]], axis=0).reshape(-1, 2, 2)
+        nearest = min([self.reach, *(lamp.reach for lamp in self.lamps)])
+        reach = float(np.linalg.svd(maps, compute_uv=False).min()) * nearest
+        return [replace(self._far_light, edges=edges, reach=reach) for edges in (self._far_light.edges, *self.outlines)]
+
+    @cached_property
+    def _tables(self) -> dict[tuple[float, ...], tuple[Array, Array]]:
+        """Those of far light, by opening and what they are for, once they are known."""
+        return {}
 
     def over(self, pixels: NDArray[np.float32], layout: FilmLayout) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Return a film (height, width, 3) of linear RGB with its light spread, and what metadata say of it.
@@ -242,76 +279,87 @@ class FilmSpread:
         bright, by_lamps = lamps_of(planes), brightness(planes, offset, self.lamps)
         is_dark = np.append(by_lamps, np.zeros((1, 3)), axis=0).sum(axis=1) == 0  # the last stands for no picture
         beside = self.beside[is_dark[self.beside[:, 7].astype(int)]]
-        has_stars = bright.any() or by_lamps.any() or len(beside) > 0
-        if self.edges is not None and self.directions > point_spread.FEW_ANGLES and not has_stars:
-            return self._of_plain_films._spread(pixels, layout)
         if by_lamps.any():
             planes, by_lamps = without_lamps(planes, offset, self.lamps, by_lamps)
             bright = np.where(bright > 0, planes, 0.0)
-        on_film, reach = (slice(self.reach, self.reach + side) for side in planes.shape[1:]), self.reach
+        reach, total, lost = self.reach, float(planes.sum() + by_lamps.sum()), 0.0
+        stars, sent = np.zeros_like(planes), planes.copy() if len(self.stars) else planes
+        strewn = np.where(bright > 0, lamps_of(planes), 0.0) if by_lamps.any() else bright.copy()
+        for own in self.stars if self.edges is not None else ():
+            number = int(own[1])
+            if number >= 0 and by_lamps[number].any():
+                lamp, light = self.lamps[number], by_lamps[number]
+                share, place, away = 1 - lamp.waves.sum(axis=(1, 2)), lamp.place, (lamp.radius, lamp.reach)
+            else:
+                light, place, share = self._bright_pixels(own, (planes, bright, sent, strewn), layout)
+                away = 0.0, reach
+            if light.any():
+                star = self._star(own, place, own[4], *away, layout)
+                lost += float(light @ np.maximum(share - star.sum(axis=(1, 2)), 0.0))
+                for plane, target, own_light in zip(star, stars, light.tolist(), strict=True):
+                    plane *= own_light
+                    target += plane
         whole = _blur(planes, bright, offset, *self.kernels, reach)
-        spread = whole[(slice(None), *on_film)]
-        total, lost = float(planes.sum() + by_lamps.sum()), float(whole.sum() - spread.sum())
+        spread = whole[:, reach : reach + planes.shape[1], reach : reach + planes.shape[2]]
+        lost += float(whole.sum() - spread.sum())
         if self.edges is not None:
-            shares, light = self.far
-            sent = planes + self._at_lamps(planes.shape, offset, by_lamps)
-            around = shares[:, None, None] - point_spread.received(light, planes.shape[1:])
+            if strewn.any():
+                far, ones = point_spread.strew(sent, self.far[1]), point_spread.received(self.far[1], planes.shape[1:])
+            else:
+                light, step = self._veil_light
+                kernel = light.kernel(*(-(-side // step) for side in self.window))[:, :, ::-1]
+                far, ones = point_spread.veil(sent, kernel, step)
+            around = self._shares[:, None, None] - ones
             lost += float((sent * around).sum())
-            spread += point_spread.strew(sent, light)
+            spread += far
             spread += around * (planes - bright).mean(axis=(1, 2))[:, None, None]  # as bright beside the film as on it
+        spread += stars
         if by_lamps.any():
             spread += by_waves(planes.shape, offset, self._near_lamps, by_lamps)
-            for number, edge in self._wide.items():
-                lamp = self.lamps[number]
-                star = self._star(lamp.place, edge, lamp.radius, lamp.reach, layout)
-                lost += float(by_lamps[number] @ np.maximum(self.far[0] - star.sum(axis=(1, 2)), 0.0))
-                spread += by_lamps[number][:, None, None] * star
             spread = np.maximum(spread, 0.0) if pixels.min(initial=0.0) >= 0 else spread
-        beside = np.concatenate([beside, self._images_beside(by_lamps, layout)])
         if len(beside):
             spread += self._from_beside(beside, layout)
         film = np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
         return film, lost / total if total > 0 else 0.0
 
-    @cached_property
-    def _near_lamps(self) -> list[LampImage]:
-        """The pictures of lamps, of what their far light lacks beside them."""
-        if self.edges is None:
-            return [replace(lamp, waves=lamp.waves / lamp.waves.sum(axis=(1, 2))[:, None, None]) for lamp in self.lamps]
-        near = []
-        for number, lamp in enumerate(self.lamps):
-            if number in self._wide:
-                near.append(lamp)
-                continue
-            inner: Array = np.zeros(lamp.waves.shape)
-            rows, columns = np.arange(lamp.waves.shape[1]), np.arange(lamp.waves.shape[2])
-            x, y = columns + lamp.column + 0.5 - lamp.place[0], rows + lamp.row + 0.5 - lamp.place[1]
-            light = self.far[1]
-            middle = light.shape[1] // 2, light.shape[2] // 2
-            for column, row, share in about(lamp.place):
-                i, j = rows + lamp.row - row + middle[0], columns + lamp.column - column + middle[1]
-                good = np.ix_((i >= 0) & (i < light.shape[1]), (j >= 0) & (j < light.shape[2]))
-                inner[:, good[0], good[1]] += share * light[:, i[good[0]], j[good[1]]]
-            inner *= point_spread.fade(np.hypot(x[None, :], y[:, None]), lamp.reach)
-            near.append(replace(lamp, waves=(lamp.waves - inner).astype(np.float32)))
-        return near
+    def _bright_pixels(
+        self, own: Array, films: Sequence[Array], layout: FilmLayout
+    ) -> tuple[Array, tuple[float, float], Array]:
+        """Take the light of a lamp without a picture by waves from the pixels that it is in; with its middle.
+
+        And the share of it that is far light, by which it is not near them.
+
+        Parameters
+        ----------
+        films
+            The film, its bright pixels, what the opening of the middle strews, and which of it is bright.
+        """
+        x, y, size, radius = own[2:6]
+        spans = []
+        for middle, first, side in ((y, layout.y, layout.height), (x, layout.x, layout.width)):
+            ends = np.clip(np.rint(middle - first + (size / 2 + radius + 2) * np.array([-1, 1])).astype(int), 0, side)
+            spans.append(slice(*ends))
+        planes, bright, sent, strewn = (film[:, spans[0], spans[1]] for film in films)
+        light, plane = strewn.sum(axis=(1, 2)), strewn.sum(axis=0)
+        if light.any():
+            x, y = (np.average(np.arange(span.start, span.stop) + first + 0.5, weights=plane.sum(axis=axis))
+                    for axis, span, first in ((0, spans[1], layout.x), (1, spans[0], layout.y)))  # fmt: skip
+        far = self._openings[int(own[6])]
+        nearer = (far.reach + 1) / (self.reach + 1) / np.sqrt(abs(np.linalg.det(own[7:].reshape(2, 2))))
+        share = far.shares * nearer
+        more = ((self._shares - share) / (1 - self._shares))[:, None, None] * strewn
+        for film in (planes, bright):
+            film += more
+        sent -= strewn
+        strewn[:] = 0.0
+        return light, (float(x), float(y)), share
 
     @cached_property
-    def _wide(self) -> dict[int, float]:
-        """Of lamps whose straight edges show out of focus, the length of the longest [pixels]."""
-        if self.edges is None:
-            return {}
-        edges = {k: self._far_light.straightest * 2 * lamp.radius for k, lamp in enumerate(self.lamps)}
-        return {k: edge for k, edge in edges.items() if edge > _WIDE_PX}
-
-    def _images_beside(self, by_lamps: Array, layout: FilmLayout) -> Array:
-        """Return, as `beside` is, the far light that lamps with pictures send from pixels beside the picture."""
-        rows = [np.zeros((0, 8))]
-        for number, (lamp, light) in enumerate(zip(self.lamps, by_lamps, strict=True)):
-            if light.any() and number not in self._wide:
-                own = [[i + 0.5, j + 0.5, *(k * light), -number - 1.0, 0.0, number] for i, j, k in about(lamp.place)]
-                rows.append(np.array([row for row in own if not layout.holds(np.array([row[:2]]))[0]]).reshape(-1, 8))
-        return np.concatenate(rows)
+    def _near_lamps(self) -> Sequence[LampImage]:
+        """The pictures of lamps, with all of their light where none is far."""
+        if self.edges is not None:
+            return self.lamps
+        return [replace(lamp, waves=lamp.waves / lamp.waves.sum(axis=(1, 2))[:, None, None]) for lamp in self.lamps]
 
     def _from_beside(self, beside: Array, layout: FilmLayout) -> Array:
         """Return the light (3, height, width) that reaches a picture from beside it."""
@@ -325,49 +373,56 @@ class FilmSpread:
                 np.add.at(plane, tuple(places[near].T[::-1]), light)
             spread = blur(around, around, (layout.x - reach, layout.y - reach), nodes, kernels)
             total += spread[:, reach : reach + layout.height, reach : reach + layout.width]
-        for number in np.unique(beside[:, 5]) if self.edges is not None else ():
-            own = beside[beside[:, 5] == number]
-            light, radius = own[:, 2:5].sum(axis=0), float(own[0, 6])
-            shares = own[:, 2:5].sum(axis=1) / light.sum()
-            place, edge = shares @ own[:, :2], self._far_light.straightest * 2 * radius
-            size = np.sqrt(12 * shares @ np.sum((own[:, :2] - place) ** 2, axis=1) / 2)
-            wide, at = edge if edge > _WIDE_PX else 0.0, (float(place[0]), float(place[1]))
-            star = self._star(at, max(wide, float(size), 1.0), radius if wide else 0.0, reach, layout)
-            total += light[:, None, None] * star
+        for star in self.stars if self.edges is not None else ():
+            own = beside[beside[:, 5] == star[0]]
+            if not len(own):
+                continue
+            light, shares = own[:, 2:5].sum(axis=0), own[:, 2:5].sum(axis=1) / own[:, 2:5].sum()
+            place = shares @ own[:, :2]
+            size = np.sqrt(8 * shares @ np.sum((own[:, :2] - place) ** 2, axis=1))
+            total += light[:, None, None] * self._star(star, (place[0], place[1]), size, own[0, 6], reach, layout)
         return total
 
-    def _star(self, place: tuple[float, float], edge: float, radius: float, reach: int, layout: FilmLayout) -> Array:
-        """Return the far light (3, height, width) of a lamp of light 1, of each edge as wide as that is.
+    def _star(
+        self, own: Array, place: tuple[float, float], size: float, radius: float, reach: int, layout: FilmLayout
+    ) -> Array:
+        """Return the far light (3, height, width) of a lamp of light 1, of each edge as wide as it is out of focus.
 
         Parameters
         ----------
-        edge
-            Length of a straight edge of the opening in the lamp's picture, or width of this [pixels].
+        own
+            Its row of `stars`.
+        place, size
+            Middle and width of its image [pixels].
         radius
-            Of the picture of a lamp out of focus [pixels].
+            Of the rays of a point of it, out of focus [pixels].
         reach
             From where on it counts [pixels].
         """
+        (x, y), by = place, own[7:].reshape(2, 2)
+        opening = self._openings[int(own[6])]
+        wide = opening.straightest * 2 * radius
+        edge = max(_ACROSS_A_DISK * size, wide if wide > _WIDE_PX else 0.0, 1.0)
+        edge = 2.0 ** (np.rint(_PER_OCTAVE * np.log2(edge)) / _PER_OCTAVE)  # so that lamps share tables
+        out = float(np.sqrt(max(radius**2 - edge**2 / 4, 0.0))) if wide > _WIDE_PX else 0.0
         columns = np.arange(layout.x + 0.5, layout.x + layout.width)
         rows = np.arange(layout.y + 0.5, layout.y + layout.height)
-        some_columns, some_rows = (_sparse_nodes(axis, int(edge / 16)) for axis in (columns, rows))
-        out, (x, y) = float(np.sqrt(max(radius**2 - edge**2 / 4, 0.0))), place
+        every = max(int(edge / 16), 2 if edge > _SMOOTH_PX else 1)
+        some_columns, some_rows = (_sparse_nodes(axis, every) for axis in (columns, rows))
         farthest = np.hypot(np.abs(columns[[0, -1]] - x).max(), np.abs(rows[[0, -1]] - y).max())
-        table = self._far_light.table(max(float(np.hypot(*self.resolution)), float(farthest)), edge, out)
-        few = self._far_light.at(table, x - some_columns, some_rows - y)  # x runs to the left
-        light = np.asarray(_hats(some_rows, rows).T @ few @ _hats(some_columns, columns))
-        away = np.hypot(columns - x, rows[:, None] - y)
-        return np.asarray(light * (1 - point_spread.fade(away, reach)))
-
-    def _at_lamps(self, shape: tuple[int, ...], offset: tuple[int, int], light: Array) -> Array:
-        """Return planes with the light of lamps (n, 3) in the pixels about the middle of each."""
-        planes = np.zeros(shape)
-        for number, (lamp, own) in enumerate(zip(self.lamps, light, strict=True)):
-            for column, row, share in () if number in self._wide else about(lamp.place):
-                column, row = column - offset[0], row - offset[1]
-                if 0 <= column < shape[2] and 0 <= row < shape[1]:
-                    planes[:, row, column] += share * own
-        return planes
+        farthest = max(float(np.hypot(*self.resolution)), float(farthest)) * max(1.0, float(np.linalg.norm(by, 2)))
+        farthest = 2.0 ** np.ceil(np.log2(farthest))
+        key = own[6], farthest, edge, out
+        if key not in self._tables:
+            self._tables[key] = opening.table(farthest, edge, out)
+        light = opening.at(self._tables[key], x - some_columns, some_rows - y, by)  # x runs to the left
+        if every > 1:
+            light = point_spread.between(light, (some_rows, some_columns), (rows, columns))
+        sides = np.zeros(3), np.abs(rows - y), np.abs(columns - x)
+        near = np.ix_(*(np.flatnonzero(side < reach + 2) for side in sides))
+        away = np.hypot(columns - x, rows[:, None] - y)[near[1][0], near[2][0]]
+        light[near] *= 1 - point_spread.fade(away, reach)
+        return np.asarray(light)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays that `spread_of` reads."""
@@ -379,6 +434,8 @@ class FilmSpread:
             "diffraction_index": np.array([self.index, float(self.film_decides), self.middle_unit_px]),
             "diffraction_edges": np.zeros((0, 4)) if self.edges is None else self.edges,
             "diffraction_beside": self.beside,
+            "diffraction_stars": self.stars,
+            **{f"diffraction_opening_{number}": edges for number, edges in enumerate(self.outlines)},
         }
         for number, lamp in enumerate(self.lamps):
             arrays[f"diffraction_lamp_{number}"] = np.stack([lamp.waves, lamp.rays])
@@ -407,8 +464,10 @@ def spread_of(
     if not (rising and min(width, height) > 0 and near.shape == (count, 3, side, side) and side % 2):
         raise ValueError("diffraction")
     edges = arrays["diffraction_edges"]
-    beside = arrays["diffraction_beside"]
-    for table, width_of_row in ((edges, 4), (beside, 8)):
+    beside, stars, outlines = arrays["diffraction_beside"], arrays["diffraction_stars"], list[Array]()
+    while f"diffraction_opening_{len(outlines)}" in arrays:
+        outlines.append(arrays[f"diffraction_opening_{len(outlines)}"])
+    for table, width_of_row in ((edges, 4), (beside, 8), (stars, 11), *((outline, 4) for outline in outlines)):
         if table.ndim != 2 or table.shape[1] != width_of_row or not np.isfinite(table).all():
             raise ValueError("diffraction")
     lamps, number = [], 0
@@ -420,7 +479,7 @@ def spread_of(
     edges_or_none = edges if len(edges) else None
     return FilmSpread(
         resolution, window, (width, height), nodes, tuple(near), index, edges_or_none, tuple(lamps), beside,
-        film_decides=decides > 0, middle_unit_px=unit,
+        tuple(outlines), stars, film_decides=decides > 0, middle_unit_px=unit,
     )  # fmt: skip
 
 
@@ -487,13 +546,41 @@ class FilmOpenings:
         return conjugates_of(self.scene, self.pupils, self.nodes, self.points, self.seen)
 
     @cached_property
+    def outline(self) -> Array | None:
+        """Corners (n, 2) of the opening that the middle of the film sees; None where they are not known."""
+        return self.pupils.outline(np.zeros(2))
+
+    @cached_property
     def edges(self) -> Array | None:
-        """Edges of the opening that the middle of the film sees, and of the dirt in it."""
-        outline, dirt = self.pupils.outline(np.zeros(2)), self.scene.camera.stop.dirt
-        if outline is None:
-            return None
-        own = edges_of(outline)
+        """Edges of that opening, and of the dirt in it."""
+        return None if self.outline is None else self._with_dirt(self.outline)
+
+    def _with_dirt(self, outline: Array) -> Array:
+        own, dirt = edges_of(outline), self.scene.camera.stop.dirt
         return own if dirt is None else np.concatenate([own, dirt_edges(dirt, outline, self.pupils.radius_mm)])
+
+    def stars(self, lamps: Array) -> tuple[list[Array], Array]:
+        """Return edges of openings beside that of the middle, and by which map of which each lamp has its own.
+
+        As `FilmSpread` has them, of rows (n, 6) of lamps.
+        """
+        assert self.outline is not None
+        known, rows = [self.outline], [np.zeros((0, 11))]
+        for lamp, point in zip(lamps, film_points(self.scene, lamps[:, 2:4]), strict=True):
+            checkpoint()
+            number, by = 0, np.eye(2)
+            with suppress(InputError):  # no light comes from there
+                few = self.pupils.outline(point[:2], _FEW_CORNERS)
+                maps = [] if few is None else [point_spread.map_of_outlines(each, few) for each in known]
+                number = int(np.argmin([off for _, off in maps])) if maps else 0
+                by, off = maps[number] if maps else (np.eye(2), 0.0)
+                if off > _ALIKE and len(known) <= _MOST_OPENINGS:
+                    own = self.pupils.outline(point[:2])
+                    if own is not None:
+                        number, by = len(known), np.eye(2)
+                        known.append(own)
+            rows.append(np.array([[*lamp, number, *by.ravel()]]))
+        return [self._with_dirt(outline) for outline in known[1:]], np.concatenate(rows)
 
 
 @dataclass(frozen=True)
@@ -588,8 +675,11 @@ class Diffraction:
             return spread
         known = list(zip(openings.points, pupils, strict=True))
         units = 0.0 if unit < _FINEST_PX else point_spread.REACH if edges is None else point_spread.NEAR
-        lamps, beside = lamp_images(self.scene, self.plan, openings.pupils, known, units, conjugates, self.session)
-        return replace(spread, lamps=tuple(lamps), beside=beside)
+        lamps, beside, seen = lamp_images(
+            self.scene, self.plan, openings.pupils, known, units, conjugates, self.session
+        )
+        outlines, stars = ([], np.zeros((0, 11))) if edges is None else openings.stars(seen)
+        return replace(spread, lamps=tuple(lamps), beside=beside, outlines=tuple(outlines), stars=stars)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays of a saved render by which `merge` applies it without the scene; none where it is off."""
@@ -717,15 +807,6 @@ def _finer_nodes(axis: Array, parts: int, low: int, high: int) -> tuple[list[flo
 
 PARTS = 3  # of its picture each way
 _KNOWN, _SEEN = 0.1, 0.4  # of a lamp on the picture: below the first its light is computed, above the second fitted
-
-
-def about(place: tuple[float, float]) -> Iterator[tuple[int, int, float]]:
-    """Yield the four pixels about a place, column and row, and the share that each has of it."""
-    column, row = (int(np.floor(part - 0.5)) for part in place)
-    x, y = place[0] - 0.5 - column, place[1] - 0.5 - row
-    for i, by_column in ((column, 1 - x), (column + 1, x)):
-        for j, by_row in ((row, 1 - y), (row + 1, y)):
-            yield i, j, by_column * by_row
 
 
 def brightness(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage]) -> Array:

@@ -502,7 +502,7 @@ def lamp_images(
     units: float,
     conjugates: point_waves.Conjugates | None,
     session: Session | None = None,
-) -> tuple[list[LampImage], Array]:
+) -> tuple[list[LampImage], Array, Array]:
     """Return the pictures of lamps that waves change, near them as far as a kernel reaches, and what falls beside.
 
     Parameters
@@ -518,13 +518,16 @@ def lamp_images(
     beside : (n, 8) array
         Light of lamps in pixels beside the picture: its middle [pixels]; red, green and blue; number of the lamp;
         radius of its farthest ray [pixels]; number of its picture by waves, -1 without.
+    shining : (n, 6) array
+        Number of each lamp whose light the picture has, number of its picture by waves, x and y of its middle, width of
+        its sharp image, and radius of its farthest ray [pixels].
     """
     scene, turn = at_opening(scene), np.eye(4)
     turn[:3, :3] = scene.camera.world_from_camera()[:3, :3]
     pupil = turn[:3, :3] @ [0.0, 0.0, plan.camera.view.pupil_z_m]
-    lamps, images, beside = list(_lamps(plan, pupil)), list[LampImage](), [np.zeros((0, 8))]
+    lamps, images, beside, shining = list(_lamps(plan, pupil)), list[LampImage](), [np.zeros((0, 8))], list[Array]()
     if not lamps:
-        return images, beside[0]
+        return images, beside[0], np.zeros((0, 6))
     layout, on_film = FilmLayout.of(scene.film), np.array(scene.film.resolution)
     nm = MIDDLE_NM if (lens := scene.camera.lens_camera) is None else lens.wavelength_nm
     film = _LampFilm(pupils, seen, pixel_mm(scene), bool(plan.facts.get("LENS_SPLITS")), nm, units, conjugates)
@@ -547,12 +550,13 @@ def lamp_images(
             image = _image(film, among(_POINTS_A_PIXEL), point, source, opening, light)
         if is_shown := image is not None and (is_on or image.meets(layout)):
             images.append(image)
+        of_image, radius = len(images) - 1 if is_shown else -1, opening.radius_mm / film.pixel if opening else 0.0
+        shining.append(np.array([number, of_image, *middle, np.ptp(places, axis=0).max(), radius]))
         if light.any():
             rays = _rays(film, opening) if image is None else np.zeros((1, 2))  # its far light comes from its middle
-            out, of_image = _beside(layout, among, rays, light), len(images) - 1 if is_shown else -1
-            radius = 0.0 if opening is None else opening.radius_mm / film.pixel
+            out = _beside(layout, among, rays, light)
             beside.append(np.column_stack([out, np.tile([number, radius, of_image], (len(out), 1))]))
-    return images, np.concatenate(beside)
+    return images, np.concatenate(beside), np.array(shining).reshape(-1, 6)
 
 
 def _counts(place: Array, on_film: NDArray[np.int_]) -> float:

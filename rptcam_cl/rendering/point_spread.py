@@ -32,7 +32,7 @@ def shares_of_white(waves_nm: tuple[float, ...]) -> Array:
     return np.asarray(shares / shares.sum(axis=0))
 
 
-def fade(radius_px: Array, reach: int) -> Array:
+def fade(radius_px: Array, reach: float) -> Array:
     """Return the share of the light at radii that a kernel keeps; the rest of it is far light."""
     radius = radius_px / (reach + 1)
     return np.asarray(np.cos(np.pi / 2 * np.clip((radius - _TAPER) / (1 - _TAPER), 0.0, 1.0)) ** 2)
@@ -211,14 +211,16 @@ def kept_by_cells(places: Array) -> Array:
 # wavelength is that of another, scaled; so one table over directions and radii, summed up over both, gives all of
 # them in every pixel.
 
-ANGLES, FEW_ANGLES = 2048, 128  # directions over half a turn, with lamps and without; the other half is alike
+ANGLES, FEW_ANGLES = 2048, 512  # directions over half a turn, with lamps and without; the other half is alike
 CELLS, LINE = 4096, 2.5  # of the line that an opening is seen along, and its length in widths of the opening
 RESOLVED = 512.0  # wavelengths times f-number up to which the light is computed; beyond it falls as its cube
 BANDS, _SPANS = 448, 384  # radii, evenly in their logarithm, of that light and of the film's
 _STARBURST_NM = tuple(np.arange(405.0, 700.0, 5.0).tolist())
-AT_ONCE = 128  # directions
+AT_ONCE, _ROWS_AT_ONCE = 128, 4  # directions, and rows of a film
 STRAIGHT = 120  # directions of edges round a turn, of which two neighbours count as one
 NARROW = 1e-7  # least width of an edge along the line
+_FIT_ROUNDS = 6
+_AS_IT_IS = np.eye(2)
 
 
 @dataclass(frozen=True)
@@ -242,7 +244,7 @@ class FarLight:
     edges: Array
     index: float
     pixel_mm: tuple[float, float]
-    reach: int
+    reach: float
     directions: int = ANGLES
 
     @property
@@ -346,17 +348,30 @@ class FarLight:
         light = np.tensordot(self.within[1], inner, 1) + self._beyond[:, None, None] * outer
         return _boxes(np.moveaxis(light, 1, 0), edges, across, out), edges
 
-    def at(self, table: tuple[Array, Array], x: Array, y: Array) -> Array:
-        """Return the light of pixels (3, y, x) at places from a lamp [pixels], by a table; none where that has none."""
+    def at(self, table: tuple[Array, Array], x: Array, y: Array, own: Array = _AS_IT_IS) -> Array:
+        """Return the light of pixels (3, y, x) at places from a lamp [pixels], by a table; none where that has none.
+
+        ``own`` (2, 2) makes of this opening that of the lamp: the Fourier transform has its transpose.
+        """
         boxes, edges = table
-        light, step = np.zeros((3, len(y), len(x))), np.log(edges[1] / edges[0])
-        for row, up in enumerate(y):
-            radius, angle = np.hypot(x, up), np.arctan2(up, x)
-            lit = radius > _TAPER * self.reach
-            if lit.any():
-                at = np.clip(np.log(radius[lit] / edges[0]) / step, 0, _SPANS - 1.001)
-                light[:, row, lit] = _between(boxes, angle[lit] * self.directions / np.pi - 0.5, at)
-        return light
+        rows = np.concatenate([boxes[-1:], boxes, boxes[:1]]).reshape(-1, 3).astype(np.float32)  # directions go round
+        light, (x, y) = np.empty((len(y), len(x), 3), np.float32), (x.astype(np.float32), y.astype(np.float32))
+        per_turn, nearest, (a, b, c, d) = self.directions / np.pi, float(edges[0]), own.ravel().tolist()
+        step, lit = float(np.log(edges[1] / edges[0])), _TAPER * float(self.reach)
+        for start in range(0, len(y), _ROWS_AT_ONCE):
+            here, up = light[start : start + _ROWS_AT_ONCE], y[start : start + _ROWS_AT_ONCE, None]
+            right, up = a * x + c * up, b * x + d * up
+            radius = np.hypot(right, up)
+            turn = np.mod(np.arctan2(up, right) * per_turn, self.directions) + 0.5
+            at = np.clip(np.log(np.maximum(radius, nearest) / nearest) / step, 0, _SPANS - 1.001)
+            i, j = turn.astype(np.int32), at.astype(np.int32)
+            first, u, v = i * _SPANS + j, (turn - i)[..., None], (at - j)[..., None]
+            low, high = rows.take(first, 0), rows.take(first + _SPANS, 0)
+            low += v * (rows.take(first + 1, 0) - low)
+            high += v * (rows.take(first + _SPANS + 1, 0) - high)
+            low += u * (high - low)
+            np.multiply(low, (radius > lit)[..., None] * np.float32(abs(a * d - b * c)), out=here)
+        return np.asarray(np.moveaxis(light, -1, 0))
 
     @cached_property
     def straightest(self) -> float:
@@ -365,6 +380,28 @@ class FarLight:
         bins = np.floor(np.arctan2(along[:, 1], along[:, 0]) * STRAIGHT / (2 * np.pi)).astype(int) % STRAIGHT
         lengths = np.bincount(bins, np.hypot(*along.T), STRAIGHT)
         return float((lengths + np.roll(lengths, 1)).max() / self._width)
+
+
+def map_of_outlines(outline: Array, own: Array) -> tuple[Array, float]:
+    """Return the linear map (2, 2) of one outline (n, 2) onto another, and how far these stay apart (rms), over radii.
+
+    By Newton's iteration across the edges; both are about their own middles, from which all is seen.
+    """
+    outline, own = (corners - (corners.min(axis=0) + corners.max(axis=0)) / 2 for corners in (outline, own))
+    order = np.argsort(np.arctan2(own[:, 1], own[:, 0]))
+    angles, radii = np.arctan2(own[order, 1], own[order, 0]), np.hypot(*own[order].T)
+    factors = np.eye(3, 2)
+    for _ in range(_FIT_ROUNDS):
+        mapped = outline @ factors[:2] + factors[2]
+        along = np.roll(mapped, -1, axis=0) - np.roll(mapped, 1, axis=0)
+        across = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]
+        away = np.hypot(*mapped.T)
+        more = np.interp(np.arctan2(mapped[:, 1], mapped[:, 0]), angles, radii, period=2 * np.pi) / away - 1
+        off = more * np.sum(across * mapped, axis=1)
+        terms = np.column_stack([outline, np.ones(len(outline))])
+        matrix = (terms[:, :, None] * across[:, None]).reshape(len(outline), 6)
+        factors = factors + np.linalg.lstsq(matrix, off, rcond=None)[0].reshape(3, 2)
+    return factors[:2].T, float(np.sqrt(np.mean(off**2)) / radii.mean())
 
 
 def _along(edges: Array, angles: Array, shift: Array) -> Array:
@@ -405,45 +442,37 @@ def _boxes(light: Array, edges: Array, across: float, out: float) -> Array:
     ----------
     light : (3, directions, radii) array
         Within radii.
+
+    Returns
+    -------
+    (directions, radii, 3) array
     """
-    places, step = np.arange(len(edges)), np.log(edges[1] / edges[0])
+    step, light = np.log(edges[1] / edges[0]), np.ascontiguousarray(np.moveaxis(light, 2, 0))
 
     def within(radii: Array) -> Array:
         at = np.clip(np.log(np.maximum(radii, edges[0]) / edges[0]) / step, 0, len(edges) - 1.001)
-        first = at.astype(int)
-        return np.asarray(light[..., first] * (1 - at % 1) + light[..., first + 1] * (at % 1))
+        first, part = at.astype(int), (at % 1)[:, None, None]
+        return np.asarray(light[first] * (1 - part) + light[first + 1] * part)
 
     middles = (edges,) if out == 0 else (edges - out, edges + out)
     ring = sum((within(at + 0.5) - within(at - 0.5) for at in middles), np.zeros_like(light)) / len(middles)
-    total = np.concatenate([np.zeros_like(ring[:, :1]), np.cumsum(np.tile(ring, (1, 3, 1)), axis=1)], axis=1)
+    total = np.cumsum(ring, axis=2)  # along the circle
     half = np.minimum(0.5 * across / edges, np.pi / 4)
-    pixels = 2 * half * edges  # of each box
-    count = light.shape[1]
-    half = half * count / np.pi
-    directions = count + np.arange(count) + 0.5
-    boxes = np.empty(ring.shape)  # by rows, whatever the order of the light
-    for k in places:
-        below, above = (_interpolate(total[:, :, k], directions + side * half[k]) for side in (-1, 1))
-        boxes[:, :, k] = (above - below) / max(pixels[k], 1.0)
+    pixels, count = 2 * half * edges, light.shape[2]  # of each box; and directions
+    directions, half = np.arange(count) + 0.5, half * count / np.pi
+    boxes = np.empty((count, len(edges), 3))
+    for k in range(len(edges)):
+        above, below = (_up_to(total[k], directions + side * half[k]) for side in (1, -1))
+        boxes[:, k] = ((above - below) / max(pixels[k], 1.0)).T
     return np.maximum(boxes, 0.0) / 2  # a half turn of the table stands for both
 
 
-def _interpolate(rows: Array, at: Array) -> Array:
-    first = at.astype(np.int64)
-    return np.asarray(rows[:, first] * (1 - at % 1) + rows[:, first + 1] * (at % 1))
-
-
-def _between(table: Array, turn: Array, at: Array) -> Array:
-    """Return a table (3, directions, radii) between its entries (3, n); directions go round."""
-    first, j = np.floor(turn).astype(np.int64), at.astype(np.int64)
-    u, v = turn - first, at - j
-    i, following = first % table.shape[1], (first + 1) % table.shape[1]
-    flat = table.reshape(3, -1)
-    value = np.zeros((3, len(turn)))
-    for row, weight in ((i, 1 - u), (following, u)):
-        place = row * table.shape[2] + j
-        value += flat[:, place] * (weight * (1 - v)) + flat[:, place + 1] * (weight * v)
-    return value
+def _up_to(total: Array, at: Array) -> Array:
+    """Return sums (3, directions) up to places of a circle, which is gone round once more before and after."""
+    last = total[:, -1:]
+    every = np.concatenate([total - last, total, total + last], axis=1)
+    first = np.floor(at).astype(np.int64) + total.shape[1] - 1
+    return np.asarray(every[:, first] * (1 - at % 1) + every[:, first + 1] * (at % 1))
 
 
 def strew(planes: Array, kernel: Array) -> Array:
@@ -460,6 +489,33 @@ def strew(planes: Array, kernel: Array) -> Array:
         product = np.fft.rfft2(plane, shape) * np.fft.rfft2(own, shape)
         target[:] = np.fft.irfft2(product, shape)[height - 1 : 2 * height - 1, width - 1 : 2 * width - 1]
     return np.maximum(light, 0.0) if planes.min() >= 0 else light
+
+
+def veil(planes: Array, kernel: Array, step: int) -> tuple[Array, Array]:
+    """Return the light of planes without lamps and that of ones, by a kernel of squares of so many pixels."""
+    sides = planes.shape[1:]
+    counts = [-(-side // step) for side in sides]
+    (down, height), (across, width) = zip(counts, sides, strict=True)
+    whole = np.pad(planes, ((0, 0), (0, down * step - height), (0, across * step - width)))
+    squares = whole.reshape(-1, down, step, across * step).mean(axis=2).reshape(-1, down, across, step).mean(axis=3)
+    parts = [np.clip(side / step - np.arange(count), 0.0, 1.0) for side, count in zip(sides, counts, strict=True)]
+    ones = np.broadcast_to(np.outer(*parts), squares.shape)
+    light = np.concatenate([strew(squares, kernel), strew(ones, kernel)])
+    down_at, across_at = ((np.arange(count) + 0.5) * step - 0.5 for count in counts)
+    light = between(light, (down_at, across_at), (np.arange(height), np.arange(width)))
+    return light[:3], light[3:]
+
+
+def between(light: Array, nodes: tuple[Array, Array], places: tuple[Array, Array]) -> Array:
+    """Return light (n, y, x) at rows and columns between those that it is known at, and the nearest beside them."""
+    for axis in (2, 1):
+        known, wanted = nodes[axis - 1], places[axis - 1]
+        at = np.interp(wanted, known, np.arange(len(known)))
+        first = np.minimum(at.astype(np.int64), max(len(known) - 2, 0))
+        part = np.expand_dims((at - first).astype(light.dtype), (0, 3 - axis))
+        low = light.take(first, axis)
+        light = low + (light.take(np.minimum(first + 1, len(known) - 1), axis) - low) * part
+    return light
 
 
 def received(kernel: Array, shape: tuple[int, ...]) -> Array:

@@ -17,7 +17,7 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.waves import AIRY, pupil_function, transfer
 from rptcam_cl.rendering import point_spread
 from rptcam_cl.rendering.cameras.film_pupil import film_points
-from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
+from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of, shaped
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.diffraction import (
     LOST_CONTRAST,
@@ -34,7 +34,14 @@ from rptcam_cl.rendering.diffraction import (
 )
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.point_spread import FarLight, near_kernel, of_wavelength, shares_of_white, strew
+from rptcam_cl.rendering.point_spread import (
+    FarLight,
+    map_of_outlines,
+    near_kernel,
+    of_wavelength,
+    shares_of_white,
+    strew,
+)
 from rptcam_cl.rendering.point_waves import (
     conjugates_of,
     kernel_of_waves,
@@ -501,6 +508,82 @@ def test_far_light_grows_with_the_wavelength():
     means = [sum(nm * share for nm, share in zip(WAVES_NM, row, strict=True)) for row in SHARES.T]
     assert red / green == pytest.approx(means[0] / means[1], rel=0.02)
     assert blue / green == pytest.approx(means[2] / means[1], rel=0.02)
+
+
+def light_by_direction(image, x, y, ring, degrees=4):
+    """Light of a ring about the middle, by directions over half a turn; y upwards."""
+    radius, angle = np.hypot(x, y[:, None]), np.degrees(np.arctan2(y[:, None], x)) % 180
+    lit = (radius > ring[0]) & (radius < ring[1])
+    return np.bincount((angle[lit] // degrees).astype(int), image[lit], 180 // degrees)
+
+
+def test_an_opening_drawn_out_has_the_star_of_one_that_is_drawn_out():
+    by, places = np.array([[0.85, -0.1], [-0.05, 0.95]]), (np.arange(-60.0, 61.0), np.arange(-40.0, 41.0))
+    corners = ngon(6)[:, :2]
+    outline = np.concatenate([corners + k / 64 * (np.roll(corners, -1, axis=0) - corners) for k in range(64)])
+    outline = outline[np.argsort(np.arctan2(*outline.T[::-1]))]
+    found, off = map_of_outlines(outline, 0.01 + outline @ by.T)
+    assert found == pytest.approx(by, abs=1e-3) and off < 1e-3
+    assert map_of_outlines(outline, ngon(7)[:, :2])[1] > 0.01
+    hexagon, own = light_of(6), far_light(edges_of(corners @ by.T))
+    expected = own.at(own.table(80.0), *places)[1]
+    away = np.hypot(places[0], places[1][:, None])
+    lit = (away > 25) & (away < 75)
+    shown = hexagon.at(hexagon.table(80.0), *places, by)[1]
+    assert np.abs(shown - expected)[lit].sum() < 0.05 * expected[lit].sum()
+    straight = hexagon.at(hexagon.table(80.0), *places)[1]
+    assert np.abs(straight - expected)[lit].sum() > 0.5 * expected[lit].sum()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("f_number", "own_openings", "ring"), [(16.0, 0, (55, 140)), (2.8, 1, (16, 40))])
+def test_a_lamp_in_the_corner_has_the_star_of_its_own_opening(f_number, own_openings, ring):
+    """Its rays are traced forwards; what passes is an opening, and its Fourier transform the star."""
+    side, cells, across = 2 * ring[1], 2048, 512
+    lamp = {"shape": "sphere", "center": [3.3, 1.75, -10], "radius": 1e-5,
+            "material": {"kind": "emissive", "radiance": 1e6}}  # fmt: skip
+    data = lens_scene("dgauss-50mm", f_number, [lamp], (9000, 6000), 10.0)
+    data["camera"]["aperture"] = {"shape": "polygon", "blades": 6, "rotation_degrees": 10}
+    film = {"width_mm": 36, "resolution": [9000, 6000]}
+    scene = load_scene(data | {"film": film | {"crop": [0.9, 0.9 + side / 9000, 0.1, 0.1 + side / 6000]}})
+    found = diffraction_of(scene)
+    spread = replace(found, plan=make_plan(scene), openings=replace(found.openings, order=(1, 1))).spread
+    (star,) = spread.stars
+    assert len(spread.outlines) == own_openings == star[6]
+    layout = FilmLayout(9000, 6000, 8100, 600, side, side)
+    own = spread._star(star, (8100.0 + ring[1], 600.0 + ring[1]), 0.0, 0.0, spread.reach, layout)[1]
+    from_middle = np.arange(side) + 0.5 - ring[1]
+    shown = light_by_direction(own, from_middle, -from_middle, ring)
+
+    setting = shaped(scene, camera_of(scene).setting)
+    source = np.array([3300.0, 1750.0, -10000.0 + setting.lens.film_z(setting.film_distance_mm)])
+
+    def forwards(points):
+        ways = np.column_stack([points, np.full(len(points), -1.0)]) - source
+        return setting.lens.trace(np.tile(source, (len(ways), 1)), ways, 550.0, "scene")
+
+    grid = 25 * np.stack(np.meshgrid(*2 * [np.linspace(-1, 1, 60)]), axis=-1).reshape(-1, 2)
+    middle, turns = grid[forwards(grid).passed].mean(axis=0), 2 * np.pi * np.arange(512) / 512
+    towards, near, far = np.stack([np.cos(turns), np.sin(turns)], axis=1), np.zeros(512), np.full(512, 40.0)
+    for _ in range(20):
+        half = (near + far) / 2
+        inside = forwards(middle + half[:, None] * towards).passed
+        near, far = np.where(inside, half, near), np.where(inside, far, half)
+    rim = forwards(middle + near[:, None] * towards).directions[:, :2]
+    rim -= (rim.max(axis=0) + rim.min(axis=0)) / 2
+    order, step = np.argsort(np.arctan2(*rim.T[::-1])), 1.02 * np.ptp(rim, axis=0).max() / (2 * across)
+    fine = (np.arange(2 * across) + 0.5 - across) * step
+    reaches = np.interp(np.arctan2(fine[:, None], fine), np.arctan2(*rim[order].T[::-1]), np.hypot(*rim[order].T),
+                        period=2 * np.pi)  # fmt: skip
+    mask = (np.hypot(fine, fine[:, None]) < reaches).reshape(across, 2, across, 2).mean(axis=(1, 3))
+    light = np.fft.fftshift(np.abs(np.fft.fft2(mask, (cells, cells))) ** 2) / mask.sum() / cells**2
+    per_mm = (np.arange(cells) - cells // 2) / (cells * 2 * step)  # times the wavelength, on the film
+    exact = sum(share * light_by_direction(light, *2 * [per_mm * nm * 1e-6 / 0.004], ring)
+                for nm, share in zip(WAVES_NM, SHARES[:, 1], strict=True))  # fmt: skip
+    assert np.abs(shown - exact).sum() < 0.07 * exact.sum()
+    star[6:] = 0, 1, 0, 0, 1  # that of the film's middle
+    of_middle = spread._star(star, (8100.0 + ring[1], 600.0 + ring[1]), 0.0, 0.0, spread.reach, layout)[1]
+    assert np.abs(light_by_direction(of_middle, from_middle, -from_middle, ring) - exact).sum() > 0.6 * exact.sum()
 
 
 def test_dirt_is_seeded_lies_inside_and_scatters_its_shadow():

@@ -284,23 +284,24 @@ class FilmPupils:
         square = 1 - seen.cosines_x**2 - seen.cosines_y[:, None] ** 2
         return float((seen.coverage * np.maximum(square, 1e-9) ** (self.power / 2)).sum() * seen.step**2)
 
-    def outline(self, point: Array) -> Array | None:
+    def outline(self, point: Array, corners: int = CORNERS) -> Array | None:
         """Return corners (n, 2) of the outline in direction cosines, anticlockwise about its middle, within 1e-6.
 
+        Fewer corners are known within a thousandth of the radius, in a third of the time.
         None where a line from the middle crosses the outline twice, as in a mask of several holes.
         """
         opens, box = self.directions(point)
-        grid = _pupil(opens, box, self.index)
+        grid = _pupil(opens, box, self.index, _PUPIL_ACROSS if corners == CORNERS else _FIRST_ACROSS)
         share = grid.coverage / grid.coverage.sum()
         middle = np.array([share.sum(axis=0) @ grid.cosines_x, share.sum(axis=1) @ grid.cosines_y])
-        angles = 2 * np.pi * (np.arange(CORNERS) + 0.5) / CORNERS
+        angles = 2 * np.pi * (np.arange(corners) + 0.5) / corners
         towards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        near, far = np.zeros(CORNERS), np.full(CORNERS, grid.step * _PUPIL_ACROSS * np.sqrt(2))
-        for _ in range(HALVINGS):
+        near, far = np.zeros(corners), np.full(corners, grid.step * len(grid.coverage) * np.sqrt(2))
+        for _ in range(HALVINGS if corners == CORNERS else HALVINGS // 2):
             half = (near + far) / 2
             inside = opens(middle + half[:, None] * towards)
             near, far = np.where(inside, half, near), np.where(inside, far, half)
-        area = 0.5 * np.sin(2 * np.pi / CORNERS) * float(near @ np.roll(near, -1))
+        area = 0.5 * np.sin(2 * np.pi / corners) * float(near @ np.roll(near, -1))
         if abs(area / (grid.coverage.sum() * grid.step**2) - 1) > _SAME_AREA:
             return None
         return np.asarray(middle + near[:, None] * towards)

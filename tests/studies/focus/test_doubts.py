@@ -18,7 +18,7 @@ from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.lens_settings import AutoFocus
 from rptcam_cl.studies.focus import contrast
 from rptcam_cl.studies.focus.controller import METHODS, follow_focus, with_warnings
-from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Zone
+from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Peak, Policy, Zone
 from rptcam_cl.studies.focus.renderer import Task
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.studies.focus.test_probe import THIN, with_group
@@ -230,9 +230,10 @@ def test_animation_keeps_its_focus_where_the_target_is_too_near():
     ],
 )
 def test_top_at_the_end_of_what_was_searched_is_none_but_for_infinity(place, inside, start, message, monkeypatch):
-    peak = SimpleNamespace(place=place, inside=inside)
+    peak = Peak(place, 0.02, 3.0, 9.0, inside)
+    before = replace(peak, place=place + 0.3)  # in the last round but one
     stand_ins = {
-        "_round": ([], 8), "_widen": {0: peak}, "_still_possible": [0], "_next_step": 1.0, "_three_places": [],
+        "_round": ([], 8), "_widen": {0: before}, "_still_possible": [0], "_next_step": 1.0, "_three_places": [],
         "_for_measure": 1.0, "_for_place": 1.0, "_refine": peak, "choose_zone": 0, "_narrow_zones": None,
     }  # fmt: skip
     for name, value in stand_ins.items():
@@ -242,7 +243,9 @@ def test_top_at_the_end_of_what_was_searched_is_none_but_for_infinity(place, ins
         ends=(30.0, 80.0), drive=drive, most=64, affordable=64, enough=64, task=SimpleNamespace(zones=(CENTRE,))
     )
     if message is None:
-        assert contrast.greatest_contrast(probes, Policy.CENTRE, start) == (peak, 0)
+        found, zone = contrast.greatest_contrast(probes, Policy.CENTRE, start)
+        assert (found.place, zone) == (place, 0)
+        assert found.uncertainty == pytest.approx(math.hypot(0.02, 0.075))  # by a quarter of how the top moved, too
     else:
         with pytest.raises(NoContrast, match=message):
             contrast.greatest_contrast(probes, Policy.CENTRE, start)
