@@ -38,7 +38,14 @@ from rptcam_cl.scene.quantities import (
 # lies on the upper half of the film, so that a film whose top leans back focuses nearer at the bottom of the picture.
 
 Turn = Annotated[float, Field(ge=-80, le=80), NUMBER]
-_Share = Annotated[float, Field(ge=0), NUMBER]
+Scatter = Annotated[
+    tuple[
+        Annotated[float, Field(ge=0), NUMBER],
+        Annotated[float, Field(ge=1e-12), NUMBER],
+        Annotated[float, Field(ge=0, le=10), NUMBER],
+    ],
+    BeforeValidator(list_of(3, "three numbers [A, B, g]")),
+]
 Move = Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
 Triple = tuple[float, float, float]
 
@@ -653,10 +660,7 @@ class RealisticCamera(LensCamera):
     barrel_reflectance: Annotated[float, Field(ge=0, lt=1), NUMBER] = 0.0
     """Share that rims behind the stop scatter evenly to the film, with `ghosts`; they count as lit like the film."""
 
-    front_scatter: Annotated[
-        tuple[_Share, Annotated[float, Field(ge=1e-12), NUMBER], Annotated[float, Field(ge=0, le=10), NUMBER]] | None,
-        BeforeValidator(list_of(3, "three numbers [A, B, g]")),
-    ] = None
+    front_scatter: Scatter | None = None
     """A, B and g of what the front of the lens scatters, with `ghosts`: radiance over irradiance is A / (B + d^g), d
     being how far the sines of the directions lie apart."""
 
