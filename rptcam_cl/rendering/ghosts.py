@@ -829,7 +829,7 @@ def _barrel_share(scene: Scene) -> float:
 
 
 def _front_scatter(scene: Scene, layout: FilmLayout) -> dict[str, Any]:
-    """Return what `scattered` takes beside the film, and the share of its light; nothing of a front that is clean."""
+    """Return the arguments of `scattered` beside the film, and the share of its light; nothing of a clean front."""
     camera = scene.camera.traced_camera
     if camera is None or not camera.front_scatter:
         return {}
