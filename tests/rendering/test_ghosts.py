@@ -349,6 +349,31 @@ def test_rays_are_traced_beside_their_neighbours(rays: int) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("azimuth", [0.0, 45.0, 90.0])
+def test_an_anamorphic_has_the_streaks_of_the_exact_tracer(azimuth: float, session: Session) -> None:
+    def lit(place: np.ndarray) -> rptcam_cl.Image:
+        lamp = {"kind": "point", "position": [*map(float, place), -20], "intensity": [50, 50, 50]}
+        return ghosts_alone(session, scene(lamp, lens="anamorphic-100mm", focus={"distance_m": 20}))
+
+    aside = np.array([np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))])
+    image, lens = lit(-2.0 * aside), load_lens("anamorphic-100mm")
+    away = 20000 - image.metadata["film_distance_mm"] - lens.length
+    beam = Beam(float(np.degrees(np.arctan(2000 / away))), away, azimuth)
+    ghosts = find_ghosts(Lit(lens, image.metadata["film_distance_mm"], beam, 550.0, (36.0, 24.0))).ghosts
+    flux = np.array([ghost.flux_in_frame for ghost in ghosts])
+    middle = flux @ np.nan_to_num([ghost.centroid_mm for ghost in ghosts]) / flux.sum()
+    green = image["ghosts"][..., 1].astype(np.float64)
+    total = 50e6 * flux.sum() * image.metadata["values_per_irradiance"] / PIXEL_MM2
+    assert green.sum() == pytest.approx(total * (1 - image.metadata["ghosts"]["dropped_share"]), rel=5e-3)
+    columns = ((np.arange(48) + 0.5) / 48 - 0.5) @ green.sum(axis=0) / green.sum() * 36
+    assert (columns, centre_y(image["ghosts"])) == pytest.approx(tuple(middle), abs=0.1)
+    moved = [lit(-2.0 * aside - [0.0, 0.0015 * step])["ghosts"][..., 1].astype(np.float64) for step in range(4)]
+    sums = np.sum(moved, axis=(1, 2))  # a tenth of a pixel of 480 across the film at a time
+    assert np.abs(np.diff(sums, 2)).max() < 1e-3 * sums.mean()
+    assert np.abs(np.diff(moved, 2, axis=0)).sum(axis=(1, 2)).max() < 0.02 * sums.mean()  # nothing jumps
+
+
+@pytest.mark.slow
 def test_a_softbox_has_the_ghosts_of_the_many_small_lamps_that_it_is_made_of() -> None:
     def lit(columns: int, rows: int) -> Any:
         side, height = 0.9 / columns, 0.7 / rows
