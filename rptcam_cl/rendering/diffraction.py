@@ -142,7 +142,6 @@ WORTH_A_LINE = 1e-3  # of the light, from which a line says that it falls beside
 LAMP = 16.0  # times the mean of the film, from which a pixel counts as a lamp
 _ACROSS_A_DISK = 0.87  # of its diameter: sides of a square of the same spread
 _PER_OCTAVE = 4.0  # widths of an edge
-_SMOOTH_PX = 4.5  # of that, from which every second pixel says what a star is
 _WIDE_PX = 2.0  # length of a lamp's straight edges, from which its far light is as wide as they are
 NODES, MORE_NODES = (5, 3), (9, 7)  # along the longer and the shorter side of the film: openings, and wavefronts
 _BETWEEN, _MOST_PARTS = 0.01, 4  # modulation that the mean of two kernels may be off, and finer nodes for it, each way
@@ -191,6 +190,9 @@ class FilmSpread:
         Lamps that the picture shows, or the light of: number of the lamp, as in `beside`; number of its picture, -1
         without; x and y of its middle, width of its sharp image, and radius of its rays [pixels]; number of its
         opening, 0 for that of the film's middle; and the linear map (2, 2) of this onto its own, by rows.
+    lines : (n, 5) array
+        Of lamps that shine in few wavelengths: number of the lamp, wavelength [nm], and its shares in red, green and
+        blue.
     film_decides : bool
         Whether it is only for films whose lamps show stars.
     middle_unit_px : float
@@ -208,6 +210,7 @@ class FilmSpread:
     beside: Array = field(default_factory=lambda: np.zeros((0, 8)))
     outlines: tuple[Array, ...] = ()
     stars: Array = field(default_factory=lambda: np.zeros((0, 11)))
+    lines: Array = field(default_factory=lambda: np.zeros((0, 5)))
     film_decides: bool = False
     middle_unit_px: float = 0.0
 
@@ -248,15 +251,26 @@ class FilmSpread:
 
     @cached_property
     def _openings(self) -> list[point_spread.FarLight]:
-        """Far light of the openings that lamps have, the film's middle first."""
+        """Far light of the opening of each lamp of `stars`, as it shines; lamps with the same share it."""
         maps = np.append(self.stars[:, 7:], [[1.0, 0.0, 0.0, 1.0]], axis=0).reshape(-1, 2, 2)
         nearest = min([self.reach, *(lamp.reach for lamp in self.lamps)])
         reach = float(np.linalg.svd(maps, compute_uv=False).min()) * nearest
-        return [replace(self._far_light, edges=edges, reach=reach) for edges in (self._far_light.edges, *self.outlines)]
+        known: dict[tuple[float, bytes], point_spread.FarLight] = {}
+        keys = []
+        for own in self.stars:
+            lines = self.lines[self.lines[:, 0] == own[0], 1:]
+            keys.append((float(own[6]), lines.tobytes()))
+            edges = (self._far_light.edges, *self.outlines)[int(own[6])]
+            far = replace(self._far_light, edges=edges, reach=reach, lines=lines if len(lines) else None)
+            known.setdefault(keys[-1], far)
+        return [known[key] for key in keys]
+
+    def _opening(self, own: Array) -> point_spread.FarLight:
+        return self._openings[int(np.flatnonzero(self.stars[:, 0] == own[0])[0])]
 
     @cached_property
     def _tables(self) -> dict[tuple[float, ...], tuple[Array, Array]]:
-        """Those of far light, by opening and what they are for, once they are known."""
+        """Tables of far light that are known, by opening and what they are for."""
         return {}
 
     def over(self, pixels: NDArray[np.float32], layout: FilmLayout) -> tuple[NDArray[np.float32], dict[str, Any]]:
@@ -344,7 +358,7 @@ class FilmSpread:
         if light.any():
             x, y = (np.average(np.arange(span.start, span.stop) + first + 0.5, weights=plane.sum(axis=axis))
                     for axis, span, first in ((0, spans[1], layout.x), (1, spans[0], layout.y)))  # fmt: skip
-        far = self._openings[int(own[6])]
+        far = self._opening(own)
         nearer = (far.reach + 1) / (self.reach + 1) / np.sqrt(abs(np.linalg.det(own[7:].reshape(2, 2))))
         share = far.shares * nearer
         more = ((self._shares - share) / (1 - self._shares))[:, None, None] * strewn
@@ -400,19 +414,19 @@ class FilmSpread:
             From where on it counts [pixels].
         """
         (x, y), by = place, own[7:].reshape(2, 2)
-        opening = self._openings[int(own[6])]
+        opening = self._opening(own)
         wide = opening.straightest * 2 * radius
         edge = max(_ACROSS_A_DISK * size, wide if wide > _WIDE_PX else 0.0, 1.0)
         edge = 2.0 ** (np.rint(_PER_OCTAVE * np.log2(edge)) / _PER_OCTAVE)  # so that lamps share tables
         out = float(np.sqrt(max(radius**2 - edge**2 / 4, 0.0))) if wide > _WIDE_PX else 0.0
         columns = np.arange(layout.x + 0.5, layout.x + layout.width)
         rows = np.arange(layout.y + 0.5, layout.y + layout.height)
-        every = max(int(edge / 16), 2 if edge > _SMOOTH_PX else 1)
+        every = max(int(edge / 16), 1)
         some_columns, some_rows = (_sparse_nodes(axis, every) for axis in (columns, rows))
         farthest = np.hypot(np.abs(columns[[0, -1]] - x).max(), np.abs(rows[[0, -1]] - y).max())
         farthest = max(float(np.hypot(*self.resolution)), float(farthest)) * max(1.0, float(np.linalg.norm(by, 2)))
         farthest = 2.0 ** np.ceil(np.log2(farthest))
-        key = own[6], farthest, edge, out
+        key = id(opening), farthest, edge, out
         if key not in self._tables:
             self._tables[key] = opening.table(farthest, edge, out)
         light = opening.at(self._tables[key], x - some_columns, some_rows - y, by)  # x runs to the left
@@ -435,6 +449,7 @@ class FilmSpread:
             "diffraction_edges": np.zeros((0, 4)) if self.edges is None else self.edges,
             "diffraction_beside": self.beside,
             "diffraction_stars": self.stars,
+            "diffraction_lines": self.lines,
             **{f"diffraction_opening_{number}": edges for number, edges in enumerate(self.outlines)},
         }
         for number, lamp in enumerate(self.lamps):
@@ -464,10 +479,12 @@ def spread_of(
     if not (rising and min(width, height) > 0 and near.shape == (count, 3, side, side) and side % 2):
         raise ValueError("diffraction")
     edges = arrays["diffraction_edges"]
-    beside, stars, outlines = arrays["diffraction_beside"], arrays["diffraction_stars"], list[Array]()
+    beside, stars, lines = (arrays[f"diffraction_{name}"] for name in ("beside", "stars", "lines"))
+    outlines = list[Array]()
     while f"diffraction_opening_{len(outlines)}" in arrays:
         outlines.append(arrays[f"diffraction_opening_{len(outlines)}"])
-    for table, width_of_row in ((edges, 4), (beside, 8), (stars, 11), *((outline, 4) for outline in outlines)):
+    widths = (edges, 4), (beside, 8), (stars, 11), (lines, 5), *((outline, 4) for outline in outlines)
+    for table, width_of_row in widths:
         if table.ndim != 2 or table.shape[1] != width_of_row or not np.isfinite(table).all():
             raise ValueError("diffraction")
     lamps, number = [], 0
@@ -479,7 +496,7 @@ def spread_of(
     edges_or_none = edges if len(edges) else None
     return FilmSpread(
         resolution, window, (width, height), nodes, tuple(near), index, edges_or_none, tuple(lamps), beside,
-        tuple(outlines), stars, film_decides=decides > 0, middle_unit_px=unit,
+        tuple(outlines), stars, lines, film_decides=decides > 0, middle_unit_px=unit,
     )  # fmt: skip
 
 
@@ -675,11 +692,11 @@ class Diffraction:
             return spread
         known = list(zip(openings.points, pupils, strict=True))
         units = 0.0 if unit < _FINEST_PX else point_spread.REACH if edges is None else point_spread.NEAR
-        lamps, beside, seen = lamp_images(
+        lamps, beside, seen, lines = lamp_images(
             self.scene, self.plan, openings.pupils, known, units, conjugates, self.session
         )
         outlines, stars = ([], np.zeros((0, 11))) if edges is None else openings.stars(seen)
-        return replace(spread, lamps=tuple(lamps), beside=beside, outlines=tuple(outlines), stars=stars)
+        return replace(spread, lamps=tuple(lamps), beside=beside, outlines=tuple(outlines), stars=stars, lines=lines)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays of a saved render by which `merge` applies it without the scene; none where it is off."""

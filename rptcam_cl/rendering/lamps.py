@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core import GOLDEN
+from rptcam_cl.core.colour import WAVELENGTHS_NM, cie_1931, rgb_basis
 from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import EmitterKind, Hidden, PatchMap, device_declarations
@@ -23,7 +24,7 @@ from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_p
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.lamp_aim import Polynomial, Sights
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.plan.plan import Plan, aim, may_aim
+from rptcam_cl.rendering.plan.plan import WAVELENGTH_CELLS, Plan, aim, may_aim
 from rptcam_cl.rendering.point_spread import FINE, MIDDLE_NM, WAVES_NM, fade, quick, shares_of_white
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.changes import at_opening
@@ -383,6 +384,7 @@ BEYOND = 1.8  # radii of the rays that it reaches, and as far as the kernel of a
 MOST_ACROSS = 768  # points across a picture by waves: of finer ones, pixels show what rays do
 _RAYS_FINER = 4  # points across a pixel for the picture by rays
 _FEW_WAVES_PX = 0.25  # wavelength times f-number, below which a third of the wavelengths say what a pixel shows
+_FEW_LINES, _LEAST_LINE = 30.0, 1e-3  # nanometres that a light of lines fills, and share from which one counts
 _SHOWS = 0.01  # of its light by which waves must differ from rays
 UNLIKE = 0.3  # of the light of a lamp by which its film may differ from its rays, in parts of its picture
 _BESIDE = 2.5  # half films from the middle, up to which lamps count; from four fifths of it they fade
@@ -486,12 +488,15 @@ class _Lamp:
         That it sends to the pupil [W/sr]; irradiance across it where it is at infinity [W/m2].
     target : (2,) array
         Primitive, and triangle of it.
+    lines : (n, 4) array or None
+        As `lines_of` has them.
     """
 
     patches: Patches
     w: float
     light: Array
     target: Array
+    lines: Array | None = None
 
 
 def lamp_images(
@@ -502,7 +507,7 @@ def lamp_images(
     units: float,
     conjugates: point_waves.Conjugates | None,
     session: Session | None = None,
-) -> tuple[list[LampImage], Array, Array]:
+) -> tuple[list[LampImage], Array, Array, Array]:
     """Return the pictures of lamps that waves change, near them as far as a kernel reaches, and what falls beside.
 
     Parameters
@@ -521,13 +526,15 @@ def lamp_images(
     shining : (n, 6) array
         Number of each lamp whose light the picture has, number of its picture by waves, x and y of its middle, width of
         its sharp image, and radius of its farthest ray [pixels].
+    lines : (n, 5) array
+        Of those that shine in few wavelengths: number of the lamp, and what `lines_of` has of it.
     """
     scene, turn = at_opening(scene), np.eye(4)
     turn[:3, :3] = scene.camera.world_from_camera()[:3, :3]
     pupil = turn[:3, :3] @ [0.0, 0.0, plan.camera.view.pupil_z_m]
     lamps, images, beside, shining = list(_lamps(plan, pupil)), list[LampImage](), [np.zeros((0, 8))], list[Array]()
     if not lamps:
-        return images, beside[0], np.zeros((0, 6))
+        return images, beside[0], np.zeros((0, 6)), np.zeros((0, 5))
     layout, on_film = FilmLayout.of(scene.film), np.array(scene.film.resolution)
     nm = MIDDLE_NM if (lens := scene.camera.lens_camera) is None else lens.wavelength_nm
     film = _LampFilm(pupils, seen, pixel_mm(scene), bool(plan.facts.get("LENS_SPLITS")), nm, units, conjugates)
@@ -547,7 +554,7 @@ def lamp_images(
         light = value * _light(film, chief, lamp, own.mean(axis=0), middle, point) if value > 0 else np.zeros(3)
         opening, image = _opening(film, point, source), None
         if units > 0 and opening is not None and (is_on or shown[number] > 1 - UNLIKE):
-            image = _image(film, among(_POINTS_A_PIXEL), point, source, opening, light)
+            image = _image(film, among(_POINTS_A_PIXEL), point, source, opening, light, lamp.lines)
         if is_shown := image is not None and (is_on or image.meets(layout)):
             images.append(image)
         of_image, radius = len(images) - 1 if is_shown else -1, opening.radius_mm / film.pixel if opening else 0.0
@@ -556,7 +563,8 @@ def lamp_images(
             rays = _rays(film, opening) if image is None else np.zeros((1, 2))  # its far light comes from its middle
             out = _beside(layout, among, rays, light)
             beside.append(np.column_stack([out, np.tile([number, radius, of_image], (len(out), 1))]))
-    return images, np.concatenate(beside), np.array(shining).reshape(-1, 6)
+    lines = [np.insert(lamp.lines, 0, number, 1) for number, lamp in enumerate(lamps) if lamp.lines is not None]
+    return images, np.concatenate(beside), np.array(shining).reshape(-1, 6), np.concatenate([np.zeros((0, 5)), *lines])
 
 
 def _counts(place: Array, on_film: NDArray[np.int_]) -> float:
@@ -653,7 +661,30 @@ def _lamps(plan: Plan, pupil: Array) -> Iterator[_Lamp]:
         if light.any():
             w = float(at[0, 3])
             square = np.sum((at[:, :3] - pupil) ** 2, axis=1)[:, None] if w else 1.0
-            yield _Lamp(patches, w, (light * square).sum(axis=0), target[0])
+            yield _Lamp(patches, w, (light * square).sum(axis=0), target[0], lines_of(plan, int(record["radiance"][3])))
+
+
+def lines_of(plan: Plan, number: int) -> Array | None:
+    """Return wavelengths [nm] of a light by the number of its spectrum, and their shares in red, green and blue (n, 4).
+
+    None where it shines in more than a few: spikes of such light show no fringes.
+    """
+    if number == 0 or not plan.facts["HAS_SPECTRA"]:
+        return None
+    cells = WAVELENGTH_CELLS
+    edges = plan.spectrum.table[: 4 * (cells + 1)].reshape(-1, 4)[:, 0].astype(np.float64)
+    amounts = plan.spectrum.table[4 * (cells + 1) + 4 * cells :].reshape(-1, cells)[number - 1] * np.diff(edges)
+    middles = (edges[1:] + edges[:-1]) / 2
+    seen = amounts * np.interp(middles, WAVELENGTHS_NM, cie_1931().sum(axis=1))
+    own = np.unique(np.rint(middles), return_inverse=True)[1]
+    share = np.bincount(own, seen)
+    lit = share > _LEAST_LINE * share.sum()
+    if not lit.any() or share[lit].sum() ** 2 > _FEW_LINES * (share[lit] ** 2).sum():
+        return None
+    middle = np.bincount(own, seen * middles)[lit] / share[lit]
+    rgb = share[lit, None] * np.stack([np.interp(middle, WAVELENGTHS_NM, plane) for plane in rgb_basis().T], axis=1)
+    rgb[:, rgb.sum(axis=0) <= _LEAST_LINE * rgb.sum()] = share[lit, None]  # a channel without light
+    return np.column_stack([middle, rgb / rgb.sum(axis=0)])
 
 
 #
@@ -724,7 +755,13 @@ def _opening(film: _LampFilm, point: Array, source: Array) -> point_waves.PointO
 
 
 def _image(
-    film: _LampFilm, places: Array, point: Array, source: Array, opening: point_waves.PointOpening, light: Array
+    film: _LampFilm,
+    places: Array,
+    point: Array,
+    source: Array,
+    opening: point_waves.PointOpening,
+    light: Array,
+    lines: Array | None,
 ) -> LampImage | None:
     """Return the picture of a lamp by the places of its points; None where waves do not change it, or are not known."""
     middle, pixel = places.mean(axis=0), film.pixel
@@ -740,6 +777,9 @@ def _image(
             return None
         wave = opening.wave(min(reach / unit, 160.0))
         waves_nm = WAVES_NM if unit > _FEW_WAVES_PX else WAVES_NM[1::3]
+        shares = shares_of_white(waves_nm)
+        if lines is not None:
+            waves_nm, shares = tuple(lines[:, 0].tolist()), lines[:, 1:]
         split = [
             point_waves.point_wave(film.pupils, wave.pupil, point, source, nm)
             for nm in (waves_nm if film.splits else ())
@@ -752,7 +792,7 @@ def _image(
     waves, rays = (np.zeros((3, 2 * reach + 1, 2 * reach + 1)) for _ in range(2))
     alone = size.max() < _ALONE_PX  # of others the picture is about the middle of a pixel, and moved to their points
     offsets = np.arange(2 * reach + 1) + 0.5 - ((middle - first) if alone else np.full(2, reach + 0.5))[:, None]
-    for k, (nm, share) in enumerate(zip(waves_nm, shares_of_white(waves_nm)[:, :, None, None], strict=True)):
+    for k, (nm, share) in enumerate(zip(waves_nm, shares[:, :, None, None], strict=True)):
         checkpoint()
         own = split[k] if film.splits else wave
         waves += share * _wave_pixels(own, nm, film.pixel_mm, offsets, unit)

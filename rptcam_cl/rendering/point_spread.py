@@ -220,6 +220,7 @@ AT_ONCE, _ROWS_AT_ONCE = 128, 4  # directions, and rows of a film
 STRAIGHT = 120  # directions of edges round a turn, of which two neighbours count as one
 NARROW = 1e-7  # least width of an edge along the line
 _FIT_ROUNDS = 6
+_FINE_SPANS = 1024  # radii of the light of lines
 _AS_IT_IS = np.eye(2)
 
 
@@ -239,6 +240,8 @@ class FarLight:
         Of the kernel about each pixel, which fades as this begins [pixels].
     directions : int
         Over half a turn, that tell spikes of lamps apart.
+    lines : (n, 4) array or None
+        Of a lamp that shines in few wavelengths: these [nm], and their shares in red, green and blue; None for white.
     """
 
     edges: Array
@@ -246,6 +249,18 @@ class FarLight:
     pixel_mm: tuple[float, float]
     reach: float
     directions: int = ANGLES
+    lines: Array | None = None
+
+    @property
+    def _waves(self) -> list[tuple[float, Array]]:
+        if self.lines is not None:
+            return [(float(row[0]), row[1:]) for row in self.lines]
+        return list(zip(_STARBURST_NM, shares_of_white(_STARBURST_NM), strict=True))
+
+    @property
+    def _finer(self) -> int:
+        """How many times as finely fringes are known, which lines show and white light does not."""
+        return 1 if self.lines is None else 4
 
     @property
     def _pixel(self) -> float:
@@ -271,17 +286,19 @@ class FarLight:
 
         The second has the shape (directions, radii), over half a turn that stands for both.
         """
-        low = 0.5 * self.reach / self.unit_px(_STARBURST_NM[-1])
-        radii = np.geomspace(min(low, RESOLVED / 4), RESOLVED, BANDS)
+        low = min(0.5 * self.reach / self.unit_px(_STARBURST_NM[-1]), RESOLVED / 4)
+        length = LINE * self._finer
+        bands = int(RESOLVED * length) if self._finer > 1 else BANDS
+        radii = np.linspace(low, RESOLVED, bands) if self._finer > 1 else np.geomspace(low, RESOLVED, bands)
         edges = (self.edges - np.tile(self._middle, 2)) / self._width
-        shares = np.zeros((self.directions, BANDS))
-        rho = np.arange(CELLS // 2 + 1) / LINE
-        to_share = 2 * (np.pi / self.directions) / LINE / (self._area / self._width**2)
+        shares = np.zeros((self.directions, bands))
+        rho = np.arange(CELLS * self._finer // 2 + 1) / length
+        to_share = 2 * (np.pi / self.directions) / length / (self._area / self._width**2)
         for start in range(0, self.directions, AT_ONCE):
             numbers = np.arange(start, min(start + AT_ONCE, self.directions)) + 0.5
-            light = _along(edges, np.pi * numbers / self.directions, np.mod(numbers * GOLDEN, 1.0)) * to_share * rho
-            total = np.cumsum(light, axis=1)
-            shares[start : start + AT_ONCE] = [np.interp(radii, rho + 0.5 / LINE, line) for line in total]
+            angles, shift = np.pi * numbers / self.directions, np.mod(numbers * GOLDEN, 1.0)
+            total = np.cumsum(_along(edges, angles, shift, self._finer) * to_share * rho, axis=1)
+            shares[start : start + AT_ONCE] = [np.interp(radii, rho + 0.5 / length, line) for line in total]
         return radii, shares - shares[:, :1]
 
     @property
@@ -296,26 +313,31 @@ class FarLight:
         half = int(np.searchsorted(radii, RESOLVED / 2))
         return np.asarray((within[:, -1] - within[:, half]) / (RESOLVED / radii[half] - 1))
 
-    def _weights(self, pixels: Array) -> tuple[Array, Array]:
-        """Weights of light within `within`, and of that beyond, within radii [pixels], (BANDS, 3, n) and (3, n)."""
-        radii, columns = self.within[0], np.arange(len(pixels))
-        inner, outer = np.zeros((BANDS, 3, len(pixels))), np.zeros((3, len(pixels)))
-        for nm, shares in zip(_STARBURST_NM, shares_of_white(_STARBURST_NM), strict=True):
+    def _light_within(self, within: Array, beyond: Array, pixels: Array) -> Array:
+        """Return the light within radii [pixels] (directions, 3, n), of that of `within` and of what is beyond."""
+        radii, columns, waves = self.within[0], np.arange(len(pixels)), self._waves
+        inner, outer = np.zeros((len(radii), 3, len(pixels) * (self.lines is None))), np.zeros((3, len(pixels)))
+        light: Array = np.zeros((len(within), 3, len(pixels)))
+        for nm, shares in waves:
             rho = pixels / self.unit_px(nm)
-            place = np.interp(np.log(rho), np.log(radii), np.arange(BANDS))
-            below = np.minimum(place.astype(np.int64), BANDS - 2)
+            place = np.interp(np.log(rho), np.log(radii), np.arange(len(radii)))
+            below = np.minimum(place.astype(np.int64), len(radii) - 2)
             part = place - below
-            inner[below, :, columns] += (1 - part)[:, None] * shares
-            inner[below + 1, :, columns] += part[:, None] * shares
             outer += shares[:, None] * np.maximum(1 - RESOLVED / rho, 0)
-        return inner, outer
+            if self.lines is None:
+                inner[below, :, columns] += (1 - part)[:, None] * shares
+                inner[below + 1, :, columns] += part[:, None] * shares
+            else:
+                light += shares[:, None] * (within[:, below] * (1 - part) + within[:, below + 1] * part)[:, None]
+        if self.lines is None:
+            light += np.tensordot(within, inner, 1)
+        return light + beyond[:, None, None] * outer
 
     @cached_property
     def shares(self) -> Array:
         """Share of red, green and blue that is far light, on the film and beside it (3,)."""
         edges = np.geomspace(0.6 * self.reach, 1e7, 2048)
-        inner, outer = self._weights(edges)
-        light = np.tensordot(self.within[1].sum(axis=0), inner, 1) + self._beyond.sum() * outer
+        light = self._light_within(self.within[1].sum(axis=0)[None], self._beyond.sum()[None], edges)[0]
         middle = np.sqrt(edges[1:] * edges[:-1])
         return np.asarray(np.diff(light, axis=1) @ (1 - fade(middle, self.reach)))
 
@@ -344,33 +366,40 @@ class FarLight:
             How far such an edge is from the middle, this way and that [pixels].
         """
         edges = np.geomspace(max(0.6 * self.reach - 0.5, 0.5), farthest + 2.0, _SPANS)
-        inner, outer = self._weights(edges)
-        light = np.tensordot(self.within[1], inner, 1) + self._beyond[:, None, None] * outer
+        if self.lines is not None:  # as finely as fringes are known, as far as the table reaches
+            fine = edges[0] + max(self.unit_px(self.lines[:, 0].min()) / 6, 0.25) * np.arange(_FINE_SPANS)
+            edges = np.concatenate([fine[fine < edges[-1]], edges[edges > fine[-1]], edges[-1:]])
+        light = self._light_within(self.within[1], self._beyond, edges)
         return _boxes(np.moveaxis(light, 1, 0), edges, across, out), edges
 
     def at(self, table: tuple[Array, Array], x: Array, y: Array, own: Array = _AS_IT_IS) -> Array:
-        """Return the light of pixels (3, y, x) at places from a lamp [pixels], by a table; none where that has none.
+        """Return the light of pixels (3, y, x) at places from a lamp [pixels], by a table.
 
         ``own`` (2, 2) makes of this opening that of the lamp: the Fourier transform has its transpose.
         """
         boxes, edges = table
-        rows = np.concatenate([boxes[-1:], boxes, boxes[:1]]).reshape(-1, 3).astype(np.float32)  # directions go round
+        per_turn, spans, (a, b, c, d) = self.directions / np.pi, len(edges), own.ravel().tolist()
+        rows = np.concatenate([boxes[-1:], boxes, boxes[:1]]).reshape(-1, 3) * abs(a * d - b * c)  # they go round
+        rows = rows.astype(np.float32)
         light, (x, y) = np.empty((len(y), len(x), 3), np.float32), (x.astype(np.float32), y.astype(np.float32))
-        per_turn, nearest, (a, b, c, d) = self.directions / np.pi, float(edges[0]), own.ravel().tolist()
-        step, lit = float(np.log(edges[1] / edges[0])), _TAPER * float(self.reach)
         for start in range(0, len(y), _ROWS_AT_ONCE):
-            here, up = light[start : start + _ROWS_AT_ONCE], y[start : start + _ROWS_AT_ONCE, None]
+            up = y[start : start + _ROWS_AT_ONCE, None]
             right, up = a * x + c * up, b * x + d * up
-            radius = np.hypot(right, up)
-            turn = np.mod(np.arctan2(up, right) * per_turn, self.directions) + 0.5
-            at = np.clip(np.log(np.maximum(radius, nearest) / nearest) / step, 0, _SPANS - 1.001)
+            turn = np.arctan2(up, right)
+            turn *= per_turn
+            turn += 0.5
+            turn[turn < 0.0] += self.directions
+            at = _place(np.sqrt(right * right + up * up), edges)
             i, j = turn.astype(np.int32), at.astype(np.int32)
-            first, u, v = i * _SPANS + j, (turn - i)[..., None], (at - j)[..., None]
-            low, high = rows.take(first, 0), rows.take(first + _SPANS, 0)
-            low += v * (rows.take(first + 1, 0) - low)
-            high += v * (rows.take(first + _SPANS + 1, 0) - high)
-            low += u * (high - low)
-            np.multiply(low, (radius > lit)[..., None] * np.float32(abs(a * d - b * c)), out=here)
+            turn -= i
+            at -= j
+            first = i * spans + j
+            low, high = rows.take(first, 0), rows.take(first + spans, 0)
+            low += at[..., None] * (rows.take(first + 1, 0) - low)
+            high += at[..., None] * (rows.take(first + spans + 1, 0) - high)
+            high -= low
+            high *= turn[..., None]
+            np.add(low, high, out=light[start : start + _ROWS_AT_ONCE])
         return np.asarray(np.moveaxis(light, -1, 0))
 
     @cached_property
@@ -404,8 +433,19 @@ def map_of_outlines(outline: Array, own: Array) -> tuple[Array, float]:
     return factors[:2].T, float(np.sqrt(np.mean(off**2)) / radii.mean())
 
 
-def _along(edges: Array, angles: Array, shift: Array) -> Array:
-    """Return |F|^2 of an opening in its widths at multiples of 1 / LINE, (directions, CELLS / 2 + 1).
+def _place(radii: Array, edges: Array) -> Array:
+    """Return places of radii among edges, even in their logarithm or as those of lines in `table`."""
+    if not np.isclose(edges[1] / edges[0], edges[-1] / edges[-2], rtol=1e-6):
+        return np.minimum(np.interp(radii, edges, np.arange(len(edges))).astype(radii.dtype), len(edges) - 1.001)
+    nearest, step = float(edges[0]), float(np.log(edges[1] / edges[0]))
+    at = np.log(np.maximum(radii, nearest))
+    at -= np.log(nearest)
+    at /= step
+    return np.asarray(np.minimum(at, len(edges) - 1.001, out=at))
+
+
+def _along(edges: Array, angles: Array, shift: Array, finer: int) -> Array:
+    """Return |F|^2 of an opening in its widths at multiples of 1 / LINE, so many times finer, (directions, radii).
 
     Parameters
     ----------
@@ -417,19 +457,20 @@ def _along(edges: Array, angles: Array, shift: Array) -> Array:
     start, end = edges[:, :2] @ n, edges[:, 2:] @ n  # (edges, directions)
     mass = n[0] * (edges[:, 3:4] - edges[:, 1:2]) - n[1] * (edges[:, 2:3] - edges[:, 0:1])
     low, wide = np.minimum(start, end), np.maximum(np.abs(end - start), NARROW)
-    step = LINE / CELLS
-    rows = np.broadcast_to(np.arange(len(angles)) * CELLS, low.shape)
-    second = np.zeros(len(angles) * CELLS)
+    cells, length = CELLS * finer, LINE * finer
+    step = length / cells
+    rows = np.broadcast_to(np.arange(len(angles)) * cells, low.shape)
+    second = np.zeros(len(angles) * cells)
     for place, sign in ((low, 1.0), (low + wide, -1.0)):  # a ramp in the sum is two kinks
-        cell = (place + LINE / 2) / step + shift
+        cell = (place + length / 2) / step + shift
         whole = np.floor(cell).astype(np.int64)
         part, weight = cell - whole, sign * mass / wide * step
         second += np.bincount((rows + whole).ravel(), (weight * (1 - part)).ravel(), len(second))
         second += np.bincount((rows + whole + 1).ravel(), (weight * part).ravel(), len(second))
-    ramp = np.cumsum(np.cumsum(second.reshape(len(angles), CELLS), axis=1), axis=1)
+    ramp = np.cumsum(np.cumsum(second.reshape(len(angles), cells), axis=1), axis=1)
     field = np.fft.rfft(ramp, axis=1) * step
-    rho = np.arange(CELLS // 2 + 1) / LINE
-    folded = (rho / (CELLS / LINE - rho)) ** 3  # from beyond what cells resolve, of light that falls as the cube
+    rho = np.arange(cells // 2 + 1) / length
+    folded = (rho / (cells / length - rho)) ** 3  # from beyond what cells resolve, of light that falls as the cube
     light = (field.real**2 + field.imag**2) / (1 + folded)
     light[:, rho > RESOLVED + 1] = 0.0
     return np.asarray(light)
@@ -447,10 +488,10 @@ def _boxes(light: Array, edges: Array, across: float, out: float) -> Array:
     -------
     (directions, radii, 3) array
     """
-    step, light = np.log(edges[1] / edges[0]), np.ascontiguousarray(np.moveaxis(light, 2, 0))
+    light = np.ascontiguousarray(np.moveaxis(light, 2, 0))
 
     def within(radii: Array) -> Array:
-        at = np.clip(np.log(np.maximum(radii, edges[0]) / edges[0]) / step, 0, len(edges) - 1.001)
+        at = _place(radii, edges)
         first, part = at.astype(int), (at % 1)[:, None, None]
         return np.asarray(light[first] * (1 - part) + light[first + 1] * part)
 

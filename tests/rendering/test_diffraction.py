@@ -33,6 +33,7 @@ from rptcam_cl.rendering.diffraction import (
     without_lamps,
 )
 from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.lamps import lines_of
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import (
     FarLight,
@@ -584,6 +585,36 @@ def test_a_lamp_in_the_corner_has_the_star_of_its_own_opening(f_number, own_open
     star[6:] = 0, 1, 0, 0, 1  # that of the film's middle
     of_middle = spread._star(star, (8100.0 + ring[1], 600.0 + ring[1]), 0.0, 0.0, spread.reach, layout)[1]
     assert np.abs(light_by_direction(of_middle, from_middle, -from_middle, ring) - exact).sum() > 0.6 * exact.sum()
+
+
+def test_spikes_of_lines_are_dashed_and_those_of_white_light_are_not():
+    """Along an axis of a square the light is sinc^2 of the place times side over wavelength."""
+    corners, nm, pixel = 0.03 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]), 589.0, 0.002
+    laser = FarLight(edges_of(corners), 1.0, (pixel, pixel), 20, 512, np.array([[nm, 1.0, 1.0, 1.0]]))
+    places, within = np.arange(24.0, 80.0), (np.arange(32) + 0.5) / 32 - 0.5
+    per_pixel = 0.06 / (nm * 1e-6) * pixel
+    exact = (np.sinc((places[:, None] + within) * per_pixel) ** 2).mean(axis=1)
+    exact *= (np.sinc(within * per_pixel) ** 2).mean() * per_pixel**2
+    by_lines, white = (light.at(light.table(90.0), places, np.zeros(1))[1, 0] for light in
+                       (laser, replace(laser, lines=None)))  # fmt: skip
+    assert np.abs(by_lines - exact).sum() < 0.15 * exact.sum()
+    assert np.corrcoef(by_lines, exact)[0, 1] > 0.98
+    assert np.corrcoef(white, exact)[0, 1] < 0.8
+
+
+@pytest.mark.parametrize(
+    ("light", "bands"), [({"lines_nm": {589.0: 2, 589.6: 1}}, (588, 591)), ({"illuminant": "F11"}, ())]
+)
+def test_lamps_of_few_wavelengths_have_their_lines(light, bands):
+    lamp = {"shape": "sphere", "center": [0, 0, -10], "radius": 1e-4,
+            "material": {"kind": "emissive", "radiance": light | {"luminance": 1e6}}}  # fmt: skip
+    plan = make_plan(load_scene(scene_of([lamp], THIN)))
+    lines = lines_of(plan, int(plan.emitters.shining[0]["radiance"][3]))
+    assert (lines is None) == (not bands)
+    if lines is not None:
+        assert lines[:, 0].min() > bands[0] and lines[:, 0].max() < bands[1]
+        assert lines[:, 1:].sum(axis=0) == pytest.approx(1)
+        assert lines[:, 0] @ lines[:, 1] == pytest.approx(589.2, abs=0.1)
 
 
 def test_dirt_is_seeded_lies_inside_and_scatters_its_shadow():

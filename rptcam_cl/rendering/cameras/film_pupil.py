@@ -291,18 +291,27 @@ class FilmPupils:
         None where a line from the middle crosses the outline twice, as in a mask of several holes.
         """
         opens, box = self.directions(point)
-        grid = _pupil(opens, box, self.index, _PUPIL_ACROSS if corners == CORNERS else _FIRST_ACROSS)
-        share = grid.coverage / grid.coverage.sum()
-        middle = np.array([share.sum(axis=0) @ grid.cosines_x, share.sum(axis=1) @ grid.cosines_y])
+        if corners < CORNERS:
+            for _ in range(2):
+                inside = _open_directions(opens, box)
+                if not len(inside):
+                    return None
+                box = _about(inside, box)
+            middle, area_known, widest = inside.mean(axis=0), None, 2 * np.sqrt(2) * box[1, 0]
+        else:
+            grid = _pupil(opens, box, self.index)
+            share = grid.coverage / grid.coverage.sum()
+            middle = np.array([share.sum(axis=0) @ grid.cosines_x, share.sum(axis=1) @ grid.cosines_y])
+            area_known, widest = grid.coverage.sum() * grid.step**2, grid.step * _PUPIL_ACROSS * np.sqrt(2)
         angles = 2 * np.pi * (np.arange(corners) + 0.5) / corners
         towards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        near, far = np.zeros(corners), np.full(corners, grid.step * len(grid.coverage) * np.sqrt(2))
+        near, far = np.zeros(corners), np.full(corners, widest)
         for _ in range(HALVINGS if corners == CORNERS else HALVINGS // 2):
             half = (near + far) / 2
             inside = opens(middle + half[:, None] * towards)
             near, far = np.where(inside, half, near), np.where(inside, far, half)
         area = 0.5 * np.sin(2 * np.pi / corners) * float(near @ np.roll(near, -1))
-        if abs(area / (grid.coverage.sum() * grid.step**2) - 1) > _SAME_AREA:
+        if area_known is not None and abs(area / area_known - 1) > _SAME_AREA:
             return None
         return np.asarray(middle + near[:, None] * towards)
 
