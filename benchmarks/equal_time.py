@@ -11,6 +11,9 @@ counts noise and bias, and is scaled to the exact time as 1/t: Mitsuba's stratif
 samples up, so that they get numbers only that they take as they are. Its lens of A_lens and D is that of
 `benchmarks.mitsuba_lens`. Beside it stands the noise alone, from the differences between seeds.
 
+Where light arrives so seldom that short runs miss most of it, all are held to two pictures of ours instead, of
+``--reference`` samples a pixel and seeds of their own: else ours would be told wrong by what the other one misses.
+
 With ``--cycles-python`` Blender's Cycles renders, too, with its default sampler; A_lens and D through the shader that
 ``rptcam camera --osl`` writes. Its error is that against our pictures, and ours goes by Mitsuba's as before. Its time
 holds what a call takes at least, 0.1 s: it hands its picture over as a file.
@@ -134,6 +137,13 @@ class Bench:
         spp = self._samples(renderer, sampler, rate * self._seconds)
         return Runs(renderer, sampler, spp)
 
+    def reference(self, spp: int) -> Runs:
+        """Return two renders of ours that all are held to."""
+        runs = Runs("ours", OURS[0], spp)
+        for seed in (1001, 1002):
+            self.play(runs, seed)
+        return runs
+
     def play(self, runs: Runs, seed: int) -> None:
         """Render once for the record."""
         runs.add(*self._render(runs.renderer, runs.sampler, runs.spp, seed), self._by_cpu)
@@ -165,7 +175,7 @@ def errors(own: Runs, other: list[Runs], bright: Pictures, seconds: float) -> di
     }
 
 
-def measure(bench: Bench, seeds: int, seconds: float) -> list[dict[str, Any]]:
+def measure(bench: Bench, seeds: int, seconds: float, reference: int = 0) -> list[dict[str, Any]]:
     """Return the results of a scene, ours with the default sampler first."""
     sides = [("ours", sampler) for sampler in OURS] + [("Mitsuba", sampler) for sampler in MITSUBAS]
     sides += [("Cycles", sampler) for sampler in CYCLES if "Cycles" in bench.workers]
@@ -174,11 +184,12 @@ def measure(bench: Bench, seeds: int, seconds: float) -> list[dict[str, Any]]:
         for runs in every:
             bench.play(runs, seed)
     found: list[dict[str, Any]] = []
-    bright = brightness(every)
+    held_to = [bench.reference(reference)] if reference else []
+    bright = brightness(held_to or every)
     for runs in every:
         judge = "Mitsuba" if runs.renderer == "ours" else "ours"
-        other = [each for each in every if each.renderer == judge]
-        result = {"scene": bench.scene, "renderer": runs.renderer, "sampler": runs.sampler}
+        other = held_to or [each for each in every if each.renderer == judge]
+        result: dict[str, Any] = {"scene": bench.scene, "renderer": runs.renderer, "sampler": runs.sampler}
         result |= errors(runs, other, bright, seconds)
         result["msamples_per_second"] = bench.pixels * runs.spp / result["seconds"] / 1e6
         found.append(result)
@@ -208,6 +219,7 @@ def main(goals: dict[str, int] = GOALS, title: str = "Noise at equal time beside
     parser.add_argument("--seconds", type=float, default=20.0, help="time of a render (default 20)")
     parser.add_argument("--seeds", type=int, default=3, help="renders per renderer, sampler and scene (default 3)")
     parser.add_argument("--scenes", nargs="+", choices=list(goals), default=list(goals), metavar="SCENE")
+    parser.add_argument("--reference", type=int, default=0, metavar="SPP", help="hold all to pictures of ours")
     parser.add_argument("--roulette", action="store_true", help="with the Russian roulette of both defaults")
     parser.add_argument("--mitsuba-python", default=sys.executable, help="interpreter that can import mitsuba")
     parser.add_argument("--cycles-python", help="interpreter that can import bpy; without it Cycles is left out")
@@ -224,7 +236,7 @@ def main(goals: dict[str, int] = GOALS, title: str = "Noise at equal time beside
         for scene in options.scenes:
             with tempfile.TemporaryDirectory() as folder:
                 bench = Bench(options, workers, scene, Path(folder))
-                results += measure(bench, max(options.seeds, 2), options.seconds)
+                results += measure(bench, max(options.seeds, 2), options.seconds, options.reference)
             print(f"{scene}: done", file=sys.stderr)
     except WorkerError as error:
         print(f"equal_time: {error}", file=sys.stderr)

@@ -1,10 +1,11 @@
 """Noise at equal time where light arrives by detours: ours beside Mitsuba's path tracer, as `benchmarks.equal_time`.
 
     python -m benchmarks.hard_light [--seconds 20] [--seeds 3] [--scenes metal_floor door_ajar] [--mitsuba-python PATH]
+    python -m benchmarks.hard_light --seconds 2 --seeds 2 --reference 512 --scenes lighthouse projector_beam
 
 Each scene is one that makes a path tracer wait: a lamp that glass, a shade, a door or a sconce hides, floors that
 mirror many lamps, a picture of light through an open lens, a room that sun or sky light through a window, beams in fog,
-milk and skin (there beside `volpath`). A room is
+milk and skin (there beside `volpath`, and smaller: it takes long). A room is
 closed and 4 m wide unless said otherwise; all are made here, by formula and fixed seeds.
 """
 
@@ -166,21 +167,24 @@ def lighthouse() -> Keys:
     camera = {"kind": "pinhole", "eye": [-1.5, 3.0, 42.0], "target": [0, 6.5, 0], "fov_degrees": 32}
     fog = {"visibility_m": 90, "asymmetry": 0.7}
     ground = rectangle([-80, 0, -80], [0, 0, 160], [160, 0, 0], RED)
-    return scene([ground, tower, *quay], camera=camera, lights=lights, medium=fog)
+    film = {"resolution": [160, 100]}
+    return scene([ground, tower, *quay], camera=camera, lights=lights, medium=fog, film=film)
 
 
 def projector_beam() -> Keys:
     """The beam of a projector through a smoky room, a ball in its way."""
     lights = [beam([1.6, 2.2, 1.6], [-1.0, -0.35, -0.9], 9, 60, 62, 70)]
     smoke = {"scattering_per_m": [0.12, 0.12, 0.12], "absorption_per_m": [0.02, 0.02, 0.02], "asymmetry": 0.5}
-    return scene([*room(), ball([0.5, 1.75, 0.6], 0.12, RED)], lights=lights, medium=smoke)
+    film = {"resolution": [160, 100]}
+    return scene([*room(), ball([0.5, 1.75, 0.6], 0.12, RED)], lights=lights, medium=smoke, film=film)
 
 
 def _under_a_lamp(radius: float, **interior: Any) -> Keys:
     glass = {"kind": "dielectric", "index": 1.35, "interior": interior}
     lamp = rectangle([-0.9, 2.9, -1.2], [1.2, 0, 0], [0, 0, 1.2], emissive(12, 11, 9))
     camera = {"kind": "pinhole", "eye": [0.3, 1.2, 1.8], "target": [-0.1, 0.5, -0.4], "fov_degrees": 40}
-    made = scene([*room(), lamp, ball([-0.1, radius, -0.4], radius, glass)], camera=camera)
+    film = {"resolution": [80, 50]}
+    made = scene([*room(), lamp, ball([-0.1, radius, -0.4], radius, glass)], camera=camera, film=film)
     return made | {"render": made["render"] | {"max_depth": 100}}
 
 
