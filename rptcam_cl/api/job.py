@@ -26,6 +26,7 @@ from rptcam_cl.imaging.development import GUIDES, check_denoiser
 from rptcam_cl.imaging.image import Image, develop, folders_of_film, with_picture_settings
 from rptcam_cl.imaging.sensor import check_sensor, sensor_of
 from rptcam_cl.imaging.writers import NAMES, ranked
+from rptcam_cl.optics.irradiance import scattered
 from rptcam_cl.rendering import account
 from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.setting import on_film
@@ -174,9 +175,13 @@ def with_ghosts(image: Image, light: NDArray[Any], said: dict[str, Any]) -> Imag
     light = light.astype(np.float32)
     if "barrel_share" in said:
         light = light + np.float32(said["barrel_share"] * image.pixels.mean(axis=(0, 1), dtype=np.float64))
+    direct = image.pixels
+    if scatter := said.get("scatter"):
+        light = light + scattered(direct, scatter["abg"], scatter["sines"], scatter["pixels_mm"]).astype(np.float32)
+        direct = direct * np.float32(1.0 - scatter["share"])
     layers = dict(image.layers) | ({"ghosts": light} if "ghosts" in image.layers else {})
     metadata = dict(image.metadata) | {"ghosts": said}
-    return replace(image, pixels=np.add(image.pixels, light, dtype=np.float32), layers=layers, metadata=metadata)
+    return replace(image, pixels=np.add(direct, light, dtype=np.float32), layers=layers, metadata=metadata)
 
 
 # A render: it is prepared once, takes its samples at one go or part by part, and its picture is reported.

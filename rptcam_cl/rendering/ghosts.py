@@ -6,6 +6,8 @@ result depends on the scene alone, not on samples, waves or devices that share t
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache, cached_property
@@ -21,16 +23,28 @@ from rptcam_cl.core.records import EmitterKind, Hidden, SpectrumKind, device_dec
 from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.ghosts import with_wider_stop
-from rptcam_cl.optics.irradiance import veiling_glare
+from rptcam_cl.optics.irradiance import scatter_share, sines_of_film, veiling_glare
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, ghosts_have_colours, usable_nm
 from rptcam_cl.rendering.cameras.setting import LensSetting
 from rptcam_cl.rendering.film import FilmLayout, array_of_text, text_of_array
 from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among
-from rptcam_cl.rendering.lamps import Patches, lattice, patches_of, points_alone, points_at, square_patch, visible
+from rptcam_cl.rendering.lamps import (
+    FLAT,
+    POINTS,
+    Patches,
+    Points,
+    lattice,
+    patches_of,
+    points_alone,
+    points_at,
+    square_patch,
+    visible,
+)
 from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
+from rptcam_cl.rendering.plan.textures import Textures
 from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.changes import at_opening
@@ -64,8 +78,9 @@ class Sources:
         Kinds of lamps whose ghosts are not known.
     dropped_share : float
         Of all that light, what fainter sources than the brightest have.
-    known : (n, 2) array
-        Number of the spectrum of a lamp, 0 of one that has none, and how many times it is the irradiance.
+    known : (n, 3) array
+        Number of the spectrum of a lamp, 0 of one that has none; how many times it is the irradiance; and the number
+        of the lamp, where light is not even of each part of it.
     patches : Patches
         Of the emitter around each point, in the frame of the lens, from which rays come.
     mirrored : int
@@ -113,19 +128,22 @@ def _ghost_sources(
         if int(record["kind"]) == EmitterKind.ENVIRONMENT:
             towards, irradiance, sides = bright_parts(scene)
             parts = [points_at(towards[k : k + 1], 0.0, irradiance[k : k + 1], record) for k in range(len(towards))]
-            points += [(at, shown * light, target, _spectrum_of(record, light)) for at, light, target in parts]
+            points += [(at, shown * light, target, _known(record, light, True)) for at, light, target in parts]
             patches += [square_patch(middle, *own) for middle, own in zip(towards, sides, strict=True)]
             left_out.add("dim parts of the surroundings" if parts else "surroundings")
         elif lamp is None:
             left_out.add(EmitterKind(int(record["kind"])).name.lower())
         else:
-            (at, light, target), around = _as_one(*lamp, front.vertex)
-            points.append((at, shown * light, target, _spectrum_of(record, light)))
+            triangles = int((records["primitive"] == record["primitive"]).sum())
+            painted = _painted(record, lamp[1], plan.textures, front.vertex, _PARTS // triangles)
+            (at, light, target), around = painted or _as_one(*lamp, front.vertex)
+            points.append((at, shown * light, target, _known(record, light, painted is not None)))
             patches.append(around)
     if not points:
         nothing = np.zeros((0, 4))
-        return Sources(nothing, nothing[:, :3], tuple(sorted(left_out)), 0.0, nothing[:, :2], points_alone(nothing))
+        return Sources(nothing, nothing[:, :3], tuple(sorted(left_out)), 0.0, nothing[:, :3], points_alone(nothing))
     at, light, target, known = (np.concatenate(column) for column in zip(*points, strict=True))
+    known[:, 2] = np.cumsum(known[:, 2])
     patch = Patches.joined(patches)
     places = np.column_stack([at[:, :3] @ turn, at[:, 3]])
     lamps = places[:, 3] > 0
@@ -150,18 +168,115 @@ def _as_one(
 ) -> tuple[tuple[Array, Array, Array], Patches]:
     """Return points and patches of an emitter; of a lamp that shows small from the front one, of all of it."""
     at, light, target = points
-    size = max(float(np.linalg.norm(side, axis=1).max()) for side in (patches.first, patches.second))
-    if len(at) == 1 or not at[0, 3] or size > _SMALL * np.linalg.norm(at[:, :3] - vertex, axis=1).min():
+    if len(at) == 1 or not at[0, 3] or not _shows_small(patches, vertex):
         return points, patches
     whole = replace(patches[:1], cell=np.array([[0.0, 0.0, 1.0, 1.0]]), normal=patches.normal.mean(axis=0)[None])
     return (at.mean(axis=0)[None], light.sum(axis=0)[None], target[:1]), whole
 
 
-def _spectrum_of(record: np.void, irradiance: Array) -> Array:
-    """Return the number of an emitter's spectrum, and how many times it its points give (n, 2)."""
+def _shows_small(patches: Patches, vertex: Array) -> bool:
+    """Return whether all of a lamp shines through the same parts of the front."""
+    size = max(float(np.linalg.norm(side, axis=1).max()) for side in (patches.first, patches.second))
+    half = np.full(len(patches), 0.5)
+    return bool(size <= _SMALL * np.linalg.norm(patches.at(half, half) - vertex, axis=1).min())
+
+
+def _known(record: np.void, irradiance: Array, parted: bool) -> Array:
+    """Return the number of an emitter's spectrum, how many times it its points give, and which begin a lamp (n, 3)."""
     brightest = int(np.argmax(record["radiance"][:3]))
     times = irradiance[:, brightest] / max(float(record["radiance"][brightest]), 1e-300)
-    return np.column_stack([np.full(len(irradiance), float(record["radiance"][3])), times])
+    begins = np.full(len(irradiance), float(parted))
+    begins[0] = 1.0
+    return np.column_stack([np.full(len(irradiance), float(record["radiance"][3])), times, begins])
+
+
+# Lamps with a picture: parts of them within which the picture is nearly even.
+
+_PARTS, _ACROSS = 64, 256  # of a lamp; points along its unit square that tell its picture
+_EVEN = 1e-4  # of the squares of a picture's light about its mean: what parts may leave
+
+
+def _painted(
+    record: np.void, patches: Patches, textures: Textures, vertex: Array, most: int
+) -> tuple[Points, Patches] | None:
+    """Return points and patches of an emitter with a picture; None of others, and of patterns that are none."""
+    texture = int(record["texture"])
+    if texture < 0 or record["kind"] not in (*FLAT, EmitterKind.SPHERE):
+        return None
+    whole = replace(patches[:1], cell=np.array([[0.0, 0.0, 1.0, 1.0]]))
+    across = np.clip(int(_ACROSS * np.sqrt(max(most, 1) / _PARTS)), 8, _ACROSS)
+    t, s = (np.indices((across, across)).reshape(2, -1) + 0.5) / across
+    places, sphere = whole[np.zeros(across**2, int)].at(s, t), record["kind"] == EmitterKind.SPHERE
+    a, u, v, uv, uv_x, uv_y = (record[name][:3].astype(float) for name in ("a", "u", "v", "uv", "uv_x", "uv_y"))
+    if sphere:  # u and v are its x and z axes, uv[2] its handedness
+        to = places - a
+        to += (
+            (vertex - a)
+            / np.linalg.norm(vertex - a)
+            * np.sqrt(np.maximum(record["a"][3] ** 2 - np.sum(to**2, 1), 0))[:, None]
+        )
+        east, north, up = to @ u, to @ np.cross(v, u) * uv[2], to @ v
+        at = np.mod(np.arctan2(north, east) / (2 * np.pi), 1.0), np.arctan2(up, np.hypot(east, north)) / np.pi + 0.5
+    else:
+        x, y = ((places - a) @ np.linalg.pinv(np.array([u, v]))).T
+        at = uv[0] + x * uv_x[0] + y * uv_y[0], uv[1] + x * uv_x[1] + y * uv_y[1]
+    picture = textures.image_at(texture, *at)
+    if picture is None:
+        return None
+    side = 1 if most < POINTS or _shows_small(patches, vertex) else math.isqrt(POINTS)
+    cells, colours = _even_cells(picture.reshape(across, across, 3), side, max(most, 1))
+    parts = replace(whole[np.zeros(len(cells), int)], cell=cells)
+    middles, share = parts.at(np.full(len(cells), 0.5), np.full(len(cells), 0.5)), cells[:, 2:].prod(axis=1)
+    away = vertex - (a if sphere else middles)
+    square = np.sum(away**2, axis=-1)
+    facing, normal = np.ones(len(cells)), record["normal"][:3].astype(float)
+    if not sphere:
+        cosine = away @ normal / np.sqrt(square)
+        facing = np.maximum(np.abs(cosine) if record["two_sided"] else cosine, 0.0)
+        parts = replace(parts, normal=normal / np.where(cosine == 0, np.inf, cosine)[:, None])
+    area = (np.pi * record["a"][3] ** 2 if sphere else float(record["a"][3])) * share
+    return points_at(middles, 1.0, colours * (area * facing / square)[:, None], record), parts
+
+
+def _even_cells(picture: Array, side: int, most: int) -> tuple[Array, Array]:
+    """Part a square picture (n, n, 3) of t and s into as even cells (m, 4) as may be; with their colours (m, 3).
+
+    ``side`` is the number of cells along it to begin with.
+    """
+    size = len(picture)
+    sums, squares = np.zeros((2, size + 1, size + 1, 3))
+    sums[1:, 1:], squares[1:, 1:] = (each.cumsum(axis=0).cumsum(axis=1) for each in (picture, picture**2))
+
+    def within(table: Array, y0: Any, x0: Any, y1: Any, x1: Any) -> Array:
+        return np.asarray(table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0])
+
+    def uneven(y0: Any, x0: Any, y1: Any, x1: Any) -> Array:
+        area = np.asarray((y1 - y0) * (x1 - x0))[..., None]
+        off = within(squares, y0, x0, y1, x1) - within(sums, y0, x0, y1, x1) ** 2 / area
+        return np.asarray(np.maximum(off, 0.0).sum(axis=-1))
+
+    ends = [size * k // side for k in range(side + 1)]
+    cells = [(y0, x0, y1, x1) for y0, y1 in itertools.pairwise(ends) for x0, x1 in itertools.pairwise(ends)]
+    left = [float(uneven(*cell)) for cell in cells]
+    while len(cells) < most and sum(left) > _EVEN * float(squares[-1, -1].sum()):
+        worst = int(np.argmax(left))
+        y0, x0, y1, x1 = cells[worst]
+        y, x = np.arange(y0 + 1, y1), np.arange(x0 + 1, x1)
+        by_row = uneven(y0, x0, y, x1) + uneven(y, x0, y1, x1) + 1e-9 * np.abs(2 * y - y0 - y1)
+        by_column = uneven(y0, x0, y1, x) + uneven(y0, x, y1, x1) + 1e-9 * np.abs(2 * x - x0 - x1)
+        if np.min(by_row, initial=np.inf) < np.min(by_column, initial=np.inf):
+            at = int(y[np.argmin(by_row)])
+            halves = (y0, x0, at, x1), (at, x0, y1, x1)
+        elif len(x):
+            at = int(x[np.argmin(by_column)])
+            halves = (y0, x0, y1, at), (y0, at, y1, x1)
+        else:
+            left[worst] = 0.0  # a point
+            continue
+        cells[worst : worst + 1], left[worst : worst + 1] = halves, [float(uneven(*half)) for half in halves]
+    y0, x0, y1, x1 = np.array(cells).T
+    colours = within(sums, y0, x0, y1, x1) / ((y1 - y0) * (x1 - x0))[:, None]
+    return np.column_stack([x0, y0, x1 - x0, y1 - y0]) / size, colours
 
 
 def _front(lens: Lens, film_z: float, turn: Array) -> Front:
@@ -205,7 +320,8 @@ def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
         return direct
     every = float(bright[:first].sum()) / (1.0 - direct.dropped_share) + float(bright[first:].sum())
     dropped = 1.0 - float(bright[order].sum()) / every
-    known = np.concatenate([direct.known, np.zeros((int(ahead.sum()), 2))])
+    known = np.concatenate([direct.known, np.zeros((int(ahead.sum()), 3))])
+    known[first:, 2] = -1.0 - np.arange(int(ahead.sum()))
     patches = Patches.joined([direct.patches, points_alone(places[first:])])
     return Sources(places[order], light[order], direct.left_out, dropped, known[order], patches[order], mirrored)
 
@@ -351,8 +467,7 @@ class GhostFilm:
         self.value = plan.camera.metadata["values_per_irradiance"] / pixel_mm2  # of 1 W/m2 over 1 mm2
         self.shape = (self.rows, self.columns, 3)
         places, patches = self.sources.places, self.sources.patches
-        whole = np.concatenate([patches.base, patches.first, patches.second], axis=1)
-        self.lamp_of = np.unique(whole, axis=0, return_inverse=True)[1].ravel()
+        self.lamp_of = np.unique(self.sources.known[:, 2], return_inverse=True)[1]
         pencils, sized = int(self.sources.mirrored > 0), int(patches.first.any())
         self.light_rows = np.concatenate([places[:, :4], patches.rows()[:, : 20 * sized], places[:, 4:]], axis=1)
         facts = self.lenses[0][0].facts | {"VW": session.lanes, "DOUBLE": 0}
@@ -643,8 +758,10 @@ class Ghosting:
         pixels, metadata = GhostFilm(self.scene, self.plan, self.session).light()
         if share := _barrel_share(self.scene):
             metadata["barrel_share"] = share
-        metadata["says"] = _summary(metadata)
         layout = FilmLayout.of(self.scene.film)
+        if scatter := _front_scatter(self.scene, layout):
+            metadata["scatter"] = scatter
+        metadata["says"] = _summary(metadata)
         rows, columns = slice(layout.y, layout.y + layout.height), slice(layout.x, layout.x + layout.width)
         return pixels[rows, columns], metadata
 
@@ -711,6 +828,24 @@ def _barrel_share(scene: Scene) -> float:
         raise InputError(f"camera.barrel_reflectance: {problem} (allowed: 0)") from None
 
 
+def _front_scatter(scene: Scene, layout: FilmLayout) -> dict[str, Any]:
+    """Return the arguments of `scattered` beside the film, and the share of its light; nothing of a clean front."""
+    camera = scene.camera.traced_camera
+    if camera is None or not camera.front_scatter:
+        return {}
+    setting, (width, height), (columns, rows) = ghost_setting(scene), scene.film.size_m(), scene.film.resolution
+    if (share := scatter_share(camera.front_scatter)) >= 1:
+        raise InputError(f"camera.front_scatter: scatters {share:.3g} of the light (allowed: total scatter below 1)")
+    try:
+        sines = sines_of_film(setting.lens, setting.film_distance_mm, 500.0 * float(np.hypot(width, height)))
+    except InputError as problem:
+        raise InputError(f"camera.front_scatter: {problem} (allowed: none)") from None
+    steps = 1e3 * width / columns, 1e3 * height / rows
+    begins = (layout.x - columns / 2) * steps[0], (layout.y - rows / 2) * steps[1]
+    pixels = begins[0], steps[0], begins[1], steps[1]
+    return {"abg": list(camera.front_scatter), "share": share, "sines": sines, "pixels_mm": list(pixels)}
+
+
 def _summary(metadata: dict[str, Any]) -> str:
     """A line on the ghosts of a picture."""
     text = f"{metadata['ways']} pairs of surfaces from {metadata['sources']} points of light"
@@ -720,6 +855,8 @@ def _summary(metadata: dict[str, Any]) -> str:
         text += f"; fainter ones with {metadata['dropped_share']:.1g} of the light are left out"
     if "barrel_share" in metadata:
         text += f"; the barrel adds {metadata['barrel_share']:.2g} of the film's mean light"
+    if "scatter" in metadata:
+        text += f"; the front scatters {metadata['scatter']['share']:.2g} of the light"
     if "left_out" in metadata:
         text += f"; what makes none here: {', '.join(metadata['left_out'])}"
     return text

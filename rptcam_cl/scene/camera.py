@@ -17,7 +17,16 @@ from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.scene import lens_settings
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, read_switch, refuse
 from rptcam_cl.scene.placement import CameraMotion, Vector, place_between
-from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Metres, Millimetres, Position, cross
+from rptcam_cl.scene.quantities import (
+    NUMBER,
+    SMALLEST_LENGTH,
+    Direction,
+    Metres,
+    Millimetres,
+    Position,
+    cross,
+    list_of,
+)
 
 #
 # The movements of a view camera: how its film stands behind the lens.
@@ -29,6 +38,14 @@ from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Metre
 # lies on the upper half of the film, so that a film whose top leans back focuses nearer at the bottom of the picture.
 
 Turn = Annotated[float, Field(ge=-80, le=80), NUMBER]
+Scatter = Annotated[
+    tuple[
+        Annotated[float, Field(ge=0), NUMBER],
+        Annotated[float, Field(ge=1e-12), NUMBER],
+        Annotated[float, Field(ge=0, le=10), NUMBER],
+    ],
+    BeforeValidator(list_of(3, "three numbers [A, B, g]")),
+]
 Move = Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
 Triple = tuple[float, float, float]
 
@@ -643,6 +660,10 @@ class RealisticCamera(LensCamera):
     barrel_reflectance: Annotated[float, Field(ge=0, lt=1), NUMBER] = 0.0
     """Share that rims behind the stop scatter evenly to the film, with `ghosts`; they count as lit like the film."""
 
+    front_scatter: Scatter | None = None
+    """A, B and g of what the front of the lens scatters, with `ghosts`: radiance over irradiance is A / (B + d^g), d
+    being how far the sines of the directions lie apart."""
+
     @property
     def traced_camera(self) -> RealisticCamera:
         """This camera."""
@@ -653,11 +674,10 @@ class RealisticCamera(LensCamera):
         fault = "" if self.transmission.fresnel else "needs surfaces that reflect, and those of an ideal lens do not"
         if self.movements != NO_MOVEMENTS:
             fault = "are known of a film in its place alone"
-        if self.barrel_reflectance and self.ghosts == "off":
-            allowed = "0, or ghosts: on beside it"
-            raise refuse(
-                "is light of ghosts", got=self.barrel_reflectance, allowed=allowed, path=("barrel_reflectance",)
-            )
+        for key in ("barrel_reflectance", "front_scatter"):
+            if (given := getattr(self, key)) and self.ghosts == "off":
+                allowed = f"{(key.startswith('barrel') and '0') or 'none'}, or ghosts: on beside it"
+                raise refuse("is light of ghosts", got=given, allowed=allowed, path=(key,))
         if self.ghosts == "on" and fault:
             allowed = "off, or without movements and with a transmission: bare, coated or {coating: mgf2}"
             raise refuse(fault, got="on", allowed=allowed, path=("ghosts",))

@@ -284,7 +284,7 @@ def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
     return warnings
 
 
-_FOLLOWS_THE_FILM = {"diffraction", "ghosts", "barrel_reflectance", "stop"}  # keys of the camera
+_FOLLOWS_THE_FILM = {"diffraction", "ghosts", "barrel_reflectance", "front_scatter", "stop"}  # keys of the camera
 
 
 class Scene(SceneModel):

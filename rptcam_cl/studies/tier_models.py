@@ -120,7 +120,7 @@ WITH_COLOURS: frozenset[Tier] = frozenset({"fitted", "realistic"})
 
 # Keys of a traced camera that a thick lens has too; pinhole and thin lens share the pose alone.
 _POSE = ("target", "up", "flip")
-_TRACED_ONLY = ("pupil", "rays", "precision", "aperture", "accuracy", "ghosts", "barrel_reflectance")
+_TRACED_ONLY = ("pupil", "rays", "precision", "aperture", "accuracy", "ghosts", "barrel_reflectance", "front_scatter")
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import pytest
 
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.beams import Beam
+from rptcam_cl.optics.beams import Beam, film_chief_rays
 from rptcam_cl.optics.ghosts import NOWHERE, Entry, Ghosts, Lit, find_ghosts, ghost_image, together, unfold
 from rptcam_cl.optics.glass import (
     BARE,
@@ -21,7 +21,7 @@ from rptcam_cl.optics.glass import (
     QuarterWave,
     constant_reflectance,
 )
-from rptcam_cl.optics.irradiance import veiling_glare
+from rptcam_cl.optics.irradiance import scatter_share, scattered, sines_of_film, veiling_glare
 from rptcam_cl.optics.lens import Lens, system_matrix
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, axial_transmittance, with_coating
@@ -261,3 +261,29 @@ def test_glare_says_what_it_does_not_know() -> None:
         veiling_glare(load_lens("mirror-500mm"), 50.0)
     with pytest.raises(InputError, match="the film reflects a share"):
         veiling_glare(load_lens("dgauss-50mm"), 36.1, film_reflectance=1.0)
+
+
+def test_the_front_scatters_the_integral_of_its_bsdf() -> None:
+    lens, distance, abg = load_lens("dgauss-50mm"), 36.1, (3e-4, 1e-6, 2.0)
+    assert scatter_share(abg) == pytest.approx(np.pi * abg[0] * np.log(1 + 1 / abg[1]), rel=1e-6)
+    step, film = 36 / 96, np.zeros((64, 96, 1))
+    film[20, 70] = 1000.0
+    glow = scattered(film, abg, sines_of_film(lens, distance, 21.7), (-18, step, -12, step))[..., 0]
+
+    def sines(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        x, y = (each.ravel() for each in np.broadcast_arrays(x, y))
+        points = np.column_stack([x, y, np.full(x.size, lens.film_z(distance))])
+        return film_chief_rays(lens, points).directions[:, :2]
+
+    across = sines(-18 + step * (np.arange(96) + 0.5), -12 + step * (np.arange(64)[:, None] + 0.5))
+    x, y = -18 + step * (70 + (np.arange(6) + 0.5) / 6), -12 + step * (20 + (np.arange(6)[:, None] + 0.5) / 6)
+    right, left, below, above = sines(
+        np.array([71, 70, 70.5, 70.5]) * step - 18, np.array([20.5, 20.5, 21, 20]) * step - 12
+    )
+    (a, b), (c, d) = right - left, below - above
+    away = np.linalg.norm(across[:, None] - sines(x, y), axis=2)
+    exact = (1000.0 * abs(a * d - b * c) * (abg[0] / (abg[1] + away ** abg[2])).mean(axis=1)).reshape(64, 96)
+    assert glow.sum() == pytest.approx(exact.sum(), rel=5e-3)
+    far = np.hypot(*np.meshgrid(np.arange(96) - 70, np.arange(64) - 20)) > 6
+    np.testing.assert_allclose(glow[far], exact[far], rtol=0.05)
+    assert np.sqrt(np.mean((glow[far] / exact[far] - 1) ** 2)) < 0.01

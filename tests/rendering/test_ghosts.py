@@ -20,7 +20,7 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
 from rptcam_cl.optics.surface import blades
 from rptcam_cl.rendering import ghosts as ghost_film
-from rptcam_cl.rendering.ghosts import STEP, WAVES_NM, GhostFilm, _as_one, _basis, _spread_light
+from rptcam_cl.rendering.ghosts import STEP, WAVES_NM, GhostFilm, _as_one, _basis, _even_cells, _spread_light
 from rptcam_cl.rendering.lamps import _on_sphere
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import shares_of_white
@@ -65,7 +65,7 @@ def expected(image: rptcam_cl.Image, beam: Beam, **lit: Any) -> tuple[float, flo
     return flux * image.metadata["values_per_irradiance"] / PIXEL_MM2, middle / flux
 
 
-def ghosts_alone(session: Session, text: dict[str, Any]) -> rptcam_cl.Image:
+def ghosts_alone(session: Session, text: dict[str, Any] | Path) -> rptcam_cl.Image:
     """The ghosts of a scene without its picture, whose kernels take longest to compile."""
     loaded = load_scene(text)
     plan = make_plan(loaded)
@@ -120,16 +120,32 @@ def test_a_sun_in_a_picture_has_the_ghosts_of_a_sun(tmp_path: Path) -> None:
     assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)  # from below, as that of `sun`
 
 
-def test_a_barrel_adds_its_share_of_the_mean_film(bare: rptcam_cl.Image) -> None:
-    image = rptcam_cl.render(scene(sun(10.0), barrel_reflectance=0.1))
+def test_a_barrel_adds_its_share_of_the_mean_film() -> None:
+    bare, image = (rptcam_cl.render(scene(sun(170.0), objects=(ball(0),), **own))
+                   for own in ({}, {"barrel_reflectance": 0.1}))  # fmt: skip
     film, lens = image.metadata["film_distance_mm"], load_lens(LENS)
     share = veiling_glare(lens, film, 587.5618, UNCOATED, barrel_reflectance=0.1).barrel
     direct = bare.pixels - bare["ghosts"]
     veil = image["ghosts"] - bare["ghosts"]
     assert 1e-5 < share < 1e-2
+    assert direct.max() > 0
     np.testing.assert_allclose(veil, np.broadcast_to(share * direct.mean(axis=(0, 1)), veil.shape), rtol=1e-3)
     with pytest.raises(InputError, match="barrel_reflectance: is light of ghosts"):
         rptcam_cl.render(scene(sun(10.0), barrel_reflectance=0.1, ghosts="off"))
+
+
+def test_what_the_front_scatters_is_taken_from_the_direct_light() -> None:
+    clean, dusty = (rptcam_cl.render(scene(sun(170.0), objects=(ball(0),), **own))  # from behind: no ghosts
+                    for own in ({}, {"front_scatter": [3e-3, 1e-4, 2.0]}))  # fmt: skip
+    share, glow = np.pi * 3e-3 * np.log(1 + 1e4), dusty["ghosts"]
+    assert dusty.metadata["ghosts"]["scatter"]["share"] == pytest.approx(share, rel=1e-6)
+    np.testing.assert_allclose(dusty.pixels, clean.pixels * (1 - share) + glow, rtol=1e-5)
+    assert glow.min() > 0
+    assert 0.2 * share < glow.sum() / clean.pixels.sum() < share  # the rest falls beside the film
+    with pytest.raises(InputError, match="front_scatter: is light of ghosts"):
+        rptcam_cl.render(scene(sun(10.0), front_scatter=[3e-3, 1e-4, 2.0], ghosts="off"))
+    with pytest.raises(InputError, match="front_scatter: scatters 8"):
+        rptcam_cl.render(scene(sun(10.0), front_scatter=[0.3, 1e-4, 2.0]))
 
 
 def test_what_hides_the_sun_hides_its_ghosts(session: Session) -> None:
@@ -292,12 +308,69 @@ def test_a_bright_and_a_dim_lamp_have_the_ghosts_of_both(session: Session, monke
     assert np.abs(both - bright - dim).sum() < 0.02 * both.sum()  # the dim one has a quarter of the rays
 
 
+def test_a_lamp_with_a_picture_has_the_ghosts_of_its_texels(session: Session, tmp_path: Path) -> None:
+    picture = np.array([[[8, 1, 0.5], [0.1, 0.2, 0.1]], [[1, 1, 1], [0.3, 0, 2]]], np.float32)
+    rptcam_cl.Image(picture, {}, {}).save(tmp_path / "texels.exr")
+
+    def box(x: float, y: float, side: float, radiance: Any) -> dict[str, Any]:
+        return {"shape": "rectangle", "corner": [x, y, -3], "edge_u": [side, 0, 0], "edge_v": [0, side, 0],
+                "material": {"kind": "emissive", "radiance": radiance}}  # fmt: skip
+
+    def lit(*boxes: dict[str, Any]) -> np.ndarray:
+        text = scene(sun(10.0) | {"irradiance": 0}, objects=boxes, focus={"distance_m": 3})
+        (tmp_path / "scene.yaml").write_text(json.dumps(text))
+        return ghosts_alone(session, tmp_path / "scene.yaml")["ghosts"].astype(np.float64)
+
+    image = {"kind": "image", "file": "texels.exr", "filter": "nearest"}
+    whole = lit(box(0.1, 0.3, 0.8, image))
+    parts = lit(*(box(0.1 + 0.4 * x, 0.3 + 0.4 * y, 0.4, picture[1 - y, x].tolist()) for x in (0, 1) for y in (0, 1)))
+    np.testing.assert_allclose(whole.sum(axis=(0, 1)), parts.sum(axis=(0, 1)), rtol=5e-3)
+    assert np.sqrt(np.mean((whole - parts) ** 2) / np.mean(parts**2)) < 0.03  # an even lamp of their mean: 0.3
+
+
+def test_a_picture_is_parted_where_it_is_uneven() -> None:
+    picture = np.full((64, 64, 3), 0.5)
+    picture[8:24, 40:44] = [9.0, 5.0, 1.0]
+    cells, colours = _even_cells(picture, 1, 64)
+    bright = colours[:, 0] > 1
+    assert cells[:, 2:].prod(axis=1).sum() == pytest.approx(1)
+    assert cells[bright, 2:].prod(axis=1).sum() == 16 * 4 / 64**2
+    assert cells[bright, :2].min(axis=0) == pytest.approx([40 / 64, 8 / 64])
+    np.testing.assert_allclose(colours, np.where(bright[:, None], [9.0, 5.0, 1.0], 0.5), rtol=1e-12)
+    assert len(_even_cells(np.random.default_rng(1).random((64, 64, 3)), 4, 20)[0]) == 20
+
+
 @pytest.mark.parametrize("rays", [32, 1024, 1 << 20])
 def test_rays_are_traced_beside_their_neighbours(rays: int) -> None:
     step = _basis(rays)[1]
     aside = np.array([step / rays, step * STEP])
     assert step % 2 == 1  # so that it leads to all of a power of two
     assert np.hypot(*(aside - np.rint(aside))) < 2 / np.sqrt(rays)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("azimuth", [0.0, 45.0, 90.0])
+def test_an_anamorphic_has_the_streaks_of_the_exact_tracer(azimuth: float, session: Session) -> None:
+    def lit(place: np.ndarray) -> rptcam_cl.Image:
+        lamp = {"kind": "point", "position": [*map(float, place), -20], "intensity": [50, 50, 50]}
+        return ghosts_alone(session, scene(lamp, lens="anamorphic-100mm", focus={"distance_m": 20}))
+
+    aside = np.array([np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))])
+    image, lens = lit(-2.0 * aside), load_lens("anamorphic-100mm")
+    away = 20000 - image.metadata["film_distance_mm"] - lens.length
+    beam = Beam(float(np.degrees(np.arctan(2000 / away))), away, azimuth)
+    ghosts = find_ghosts(Lit(lens, image.metadata["film_distance_mm"], beam, 550.0, (36.0, 24.0))).ghosts
+    flux = np.array([ghost.flux_in_frame for ghost in ghosts])
+    middle = flux @ np.nan_to_num([ghost.centroid_mm for ghost in ghosts]) / flux.sum()
+    green = image["ghosts"][..., 1].astype(np.float64)
+    total = 50e6 * flux.sum() * image.metadata["values_per_irradiance"] / PIXEL_MM2
+    assert green.sum() == pytest.approx(total * (1 - image.metadata["ghosts"]["dropped_share"]), rel=5e-3)
+    columns = ((np.arange(48) + 0.5) / 48 - 0.5) @ green.sum(axis=0) / green.sum() * 36
+    assert (columns, centre_y(image["ghosts"])) == pytest.approx(tuple(middle), abs=0.1)
+    moved = [lit(-2.0 * aside - [0.0, 0.0015 * step])["ghosts"][..., 1].astype(np.float64) for step in range(4)]
+    sums = np.sum(moved, axis=(1, 2))  # a tenth of a pixel of 480 across the film at a time
+    assert np.abs(np.diff(sums, 2)).max() < 1e-3 * sums.mean()
+    assert np.abs(np.diff(moved, 2, axis=0)).sum(axis=(1, 2)).max() < 0.02 * sums.mean()  # nothing jumps
 
 
 @pytest.mark.slow

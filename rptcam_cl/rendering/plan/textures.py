@@ -195,6 +195,9 @@ def _pack_texels(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32],
     return halves.view(np.uint32).ravel(), 2.0**exponent
 
 
+_COARSE = 256  # rows and columns of a picture by which its parts are known
+
+
 def unpack_texels(
     words: NDArray[np.uint32], size: tuple[int, int], form: TexelFormat
 ) -> NDArray[np.uint8] | NDArray[np.float16]:
@@ -319,6 +322,42 @@ class Textures:
         for name in ("row_x", "row_y", "row_z"):
             records[name][:, 3] += np.float32(records[name][:, :3].astype(np.float64) @ (np.array(eye) * unit))
         return replace(self, records=records)
+
+    def image_at(self, index: int, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return the colours (n, 3) of a picture at surface coordinates (n,); None of what is no picture over them.
+
+        Of one with more than `_COARSE` rows or columns means of several.
+        """
+        record = self.records[index]
+        if record["kind"] != TextureKind.IMAGE or record["mapping"] != Mapped.UV:
+            return None
+        size, form = (int(record["height"]), int(record["width"])), TexelFormat(int(record["format"]))
+        first = int(record["first"])
+        words = size[0] * (size[1] + 1) << int(form is TexelFormat.HALF)
+        texels = unpack_texels(self.texels[first : first + words], size, form)[::-1]
+        light = texels.astype(np.float64) if form is TexelFormat.HALF else linear_codes(form)[texels].astype(np.float64)
+        for axis, count in enumerate(size):
+            starts = np.arange(0, count, -(-count // _COARSE))
+            means = np.diff(starts, append=count).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
+            light = np.add.reduceat(light, starts, axis=axis) / means
+        between = []
+        for row, wrap, count in (("row_v", "wrap_v", len(light)), ("row_u", "wrap_u", light.shape[1])):
+            x = record[row][0] * u + record[row][1] * v + record[row][2]
+            if record[wrap] == Wrap.REPEAT:
+                x = x - np.floor(x)
+            elif record[wrap] == Wrap.MIRROR:
+                x = 1 - np.abs(1 - np.mod(x, 2))
+            place = np.clip(x, 0, 1) * count - 0.5
+            low = np.rint(place) if record["nearest"] else np.floor(place)
+            ends = np.stack([low, low + 1])
+            ends = np.mod(ends, count) if record[wrap] == Wrap.REPEAT else np.clip(ends, 0, count - 1)
+            between.append((ends.astype(int), (0.0 if record["nearest"] else place - low) + np.zeros_like(place)))
+        (rows, above), (columns, right) = between
+        weights = (1 - above, above), (1 - right, right)
+        colours = sum(
+            (weights[0][i] * weights[1][j])[:, None] * light[rows[i], columns[j]] for i in (0, 1) for j in (0, 1)
+        )
+        return np.asarray(np.minimum(colours * record["a"][:3].astype(np.float64), record["limit"]))
 
 
 def _held(records: NDArray[np.void]) -> int:
