@@ -131,14 +131,15 @@ LIMITS = {
     "media: travel": Limit(164, 0, 8),  # overlapping solids are left one by one
     "smoke: shadow": Limit(96, 0, 8),
     "smoke: travel": Limit(244, 0, 8),  # which walks through grids at five places
-    "tea: shadow": Limit(116, 0, 8),
-    "tea: travel": Limit(236, 0, 8),
-    "underwater: shadow": Limit(128, 0, 8),  # curves and meshes under water
-    "underwater: travel": Limit(200, 0, 8),
+    "tea: shadow": Limit(96, 0, 8),
+    "tea: travel": Limit(240, 0, 8),
+    "headlamps: travel": Limit(176, 0, 8),  # beams of spots
+    "underwater: shadow": Limit(126, 0, 8),  # curves and meshes under water
+    "underwater: travel": Limit(204, 0, 8),
     "conjugates: generate": Limit(56, 0, 8),
     "hair: intersect": Limit(80, 0, 8),  # of a curve alone: fourteen numbers, and where on it
     "hair: shadow": Limit(80, 0, 8),
-    "leaf: intersect": Limit(96, 0, 8),
+    "leaf: intersect": Limit(80, 0, 8),
     "leaf: shadow": Limit(96, 0, 8),
     "everything: intersect": Limit(106, 0, 8),  # with holes by every texture
     "everything: shadow": Limit(116, 0, 8),

@@ -9,7 +9,8 @@ from rptcam_cl.core.files import kernels_dir
 
 SCENES = (
     "A", "A_lens", "B", "C", "first_light", "materials", "panning", "lens", "meshes", "media", "hair", "many lamps",
-    "ring", "layered fog", "smoke", "conjugates", "mixtures", "leaf", "lighthouse", "tea", "underwater", "everything",
+    "ring", "layered fog", "smoke", "conjugates", "mixtures", "leaf", "lighthouse", "headlamps", "tea", "underwater",
+    "everything",
 )  # fmt: skip
 
 
