@@ -181,6 +181,17 @@ def test_a_small_opening_behind_a_wide_front_has_its_ghosts(name: str, degrees: 
     assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)
 
 
+def test_a_small_opening_far_behind_its_front_has_the_ghost_of_it(session: Session, tmp_path: Path) -> None:
+    rows = [{"radius": 60, "thickness": 6, "glass": {"index": 1.6}, "diameter": 50},
+            {"radius": -200, "thickness": 30, "diameter": 50}, {"stop": True, "diameter": 1}]  # fmt: skip
+    lens = {"name": "Far stop", "surfaces": rows}
+    image = ghosts_alone(session, scene(sun(5.0), lens=lens))
+    (tmp_path / "lens.json").write_text(json.dumps(lens))
+    total, y = expected(image, Beam(5.0), lens=load_lens(tmp_path / "lens.json"))
+    assert image["ghosts"][..., 1].sum(dtype=np.float64) == pytest.approx(IRRADIANCE * total, rel=0.01)
+    assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)
+
+
 def test_a_coating_measured_over_few_wavelengths_keeps_its_last_values_beyond(session: Session) -> None:
     def ghosts(reflectance: Any) -> np.ndarray:
         rows = [{"radius": 60, "thickness": 6, "glass": {"index": 1.6}, "diameter": 24, "stop": True},

@@ -308,8 +308,8 @@ class FilmPupils:
         near, far = np.zeros(corners), np.full(corners, widest)
         for _ in range(HALVINGS if corners == CORNERS else HALVINGS // 2):
             half = (near + far) / 2
-            inside = opens(middle + half[:, None] * towards)
-            near, far = np.where(inside, half, near), np.where(inside, far, half)
+            open_there = opens(middle + half[:, None] * towards)
+            near, far = np.where(open_there, half, near), np.where(open_there, far, half)
         area = 0.5 * np.sin(2 * np.pi / corners) * float(near @ np.roll(near, -1))
         if area_known is not None and abs(area / area_known - 1) > _SAME_AREA:
             return None
