@@ -210,11 +210,8 @@ def _painted(
     a, u, v, uv, uv_x, uv_y = (record[name][:3].astype(float) for name in ("a", "u", "v", "uv", "uv_x", "uv_y"))
     if sphere:  # u and v are its x and z axes, uv[2] its handedness
         to = places - a
-        to += (
-            (vertex - a)
-            / np.linalg.norm(vertex - a)
-            * np.sqrt(np.maximum(record["a"][3] ** 2 - np.sum(to**2, 1), 0))[:, None]
-        )
+        ahead = (vertex - a) / np.linalg.norm(vertex - a)
+        to += ahead * np.sqrt(np.maximum(record["a"][3] ** 2 - np.sum(to**2, axis=1), 0))[:, None]
         east, north, up = to @ u, to @ np.cross(v, u) * uv[2], to @ v
         at = np.mod(np.arctan2(north, east) / (2 * np.pi), 1.0), np.arctan2(up, np.hypot(east, north)) / np.pi + 0.5
     else:

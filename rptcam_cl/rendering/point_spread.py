@@ -62,6 +62,7 @@ LEAST_REACH, _MOST_REACH = 2, 256  # the same in pixels
 KNOWN = 0.453  # of the cells across an opening, from where the light is left out: it shows its image again so many away
 FINE = 2.5  # points per wavelength over twice the numerical aperture; 2 resolve the light exactly
 SMOOTH = 2.0  # the same in pixels, from where on these resolve the light
+_BY_CELLS = 0.3  # of what cells resolve; pixels farther apart see the transfer next to 0 alone, a line as between cells
 _FIT, _ROUNDS = 0.35, 10  # cycles per pixel up to which a kernel of wide pixels has the transfer, and rounds to it
 MIDDLE_NM = 550.0
 
@@ -136,8 +137,9 @@ def _up_to_lines(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, nm
         for other, share in ((low, low + 1 - cells), (low + 1, cells - low)):
             np.add.at(hat, (rows, other % side), np.where(np.abs(cells) < len(wave), share, 0.0))
         hats.append(hat)
-        places = np.minimum(np.abs(np.arange(-reach, reach + 1) * pixel * pupil.step * pupil.index / (nm * 1e-6)), 0.5)
-        kept.append(kept_by_cells(places) * np.sinc(places) ** 2)  # the second of what lies linearly between cells
+        places = np.abs(np.arange(-reach, reach + 1) * pixel * pupil.step * pupil.index / (nm * 1e-6))
+        by_cells = kept_by_cells(places) * np.sinc(places) ** 2  # the second of what lies linearly between cells
+        kept.append(np.where(places < _BY_CELLS, by_cells, 1.0))
     light = np.fft.ifft2(hats[1] @ auto @ hats[0].T).real / auto[0, 0].real
     return np.asarray(np.roll(light, (reach, reach), (0, 1))[: 2 * reach + 1, : 2 * reach + 1] / np.outer(*kept[::-1]))
 

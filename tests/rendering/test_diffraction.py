@@ -87,7 +87,7 @@ def test_kernel_of_a_round_opening_has_the_transfer_of_its_wavelengths(f_number)
             assert got == pytest.approx([exact, exact], abs=0.01)  # the reach leaves out 0.5 % of the light
 
 
-@pytest.mark.parametrize("pixel_mm", [0.0055, 0.008, 0.012, slow(0.02), 0.05, slow(0.5)])
+@pytest.mark.parametrize("pixel_mm", [0.0055, 0.008, 0.012, slow(0.02), 0.05, slow(0.16), slow(0.24), 0.28, slow(0.5)])
 def test_kernel_of_wide_pixels_has_the_transfer_of_its_wavelengths_once(pixel_mm):
     """The film of the rays has been averaged over pixels already: of lines of four pixels a kernel keeps all."""
     pupil = found_of(f_number=16).openings.pupils(np.zeros(2), 72)
