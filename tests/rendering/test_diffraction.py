@@ -602,6 +602,22 @@ def test_spikes_of_lines_are_dashed_and_those_of_white_light_are_not():
     assert np.corrcoef(white, exact)[0, 1] < 0.8
 
 
+@pytest.mark.slow
+def test_a_white_lamp_beside_one_of_sodium_has_its_own_star():
+    found = found_of(0.4, (128, 96), aperture={"shape": "polygon", "blades": 6})
+    stars = np.array([[number, -1.0, 4.5, 4.5, 0.5, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0] for number in (0.0, 1.0)])
+    layout = FilmLayout.of(found.scene.film)
+
+    def star(number, lines):
+        spread = replace(found.spread, stars=stars, lines=np.array(lines).reshape(-1, 5))
+        sodium, white = (spread._star(own, (4.5, 4.5), 0.5, 0.0, spread.reach, layout) for own in stars)
+        return white if number else sodium
+
+    beside_sodium, alone = star(1, [0.0, 589.0, 1.0, 1.0, 1.0]), star(1, [])
+    np.testing.assert_array_equal(beside_sodium, alone)
+    assert np.abs(star(0, [0.0, 589.0, 1.0, 1.0, 1.0]) - alone).sum() > 0.05 * alone.sum()
+
+
 @pytest.mark.parametrize(
     ("light", "bands"), [({"lines_nm": {589.0: 2, 589.6: 1}}, (588, 591)), ({"illuminant": "F11"}, ())]
 )
