@@ -28,7 +28,15 @@ from rptcam_cl.studies.focus.probe import (
     peak_of,
     rich_part,
 )
-from rptcam_cl.studies.focus.renderer import MOST_SAMPLES, PRECISE, SIGHT_ACROSS, Probes, Task, probability_within
+from rptcam_cl.studies.focus.renderer import (
+    HOPELESS,
+    MOST_SAMPLES,
+    PRECISE,
+    SIGHT_ACROSS,
+    Probes,
+    Task,
+    probability_within,
+)
 
 #
 # Focus by distance: rays tell how far away the zone is, and the lens says where its film has to be.
@@ -38,6 +46,7 @@ from rptcam_cl.studies.focus.renderer import MOST_SAMPLES, PRECISE, SIGHT_ACROSS
 # needed, but the distance is that of the first surface: of a mirror or a pane of glass, not of what is seen in it.
 
 LEAST_SHARE = 0.25  # of a zone whose rays must meet something
+LEAST_AIMED = 0.02  # the same, to begin a search with
 
 
 def state_within_reach(drive: Drive, distance_m: float, zone: Zone) -> float:
@@ -117,14 +126,14 @@ APART = 1.0  # depths of focus between two things that one state does not show s
 MOST_LAMPS = 0.5  # share of what a zone shows, from which its lamps are what is focused on
 
 
-def _subject_of(task: Task, state: float, zone: Zone) -> ZoneSubject | None:
+def _subject_of(task: Task, state: float, zone: Zone, least: float) -> ZoneSubject | None:
     """Find what a zone is focused on: of several distances the nearest that fills a quarter of it, else the most.
 
-    None where less than a quarter shows anything.
+    None where less than a share of it shows anything.
     """
     sight = task.renderer.sight(state, zone)
     met = np.isfinite(sight.depths) & (sight.depths > 0)
-    if met.mean() < LEAST_SHARE:
+    if met.mean() < least:
         return None
     lamps = met & sight.lamps
     own = np.flatnonzero(met & ~lamps if lamps.sum() < MOST_LAMPS * met.sum() else met)
@@ -138,9 +147,11 @@ def _subject_of(task: Task, state: float, zone: Zone) -> ZoneSubject | None:
     return ZoneSubject(sight.depths[chosen], mask.reshape(SIGHT_ACROSS, -1))
 
 
-def _subjects(task: Task, state: float, zones: Mapping[int, Zone]) -> dict[int, ZoneSubject]:
+def _subjects(
+    task: Task, state: float, zones: Mapping[int, Zone], least: float = LEAST_SHARE
+) -> dict[int, ZoneSubject]:
     """Find what some zones are focused on, of those that show enough."""
-    found = {k: _subject_of(task, state, zone) for k, zone in zones.items()}
+    found = {k: _subject_of(task, state, zone, least) for k, zone in zones.items()}
     return {k: subject for k, subject in found.items() if subject is not None}
 
 
@@ -181,7 +192,9 @@ def focus_by_depth(task: Task) -> FocusReport:
     return task.report("depth", state, task.zones[zone], 0.0, share, records, distance)
 
 
-def _state_by_rays(task: Task, state: float, zones: Mapping[int, Zone]) -> tuple[int, ZoneSubject, float]:
+def _state_by_rays(
+    task: Task, state: float, zones: Mapping[int, Zone], least: float = LEAST_SHARE
+) -> tuple[int, ZoneSubject, float]:
     """Return which of some zones decides by what its rays lead to, what that is, and the state for it.
 
     Raises
@@ -189,7 +202,7 @@ def _state_by_rays(task: Task, state: float, zones: Mapping[int, Zone]) -> tuple
     NoContrast, OutOfReach
         As `focus_by_depth`.
     """
-    met = _subjects(task, state, zones)
+    met = _subjects(task, state, zones, least)
     if not met:
         raise NoContrast("nothing in the zone: its rays meet no surface; the focus stays as it was")
     zone = choose_zone(task.policy, task.zones, {k: -subject.middle for k, subject in met.items()})
@@ -210,13 +223,13 @@ def aim(task: Task) -> tuple[float, tuple[Zone, ...]] | None:
     try:
         if all(np.isposinf(task.renderer.sight(state, zone).depths).all() for zone in task.zones):
             return state_within_reach(task.drive, FAR_M, task.zones[0]), task.zones
-        _, _, aimed = _state_by_rays(task, state, zones)
+        _, _, aimed = _state_by_rays(task, state, zones, LEAST_AIMED)
         if abs(task.drive.image_scale(aimed, state) - 1) > BREATHING:
-            aimed = _state_by_rays(task, aimed, zones)[2]
+            aimed = _state_by_rays(task, aimed, zones, LEAST_AIMED)[2]
     except InputError:
         return None
     task.note_state(aimed)
-    subjects = _subjects(task, aimed, zones)
+    subjects = _subjects(task, aimed, zones, LEAST_AIMED)
     return aimed, tuple(_narrow_zone(zone, subjects[k]) if k in subjects else zone for k, zone in zones.items())
 
 
@@ -541,7 +554,8 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
     for _ in range(4):
         if peak.rise < CLEAR and samples >= most:
             raise _same_everywhere(peak)
-        is_converged = peak.rise >= CLEAR and (peak.error < probes.enough_error or samples >= most)
+        is_hopeless = peak.error * math.sqrt(samples / most) > HOPELESS * sharp
+        is_converged = peak.rise >= CLEAR and (peak.error < probes.enough_error or samples >= most or is_hopeless)
         if is_converged and _is_even(made, zone, peak, (low, high), widest):
             return peak
         step = min(max(SHARE * peak.width, sharp), widest / 2 if is_converged else widest)

@@ -85,7 +85,7 @@ def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
     off = drive.nearer * (drive.coordinate(report.state) - drive.coordinate(best)) / drive.depth_of_focus
     away = np.abs(off - (shown - nearest) / sharp)
     slack = 0.5 + abs(report.notes.get("beyond_spot", 0.0))
-    if report.method in BY_DETAILS:
+    if float(np.mean(away <= slack)) < SHARP_SHARE and report.method in BY_DETAILS:
         slack += clearest_beside(task.renderer, best, zone)
     if (share := float(np.mean(away <= slack))) >= SHARP_SHARE:
         return None
@@ -264,6 +264,7 @@ def _zone_within(seen: NDArray[np.bool_]) -> Zone:
 HIDDEN = 0.03  # of the distance of a point, by which what hides it is nearer at least
 HALVED = 0.5  # side of the zone round a point of the scene, in those of a point of the picture
 POINT_ROUNDS = 3  # in which focus and exposure of the place of a point follow from that place
+STAYS = 0.05  # of the zone's side, by which the place moves when they do
 
 
 def _zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | None) -> Zone:
@@ -291,8 +292,10 @@ def _zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | Non
         place = seen_places(drive.chief_rays(scene, renderer.state), seen[None])[0] / size
         if not (np.all(place > 0) and np.all(place < 1)):
             raise InputError(f"{where}: the point is not in the picture")
-        x, y = place.tolist()
+        before, (x, y) = zone, place.tolist()
         zone = zone_at(scene, x, y, HALVED)
+        if math.dist(zone.centre, before.centre) < STAYS * (zone.right - zone.left):
+            break
         with suppress(InputError):  # out of reach, which the search will say
             renderer.state = drive.state_for(distance, zone)
     sight = renderer.sight(renderer.state, zone_at(scene, x, y, HALVED / SIGHT_ACROSS))

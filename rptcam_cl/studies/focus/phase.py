@@ -39,6 +39,7 @@ from rptcam_cl.studies.focus.probe import (
 from rptcam_cl.studies.focus.renderer import (
     CONTENT,
     DEAR,
+    HOPELESS,
     MOST_OF_SEARCH,
     ProbeRenderer,
     Task,
@@ -79,6 +80,7 @@ LEAST_ALONG = 0.1  # of those changes
 LAG = 4  # pixels, over which they are taken
 LEAST_SIGNIFICANCE = 5.0  # of the contrast, in standard errors
 LEAST_CONTRAST = 0.002  # standard deviation over mean
+BINS = (1, 2, 4)  # pixels each way whose means show them
 
 
 @dataclass(frozen=True)
@@ -233,13 +235,10 @@ class PhaseMatch:
         """
         height, width = self._shape
         nearest = np.rint(offsets).astype(np.int64)
-        taps = _spline(offsets - nearest)
-        picture = np.zeros(height * width)
-        for right in (-1, 0, 1):
-            for down in (-1, 0, 1):
-                at = (nearest[:, 1] + down) % height * width + (nearest[:, 0] + right) % width
-                share = weights * taps[right + 1][:, 0] * taps[down + 1][:, 1]
-                picture += np.bincount(at, share, minlength=len(picture))
+        right, down = np.moveaxis(_spline(offsets - nearest), 2, 0)  # (3, n) each
+        columns, rows = ((nearest.T[:, None] + _BESIDE) % np.array([width, height])[:, None, None])
+        at, shares = rows[:, None] * width + columns, weights * down[:, None] * right
+        picture = np.bincount(at.ravel(), shares.ravel(), minlength=height * width)
         return np.asarray(np.conj(np.fft.rfft2(picture.reshape(height, width))))
 
     def along(self) -> float:
@@ -255,9 +254,17 @@ class PhaseMatch:
         noise, mean = float(self.halves.noise.sum()), float(whole.mean())
         if not mean > 0 or noise <= 0:
             return 0.0, 0.0
-        variance = float(np.sum(without_trend(whole[None]) ** 2)) / (whole.size - TERMS)
-        significance = (variance / noise - 1) * math.sqrt(whole.size / 2)
-        return math.sqrt(max(variance - noise, 0.0)) / mean, significance
+        seen = []
+        for side in BINS:  # noise is finer than details
+            rows, columns = (count // side for count in whole.shape)
+            if rows * columns <= 2 * TERMS:
+                break
+            means = whole[: rows * side, : columns * side].reshape(rows, side, columns, side).mean(axis=(1, 3))
+            variance = float(np.sum(without_trend(means[None]) ** 2)) / (means.size - TERMS) * side**2
+            significance = (variance / noise - 1) * math.sqrt(means.size / 2)
+            seen.append((significance, math.sqrt(max(variance - noise, 0.0)) / side / mean))
+        significance, contrast = max(seen)
+        return contrast, significance
 
     def best(self, low: float, high: float) -> Match | None:
         """Return the best vergence between about two; None where there is nothing to go by."""
@@ -335,9 +342,12 @@ def _square(values: Complex) -> Array:
     return np.asarray(values.real**2 + values.imag**2)
 
 
-def _spline(x: Array) -> list[Array]:
+_BESIDE = np.array([[-1], [0], [1]])
+
+
+def _spline(x: Array) -> Array:
     """Return the quadratic B-spline at -1, 0 and 1 from x, which lies within half of 0."""
-    return [0.5 * (0.5 - x) ** 2, 0.75 - x * x, 0.5 * (0.5 + x) ** 2]
+    return np.stack([0.5 * (0.5 - x) ** 2, 0.75 - x * x, 0.5 * (0.5 + x) ** 2])
 
 
 def _rival(misfits: Array, shown: Array, displacement: float, level: float, least: float) -> float:
@@ -485,7 +495,7 @@ DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepar
 LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
 NEAR = 1.0  # depths of focus: a probe so near to the focus that it found is the last one
 SEEN = 3.0  # depths of focus: a probe so near shows where the details of a zone lie
-PRECISE, ENOUGH = 0.06, 0.125  # depths of focus: standard error aimed at, and taken
+PRECISE, ENOUGH = 0.07, 0.125  # depths of focus: standard error aimed at, and taken
 BESIDE_NOISE = 0.1  # depths of focus that matches err by where other distances show beside the zone, whatever the noise
 MOST_PROBES = 12
 SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
@@ -634,7 +644,10 @@ class PhaseSearch:
             state = self.state
             if self.moved <= NEAR:
                 is_confirmed = len(self.probes) > 1  # by a second probe, from the state that the first has found
+                all_left = self.error * self.probe.stop * math.sqrt(self._samples / self.most)
                 if (self.error <= self.enough and is_confirmed) or self.most <= max(samples, self._samples):
+                    return state
+                if is_confirmed and all_left > HOPELESS:
                     return state
                 samples *= 2 if self.probe.stop == 1.0 else 1
             samples = self.step(state, samples)
@@ -655,8 +668,9 @@ class PhaseSearch:
         least, most = self._near if self._near[0] <= match.vergence <= self._near[1] else (-math.inf, math.inf)
         within = max(match.vergence - reach, least), min(match.vergence + reach, most)
         refined = self._probe(state, probe.view.split, samples, within)
-        if refined is None or refined.refusal in ("flat", "vague"):  # the first probe has distinguished rivals
-            raise no_contrast(REASONS["flat" if refined is None else str(refined.refusal)])
+        refusal = "flat" if refined is None else refined.refusal_among(NEAR_GAIN)
+        if refusal in ("flat", "vague"):  # the first probe has distinguished rivals
+            raise no_contrast(REASONS[refusal])
         return samples
 
     def narrow_zone(self) -> None:
