@@ -45,8 +45,10 @@ from rptcam_cl.studies.focus.renderer import (
 # The state is that of the least spot of exact rays in the middle of the zone (`optics/best_focus.py`). No contrast is
 # needed, but the distance is that of the first surface: of a mirror or a pane of glass, not of what is seen in it.
 
-LEAST_SHARE = 0.25  # of a zone whose rays must meet something
-LEAST_AIMED = 0.02  # the same, to begin a search with
+LEAST_MET, LEAST_SHARE = (
+    0.05,
+    0.25,
+)  # of a zone: whose rays must meet something, and what counts though others fill more
 
 
 def state_within_reach(drive: Drive, distance_m: float, zone: Zone) -> float:
@@ -126,14 +128,14 @@ APART = 1.0  # depths of focus between two things that one state does not show s
 MOST_LAMPS = 0.5  # share of what a zone shows, from which its lamps are what is focused on
 
 
-def _subject_of(task: Task, state: float, zone: Zone, least: float) -> ZoneSubject | None:
+def _subject_of(task: Task, state: float, zone: Zone) -> ZoneSubject | None:
     """Find what a zone is focused on: of several distances the nearest that fills a quarter of it, else the most.
 
-    None where less than a share of it shows anything.
+    None where hardly any of it shows anything.
     """
     sight = task.renderer.sight(state, zone)
     met = np.isfinite(sight.depths) & (sight.depths > 0)
-    if met.mean() < least:
+    if met.mean() < LEAST_MET:
         return None
     lamps = met & sight.lamps
     own = np.flatnonzero(met & ~lamps if lamps.sum() < MOST_LAMPS * met.sum() else met)
@@ -147,11 +149,9 @@ def _subject_of(task: Task, state: float, zone: Zone, least: float) -> ZoneSubje
     return ZoneSubject(sight.depths[chosen], mask.reshape(SIGHT_ACROSS, -1))
 
 
-def _subjects(
-    task: Task, state: float, zones: Mapping[int, Zone], least: float = LEAST_SHARE
-) -> dict[int, ZoneSubject]:
+def _subjects(task: Task, state: float, zones: Mapping[int, Zone]) -> dict[int, ZoneSubject]:
     """Find what some zones are focused on, of those that show enough."""
-    found = {k: _subject_of(task, state, zone, least) for k, zone in zones.items()}
+    found = {k: _subject_of(task, state, zone) for k, zone in zones.items()}
     return {k: subject for k, subject in found.items() if subject is not None}
 
 
@@ -192,9 +192,7 @@ def focus_by_depth(task: Task) -> FocusReport:
     return task.report("depth", state, task.zones[zone], 0.0, share, records, distance)
 
 
-def _state_by_rays(
-    task: Task, state: float, zones: Mapping[int, Zone], least: float = LEAST_SHARE
-) -> tuple[int, ZoneSubject, float]:
+def _state_by_rays(task: Task, state: float, zones: Mapping[int, Zone]) -> tuple[int, ZoneSubject, float]:
     """Return which of some zones decides by what its rays lead to, what that is, and the state for it.
 
     Raises
@@ -202,7 +200,7 @@ def _state_by_rays(
     NoContrast, OutOfReach
         As `focus_by_depth`.
     """
-    met = _subjects(task, state, zones, least)
+    met = _subjects(task, state, zones)
     if not met:
         raise NoContrast("nothing in the zone: its rays meet no surface; the focus stays as it was")
     zone = choose_zone(task.policy, task.zones, {k: -subject.middle for k, subject in met.items()})
@@ -223,13 +221,13 @@ def aim(task: Task) -> tuple[float, tuple[Zone, ...]] | None:
     try:
         if all(np.isposinf(task.renderer.sight(state, zone).depths).all() for zone in task.zones):
             return state_within_reach(task.drive, FAR_M, task.zones[0]), task.zones
-        _, _, aimed = _state_by_rays(task, state, zones, LEAST_AIMED)
+        _, _, aimed = _state_by_rays(task, state, zones)
         if abs(task.drive.image_scale(aimed, state) - 1) > BREATHING:
-            aimed = _state_by_rays(task, aimed, zones, LEAST_AIMED)[2]
+            aimed = _state_by_rays(task, aimed, zones)[2]
     except InputError:
         return None
     task.note_state(aimed)
-    subjects = _subjects(task, aimed, zones, LEAST_AIMED)
+    subjects = _subjects(task, aimed, zones)
     return aimed, tuple(_narrow_zone(zone, subjects[k]) if k in subjects else zone for k, zone in zones.items())
 
 

@@ -30,7 +30,7 @@ from rptcam_cl.studies.focus import contrast
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
 from rptcam_cl.studies.focus.phase import clearest_beside, focus_by_hybrid, focus_by_phase, half_view
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Probe, Zone
-from rptcam_cl.studies.focus.renderer import SIGHT_ACROSS, ProbeRenderer, Task
+from rptcam_cl.studies.focus.renderer import MOST_OF_SEARCH, SIGHT_ACROSS, ProbeRenderer, Task
 
 # What can be wrong with a focus that was found: too uncertain, one of two distances, or one of two line focuses.
 
@@ -608,8 +608,10 @@ def search(task: Task, method: str) -> FocusReport:
     # Of what is even only its edge can be sharp, which parts of zones leave out.
     whole = [replace(nearby, zones=task.zones)] if parts != task.zones else []
     for attempt in (nearby, *whole, replace(task, zones=parts)):
-        if failure is not None and failure.is_flat and attempt.near != near:
-            break  # rays through all glass and by all mirrors lead there: elsewhere it is no sharper
+        if (
+            failure is not None and attempt.near != near and (failure.is_flat or task.renderer.samples > MOST_OF_SEARCH)
+        ):  # rays through all glass and by all mirrors lead there: elsewhere it is no sharper
+            break
         try:
             report = METHODS[method](attempt)
         except NoContrast as problem:

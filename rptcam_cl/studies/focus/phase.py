@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -236,7 +236,7 @@ class PhaseMatch:
         height, width = self._shape
         nearest = np.rint(offsets).astype(np.int64)
         right, down = np.moveaxis(_spline(offsets - nearest), 2, 0)  # (3, n) each
-        columns, rows = ((nearest.T[:, None] + _BESIDE) % np.array([width, height])[:, None, None])
+        columns, rows = (nearest.T[:, None] + _BESIDE) % np.array([width, height])[:, None, None]
         at, shares = rows[:, None] * width + columns, weights * down[:, None] * right
         picture = np.bincount(at.ravel(), shares.ravel(), minlength=height * width)
         return np.asarray(np.conj(np.fft.rfft2(picture.reshape(height, width))))
@@ -254,16 +254,14 @@ class PhaseMatch:
         noise, mean = float(self.halves.noise.sum()), float(whole.mean())
         if not mean > 0 or noise <= 0:
             return 0.0, 0.0
-        seen = []
         for side in BINS:  # noise is finer than details
             rows, columns = (count // side for count in whole.shape)
-            if rows * columns <= 2 * TERMS:
-                break
             means = whole[: rows * side, : columns * side].reshape(rows, side, columns, side).mean(axis=(1, 3))
             variance = float(np.sum(without_trend(means[None]) ** 2)) / (means.size - TERMS) * side**2
             significance = (variance / noise - 1) * math.sqrt(means.size / 2)
-            seen.append((significance, math.sqrt(max(variance - noise, 0.0)) / side / mean))
-        significance, contrast = max(seen)
+            if significance >= LEAST_SIGNIFICANCE or means.size <= 8 * TERMS:
+                break
+        contrast = math.sqrt(max(variance - noise, 0.0)) / side / mean
         return contrast, significance
 
     def best(self, low: float, high: float) -> Match | None:
@@ -500,7 +498,6 @@ BESIDE_NOISE = 0.1  # depths of focus that matches err by where other distances 
 MOST_PROBES = 12
 SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
 BLUR = 1.2  # radius of a blurred point over the displacement of its halves
-OTHER_STARTS = (0.12, 0.45, 0.8)  # of the reach, from far to near
 REASONS = {
     "flat": f"its details do not come to {LEAST_SIGNIFICANCE:g} standard errors of the noise"
     f" or {LEAST_CONTRAST:.1%} of its light",
@@ -595,7 +592,7 @@ class PhaseSearch:
         splits = _SPLITS
         for samples in (NEAR_SAMPLES, 4 * NEAR_SAMPLES, MOST_SAMPLES):
             for split in splits:
-                match = self._probe(start, split, samples, (own - away, own + away))
+                match = self._probe(start, split, min(samples, self.most), (own - away, own + away))
                 refusal = "flat" if match is None else match.refusal_among(NEAR_GAIN)
                 if match is not None and refusal is None and abs(match.vergence - own) <= away:
                     return
@@ -608,7 +605,7 @@ class PhaseSearch:
         raise no_contrast(REASONS[refusal or "vague"], is_flat=refusal == "flat")
 
     def begin(self, start: float) -> None:
-        """Probe from a state, and from others where that shows too little, until there is a distance.
+        """Probe from a state for a distance anywhere within the reach.
 
         Raises
         ------
@@ -616,20 +613,12 @@ class PhaseSearch:
             When there is none.
         """
         reach = self._reach()
-        refusal = "flat"
-        for number, state in enumerate(self._starts(start)):
-            samples = SAMPLES if number == 0 else 2 * SAMPLES
-            match = self._probe(state, "x", samples, reach)
-            if match is not None and match.refusal in ("vague", "ambiguous"):  # it may change along the other axis
-                refusal = str(match.refusal)
-                match = self._probe(state, "y", samples, reach)
-            if match is not None and match.refusal is None:
-                return
-            if match is not None and match.refusal in ("vague", "ambiguous"):
-                refusal = str(match.refusal)
-            if not self.probe.halves.pictures.any():
-                raise no_contrast(REASONS["dark"])
-        raise no_contrast(REASONS[refusal])
+        match = self._probe(start, "x", SAMPLES, reach)
+        if match is not None and match.refusal in ("vague", "ambiguous"):  # it may change along the other axis
+            match = self._probe(start, "y", SAMPLES, reach)
+        refusal = "flat" if match is None else match.refusal
+        if refusal is not None:
+            raise no_contrast(REASONS[refusal if self.probe.halves.pictures.any() else "dark"])
 
     def finish(self) -> float:
         """Return the state that makes the target sharpest, after as many probes as that takes.
@@ -643,7 +632,10 @@ class PhaseSearch:
         while len(self.probes) < MOST_PROBES:
             state = self.state
             if self.moved <= NEAR:
-                is_confirmed = len(self.probes) > 1  # by a second probe, from the state that the first has found
+                # by a second probe, from the state that the first has found, or by rays that led there
+                is_confirmed = len(self.probes) > 1 or (
+                    math.isfinite(self._near[0]) and _uncertainty_of(self) <= PRECISE
+                )
                 all_left = self.error * self.probe.stop * math.sqrt(self._samples / self.most)
                 if (self.error <= self.enough and is_confirmed) or self.most <= max(samples, self._samples):
                     return state
@@ -682,12 +674,6 @@ class PhaseSearch:
         zone = parts[:, above : height - below, left : width - right]
         if (part := rich_part(zone, max(left, right), (self.probe.view.axis,))) is not None:
             self.zone = self.renderer.part_of(self.zone, part)
-
-    def _starts(self, start: float) -> Iterator[float]:
-        yield start
-        ends = sorted((self.drive.coordinate(limit) for limit in self.drive.limits), reverse=self.drive.nearer < 0)
-        for share in OTHER_STARTS:
-            yield self.drive.state_at(ends[0] + share * (ends[1] - ends[0]))
 
     def _reach(self) -> tuple[float, float]:
         """Return the vergences [1/m] that are sharp at the ends of the focus."""

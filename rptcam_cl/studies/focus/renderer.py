@@ -742,7 +742,7 @@ MOST_OF_SEARCH = 2_000_000  # samples of all pixels: what is not decided by then
 PRECISE = 8.0  # parts of a depth of focus, of which a focus may err by one
 DEAR = 200_000  # samples of all pixels, after which a search is content with the error of `CONTENT`
 CONTENT = 0.2  # depths of focus: four times of five the focus then lies within a quarter
-HOPELESS = 0.5  # depths of focus: error by all samples that are left, above which they are not taken; it is roughly known
+HOPELESS = 0.5  # depths of focus: error by all samples that are left, roughly known, above which they are not taken
 MOST_PROBES = 40  # after which a search gives up
 
 
