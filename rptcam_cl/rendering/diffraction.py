@@ -429,7 +429,7 @@ class FilmSpread:
         key = id(opening), farthest, edge, out
         if key not in self._tables:
             self._tables[key] = opening.table(farthest, edge, out)
-        light = opening.at(self._tables[key], x - some_columns, some_rows - y, by)  # x runs to the left
+        light = opening.at(self._tables[key], x - some_columns, some_rows - y, by, out)  # x runs to the left
         if every > 1:
             light = point_spread.between(light, (some_rows, some_columns), (rows, columns))
         sides = np.zeros(3), np.abs(rows - y), np.abs(columns - x)

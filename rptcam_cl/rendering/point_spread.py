@@ -440,40 +440,47 @@ def map_of_outlines(outline: Array, own: Array) -> tuple[Array, float]:
     return factors[:2].T, float(np.sqrt(np.mean(off**2)) / radii.mean())
 
 
-def _place(radii: Array, edges: Array) -> Array:
-    """Return places of radii among edges, even in their logarithm or as those of lines in `table`."""
-    if not np.isclose(edges[1] / edges[0], edges[-1] / edges[-2], rtol=1e-6):
-        return np.minimum(np.interp(radii, edges, np.arange(len(edges))).astype(radii.dtype), len(edges) - 1.001)
-    nearest, step = float(edges[0]), float(np.log(edges[1] / edges[0]))
-    at = np.log(np.maximum(radii, nearest))
-    at -= np.log(nearest)
-    at /= step
-    return np.asarray(np.minimum(at, len(edges) - 1.001, out=at))
+def _place_among(edges: Array) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
+    """Return what finds places of squared radii among edges: even in their logarithm, or as those of lines."""
+    last = np.float32(len(edges) - 1.001)
+    first, per_step = np.float32(2 * np.log(edges[0])), np.float32(0.5 / np.log(edges[1] / edges[0]))
+    is_even = np.isclose(edges[1] / edges[0], edges[-1] / edges[-2], rtol=1e-6)
+
+    def place(square: NDArray[np.float32]) -> NDArray[np.float32]:
+        if is_even:
+            at = np.log(np.maximum(square, np.float32(edges[0] ** 2)))
+            at -= first
+            at *= per_step
+        else:
+            at = np.interp(np.sqrt(square), edges, np.arange(len(edges))).astype(np.float32)
+        return np.asarray(np.clip(at, np.float32(0.0), last, out=at))
+
+    return place
 
 
 def _look_up(boxes: NDArray[np.float32], edges: Array, x: Array, y: Array, own: Array) -> NDArray[np.float32]:
     """Return the light of pixels (n, y, x) by boxes (n, radii, directions + 2) of some colours, as `FarLight.at`."""
-    stride, (a, b, c, d) = boxes.shape[2], own.ravel().tolist()
-    per_turn, planes = (stride - 2) / np.pi, boxes.reshape(len(boxes), -1)
-    light, (x, y) = np.empty((len(boxes), len(y), len(x)), np.float32), (x.astype(np.float32), y.astype(np.float32))
+    stride, place, planes = boxes.shape[2], _place_among(edges), boxes.reshape(len(boxes), -1)
+    columns, rows = ((axis[:, None] * part).astype(np.float32) for axis, part in zip((x, y), own, strict=True))
+    light = np.empty((len(boxes), len(y), len(x)), np.float32)
     for start in range(0, len(y), _ROWS_AT_ONCE):
-        up = y[start : start + _ROWS_AT_ONCE, None]
-        right, up = a * x + c * up, b * x + d * up
-        turn = np.arctan2(up, right)
-        turn *= per_turn
-        turn += 0.5
-        turn[turn < 0.0] += stride - 2
-        at = _place(np.sqrt(right * right + up * up), edges)
-        i, j = turn.astype(np.int64), at.astype(np.int64)
+        right, up = (columns[:, k] + rows[start : start + _ROWS_AT_ONCE, k : k + 1] for k in (0, 1))
+        right += np.float32(1e-30)  # so that no direction is unknown
+        turn = np.arctan(up / right)
+        turn *= (stride - 2) / np.pi
+        turn += (stride - 1) / 2
+        right *= right
+        up *= up
+        at = place(np.add(right, up, out=right))
+        i, j = np.floor(turn), np.floor(at)
         turn -= i
         at -= j
         j *= stride
-        j += i
-        next_to, farther = j + 1, j + stride
+        first = np.add(i, j, out=j).astype(np.int64)  # floats are exact up to 2^24
         for plane, target in zip(planes, light[:, start : start + _ROWS_AT_ONCE], strict=True):
-            low, high = plane.take(j), plane.take(farther)
-            low += turn * (plane.take(next_to) - low)
-            high += turn * (plane.take(farther + 1) - high)
+            low, high = plane.take(first), plane[stride:].take(first)
+            low += turn * (plane[1:].take(first) - low)
+            high += turn * (plane[stride + 1 :].take(first) - high)
             high -= low
             high *= at
             np.add(low, high, out=target)
@@ -528,15 +535,16 @@ def _boxes(rings: Array, edges: Array, across: float) -> NDArray[np.float32]:
     Returns
     -------
     (3, radii, directions + 2) array
-        From the last direction to the first, so that they go round.
+        Over half a turn from straight down to straight up, and one more at each end.
     """
     count = len(rings)
+    first = -1 - count // 2
     half = np.minimum(0.5 * across / edges, np.pi / 4)
     pixels, half = np.maximum(2 * half * edges, 1.0), half * count / np.pi + 0.5  # of each box; and directions
     boxes = np.empty((3, len(edges), count + 2), np.float32)
     for k, ring in enumerate(np.ascontiguousarray(rings.transpose(2, 1, 0))):
         more, part = int(half[k]), half[k] % 1
-        cells = ring.take(np.arange(-more - 1, count + more + 1), axis=1, mode="wrap")
+        cells = ring.take(np.arange(-more, count + more + 2) + first, axis=1, mode="wrap")
         total = np.zeros((3, cells.shape[1] + 1))
         np.cumsum(cells, axis=1, out=total[:, 1:])
         light = total[:, 2 * more : 2 * more + count + 2] - total[:, 1 : count + 3]
