@@ -569,19 +569,22 @@ def strew(planes: Array, kernel: Array) -> Array:
     return np.maximum(light, 0.0) if planes.min() >= 0 else light
 
 
-def veil(planes: Array, kernel: Array, step: int) -> tuple[Array, Array]:
-    """Return the light of planes without lamps and that of ones, by a kernel of squares of so many pixels."""
+def veil(planes: Array, kernel: Array, shares: Array, step: int) -> tuple[NDArray[np.float32], float]:
+    """Return the light of planes without lamps, by a kernel of squares of so many pixels, and what falls beside.
+
+    Beside the picture it is as bright as on it; ``shares`` (3,) of all light are far light.
+    """
     sides = planes.shape[1:]
     counts = [-(-side // step) for side in sides]
     (down, height), (across, width) = zip(counts, sides, strict=True)
     whole = np.pad(planes, ((0, 0), (0, down * step - height), (0, across * step - width)))
     squares = whole.reshape(-1, down, step, across * step).mean(axis=2).reshape(-1, down, across, step).mean(axis=3)
     parts = [np.clip(side / step - np.arange(count), 0.0, 1.0) for side, count in zip(sides, counts, strict=True)]
-    ones = np.broadcast_to(np.outer(*parts), squares.shape)
-    light = np.concatenate([strew(squares, kernel), strew(ones, kernel)])
-    down_at, across_at = ((np.arange(count) + 0.5) * step - 0.5 for count in counts)
-    light = between(light, (down_at, across_at), (np.arange(height), np.arange(width)))
-    return light[:3], light[3:]
+    beside = shares[:, None, None] - strew(np.broadcast_to(np.outer(*parts), squares.shape), kernel)
+    light = strew(squares, kernel) + beside * planes.mean(axis=(1, 2))[:, None, None]
+    nodes, places = zip(*(((np.arange(count) + 0.5) * step - 0.5, np.arange(side))
+                          for count, side in zip(counts, sides, strict=True)), strict=True)  # fmt: skip
+    return between(light.astype(np.float32), nodes, places), float((squares * beside).sum()) * step**2
 
 
 def between(light: Array, nodes: tuple[Array, Array], places: tuple[Array, Array]) -> Array:
