@@ -339,7 +339,7 @@ class FilmSpread:
         if veil:
             far, beside_it = point_spread.veil(sent, *veil)
             spread += far
-            lost += beside_it
+            lost += beside_it + (0.0 if near_veil is None else point_spread.beside(sent, near_veil))
         elif self.edges is not None:
             around = self._shares[:, None, None] - point_spread.received(self.far[1], planes.shape[1:])
             lost += float((sent * around).sum())

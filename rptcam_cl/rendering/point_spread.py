@@ -320,36 +320,38 @@ class FarLight:
         return np.asarray((within[:, -1] - within[:, half]) / (RESOLVED / radii[half] - 1))
 
     def _light_between(self, within: Array, beyond: Array, rings: Sequence[tuple[Array, Array]]) -> Array:
-        """Return the light between radii [pixels] (directions, 3, n), the mean of some rings (n,) and (n,).
+        """Return the light between radii [pixels] (n, 3, directions), the mean of some rings (n,) and (n,).
 
         Of that of `within` and of what is beyond.
         """
-        radii, columns = np.log(self.within[0]), np.arange(len(rings[0][0]))
-        inner, outer = np.zeros((len(radii), 3, len(columns) * (self.lines is None))), np.zeros((3, len(columns)))
-        light: Array = np.zeros((len(within), 3, len(columns)))
-        ends = [(pixels, sign / len(rings)) for ring in rings for pixels, sign in zip(ring, (-1.0, 1.0), strict=True)]
-        for (nm, shares), (pixels, sign) in itertools.product(self._waves, ends):
-            rho, own = pixels / self.unit_px(nm), sign * shares
+        radii, count, waves = np.log(self.within[0]), len(rings[0][0]), self._waves
+        units, shares = np.array([[self.unit_px(nm)] for nm, _ in waves]), np.array([own for _, own in waves]).T
+        columns, within = np.arange(count), np.ascontiguousarray(within.T)
+        inner, outer, light = np.zeros((3, count * len(radii))), np.zeros((3, count)), np.zeros(())
+        for pixels, sign in itertools.chain(*(((low, -1 / len(rings)), (high, 1 / len(rings))) for low, high in rings)):
+            rho = pixels / units
+            outer += sign * shares @ np.maximum(1 - RESOLVED / rho, 0)
             place = np.interp(np.log(rho), radii, np.arange(len(radii)))
             below = np.minimum(place.astype(np.int64), len(radii) - 2)
             part = place - below
-            outer += own[:, None] * np.maximum(1 - RESOLVED / rho, 0)
-            if self.lines is None:
-                inner[below, :, columns] += (1 - part)[:, None] * own
-                inner[below + 1, :, columns] += part[:, None] * own
-            else:
-                light += own[:, None] * (within[:, below] * (1 - part) + within[:, below + 1] * part)[:, None]
+            if self.lines is not None:
+                for own, k, more in zip(sign * shares.T[:, :, None], below, part[:, :, None], strict=True):
+                    light = light + own * (within[k] * (1 - more) + within[k + 1] * more)[:, None]
+                continue
+            for plane, own in zip(inner, sign * shares[:, :, None], strict=True):
+                for at, weight in ((below, own * (1 - part)), (below + 1, own * part)):
+                    plane += np.bincount((columns * len(radii) + at).ravel(), weight.ravel(), plane.size)
         if self.lines is None:
-            light += np.tensordot(within, inner, 1)
-        return light + beyond[:, None, None] * outer
+            light = (inner.reshape(-1, len(radii)) @ within).reshape(3, count, -1).swapaxes(0, 1)
+        return light + outer.T[:, :, None] * beyond
 
     @cached_property
     def shares(self) -> Array:
         """Share of red, green and blue that is far light, on the film and beside it (3,)."""
-        edges = np.geomspace(0.6 * self.reach, 1e7, 2048)
+        edges = np.append(np.geomspace(0.6 * self.reach, self.reach + 1.0, 256), 1e7)
         rings = [(edges[:-1], edges[1:])]
-        light = self._light_between(self.within[1].sum(axis=0)[None], self._beyond.sum()[None], rings)[0]
-        return np.asarray(light @ (1 - fade(np.sqrt(edges[1:] * edges[:-1]), self.reach)))
+        light = self._light_between(self.within[1].sum(axis=0)[None], self._beyond.sum()[None], rings)[:, :, 0]
+        return np.asarray((1 - fade(np.sqrt(edges[1:] * edges[:-1]), self.reach)) @ light)
 
     @cached_property
     def _colours(self) -> tuple[Array, float]:
@@ -530,19 +532,19 @@ def _along(edges: Array, before: NDArray[np.intp], angles: Array, shift: Array, 
 
 
 def _boxes(rings: Array, edges: Array, across: float) -> NDArray[np.float32]:
-    """Return the light of pixels, of rings (directions, 3, radii) over some pixels of the circle.
+    """Return the light of pixels, of rings (radii, 3, directions) over some pixels of the circle.
 
     Returns
     -------
     (3, radii, directions + 2) array
         Over half a turn from straight down to straight up, and one more at each end.
     """
-    count = len(rings)
+    count = rings.shape[2]
     first = -1 - count // 2
     half = np.minimum(0.5 * across / edges, np.pi / 4)
     pixels, half = np.maximum(2 * half * edges, 1.0), half * count / np.pi + 0.5  # of each box; and directions
     boxes = np.empty((3, len(edges), count + 2), np.float32)
-    for k, ring in enumerate(np.ascontiguousarray(rings.transpose(2, 1, 0))):
+    for k, ring in enumerate(rings):
         more, part = int(half[k]), half[k] % 1
         cells = ring.take(np.arange(-more, count + more + 2) + first, axis=1, mode="wrap")
         total = np.zeros((3, cells.shape[1] + 1))
@@ -585,6 +587,16 @@ def veil(planes: Array, kernel: Array, shares: Array, step: int) -> tuple[NDArra
     nodes, places = zip(*(((np.arange(count) + 0.5) * step - 0.5, np.arange(side))
                           for count, side in zip(counts, sides, strict=True)), strict=True)  # fmt: skip
     return between(light.astype(np.float32), nodes, places), float((squares * beside).sum()) * step**2
+
+
+def beside(planes: Array, kernel: Array) -> float:
+    """Return the light of planes that a small kernel brings beside them, but for that which corners count twice."""
+    reach, lost = kernel.shape[1] // 2, 0.0
+    for axis in (1, 2):
+        lines, out = planes.sum(axis=3 - axis), np.cumsum(kernel.sum(axis=3 - axis)[:, :reach], axis=1)[:, ::-1]
+        near = min(reach, lines.shape[1])
+        lost += float((out[:, :near] * (lines[:, :near] + lines[:, ::-1][:, :near])).sum())
+    return lost
 
 
 def between(light: Array, nodes: tuple[Array, Array], places: tuple[Array, Array]) -> Array:
