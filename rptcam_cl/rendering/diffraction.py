@@ -232,9 +232,9 @@ class FilmSpread:
         return point_spread.FarLight(self.edges, self.index, self.pixel_mm, self.reach)
 
     @cached_property
-    def far(self) -> tuple[Array, Array]:
-        """Share of the far light of red, green and blue, and its kernel over twice the picture."""
-        return self._shares, self._far_light.kernel(*self.window)[:, :, ::-1]
+    def far(self) -> Array:
+        """The kernel of far light over twice the picture."""
+        return self._far_light.kernel(*self.window)[:, :, ::-1]
 
     @cached_property
     def _few_directions(self) -> point_spread.FarLight:
@@ -316,14 +316,13 @@ class FilmSpread:
             bright = np.where(bright > 0, planes, 0.0)
         reach, total, lost = self.reach, float(planes.sum() + by_waves.sum()), 0.0
         lamps = self.lamps if self.edges is not None else ()
-        stars, sent = np.zeros_like(planes), planes.copy() if lamps else planes
-        strewn = np.where(bright > 0, lamps_of(planes), 0.0) if by_waves.any() else bright.copy()
+        stars, strewn = np.zeros_like(planes), np.where(bright > 0, lamps_of(planes), 0.0)
         for lamp, light in zip(lamps, by_waves, strict=bool(lamps)):
             if lamp.image is not None and light.any():
-                share, place = 1 - lamp.image.waves.sum(axis=(1, 2)), lamp.image.place
-                away = lamp.image.radius, lamp.image.reach
+                share, place = 1 - lamp.image.waves.sum(axis=(1, 2)), lamp.place
+                away = lamp.radius, lamp.image.reach
             else:
-                light, place, share = self._bright_pixels(lamp, (planes, bright, sent, strewn), layout)
+                light, place, share = self._bright_pixels(lamp, (planes, bright, strewn), layout)
                 away = 0.0, reach
             if light.any():
                 star = self._star(lamp, place, lamp.size, *away, layout)
@@ -331,20 +330,19 @@ class FilmSpread:
                 for plane, target, own_light in zip(star, stars, light.tolist(), strict=True):
                     plane *= own_light
                     target += plane
-        near_veil, *veil = (None,) if self.edges is None or strewn.any() else self._veil
+        near_veil, *veil = (None,) if self.edges is None else self._veil
         wide = reach if near_veil is None else near_veil.shape[-1] // 2
         whole = _blur(planes, bright, offset, *self.kernels, wide, near_veil)
         spread = whole[:, wide : wide + planes.shape[1], wide : wide + planes.shape[2]]
         lost += float(whole.sum() - spread.sum())
         if veil:
-            far, beside_it = point_spread.veil(sent, *veil)
+            far, beside_it = point_spread.veil(planes - bright, *veil)
             spread += far
-            lost += beside_it + (0.0 if near_veil is None else point_spread.beside(sent, near_veil))
-        elif self.edges is not None:
-            around = self._shares[:, None, None] - point_spread.received(self.far[1], planes.shape[1:])
-            lost += float((sent * around).sum())
-            spread += point_spread.strew(sent, self.far[1])
-            spread += around * (planes - bright).mean(axis=(1, 2))[:, None, None]  # as bright beside the film as on it
+            lost += beside_it + (0.0 if near_veil is None else point_spread.beside(planes - bright, near_veil))
+        if veil and strewn.any():
+            far = point_spread.strew(strewn, self.far)
+            spread += far
+            lost += float(self._shares @ strewn.sum(axis=(1, 2)) - far.sum())
         spread += stars
         if by_waves.any():
             near = images if self.edges is not None else [_with_all(image) for image in images]
@@ -365,14 +363,14 @@ class FilmSpread:
         Parameters
         ----------
         films
-            The film, its bright pixels, what the opening of the middle strews, and which of it is bright.
+            The film, its bright pixels, and those that the opening of the middle strews.
         """
         (x, y), size, radius = lamp.place, lamp.size, lamp.radius
         spans = []
         for middle, first, side in ((y, layout.y, layout.height), (x, layout.x, layout.width)):
             ends = np.clip(np.rint(middle - first + (size / 2 + radius + 2) * np.array([-1, 1])).astype(int), 0, side)
             spans.append(slice(*ends))
-        planes, bright, sent, strewn = (film[:, spans[0], spans[1]] for film in films)
+        planes, bright, strewn = (film[:, spans[0], spans[1]] for film in films)
         light, plane = strewn.sum(axis=(1, 2)), strewn.sum(axis=0)
         if light.any():
             x, y = (np.average(np.arange(span.start, span.stop) + first + 0.5, weights=plane.sum(axis=axis))
@@ -383,7 +381,6 @@ class FilmSpread:
         more = ((self._shares - share) / (1 - self._shares))[:, None, None] * strewn
         for film in (planes, bright):
             film += more
-        sent -= strewn
         strewn[:] = 0.0
         return light, (float(x), float(y)), share
 

@@ -404,10 +404,6 @@ class LampImage:
         Of its first pixel.
     waves, rays : (3, height, width) arrays
         Of red, green and blue; by waves, near the lamp and without its far light.
-    place : (x, y)
-        Of its middle [pixels].
-    radius : float
-        Of its farthest ray [pixels].
     light : tuple of float
         Red, green and blue that it brings by computation, where some may fall beside the picture; else 0.
     """
@@ -416,8 +412,6 @@ class LampImage:
     row: int
     waves: NDArray[np.float32]
     rays: NDArray[np.float32]
-    place: tuple[float, float]
-    radius: float
     light: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     @property
@@ -480,8 +474,7 @@ class FilmLamp:
         image, known = self.image, (numbers, self.beside, np.zeros((0, 4)) if self.lines is None else self.lines)
         if image is None:
             return known
-        place = np.array([image.column, image.row, *image.place, image.radius, *image.light])
-        return *known, np.stack([image.waves, image.rays]), place
+        return *known, np.stack([image.waves, image.rays]), np.array([image.column, image.row, *image.light])
 
 
 def film_lamp(arrays: Sequence[NDArray[Any]]) -> FilmLamp:
@@ -494,8 +487,8 @@ def film_lamp(arrays: Sequence[NDArray[Any]]) -> FilmLamp:
     x, y, size, radius, opening, *own = numbers.tolist()
     shown = None
     if image:
-        (waves, rays), (column, row, *place) = image[0], image[1].tolist()
-        shown = LampImage(int(column), int(row), waves, rays, (place[0], place[1]), place[2], tuple(place[3:]))
+        (waves, rays), (column, row, *light) = image[0], image[1].tolist()
+        shown = LampImage(int(column), int(row), waves, rays, tuple(light))
     known = beside, lines if len(lines) else None, shown, int(opening), np.reshape(own, (2, 2))
     return FilmLamp((x, y), size, radius, *known)
 
@@ -902,9 +895,8 @@ def _image(
     waves *= fade(np.hypot(*np.meshgrid(*(np.arange(2 * reach + 1) + 0.5 - (middle - first)[:, None]))), reach)
     if not np.abs(waves - rays).sum() > _SHOWS * rays.sum():
         return None
-    x, y = middle.tolist()
-    pictures = waves.astype(np.float32), rays.astype(np.float32)
-    return LampImage(int(first[0]), int(first[1]), *pictures, (x, y), radius, tuple(light.tolist()))
+    column, row = (int(place) for place in first)
+    return LampImage(column, row, waves.astype(np.float32), rays.astype(np.float32), tuple(light.tolist()))
 
 
 def _as_rendered(

@@ -403,11 +403,11 @@ class FarLight:
         near = tuple(np.flatnonzero(np.abs(side) * shrunk[1] <= grey + out + 1) for side in (y, x))
         light = np.empty((3, len(y), len(x)), np.float32)
         if len(near[0]) < len(y) or len(near[1]) < len(x):  # beyond all has one colour
-            light[1] = _look_up(boxes[1:2], table[1], x, y, own)[0]
+            light[1] = _at_places(boxes[1:2], table[1], x, y, own)[0]
             light[0], light[2] = (np.float32(colours[k]) * light[1] for k in (0, 2))
         if len(near[0]) and len(near[1]):
             rows, columns = (slice(side[0], side[-1] + 1) for side in near)
-            light[:, rows, columns] = _look_up(boxes, table[1], x[columns], y[rows], own)
+            light[:, rows, columns] = _at_places(boxes, table[1], x[columns], y[rows], own)
         light *= np.float32(shrunk.prod())
         return np.asarray(light)
 
@@ -443,7 +443,7 @@ def map_of_outlines(outline: Array, own: Array) -> tuple[Array, float]:
 
 
 def _place_among(edges: Array) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
-    """Return what finds places of squared radii among edges: even in their logarithm, or as those of lines."""
+    """Make a function that finds places of squared radii among edges, even in their logarithm or as those of lines."""
     last = np.float32(len(edges) - 1.001)
     first, per_step = np.float32(2 * np.log(edges[0])), np.float32(0.5 / np.log(edges[1] / edges[0]))
     is_even = np.isclose(edges[1] / edges[0], edges[-1] / edges[-2], rtol=1e-6)
@@ -460,7 +460,7 @@ def _place_among(edges: Array) -> Callable[[NDArray[np.float32]], NDArray[np.flo
     return place
 
 
-def _look_up(boxes: NDArray[np.float32], edges: Array, x: Array, y: Array, own: Array) -> NDArray[np.float32]:
+def _at_places(boxes: NDArray[np.float32], edges: Array, x: Array, y: Array, own: Array) -> NDArray[np.float32]:
     """Return the light of pixels (n, y, x) by boxes (n, radii, directions + 2) of some colours, as `FarLight.at`."""
     stride, place, planes = boxes.shape[2], _place_among(edges), boxes.reshape(len(boxes), -1)
     columns, rows = ((axis[:, None] * part).astype(np.float32) for axis, part in zip((x, y), own, strict=True))
@@ -609,14 +609,3 @@ def between(light: Array, nodes: tuple[Array, Array], places: tuple[Array, Array
         low = light.take(first, axis)
         light = low + (light.take(np.minimum(first + 1, len(known) - 1), axis) - low) * part
     return light
-
-
-def received(kernel: Array, shape: tuple[int, ...]) -> Array:
-    """Return the light (3, height, width) that `strew` brings to each pixel of a film of ones, by a kernel."""
-    height, width = shape
-    top, left = kernel.shape[1] // 2 - height + 1, kernel.shape[2] // 2 - width + 1
-    within = np.cumsum(kernel[:, top : top + 2 * height - 1, left : left + 2 * width - 1], axis=1)
-    within[:, height:] -= within[:, : height - 1]
-    total = np.cumsum(within[:, height - 1 :], axis=2)
-    total[:, :, width:] -= total[:, :, : width - 1]
-    return total[:, :, width - 1 :]

@@ -108,7 +108,7 @@ def test_a_pixel_much_larger_than_the_airy_disk_keeps_its_light(pixel_mm):
     v = np.pi * pixel_mm / 2 / (WAVES_NM * 1e-6 * 2)  # to the rim of the largest circle in a pixel
     inside = SHARES[:, 1] @ (1 - j0(v) ** 2 - j1(v) ** 2)
     assert plane[len(plane) // 2, len(plane) // 2] > inside - 0.005  # some of a copy of the image is left
-    assert plane.sum() + found.spread.far[0][1] == pytest.approx(1)
+    assert plane.sum() + found.spread._shares[1] == pytest.approx(1)
 
 
 def test_spikes_stand_across_the_blades_and_keep_their_handedness():
@@ -481,6 +481,22 @@ def test_far_light_of_each_pixel_falls_where_its_kernel_says():
     np.testing.assert_allclose(strew(planes, light), expected, rtol=1e-12)
 
 
+def test_light_of_no_lamp_is_strewn_as_its_kernels_have_it():
+    """By pixels near by and by squares beyond; lamps keep kernels of all pixels."""
+    found = found_of(3.6, (200, 120), aperture={"shape": "polygon", "blades": 6})
+    film, spread = np.random.default_rng(3).uniform(0.5, 1.5, (120, 200, 3)).astype(np.float32), found.spread
+    film[40:80, 60:140], film[:10] = 3.0, 0.05
+    even = np.full(film.shape, 0.7, np.float32)
+    np.testing.assert_allclose(found.over(even)[0], even, rtol=1e-4)
+    shown, planes = (np.moveaxis(each.astype(float), -1, 0) for each in (found.over(film)[0], film))
+    around = spread._shares[:, None, None] - strew(np.ones_like(planes), spread.far)
+    mean = planes.mean(axis=(1, 2))[:, None, None]
+    exact = blur(planes, np.zeros_like(planes), (0, 0), *spread.kernels) + strew(planes, spread.far) + around * mean
+    inside = np.s_[:, 24:-24, 24:-24]  # at the border the nearest pixels of what lies beside are as bright as it
+    off, far = np.abs(shown - exact)[inside], strew(planes, spread.far)[inside]
+    assert off.max() < 0.02 * far.max() and off.mean() < 0.006 * far.mean()
+
+
 def test_far_light_that_falls_beside_the_film_is_what_its_kernel_lacks():
     round_opening = light_of(512)
     shares, kernel_sum = round_opening.shares, round_opening.kernel(150, 150).sum(axis=(1, 2))
@@ -773,7 +789,7 @@ def test_lamps_are_as_bright_as_their_film_and_those_half_hidden_are_left():
     down, right = np.mgrid[:21, :21] - 10
     disk = np.float32(np.hypot(down, right) < 6)
     rays = np.tile(disk / disk.sum(), (3, 1, 1))
-    lamps = [LampImage(column, 5, rays, rays, (column + 10.5, 15.5), 6.0) for column in (2, 8, 60)]
+    lamps = [LampImage(column, 5, rays, rays) for column in (2, 8, 60)]
     light = np.array([[300.0, 200.0, 100.0], [50.0, 60.0, 70.0], [90.0, 90.0, 90.0]])
     film = np.full((3, 31, 90), 0.2)
     for lamp, own in zip(lamps, light, strict=True):
