@@ -285,7 +285,7 @@ class FilmSpread:
         return self._openings[key]
 
     @cached_property
-    def _tables(self) -> dict[tuple[float, ...], tuple[Array, Array]]:
+    def _tables(self) -> dict[tuple[float, ...], point_spread.Table]:
         """Tables of far light that are known, by opening and what they are for."""
         return {}
 
@@ -330,16 +330,16 @@ class FilmSpread:
                 for plane, target, own_light in zip(star, stars, light.tolist(), strict=True):
                     plane *= own_light
                     target += plane
-        near_veil, *veil = (None,) if self.edges is None else self._veil
+        near_veil, kernel, shares, step = (None, None, np.zeros(3), 1) if self.edges is None else self._veil
         wide = reach if near_veil is None else near_veil.shape[-1] // 2
         whole = _blur(planes, bright, offset, *self.kernels, wide, near_veil)
         spread = whole[:, wide : wide + planes.shape[1], wide : wide + planes.shape[2]]
         lost += float(whole.sum() - spread.sum())
-        if veil:
-            far, beside_it = point_spread.veil(planes - bright, *veil)
+        if kernel is not None:
+            far, beside_it = point_spread.veil(planes - bright, kernel, shares, step)
             spread += far
             lost += beside_it + (0.0 if near_veil is None else point_spread.beside(planes - bright, near_veil))
-        if veil and strewn.any():
+        if kernel is not None and strewn.any():
             far = point_spread.strew(strewn, self.far)
             spread += far
             lost += float(self._shares @ strewn.sum(axis=(1, 2)) - far.sum())

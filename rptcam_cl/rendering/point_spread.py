@@ -226,6 +226,9 @@ _FIT_ROUNDS = 6
 _FINE_SPANS = 1024  # radii of the light of lines
 _AS_IT_IS = np.eye(2)
 
+Table = tuple[NDArray[np.float32], Array]
+"""Light of pixels (3, radii, directions + 2), and these radii [pixels]."""
+
 
 @dataclass(frozen=True)
 class FarLight:
@@ -327,7 +330,8 @@ class FarLight:
         radii, count, waves = np.log(self.within[0]), len(rings[0][0]), self._waves
         units, shares = np.array([[self.unit_px(nm)] for nm, _ in waves]), np.array([own for _, own in waves]).T
         columns, within = np.arange(count), np.ascontiguousarray(within.T)
-        inner, outer, light = np.zeros((3, count * len(radii))), np.zeros((3, count)), np.zeros(())
+        inner, outer = np.zeros((3, count * len(radii))), np.zeros((3, count))
+        light: Array = np.zeros((count, 3, within.shape[1]))
         for pixels, sign in itertools.chain(*(((low, -1 / len(rings)), (high, 1 / len(rings))) for low, high in rings)):
             rho = pixels / units
             outer += sign * shares @ np.maximum(1 - RESOLVED / rho, 0)
@@ -336,13 +340,13 @@ class FarLight:
             part = place - below
             if self.lines is not None:
                 for own, k, more in zip(sign * shares.T[:, :, None], below, part[:, :, None], strict=True):
-                    light = light + own * (within[k] * (1 - more) + within[k + 1] * more)[:, None]
+                    light += own * (within[k] * (1 - more) + within[k + 1] * more)[:, None]
                 continue
             for plane, own in zip(inner, sign * shares[:, :, None], strict=True):
                 for at, weight in ((below, own * (1 - part)), (below + 1, own * part)):
                     plane += np.bincount((columns * len(radii) + at).ravel(), weight.ravel(), plane.size)
         if self.lines is None:
-            light = (inner.reshape(-1, len(radii)) @ within).reshape(3, count, -1).swapaxes(0, 1)
+            light += (inner.reshape(-1, len(radii)) @ within).reshape(3, count, -1).swapaxes(0, 1)
         return light + outer.T[:, :, None] * beyond
 
     @cached_property
@@ -373,7 +377,7 @@ class FarLight:
             upper[:, row, near] *= 1 - fade(np.hypot(x[near], y[row]), self.reach)
         return np.concatenate([upper[:, :0:-1, ::-1], upper], axis=1)
 
-    def table(self, farthest: float, across: float = 1.0, out: float = 0.0) -> tuple[Array, Array]:
+    def table(self, farthest: float, across: float = 1.0, out: float = 0.0) -> Table:
         """Return the light of pixels by directions and radii, and these radii up to the farthest [pixels].
 
         Parameters
@@ -393,7 +397,7 @@ class FarLight:
         ]
         return _boxes(self._light_between(self.within[1], self._beyond, rings), edges, across), edges
 
-    def at(self, table: tuple[Array, Array], x: Array, y: Array, own: Array = _AS_IT_IS, out: float = 0.0) -> Array:
+    def at(self, table: Table, x: Array, y: Array, own: Array = _AS_IT_IS, out: float = 0.0) -> Array:
         """Return the light of pixels (3, y, x) at places from a lamp [pixels], by a table with so much ``out``.
 
         ``own`` (2, 2) makes of this opening that of the lamp: the Fourier transform has its transpose.
@@ -571,7 +575,7 @@ def strew(planes: Array, kernel: Array) -> Array:
     return np.maximum(light, 0.0) if planes.min() >= 0 else light
 
 
-def veil(planes: Array, kernel: Array, shares: Array, step: int) -> tuple[NDArray[np.float32], float]:
+def veil(planes: Array, kernel: Array, shares: Array, step: int) -> tuple[Array, float]:
     """Return the light of planes without lamps, by a kernel of squares of so many pixels, and what falls beside.
 
     Beside the picture it is as bright as on it; ``shares`` (3,) of all light are far light.
