@@ -166,11 +166,11 @@ def _ghost_sources(
     seen = visible(session, plan, buffers, patch, at[:, 3] > 0, target, front.spots)
     bright, kinds = seen > 0, tuple(sorted(left_out))
     known[:, 1] *= seen
-    for sun in np.unique(knrows[at[:, 3] == 0, 2]):
-        rows = np.flatnonzero(knrows[:, 2] == sun)
+    for sun in np.unique(known[at[:, 3] == 0, 2]):
+        rows = np.flatnonzero(known[:, 2] == sun)
         if len(rows) == POINTS and seen[rows].min() == 1:  # of all of it, whose rays lie more evenly than those of parts
             places[rows[0]], light[rows[0]] = places[rows].mean(axis=0), light[rows].sum(axis=0)
-            knrows[rows[0], 1], patch.cell[rows[0]] = knrows[rows, 1].sum(), [0.0, 0.0, 1.0, 1.0]
+            known[rows[0], 1], patch.cell[rows[0]] = known[rows, 1].sum(), [0.0, 0.0, 1.0, 1.0]
             bright[rows[1:]] = False
     own = _in_lens(patch[bright], at[bright, 3] > 0, turn, film_z)
     direct = Sources(places[bright], light[bright] * seen[bright, None], kinds, dropped, known[bright], own)
