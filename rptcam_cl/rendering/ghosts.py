@@ -168,7 +168,7 @@ def _ghost_sources(
     known[:, 1] *= seen
     for sun in np.unique(known[at[:, 3] == 0, 2]):
         rows = np.flatnonzero(known[:, 2] == sun)
-        if len(rows) == POINTS and seen[rows].min() == 1:  # of all of it, whose rays lie more evenly than those of parts
+        if len(rows) == POINTS and seen[rows].min() == 1:  # all of it lights as one
             places[rows[0]], light[rows[0]] = places[rows].mean(axis=0), light[rows].sum(axis=0)
             known[rows[0], 1], patch.cell[rows[0]] = known[rows, 1].sum(), [0.0, 0.0, 1.0, 1.0]
             bright[rows[1:]] = False
