@@ -223,7 +223,7 @@ def test_a_sketch_has_the_light_of_ghosts_about_where_they_are(session: Session)
 
     exact, drawn = ghosts_alone(session, scene(sun(10.0)))["ghosts"], sketch()
     assert drawn.sum() == pytest.approx(exact.sum(), rel=0.1)
-    assert centre_y(drawn) == pytest.approx(centre_y(exact), abs=1.0)  # of 24 mm
+    assert np.abs(drawn - exact).sum() < 0.22 * exact.sum() < np.abs(drawn[::-1] - exact).sum()
     assert not sketch(ball(-3.5)).any()
 
 
