@@ -15,12 +15,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import rptcam_cl
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.studies.focus.probe import MEASURES, Estimate, Probe, Zone, peak_of
+from rptcam_cl.studies.focus.probe import LEAST_DETAIL, MEASURES, Estimate, Measure, Probe, Zone, energy, peak_of
 from rptcam_cl.studies.focus.renderer import ProbeRenderer
 
 ZONE = Zone(0.47, 0.53, 0.46, 0.54)
@@ -34,6 +35,43 @@ TEXTURES: dict[str, dict[str, Any]] = {
     "faint spots": {"kind": "noise", "low": 0.4, "high": 0.6, "scale": [150, 150], "octaves": 6},
     "checks": {"kind": "checker", "even": 0.9, "odd": 0.1, "scale": [400, 400]},
     "an edge": {"kind": "checker", "even": 0.9, "odd": 0.1, "scale": [2, 2]},
+}
+
+
+Array = NDArray[np.float64]
+
+
+def normalised_variance(parts: Array) -> list[Array]:
+    """What differs from the mean."""
+    return [parts - parts.mean(axis=(1, 2), keepdims=True)]
+
+
+def tenengrad(parts: Array) -> list[Array]:
+    """Sobel's gradient (Tenenbaum 1970, Krotkov 1987)."""
+    across = parts[:, :, 2:] - parts[:, :, :-2]
+    down = parts[:, 2:] - parts[:, :-2]
+    return [
+        across[:, :-2] + 2 * across[:, 1:-1] + across[:, 2:],
+        down[:, :, :-2] + 2 * down[:, :, 1:-1] + down[:, :, 2:],
+    ]
+
+
+def brenner(parts: Array) -> list[Array]:
+    """Differences two pixels apart (Brenner 1976), here both ways."""
+    return [parts[:, :, 2:] - parts[:, :, :-2], parts[:, 2:] - parts[:, :-2]]
+
+
+def energy_of_laplacian(parts: Array) -> list[Array]:
+    """Energy of Laplacian (Subbarao 1993), by the nine-point operator."""
+    inner = parts[:, 1:-1]
+    sides = inner[:, :, :-2] + inner[:, :, 2:] + parts[:, :-2, 1:-1] + parts[:, 2:, 1:-1]
+    corners = parts[:, :-2, :-2] + parts[:, :-2, 2:] + parts[:, 2:, :-2] + parts[:, 2:, 2:]
+    return [(4 * sides + corners - 20 * inner[:, :, 1:-1]) / 6]
+
+
+COMPARED = MEASURES | {
+    each.__name__: Measure(energy(each), LEAST_DETAIL)
+    for each in (normalised_variance, tenengrad, brenner, energy_of_laplacian)
 }
 
 
@@ -58,11 +96,11 @@ def scene_of(texture: dict[str, Any]) -> rptcam_cl.Scene:
 def probes_of(probe: ProbeRenderer, steps: list[float], samples: int, seed: int) -> dict[str, list[Probe]]:
     """Return probes of places around the focus, in depths of focus, by every measure."""
     best, depth = probe.drive.state_for(DISTANCE_M, ZONE), probe.drive.depth_of_focus
-    found: dict[str, list[Probe]] = {name: [] for name in MEASURES}
+    found: dict[str, list[Probe]] = {name: [] for name in COMPARED}
     for step in sorted(steps):
         state = best + step * depth
         [image] = probe.measure(state, [ZONE], samples, seed, reference=best)
-        for name, measure in MEASURES.items():
+        for name, measure in COMPARED.items():
             scale = probe.drive.image_scale(state, best)
             found[name].append(Probe(state, 1.0, best, scale, [measure.of(image)], 0, 0.0))
     return found
@@ -93,7 +131,7 @@ def compared(session: Session, name: str, samples: int, seeds: int, sweep: list[
     best, depth = probe.drive.state_for(DISTANCE_M, ZONE), probe.drive.depth_of_focus
     curves = [probes_of(probe, sweep, samples, seed) for seed in range(seeds)]
     found: dict[str, dict[str, Any]] = {}
-    for measure in MEASURES:
+    for measure in COMPARED:
         values = [[one.measures[0] for one in curve[measure]] for curve in curves]
         triples = [
             [one for one in curve[measure] if np.isclose((one.place - best) / depth, TRIPLES).any()] for curve in curves
@@ -128,7 +166,7 @@ def main() -> None:
         }
         results[samples] = found
         rows = []
-        for measure in MEASURES:
+        for measure in COMPARED:
             own = [found[name][measure] for name in textures]
             missed = [root_mean_square(figures["argmax"]) for figures in own]
             rows.append(

@@ -177,8 +177,10 @@ def with_ghosts(image: Image, light: NDArray[Any], said: dict[str, Any]) -> Imag
         light = light + np.float32(said["barrel_share"] * image.pixels.mean(axis=(0, 1), dtype=np.float64))
     direct = image.pixels
     if scatter := said.get("scatter"):
-        light = light + scattered(direct, scatter["abg"], scatter["sines"], scatter["pixels_mm"]).astype(np.float32)
-        direct = direct * np.float32(1.0 - scatter["share"])
+        glow = scattered(direct, **scatter["front"]).astype(np.float32)
+        if lost := scatter["share"] * float(direct.sum(dtype=np.float64)):
+            said = said | {"scatter": scatter | {"on_film": float(glow.sum(dtype=np.float64)) / lost}}
+        light, direct = light + glow, direct * np.float32(1.0 - scatter["share"])
     layers = dict(image.layers) | ({"ghosts": light} if "ghosts" in image.layers else {})
     metadata = dict(image.metadata) | {"ghosts": said}
     return replace(image, pixels=np.add(direct, light, dtype=np.float32), layers=layers, metadata=metadata)

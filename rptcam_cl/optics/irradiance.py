@@ -835,8 +835,27 @@ def sines_of_film(lens: Lens, film_distance_mm: float, radius_mm: float) -> list
     return [float(factor / radius_mm ** (2 * power)) for power, factor in enumerate(factors)]
 
 
-def scattered(film: NDArray[Any], abg: Sequence[float], sines: Sequence[float], pixels_mm: Sequence[float]) -> Array:
-    """Return the light that the front of a lens scatters onto a film.
+def _film_sines(
+    shape: Sequence[int], sines: Sequence[float], pixels_mm: Sequence[float], lit: Sequence[Sequence[float]]
+) -> tuple[Array, Array, Array, Array]:
+    """Return sines along x and y of a film's pixels, their area in sines, and the share of the middle's light there."""
+    x0, dx, y0, dy = pixels_mm
+    x, y = x0 + dx * (np.arange(shape[1]) + 0.5), (y0 + dy * (np.arange(shape[0]) + 0.5))[:, None]
+    polynomial = np.polynomial.Polynomial(sines)
+    square = x * x + y * y
+    factor = polynomial(square)
+    area = factor * (factor + 2 * square * polynomial.deriv()(square)) * abs(dx * dy)
+    return factor * x, factor * y, area, np.interp(np.sqrt(square), lit[0], lit[1])
+
+
+def scattered(
+    film: NDArray[Any],
+    abg: Sequence[float],
+    sines: Sequence[float],
+    pixels_mm: Sequence[float],
+    lit: Sequence[Sequence[float]],
+) -> Array:
+    """Return the light that the front of a lens scatters from a film's light onto it.
 
     Parameters
     ----------
@@ -848,16 +867,14 @@ def scattered(film: NDArray[Any], abg: Sequence[float], sines: Sequence[float], 
         See `sines_of_film`.
     pixels_mm : four floats
         Where the film begins and the steps of its pixels, along its columns and rows [mm from the axis].
+    lit : two sequences
+        Distances from the axis [mm], and what even light gives there, over that in the middle.
     """
     rows, columns, channels = film.shape
-    x0, dx, y0, dy = pixels_mm
-    x, y = x0 + dx * (np.arange(columns) + 0.5), (y0 + dy * (np.arange(rows) + 0.5))[:, None]
-    polynomial = np.polynomial.Polynomial(sines)
-    square = x * x + y * y
-    factor = polynomial(square)
-    area = factor * (factor + 2 * square * polynomial.deriv()(square)) * abs(dx * dy)  # of a pixel, in sines
+    *places, area, passed = _film_sines(film.shape, sines, pixels_mm, lit)
+    dx, dy = pixels_mm[1::2]
     cells = abs(dx) * sines[0], abs(dy) * sines[0]
-    places = [each - each.min() for each in (factor * x / cells[0], factor * y / cells[1])]
+    places = [(each - each.min()) / cell for each, cell in zip(places, cells, strict=True)]
     (u, right), (v, below) = ((np.floor(each).astype(int), each - np.floor(each)) for each in places)
     wide, high = int(u.max()) + 2, int(v.max()) + 2
     corners = [((v + j) * wide + u + i, (right if i else 1 - right) * (below if j else 1 - below))
@@ -866,12 +883,34 @@ def scattered(film: NDArray[Any], abg: Sequence[float], sines: Sequence[float], 
     kernel = np.fft.rfft2(_scatter_kernel(abg, cells, high, wide, size))
     out = np.empty((rows, columns, channels))
     for channel in range(channels):
-        light, grid = film[..., channel] * area, np.zeros(high * wide)
+        light, grid = film[..., channel] * area / passed, np.zeros(high * wide)
         for place, weight in corners:
             grid += np.bincount(place.ravel(), (light * weight).ravel(), high * wide)
         spread = np.fft.irfft2(np.fft.rfft2(grid.reshape(high, wide), size) * kernel, size)[:high, :wide].ravel()
-        out[..., channel] = sum(weight * spread[place] for place, weight in corners)
+        out[..., channel] = passed * sum(weight * spread[place] for place, weight in corners)
     return np.maximum(out, 0.0)
+
+
+def scattered_from_beside(
+    shape: Sequence[int],
+    abg: Sequence[float],
+    sines: Sequence[float],
+    pixels_mm: Sequence[float],
+    lit: Sequence[Sequence[float]],
+    sources: tuple[Array, Array],
+) -> Array:
+    """Return the light (rows, columns, 3) that the front scatters from sources onto a film.
+
+    In radiance before the lens that would give it in the film's middle. The others as of `scattered`; sources are the
+    sines (n, 2) of their light, positive where it goes on to the film's ends, and its irradiance of the front (n, 3).
+    """
+    out, (x, y, _, passed) = np.zeros((*shape[:2], 3)), _film_sines(shape, sines, pixels_mm, lit)
+    for (at_x, at_y), light in zip(*sources, strict=True):
+        for k in range(shape[0]):
+            square = (x[k] - at_x) ** 2 + (y[k] - at_y) ** 2
+            away = square if abg[2] == 2 else square ** (abg[2] / 2)
+            out[k] += (abg[0] * passed[k] / (abg[1] + away))[:, None] * light
+    return out
 
 
 def _even_length(least: int) -> int:

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -29,7 +28,7 @@ from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.lamps import UNLIKE, LampImage, Window, has_lamps, lamp_images, pixel_mm
+from rptcam_cl.rendering.lamps import UNLIKE, FilmLamp, LampImage, Window, film_lamp, film_lamps, has_lamps, pixel_mm
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_waves import Conjugates, conjugates_of, kernel_of_waves
 from rptcam_cl.scene.scene import Scene
@@ -76,8 +75,12 @@ def _blur(
     nodes: tuple[Array, Array],
     kernels: Sequence[Array],
     reach: int,
+    veil: Array | None = None,
 ) -> Array:
-    """Return the same with so many pixels round it, for the light that lamps send there."""
+    """Return the same with so many pixels round it, for the light that lamps send there.
+
+    A ``veil`` (3, m, m), wider than the kernels, goes with them where pixels gather light.
+    """
     height, width = planes.shape[1:]
     even = np.pad(planes - lamps, ((0, 0), (reach, reach), (reach, reach)), mode="edge")
     out = np.zeros((3, height + 2 * reach, width + 2 * reach))
@@ -89,11 +92,18 @@ def _blur(
             continue
         left, right, top, bottom = columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
         share, own = weights[1][row, top:bottom, None] * weights[0][column, left:right], kernel.shape[-1] // 2
-        on_film = slice(reach + top, reach + bottom), slice(reach + left, reach + right)
-        about = slice(reach - own + top, reach + own + bottom), slice(reach - own + left, reach + own + right)
-        for plane, bright, part, target in zip(even, lamps[:, top:bottom, left:right], kernel, out, strict=True):
+        wide = 0 if veil is None else veil.shape[-1] // 2 - own
+        gathers = kernel if veil is None else np.pad(kernel, ((0, 0), (wide, wide), (wide, wide))) + veil
+
+        def around(by: int, top: int = top, bottom: int = bottom, left: int = left, right: int = right) -> Window:
+            return slice(reach - by + top, reach + by + bottom), slice(reach - by + left, reach + by + right)
+
+        on_film, about, known = around(0), around(own), around(own + wide)
+        for plane, bright, gather, part, target in zip(
+            even, lamps[:, top:bottom, left:right], gathers, kernel, out, strict=True
+        ):
             checkpoint()
-            target[on_film] += share * _convolve(plane[about], part, within=True)
+            target[on_film] += share * _convolve(plane[known], gather, within=True)
             lit = np.argwhere(bright)
             if len(lit) * part.size < _FEW_SUMS * bright.size:
                 for j, i in lit:
@@ -149,7 +159,8 @@ GOOD = 0.9  # Strehl ratio at all nodes from which the few are enough
 ALL_CELLS, NEAR_CELLS = 144, 72  # across an opening whose kernels reach 64 wavelengths over twice its aperture, and 20
 _NODE_PX = 16  # least distance between nodes
 _MOST_OPENINGS = 12  # of lamps, beside those that are one turned and drawn out
-_ALIKE, _FEW_CORNERS = 0.005, 256  # of its radius (rms), within which two openings are one; and corners that tell
+_ALIKE = 0.005  # of its radius (rms), within which two openings are one
+_VEIL_REACH, _NEAR_VEIL = 24, 17  # pixels over which light of no lamp is known by pixels, where kernels reach less
 _VEIL_STEPS, _COARSEST = 6, 8  # into which the reach of a kernel is divided for light of no lamp, and pixels of a step
 _SLIVER = 0.05  # of the widest opening, below which a node says nothing of the brighter places about it
 
@@ -180,19 +191,10 @@ class FilmSpread:
         Of the medium in front of the film.
     edges : (n, 4) array or None
         Of the opening that the film's middle sees, with its dirt, as `FarLight` has them; None where they are unknown.
-    lamps : tuple of LampImage
-        Those whose pictures by waves take the place of those by rays.
-    beside : (n, 8) array
-        Light of lamps beside the picture, as `lamp_images` has it.
+    lamps : tuple of FilmLamp
+        That the picture shows, or the light of.
     outlines : tuple of (n, 4) arrays
         Edges of other openings that lamps have, with their dirt.
-    stars : (n, 11) array
-        Lamps that the picture shows, or the light of: number of the lamp, as in `beside`; number of its picture, -1
-        without; x and y of its middle, width of its sharp image, and radius of its rays [pixels]; number of its
-        opening, 0 for that of the film's middle; and the linear map (2, 2) of this onto its own, by rows.
-    lines : (n, 5) array
-        Of lamps that shine in few wavelengths: number of the lamp, wavelength [nm], and its shares in red, green and
-        blue.
     film_decides : bool
         Whether it is only for films whose lamps show stars.
     middle_unit_px : float
@@ -206,11 +208,8 @@ class FilmSpread:
     near: tuple[NDArray[np.float32], ...]
     index: float
     edges: Array | None = None
-    lamps: tuple[LampImage, ...] = ()
-    beside: Array = field(default_factory=lambda: np.zeros((0, 8)))
+    lamps: tuple[FilmLamp, ...] = ()
     outlines: tuple[Array, ...] = ()
-    stars: Array = field(default_factory=lambda: np.zeros((0, 11)))
-    lines: Array = field(default_factory=lambda: np.zeros((0, 5)))
     film_decides: bool = False
     middle_unit_px: float = 0.0
 
@@ -233,43 +232,60 @@ class FilmSpread:
         return point_spread.FarLight(self.edges, self.index, self.pixel_mm, self.reach)
 
     @cached_property
-    def far(self) -> tuple[Array, Array]:
-        """Share of the far light of red, green and blue, and its kernel over twice the picture."""
-        return self._shares, self._far_light.kernel(*self.window)[:, :, ::-1]
+    def far(self) -> Array:
+        """The kernel of far light over twice the picture."""
+        return self._far_light.kernel(*self.window)[:, :, ::-1]
 
     @cached_property
-    def _veil_light(self) -> tuple[point_spread.FarLight, int]:
-        """Far light of what is no lamp, by squares, and how many pixels each has each way."""
-        step = int(np.clip(self.reach // _VEIL_STEPS, 1, _COARSEST))
-        size, reach = (step * self.pixel_mm[0], step * self.pixel_mm[1]), (self.reach + 1) / step - 1
-        return replace(self._far_light, pixel_mm=size, reach=reach, directions=point_spread.FEW_ANGLES), step
+    def _few_directions(self) -> point_spread.FarLight:
+        """Far light of what is no lamp."""
+        return replace(self._far_light, directions=point_spread.FEW_ANGLES)
 
     @cached_property
     def _shares(self) -> Array:
         """Share of red, green and blue that is far light (3,)."""
-        return self._veil_light[0].shares
+        return self._few_directions.shares
 
     @cached_property
-    def _openings(self) -> list[point_spread.FarLight]:
-        """Far light of the opening of each lamp of `stars`, as it shines; lamps with the same share it."""
-        maps = np.append(self.stars[:, 7:], [[1.0, 0.0, 0.0, 1.0]], axis=0).reshape(-1, 2, 2)
-        nearest = min([self.reach, *(lamp.reach for lamp in self.lamps)])
-        reach = float(np.linalg.svd(maps, compute_uv=False).min()) * nearest
-        known: dict[tuple[float, bytes], point_spread.FarLight] = {}
-        keys = []
-        for own in self.stars:
-            lines = self.lines[self.lines[:, 0] == own[0], 1:]
-            keys.append((float(own[6]), lines.tobytes()))
-            edges = (self._far_light.edges, *self.outlines)[int(own[6])]
-            far = replace(self._far_light, edges=edges, reach=reach, lines=lines if len(lines) else None)
-            known.setdefault(keys[-1], far)
-        return [known[key] for key in keys]
+    def _veil(self) -> tuple[Array | None, Array, Array, int]:
+        """Far light of what is no lamp: its kernel near by, if any; beyond, that of squares, its share, their side."""
+        reach = _VEIL_REACH if self.reach <= _NEAR_VEIL else self.reach
+        step = int(np.clip(reach // _VEIL_STEPS, 1, _COARSEST))
+        size = step * self.pixel_mm[0], step * self.pixel_mm[1]
+        beyond = replace(self._few_directions, pixel_mm=size, reach=(reach + 1) / step - 1)
+        kernel = beyond.kernel(*(-(-side // step) for side in self.window))[:, :, ::-1]
+        if reach == self.reach:
+            return None, kernel, beyond.shares, step
+        near, away = self._few_directions.kernel(reach + 1, reach + 1)[:, :, ::-1], np.arange(-reach, reach + 1)
+        near = near * point_spread.fade(np.hypot(away[:, None], away), reach)
+        near *= ((self._shares - beyond.shares) / near.sum(axis=(1, 2)))[:, None, None]
+        return near, kernel, beyond.shares, step
 
-    def _opening(self, own: Array) -> point_spread.FarLight:
-        return self._openings[int(np.flatnonzero(self.stars[:, 0] == own[0])[0])]
+    @property
+    def beside(self) -> Array:
+        """Light of lamps in pixels beside the picture (n, 5), as `FilmLamp` has it."""
+        return np.concatenate([np.zeros((0, 5)), *(lamp.beside for lamp in self.lamps)])
 
     @cached_property
-    def _tables(self) -> dict[tuple[float, ...], tuple[Array, Array]]:
+    def _openings(self) -> dict[tuple[int, bytes], point_spread.FarLight]:
+        """Far light of openings of lamps, as these shine, that is known."""
+        return {}
+
+    @cached_property
+    def _lamps_reach(self) -> float:
+        """From where on openings are to know the light of lamps, as they see it [pixels]."""
+        shrunk = [float(np.linalg.svd(lamp.own, compute_uv=False).min()) for lamp in self.lamps]
+        return min([1.0, *shrunk]) * min([self.reach, *(lamp.image.reach for lamp in self.lamps if lamp.image)])
+
+    def _opening(self, lamp: FilmLamp) -> point_spread.FarLight:
+        key = lamp.opening, b"" if lamp.lines is None else lamp.lines.tobytes()
+        if key not in self._openings:
+            edges = (self._far_light.edges, *self.outlines)[lamp.opening]
+            self._openings[key] = replace(self._far_light, edges=edges, reach=self._lamps_reach, lines=lamp.lines)
+        return self._openings[key]
+
+    @cached_property
+    def _tables(self) -> dict[tuple[float, ...], point_spread.Table]:
         """Tables of far light that are known, by opening and what they are for."""
         return {}
 
@@ -290,54 +306,55 @@ class FilmSpread:
     def _spread(self, pixels: NDArray[np.float32], layout: FilmLayout) -> tuple[NDArray[np.float32], float]:
         """Return the film with its light spread, and the share of it that falls beside, but for lamps cut in two."""
         planes, offset = np.moveaxis(pixels.astype(np.float64), -1, 0), (layout.x, layout.y)
-        bright, by_lamps = lamps_of(planes), brightness(planes, offset, self.lamps)
-        is_dark = np.append(by_lamps, np.zeros((1, 3)), axis=0).sum(axis=1) == 0  # the last stands for no picture
-        beside = self.beside[is_dark[self.beside[:, 7].astype(int)]]
-        if by_lamps.any():
-            planes, by_lamps = without_lamps(planes, offset, self.lamps, by_lamps)
+        imaged = [k for k, lamp in enumerate(self.lamps) if lamp.image is not None]
+        bright, by_waves = lamps_of(planes), np.zeros((len(self.lamps), 3))
+        images = [lamp.image for lamp in self.lamps if lamp.image is not None]
+        by_waves[imaged] = brightness(planes, offset, images)
+        beside = [own for own, light in zip(self.lamps, by_waves, strict=True) if len(own.beside) and not light.any()]
+        if by_waves.any():
+            planes, by_waves[imaged] = without_lamps(planes, offset, images, by_waves[imaged])
             bright = np.where(bright > 0, planes, 0.0)
-        reach, total, lost = self.reach, float(planes.sum() + by_lamps.sum()), 0.0
-        stars, sent = np.zeros_like(planes), planes.copy() if len(self.stars) else planes
-        strewn = np.where(bright > 0, lamps_of(planes), 0.0) if by_lamps.any() else bright.copy()
-        for own in self.stars if self.edges is not None else ():
-            number = int(own[1])
-            if number >= 0 and by_lamps[number].any():
-                lamp, light = self.lamps[number], by_lamps[number]
-                share, place, away = 1 - lamp.waves.sum(axis=(1, 2)), lamp.place, (lamp.radius, lamp.reach)
+        reach, total, lost = self.reach, float(planes.sum() + by_waves.sum()), 0.0
+        lamps = self.lamps if self.edges is not None else ()
+        stars, strewn = np.zeros_like(planes), np.where(bright > 0, lamps_of(planes), 0.0)
+        for lamp, light in zip(lamps, by_waves, strict=bool(lamps)):
+            if lamp.image is not None and light.any():
+                share, place = 1 - lamp.image.waves.sum(axis=(1, 2)), lamp.place
+                away = lamp.radius, lamp.image.reach
             else:
-                light, place, share = self._bright_pixels(own, (planes, bright, sent, strewn), layout)
+                light, place, share = self._bright_pixels(lamp, (planes, bright, strewn), layout)
                 away = 0.0, reach
             if light.any():
-                star = self._star(own, place, own[4], *away, layout)
+                star = self._star(lamp, place, lamp.size, *away, layout)
                 lost += float(light @ np.maximum(share - star.sum(axis=(1, 2)), 0.0))
                 for plane, target, own_light in zip(star, stars, light.tolist(), strict=True):
                     plane *= own_light
                     target += plane
-        whole = _blur(planes, bright, offset, *self.kernels, reach)
-        spread = whole[:, reach : reach + planes.shape[1], reach : reach + planes.shape[2]]
+        near_veil, kernel, shares, step = (None, None, np.zeros(3), 1) if self.edges is None else self._veil
+        wide = reach if near_veil is None else near_veil.shape[-1] // 2
+        whole = _blur(planes, bright, offset, *self.kernels, wide, near_veil)
+        spread = whole[:, wide : wide + planes.shape[1], wide : wide + planes.shape[2]]
         lost += float(whole.sum() - spread.sum())
-        if self.edges is not None:
-            if strewn.any():
-                far, ones = point_spread.strew(sent, self.far[1]), point_spread.received(self.far[1], planes.shape[1:])
-            else:
-                light, step = self._veil_light
-                kernel = light.kernel(*(-(-side // step) for side in self.window))[:, :, ::-1]
-                far, ones = point_spread.veil(sent, kernel, step)
-            around = self._shares[:, None, None] - ones
-            lost += float((sent * around).sum())
+        if kernel is not None:
+            far, beside_it = point_spread.veil(planes - bright, kernel, shares, step)
             spread += far
-            spread += around * (planes - bright).mean(axis=(1, 2))[:, None, None]  # as bright beside the film as on it
+            lost += beside_it + (0.0 if near_veil is None else point_spread.beside(planes - bright, near_veil))
+        if kernel is not None and strewn.any():
+            far = point_spread.strew(strewn, self.far)
+            spread += far
+            lost += float(self._shares @ strewn.sum(axis=(1, 2)) - far.sum())
         spread += stars
-        if by_lamps.any():
-            spread += by_waves(planes.shape, offset, self._near_lamps, by_lamps)
+        if by_waves.any():
+            near = images if self.edges is not None else [_with_all(image) for image in images]
+            spread += pictures(planes.shape, offset, near, by_waves[imaged])
             spread = np.maximum(spread, 0.0) if pixels.min(initial=0.0) >= 0 else spread
-        if len(beside):
+        if beside:
             spread += self._from_beside(beside, layout)
         film = np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
         return film, lost / total if total > 0 else 0.0
 
     def _bright_pixels(
-        self, own: Array, films: Sequence[Array], layout: FilmLayout
+        self, lamp: FilmLamp, films: Sequence[Array], layout: FilmLayout
     ) -> tuple[Array, tuple[float, float], Array]:
         """Take the light of a lamp without a picture by waves from the pixels that it is in; with its middle.
 
@@ -346,66 +363,54 @@ class FilmSpread:
         Parameters
         ----------
         films
-            The film, its bright pixels, what the opening of the middle strews, and which of it is bright.
+            The film, its bright pixels, and those that the opening of the middle strews.
         """
-        x, y, size, radius = own[2:6]
+        (x, y), size, radius = lamp.place, lamp.size, lamp.radius
         spans = []
         for middle, first, side in ((y, layout.y, layout.height), (x, layout.x, layout.width)):
             ends = np.clip(np.rint(middle - first + (size / 2 + radius + 2) * np.array([-1, 1])).astype(int), 0, side)
             spans.append(slice(*ends))
-        planes, bright, sent, strewn = (film[:, spans[0], spans[1]] for film in films)
+        planes, bright, strewn = (film[:, spans[0], spans[1]] for film in films)
         light, plane = strewn.sum(axis=(1, 2)), strewn.sum(axis=0)
         if light.any():
             x, y = (np.average(np.arange(span.start, span.stop) + first + 0.5, weights=plane.sum(axis=axis))
                     for axis, span, first in ((0, spans[1], layout.x), (1, spans[0], layout.y)))  # fmt: skip
-        far = self._opening(own)
-        nearer = (far.reach + 1) / (self.reach + 1) / np.sqrt(abs(np.linalg.det(own[7:].reshape(2, 2))))
+        far = self._opening(lamp)
+        nearer = (far.reach + 1) / (self.reach + 1) / np.sqrt(abs(np.linalg.det(lamp.own)))
         share = far.shares * nearer
         more = ((self._shares - share) / (1 - self._shares))[:, None, None] * strewn
         for film in (planes, bright):
             film += more
-        sent -= strewn
         strewn[:] = 0.0
         return light, (float(x), float(y)), share
 
-    @cached_property
-    def _near_lamps(self) -> Sequence[LampImage]:
-        """The pictures of lamps, with all of their light where none is far."""
-        if self.edges is not None:
-            return self.lamps
-        return [replace(lamp, waves=lamp.waves / lamp.waves.sum(axis=(1, 2))[:, None, None]) for lamp in self.lamps]
-
-    def _from_beside(self, beside: Array, layout: FilmLayout) -> Array:
-        """Return the light (3, height, width) that reaches a picture from beside it."""
-        reach, (nodes, kernels) = self.reach, self.kernels
+    def _from_beside(self, lamps: Sequence[FilmLamp], layout: FilmLayout) -> Array:
+        """Return the light (3, height, width) of lamps that reaches a picture from beside it."""
+        reach, (nodes, kernels), beside = self.reach, self.kernels, np.concatenate([lamp.beside for lamp in lamps])
         total: Array = np.zeros((3, layout.height, layout.width))
         places = np.floor(beside[:, :2]).astype(int) - (layout.x, layout.y) + reach
         around: Array = np.zeros((3, layout.height + 2 * reach, layout.width + 2 * reach))
-        near = (beside[:, 5] >= 0) & (places >= 0).all(axis=1) & (places < around.shape[:0:-1]).all(axis=1)
+        near = (places >= 0).all(axis=1) & (places < around.shape[:0:-1]).all(axis=1)
         if near.any():
             for plane, light in zip(around, beside[near, 2:5].T, strict=True):
                 np.add.at(plane, tuple(places[near].T[::-1]), light)
             spread = blur(around, around, (layout.x - reach, layout.y - reach), nodes, kernels)
             total += spread[:, reach : reach + layout.height, reach : reach + layout.width]
-        for star in self.stars if self.edges is not None else ():
-            own = beside[beside[:, 5] == star[0]]
-            if not len(own):
-                continue
-            light, shares = own[:, 2:5].sum(axis=0), own[:, 2:5].sum(axis=1) / own[:, 2:5].sum()
+        for lamp in lamps if self.edges is not None else ():
+            own = lamp.beside
+            light, shares = own[:, 2:].sum(axis=0), own[:, 2:].sum(axis=1) / own[:, 2:].sum()
             place = shares @ own[:, :2]
             size = np.sqrt(8 * shares @ np.sum((own[:, :2] - place) ** 2, axis=1))
-            total += light[:, None, None] * self._star(star, (place[0], place[1]), size, own[0, 6], reach, layout)
+            total += light[:, None, None] * self._star(lamp, (place[0], place[1]), size, lamp.radius, reach, layout)
         return total
 
     def _star(
-        self, own: Array, place: tuple[float, float], size: float, radius: float, reach: int, layout: FilmLayout
+        self, lamp: FilmLamp, place: tuple[float, float], size: float, radius: float, reach: int, layout: FilmLayout
     ) -> Array:
         """Return the far light (3, height, width) of a lamp of light 1, of each edge as wide as it is out of focus.
 
         Parameters
         ----------
-        own
-            Its row of `stars`.
         place, size
             Middle and width of its image [pixels].
         radius
@@ -413,8 +418,7 @@ class FilmSpread:
         reach
             From where on it counts [pixels].
         """
-        (x, y), by = place, own[7:].reshape(2, 2)
-        opening = self._opening(own)
+        (x, y), opening = place, self._opening(lamp)
         wide = opening.straightest * 2 * radius
         edge = max(_ACROSS_A_DISK * size, wide if wide > _WIDE_PX else 0.0, 1.0)
         edge = 2.0 ** (np.rint(_PER_OCTAVE * np.log2(edge)) / _PER_OCTAVE)  # so that lamps share tables
@@ -423,13 +427,13 @@ class FilmSpread:
         rows = np.arange(layout.y + 0.5, layout.y + layout.height)
         every = max(int(edge / 16), 1)
         some_columns, some_rows = (_sparse_nodes(axis, every) for axis in (columns, rows))
-        farthest = np.hypot(np.abs(columns[[0, -1]] - x).max(), np.abs(rows[[0, -1]] - y).max())
-        farthest = max(float(np.hypot(*self.resolution)), float(farthest)) * max(1.0, float(np.linalg.norm(by, 2)))
-        farthest = 2.0 ** np.ceil(np.log2(farthest))
+        away = np.hypot(np.abs(columns[[0, -1]] - x).max(), np.abs(rows[[0, -1]] - y).max())
+        farthest = max(np.hypot(*self.resolution), away) * max(1.0, np.linalg.norm(lamp.own, 2))
+        farthest = float(2.0 ** np.ceil(np.log2(farthest)))
         key = id(opening), farthest, edge, out
         if key not in self._tables:
             self._tables[key] = opening.table(farthest, edge, out)
-        light = opening.at(self._tables[key], x - some_columns, some_rows - y, by)  # x runs to the left
+        light = opening.at(self._tables[key], x - some_columns, some_rows - y, lamp.own, out)  # x runs to the left
         if every > 1:
             light = point_spread.between(light, (some_rows, some_columns), (rows, columns))
         sides = np.zeros(3), np.abs(rows - y), np.abs(columns - x)
@@ -447,15 +451,10 @@ class FilmSpread:
             "diffraction_rows": self.nodes[1],
             "diffraction_index": np.array([self.index, float(self.film_decides), self.middle_unit_px]),
             "diffraction_edges": np.zeros((0, 4)) if self.edges is None else self.edges,
-            "diffraction_beside": self.beside,
-            "diffraction_stars": self.stars,
-            "diffraction_lines": self.lines,
             **{f"diffraction_opening_{number}": edges for number, edges in enumerate(self.outlines)},
         }
         for number, lamp in enumerate(self.lamps):
-            arrays[f"diffraction_lamp_{number}"] = np.stack([lamp.waves, lamp.rays])
-            place = [lamp.column, lamp.row, *lamp.place, lamp.radius, *lamp.light]
-            arrays[f"diffraction_place_{number}"] = np.array(place)
+            arrays |= {f"diffraction_lamp_{number}_{k}": array for k, array in enumerate(lamp.arrays())}
         return arrays
 
 
@@ -479,25 +478,24 @@ def spread_of(
     if not (rising and min(width, height) > 0 and near.shape == (count, 3, side, side) and side % 2):
         raise ValueError("diffraction")
     edges = arrays["diffraction_edges"]
-    beside, stars, lines = (arrays[f"diffraction_{name}"] for name in ("beside", "stars", "lines"))
-    outlines = list[Array]()
-    while f"diffraction_opening_{len(outlines)}" in arrays:
-        outlines.append(arrays[f"diffraction_opening_{len(outlines)}"])
-    widths = (edges, 4), (beside, 8), (stars, 11), (lines, 5), *((outline, 4) for outline in outlines)
-    for table, width_of_row in widths:
-        if table.ndim != 2 or table.shape[1] != width_of_row or not np.isfinite(table).all():
-            raise ValueError("diffraction")
-    lamps, number = [], 0
-    while f"diffraction_lamp_{number}" in arrays:
-        (waves, rays), place = arrays[f"diffraction_lamp_{number}"], arrays[f"diffraction_place_{number}"].tolist()
-        own = (place[2], place[3]), place[4], tuple(place[5:8])
-        lamps.append(LampImage(int(place[0]), int(place[1]), waves, rays, *own))
-        number += 1
-    edges_or_none = edges if len(edges) else None
+    outlines = tuple(_numbered(arrays, "diffraction_opening_"))
+    if not all(table.ndim == 2 and table.shape[1] == 4 and np.isfinite(table).all() for table in (edges, *outlines)):
+        raise ValueError("diffraction")
+    lamps = list[FilmLamp]()
+    while own := list(_numbered(arrays, f"diffraction_lamp_{len(lamps)}_")):
+        lamps.append(film_lamp(own))
     return FilmSpread(
-        resolution, window, (width, height), nodes, tuple(near), index, edges_or_none, tuple(lamps), beside,
-        tuple(outlines), stars, lines, film_decides=decides > 0, middle_unit_px=unit,
+        resolution, window, (width, height), nodes, tuple(near), index, edges if len(edges) else None, tuple(lamps),
+        outlines, film_decides=decides > 0, middle_unit_px=unit,
     )  # fmt: skip
+
+
+def _numbered(arrays: Mapping[str, NDArray[Any]], name: str) -> Iterator[NDArray[Any]]:
+    """Yield the arrays of a name with 0, 1 and so on."""
+    for number in itertools.count():
+        if f"{name}{number}" not in arrays:
+            return
+        yield arrays[f"{name}{number}"]
 
 
 @dataclass(frozen=True)
@@ -576,28 +574,25 @@ class FilmOpenings:
         own, dirt = edges_of(outline), self.scene.camera.stop.dirt
         return own if dirt is None else np.concatenate([own, dirt_edges(dirt, outline, self.pupils.radius_mm)])
 
-    def stars(self, lamps: Array) -> tuple[list[Array], Array]:
-        """Return edges of openings beside that of the middle, and by which map of which each lamp has its own.
-
-        As `FilmSpread` has them, of rows (n, 6) of lamps.
-        """
+    def with_openings(self, lamps: Sequence[FilmLamp]) -> tuple[list[Array], list[FilmLamp]]:
+        """Return edges of openings beside that of the middle, and lamps with that which each has, and by which map."""
         assert self.outline is not None
-        known, rows = [self.outline], [np.zeros((0, 11))]
-        for lamp, point in zip(lamps, film_points(self.scene, lamps[:, 2:4]), strict=True):
+        known, found = [self.outline], list[FilmLamp]()
+        places = np.array([lamp.place for lamp in lamps]).reshape(-1, 2)
+        for lamp, point in zip(lamps, film_points(self.scene, places)[:, :2], strict=True):
             checkpoint()
-            number, by = 0, np.eye(2)
-            with suppress(InputError):  # no light comes from there
-                few = self.pupils.outline(point[:2], _FEW_CORNERS)
-                maps = [] if few is None else [point_spread.map_of_outlines(each, few) for each in known]
-                number = int(np.argmin([off for _, off in maps])) if maps else 0
-                by, off = maps[number] if maps else (np.eye(2), 0.0)
-                if off > _ALIKE and len(known) <= _MOST_OPENINGS:
-                    own = self.pupils.outline(point[:2])
-                    if own is not None:
-                        number, by = len(known), np.eye(2)
-                        known.append(own)
-            rows.append(np.array([[*lamp, number, *by.ravel()]]))
-        return [self._with_dirt(outline) for outline in known[1:]], np.concatenate(rows)
+            rough = self.pupils.rough_outline(point)
+            if rough is None:
+                found.append(lamp)
+                continue
+            maps = [point_spread.map_of_outlines(each, rough) for each in known]
+            number = int(np.argmin([off for _, off in maps]))
+            own, off = maps[number]
+            if off > _ALIKE and len(known) <= _MOST_OPENINGS:
+                number, own = len(known), np.eye(2)
+                known.append(self.pupils.finer_outline(point, rough))
+            found.append(replace(lamp, opening=number, own=own))
+        return [self._with_dirt(outline) for outline in known[1:]], found
 
 
 @dataclass(frozen=True)
@@ -692,11 +687,9 @@ class Diffraction:
             return spread
         known = list(zip(openings.points, pupils, strict=True))
         units = 0.0 if unit < _FINEST_PX else point_spread.REACH if edges is None else point_spread.NEAR
-        lamps, beside, seen, lines = lamp_images(
-            self.scene, self.plan, openings.pupils, known, units, conjugates, self.session
-        )
-        outlines, stars = ([], np.zeros((0, 11))) if edges is None else openings.stars(seen)
-        return replace(spread, lamps=tuple(lamps), beside=beside, outlines=tuple(outlines), stars=stars, lines=lines)
+        lamps = film_lamps(self.scene, self.plan, openings.pupils, known, units, conjugates, self.session)
+        outlines, lamps = ([], lamps) if edges is None else openings.with_openings(lamps)
+        return replace(spread, lamps=tuple(lamps), outlines=tuple(outlines))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays of a saved render by which `merge` applies it without the scene; none where it is off."""
@@ -713,7 +706,7 @@ class Diffraction:
         """Return a film (height, width, 3) of linear RGB with its diffraction, and what its metadata say beside."""
         layout = FilmLayout.of(self.scene.film)
         if self.film_decides and (self.plan is None or not has_lamps(self.plan)):  # none that may be beside the film
-            star = star_light(pixels, (self.airy_radius_px or 0.0) / AIRY, np.zeros((0, 8)), layout)
+            star = star_light(pixels, (self.airy_radius_px or 0.0) / AIRY, np.zeros((0, 5)), layout)
             if star < SEEN_STAR:
                 return pixels, {"on": False, "star_over_mean": star}
         return self.spread.over(pixels, layout) if self.is_on or self.film_decides else (pixels, {})
@@ -750,7 +743,7 @@ def star_light(pixels: NDArray[np.float32], unit_px: float, beside: Array, layou
     unit_px
         Wavelength times f-number [pixels].
     beside
-        As `FilmSpread` has it.
+        As `FilmLamp` has it.
     """
     planes = np.moveaxis(pixels.astype(np.float64), -1, 0)
     bright, plane = lamps_of(planes).sum(axis=0), planes.sum(axis=0)
@@ -936,7 +929,12 @@ def _lit(lamp: LampImage, part: Window) -> NDArray[np.bool_]:
     return np.asarray(lamp.rays[:, part[0], part[1]].sum(axis=0) > 1e-6 * lamp.rays.max())
 
 
-def by_waves(shape: tuple[int, ...], offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
+def _with_all(lamp: LampImage) -> LampImage:
+    """Return the picture of a lamp with all of its light, none of which is far."""
+    return replace(lamp, waves=lamp.waves / lamp.waves.sum(axis=(1, 2))[:, None, None])
+
+
+def pictures(shape: tuple[int, ...], offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
     """Return planes of the same by waves, without their far light."""
     planes = np.zeros(shape)
     for lamp, own in zip(lamps, light, strict=True):

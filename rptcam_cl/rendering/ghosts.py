@@ -23,7 +23,13 @@ from rptcam_cl.core.records import EmitterKind, Hidden, SpectrumKind, device_dec
 from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.ghosts import with_wider_stop
-from rptcam_cl.optics.irradiance import scatter_share, sines_of_film, veiling_glare
+from rptcam_cl.optics.irradiance import (
+    film_irradiance,
+    scatter_share,
+    scattered_from_beside,
+    sines_of_film,
+    veiling_glare,
+)
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, ghosts_have_colours, usable_nm
@@ -59,6 +65,9 @@ MOST = 512  # points that light is traced from
 STEEPEST = 85.0  # degrees from the axis
 _SMALL = 3e-3  # radius of a lamp over its distance, up to which all of it shines through the same parts of the front
 FAINT = 1e-3  # of all light, below which the faintest sources beside highlights are left out
+_RADII, _DIMMEST = 13, 1e-3  # of the film, at which its light is known for scatter; least share of the middle's
+_SINES, _BESIDE = 1000, 1e9  # steps from the axis to a corner; distance [mm] of what no place of the film sees
+_CLOSE = 0.1  # part of their distance from the picture, within which sources scatter as one: within 0.5 %
 _PENCIL = 2.0  # in place of 0 and 1, of a source whose light has the curvature of its own
 
 
@@ -614,6 +623,32 @@ class GhostFilm:
         film = self._splat(kept) if kept else np.zeros(self.shape)
         return film, metadata | {"ways": len(kept), "dropped_share": dropped}
 
+    def beside(self, front: Mapping[str, Any], layout: FilmLayout) -> tuple[Array, Array]:
+        """Return sources for `scattered_from_beside`: those whose light does not go to the rendered part of the film.
+
+        Parts of a lamp are taken as one where they lie close together, beside their distance from the picture.
+        """
+        ways = np.where(self.sources.places[:, 3:4] == 1, -1.0, 1.0) * self.sources.places[:, :3]
+        ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+        light = sum((light for _, light in self.bands), np.zeros((len(ways), 3))) * ways[:, 2:]
+        sines, (x0, dx, y0, dy) = ways[:, :2] * np.sign(self.to_pixels[1::2]), front["pixels_mm"]
+        radii = np.linspace(0.0, front["lit"][0][-1], _SINES)
+        of_radii, sine = radii * np.polynomial.Polynomial(front["sines"])(radii**2), np.hypot(*sines.T)
+        places = sines * (np.interp(sine, of_radii, radii, right=_BESIDE) / np.maximum(sine, 1e-12))[:, None]
+        out = ~layout.holds((places - [x0, y0]) / [dx, dy] + [layout.x, layout.y])
+        sines, light, (_, lamp) = sines[out], light[out], np.unique(self.lamp_of[out], return_inverse=True)
+        corners = np.array([[x0, y0], [x0 + dx * layout.width, y0 + dy * layout.height]]) * front["sines"][0]
+        weight = luminance(light)
+
+        def together(groups: NDArray[np.intp]) -> Array:
+            return (np.array([np.bincount(groups, weight * each) for each in sines.T]) / np.bincount(groups, weight)).T
+
+        away = np.linalg.norm(sines - np.clip(sines, *corners), axis=1)
+        near = np.linalg.norm(sines - together(lamp)[lamp], axis=1) < _CLOSE * away
+        as_one = np.bincount(lamp, ~near) == 0
+        groups = np.unique(np.where(as_one[lamp], lamp, len(lamp) + np.arange(len(lamp))), return_inverse=True)[1]
+        return together(groups), np.column_stack([np.bincount(groups, each) for each in light.T])
+
     def _share_out(self, kept: Mapping[Way, Scouted]) -> dict[Way, Array]:
         """How many rays each wavelength of each way gets.
 
@@ -752,15 +787,20 @@ class Ghosting:
     @cached_property
     def result(self) -> tuple[Array, dict[str, Any]]:
         """The light of all ghosts on the rendered part of the film, in its values, and what metadata should say."""
-        pixels, metadata = GhostFilm(self.scene, self.plan, self.session).light()
+        film, layout = GhostFilm(self.scene, self.plan, self.session), FilmLayout.of(self.scene.film)
+        pixels, metadata = film.light()
+        rows, columns = slice(layout.y, layout.y + layout.height), slice(layout.x, layout.x + layout.width)
+        pixels = pixels[rows, columns]
         if share := _barrel_share(self.scene):
             metadata["barrel_share"] = share
-        layout = FilmLayout.of(self.scene.film)
         if scatter := _front_scatter(self.scene, layout):
-            metadata["scatter"] = scatter
+            beside = film.beside(scatter["front"], layout)
+            metadata["scatter"] = scatter | {"beside": len(beside[0])}
+            camera = self.plan.camera.metadata
+            value = camera["values_per_irradiance"] * (camera["on_axis_irradiance"] or 0.0)  # of radiance
+            pixels = pixels + value * scattered_from_beside(pixels.shape, **scatter["front"], sources=beside)
         metadata["says"] = _summary(metadata)
-        rows, columns = slice(layout.y, layout.y + layout.height), slice(layout.x, layout.x + layout.width)
-        return pixels[rows, columns], metadata
+        return pixels, metadata
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays of a saved part by which `merge` adds them without the scene."""
@@ -826,7 +866,7 @@ def _barrel_share(scene: Scene) -> float:
 
 
 def _front_scatter(scene: Scene, layout: FilmLayout) -> dict[str, Any]:
-    """Return the arguments of `scattered` beside the film, and the share of its light; nothing of a clean front."""
+    """Return the arguments of `scattered` beside its film, and the share of its light; nothing of a clean front."""
     camera = scene.camera.traced_camera
     if camera is None or not camera.front_scatter:
         return {}
@@ -834,13 +874,18 @@ def _front_scatter(scene: Scene, layout: FilmLayout) -> dict[str, Any]:
     if (share := scatter_share(camera.front_scatter)) >= 1:
         raise InputError(f"camera.front_scatter: scatters {share:.3g} of the light (allowed: total scatter below 1)")
     try:
-        sines = sines_of_film(setting.lens, setting.film_distance_mm, 500.0 * float(np.hypot(width, height)))
+        radii = 500.0 * float(np.hypot(width, height)) * np.linspace(0.0, 1.0, _RADII)
+        sines = sines_of_film(setting.lens, setting.film_distance_mm, float(radii[-1]))
+        nm, losses = setting.camera.wavelength_nm, setting.transmission
+        lit = film_irradiance(setting.lens, setting.film_distance_mm, radii, nm, transmission=losses)
     except InputError as problem:
         raise InputError(f"camera.front_scatter: {problem} (allowed: none)") from None
     steps = 1e3 * width / columns, 1e3 * height / rows
     begins = (layout.x - columns / 2) * steps[0], (layout.y - rows / 2) * steps[1]
     pixels = begins[0], steps[0], begins[1], steps[1]
-    return {"abg": list(camera.front_scatter), "share": share, "sines": sines, "pixels_mm": list(pixels)}
+    light = radii.tolist(), np.maximum(lit / lit[0], _DIMMEST).tolist()
+    front = {"abg": list(camera.front_scatter), "sines": sines, "pixels_mm": list(pixels), "lit": light}
+    return {"share": share, "front": front}
 
 
 def _summary(metadata: dict[str, Any]) -> str:
@@ -854,6 +899,7 @@ def _summary(metadata: dict[str, Any]) -> str:
         text += f"; the barrel adds {metadata['barrel_share']:.2g} of the film's mean light"
     if "scatter" in metadata:
         text += f"; the front scatters {metadata['scatter']['share']:.2g} of the light"
+        text += f", also of {beside} sources beside the picture" if (beside := metadata["scatter"]["beside"]) else ""
     if "left_out" in metadata:
         text += f"; what makes none here: {', '.join(metadata['left_out'])}"
     return text

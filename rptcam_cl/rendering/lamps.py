@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
-from functools import partial
+from contextlib import suppress
+from dataclasses import field, replace
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -402,10 +404,6 @@ class LampImage:
         Of its first pixel.
     waves, rays : (3, height, width) arrays
         Of red, green and blue; by waves, near the lamp and without its far light.
-    place : (x, y)
-        Of its middle [pixels].
-    radius : float
-        Of its farthest ray [pixels].
     light : tuple of float
         Red, green and blue that it brings by computation, where some may fall beside the picture; else 0.
     """
@@ -414,8 +412,6 @@ class LampImage:
     row: int
     waves: NDArray[np.float32]
     rays: NDArray[np.float32]
-    place: tuple[float, float]
-    radius: float
     light: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     @property
@@ -439,36 +435,128 @@ class LampImage:
         return (film[0], film[1]), (own[0], own[1])
 
 
+@dataclass(frozen=True, eq=False)
+class FilmLamp:
+    """A lamp whose light a picture has.
+
+    Attributes
+    ----------
+    place : (x, y)
+        Of its middle [pixels].
+    size : float
+        Width of its sharp image [pixels].
+    radius : float
+        Of its farthest ray [pixels].
+    beside : (n, 5) array
+        Its light in pixels beside the picture: their middle [pixels]; red, green and blue.
+    lines : (n, 4) array or None
+        As `lines_of` has them.
+    image : LampImage or None
+        That by waves, where they change it.
+    opening : int
+        Number of its opening, 0 for that of the film's middle.
+    own : (2, 2) array
+        The linear map of that onto its own.
+    """
+
+    place: tuple[float, float]
+    size: float
+    radius: float
+    beside: Array
+    lines: Array | None = None
+    image: LampImage | None = None
+    opening: int = 0
+    own: Array = field(default_factory=lambda: np.eye(2))
+
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """Numbers of it, its light beside the picture, its lines, and its image with this one's numbers."""
+        numbers = np.array([*self.place, self.size, self.radius, self.opening, *self.own.ravel()])
+        image, known = self.image, (numbers, self.beside, np.zeros((0, 4)) if self.lines is None else self.lines)
+        if image is None:
+            return known
+        return *known, np.stack([image.waves, image.rays]), np.array([image.column, image.row, *image.light])
+
+
+def film_lamp(arrays: Sequence[NDArray[Any]]) -> FilmLamp:
+    """Read the arrays of `FilmLamp.arrays`; raises ValueError where they are others."""
+    numbers, beside, lines, *image = arrays
+    widths = [array.shape[1:] if array.ndim > 1 else array.shape for array in arrays]
+    whole = widths[:3] == [(9,), (5,), (4,)] and len(image) in (0, 2)
+    if not whole or not all(np.isfinite(array).all() for array in arrays):
+        raise ValueError("diffraction")
+    x, y, size, radius, opening, *own = numbers.tolist()
+    shown = None
+    if image:
+        (waves, rays), (column, row, *light) = image[0], image[1].tolist()
+        shown = LampImage(int(column), int(row), waves, rays, tuple(light))
+    known = beside, lines if len(lines) else None, shown, int(opening), np.reshape(own, (2, 2))
+    return FilmLamp((x, y), size, radius, *known)
+
+
 @dataclass(frozen=True)
 class _LampFilm:
     """The film on which lamps are imaged.
 
     Attributes
     ----------
+    scene : Scene
+        When its shutter opens.
+    turn : (4, 4) array
+        From directions of the scene about the eye to the camera's, to multiply from the right.
     pupils : FilmPupils
     seen : sequence of (point, FilmPupil)
         Points of the film [mm], and the openings that they see.
-    pixel_mm : tuple of float
-        Width and height of a pixel; negative where columns or rows run against x or y.
     splits : bool
         Whether rays of the film have a wavelength each, that the lens refracts by.
-    nm : float
-        Of the others.
     units : float
-        Wavelengths over twice the numerical aperture that the kernel of a sharp point reaches.
+        Wavelengths over twice the numerical aperture that the kernel of a sharp point reaches; with 0 no ring of a lamp
+        shows, and none has a picture.
     conjugates : Conjugates or None
         That rays go towards; None for those of the lens.
+    chief : CameraRays
+        That lead to all lamps.
+    value : float
+        Of a pixel of the film's middle that sees radiance 1.
     """
 
+    scene: Scene
+    turn: Array
     pupils: FilmPupils
     seen: Sequence[tuple[Array, FilmPupil]]
-    pixel_mm: tuple[float, float]
     splits: bool
-    nm: float
     units: float
     conjugates: point_waves.Conjugates | None
+    chief: CameraRays
+    value: float
 
-    @property
+    @cached_property
+    def layout(self) -> FilmLayout:
+        """Of the picture."""
+        return FilmLayout.of(self.scene.film)
+
+    @cached_property
+    def nm(self) -> float:
+        """The wavelength of rays that have none of their own."""
+        lens = self.scene.camera.lens_camera
+        return MIDDLE_NM if lens is None else lens.wavelength_nm
+
+    @cached_property
+    def film_z(self) -> float:
+        """Of the film in the frame of the lens [mm]."""
+        setting = camera_of(self.scene).setting
+        return 0.0 if setting is None else setting.lens.film_z(setting.film_distance_mm)
+
+    @cached_property
+    def middle_brightness(self) -> float:
+        """Of the film's middle, as `FilmPupils.brightness` has it."""
+        return self.pupils.brightness(np.zeros(2))
+
+    @cached_property
+    def pixel_mm(self) -> tuple[float, float]:
+        """Width and height of a pixel; negative where columns or rows run against x or y."""
+        return pixel_mm(self.scene)
+
+    @cached_property
     def pixel(self) -> float:
         """Side of a pixel [mm]."""
         return float(np.sqrt(abs(self.pixel_mm[0] * self.pixel_mm[1])))
@@ -499,7 +587,7 @@ class _Lamp:
     lines: Array | None = None
 
 
-def lamp_images(
+def film_lamps(
     scene: Scene,
     plan: Plan,
     pupils: FilmPupils,
@@ -507,64 +595,58 @@ def lamp_images(
     units: float,
     conjugates: point_waves.Conjugates | None,
     session: Session | None = None,
-) -> tuple[list[LampImage], Array, Array, Array]:
-    """Return the pictures of lamps that waves change, near them as far as a kernel reaches, and what falls beside.
+) -> list[FilmLamp]:
+    """Return the lamps whose light a picture has, but for their openings.
 
     Parameters
     ----------
     seen, units, conjugates
-        As in `_LampFilm`; with 0 units no ring of a lamp shows, and none has a picture.
+        As in `_LampFilm`.
     session
-        That finds what hides lamps beside the picture; without it there are none.
-
-    Returns
-    -------
-    images : list of LampImage
-    beside : (n, 8) array
-        Light of lamps in pixels beside the picture: its middle [pixels]; red, green and blue; number of the lamp;
-        radius of its farthest ray [pixels]; number of its picture by waves, -1 without.
-    shining : (n, 6) array
-        Number of each lamp whose light the picture has, number of its picture by waves, x and y of its middle, width of
-        its sharp image, and radius of its farthest ray [pixels].
-    lines : (n, 5) array
-        Of those that shine in few wavelengths: number of the lamp, and what `lines_of` has of it.
+        That finds what hides lamps beside the picture; without it their light is not known to fall there.
     """
     scene, turn = at_opening(scene), np.eye(4)
     turn[:3, :3] = scene.camera.world_from_camera()[:3, :3]
     pupil = turn[:3, :3] @ [0.0, 0.0, plan.camera.view.pupil_z_m]
-    lamps, images, beside, shining = list(_lamps(plan, pupil)), list[LampImage](), [np.zeros((0, 8))], list[Array]()
+    lamps = list(_lamps(plan, pupil))
     if not lamps:
-        return images, beside[0], np.zeros((0, 6)), np.zeros((0, 5))
-    layout, on_film = FilmLayout.of(scene.film), np.array(scene.film.resolution)
-    nm = MIDDLE_NM if (lens := scene.camera.lens_camera) is None else lens.wavelength_nm
-    film = _LampFilm(pupils, seen, pixel_mm(scene), bool(plan.facts.get("LENS_SPLITS")), nm, units, conjugates)
+        return []
     every = [_points(lamp, _LAMP_POINTS) @ turn for lamp in lamps]
-    camera, spots = camera_of(scene), pupil + plan.camera.view.pupil_radius_m * _disk(_PUPIL_POINTS) @ turn[:3, :3].T
-    film_z = 0.0 if (setting := camera.setting) is None else setting.lens.film_z(setting.film_distance_mm)
-    chief, sharp, shown = _find_lamps(camera.chief_rays(), layout, lamps, every, spots, plan, session)
-    for number, (lamp, own, places) in enumerate(zip(lamps, every, sharp, strict=True)):
-        checkpoint()
-        middle = places.mean(axis=0)
-        is_on = ((middle > -0.5) & (middle < on_film + 0.5)).all()
-        if not (np.ptp(places, axis=0).max() <= _WIDEST_PX and (shown[number] > 0 or (is_on and units > 0))):
-            continue
-        point, source = film_points(scene, middle[None])[0, :2], point_waves.source_of(own.mean(axis=0), film_z)
-        among = partial(_among, lamp, own, places, turn)
-        value = shown[number] * _counts(middle, on_film) * plan.camera.value
-        light = value * _light(film, chief, lamp, own.mean(axis=0), middle, point) if value > 0 else np.zeros(3)
-        opening, image = _opening(film, point, source), None
-        if units > 0 and opening is not None and (is_on or shown[number] > 1 - UNLIKE):
+    spots = pupil + plan.camera.view.pupil_radius_m * _disk(_PUPIL_POINTS) @ turn[:3, :3].T
+    chief, layout = camera_of(scene).chief_rays(), FilmLayout.of(scene.film)
+    chief, sharp, shown = _find_lamps(chief, layout, lamps, every, spots, plan, session)
+    splits = bool(plan.facts.get("LENS_SPLITS"))
+    film = _LampFilm(scene, turn, pupils, seen, splits, units, conjugates, chief, plan.camera.value)
+    known = itertools.starmap(partial(_film_lamp, film), zip(lamps, every, sharp, shown.tolist(), strict=True))
+    return [lamp for lamp in known if lamp is not None]
+
+
+def _film_lamp(film: _LampFilm, lamp: _Lamp, own: Array, places: Array, shown: float) -> FilmLamp | None:
+    """Return a lamp by its points, their places on the film, and the share that nothing hides; None where it has none.
+
+    Points as homogeneous coordinates (n, 4) in the frame of the camera.
+    """
+    checkpoint()
+    middle, size, on_film = places.mean(axis=0), float(np.ptp(places, axis=0).max()), film.scene.film.resolution
+    is_on = bool(((middle > -0.5) & (middle < np.array(on_film) + 0.5)).all())
+    if not (size <= _WIDEST_PX and (shown > 0 or (is_on and film.units > 0))):
+        return None
+    point, source = film_points(film.scene, middle[None])[0, :2], point_waves.source_of(own.mean(axis=0), film.film_z)
+    among, light = partial(_among, lamp, own, places, film.turn), np.zeros(3)
+    if (value := shown * _counts(middle, np.array(on_film)) * film.value) > 0:
+        light = value * _light(film, lamp, own.mean(axis=0), middle, point)
+    opening, image = _opening(film, point, source), None
+    if film.units > 0 and opening is not None and (is_on or shown > 1 - UNLIKE) and _is_waves(film, places, opening):
+        with suppress(InputError):
+            opening = point_waves.finer_opening(film.pupils, opening, point, source)
             image = _image(film, among(_POINTS_A_PIXEL), point, source, opening, light, lamp.lines)
-        if is_shown := image is not None and (is_on or image.meets(layout)):
-            images.append(image)
-        of_image, radius = len(images) - 1 if is_shown else -1, opening.radius_mm / film.pixel if opening else 0.0
-        shining.append(np.array([number, of_image, *middle, np.ptp(places, axis=0).max(), radius]))
-        if light.any():
-            rays = _rays(film, opening) if image is None else np.zeros((1, 2))  # its far light comes from its middle
-            out = _beside(layout, among, rays, light)
-            beside.append(np.column_stack([out, np.tile([number, radius, of_image], (len(out), 1))]))
-    lines = [np.insert(lamp.lines, 0, number, 1) for number, lamp in enumerate(lamps) if lamp.lines is not None]
-    return images, np.concatenate(beside), np.array(shining).reshape(-1, 6), np.concatenate([np.zeros((0, 5)), *lines])
+    if image is not None and not (is_on or image.meets(film.layout)):
+        image = None
+    beside = np.zeros((0, 5))
+    if light.any():  # of an image far light comes from its middle
+        beside = _beside(film.layout, among, _rays(film, opening) if image is None else np.zeros((1, 2)), light)
+    radius = opening.radius_mm / film.pixel if opening else 0.0
+    return FilmLamp((float(middle[0]), float(middle[1])), size, radius, beside, lamp.lines, image)
 
 
 def _counts(place: Array, on_film: NDArray[np.int_]) -> float:
@@ -709,17 +791,17 @@ def _unhidden_shares(session: Session, plan: Plan, lamps: Sequence[_Lamp], spots
     return np.asarray(np.bincount(owner, each) / counts)
 
 
-def _light(film: _LampFilm, chief: CameraRays, lamp: _Lamp, at: Array, place: Array, point: Array) -> Array:
+def _light(film: _LampFilm, lamp: _Lamp, at: Array, place: Array, point: Array) -> Array:
     """Return the light of a lamp (3,) on the film, in pixels that see radiance 1 in the film's middle.
 
     By the size of a pixel in the scene, along chief rays, and by how much of the opening the place sees.
     """
-    origins, ways = chief.smooth(place + 0.5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
+    origins, ways = film.chief.smooth(place + 0.5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
     reach = np.linalg.norm(at[:3] - origins.mean(axis=0)) if lamp.w else 1.0
     sides = lamp.w * origins + reach * ways
     across = abs(np.cross(sides[0] - sides[1], sides[2] - sides[3]) @ ways.mean(axis=0))
     try:
-        return np.asarray(lamp.light / across * (film.pupils.brightness(point) / film.pupils.brightness(np.zeros(2))))
+        return np.asarray(lamp.light / across * (film.pupils.brightness(point) / film.middle_brightness))
     except InputError:  # the opening is shut there
         return np.zeros(3)
 
@@ -746,12 +828,26 @@ def _beside(layout: FilmLayout, among: Callable[[float, float], Array], rays: Ar
 
 
 def _opening(film: _LampFilm, point: Array, source: Array) -> point_waves.PointOpening | None:
-    """Return the opening for a lamp; None where it is not known."""
+    """Return the opening for a lamp, roughly; None where it is not known."""
     near = min(film.seen, key=lambda known: float(np.linalg.norm(known[0] - point)))
     try:
-        return point_waves.point_opening(film.pupils, near, point, source, film.nm)
+        return point_waves.rough_opening(film.pupils, near, point, source, film.nm)
     except InputError:
         return None
+
+
+def _sizes(film: _LampFilm, places: Array, opening: point_waves.PointOpening) -> tuple[float, float, int]:
+    """Return wavelength over twice the aperture, radius of the rays, and reach of the picture of a lamp [pixels]."""
+    unit, radius = 550e-6 / opening.index / (2 * opening.aperture) / film.pixel, opening.radius_mm / film.pixel
+    wide = max(BEYOND * radius + film.units * unit, 2.0) + np.ptp(places, axis=0).max() / 2
+    return unit, radius, min(int(np.ceil(wide)), _LARGEST_PX)
+
+
+def _is_waves(film: _LampFilm, places: Array, opening: point_waves.PointOpening) -> bool:
+    """Return whether the rings of a lamp show on its film, and their picture is not too large."""
+    unit, radius, reach = _sizes(film, places, opening)
+    widest = _FRINGES * max(np.sqrt(2 * unit * radius), 2 * unit)  # Fresnel's, or Airy's
+    return bool(np.ptp(places, axis=0).min() <= widest and (2 * reach + 1) * _finer(unit, 550.0) <= MOST_ACROSS)
 
 
 def _image(
@@ -764,17 +860,10 @@ def _image(
     lines: Array | None,
 ) -> LampImage | None:
     """Return the picture of a lamp by the places of its points; None where waves do not change it, or are not known."""
-    middle, pixel = places.mean(axis=0), film.pixel
+    middle, size, (unit, radius, reach) = places.mean(axis=0), np.ptp(places, axis=0), _sizes(film, places, opening)
+    if not _is_waves(film, places, opening):
+        return None
     try:
-        unit = 550e-6 / opening.index / (2 * opening.aperture) / pixel
-        radius = opening.radius_mm / pixel
-        size = np.ptp(places, axis=0)
-        if size.min() > _FRINGES * max(np.sqrt(2 * unit * radius), 2 * unit):  # Fresnel's, or Airy's
-            return None
-        wide = max(BEYOND * radius + film.units * unit, 2.0) + size.max() / 2
-        reach = min(int(np.ceil(wide)), _LARGEST_PX)
-        if (2 * reach + 1) * _finer(unit, 550.0) > MOST_ACROSS:
-            return None
         wave = opening.wave(min(reach / unit, 160.0))
         waves_nm = WAVES_NM if unit > _FEW_WAVES_PX else WAVES_NM[1::3]
         shares = shares_of_white(waves_nm)
@@ -806,9 +895,8 @@ def _image(
     waves *= fade(np.hypot(*np.meshgrid(*(np.arange(2 * reach + 1) + 0.5 - (middle - first)[:, None]))), reach)
     if not np.abs(waves - rays).sum() > _SHOWS * rays.sum():
         return None
-    x, y = middle.tolist()
-    pictures = waves.astype(np.float32), rays.astype(np.float32)
-    return LampImage(int(first[0]), int(first[1]), *pictures, (x, y), radius, tuple(light.tolist()))
+    column, row = (int(place) for place in first)
+    return LampImage(column, row, waves.astype(np.float32), rays.astype(np.float32), tuple(light.tolist()))
 
 
 def _as_rendered(

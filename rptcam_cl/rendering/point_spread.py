@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Sequence
 from functools import cache, cached_property
 
 import numpy as np
@@ -218,12 +219,15 @@ CELLS, LINE = 4096, 2.5  # of the line that an opening is seen along, and its le
 RESOLVED = 512.0  # wavelengths times f-number up to which the light is computed; beyond it falls as its cube
 BANDS, _SPANS = 448, 384  # radii, evenly in their logarithm, of that light and of the film's
 _STARBURST_NM = tuple(np.arange(405.0, 700.0, 5.0).tolist())
-AT_ONCE, _ROWS_AT_ONCE = 128, 4  # directions, and rows of a film
+AT_ONCE, _ROWS_AT_ONCE = 32, 4  # directions, and rows of a film
 STRAIGHT = 120  # directions of edges round a turn, of which two neighbours count as one
 NARROW = 1e-7  # least width of an edge along the line
 _FIT_ROUNDS = 6
 _FINE_SPANS = 1024  # radii of the light of lines
 _AS_IT_IS = np.eye(2)
+
+Table = tuple[NDArray[np.float32], Array]
+"""Light of pixels (3, radii, directions + 2), and these radii [pixels]."""
 
 
 @dataclass(frozen=True)
@@ -293,13 +297,16 @@ class FarLight:
         bands = int(RESOLVED * length) if self._finer > 1 else BANDS
         radii = np.linspace(low, RESOLVED, bands) if self._finer > 1 else np.geomspace(low, RESOLVED, bands)
         edges = (self.edges - np.tile(self._middle, 2)) / self._width
+        before = np.empty(len(edges), np.intp)  # edges that end where each begins
+        before[np.lexsort(edges[:, :2].T)] = np.lexsort(edges[:, 2:].T)
         shares = np.zeros((self.directions, bands))
-        rho = np.arange(CELLS * self._finer // 2 + 1) / length
+        rho = np.arange(int((RESOLVED + 1) * length) + 1) / length
         to_share = 2 * (np.pi / self.directions) / length / (self._area / self._width**2)
         for start in range(0, self.directions, AT_ONCE):
             numbers = np.arange(start, min(start + AT_ONCE, self.directions)) + 0.5
             angles, shift = np.pi * numbers / self.directions, np.mod(numbers * GOLDEN, 1.0)
-            total = np.cumsum(_along(edges, angles, shift, self._finer) * to_share * rho, axis=1)
+            light = _along(edges, before, angles, shift, self._finer)[:, : len(rho)]
+            total = np.cumsum(light * (to_share * rho), axis=1)
             shares[start : start + AT_ONCE] = [np.interp(radii, rho + 0.5 / length, line) for line in total]
         return radii, shares - shares[:, :1]
 
@@ -315,33 +322,46 @@ class FarLight:
         half = int(np.searchsorted(radii, RESOLVED / 2))
         return np.asarray((within[:, -1] - within[:, half]) / (RESOLVED / radii[half] - 1))
 
-    def _light_within(self, within: Array, beyond: Array, pixels: Array) -> Array:
-        """Return the light within radii [pixels] (directions, 3, n), of that of `within` and of what is beyond."""
-        radii, columns, waves = self.within[0], np.arange(len(pixels)), self._waves
-        inner, outer = np.zeros((len(radii), 3, len(pixels) * (self.lines is None))), np.zeros((3, len(pixels)))
-        light: Array = np.zeros((len(within), 3, len(pixels)))
-        for nm, shares in waves:
-            rho = pixels / self.unit_px(nm)
-            place = np.interp(np.log(rho), np.log(radii), np.arange(len(radii)))
+    def _light_between(self, within: Array, beyond: Array, rings: Sequence[tuple[Array, Array]]) -> Array:
+        """Return the light between radii [pixels] (n, 3, directions), the mean of some rings (n,) and (n,).
+
+        Of that of `within` and of what is beyond.
+        """
+        radii, count, waves = np.log(self.within[0]), len(rings[0][0]), self._waves
+        units, shares = np.array([[self.unit_px(nm)] for nm, _ in waves]), np.array([own for _, own in waves]).T
+        columns, within = np.arange(count), np.ascontiguousarray(within.T)
+        inner, outer = np.zeros((3, count * len(radii))), np.zeros((3, count))
+        light: Array = np.zeros((count, 3, within.shape[1]))
+        for pixels, sign in itertools.chain(*(((low, -1 / len(rings)), (high, 1 / len(rings))) for low, high in rings)):
+            rho = pixels / units
+            outer += sign * shares @ np.maximum(1 - RESOLVED / rho, 0)
+            place = np.interp(np.log(rho), radii, np.arange(len(radii)))
             below = np.minimum(place.astype(np.int64), len(radii) - 2)
             part = place - below
-            outer += shares[:, None] * np.maximum(1 - RESOLVED / rho, 0)
-            if self.lines is None:
-                inner[below, :, columns] += (1 - part)[:, None] * shares
-                inner[below + 1, :, columns] += part[:, None] * shares
-            else:
-                light += shares[:, None] * (within[:, below] * (1 - part) + within[:, below + 1] * part)[:, None]
+            if self.lines is not None:
+                for own, k, more in zip(sign * shares.T[:, :, None], below, part[:, :, None], strict=True):
+                    light += own * (within[k] * (1 - more) + within[k + 1] * more)[:, None]
+                continue
+            for plane, own in zip(inner, sign * shares[:, :, None], strict=True):
+                for at, weight in ((below, own * (1 - part)), (below + 1, own * part)):
+                    plane += np.bincount((columns * len(radii) + at).ravel(), weight.ravel(), plane.size)
         if self.lines is None:
-            light += np.tensordot(within, inner, 1)
-        return light + beyond[:, None, None] * outer
+            light += (inner.reshape(-1, len(radii)) @ within).reshape(3, count, -1).swapaxes(0, 1)
+        return light + outer.T[:, :, None] * beyond
 
     @cached_property
     def shares(self) -> Array:
         """Share of red, green and blue that is far light, on the film and beside it (3,)."""
-        edges = np.geomspace(0.6 * self.reach, 1e7, 2048)
-        light = self._light_within(self.within[1].sum(axis=0)[None], self._beyond.sum()[None], edges)[0]
-        middle = np.sqrt(edges[1:] * edges[:-1])
-        return np.asarray(np.diff(light, axis=1) @ (1 - fade(middle, self.reach)))
+        edges = np.append(np.geomspace(0.6 * self.reach, self.reach + 1.0, 256), 1e7)
+        rings = [(edges[:-1], edges[1:])]
+        light = self._light_between(self.within[1].sum(axis=0)[None], self._beyond.sum()[None], rings)[:, :, 0]
+        return np.asarray((1 - fade(np.sqrt(edges[1:] * edges[:-1]), self.reach)) @ light)
+
+    @cached_property
+    def _colours(self) -> tuple[Array, float]:
+        """Red, green and blue of light beyond what is resolved, over its green, and from where all is so [pixels]."""
+        light = sum((nm * shares for nm, shares in self._waves), np.zeros(3))
+        return light / light[1], RESOLVED * self.unit_px(max(nm for nm, _ in self._waves))
 
     def kernel(self, width: int, height: int) -> Array:
         """Return the far light (3, 2 height - 1, 2 width - 1) of a lamp in the middle; turned as `kernel` of a pupil.
@@ -357,7 +377,7 @@ class FarLight:
             upper[:, row, near] *= 1 - fade(np.hypot(x[near], y[row]), self.reach)
         return np.concatenate([upper[:, :0:-1, ::-1], upper], axis=1)
 
-    def table(self, farthest: float, across: float = 1.0, out: float = 0.0) -> tuple[Array, Array]:
+    def table(self, farthest: float, across: float = 1.0, out: float = 0.0) -> Table:
         """Return the light of pixels by directions and radii, and these radii up to the farthest [pixels].
 
         Parameters
@@ -371,38 +391,29 @@ class FarLight:
         if self.lines is not None:  # as finely as fringes are known, as far as the table reaches
             fine = edges[0] + max(self.unit_px(self.lines[:, 0].min()) / 6, 0.25) * np.arange(_FINE_SPANS)
             edges = np.concatenate([fine[fine < edges[-1]], edges[edges > fine[-1]], edges[-1:]])
-        light = self._light_within(self.within[1], self._beyond, edges)
-        return _boxes(np.moveaxis(light, 1, 0), edges, across, out), edges
+        rings = [
+            (np.maximum(at - 0.5, edges[0]), np.maximum(at + 0.5, edges[0]))
+            for at in ((edges,) if out == 0 else (edges - out, edges + out))
+        ]
+        return _boxes(self._light_between(self.within[1], self._beyond, rings), edges, across), edges
 
-    def at(self, table: tuple[Array, Array], x: Array, y: Array, own: Array = _AS_IT_IS) -> Array:
-        """Return the light of pixels (3, y, x) at places from a lamp [pixels], by a table.
+    def at(self, table: Table, x: Array, y: Array, own: Array = _AS_IT_IS, out: float = 0.0) -> Array:
+        """Return the light of pixels (3, y, x) at places from a lamp [pixels], by a table with so much ``out``.
 
         ``own`` (2, 2) makes of this opening that of the lamp: the Fourier transform has its transpose.
         """
-        boxes, edges = table
-        per_turn, spans, (a, b, c, d) = self.directions / np.pi, len(edges), own.ravel().tolist()
-        rows = np.concatenate([boxes[-1:], boxes, boxes[:1]]).reshape(-1, 3) * abs(a * d - b * c)  # they go round
-        rows = rows.astype(np.float32)
-        light, (x, y) = np.empty((len(y), len(x), 3), np.float32), (x.astype(np.float32), y.astype(np.float32))
-        for start in range(0, len(y), _ROWS_AT_ONCE):
-            up = y[start : start + _ROWS_AT_ONCE, None]
-            right, up = a * x + c * up, b * x + d * up
-            turn = np.arctan2(up, right)
-            turn *= per_turn
-            turn += 0.5
-            turn[turn < 0.0] += self.directions
-            at = _place(np.sqrt(right * right + up * up), edges)
-            i, j = turn.astype(np.int32), at.astype(np.int32)
-            turn -= i
-            at -= j
-            first = i * spans + j
-            low, high = rows.take(first, 0), rows.take(first + spans, 0)
-            low += at[..., None] * (rows.take(first + 1, 0) - low)
-            high += at[..., None] * (rows.take(first + spans + 1, 0) - high)
-            high -= low
-            high *= turn[..., None]
-            np.add(low, high, out=light[start : start + _ROWS_AT_ONCE])
-        return np.asarray(np.moveaxis(light, -1, 0))
+        colours, grey = self._colours
+        boxes, shrunk = table[0], np.linalg.svd(own, compute_uv=False)
+        near = tuple(np.flatnonzero(np.abs(side) * shrunk[1] <= grey + out + 1) for side in (y, x))
+        light = np.empty((3, len(y), len(x)), np.float32)
+        if len(near[0]) < len(y) or len(near[1]) < len(x):  # beyond all has one colour
+            light[1] = _at_places(boxes[1:2], table[1], x, y, own)[0]
+            light[0], light[2] = (np.float32(colours[k]) * light[1] for k in (0, 2))
+        if len(near[0]) and len(near[1]):
+            rows, columns = (slice(side[0], side[-1] + 1) for side in near)
+            light[:, rows, columns] = _at_places(boxes, table[1], x[columns], y[rows], own)
+        light *= np.float32(shrunk.prod())
+        return np.asarray(light)
 
     @cached_property
     def straightest(self) -> float:
@@ -435,87 +446,117 @@ def map_of_outlines(outline: Array, own: Array) -> tuple[Array, float]:
     return factors[:2].T, float(np.sqrt(np.mean(off**2)) / radii.mean())
 
 
-def _place(radii: Array, edges: Array) -> Array:
-    """Return places of radii among edges, even in their logarithm or as those of lines in `table`."""
-    if not np.isclose(edges[1] / edges[0], edges[-1] / edges[-2], rtol=1e-6):
-        return np.minimum(np.interp(radii, edges, np.arange(len(edges))).astype(radii.dtype), len(edges) - 1.001)
-    nearest, step = float(edges[0]), float(np.log(edges[1] / edges[0]))
-    at = np.log(np.maximum(radii, nearest))
-    at -= np.log(nearest)
-    at /= step
-    return np.asarray(np.minimum(at, len(edges) - 1.001, out=at))
+def _place_among(edges: Array) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
+    """Make a function that finds places of squared radii among edges, even in their logarithm or as those of lines."""
+    last = np.float32(len(edges) - 1.001)
+    first, per_step = np.float32(2 * np.log(edges[0])), np.float32(0.5 / np.log(edges[1] / edges[0]))
+    is_even = np.isclose(edges[1] / edges[0], edges[-1] / edges[-2], rtol=1e-6)
+
+    def place(square: NDArray[np.float32]) -> NDArray[np.float32]:
+        if is_even:
+            at = np.log(np.maximum(square, np.float32(edges[0] ** 2)))
+            at -= first
+            at *= per_step
+        else:
+            at = np.interp(np.sqrt(square), edges, np.arange(len(edges))).astype(np.float32)
+        return np.asarray(np.clip(at, np.float32(0.0), last, out=at))
+
+    return place
 
 
-def _along(edges: Array, angles: Array, shift: Array, finer: int) -> Array:
+def _at_places(boxes: NDArray[np.float32], edges: Array, x: Array, y: Array, own: Array) -> NDArray[np.float32]:
+    """Return the light of pixels (n, y, x) by boxes (n, radii, directions + 2) of some colours, as `FarLight.at`."""
+    stride, place, planes = boxes.shape[2], _place_among(edges), boxes.reshape(len(boxes), -1)
+    columns, rows = ((axis[:, None] * part).astype(np.float32) for axis, part in zip((x, y), own, strict=True))
+    light = np.empty((len(boxes), len(y), len(x)), np.float32)
+    for start in range(0, len(y), _ROWS_AT_ONCE):
+        right, up = (columns[:, k] + rows[start : start + _ROWS_AT_ONCE, k : k + 1] for k in (0, 1))
+        right += np.float32(1e-30)  # so that no direction is unknown
+        turn = np.arctan(up / right)
+        turn *= (stride - 2) / np.pi
+        turn += (stride - 1) / 2
+        right *= right
+        up *= up
+        at = place(np.add(right, up, out=right))
+        i, j = np.floor(turn), np.floor(at)
+        turn -= i
+        at -= j
+        j *= stride
+        first = np.add(i, j, out=j).astype(np.int64)  # floats are exact up to 2^24
+        for plane, target in zip(planes, light[:, start : start + _ROWS_AT_ONCE], strict=True):
+            low, high = plane.take(first), plane[stride:].take(first)
+            low += turn * (plane[1:].take(first) - low)
+            high += turn * (plane[stride + 1 :].take(first) - high)
+            high -= low
+            high *= at
+            np.add(low, high, out=target)
+    return light
+
+
+def _along(edges: Array, before: NDArray[np.intp], angles: Array, shift: Array, finer: int) -> Array:
     """Return |F|^2 of an opening in its widths at multiples of 1 / LINE, so many times finer, (directions, radii).
 
     Parameters
     ----------
+    before
+        Numbers of the edges that end where each begins.
     shift
         Of each line, in parts of a cell, so that what is folded back adds up without a phase.
     """
     checkpoint()
-    n = np.stack([np.cos(angles), np.sin(angles)])
-    start, end = edges[:, :2] @ n, edges[:, 2:] @ n  # (edges, directions)
-    mass = n[0] * (edges[:, 3:4] - edges[:, 1:2]) - n[1] * (edges[:, 2:3] - edges[:, 0:1])
-    low, wide = np.minimum(start, end), np.maximum(np.abs(end - start), NARROW)
+    n, along = np.stack([np.cos(angles), np.sin(angles)]), edges[:, 2:] - edges[:, :2]
+    start, wide = edges[:, :2] @ n, along @ n  # (edges, directions)
+    mass = along[:, ::-1] @ (n * [[1.0], [-1.0]])
+    narrow = np.abs(wide) < NARROW
+    slope = np.where(narrow, 0.0, mass) / np.where(narrow, 1.0, wide)
     cells, length = CELLS * finer, LINE * finer
     step = length / cells
-    rows = np.broadcast_to(np.arange(len(angles)) * cells, low.shape)
     second = np.zeros(len(angles) * cells)
-    for place, sign in ((low, 1.0), (low + wide, -1.0)):  # a ramp in the sum is two kinks
-        cell = (place + length / 2) / step + shift
-        whole = np.floor(cell).astype(np.int64)
-        part, weight = cell - whole, sign * mass / wide * step
-        second += np.bincount((rows + whole).ravel(), (weight * (1 - part)).ravel(), len(second))
-        second += np.bincount((rows + whole + 1).ravel(), (weight * part).ravel(), len(second))
-    ramp = np.cumsum(np.cumsum(second.reshape(len(angles), cells), axis=1), axis=1)
-    field = np.fft.rfft(ramp, axis=1) * step
-    rho = np.arange(cells // 2 + 1) / length
-    folded = (rho / (cells / length - rho)) ** 3  # from beyond what cells resolve, of light that falls as the cube
-    light = (field.real**2 + field.imag**2) / (1 + folded)
-    light[:, rho > RESOLVED + 1] = 0.0
+    rows = np.broadcast_to((np.arange(len(angles)) + 0.5) * cells + shift, start.shape)
+    steep = mass[narrow] / NARROW
+    for row, place, weight in (  # where a sum of ramps has its kinks
+        (rows, start, slope - slope[before]),
+        (rows[narrow], start[narrow], steep),
+        (rows[narrow], start[narrow] + NARROW, -steep),
+    ):
+        if place.size:
+            cell = (row + place / step).ravel()
+            whole = cell.astype(np.int64)
+            weight = weight.ravel() * step
+            later = np.bincount(whole, weight * (cell - whole), len(second))
+            second += np.bincount(whole, weight, len(second)) - later
+            second[1:] += later[:-1]
+    field = np.fft.rfft(second.reshape(len(angles), cells), axis=1)
+    number = np.arange(1, cells // 2 + 1)
+    folded = (number / (cells - number)) ** 3  # from beyond what cells resolve, of light that falls as the cube
+    ramps = np.append(0.0, (step / (2 * np.sin(np.pi * number / cells)) ** 2) ** 2 / (1 + folded))
+    light = (field.real**2 + field.imag**2) * ramps
+    light[:, int((RESOLVED + 1) * length) + 1 :] = 0.0
     return np.asarray(light)
 
 
-def _boxes(light: Array, edges: Array, across: float, out: float) -> Array:
-    """Return the light of pixels, as boxes along the radius and over some pixels of the circle.
-
-    Parameters
-    ----------
-    light : (3, directions, radii) array
-        Within radii.
+def _boxes(rings: Array, edges: Array, across: float) -> NDArray[np.float32]:
+    """Return the light of pixels, of rings (radii, 3, directions) over some pixels of the circle.
 
     Returns
     -------
-    (directions, radii, 3) array
+    (3, radii, directions + 2) array
+        Over half a turn from straight down to straight up, and one more at each end.
     """
-    light = np.ascontiguousarray(np.moveaxis(light, 2, 0))
-
-    def within(radii: Array) -> Array:
-        at = _place(radii, edges)
-        first, part = at.astype(int), (at % 1)[:, None, None]
-        return np.asarray(light[first] * (1 - part) + light[first + 1] * part)
-
-    middles = (edges,) if out == 0 else (edges - out, edges + out)
-    ring = sum((within(at + 0.5) - within(at - 0.5) for at in middles), np.zeros_like(light)) / len(middles)
-    total = np.cumsum(ring, axis=2)  # along the circle
+    count = rings.shape[2]
+    first = -1 - count // 2
     half = np.minimum(0.5 * across / edges, np.pi / 4)
-    pixels, count = 2 * half * edges, light.shape[2]  # of each box; and directions
-    directions, half = np.arange(count) + 0.5, half * count / np.pi
-    boxes = np.empty((count, len(edges), 3))
-    for k in range(len(edges)):
-        above, below = (_up_to(total[k], directions + side * half[k]) for side in (1, -1))
-        boxes[:, k] = ((above - below) / max(pixels[k], 1.0)).T
-    return np.maximum(boxes, 0.0) / 2  # a half turn of the table stands for both
-
-
-def _up_to(total: Array, at: Array) -> Array:
-    """Return sums (3, directions) up to places of a circle, which is gone round once more before and after."""
-    last = total[:, -1:]
-    every = np.concatenate([total - last, total, total + last], axis=1)
-    first = np.floor(at).astype(np.int64) + total.shape[1] - 1
-    return np.asarray(every[:, first] * (1 - at % 1) + every[:, first + 1] * (at % 1))
+    pixels, half = np.maximum(2 * half * edges, 1.0), half * count / np.pi + 0.5  # of each box; and directions
+    boxes = np.empty((3, len(edges), count + 2), np.float32)
+    for k, ring in enumerate(rings):
+        more, part = int(half[k]), half[k] % 1
+        cells = ring.take(np.arange(-more, count + more + 2) + first, axis=1, mode="wrap")
+        total = np.zeros((3, cells.shape[1] + 1))
+        np.cumsum(cells, axis=1, out=total[:, 1:])
+        light = total[:, 2 * more : 2 * more + count + 2] - total[:, 1 : count + 3]
+        light += part * (cells[:, : count + 2] + cells[:, 2 * more :])
+        boxes[:, k] = np.maximum(light, 0.0) * (0.5 / pixels[k])  # a half turn of the table stands for both
+    return boxes
 
 
 def strew(planes: Array, kernel: Array) -> Array:
@@ -534,19 +575,32 @@ def strew(planes: Array, kernel: Array) -> Array:
     return np.maximum(light, 0.0) if planes.min() >= 0 else light
 
 
-def veil(planes: Array, kernel: Array, step: int) -> tuple[Array, Array]:
-    """Return the light of planes without lamps and that of ones, by a kernel of squares of so many pixels."""
+def veil(planes: Array, kernel: Array, shares: Array, step: int) -> tuple[Array, float]:
+    """Return the light of planes without lamps, by a kernel of squares of so many pixels, and what falls beside.
+
+    Beside the picture it is as bright as on it; ``shares`` (3,) of all light are far light.
+    """
     sides = planes.shape[1:]
     counts = [-(-side // step) for side in sides]
     (down, height), (across, width) = zip(counts, sides, strict=True)
     whole = np.pad(planes, ((0, 0), (0, down * step - height), (0, across * step - width)))
     squares = whole.reshape(-1, down, step, across * step).mean(axis=2).reshape(-1, down, across, step).mean(axis=3)
     parts = [np.clip(side / step - np.arange(count), 0.0, 1.0) for side, count in zip(sides, counts, strict=True)]
-    ones = np.broadcast_to(np.outer(*parts), squares.shape)
-    light = np.concatenate([strew(squares, kernel), strew(ones, kernel)])
-    down_at, across_at = ((np.arange(count) + 0.5) * step - 0.5 for count in counts)
-    light = between(light, (down_at, across_at), (np.arange(height), np.arange(width)))
-    return light[:3], light[3:]
+    beside = shares[:, None, None] - strew(np.broadcast_to(np.outer(*parts), squares.shape), kernel)
+    light = strew(squares, kernel) + beside * planes.mean(axis=(1, 2))[:, None, None]
+    nodes, places = zip(*(((np.arange(count) + 0.5) * step - 0.5, np.arange(side))
+                          for count, side in zip(counts, sides, strict=True)), strict=True)  # fmt: skip
+    return between(light.astype(np.float32), nodes, places), float((squares * beside).sum()) * step**2
+
+
+def beside(planes: Array, kernel: Array) -> float:
+    """Return the light of planes that a small kernel brings beside them, but for that which corners count twice."""
+    reach, lost = kernel.shape[1] // 2, 0.0
+    for axis in (1, 2):
+        lines, out = planes.sum(axis=3 - axis), np.cumsum(kernel.sum(axis=3 - axis)[:, :reach], axis=1)[:, ::-1]
+        near = min(reach, lines.shape[1])
+        lost += float((out[:, :near] * (lines[:, :near] + lines[:, ::-1][:, :near])).sum())
+    return lost
 
 
 def between(light: Array, nodes: tuple[Array, Array], places: tuple[Array, Array]) -> Array:
@@ -559,14 +613,3 @@ def between(light: Array, nodes: tuple[Array, Array], places: tuple[Array, Array
         low = light.take(first, axis)
         light = low + (light.take(np.minimum(first + 1, len(known) - 1), axis) - low) * part
     return light
-
-
-def received(kernel: Array, shape: tuple[int, ...]) -> Array:
-    """Return the light (3, height, width) that `strew` brings to each pixel of a film of ones, by a kernel."""
-    height, width = shape
-    top, left = kernel.shape[1] // 2 - height + 1, kernel.shape[2] // 2 - width + 1
-    within = np.cumsum(kernel[:, top : top + 2 * height - 1, left : left + 2 * width - 1], axis=1)
-    within[:, height:] -= within[:, : height - 1]
-    total = np.cumsum(within[:, height - 1 :], axis=2)
-    total[:, :, width:] -= total[:, :, : width - 1]
-    return total[:, :, width - 1 :]

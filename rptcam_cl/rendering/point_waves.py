@@ -14,7 +14,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays
-from rptcam_cl.rendering.cameras.film_pupil import Arrivals, FilmPupil, FilmPupils, OpenTo, by_an_edge
+from rptcam_cl.rendering.cameras.film_pupil import Arrivals, FilmPupil, FilmPupils, by_an_edge
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import CameraModel, LampReach, Reached
 from rptcam_cl.rendering.cameras.setting import film_frame
@@ -309,6 +309,16 @@ def point_opening(
 ) -> PointOpening:
     """Find the opening for light of a source [mm], in the frame of the lens, about a point of the film (x, y) [mm].
 
+    Parameters and errors as those of `rough_opening`.
+    """
+    return finer_opening(pupils, rough_opening(pupils, seen, point, source, nm), point, source)
+
+
+def rough_opening(
+    pupils: FilmPupils, seen: tuple[Array, FilmPupil], point: Array, source: Array, nm: float
+) -> PointOpening:
+    """Find the same with few cells and rays.
+
     Parameters
     ----------
     seen
@@ -319,13 +329,21 @@ def point_opening(
     InputError
         When no light arrives, or its rays are not known.
     """
-    opens, few = pupils.directions(point)[0], (FEW_ACROSS, _FEW_NODES, _FEW_POWERS)
+    few, opens = (FEW_ACROSS, _FEW_NODES, _FEW_POWERS), pupils.directions(point)[0]
+
+    def passes(ways: Array, places: Array) -> Mask:
+        return opens(ways, places + point)
+
     try:
-        first = _search(pupils, opens, _box_by(pupils, *seen, point), point, source, nm, few)
+        return _search(pupils, passes, _box_by(pupils, *seen, point), point, source, nm, few)
     except InputError:  # it is not where it is looked for
         own = _box_by(pupils, point, pupils(point, FEW_ACROSS), point)
-        first = _search(pupils, opens, own, point, source, nm, few)
-    return _search(pupils, opens, first.box, point, source, nm, (COARSE, NODES, POWERS))
+        return _search(pupils, passes, own, point, source, nm, few)
+
+
+def finer_opening(pupils: FilmPupils, rough: PointOpening, point: Array, source: Array) -> PointOpening:
+    """Find the opening of `point_opening` by that of `rough_opening`; raises as this does."""
+    return _search(pupils, rough.passes, rough.box, point, source, rough.nm, (COARSE, NODES, POWERS))
 
 
 def _box_by(pupils: FilmPupils, known: Array, seen: FilmPupil, point: Array) -> tuple[Array, float]:
@@ -341,7 +359,7 @@ def _box_by(pupils: FilmPupils, known: Array, seen: FilmPupil, point: Array) -> 
 
 def _search(
     pupils: FilmPupils,
-    opens: OpenTo,
+    passes: Callable[[Array, Array], Mask],
     box: tuple[Array, float],
     point: Array,
     source: Array,
@@ -353,15 +371,14 @@ def _search(
     axes = [middle[k] + half * ((np.arange(across) + 0.5) / across * 2 - 1) for k in (0, 1)]
     rays = rays_of(pupils, axes, point, source, nm, (nodes, powers))
     _, _, places, ways = rays(*axes)
-    inside = opens(ways.reshape(-1, 2), (places + point).reshape(-1, 2)).reshape(across, across)
+    inside = passes(ways.reshape(-1, 2), places.reshape(-1, 2)).reshape(across, across)
     if not inside.any():
         raise InputError("camera.diffraction: no light of a lamp reaches the film")
     cut = inside[[0, -1]].any() or inside[:, [0, -1]].any()
     if cut and across == FEW_ACROSS:
         raise InputError("camera.diffraction: the opening for a lamp is larger than it is known")
-
     radius = float(np.hypot(*places[inside].T).max())
-    return PointOpening(inside, axes, rays, radius, lambda w, at: opens(w, at + point), pupils.index, nm)
+    return PointOpening(inside, axes, rays, radius, passes, pupils.index, nm)
 
 
 def _divide_cells(

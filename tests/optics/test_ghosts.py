@@ -268,7 +268,7 @@ def test_the_front_scatters_the_integral_of_its_bsdf() -> None:
     assert scatter_share(abg) == pytest.approx(np.pi * abg[0] * np.log(1 + 1 / abg[1]), rel=1e-6)
     step, film = 36 / 96, np.zeros((64, 96, 1))
     film[20, 70] = 1000.0
-    glow = scattered(film, abg, sines_of_film(lens, distance, 21.7), (-18, step, -12, step))[..., 0]
+    glow = scattered(film, abg, sines_of_film(lens, distance, 21.7), (-18, step, -12, step), ((0, 22), (1, 1)))[..., 0]
 
     def sines(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         x, y = (each.ravel() for each in np.broadcast_arrays(x, y))

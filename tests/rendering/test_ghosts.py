@@ -13,14 +13,16 @@ from rptcam_cl.core.colour import lines_on_grid, luminance, srgb_from_spectrum
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.beams import Beam
+from rptcam_cl.optics.film_probe import FilmProbe, grid
 from rptcam_cl.optics.ghosts import Lit, find_ghosts, steps, unfold
 from rptcam_cl.optics.glass import MAGNESIUM_FLUORIDE, Coating, Layer, LayerStack, QuarterWave
-from rptcam_cl.optics.irradiance import veiling_glare
+from rptcam_cl.optics.irradiance import film_irradiance, veiling_glare
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
 from rptcam_cl.optics.surface import blades
 from rptcam_cl.rendering import ghosts as ghost_film
-from rptcam_cl.rendering.ghosts import STEP, WAVES_NM, GhostFilm, _as_one, _basis, _even_cells, _spread_light
+from rptcam_cl.rendering.cameras.lens_records import ghost_setting
+from rptcam_cl.rendering.ghosts import STEP, WAVES_NM, GhostFilm, Ghosting, _as_one, _basis, _even_cells, _spread_light
 from rptcam_cl.rendering.lamps import _on_sphere
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import shares_of_white
@@ -148,6 +150,47 @@ def test_what_the_front_scatters_is_taken_from_the_direct_light() -> None:
         rptcam_cl.render(scene(sun(10.0), front_scatter=[3e-3, 1e-4, 2.0], ghosts="off"))
     with pytest.raises(InputError, match="front_scatter: scatters 8"):
         rptcam_cl.render(scene(sun(10.0), front_scatter=[0.3, 1e-4, 2.0]))
+
+
+DUSTY = {"front_scatter": [3e-3, 1e-4, 2.0]}
+
+
+def test_the_front_scatters_a_sun_beside_the_frame_as_rays_of_the_pupil_say(session: Session) -> None:
+    travels = 0.2, 0.5, 0.842615
+
+    def light(*objects: dict[str, Any], **camera: Any) -> tuple[np.ndarray, dict[str, Any]]:
+        loaded = load_scene(scene(sun(30.0) | {"direction": travels}, objects=objects, **camera))
+        return Ghosting(loaded, make_plan(loaded), session).result
+
+    (dusty, said), (clean, _) = light(**DUSTY), light()
+    assert said["scatter"]["beside"] == 1
+    hooded, none = light(ball(0) | {"center": [-2, -5, -8.4], "radius": 1}, **DUSTY)
+    assert none["scatter"]["beside"] == 0 and not hooded.any()
+    loaded = load_scene(scene(sun(30.0)))
+    setting = ghost_setting(loaded)
+    distance, a, b = setting.film_distance_mm, 3e-3, 1e-4
+    probe = FilmProbe(setting.lens, distance, 587.5618)
+    value = make_plan(loaded).camera.metadata["values_per_irradiance"]
+    for row, column in ((3, 5), (28, 40)):
+        film = np.array([-(column + 0.5 - 24) * 0.75, (row + 0.5 - 16) * 0.75])
+        rear = grid(probe.windows(film[None]), 60, 60)[0]
+        rays = probe.trace(film, rear)
+        weight = rays.passed / (distance**2 + ((rear - film) ** 2).sum(axis=1)) ** 2
+        away2 = np.sum((rays.directions[:, :2] + travels[:2]) ** 2, axis=1)
+        radiance = IRRADIANCE * travels[2] * (weight @ (a / (b + away2))) / weight.sum()
+        radius = float(np.hypot(*film))
+        lit = film_irradiance(setting.lens, distance, radius, 587.5618, transmission=setting.transmission)
+        assert (dusty - clean)[row, column, 1] == pytest.approx(radiance * lit * value, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_a_crop_has_the_glow_of_a_sun_in_the_rest_of_the_frame() -> None:
+    lit = scene(sun(9.0, 2.0), objects=(ball(200),), **DUSTY) | {"render": {"spp": 64, "layers": ["ghosts"]}}
+    whole = rptcam_cl.render(lit)
+    crop = rptcam_cl.render(lit | {"film": FILM | {"crop": [0, 1, 0, 0.5]}})
+    assert whole.metadata["ghosts"]["scatter"]["beside"] == 0
+    assert 0.6 < whole.metadata["ghosts"]["scatter"]["on_film"] < 0.7
+    np.testing.assert_allclose(crop["ghosts"], whole["ghosts"][:16], rtol=8e-3)  # the sun is of noise there
 
 
 def test_what_hides_the_sun_hides_its_ghosts(session: Session) -> None:

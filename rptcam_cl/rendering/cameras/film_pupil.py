@@ -181,7 +181,7 @@ _FIRST_ACROSS = 48  # of the search for it
 WIDER = (64.0, 16.0, 4.0)  # times the stop, through which an opening is found that no direction of the search meets
 FINER = 4  # points across a cell that the edge runs through
 CORNERS = 1024  # of an outline
-HALVINGS = 24  # that find each
+FINEST, ROUGH = 2.0**-24, 0.02  # of its widest, to which each is found; and of radii, within which a rough one is
 _SAME_AREA = 0.02  # within which an outline and the cells inside it are one opening
 
 OpenTo = Callable[..., Mask]
@@ -284,36 +284,62 @@ class FilmPupils:
         square = 1 - seen.cosines_x**2 - seen.cosines_y[:, None] ** 2
         return float((seen.coverage * np.maximum(square, 1e-9) ** (self.power / 2)).sum() * seen.step**2)
 
-    def outline(self, point: Array, corners: int = CORNERS) -> Array | None:
+    def outline(self, point: Array) -> Array | None:
         """Return corners (n, 2) of the outline in direction cosines, anticlockwise about its middle, within 1e-6.
 
-        Fewer corners are known within a thousandth of the radius, in a third of the time.
         None where a line from the middle crosses the outline twice, as in a mask of several holes.
         """
         opens, box = self.directions(point)
-        if corners < CORNERS:
-            for _ in range(2):
-                inside = _open_directions(opens, box)
-                if not len(inside):
-                    return None
-                box = _about(inside, box)
-            middle, area_known, widest = inside.mean(axis=0), None, 2 * np.sqrt(2) * box[1, 0]
-        else:
-            grid = _pupil(opens, box, self.index)
-            share = grid.coverage / grid.coverage.sum()
-            middle = np.array([share.sum(axis=0) @ grid.cosines_x, share.sum(axis=1) @ grid.cosines_y])
-            area_known, widest = grid.coverage.sum() * grid.step**2, grid.step * _PUPIL_ACROSS * np.sqrt(2)
-        angles = 2 * np.pi * (np.arange(corners) + 0.5) / corners
-        towards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        near, far = np.zeros(corners), np.full(corners, widest)
-        for _ in range(HALVINGS if corners == CORNERS else HALVINGS // 2):
-            half = (near + far) / 2
-            open_there = opens(middle + half[:, None] * towards)
-            near, far = np.where(open_there, half, near), np.where(open_there, far, half)
-        area = 0.5 * np.sin(2 * np.pi / corners) * float(near @ np.roll(near, -1))
-        if area_known is not None and abs(area / area_known - 1) > _SAME_AREA:
-            return None
-        return np.asarray(middle + near[:, None] * towards)
+        grid = _pupil(opens, box, self.index)
+        share = grid.coverage / grid.coverage.sum()
+        middle = np.array([share.sum(axis=0) @ grid.cosines_x, share.sum(axis=1) @ grid.cosines_y])
+        corners = _corners(opens, middle, CORNERS, (0.0, grid.step * _PUPIL_ACROSS * np.sqrt(2)), FINEST)
+        x, y = (corners - middle).T
+        area = 0.5 * float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
+        return None if abs(area / (grid.coverage.sum() * grid.step**2) - 1) > _SAME_AREA else corners
+
+    def rough_outline(self, point: Array) -> Array | None:
+        """Return a quarter of these corners, within a thousandth of its radius, of an opening without several holes.
+
+        None where no light comes from.
+        """
+        opens, box = self.directions(point)
+        for _ in range(2):
+            inside = _open_directions(opens, box)
+            if not len(inside):
+                return None
+            box = _about(inside, box)
+        widest = 2 * np.sqrt(2) * float(box[1, 0])
+        return _corners(opens, inside.mean(axis=0), CORNERS // 4, (0.0, widest), 2.0**-12)
+
+    def finer_outline(self, point: Array, rough: Array) -> Array:
+        """Return the corners that `outline` does, by those of `rough_outline`."""
+        middle = rough.mean(axis=0)
+        x, y = (rough - middle).T
+        order, angles = np.argsort(np.arctan2(y, x)), _turns(CORNERS)
+        radii = np.interp(angles, np.arctan2(y, x)[order], np.hypot(x, y)[order], period=2 * np.pi)
+        near, far = radii * (1 - ROUGH), radii * (1 + ROUGH)
+        return _corners(self.directions(point)[0], middle, CORNERS, (near, far), 8 * FINEST)
+
+
+def _turns(count: int) -> Array:
+    return 2 * np.pi * (np.arange(count) + 0.5) / count
+
+
+def _corners(opens: OpenTo, middle: Array, count: int, ends: tuple[Array | float, Array | float], part: float) -> Array:
+    """Return so many corners (n, 2) of an opening, each between two radii, or beyond these, to a part of the widest."""
+    angles = _turns(count)
+    towards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    near, far = (np.broadcast_to(radius, count) for radius in ends)
+    widest = 2.0 * float(far.max())
+    if near.any():
+        near = np.where(opens(middle + near[:, None] * towards), near, 0.0)
+        far = np.where(opens(middle + far[:, None] * towards), widest, far)
+    while (far - near).max() > 0.75 * part * widest:
+        half = (near + far) / 2
+        open_there = opens(middle + half[:, None] * towards)
+        near, far = np.where(open_there, half, near), np.where(open_there, far, half)
+    return np.asarray(middle + near[:, None] * towards)
 
 
 def traced_pupils(setting: LensSetting) -> FilmPupils:

@@ -129,6 +129,8 @@ def _sun_spectrum(zenith_angle: float, turbidity: float) -> Spectrum:
 
 
 MOST_CELLS = (1024, 2048)  # rows and columns that light sampling tells apart: 24 MB of tables
+LARGEST_SECOND_MOMENT = 1.08  # of light samples by cells that are joined, over that by cells of a texel
+MOST_UNSAMPLED = 1e-3  # of their squares, in cells that light samples leave to the BSDF
 LEAST_CONTRAST = 1e-6  # share of a picture's light above its mean: less is rounding
 
 
@@ -168,7 +170,7 @@ class _Brightness:
 
     @classmethod
     def of(cls, colours: Colours) -> _Brightness:
-        shares = cell_shares(_brightness_of(colours))
+        shares = joined_cells(cell_shares(_brightness_of(colours)))
         above = compensate(shares)
         tables = _sampling_tables(above)
         tables.flags.writeable = False
@@ -281,6 +283,25 @@ def compensate(shares: Array) -> Array:
     total = shares.sum()
     above = np.maximum(shares - (total / (4 * np.pi) * bands)[:, None], 0.0)
     return above if above.sum() > LEAST_CONTRAST * total else np.zeros_like(shares)
+
+
+def joined_cells(shares: Array) -> Array:
+    """Return the shares of squares of cells, the largest by which light samples are nearly as good.
+
+    Small tables stay in the processor's caches: a picture of light through a thin lens takes 0.7 of the time so.
+    """
+    fine = compensate(shares)
+    both, size = np.stack([fine**2, shares]), 1
+    while fine.any() and both.shape[1] % 2 == both.shape[2] % 2 == 0:
+        rows = both[:, ::2] + both[:, 1::2]
+        both, size = rows[:, :, ::2] + rows[:, :, 1::2], 2 * size
+        squares, coarse = both[0], compensate(both[1])
+        lit = coarse > 0
+        second_moment = size**2 * (squares[lit] / coarse[lit]).sum() * coarse.sum() / fine.sum() ** 2
+        if second_moment > LARGEST_SECOND_MOMENT or squares[~lit].sum() > MOST_UNSAMPLED * squares.sum():
+            break
+        shares = both[1]
+    return shares
 
 
 def _gather(values: Array, count: int, axis: int) -> Array:

@@ -28,7 +28,15 @@ from rptcam_cl.studies.focus.probe import (
     peak_of,
     rich_part,
 )
-from rptcam_cl.studies.focus.renderer import MOST_SAMPLES, PRECISE, SIGHT_ACROSS, Probes, Task, probability_within
+from rptcam_cl.studies.focus.renderer import (
+    HOPELESS,
+    MOST_SAMPLES,
+    PRECISE,
+    SIGHT_ACROSS,
+    Probes,
+    Task,
+    probability_within,
+)
 
 #
 # Focus by distance: rays tell how far away the zone is, and the lens says where its film has to be.
@@ -37,7 +45,10 @@ from rptcam_cl.studies.focus.renderer import MOST_SAMPLES, PRECISE, SIGHT_ACROSS
 # The state is that of the least spot of exact rays in the middle of the zone (`optics/best_focus.py`). No contrast is
 # needed, but the distance is that of the first surface: of a mirror or a pane of glass, not of what is seen in it.
 
-LEAST_SHARE = 0.25  # of a zone whose rays must meet something
+LEAST_MET, LEAST_SHARE = (
+    0.05,
+    0.25,
+)  # of a zone: whose rays must meet something, and what counts though others fill more
 
 
 def state_within_reach(drive: Drive, distance_m: float, zone: Zone) -> float:
@@ -120,11 +131,11 @@ MOST_LAMPS = 0.5  # share of what a zone shows, from which its lamps are what is
 def _subject_of(task: Task, state: float, zone: Zone) -> ZoneSubject | None:
     """Find what a zone is focused on: of several distances the nearest that fills a quarter of it, else the most.
 
-    None where less than a quarter shows anything.
+    None where hardly any of it shows anything.
     """
     sight = task.renderer.sight(state, zone)
     met = np.isfinite(sight.depths) & (sight.depths > 0)
-    if met.mean() < LEAST_SHARE:
+    if met.mean() < LEAST_MET:
         return None
     lamps = met & sight.lamps
     own = np.flatnonzero(met & ~lamps if lamps.sum() < MOST_LAMPS * met.sum() else met)
@@ -541,7 +552,8 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
     for _ in range(4):
         if peak.rise < CLEAR and samples >= most:
             raise _same_everywhere(peak)
-        is_converged = peak.rise >= CLEAR and (peak.error < probes.enough_error or samples >= most)
+        is_hopeless = peak.error * math.sqrt(samples / most) > HOPELESS * sharp
+        is_converged = peak.rise >= CLEAR and (peak.error < probes.enough_error or samples >= most or is_hopeless)
         if is_converged and _is_even(made, zone, peak, (low, high), widest):
             return peak
         step = min(max(SHARE * peak.width, sharp), widest / 2 if is_converged else widest)

@@ -30,7 +30,7 @@ from rptcam_cl.studies.focus import contrast
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
 from rptcam_cl.studies.focus.phase import clearest_beside, focus_by_hybrid, focus_by_phase, half_view
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Probe, Zone
-from rptcam_cl.studies.focus.renderer import SIGHT_ACROSS, ProbeRenderer, Task
+from rptcam_cl.studies.focus.renderer import MOST_OF_SEARCH, SIGHT_ACROSS, ProbeRenderer, Task
 
 # What can be wrong with a focus that was found: too uncertain, one of two distances, or one of two line focuses.
 
@@ -85,7 +85,7 @@ def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
     off = drive.nearer * (drive.coordinate(report.state) - drive.coordinate(best)) / drive.depth_of_focus
     away = np.abs(off - (shown - nearest) / sharp)
     slack = 0.5 + abs(report.notes.get("beyond_spot", 0.0))
-    if report.method in BY_DETAILS:
+    if float(np.mean(away <= slack)) < SHARP_SHARE and report.method in BY_DETAILS:
         slack += clearest_beside(task.renderer, best, zone)
     if (share := float(np.mean(away <= slack))) >= SHARP_SHARE:
         return None
@@ -264,6 +264,7 @@ def _zone_within(seen: NDArray[np.bool_]) -> Zone:
 HIDDEN = 0.03  # of the distance of a point, by which what hides it is nearer at least
 HALVED = 0.5  # side of the zone round a point of the scene, in those of a point of the picture
 POINT_ROUNDS = 3  # in which focus and exposure of the place of a point follow from that place
+STAYS = 0.05  # of the zone's side, by which the place moves when they do
 
 
 def _zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | None) -> Zone:
@@ -291,8 +292,10 @@ def _zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | Non
         place = seen_places(drive.chief_rays(scene, renderer.state), seen[None])[0] / size
         if not (np.all(place > 0) and np.all(place < 1)):
             raise InputError(f"{where}: the point is not in the picture")
-        x, y = place.tolist()
+        before, (x, y) = zone, place.tolist()
         zone = zone_at(scene, x, y, HALVED)
+        if math.dist(zone.centre, before.centre) < STAYS * (zone.right - zone.left):
+            break
         with suppress(InputError):  # out of reach, which the search will say
             renderer.state = drive.state_for(distance, zone)
     sight = renderer.sight(renderer.state, zone_at(scene, x, y, HALVED / SIGHT_ACROSS))
@@ -605,8 +608,10 @@ def search(task: Task, method: str) -> FocusReport:
     # Of what is even only its edge can be sharp, which parts of zones leave out.
     whole = [replace(nearby, zones=task.zones)] if parts != task.zones else []
     for attempt in (nearby, *whole, replace(task, zones=parts)):
-        if failure is not None and failure.is_flat and attempt.near != near:
-            break  # rays through all glass and by all mirrors lead there: elsewhere it is no sharper
+        if (
+            failure is not None and attempt.near != near and (failure.is_flat or task.renderer.samples > MOST_OF_SEARCH)
+        ):  # rays through all glass and by all mirrors lead there: elsewhere it is no sharper
+            break
         try:
             report = METHODS[method](attempt)
         except NoContrast as problem:

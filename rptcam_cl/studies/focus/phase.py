@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -39,6 +39,7 @@ from rptcam_cl.studies.focus.probe import (
 from rptcam_cl.studies.focus.renderer import (
     CONTENT,
     DEAR,
+    HOPELESS,
     MOST_OF_SEARCH,
     ProbeRenderer,
     Task,
@@ -79,6 +80,7 @@ LEAST_ALONG = 0.1  # of those changes
 LAG = 4  # pixels, over which they are taken
 LEAST_SIGNIFICANCE = 5.0  # of the contrast, in standard errors
 LEAST_CONTRAST = 0.002  # standard deviation over mean
+BINS = (1, 2, 4)  # pixels each way whose means show them
 
 
 @dataclass(frozen=True)
@@ -233,13 +235,10 @@ class PhaseMatch:
         """
         height, width = self._shape
         nearest = np.rint(offsets).astype(np.int64)
-        taps = _spline(offsets - nearest)
-        picture = np.zeros(height * width)
-        for right in (-1, 0, 1):
-            for down in (-1, 0, 1):
-                at = (nearest[:, 1] + down) % height * width + (nearest[:, 0] + right) % width
-                share = weights * taps[right + 1][:, 0] * taps[down + 1][:, 1]
-                picture += np.bincount(at, share, minlength=len(picture))
+        right, down = np.moveaxis(_spline(offsets - nearest), 2, 0)  # (3, n) each
+        columns, rows = (nearest.T[:, None] + _BESIDE) % np.array([width, height])[:, None, None]
+        at, shares = rows[:, None] * width + columns, weights * down[:, None] * right
+        picture = np.bincount(at.ravel(), shares.ravel(), minlength=height * width)
         return np.asarray(np.conj(np.fft.rfft2(picture.reshape(height, width))))
 
     def along(self) -> float:
@@ -255,9 +254,15 @@ class PhaseMatch:
         noise, mean = float(self.halves.noise.sum()), float(whole.mean())
         if not mean > 0 or noise <= 0:
             return 0.0, 0.0
-        variance = float(np.sum(without_trend(whole[None]) ** 2)) / (whole.size - TERMS)
-        significance = (variance / noise - 1) * math.sqrt(whole.size / 2)
-        return math.sqrt(max(variance - noise, 0.0)) / mean, significance
+        for side in BINS:  # noise is finer than details
+            rows, columns = (count // side for count in whole.shape)
+            means = whole[: rows * side, : columns * side].reshape(rows, side, columns, side).mean(axis=(1, 3))
+            variance = float(np.sum(without_trend(means[None]) ** 2)) / (means.size - TERMS) * side**2
+            significance = (variance / noise - 1) * math.sqrt(means.size / 2)
+            if significance >= LEAST_SIGNIFICANCE or means.size <= 8 * TERMS:
+                break
+        contrast = math.sqrt(max(variance - noise, 0.0)) / side / mean
+        return contrast, significance
 
     def best(self, low: float, high: float) -> Match | None:
         """Return the best vergence between about two; None where there is nothing to go by."""
@@ -335,9 +340,12 @@ def _square(values: Complex) -> Array:
     return np.asarray(values.real**2 + values.imag**2)
 
 
-def _spline(x: Array) -> list[Array]:
+_BESIDE = np.array([[-1], [0], [1]])
+
+
+def _spline(x: Array) -> Array:
     """Return the quadratic B-spline at -1, 0 and 1 from x, which lies within half of 0."""
-    return [0.5 * (0.5 - x) ** 2, 0.75 - x * x, 0.5 * (0.5 + x) ** 2]
+    return np.stack([0.5 * (0.5 - x) ** 2, 0.75 - x * x, 0.5 * (0.5 + x) ** 2])
 
 
 def _rival(misfits: Array, shown: Array, displacement: float, level: float, least: float) -> float:
@@ -485,12 +493,11 @@ DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepar
 LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
 NEAR = 1.0  # depths of focus: a probe so near to the focus that it found is the last one
 SEEN = 3.0  # depths of focus: a probe so near shows where the details of a zone lie
-PRECISE, ENOUGH = 0.06, 0.125  # depths of focus: standard error aimed at, and taken
+PRECISE, ENOUGH = 0.07, 0.125  # depths of focus: standard error aimed at, and taken
 BESIDE_NOISE = 0.1  # depths of focus that matches err by where other distances show beside the zone, whatever the noise
 MOST_PROBES = 12
 SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
 BLUR = 1.2  # radius of a blurred point over the displacement of its halves
-OTHER_STARTS = (0.12, 0.45, 0.8)  # of the reach, from far to near
 REASONS = {
     "flat": f"its details do not come to {LEAST_SIGNIFICANCE:g} standard errors of the noise"
     f" or {LEAST_CONTRAST:.1%} of its light",
@@ -585,7 +592,7 @@ class PhaseSearch:
         splits = _SPLITS
         for samples in (NEAR_SAMPLES, 4 * NEAR_SAMPLES, MOST_SAMPLES):
             for split in splits:
-                match = self._probe(start, split, samples, (own - away, own + away))
+                match = self._probe(start, split, min(samples, self.most), (own - away, own + away))
                 refusal = "flat" if match is None else match.refusal_among(NEAR_GAIN)
                 if match is not None and refusal is None and abs(match.vergence - own) <= away:
                     return
@@ -598,7 +605,7 @@ class PhaseSearch:
         raise no_contrast(REASONS[refusal or "vague"], is_flat=refusal == "flat")
 
     def begin(self, start: float) -> None:
-        """Probe from a state, and from others where that shows too little, until there is a distance.
+        """Probe from a state for a distance anywhere within the reach.
 
         Raises
         ------
@@ -606,20 +613,12 @@ class PhaseSearch:
             When there is none.
         """
         reach = self._reach()
-        refusal = "flat"
-        for number, state in enumerate(self._starts(start)):
-            samples = SAMPLES if number == 0 else 2 * SAMPLES
-            match = self._probe(state, "x", samples, reach)
-            if match is not None and match.refusal in ("vague", "ambiguous"):  # it may change along the other axis
-                refusal = str(match.refusal)
-                match = self._probe(state, "y", samples, reach)
-            if match is not None and match.refusal is None:
-                return
-            if match is not None and match.refusal in ("vague", "ambiguous"):
-                refusal = str(match.refusal)
-            if not self.probe.halves.pictures.any():
-                raise no_contrast(REASONS["dark"])
-        raise no_contrast(REASONS[refusal])
+        match = self._probe(start, "x", SAMPLES, reach)
+        if match is not None and match.refusal in ("vague", "ambiguous"):  # it may change along the other axis
+            match = self._probe(start, "y", SAMPLES, reach)
+        refusal = "flat" if match is None else match.refusal
+        if refusal is not None:
+            raise no_contrast(REASONS[refusal if self.probe.halves.pictures.any() else "dark"])
 
     def finish(self) -> float:
         """Return the state that makes the target sharpest, after as many probes as that takes.
@@ -633,8 +632,14 @@ class PhaseSearch:
         while len(self.probes) < MOST_PROBES:
             state = self.state
             if self.moved <= NEAR:
-                is_confirmed = len(self.probes) > 1  # by a second probe, from the state that the first has found
+                # by a second probe, from the state that the first has found, or by rays that led there
+                is_confirmed = len(self.probes) > 1 or (
+                    math.isfinite(self._near[0]) and _uncertainty_of(self) <= PRECISE
+                )
+                all_left = self.error * self.probe.stop * math.sqrt(self._samples / self.most)
                 if (self.error <= self.enough and is_confirmed) or self.most <= max(samples, self._samples):
+                    return state
+                if is_confirmed and all_left > HOPELESS:
                     return state
                 samples *= 2 if self.probe.stop == 1.0 else 1
             samples = self.step(state, samples)
@@ -655,8 +660,9 @@ class PhaseSearch:
         least, most = self._near if self._near[0] <= match.vergence <= self._near[1] else (-math.inf, math.inf)
         within = max(match.vergence - reach, least), min(match.vergence + reach, most)
         refined = self._probe(state, probe.view.split, samples, within)
-        if refined is None or refined.refusal in ("flat", "vague"):  # the first probe has distinguished rivals
-            raise no_contrast(REASONS["flat" if refined is None else str(refined.refusal)])
+        refusal = "flat" if refined is None else refined.refusal_among(NEAR_GAIN)
+        if refusal in ("flat", "vague"):  # the first probe has distinguished rivals
+            raise no_contrast(REASONS[refusal])
         return samples
 
     def narrow_zone(self) -> None:
@@ -668,12 +674,6 @@ class PhaseSearch:
         zone = parts[:, above : height - below, left : width - right]
         if (part := rich_part(zone, max(left, right), (self.probe.view.axis,))) is not None:
             self.zone = self.renderer.part_of(self.zone, part)
-
-    def _starts(self, start: float) -> Iterator[float]:
-        yield start
-        ends = sorted((self.drive.coordinate(limit) for limit in self.drive.limits), reverse=self.drive.nearer < 0)
-        for share in OTHER_STARTS:
-            yield self.drive.state_at(ends[0] + share * (ends[1] - ends[0]))
 
     def _reach(self) -> tuple[float, float]:
         """Return the vergences [1/m] that are sharp at the ends of the focus."""

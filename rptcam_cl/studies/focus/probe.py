@@ -260,33 +260,6 @@ def jackknife(count: int, of: Callable[[NDArray[np.int64]], float]) -> Estimate:
     return Estimate(of(every), _spread(without), without)
 
 
-def _variance(parts: Array) -> list[Array]:
-    return [parts - parts.mean(axis=(1, 2), keepdims=True)]
-
-
-def _tenengrad(parts: Array) -> list[Array]:
-    """Sobel's gradient (Tenenbaum 1970, Krotkov 1987)."""
-    across = parts[:, :, 2:] - parts[:, :, :-2]
-    down = parts[:, 2:] - parts[:, :-2]
-    return [
-        across[:, :-2] + 2 * across[:, 1:-1] + across[:, 2:],
-        down[:, :, :-2] + 2 * down[:, :, 1:-1] + down[:, :, 2:],
-    ]
-
-
-def _brenner(parts: Array) -> list[Array]:
-    """Differences two pixels apart (Brenner 1976), here both ways."""
-    return [parts[:, :, 2:] - parts[:, :, :-2], parts[:, 2:] - parts[:, :-2]]
-
-
-def _laplacian(parts: Array) -> list[Array]:
-    """Energy of Laplacian (Subbarao 1993), by the nine-point operator."""
-    inner = parts[:, 1:-1]
-    sides = inner[:, :, :-2] + inner[:, :, 2:] + parts[:, :-2, 1:-1] + parts[:, 2:, 1:-1]
-    corners = parts[:, :-2, :-2] + parts[:, :-2, 2:] + parts[:, 2:, :-2] + parts[:, 2:, 2:]
-    return [(4 * sides + corners - 20 * inner[:, :, 1:-1]) / 6]
-
-
 def _wavelet(parts: Array) -> list[Array]:
     """Details of three levels of Haar's wavelet (after Yang and Nelson 2003), without decimation at each level."""
     outputs, smooth = [], parts
@@ -472,10 +445,6 @@ ROUNDED = 1e-5  # size of details that the rounding of float32 pictures makes, m
 LEAST_DETAIL = 5e-5  # mean square of the details relative to the mean: 0.7 %
 MEASURES: dict[str, Measure] = {
     "variance": Measure(_plain_variance, 0.0),
-    "normalised_variance": Measure(energy(_variance), LEAST_DETAIL),
-    "tenengrad": Measure(energy(_tenengrad), 8 * LEAST_DETAIL),
-    "brenner": Measure(energy(_brenner), LEAST_DETAIL),
-    "energy_of_laplacian": Measure(energy(_laplacian), LEAST_DETAIL),
     "sum_modified_laplacian": Measure(sum_modified_laplacian, ROUNDED),
     "wavelet": Measure(energy(_wavelet), LEAST_DETAIL),
 }
@@ -780,7 +749,7 @@ class FocusReport:
 
 SIZE = (8.0, 4.6)  # [inches]
 FEWEST = 3  # probes that make a curve
-FEWEST_SHIFTS = 2  # probes that show which way the halves part
+FEWEST_SHIFTS = 1  # probes that show which way the halves part
 
 
 @styled()

@@ -167,6 +167,7 @@ class ZoneView:
 # What chief rays of a zone show: how far away it seems to lie, through panes and by mirrors.
 
 SIGHT_ACROSS = 16  # places of a zone, across and down
+ALIKE = 0.2  # depths of focus between states in which places show the same: the image grows by less than their step
 BESIDE_M = 1e-3  # between the rays whose difference tells how far away something seems to be
 BESIDE_RAD = 1e-3
 Follow = Callable[[NDArray[np.float64], NDArray[np.float64], Any], SeenEnds]
@@ -296,7 +297,7 @@ class ProbeRenderer:
         self._wavefronts: dict[tuple[tuple[str, int], ...], Wavefront] = {}
         self._white: tuple[Plan, SceneBuffers] | None = None
         self._sharp: SharpPass | None = None
-        self._sights: dict[tuple[float, Zone], Sight] = {}
+        self._sights: dict[Zone, dict[float, Sight]] = {}
         self._rays: dict[tuple[float, float, tuple[int, int], bytes], PupilRays] = {}
         self._wholes: dict[Zone, Zone] = {}  # of parts of zones
         self._most: dict[tuple[Zone, ...], float] = {}  # light that counts in full
@@ -483,12 +484,14 @@ class ProbeRenderer:
         InputError
             When no light reaches it.
         """
-        key = state, zone
-        if key not in self._sights:
-            across, down = (np.linspace(*ends, 2 * SIGHT_ACROSS + 1)[1::2] for ends in (
-                (zone.left, zone.right), (zone.top, zone.bottom)))  # fmt: skip
-            self._sights[key] = self._sight_of(state, np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2))
-        return self._sights[key]
+        known = self._sights.setdefault(zone, {})
+        for other, sight in known.items():
+            if abs(self.drive.coordinate(other) - self.drive.coordinate(state)) <= ALIKE * self.drive.depth_of_focus:
+                return sight
+        across, down = (np.linspace(*ends, 2 * SIGHT_ACROSS + 1)[1::2] for ends in (
+            (zone.left, zone.right), (zone.top, zone.bottom)))  # fmt: skip
+        known[state] = self._sight_of(state, np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2))
+        return known[state]
 
     def objects(self) -> NDArray[np.int32]:
         """Return which object each part of the picture shows, -1 for none, (height, width) of at most `ACROSS`."""
@@ -735,10 +738,11 @@ def probability_within(tolerance: float, error: float) -> float:
 
 
 MOST_SAMPLES = 512  # per pixel
-MOST_OF_SEARCH = 5_000_000  # samples of all pixels: what is not decided by then is refused, or as uncertain as it says
+MOST_OF_SEARCH = 2_000_000  # samples of all pixels: what is not decided by then is refused, or as uncertain as it says
 PRECISE = 8.0  # parts of a depth of focus, of which a focus may err by one
-DEAR = 400_000  # samples of all pixels, after which a search is content with the error of `CONTENT`
+DEAR = 200_000  # samples of all pixels, after which a search is content with the error of `CONTENT`
 CONTENT = 0.2  # depths of focus: four times of five the focus then lies within a quarter
+HOPELESS = 0.5  # depths of focus: error by all samples that are left, roughly known, above which they are not taken
 MOST_PROBES = 40  # after which a search gives up
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.core.colour import LUMINANCE
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.plan.environment import cell_shares, compensate
+from rptcam_cl.rendering.plan.environment import LARGEST_SECOND_MOMENT, cell_shares, compensate, joined_cells
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.load import load_scene
@@ -54,8 +54,14 @@ def test_sample_agrees_with_what_is_met(session: Session, tmp_path: Path, lanes:
     assert same.mean() > 0.999
 
 
-def test_counts_follow_the_density(session: Session, tmp_path: Path) -> None:
-    sky = rough_sky()
+def smooth_sky():
+    """A picture of 32 x 64 texels whose light rises to one side, in cells of 4 x 4 for light sampling."""
+    v, u = np.meshgrid((np.arange(32) + 0.5) / 32, (np.arange(64) + 0.5) / 64, indexing="ij")
+    return (1 + 0.9 * np.sin(np.pi * v) * np.cos(2 * np.pi * u))[..., None] * np.array([1.0, 0.8, 0.6])
+
+
+@pytest.mark.parametrize("sky", [rough_sky(), smooth_sky()], ids=["rough", "smooth"])
+def test_counts_follow_the_density(session: Session, tmp_path: Path, sky) -> None:
     count = 1 << 20
     direction, _, _, _, density = sampled(session, tmp_path, sky, count)
     u, v = place(direction)
@@ -66,13 +72,34 @@ def test_counts_follow_the_density(session: Session, tmp_path: Path) -> None:
     expected = np.full(rows * columns, np.nan)
     expected[cells] = density * np.sin(np.pi * v) * 2 * np.pi**2 / (rows * columns)
     found = np.isfinite(expected)
-    above = compensate(cell_shares(sky @ LUMINANCE))[::-1].ravel() > 0
-    np.testing.assert_array_equal(found, above)
+    above = compensate(joined_cells(cell_shares(sky @ LUMINANCE)))[::-1] > 0
+    size = rows // len(above)
+    np.testing.assert_array_equal(found, above.repeat(size, axis=0).repeat(size, axis=1).ravel())
     observed, expected = observed[found], expected[found]
     assert expected.sum() == pytest.approx(1, abs=1e-4)
     assert chi_squared(observed, expected / expected.sum() * count) > ALPHA
     wrong = np.roll(expected, 1)
     assert chi_squared(observed, wrong / wrong.sum() * count) < 1e-12
+
+
+def test_cells_are_joined_while_light_samples_are_nearly_as_good() -> None:
+    shares = cell_shares(smooth_sky() @ LUMINANCE)
+    joined, fine = joined_cells(shares), compensate(shares)
+    assert joined.shape == (8, 16)
+    assert joined.sum() == pytest.approx(shares.sum())
+
+    def second_moment(cells):  # of light over the probability of its texel
+        size = 32 // len(cells)
+        chance = np.kron(compensate(cells), np.ones((size, size))) / size**2
+        lit = chance > 0
+        return (fine[lit] ** 2 / chance[lit]).sum() * chance.sum() / fine.sum() ** 2
+
+    assert second_moment(shares) == pytest.approx(1)
+    assert 1 < second_moment(joined) < LARGEST_SECOND_MOMENT
+    assert second_moment(joined.reshape(4, 2, 8, 2).sum(axis=(1, 3))) > LARGEST_SECOND_MOMENT
+    with_a_lamp = smooth_sky()
+    with_a_lamp[10, 20] *= 1000
+    assert joined_cells(cell_shares(with_a_lamp @ LUMINANCE)).shape == (32, 64)
 
 
 def test_light_samples_take_what_is_above_the_mean() -> None:

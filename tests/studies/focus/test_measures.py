@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.studies.focus.probe import MEASURES, ZoneImage, energy, rich_part
+from benchmarks.focus_measures import COMPARED as MEASURES
+from rptcam_cl.studies.focus.probe import ZoneImage, energy, rich_part
 from tests.rendering.pictures import seed_of
 
 QUADRATIC = ["normalised_variance", "tenengrad", "brenner", "energy_of_laplacian", "wavelet"]

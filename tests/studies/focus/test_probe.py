@@ -225,7 +225,7 @@ def test_plot_shows_what_the_method_looked_at(method, quantities, shown, hidden)
 
 
 def test_too_few_probes_are_no_curve():
-    for method, quantity in (("depth", "distance"), ("phase", "displacement")):
+    for method, quantity in (("depth", "distance"), ("contrast", "contrast")):
         with pytest.raises(InputError, match="no curve to draw"):
             focus_plot(report_of(method, [quantity]), "title")
 
