@@ -30,10 +30,12 @@ def dataclass(cls: Any = None, /, **options: bool) -> Any:
 
 
 def _dataclass(cls: type, options: dict[str, bool]) -> type:
-    if any(map(dataclasses.is_dataclass, cls.__bases__)):  # few have fields of another
-        return dataclasses.dataclass(**options)(cls)
     frozen, eq = options.get("frozen", False), options.get("eq", True)
-    only_fields = options | {"init": False, "repr": False, "eq": False, "frozen": False}
+    derived = any(map(dataclasses.is_dataclass, cls.__bases__))
+    if derived and not frozen:
+        return dataclasses.dataclass(**options)(cls)
+    # a frozen class has no base that is not, and none that is not has a frozen one
+    only_fields = options | {"init": False, "repr": False, "eq": False, "frozen": derived}
     own = {name for name, value in vars(cls).items() if value is not None}  # no hash goes with an own __eq__
     dataclasses.dataclass(**only_fields)(cls)
     for name, is_wanted in (

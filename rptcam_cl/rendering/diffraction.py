@@ -33,115 +33,11 @@ from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_waves import Conjugates, conjugates_of, kernel_of_waves
 from rptcam_cl.scene.scene import Scene
 
-#
-# A picture blurred by a kernel that varies over it.
-#
-# Nodes lie on a grid over the whole film. A pixel's kernel is that of the four about it, weighted linearly, and the
-# weights sum to 1. Lamps spread their light by the kernel of their own place, so that it stays as much. All else
-# gathers its light by the kernel of the pixel that receives it, so that even light stays even where kernels widen fast,
-# as at the end of an image circle. What leaves the picture is lost. What lies beside it is not known; it is taken to be
-# as bright as the border, lamps apart.
-
 Array = NDArray[np.float64]
-
-
-def blur(
-    planes: Array, lamps: Array, offset: tuple[int, int], nodes: tuple[Array, Array], kernels: Sequence[Array]
-) -> Array:
-    """Return planes (3, height, width) with their light spread.
-
-    Parameters
-    ----------
-    planes
-        In float64, with any dynamic range.
-    lamps
-        What of them does not go on beside the picture.
-    offset
-        Column and row of the first pixel on the whole film.
-    nodes
-        Columns and rows of the nodes on the whole film, rising.
-    kernels
-        One (3, k, k) for each node, by rows; k is odd, and may differ.
-    """
-    reach = max(part.shape[-1] // 2 for part in kernels)
-    out = _blur(planes, lamps, offset, nodes, kernels, reach)
-    return out[:, reach : reach + planes.shape[1], reach : reach + planes.shape[2]]
-
-
-def _blur(
-    planes: Array,
-    lamps: Array,
-    offset: tuple[int, int],
-    nodes: tuple[Array, Array],
-    kernels: Sequence[Array],
-    reach: int,
-    veil: Array | None = None,
-) -> Array:
-    """Return the same with so many pixels round it, for the light that lamps send there.
-
-    A ``veil`` (3, m, m), wider than the kernels, goes with them where pixels gather light.
-    """
-    height, width = planes.shape[1:]
-    even = np.pad(planes - lamps, ((0, 0), (reach, reach), (reach, reach)), mode="edge")
-    out = np.zeros((3, height + 2 * reach, width + 2 * reach))
-    weights = [_hats(axis, start + np.arange(length)) for axis, start, length in
-               zip(nodes, offset, (width, height), strict=True)]  # fmt: skip
-    for (row, column), kernel in zip(_places(nodes), kernels, strict=True):
-        columns, rows = np.flatnonzero(weights[0][column]), np.flatnonzero(weights[1][row])
-        if not len(columns) or not len(rows):
-            continue
-        left, right, top, bottom = columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
-        share, own = weights[1][row, top:bottom, None] * weights[0][column, left:right], kernel.shape[-1] // 2
-        wide = 0 if veil is None else veil.shape[-1] // 2 - own
-        gathers = kernel if veil is None else np.pad(kernel, ((0, 0), (wide, wide), (wide, wide))) + veil
-
-        def around(by: int, top: int = top, bottom: int = bottom, left: int = left, right: int = right) -> Window:
-            return slice(reach - by + top, reach + by + bottom), slice(reach - by + left, reach + by + right)
-
-        on_film, about, known = around(0), around(own), around(own + wide)
-        for plane, bright, gather, part, target in zip(
-            even, lamps[:, top:bottom, left:right], gathers, kernel, out, strict=True
-        ):
-            checkpoint()
-            target[on_film] += share * _convolve(plane[known], gather, within=True)
-            lit = np.argwhere(bright)
-            if len(lit) * part.size < _FEW_SUMS * bright.size:
-                for j, i in lit:
-                    target[about][j : j + len(part), i : i + len(part)] += bright[j, i] * share[j, i] * part
-            else:
-                target[about] += _convolve(bright * share, part)
-    return out
-
-
-def _places(nodes: tuple[Array, Array]) -> Iterator[tuple[int, int]]:
-    for row in range(len(nodes[1])):
-        for column in range(len(nodes[0])):
-            yield row, column
-
-
-def _hats(nodes: Array, places: Array) -> Array:
-    """Return the weight of each node at each place, (nodes, places); they sum to 1."""
-    if len(nodes) == 1:
-        return np.ones((1, len(places)))
-    return np.array([np.interp(places, nodes, unit) for unit in np.eye(len(nodes))])
-
-
-def _convolve(plane: Array, kernel: Array, *, within: bool = False) -> Array:
-    """Return the full convolution, or the part within it that knows all about itself.
-
-    Of what is nowhere negative, nothing is negative.
-    """
-    height, width = plane.shape if within else (a + b - 1 for a, b in zip(plane.shape, kernel.shape, strict=True))
-    shape = point_spread.quick(height), point_spread.quick(width)
-    spread = np.fft.irfft2(np.fft.rfft2(plane, shape) * np.fft.rfft2(kernel, shape), shape)[:height, :width]
-    spread = spread[kernel.shape[0] - 1 :, kernel.shape[1] - 1 :] if within else spread  # what comes round lies before
-    return np.maximum(spread, 0.0) if plane.min() >= 0 and kernel.min() >= 0 else spread
-
 
 #
 # The film with what its openings make of it.
 
-_FEW_SUMS = 8  # for each pixel, which are sooner done than the Fourier transforms
 _FINEST_PX = 0.03  # wavelength times f-number, below which no ring of a lamp shows
 # Errors that `auto` leaves out, and from where the printed line has the light that is lost.
 LOST_CONTRAST = 0.25  # of lines of two pixels in the film's middle, at 550 nm
@@ -332,7 +228,7 @@ class FilmSpread:
                     target += plane
         near_veil, kernel, shares, step = (None, None, np.zeros(3), 1) if self.edges is None else self._veil
         wide = reach if near_veil is None else near_veil.shape[-1] // 2
-        whole = _blur(planes, bright, offset, *self.kernels, wide, near_veil)
+        whole = point_spread.blur_with_border(planes, bright, offset, *self.kernels, wide, near_veil)
         spread = whole[:, wide : wide + planes.shape[1], wide : wide + planes.shape[2]]
         lost += float(whole.sum() - spread.sum())
         if kernel is not None:
@@ -394,7 +290,7 @@ class FilmSpread:
         if near.any():
             for plane, light in zip(around, beside[near, 2:5].T, strict=True):
                 np.add.at(plane, tuple(places[near].T[::-1]), light)
-            spread = blur(around, around, (layout.x - reach, layout.y - reach), nodes, kernels)
+            spread = point_spread.blur(around, around, (layout.x - reach, layout.y - reach), nodes, kernels)
             total += spread[:, reach : reach + layout.height, reach : reach + layout.width]
         for lamp in lamps if self.edges is not None else ():
             own = lamp.beside
@@ -754,7 +650,7 @@ def star_light(pixels: NDArray[np.float32], unit_px: float, beside: Array, layou
     if not dark.all():  # some always are
         away = np.arange(-_STAR_TO, _STAR_TO + 1)
         distance = np.hypot(away[:, None], away)
-        spread = _convolve(bright, np.where(distance < _STAR_FROM, 0.0, np.maximum(distance, 1.0) ** -3))
+        spread = point_spread.convolve(bright, np.where(distance < _STAR_FROM, 0.0, np.maximum(distance, 1.0) ** -3))
         light += float(spread[_STAR_TO:-_STAR_TO, _STAR_TO:-_STAR_TO][dark].max())
     mean = max(float(plane[dark].mean()), _DARK * float(plane.mean() + light))
     return light * unit_px / np.pi**3 / mean if light > 0 else 0.0

@@ -166,6 +166,12 @@ def _ghost_sources(
     seen = visible(session, plan, buffers, patch, at[:, 3] > 0, target, front.spots)
     bright, kinds = seen > 0, tuple(sorted(left_out))
     known[:, 1] *= seen
+    for sun in np.unique(known[at[:, 3] == 0, 2]):
+        rows = np.flatnonzero(known[:, 2] == sun)
+        if len(rows) == POINTS and seen[rows].min() == 1:  # all of it lights as one
+            places[rows[0]], light[rows[0]] = places[rows].mean(axis=0), light[rows].sum(axis=0)
+            known[rows[0], 1], patch.cell[rows[0]] = known[rows, 1].sum(), [0.0, 0.0, 1.0, 1.0]
+            bright[rows[1:]] = False
     own = _in_lens(patch[bright], at[bright, 3] > 0, turn, film_z)
     direct = Sources(places[bright], light[bright] * seen[bright, None], kinds, dropped, known[bright], own)
     pencils = highlights(plan, session, buffers, lamps_among(mirrored, parts, front.vertex), front)
@@ -443,7 +449,7 @@ DARK = 0.2  # of the mean light: darker cells are no reason for more rays
 PER_PIXEL, _LEAST_RAYS, MOST_RAYS = 40.0, 1 << 20, 1 << 23  # of all ways
 _SHARING_LAMPS, _FAINTEST = 0.7, 1e-4  # the same of its sources; least part of the brightest that one counts
 _SHARING = 0.7  # power to which ways share rays: between alike and by what each needs, found by trial
-WIDTH, FINER = 1.7, 1.6  # of the spread of a way's light [pixels], by trial; ratio of one width to the next
+WIDTH, FINER = 1.4, 1.6  # of the spread of a way's light [pixels], by trial; ratio of one width to the next
 LEAST_SPREAD = 2  # steps from one pixel, below which the points of a sun would show
 STEP = LATTICE / (1 << 32)
 _BAND = 32  # rows of a film that are spread at once
@@ -890,7 +896,8 @@ def _front_scatter(scene: Scene, layout: FilmLayout) -> dict[str, Any]:
 
 def _summary(metadata: dict[str, Any]) -> str:
     """A line on the ghosts of a picture."""
-    text = f"{metadata['ways']} pairs of surfaces from {metadata['sources']} points of light"
+    points = "1 point" if metadata["sources"] == 1 else f"{metadata['sources']} points"
+    text = f"{metadata['ways']} pairs of surfaces from {points} of light"
     if "mirrored" in metadata:
         text += f", {metadata['mirrored']} of them mirrored"
     if metadata["dropped_share"] > 0:
@@ -899,7 +906,7 @@ def _summary(metadata: dict[str, Any]) -> str:
         text += f"; the barrel adds {metadata['barrel_share']:.2g} of the film's mean light"
     if "scatter" in metadata:
         text += f"; the front scatters {metadata['scatter']['share']:.2g} of the light"
-        text += f", also of {beside} sources beside the picture" if (beside := metadata["scatter"]["beside"]) else ""
+        text += f", also of {beside} beside the picture" if (beside := metadata["scatter"]["beside"]) else ""
     if "left_out" in metadata:
         text += f"; what makes none here: {', '.join(metadata['left_out'])}"
     return text

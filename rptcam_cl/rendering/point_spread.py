@@ -16,6 +16,7 @@ from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil
 
 Array = NDArray[np.float64]
+Square = tuple[slice, slice]
 Waves = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 
@@ -204,6 +205,106 @@ def kept_by_cells(places: Array) -> Array:
     """
     near = np.minimum(np.abs(places), 0.5)
     return np.asarray(np.sinc(near) ** 2 + np.sinc(1 - near) ** 2 * (near / (1 - near)) ** 3)
+
+
+#
+# A picture blurred by a kernel that varies over it.
+#
+# Nodes lie on a grid over the whole film. A pixel's kernel is that of the four about it, weighted linearly, and the
+# weights sum to 1. Lamps spread their light by the kernel of their own place, so that it stays as much. All else
+# gathers its light by the kernel of the pixel that receives it, so that even light stays even where kernels widen fast,
+# as at the end of an image circle. What leaves the picture is lost. What lies beside it is not known; it is taken to be
+# as bright as the border, lamps apart.
+
+_FEW_SUMS = 8  # for each pixel, which are sooner done than the Fourier transforms
+
+
+def blur(
+    planes: Array, lamps: Array, offset: tuple[int, int], nodes: tuple[Array, Array], kernels: Sequence[Array]
+) -> Array:
+    """Return planes (3, height, width) with their light spread.
+
+    Parameters
+    ----------
+    planes
+        In float64, with any dynamic range.
+    lamps
+        What of them does not go on beside the picture.
+    offset
+        Column and row of the first pixel on the whole film.
+    nodes
+        Columns and rows of the nodes on the whole film, rising.
+    kernels
+        One (3, k, k) for each node, by rows; k is odd, and may differ.
+    """
+    reach = max(part.shape[-1] // 2 for part in kernels)
+    out = blur_with_border(planes, lamps, offset, nodes, kernels, reach)
+    return out[:, reach : reach + planes.shape[1], reach : reach + planes.shape[2]]
+
+
+def blur_with_border(
+    planes: Array,
+    lamps: Array,
+    offset: tuple[int, int],
+    nodes: tuple[Array, Array],
+    kernels: Sequence[Array],
+    reach: int,
+    veil: Array | None = None,
+) -> Array:
+    """Return the same with so many pixels round it, for the light that lamps send there.
+
+    A ``veil`` (3, m, m), wider than the kernels, goes with them where pixels gather light.
+    """
+    height, width = planes.shape[1:]
+    even = np.pad(planes - lamps, ((0, 0), (reach, reach), (reach, reach)), mode="edge")
+    out = np.zeros((3, height + 2 * reach, width + 2 * reach))
+    weights = [_hats(axis, start + np.arange(length)) for axis, start, length in
+               zip(nodes, offset, (width, height), strict=True)]  # fmt: skip
+    places = itertools.product(range(len(nodes[1])), range(len(nodes[0])))
+    for (row, column), kernel in zip(places, kernels, strict=True):
+        columns, rows = np.flatnonzero(weights[0][column]), np.flatnonzero(weights[1][row])
+        if not len(columns) or not len(rows):
+            continue
+        left, right, top, bottom = columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
+        share, own = weights[1][row, top:bottom, None] * weights[0][column, left:right], kernel.shape[-1] // 2
+        wide = 0 if veil is None else veil.shape[-1] // 2 - own
+        gathers = kernel if veil is None else np.pad(kernel, ((0, 0), (wide, wide), (wide, wide))) + veil
+
+        def around(by: int, top: int = top, bottom: int = bottom, left: int = left, right: int = right) -> Square:
+            return slice(reach - by + top, reach + by + bottom), slice(reach - by + left, reach + by + right)
+
+        on_film, about, known = around(0), around(own), around(own + wide)
+        for plane, bright, gather, part, target in zip(
+            even, lamps[:, top:bottom, left:right], gathers, kernel, out, strict=True
+        ):
+            checkpoint()
+            target[on_film] += share * convolve(plane[known], gather, within=True)
+            lit = np.argwhere(bright)
+            if len(lit) * part.size < _FEW_SUMS * bright.size:
+                for j, i in lit:
+                    target[about][j : j + len(part), i : i + len(part)] += bright[j, i] * share[j, i] * part
+            else:
+                target[about] += convolve(bright * share, part)
+    return out
+
+
+def _hats(nodes: Array, places: Array) -> Array:
+    """Return the weight of each node at each place, (nodes, places); they sum to 1."""
+    if len(nodes) == 1:
+        return np.ones((1, len(places)))
+    return np.array([np.interp(places, nodes, unit) for unit in np.eye(len(nodes))])
+
+
+def convolve(plane: Array, kernel: Array, *, within: bool = False) -> Array:
+    """Return the full convolution, or the part within it that knows all about itself.
+
+    Of what is nowhere negative, nothing is negative.
+    """
+    height, width = plane.shape if within else (a + b - 1 for a, b in zip(plane.shape, kernel.shape, strict=True))
+    shape = quick(height), quick(width)
+    spread = np.fft.irfft2(np.fft.rfft2(plane, shape) * np.fft.rfft2(kernel, shape), shape)[:height, :width]
+    spread = spread[kernel.shape[0] - 1 :, kernel.shape[1] - 1 :] if within else spread  # what comes round lies before
+    return np.maximum(spread, 0.0) if plane.min() >= 0 and kernel.min() >= 0 else spread
 
 
 #

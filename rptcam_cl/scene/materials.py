@@ -745,7 +745,7 @@ class Mix(CoveringMaterial):
 
 Material = Annotated[_Alone | Mix | Emissive | Boundary | Hair | Measured, Field(discriminator="kind")]
 
-_GREY = Matte(kind="matte", reflectance=(0.5, 0.5, 0.5))
+_GREY = Matte.model_construct(kind="matte", reflectance=(0.5, 0.5, 0.5))
 
 
 def _find_material(name: str, materials: Mapping[str, Any], path: tuple[str | int, ...]) -> Any:

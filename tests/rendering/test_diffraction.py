@@ -24,7 +24,6 @@ from rptcam_cl.rendering.diffraction import (
     SEEN_STAR,
     FilmOpenings,
     LampImage,
-    blur,
     brightness,
     describe_film,
     diffraction_of,
@@ -37,6 +36,7 @@ from rptcam_cl.rendering.lamps import FilmLamp, lines_of
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import (
     FarLight,
+    blur,
     map_of_outlines,
     near_kernel,
     of_wavelength,

@@ -193,6 +193,18 @@ def test_a_crop_has_the_glow_of_a_sun_in_the_rest_of_the_frame() -> None:
     np.testing.assert_allclose(crop["ghosts"], whole["ghosts"][:16], rtol=8e-3)  # the sun is of noise there
 
 
+def test_rays_come_from_all_of_a_sun_that_nothing_hides(session: Session) -> None:
+    def sources(*objects: dict[str, Any]) -> Any:
+        loaded = load_scene(scene(sun(10.0, 0.53), objects=objects))
+        return GhostFilm(loaded, make_plan(loaded), session).sources
+
+    whole, half = sources(), sources(ball(-3.53) | {"center": [0.11, -3.53, -20], "radius": 0.1})
+    np.testing.assert_allclose(whole.irradiance, [[IRRADIANCE] * 3], rtol=1e-6)
+    np.testing.assert_allclose(whole.patches.cell, [[0, 0, 1, 1]])
+    assert 1 < len(half.places) < 16  # parts, some of them dark
+    assert half.irradiance[:, 0].min() < 0.9 * half.irradiance[:, 0].max()
+
+
 def test_what_hides_the_sun_hides_its_ghosts(session: Session) -> None:
     image = ghosts_alone(session, scene(sun(10.0), objects=(ball(-3.5),)))
     assert not image["ghosts"].any()

@@ -28,6 +28,8 @@ COLUMNS = ("radius", "axial distance", "index", "diameter")
 
 @dataclass(frozen=True)
 class _Row:
+    """Of a file; without a docstring `dataclasses` writes a signature, which takes it milliseconds."""
+
     line: int
     radius: float
     axial: float

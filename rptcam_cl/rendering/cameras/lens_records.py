@@ -425,8 +425,7 @@ class WayRecords:
     """The records of a lens for one wavelength, from which those of any way are picked."""
 
     lens: Lens
-    onward: NDArray[np.void]
-    back: NDArray[np.void]
+    records: NDArray[np.void]
     stop: NDArray[np.floating]
     facts: dict[str, int]
 
@@ -436,13 +435,14 @@ class WayRecords:
         onward = lens_records(lens, wavelength_nm, "scene", 0.0, transmission=transmission)
         back = lens_records(lens, wavelength_nm, "film", 0.0, transmission=transmission)
         facts = {name: max(value, back.facts[name]) for name, value in onward.facts.items()}
-        return WayRecords(lens, onward.surfaces, back.surfaces[::-1], onward.stop, facts | _GHOST_FACTS)
+        records = np.concatenate([onward.surfaces, back.surfaces[::-1]])
+        return WayRecords(lens, records, onward.stop, facts | _GHOST_FACTS)
 
     def way(self, turns: tuple[int, ...]) -> NDArray[np.void]:
         """Return the records that light meets, reflected at the surfaces of `turns` in order."""
         way = list(steps(turns, len(self.lens.surfaces)))
         met, forward = np.array([step.surface for step in way]), np.array([step.forward for step in way])
-        records = np.concatenate([self.onward, self.back])[np.where(forward, met, met + len(self.onward))]
+        records = self.records[np.where(forward, met, met + len(self.records) // 2)]
         vertices, senses = np.array(self.lens.vertices), np.array(self.lens.senses)
         records["gap"] = np.where(forward, senses[met], -senses[met + 1]) * np.diff(
             vertices[met], prepend=vertices[met[0]]

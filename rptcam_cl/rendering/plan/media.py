@@ -31,7 +31,7 @@ _MOST_MEDIA = 31  # whose numbers fit into MEDIUM_BITS of kernels/material/mediu
 MEDIUM_BITS = 5
 _MOST_NESTED = 4
 _NOT_SOLID = -1
-EMPTY = ScatteringMedium()
+EMPTY = ScatteringMedium.model_construct()  # whose validator need not be made for it
 
 
 @dataclass(frozen=True)
