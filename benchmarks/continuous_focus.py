@@ -62,10 +62,10 @@ def errors_of(
     servo.measure(seen[0], noise * sharp_mm)
     places, limited = [seen[0]], 0
     for place in seen[1:]:
-        frame = servo.next_frame(1 / fps, sharp_mm)
+        servo.next_frame(1 / fps, sharp_mm)
         servo.measure(place, noise * sharp_mm)
-        places.append(frame.place)
-        limited += frame.is_limited
+        places.append(servo.place)
+        limited += servo.is_limited
     behind = math.ceil(settings.delay_s * fps - 1e-9)
     late = seen[np.maximum(np.arange(len(seen)) - behind, 0)]
     return (np.array(places) - subject) / sharp_mm, (late - subject) / sharp_mm, limited / len(times)

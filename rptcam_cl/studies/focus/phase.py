@@ -415,9 +415,9 @@ def half_view(renderer: ProbeRenderer, state: float, zone: Zone, split: Split, s
 DETAILS = (0.125, 0.25)  # cycles per pixel of a probe, of what contrast sees
 
 
-def clearest_beside(renderer: ProbeRenderer, state: float, zone: Zone) -> float:
+def clearest_beside(renderer: ProbeRenderer, state: float, zone: Zone, split: Split = "x") -> float:
     """Return how far from the least spot details may be clearest [depths of focus]."""
-    view, sharp = half_view(renderer, state, zone, "x"), renderer.drive.sharp_vergence(state)
+    view, sharp = half_view(renderer, state, zone, split), renderer.drive.sharp_vergence(state)
     return max(abs(view.clearest(cycles) - view.sharpest()) / sharp for cycles in DETAILS)
 
 
@@ -785,16 +785,18 @@ def focus_by_phase(task: Task) -> FocusReport:
         When no zone gives a distance.
     """
     search = _phase_search(task)
-    report = _end_by_phase(task, "phase", search, search.zone, [])
-    report.notes.update(search.notes())
-    return report
+    return _end_by_phase(task, "phase", search, search.zone, [], "phase")
 
 
-def _end_by_phase(task: Task, method: str, search: PhaseSearch, zone: Zone, more: list[ProbeRecord]) -> FocusReport:
+def _end_by_phase(
+    task: Task, method: str, search: PhaseSearch, zone: Zone, more: list[ProbeRecord], why: str
+) -> FocusReport:
     """Return the focus that a search finds with as many probes as it takes; ``more`` were made beside them."""
     state, error = search.finish(), math.hypot(search.error, BESIDE_NOISE)
     sure, error_mm = probability_within(0.25, error), error * task.drive.depth_of_focus
-    return task.report(method, state, zone, error_mm, sure, search.records() + more)
+    report = task.report(method, state, zone, error_mm, sure, search.records() + more)
+    report.notes.update(search.notes() | {"finished_by": why})
+    return report
 
 
 def _phase_search(task: Task) -> PhaseSearch:
@@ -845,6 +847,7 @@ NEAR_ENOUGH = 1.0  # depths of focus: uncertainty from which contrast finds the 
 REACH = 2.5  # depths of focus to either side that contrast searches
 AGREEMENT = 3.0  # standard errors that it searches in any case
 HYBRID_STEPS = 3
+PARTED = 0.25  # depths of focus from the least spot to where details are clearest: then contrast is not asked
 DISAGREE = 0.5  # depths of focus between the two from which aberrations are to blame
 
 
@@ -867,6 +870,8 @@ def focus_by_hybrid(task: Task) -> FocusReport:
             if _uncertainty_of(search) <= NEAR_ENOUGH:
                 break
             search.step(search.state, SAMPLES)
+        if clearest_beside(task.renderer, search.probe.state, search.zone, search.probe.view.split) > PARTED:
+            return _end_by_phase(task, "hybrid", search, zone, [], "phase, as details are clearest elsewhere")
         search.narrow_zone()
     except NoContrast as problem:
         if problem.is_flat and search is None:  # one that shows detail first may lose it for want of samples
@@ -882,21 +887,16 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     try:
         peak, _ = greatest_contrast(probes, Policy.CENTRE, (pointed, reach))
     except NoContrast:
-        report = _end_by_phase(task, "hybrid", search, zone, probes.records(0))
-        report.notes["finished_by"] = "phase"
-        return report
-    is_rough = search.error > ENOUGH and clearest_beside(task.renderer, search.state, search.zone) > DISAGREE / 2
-    if is_rough or abs(peak.place - pointed) > DISAGREE * sharp:
+        return _end_by_phase(task, "hybrid", search, zone, probes.records(0), "phase")
+    if abs(peak.place - pointed) > DISAGREE * sharp:
         search.step(probes.state_of(peak.place), NEAR_SAMPLES)
         away = abs(peak.place - probes.place_of(search.state)) / sharp
         if away > max(DISAGREE, AGREEMENT * search.error):
-            report = _end_by_phase(task, "hybrid", search, zone, probes.records(0))
-            report.notes["finished_by"] = "phase, as contrast is greatest elsewhere"
-            return report
+            return _end_by_phase(
+                task, "hybrid", search, zone, probes.records(0), "phase, as contrast is greatest elsewhere"
+            )
     if peak.uncertainty > max(search.error, ENOUGH) * sharp:  # few details, or coarse ones: the halves know better
-        report = _end_by_phase(task, "hybrid", search, zone, probes.records(0))
-        report.notes["finished_by"] = "phase, as contrast is less certain"
-        return report
+        return _end_by_phase(task, "hybrid", search, zone, probes.records(0), "phase, as contrast is less certain")
     sure = probability_within(sharp / 4, peak.uncertainty)
     records = search.records() + probes.records(0)
     report = task.report("hybrid", probes.state_of(peak.place), zone, peak.uncertainty, sure, records)
