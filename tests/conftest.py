@@ -4,6 +4,7 @@ import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -32,16 +33,30 @@ def checkout() -> Path:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def pictures_that_compile_soonest() -> Iterator[None]:
-    """All pictures have the kernels that compile soonest, as the first ones of a process do; their bits are the same.
+def kernels_that_compile_soonest() -> Iterator[Any]:
+    """All sessions have the kernels that compile soonest, as the first pictures of a process do; their bits are the same.
 
     Compiling takes most of the time of the tests. Full kernels are compared in `rendering/test_quick_kernels.py`.
     """
-    from rptcam_cl.device import session
+    from rptcam_cl.device.session import Session
+
+    opened = Session.__init__
+
+    def open_quick(self: Session, *words: Any, **options: Any) -> None:
+        opened(self, *words, **options)
+        self.is_quick = self.generates_late
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(session, "FEW_SAMPLES", 1 << 40)
-        yield
+        patch.setattr(Session, "__init__", open_quick)
+        yield opened
+
+
+@pytest.fixture
+def full_kernels(kernels_that_compile_soonest: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sessions choose their kernels as without the tests."""
+    from rptcam_cl.device.session import Session
+
+    monkeypatch.setattr(Session, "__init__", kernels_that_compile_soonest)
 
 
 @pytest.fixture(scope="session", autouse=True)

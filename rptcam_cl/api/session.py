@@ -26,7 +26,7 @@ from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.film import FilmLayout, group_pictures
-from rptcam_cl.rendering.ghosts import Ghosting
+from rptcam_cl.rendering.ghosts import Ghosting, sketch_of_ghosts
 from rptcam_cl.rendering.layers import object_at
 from rptcam_cl.rendering.passes import Denoiser
 from rptcam_cl.rendering.plan.plan import Plan
@@ -200,6 +200,7 @@ class RenderSession:
         self._seconds, self._added_s, self._complete = 0.0, 0.0, True  # spent on the film; by the last samples
         # Of the picture that was denoised last, after what that is
         self._guides: tuple[Any, FilmRun, tuple[float, float]] | None = None
+        self._sketch: tuple[Any, NDArray[np.float32]] | None = None  # of ghosts, after what it is of
         self._denoiser: tuple[tuple[int, int], Denoiser] | None = None  # of the size that was denoised last
         self._shown = self._compiler.first(given)
         self._reading = self._shown.resolved.metered_cd_m2  # of the exposure meter, for glances
@@ -389,6 +390,18 @@ class RenderSession:
             self._reading = compiling.reading_of(pixels, plan, state, film) or self._reading
         lights = _lights_of(run)
         return Frame(pixels, run.done, complete, time.perf_counter() - begun, None, scale, self._generation, lights)
+
+    def sketch_of_ghosts(self, frame: Frame) -> NDArray[np.float32] | None:
+        """Return about what ghosts give a frame of what is shown, by paraxial rays; None where the camera has none."""
+        self._check_open()
+        state, key = self._shown, (self._generation, frame.pixels.shape)
+        if state.resolved.ghosts is None or frame.generation != self._generation:
+            return None
+        if self._sketch is None or self._sketch[0] != key:
+            plan = compiling.plan_smaller_film(state, frame.scale, self._reading)[0]
+            buffers, (height, width) = self._compiler.pool.upload(plan), frame.pixels.shape[:2]
+            self._sketch = key, sketch_of_ghosts(state.resolved.ghosts, plan, buffers, self._device, (height, width))
+        return self._sketch[1]
 
     def denoised(self, frame: Frame) -> NDArray[np.float32] | None:
         """Return a frame of what is shown without its noise: biased, and less so with every sample.

@@ -20,9 +20,11 @@ from rptcam_cl.core.colour import WAVELENGTHS_NM, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import EmitterKind, Hidden, SpectrumKind, device_declarations
-from rptcam_cl.core.remember import checkpoint, is_cancellable
+from rptcam_cl.core.remember import checkpoint, is_cancellable, remember
 from rptcam_cl.device.session import Session
-from rptcam_cl.optics.ghosts import with_wider_stop
+from rptcam_cl.optics.ghosts import steps as steps_of
+from rptcam_cl.optics.ghosts import unfold, with_wider_stop
+from rptcam_cl.optics.glass import Interface
 from rptcam_cl.optics.irradiance import (
     film_irradiance,
     scatter_share,
@@ -33,6 +35,7 @@ from rptcam_cl.optics.irradiance import (
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, ghosts_have_colours, usable_nm
+from rptcam_cl.rendering.cameras.pupil import by_content
 from rptcam_cl.rendering.cameras.setting import LensSetting
 from rptcam_cl.rendering.film import FilmLayout, array_of_text, text_of_array
 from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among
@@ -112,7 +115,14 @@ class Sources:
 
 
 def _ghost_sources(
-    scene: Scene, plan: Plan, buffers: SceneBuffers, session: Session, lens: Lens, film_z: float
+    scene: Scene,
+    plan: Plan,
+    buffers: SceneBuffers,
+    session: Session,
+    lens: Lens,
+    film_z: float,
+    *,
+    mirrors: bool = True,
 ) -> Sources:
     """Return the sources of a scene that light the front of a lens from less than 85 degrees and are not hidden.
 
@@ -126,6 +136,8 @@ def _ghost_sources(
     lens : Lens
     film_z : float
         Of the film in the frame of the lens [mm].
+    mirrors : bool
+        Whether highlights are looked for.
     """
     turn = at_opening(scene).camera.world_from_camera()[:3, :3]
     front = _front(lens, film_z, turn)
@@ -174,7 +186,8 @@ def _ghost_sources(
             bright[rows[1:]] = False
     own = _in_lens(patch[bright], at[bright, 3] > 0, turn, film_z)
     direct = Sources(places[bright], light[bright] * seen[bright, None], kinds, dropped, known[bright], own)
-    pencils = highlights(plan, session, buffers, lamps_among(mirrored, parts, front.vertex), front)
+    lamps_seen = lamps_among(mirrored, parts, front.vertex) if mirrors else []
+    pencils = highlights(plan, session, buffers, lamps_seen, front) if mirrors else None
     return direct if pencils is None else _with_pencils(direct, pencils, turn)
 
 
@@ -812,6 +825,108 @@ class Ghosting:
         """The arrays of a saved part by which `merge` adds them without the scene."""
         light, said = self.result
         return {"ghosts_light": light.astype(np.float32), "ghosts_said": array_of_text(said)}
+
+
+# A sketch of ghosts for pictures that move: all light of a pair as paraxial rays take it (Lee and Eisemann 2013).
+
+_PARAXIAL_NM, _SKETCHED, _PAIRS, _SKETCH_PX = 550.0, 16, 64, 192  # sources and pairs, the brightest; the longer side
+MatrixWay = tuple[Array, Array, Array, Lens]
+
+
+@remember(most=4, by=by_content)
+def matrix_ways(lens: Lens, film_distance_mm: float, transmission: LensTransmission) -> list[MatrixWay]:
+    """Return for each pair of surfaces what the height on each surface and on the film has of a ray's height and slope.
+
+    These are rows (m, 2), the film's last; then the surfaces' rims (m - 1,) [mm], the share of white light (3,) that
+    comes through, and the way as a lens of its own. Faint pairs are left out.
+    """
+    waves, surfaces, every = np.array(WAVES_NM), lens.surfaces, []
+    n = np.array([lens.indices(nm) for nm in WAVES_NM]).T
+    passed = np.array([
+        transmission.coating_of(s).transmittance(Interface(n[k], n[k + 1]), waves) for k, s in enumerate(surfaces)
+    ])  # fmt: skip
+    for way in _pairs(lens):
+        bent, met = unfold(lens, way), list(steps_of(way, len(surfaces)))
+        indices, height, slope = bent.indices(_PARAXIAL_NM), np.array([1.0, 0.0]), np.array([0.0, 1.0])
+        rows, light = [], np.ones(len(waves))
+        for k, (surface, step) in enumerate(zip(bent.surfaces, met, strict=True)):
+            rows.append(height)
+            change = -2.0 * indices[k] if surface.is_mirror else indices[k + 1] - indices[k]
+            slope = slope - bent.senses[k] * surface.paraxial_curvature("y") * change * height
+            gap = film_distance_mm if k + 1 == len(met) else surface.thickness
+            height = height + bent.senses[k + 1] * gap / indices[k + 1] * slope
+            if step.reflects or not surface.is_mirror:
+                light = light * np.abs(float(step.reflects) - passed[step.surface])
+        table = np.array([*rows, height]) * [1.0, indices[0]]
+        rims = np.array([surface.semi_diameter for surface in bent.surfaces])
+        every.append((table, rims, light @ shares_of_white(WAVES_NM), bent))
+    flux = [luminance(share) * (rims / np.abs(table[:-1, 0])).min() ** 2 for table, rims, share, _ in every]
+    return [every[k] for k in np.argsort(flux)[::-1][:_PAIRS] if flux[k] >= LEAST_SHARE * sum(flux)]
+
+
+def sketch_of_ghosts(
+    scene: Scene, plan: Plan, buffers: SceneBuffers, session: Session, shape: tuple[int, int]
+) -> NDArray[np.float32]:
+    """Return about what ghosts give a picture (rows, columns, 3) of a scene in focus, without highlights.
+
+    Of a large picture it is drawn small.
+    """
+    coarser = max(*shape) / min(max(*shape), _SKETCH_PX)
+    whole, shape = shape, (math.ceil(shape[0] / coarser), math.ceil(shape[1] / coarser))
+    setting, out = ghost_setting(scene), np.zeros((*shape, 3), np.float32)
+    lens, (columns, rows), layout = setting.lens, scene.film.resolution, FilmLayout.of(scene.film)
+    if lens.is_split or lens.fold is not None:
+        return np.zeros((*whole, 3), np.float32)
+    film_z = lens.film_z(setting.film_distance_mm)
+    sources = _ghost_sources(scene, plan, buffers, session, lens, film_z, mirrors=False)
+    sense = -1.0 if scene.camera.flip else 1.0
+    width, height = (sense * 1e3 * side for side in scene.film.size_m())
+    x = ((layout.x + (np.arange(shape[1]) + 0.5) * layout.width / shape[1]) / columns - 0.5) * width
+    y = ((layout.y + (np.arange(shape[0]) + 0.5) * layout.height / shape[0]) / rows - 0.5) * -height
+    value = plan.camera.value / (plan.camera.on_axis_irradiance or np.inf)
+    for lamp in list(dict.fromkeys(sources.known[:, 2]))[:_SKETCHED]:
+        own = sources.known[:, 2] == lamp
+        place, light = sources.places[own, :4].mean(axis=0), sources.irradiance[own].sum(axis=0)
+        near, slope = -place[3] / place[2], place[:2] / place[2]
+        light = light * value / np.sqrt(1.0 + slope @ slope)
+        for way in matrix_ways(lens, setting.film_distance_mm, setting.transmission):
+            _draw(out, x, y, way, near, slope, light)
+    if whole == shape:
+        return out
+    places = [(np.arange(many) + 0.5) * few / many - 0.5 for many, few in zip(whole, shape, strict=True)]
+    down, across = (
+        np.maximum(1 - np.abs(np.clip(at, 0, few - 1)[:, None] - np.arange(few)), 0).astype(np.float32)
+        for at, few in zip(places, shape, strict=True)
+    )
+    return np.asarray(np.einsum("ij,jkc,lk->ilc", down, out, across, optimize=True))
+
+
+def _draw(
+    out: NDArray[np.float32], x: Array, y: Array, way: MatrixWay, near: float, slope: Array, light: Array
+) -> None:
+    """Add the ghost of a lamp to a picture whose columns and rows lie at x and y [mm].
+
+    ``near`` is 1 over its distance from the first vertex [1/mm], ``slope`` that of its light there.
+    """
+    table, rims, share, bent = way
+    scales, moved = table[:, 0] + near * table[:, 1], table[:, 1:] * slope
+    reach = rims / np.maximum(np.abs(scales[:-1]), 1e-9)  # on the plane of the first vertex
+    pixel = float(np.ptp(x) / max(len(x) - 1, 1))
+    scale = math.copysign(max(abs(scales[-1]), pixel / reach.min()), scales[-1])
+    centres = moved[-1] - scale * moved[:-1] / np.where(scales[:-1] == 0, 1e-9, scales[:-1])[:, None]
+    radii = abs(scale) * reach  # of what each rim leaves of it
+    low, high = (centres - radii[:, None]).max(axis=0), (centres + radii[:, None]).min(axis=0)
+    i, j = (np.flatnonzero((at >= low[k]) & (at <= high[k])) for k, at in enumerate((x, y)))
+    if not len(i) or not len(j):
+        return
+    x, y, lit = x[i], y[j][:, None], np.ones((len(j), len(i)), np.bool_)
+    farthest = np.hypot(*np.maximum(np.abs(low - centres), np.abs(high - centres)).T)
+    for k in np.flatnonzero(farthest > radii):
+        lit &= (x - centres[k, 0]) ** 2 + (y - centres[k, 1]) ** 2 <= radii[k] ** 2
+    if (stop := bent.stop_index) is not None:
+        through = [scales[stop] * (at - moved[-1, k]) / scale + moved[stop, k] for k, at in enumerate((x, y))]
+        lit &= bent.surfaces[stop].clears(*np.broadcast_arrays(*through))
+    out[j[0] : j[-1] + 1, i[0] : i[-1] + 1] += lit[..., None] * (light * share / scale**2).astype(np.float32)
 
 
 def saved_ghosts(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float32], dict[str, Any]] | None:

@@ -474,7 +474,9 @@ class Slot:
             image, lacks = with_picture_settings(finished.image, self.scene.picture), ()
         else:
             clean = self._denoise(frame)
-            image = self._plain_image(frame.pixels if clean is None else clean)
+            pixels = frame.pixels if clean is None else clean
+            sketch = self.session.sketch_of_ghosts(frame) if "ghosts" in lacks else None
+            image = self._plain_image(pixels if sketch is None else pixels + sketch)
         codes = codes_of(image)
         self._number, self._network_spp = self._number + 1, 0
         self.shown = Shown(self._number, frame, codes, moving, stale, self._answers, None, lacks, clean)

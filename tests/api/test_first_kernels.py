@@ -42,7 +42,7 @@ class Watched(Session):
 
 
 @pytest.fixture
-def device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watched:
+def device(full_kernels: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watched:
     """A device that finds no notes of kernels compiled before."""
     found = Watched()
     if not found.generates_late:

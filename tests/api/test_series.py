@@ -59,7 +59,7 @@ def test_pictures_of_a_series_have_the_bits_of_render(device: Session) -> None:
 
 
 def test_pictures_of_the_same_kernels_share_a_wavefront_and_what_is_bound(
-    device: Session, monkeypatch: pytest.MonkeyPatch
+    full_kernels: None, device: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls: list[str] = []
 

@@ -44,6 +44,8 @@ session.Program = Noted
 run()
 """
 
+pytestmark = pytest.mark.usefixtures("full_kernels")  # their sources are as they were assembled
+
 
 @pytest.fixture
 def session(monkeypatch, tmp_path):

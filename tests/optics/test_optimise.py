@@ -349,6 +349,7 @@ def rendered_blur(problem, lens, film_mm):
     return 100 * math.sqrt((halves[0][0] @ halves[1][0]) / (halves[0][1] @ halves[1][1]))
 
 
+@pytest.mark.slow
 def test_blur_of_a_rendered_zone_is_that_of_whole_renders():
     problem = read_problem(PICTURE)
     merit = MeritFunction(problem, {})

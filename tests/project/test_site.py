@@ -207,6 +207,7 @@ SERVED_INSIDE = {
     "denoised_later",
     "lights",
     "light_groups",
+    "sketch_of_ghosts",
 }  # autofocus calls the first, the viewfinder others
 
 

@@ -14,7 +14,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.film_probe import FilmProbe, grid
-from rptcam_cl.optics.ghosts import Lit, find_ghosts, steps, unfold
+from rptcam_cl.optics.ghosts import Lit, find_ghosts, ghost_image, steps, unfold
 from rptcam_cl.optics.glass import MAGNESIUM_FLUORIDE, Coating, Layer, LayerStack, QuarterWave
 from rptcam_cl.optics.irradiance import film_irradiance, veiling_glare
 from rptcam_cl.optics.library import load_lens
@@ -22,10 +22,23 @@ from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
 from rptcam_cl.optics.surface import blades
 from rptcam_cl.rendering import ghosts as ghost_film
 from rptcam_cl.rendering.cameras.lens_records import ghost_setting
-from rptcam_cl.rendering.ghosts import STEP, WAVES_NM, GhostFilm, Ghosting, _as_one, _basis, _even_cells, _spread_light
+from rptcam_cl.rendering.ghosts import (
+    STEP,
+    WAVES_NM,
+    GhostFilm,
+    Ghosting,
+    _as_one,
+    _basis,
+    _even_cells,
+    _pairs,
+    _spread_light,
+    matrix_ways,
+    sketch_of_ghosts,
+)
 from rptcam_cl.rendering.lamps import _on_sphere
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import shares_of_white
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.load import load_scene
 from tests.support.cases import slow
 
@@ -191,6 +204,27 @@ def test_a_crop_has_the_glow_of_a_sun_in_the_rest_of_the_frame() -> None:
     assert whole.metadata["ghosts"]["scatter"]["beside"] == 0
     assert 0.6 < whole.metadata["ghosts"]["scatter"]["on_film"] < 0.7
     np.testing.assert_allclose(crop["ghosts"], whole["ghosts"][:16], rtol=8e-3)  # the sun is of noise there
+
+
+def test_a_sketch_has_the_light_of_ghosts_about_where_they_are(session: Session) -> None:
+    setting = ghost_setting(load_scene(scene(sun(10.0))))
+    lens, distance = setting.lens, setting.film_distance_mm
+    found = [table[-1] for table, *_ in matrix_ways(lens, distance, setting.transmission)]
+    images = [ghost_image(lens, way, distance, 550.0) for way in _pairs(lens)]
+    known = np.array([(image.film_per_height, image.film_per_slope) for image in images])
+    assert len(found) > 8
+    for row in found:
+        assert np.abs(known / row - 1).max(axis=1).min() < 1e-9
+
+    def sketch(*objects: dict[str, Any]) -> np.ndarray:
+        loaded = load_scene(scene(sun(10.0), objects=objects))
+        plan = make_plan(loaded)
+        return sketch_of_ghosts(loaded, plan, SceneBuffers(session, plan), session, (32, 48))
+
+    exact, drawn = ghosts_alone(session, scene(sun(10.0)))["ghosts"], sketch()
+    assert drawn.sum() == pytest.approx(exact.sum(), rel=0.1)
+    assert np.abs(drawn - exact).sum() < 0.22 * exact.sum() < np.abs(drawn[::-1] - exact).sum()
+    assert not sketch(ball(-3.5)).any()
 
 
 def test_rays_come_from_all_of_a_sun_that_nothing_hides(session: Session) -> None:

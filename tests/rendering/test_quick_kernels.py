@@ -25,7 +25,7 @@ EXAMPLES = [pytest.param(path, marks=pytest.mark.slow, id=name) for name, path i
 
 
 @pytest.fixture
-def opened(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Session]:
+def opened(full_kernels: None, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Session]:
     """Return a new session that finds the code of all programs or of none."""
 
     def open_new(*, noted: bool) -> Session:

@@ -130,6 +130,30 @@ def test_the_picture_at_rest_has_diffraction(slots: Any) -> None:
     assert not np.array_equal(expected[0], expected[1])
 
 
+@pytest.mark.slow  # compiles a lens for glances and for the film
+def test_ghosts_are_a_sketch_until_the_picture_at_rest_has_its_own(slots: Any) -> None:
+    camera = {"kind": "realistic", "lens": "cooke-triplet-50mm", "eye": [0, 0, 0], "target": [0, 0, -10],
+              "focus": {"distance_m": 100}, "transmission": "bare", "ghosts": "on"}  # fmt: skip
+    sun = {"kind": "sun", "direction": [0, 0.17, 0.98], "irradiance": [1500] * 3, "diameter_degrees": 0.5}
+    ball = {"shape": "sphere", "center": [0, 8, -20], "radius": 2, "material": {"kind": "matte", "reflectance": 0.5}}
+    lit = {"film": {"resolution": [48, 32], "width_mm": 36}, "camera": camera, "lights": [sun], "objects": [ball],
+           "render": {"spp": SPP, "max_depth": 2}}  # fmt: skip
+    slot = slots(lit)
+    slot.show(slot.glance(), True, {})
+    assert slot.shown is not None and "ghosts" in slot.shown.lacks
+    plain = codes_of(slot._plain_image(slot.shown.pixels))
+    image = rptcam_cl.render(lit, spp=SPP, layers=["ghosts"])
+    ghosts = image["ghosts"].sum(dtype=np.float64)
+    sketch = slot.session.sketch_of_ghosts(slot.shown.frame)
+    assert sketch is not None and not np.array_equal(slot.shown.codes, plain)
+    share = sketch.size / image["ghosts"].size  # glances have fewer pixels
+    assert sketch.sum(dtype=np.float64) / share == pytest.approx(ghosts, rel=0.1)
+    rested(slot)
+    assert np.array_equal(slot.shown.codes, codes_of(image))
+    slot.change({"camera.ghosts": "off"})
+    assert slot.session.sketch_of_ghosts(slot.glance()) is None
+
+
 def test_the_last_samples_are_shown_although_their_picture_was_given_up(slots: Any) -> None:
     slot = slots(scene())
     rested(slot)
