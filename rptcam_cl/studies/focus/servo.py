@@ -37,16 +37,16 @@ if TYPE_CHECKING:
 Found = TypeVar("Found")
 
 #
-# The motion of the subject: extended Kalman filters of vergence, its rate of change and the subject's acceleration.
+# The motion of the subject: two extended Kalman filters of vergence, its rate of change and the subject's acceleration.
 #
 # At an even acceleration a away from the camera the distance 1 / w becomes 1 / w - u t / w^2 + a t^2 / 2. A calm
 # subject keeps its speed but for a little noise. The acceleration of an agile one, as feet and brakes can do, fades
-# away after a while, as another takes its place (Singer's model); some are more agile than others. Which of them it is
-# follows from how well they predict, and each is corrected from what all knew. (Y. Bar-Shalom, X. Li, T. Kirubarajan,
-# Estimation with Applications to Tracking and Navigation, 2001: 8.2.3 Singer's model, 11.6.6 interacting models.)
+# away after a while, as another takes its place (Singer's model). Which of both it is follows from how well they
+# predict, and each is corrected from what both knew. (Y. Bar-Shalom, X. Li, T. Kirubarajan, Estimation with
+# Applications to Tracking and Navigation, 2001: 8.2.3 Singer's model, 11.6.6 interacting models.)
 
 CALM = 1.5  # acceleration of a calm subject [m/s^2]
-AGILE, AGILE_S = (0.0, 4.0, 12.0), 0.4  # standard deviations of that of agile ones [m/s^2], and how long it lasts [s]
+AGILE, AGILE_S = 8.0, 0.25  # standard deviation of that of an agile one [m/s^2], and how long it lasts [s]
 STAYS = 0.98  # chance that a subject is as calm or agile as at the measurement before
 FAST = 10.0  # speeds that a subject has when it is first seen [m/s]
 FAR_DRIFT = 1.0  # depths of focus per second^2 that count as acceleration of whatever is far away
@@ -81,18 +81,18 @@ def slopes(state: Array, t: float) -> Array:
 
 @dataclass(frozen=True)
 class _Track:
-    """What is known of a subject's motion, taken for calm and for agile in two degrees.
+    """What is known of a subject's motion, taken for calm and for agile.
 
     Attributes
     ----------
     time_s : float
         Of the last measurement.
-    states : (3, 3) array
+    states : (2, 3) array
         As `moved` has them.
-    covariances : (3, 3, 3) array
+    covariances : (2, 3, 3) array
         Of the states.
-    chances : (3,) array
-        That the subject is so.
+    chances : (2,) array
+        That the subject is calm, and agile.
     """
 
     time_s: float
@@ -104,8 +104,8 @@ class _Track:
     def start(cls, time_s: float, vergence: float, error: float) -> _Track:
         """Return the track of a subject just seen."""
         known = np.diag([error**2, (FAST * vergence**2) ** 2, 0.0])
-        covariances = np.stack([known + np.diag([0.0, 0.0, agile**2]) for agile in AGILE])
-        return cls(time_s, np.array([[vergence, 0.0, 0.0]] * 3), covariances, np.full(3, 1 / 3))
+        agile = known + np.diag([0.0, 0.0, AGILE**2])
+        return cls(time_s, np.array([[vergence, 0.0, 0.0]] * 2), np.stack([known, agile]), np.array([0.5, 0.5]))
 
     @property
     def rate(self) -> float:
@@ -125,7 +125,7 @@ class _Track:
 
     def at(self, time_s: float, sharp: float) -> _Track:
         """Return the expected track at a later moment, where a depth of focus is worth so much [1/m]."""
-        joint = self.chances[:, None] * ((1 - STAYS) / 2 + (3 * STAYS - 1) / 2 * np.eye(3))
+        joint = self.chances[:, None] * np.array([[STAYS, 1 - STAYS], [1 - STAYS, STAYS]])
         chances, t = joint.sum(axis=0), time_s - self.time_s
         states, covariances = [], []
         for kind, shares in enumerate((joint / chances).T):
@@ -136,7 +136,7 @@ class _Track:
                 mean, spread = mean * [1, 1, 0], spread * np.outer([1, 1, 0], [1, 1, 0])
             state, by = moved(mean, t), slopes(mean, t)
             pushed = np.array([t * t / 2, t, 0]) * math.hypot(CALM * max(state[0], 0.0) ** 2, FAR_DRIFT * sharp)
-            new = AGILE[kind] ** 2 * -math.expm1(-2 * t / AGILE_S)
+            new = kind * AGILE**2 * -math.expm1(-2 * t / AGILE_S)
             states.append(state)
             covariances.append(by @ spread @ by.T + np.outer(pushed, pushed) + np.diag([0.0, 0.0, new]))
         return _Track(time_s, np.array(states), np.array(covariances), chances)
@@ -153,7 +153,7 @@ class _Track:
         """
         expected = self.at(time_s, sharp)
         off, variances = vergence - expected.states[:, 0], expected.covariances[:, 0, 0] + error**2
-        if abs(off[-1]) > JUMP * sharp + CHANCE * math.sqrt(variances[-1]):
+        if abs(off[1]) > JUMP * sharp + CHANCE * math.sqrt(variances[1]):
             return None
         gains = expected.covariances[:, :, 0] / variances[:, None]
         fit = -0.5 * (off**2 / variances + np.log(variances))
