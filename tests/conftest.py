@@ -34,7 +34,7 @@ def checkout() -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def kernels_that_compile_soonest() -> Iterator[Any]:
-    """All sessions have the kernels that compile soonest, as the first pictures of a process do; their bits are the same.
+    """All sessions have the kernels that compile soonest, as first pictures of a process do; their bits are the same.
 
     Compiling takes most of the time of the tests. Full kernels are compared in `rendering/test_quick_kernels.py`.
     """
