@@ -290,7 +290,8 @@ class Requests:
         followed: set[str] = set()  # keys that the search has changed
 
         def on_probe(task: BackgroundTask, probe: Probe) -> None:
-            curve.append({"position": probe.place, "score": probe.measures[0].value})
+            point = {"position": probe.place, "score": probe.measures[0].value, "round": probe.round}
+            curve.append(point | {"quantity": "contrast" if probe.images else "displacement"})
             points = list(curve)
             task.post(lambda: client.outbox.news("search", {"type": "search", "curve": points}))
 
@@ -567,6 +568,7 @@ def describe_focus(report: FocusReport) -> dict[str, Any]:
                 "score": _plain(probe.value),
                 "error": _plain(probe.error),
                 "quantity": probe.quantity,
+                "round": probe.round,
             }
             for probe in report.probes
         ],

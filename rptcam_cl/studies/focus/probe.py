@@ -472,6 +472,8 @@ class Probe:
     seconds : float
     images : list of ZoneImage
         What was measured of each zone.
+    round : int
+        Counts up with each other opening and part of the zones: measures of one round lie on one curve.
     """
 
     place: float
@@ -482,6 +484,7 @@ class Probe:
     samples: int
     seconds: float
     images: Sequence[ZoneImage] = ()
+    round: int = 0
 
 
 DETAIL = 1.5  # power of the image scale by which the contrast between pixels falls: 1 to 2 for natural textures
@@ -644,6 +647,8 @@ class ProbeRecord:
         Wall clock.
     quantity : str
         What the value is: a contrast, the displacement of the pupil's halves [pixels], or a distance [m].
+    round : int
+        Of a contrast, see `Probe`.
     """
 
     state: float
@@ -654,6 +659,7 @@ class ProbeRecord:
     samples: int
     seconds: float
     quantity: Literal["contrast", "displacement", "distance"] = "contrast"
+    round: int = 0
 
 
 @dataclass(frozen=True)
@@ -756,7 +762,7 @@ FEWEST_SHIFTS = 1  # probes that show which way the halves part
 def focus_plot(report: FocusReport, title: str) -> Figure:
     """Plot the probes of an autofocus over the film distance.
 
-    Contrast: on the left every probe and on the right the last ones, each as a share of the greatest at the same stop.
+    Contrast: on the left every probe and on the right the last ones, each as a share of the greatest of its round.
     Phase: how far apart the halves of the pupil show the zone, zero where it is sharp; of the hybrid on the left, with
     its contrast on the right. Bars are standard errors.
 
@@ -780,8 +786,8 @@ def focus_plot(report: FocusReport, title: str) -> Figure:
     else:
         _draw_contrast(panels[0], contrast, colours)
     if len(contrast) >= FEWEST:
-        last = max(probe.stop for probe in contrast)
-        _draw_contrast(panels[1], [probe for probe in contrast if probe.stop == last], colours)
+        last = max(probe.round for probe in contrast)
+        _draw_contrast(panels[1], [probe for probe in contrast if probe.round == last], colours)
         panels[1].set_title("all probes of contrast" if shifts else "the last probes")
         panels[0].set_title("displacement, in the order of the probes" if shifts else "all probes")
     for axes in panels:
@@ -805,11 +811,11 @@ def _draw_shifts(axes: Axes, probes: Sequence[ProbeRecord], colours: dict[float,
 
 
 def _draw_contrast(axes: Axes, probes: Sequence[ProbeRecord], colours: dict[float, str]) -> None:
-    """Draw a curve for each stop, in shares of its greatest value."""
+    """Draw a curve for each round, in shares of its greatest value."""
     axes.set_ylabel("measure, of the greatest [%]")
-    for stop, colour in colours.items():
-        own = sorted((probe for probe in probes if probe.stop == stop), key=lambda probe: probe.film_distance_mm)
-        scale = 100 / (max((probe.value for probe in own), default=1.0) or 1.0)
+    for number in sorted({probe.round for probe in probes}):
+        own = sorted((probe for probe in probes if probe.round == number), key=lambda probe: probe.film_distance_mm)
+        scale, colour = 100 / (max(probe.value for probe in own) or 1.0), colours[own[0].stop]
         places = [probe.film_distance_mm for probe in own]
         values, errors = ([scale * amount for amount in amounts]
                           for amounts in ([probe.value for probe in own], [probe.error for probe in own]))  # fmt: skip

@@ -828,7 +828,9 @@ class Probes:
         measures = [self.measure.of(image) for image in images]
         scale = self.drive.image_scale(self.state_of(place), self.state_of(self.ends[0]) if fixed is None else fixed)
         taken, seconds = pixels * images[0].samples, time.perf_counter() - begun
-        probe = Probe(place, stop, reference, scale, measures, taken, seconds, images)
+        before = [(each.round, (each.stop, each.samples // each.images[0].samples)) for each in self.made[-1:]]
+        number = sum(last + (kind != (stop, pixels)) for last, kind in before)
+        probe = Probe(place, stop, reference, scale, measures, taken, seconds, images, number)
         self.made.append(probe)
         if self.task.on_probe is not None:
             self.task.on_probe(probe)
@@ -842,5 +844,5 @@ class Probes:
         state, measure = self.state_of(probe.place), probe.measures[zone]
         return ProbeRecord(
             state, self.drive.film_distance(state), measure.value, measure.error, probe.stop, probe.samples,
-            probe.seconds,
+            probe.seconds, round=probe.round,
         )  # fmt: skip

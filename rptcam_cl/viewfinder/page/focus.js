@@ -2,7 +2,7 @@
 
 import { button, h, range, select, toggle } from "./dom.js";
 import { focusScale } from "./focus-scale.js";
-import { distance, percent } from "./numbers.js";
+import { digits, distance, percent } from "./numbers.js";
 import { plot } from "./plots.js";
 
 export const METHODS = [
@@ -101,27 +101,34 @@ export class Focus {
     const state = report.failure ? "failed" : "found";
     const zones = report.zones?.length && !zone ? report.zones.map((each) => rectangle(each, state)) : [];
     this.show(zone ? [{ ...zone, state }] : zones);
-    this.draw(report.curve ?? []);
+    this.draw(report.curve ?? [], report.failure ? undefined : report.film_distance_mm);
   }
 
-  draw(curve) {
-    const points = curve.map((each) => (Array.isArray(each) ? each : [each.position, each.score])).filter(([x, y]) => Number.isFinite(x) && Number.isFinite(y));
-    if (points.length < 2) {
-      const why = points.length ? "One probe was enough: there is no curve." : "This method measures distances: it has no curve.";
+  /** Draw the probes of a search: contrast as a share of the greatest of its round, or how far the halves lie apart. */
+  draw(curve, found) {
+    const probes = curve.filter((each) => Number.isFinite(each.position) && Number.isFinite(each.score));
+    const contrast = probes.filter((each) => each.quantity === "contrast");
+    const shown = contrast.length > 1 ? contrast : probes;
+    if (shown.length < 2) {
+      const why = shown.length ? "One probe was enough: there is no curve." : "This method measures distances: it has no curve.";
       this.curve.replaceChildren(h("p", { class: "vf-note" }, why));
       return;
     }
-    const xs = points.map(([x]) => x);
-    const top = Math.max(...points.map(([, y]) => y));
-    const best = points.find(([, y]) => y === top)[0];
-    const sorted = [...points].sort((a, b) => a[0] - b[0]);
-    const pad = (Math.max(...xs) - Math.min(...xs)) * 0.03 || 1;
+    const rounds = Array.from(new Set(shown.map((each) => each.round)), (round) => {
+      const own = shown.filter((each) => each.round === round).sort((a, b) => a.position - b.position);
+      const scale = shown === contrast ? 100 / (Math.max(...own.map((each) => each.score)) || 1) : 1;
+      return own.map((each) => [each.position, scale * each.score]);
+    });
+    const xs = rounds.flat().map(([x]) => x).concat(found ?? []);
+    const ys = rounds.flat().map(([, y]) => y).concat(0);
+    const text = (at) => at.toFixed(Math.max(0, 1 - Math.floor(Math.log10(Math.max(...xs) - Math.min(...xs) || 1))));
+    const pad = (list) => (Math.max(...list) - Math.min(...list)) * 0.04 || 1;
     this.curve.replaceChildren(plot({
-      title: `Curve of the search: ${points.length} probes, sharpest at ${best}`,
-      x: { from: Math.min(...xs) - pad, to: Math.max(...xs) + pad, label: curve[0].unit ?? "focus position, mm" },
-      y: { from: Math.min(0, ...points.map(([, y]) => y)), to: top * 1.05 || 1 },
-      series: [{ points: sorted, kind: "vf-line-soft" }, { points, dots: true }],
-      marks: [{ x: best }],
+      title: `${shown.length} probes of the search` + (found ? `, which ends at ${digits(found)} mm` : ""),
+      x: { from: Math.min(...xs) - pad(xs), to: Math.max(...xs) + pad(xs), label: "focus position, mm", text },
+      y: { from: Math.min(...ys), to: Math.max(...ys) + pad(ys) },
+      series: rounds.flatMap((points) => [{ points, kind: "vf-line-soft" }, { points, dots: true }]),
+      marks: found ? [{ x: found }] : [],
     }));
   }
 

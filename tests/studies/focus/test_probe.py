@@ -1,5 +1,7 @@
 """The renderer as a focus probe shows what the picture shows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
@@ -205,6 +207,15 @@ def test_zone_shows_what_lies_behind_glass_and_in_mirrors_where_it_seems_to_be(b
 def report_of(method, quantities):
     probes = [ProbeRecord(40 + k, 40.0 + k, 1.0 / (1 + k), 0.01, 1.0, 9, 0.1, q) for k, q in enumerate(quantities)]
     return FocusReport(method, 41.0, 41.0, 1.0, 1.0, 0.01, 0.1, CENTRE, probes=probes)
+
+
+def test_each_round_of_a_search_is_a_curve_of_its_own():
+    """The same opening shows less contrast in a wider zone, and one line through both would be a saw."""
+    report = report_of("contrast", ["contrast"] * 6)
+    probes = [replace(p, value=(1 + k // 3) * [0.5, 1, 0.4][k % 3], round=k // 3) for k, p in enumerate(report.probes)]
+    figure = focus_plot(replace(report, probes=probes), "title")
+    curves = [[container[0].get_ydata() for container in axes.containers] for axes in figure.axes]
+    assert np.allclose(curves[0], [[50, 100, 40]] * 2) and np.allclose(curves[1], [[50, 100, 40]])
 
 
 @pytest.mark.parametrize(
