@@ -85,6 +85,7 @@ def taken(kind, session):
 FAST = "a lens that disperses"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind != FAST)) for kind in KINDS])
 def test_passes_of_single_lanes_make_the_picture_of_the_stream(kind, monkeypatch):
     stream = taken(kind, open_session())
@@ -98,6 +99,7 @@ def test_passes_of_single_lanes_make_the_picture_of_the_stream(kind, monkeypatch
     assert abs(passes.mean() / stream.mean() - 1) < 0.005
 
 
+@pytest.mark.slow
 def test_work_items_take_living_paths_alone_and_the_host_waits_for_nothing_inside_a_wave(monkeypatch):
     monkeypatch.setattr(Session, "kind", "gpu")
     device = open_session()

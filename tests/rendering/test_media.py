@@ -173,6 +173,7 @@ def checker(first, second):
     return {"kind": "checker", "even": first, "odd": second, "scale": [4, 1]}
 
 
+@pytest.mark.slow
 def test_medium_takes_its_colour_from_the_texture_where_light_enters(monkeypatch):
     """Of one colour the texture is that colour; of two each quarter of a ball looks as if all of it had its own."""
     one, other = WAX["color"], [0.8, 0.1, 0.4]

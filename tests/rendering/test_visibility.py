@@ -147,7 +147,8 @@ def test_glow_that_only_the_camera_sees_lights_as_before():
 
 
 @pytest.mark.usefixtures("organisation")
-@pytest.mark.parametrize("roughness", [slow(0.3), 0.6])
+@pytest.mark.slow
+@pytest.mark.parametrize("roughness", [0.3, 0.6])
 def test_light_that_passes_lamps_has_the_mean_of_light_sampling_alone(roughness):
     """A ball of light before a larger lamp, on a rough metal; beside a far triangle without a shadow samples alone."""
     metal = {"kind": "conductor", "metal": "silver", "roughness": roughness}

@@ -62,6 +62,7 @@ def test_denoised_picture_is_nearer_to_the_finished_one_and_changes_less_with_sa
     assert np.mean((later - many.pixels) ** 2) < np.mean((clean - few.pixels) ** 2) / 8
 
 
+@pytest.mark.slow
 def test_glance_is_denoised_by_layers_of_its_own_size() -> None:
     with RenderSession(scene()) as session:
         truth = session.take(256).pixels.reshape(64, 2, 96, 2, 3).mean(axis=(1, 3))

@@ -95,6 +95,7 @@ def test_paint_under_a_lamp_of_lines():
     check(ground({"kind": "matte", "reflectance": table(green)}), known(green) * illuminant("F11"))
 
 
+@pytest.mark.slow
 def test_pane_of_coloured_glass():
     share = 0.9 * np.exp(-(((WAVELENGTHS_NM - 545) / 12) ** 2)) + 0.01  # passes one band of the lamp
     n = 1.5

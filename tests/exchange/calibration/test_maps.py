@@ -228,6 +228,7 @@ def test_circle_of_confusion_of_a_film_that_is_moved_is_that_of_its_own_side(mov
     np.testing.assert_allclose(blur, width, rtol=0.05)  # pixels are coarse
 
 
+@pytest.mark.slow
 def test_kernels_outside_of_the_image_circle_sum_to_nothing():
     seen = view(subject("fisheye-10mm", size=(60, 40), film_mm=(36.0, 24.0)))
     found = point_images(seen, (5, 3), across=24)

@@ -318,6 +318,7 @@ def test_places_of_an_object_that_cannot_be_used_are_left_out(convert: Convert) 
     assert done.says("ignored", 'ObjectInstance "o"')
 
 
+@pytest.mark.slow
 def test_spheres_by_the_thousand_become_a_table(convert: Convert) -> None:
     text = "".join(f'Translate 1 0 0 Shape "sphere" "float radius" {1 + index % 7}\n' for index in range(4600))
     done = convert(text + 'Material "mirror" Shape "sphere"', HEAD)

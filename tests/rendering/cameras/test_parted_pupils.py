@@ -114,6 +114,7 @@ def test_slivers_between_nodes_are_traced_finer_and_not_given_up(f_number):
     assert sampling.tier == "tight"
 
 
+@pytest.mark.slow
 def test_small_pupils_close_behind_the_lens_are_found():
     phone = load_lens("phone-5.6mm")  # at f/22 all beyond 2.1 mm was black
     phone = phone.with_stop_diameter(phone.stop_diameter_for(22))
@@ -142,7 +143,8 @@ def test_nine_of_ten_rays_of_every_pupil_pass(name):
             assert share_that_passes(used.lens, back, radius, sampling) >= 0.9, (f_number, distance_m)
 
 
-@pytest.mark.parametrize(("f_number", "half"), [(7.0, 37.7), slow(10.2, 15.3)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("f_number", "half"), [(7.0, 37.7), (10.2, 15.3)])
 def test_crescents_of_a_ring_are_held_with_their_hole(f_number, half):
     lens = load_lens("mirror-500mm")
     lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number))

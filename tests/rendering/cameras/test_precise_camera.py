@@ -18,7 +18,7 @@ from rptcam_cl.rendering.traceable_lens import trace_on_device
 from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import wave_record
-from tests.support.cases import fast, slow
+from tests.support.cases import fast
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
 ROUNDING = 2.0**-24
@@ -126,7 +126,8 @@ def test_rays_in_single_precision_err_by_more(session):
     assert direction > 2 * ROUNDING
 
 
-@pytest.mark.parametrize("name", ["aspheres", slow("coated, coloured, five blades")])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["aspheres", "coated, coloured, five blades"])
 def test_one_lane_and_eight_make_the_same_rays(session, name, monkeypatch):
     scene = scene_through(name)
     _, eight = rays_between(session, scene)

@@ -67,7 +67,7 @@ def of_panel(camera, depth, place):
     [
         slow("thin_lens", 6.0, CENTRE),
         slow("thick_lens", 0.8, CORNER),
-        ("double_gauss", 0.8, CORNER),
+        slow("double_gauss", 0.8, CORNER),
         slow("double_gauss", 6.0, CENTRE),
     ],
 )

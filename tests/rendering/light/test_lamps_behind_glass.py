@@ -125,7 +125,7 @@ ENDLESS = {"shape": "plane", "point": [0, 0, 1], "normal": [0, 0, 1], "material"
 @pytest.mark.parametrize(
     ("objects", "rest", "within"),
     [
-        ([SHINY, WALL, pane(0.8, THIN)], SUNNY, 1e-3),
+        slow([SHINY, WALL, pane(0.8, THIN)], SUNNY, 1e-3),
         slow([FLOOR, pane(0.8, THIN), ENDLESS, ball(0.5, LAMP, (0.9, 0, 1.6))], {}, 0.05),
     ],
 )
@@ -205,7 +205,8 @@ def test_picture_is_that_of_paths_that_find_lamps_by_chance(name, monkeypatch, t
     assert_equivalent(one.mean / other.mean, np.sqrt(one.variance + other.variance) / other.mean, 1.0, 1e-2)
 
 
-@pytest.mark.parametrize("name", ["lobes", *map(slow, ("globe", "spectral", "filament", "low sun", "many"))])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["lobes", "globe", "spectral", "filament", "low sun", "many"])
 def test_both_organisations_and_widths_render_the_same(name, monkeypatch):
     """A compiler let paths count twice in sixteen lanes alone (`departure_of` of integrator/path.h)."""
     films = []

@@ -359,7 +359,8 @@ def glossy_hall():
     return scene
 
 
-@pytest.mark.parametrize("made", [large_lamps_over_plastic, *map(slow, (large_lamps, hall))])
+@pytest.mark.slow
+@pytest.mark.parametrize("made", [large_lamps_over_plastic, large_lamps, hall])
 def test_passes_and_stream_give_the_same_bits(session, made) -> None:
     scene = load_scene(made())
     assert make_plan(scene).facts["LIGHT_TREE"] == 1

@@ -35,6 +35,7 @@ def cloud(count, **rest):
     return scene_of([floor, *items], camera, depth=6, resolution=(64, 48), environment=environment, **rest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roulette", [slow(0), 4])
 def test_picture_does_not_depend_on_the_tree(monkeypatch, roulette):
     scene = cloud(90, roulette=roulette)
