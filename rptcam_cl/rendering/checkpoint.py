@@ -47,7 +47,7 @@ from rptcam_cl.scene.scene import Scene
 # (little endian), and the SHA-256 of all that. Nothing in it is executed when it is read.
 
 MAGIC = b"RPTCAMCK"
-VERSION = 1
+VERSION = 2
 SUFFIX = ".rpck"
 _START = struct.Struct("<8sII")
 _MOST_HEADER = 1 << 24
@@ -127,7 +127,7 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
     Raises
     ------
     StateError
-        The file cannot be read, is something else, damaged, or of a later version.
+        The file cannot be read, is something else, damaged, or of another version.
     """
     try:
         size = Path(path).stat().st_size
@@ -160,8 +160,9 @@ def _header_length(path: str | os.PathLike[str], start: bytes, size: int) -> int
     if len(start) < _START.size or not start.startswith(MAGIC):
         raise StateError(f"{path}: is not a saved render")
     _, version, length = _START.unpack(start)
-    if version > VERSION:
-        raise StateError(f"{path}: was saved by a later version (its format is {version}; this one reads {VERSION})")
+    if version != VERSION:
+        which = "a later" if version > VERSION else "an earlier"
+        raise StateError(f"{path}: was saved by {which} version (its format is {version}; this one reads {VERSION})")
     if length > min(_MOST_HEADER, size):
         raise _damage(path)
     return int(length)

@@ -61,9 +61,10 @@ def test_longer_file_is_refused(path):
         read_checkpoint(path)
 
 
-def test_later_version_is_named(path):
-    path.write_bytes(struct.pack("<8sII", MAGIC, VERSION + 1, 2) + path.read_bytes()[16:])
-    with pytest.raises(StateError, match=f"by a later version .its format is {VERSION + 1}; this one reads {VERSION}"):
+@pytest.mark.parametrize(("version", "which"), [(VERSION - 1, "an earlier"), (VERSION + 1, "a later")])
+def test_other_version_is_named(path, version, which):
+    path.write_bytes(struct.pack("<8sII", MAGIC, version, 2) + path.read_bytes()[16:])
+    with pytest.raises(StateError, match=f"by {which} version .its format is {version}; this one reads {VERSION}"):
         read_checkpoint(path)
 
 
