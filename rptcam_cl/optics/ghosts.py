@@ -307,6 +307,13 @@ def steps(way: Way, surfaces: int) -> Iterator[Step]:
         yield Step(rest, True, False)
 
 
+def pairs_of(lens: Lens) -> list[Way]:
+    """Return the pairs of surfaces that reflect: the first one, and one before it."""
+    indices = lens.indices(550.0)
+    partly = [k for k, s in enumerate(lens.surfaces) if not s.is_mirror and indices[k] != indices[k + 1]]
+    return [(j, i) for j in partly for i in partly if i < j]
+
+
 def unfold(lens: Lens, way: Way) -> Lens:
     """Return a way as a lens of its own, whose mirrors are the surfaces that reflect."""
     met = list(steps(way, len(lens.surfaces)))
@@ -866,9 +873,7 @@ def _scout_rare(lit: Lit, landed: Mapping[Way, Landed]) -> dict[Way, Landed]:
 
     Without them the table of `fisheye-10mm` in the light of a sun at 20 degrees lacks 5 % of its light.
     """
-    partly = [k for k in range(len(lit.lens.surfaces)) if lit.reflects(k)]
-    pairs = [(j, i) for j in partly for i in partly if i < j]
-    rare = [way for way in pairs if way not in landed or len(landed[way].points) < RARE]
+    rare = [way for way in pairs_of(lit.lens) if way not in landed or len(landed[way].points) < RARE]
     entry = Entry(lit.lens, lit.source)
     count = int(np.clip(SCOUTS // max(len(rare), 1), FEWEST_SCOUTS, MOST_SCOUTS))
     points, area = entry.everywhere(count)

@@ -6,24 +6,21 @@ result depends on the scene alone, not on samples, waves or devices that share t
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.colour import WAVELENGTHS_NM, luminance
+from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import EmitterKind, Hidden, SpectrumKind, device_declarations
+from rptcam_cl.core.records import device_declarations
 from rptcam_cl.core.remember import checkpoint, is_cancellable, remember
 from rptcam_cl.device.session import Session
-from rptcam_cl.optics.ghosts import steps as steps_of
-from rptcam_cl.optics.ghosts import unfold, with_wider_stop
+from rptcam_cl.optics.ghosts import Way, pairs_of, steps, unfold, with_wider_stop
 from rptcam_cl.optics.glass import Interface
 from rptcam_cl.optics.irradiance import (
     film_irradiance,
@@ -34,375 +31,25 @@ from rptcam_cl.optics.irradiance import (
 )
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import LensTransmission
-from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, ghosts_have_colours, usable_nm
+from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting
 from rptcam_cl.rendering.cameras.pupil import by_content
-from rptcam_cl.rendering.cameras.setting import LensSetting
 from rptcam_cl.rendering.film import FilmLayout, array_of_text, text_of_array
-from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among
-from rptcam_cl.rendering.lamps import (
-    FLAT,
-    POINTS,
-    Patches,
-    Points,
-    lattice,
-    patches_of,
-    points_alone,
-    points_at,
-    square_patch,
-    visible,
-)
-from rptcam_cl.rendering.plan.environment import bright_parts
-from rptcam_cl.rendering.plan.plan import Plan, observer
-from rptcam_cl.rendering.plan.textures import Textures
+from rptcam_cl.rendering.ghost_sources import WAVES_NM, bands, sources_of
+from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.scene import Scene
-
-# What lights the front of a lens: points of lamps and suns, in the lens's frame, as far as nothing hides them.
 
 Array = NDArray[np.float64]
 
-_FRONT_POINTS = 8  # that look for what hides them
-MOST = 512  # points that light is traced from
-STEEPEST = 85.0  # degrees from the axis
-_SMALL = 3e-3  # radius of a lamp over its distance, up to which all of it shines through the same parts of the front
-FAINT = 1e-3  # of all light, below which the faintest sources beside highlights are left out
 _RADII, _DIMMEST = 13, 1e-3  # of the film, at which its light is known for scatter; least share of the middle's
 _SINES, _BESIDE = 1000, 1e9  # steps from the axis to a corner; distance [mm] of what no place of the film sees
 _CLOSE = 0.1  # part of their distance from the picture, within which sources scatter as one: within 0.5 %
-_PENCIL = 2.0  # in place of 0 and 1, of a source whose light has the curvature of its own
-
-
-@dataclass(frozen=True)
-class Sources:
-    """Points that light a lens.
-
-    Attributes
-    ----------
-    places : (n, 4) or (n, 12) array
-        Direction in which light of a source at infinity travels, or where a lamp is [mm], in the frame of the lens;
-        the last number is 1 of a lamp, 2 of a mirrored highlight. Where there are such, also how its direction changes
-        along x and y of the first vertex's plane [1/mm].
-    irradiance : (n, 3) array
-        Across the light before the front of the lens [W/m2].
-    left_out : tuple of str
-        Kinds of lamps whose ghosts are not known.
-    dropped_share : float
-        Of all that light, what fainter sources than the brightest have.
-    known : (n, 3) array
-        Number of the spectrum of a lamp, 0 of one that has none; how many times it is the irradiance; and the number
-        of the lamp, where light is not even of each part of it.
-    patches : Patches
-        Of the emitter around each point, in the frame of the lens, from which rays come.
-    mirrored : int
-        How many are mirrored highlights.
-    """
-
-    places: Array
-    irradiance: Array
-    left_out: tuple[str, ...]
-    dropped_share: float
-    known: Array
-    patches: Patches
-    mirrored: int = 0
-
-    @property
-    def tilt(self) -> float:
-        """Largest tangent of the angle between the light and the axis."""
-        sideways = np.hypot(self.places[:, 0], self.places[:, 1])
-        return float(np.max(sideways / np.abs(self.places[:, 2]), initial=0.0))
-
-
-def _ghost_sources(
-    scene: Scene,
-    plan: Plan,
-    buffers: SceneBuffers,
-    session: Session,
-    lens: Lens,
-    film_z: float,
-    *,
-    mirrors: bool = True,
-) -> Sources:
-    """Return the sources of a scene that light the front of a lens from less than 85 degrees and are not hidden.
-
-    Parameters
-    ----------
-    scene : Scene
-    plan : Plan
-        Its plan, whose emitters count.
-    buffers : SceneBuffers
-    session : Session
-    lens : Lens
-    film_z : float
-        Of the film in the frame of the lens [mm].
-    mirrors : bool
-        Whether highlights are looked for.
-    """
-    turn = at_opening(scene).camera.world_from_camera()[:3, :3]
-    front = _front(lens, film_z, turn)
-    points, patches, left_out, parts = [], [], set(), []
-    records = plan.emitters.shining
-    mirrored = records[records["hidden"] & Hidden.FROM_REFLECTION == 0]
-    for record in records:
-        lamp, shown = patches_of(record, front.vertex), float(not record["hidden"] & Hidden.FROM_CAMERA)
-        if int(record["kind"]) == EmitterKind.ENVIRONMENT:
-            towards, irradiance, sides = bright_parts(scene)
-            parts = [points_at(towards[k : k + 1], 0.0, irradiance[k : k + 1], record) for k in range(len(towards))]
-            points += [(at, shown * light, target, _known(record, light, True)) for at, light, target in parts]
-            patches += [square_patch(middle, *own) for middle, own in zip(towards, sides, strict=True)]
-            left_out.add("dim parts of the surroundings" if parts else "surroundings")
-        elif lamp is None:
-            left_out.add(EmitterKind(int(record["kind"])).name.lower())
-        else:
-            triangles = int((records["primitive"] == record["primitive"]).sum())
-            painted = _painted(record, lamp[1], plan.textures, front.vertex, _PARTS // triangles)
-            (at, light, target), around = painted or _as_one(*lamp, front.vertex)
-            points.append((at, shown * light, target, _known(record, light, painted is not None)))
-            patches.append(around)
-    if not points:
-        nothing = np.zeros((0, 4))
-        return Sources(nothing, nothing[:, :3], tuple(sorted(left_out)), 0.0, nothing[:, :3], points_alone(nothing))
-    at, light, target, known = (np.concatenate(column) for column in zip(*points, strict=True))
-    known[:, 2] = np.cumsum(known[:, 2])
-    patch = Patches.joined(patches)
-    places = np.column_stack([at[:, :3] @ turn, at[:, 3]])
-    lamps = places[:, 3] > 0
-    places[:, :3] = np.where(lamps[:, None], (places[:, :3] - [0.0, 0.0, -film_z * 1e-3]) * 1e3, -places[:, :3])
-    seen = _ahead(np.where(lamps[:, None], -places[:, :3], places[:, :3])) & (luminance(light) > 0)
-    bright = luminance(light[seen])
-    order = np.flatnonzero(seen)[np.argsort(-bright, kind="stable")[:MOST]]
-    dropped = 1.0 - float(luminance(light[order]).sum() / bright.sum()) if len(order) else 0.0
-    places, light, target, at, known = places[order], light[order], target[order], at[order], known[order]
-    patch = patch[order]
-    seen = visible(session, plan, buffers, patch, at[:, 3] > 0, target, front.spots)
-    bright, kinds = seen > 0, tuple(sorted(left_out))
-    known[:, 1] *= seen
-    for sun in np.unique(known[at[:, 3] == 0, 2]):
-        rows = np.flatnonzero(known[:, 2] == sun)
-        if len(rows) == POINTS and seen[rows].min() == 1:  # all of it lights as one
-            places[rows[0]], light[rows[0]] = places[rows].mean(axis=0), light[rows].sum(axis=0)
-            known[rows[0], 1], patch.cell[rows[0]] = known[rows, 1].sum(), [0.0, 0.0, 1.0, 1.0]
-            bright[rows[1:]] = False
-    own = _in_lens(patch[bright], at[bright, 3] > 0, turn, film_z)
-    direct = Sources(places[bright], light[bright] * seen[bright, None], kinds, dropped, known[bright], own)
-    lamps_seen = lamps_among(mirrored, parts, front.vertex) if mirrors else []
-    pencils = highlights(plan, session, buffers, lamps_seen, front) if mirrors else None
-    return direct if pencils is None else _with_pencils(direct, pencils, turn)
-
-
-def _as_one(
-    points: tuple[Array, Array, Array], patches: Patches, vertex: Array
-) -> tuple[tuple[Array, Array, Array], Patches]:
-    """Return points and patches of an emitter; of a lamp that shows small from the front one, of all of it."""
-    at, light, target = points
-    if len(at) == 1 or not at[0, 3] or not _shows_small(patches, vertex):
-        return points, patches
-    whole = replace(patches[:1], cell=np.array([[0.0, 0.0, 1.0, 1.0]]), normal=patches.normal.mean(axis=0)[None])
-    return (at.mean(axis=0)[None], light.sum(axis=0)[None], target[:1]), whole
-
-
-def _shows_small(patches: Patches, vertex: Array) -> bool:
-    """Return whether all of a lamp shines through the same parts of the front."""
-    size = max(float(np.linalg.norm(side, axis=1).max()) for side in (patches.first, patches.second))
-    half = np.full(len(patches), 0.5)
-    return bool(size <= _SMALL * np.linalg.norm(patches.at(half, half) - vertex, axis=1).min())
-
-
-def _known(record: np.void, irradiance: Array, parted: bool) -> Array:
-    """Return the number of an emitter's spectrum, how many times it its points give, and which begin a lamp (n, 3)."""
-    brightest = int(np.argmax(record["radiance"][:3]))
-    times = irradiance[:, brightest] / max(float(record["radiance"][brightest]), 1e-300)
-    begins = np.full(len(irradiance), float(parted))
-    begins[0] = 1.0
-    return np.column_stack([np.full(len(irradiance), float(record["radiance"][3])), times, begins])
-
-
-# Lamps with a picture: parts of them within which the picture is nearly even.
-
-_PARTS, _ACROSS = 64, 256  # of a lamp; points along its unit square that tell its picture
-_EVEN = 1e-4  # of the squares of a picture's light about its mean: what parts may leave
-
-
-def _painted(
-    record: np.void, patches: Patches, textures: Textures, vertex: Array, most: int
-) -> tuple[Points, Patches] | None:
-    """Return points and patches of an emitter with a picture; None of others, and of patterns that are none."""
-    texture = int(record["texture"])
-    if texture < 0 or record["kind"] not in (*FLAT, EmitterKind.SPHERE):
-        return None
-    whole = replace(patches[:1], cell=np.array([[0.0, 0.0, 1.0, 1.0]]))
-    across = np.clip(int(_ACROSS * np.sqrt(max(most, 1) / _PARTS)), 8, _ACROSS)
-    t, s = (np.indices((across, across)).reshape(2, -1) + 0.5) / across
-    places, sphere = whole[np.zeros(across**2, int)].at(s, t), record["kind"] == EmitterKind.SPHERE
-    a, u, v, uv, uv_x, uv_y = (record[name][:3].astype(float) for name in ("a", "u", "v", "uv", "uv_x", "uv_y"))
-    if sphere:  # u and v are its x and z axes, uv[2] its handedness
-        to = places - a
-        ahead = (vertex - a) / np.linalg.norm(vertex - a)
-        to += ahead * np.sqrt(np.maximum(record["a"][3] ** 2 - np.sum(to**2, axis=1), 0))[:, None]
-        east, north, up = to @ u, to @ np.cross(v, u) * uv[2], to @ v
-        at = np.mod(np.arctan2(north, east) / (2 * np.pi), 1.0), np.arctan2(up, np.hypot(east, north)) / np.pi + 0.5
-    else:
-        x, y = ((places - a) @ np.linalg.pinv(np.array([u, v]))).T
-        at = uv[0] + x * uv_x[0] + y * uv_y[0], uv[1] + x * uv_x[1] + y * uv_y[1]
-    picture = textures.image_at(texture, *at)
-    if picture is None:
-        return None
-    side = 1 if most < POINTS or _shows_small(patches, vertex) else math.isqrt(POINTS)
-    cells, colours = _even_cells(picture.reshape(across, across, 3), side, max(most, 1))
-    parts = replace(whole[np.zeros(len(cells), int)], cell=cells)
-    middles, share = parts.at(np.full(len(cells), 0.5), np.full(len(cells), 0.5)), cells[:, 2:].prod(axis=1)
-    away = vertex - (a if sphere else middles)
-    square = np.sum(away**2, axis=-1)
-    facing, normal = np.ones(len(cells)), record["normal"][:3].astype(float)
-    if not sphere:
-        cosine = away @ normal / np.sqrt(square)
-        facing = np.maximum(np.abs(cosine) if record["two_sided"] else cosine, 0.0)
-        parts = replace(parts, normal=normal / np.where(cosine == 0, np.inf, cosine)[:, None])
-    area = (np.pi * record["a"][3] ** 2 if sphere else float(record["a"][3])) * share
-    return points_at(middles, 1.0, colours * (area * facing / square)[:, None], record), parts
-
-
-def _even_cells(picture: Array, side: int, most: int) -> tuple[Array, Array]:
-    """Part a square picture (n, n, 3) of t and s into as even cells (m, 4) as may be; with their colours (m, 3).
-
-    ``side`` is the number of cells along it to begin with.
-    """
-    size = len(picture)
-    sums, squares = np.zeros((2, size + 1, size + 1, 3))
-    sums[1:, 1:], squares[1:, 1:] = (each.cumsum(axis=0).cumsum(axis=1) for each in (picture, picture**2))
-
-    def within(table: Array, y0: Any, x0: Any, y1: Any, x1: Any) -> Array:
-        return np.asarray(table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0])
-
-    def uneven(y0: Any, x0: Any, y1: Any, x1: Any) -> Array:
-        area = np.asarray((y1 - y0) * (x1 - x0))[..., None]
-        off = within(squares, y0, x0, y1, x1) - within(sums, y0, x0, y1, x1) ** 2 / area
-        return np.asarray(np.maximum(off, 0.0).sum(axis=-1))
-
-    ends = [size * k // side for k in range(side + 1)]
-    cells = [(y0, x0, y1, x1) for y0, y1 in itertools.pairwise(ends) for x0, x1 in itertools.pairwise(ends)]
-    left = [float(uneven(*cell)) for cell in cells]
-    while len(cells) < most and sum(left) > _EVEN * float(squares[-1, -1].sum()):
-        worst = int(np.argmax(left))
-        y0, x0, y1, x1 = cells[worst]
-        y, x = np.arange(y0 + 1, y1), np.arange(x0 + 1, x1)
-        by_row = uneven(y0, x0, y, x1) + uneven(y, x0, y1, x1) + 1e-9 * np.abs(2 * y - y0 - y1)
-        by_column = uneven(y0, x0, y1, x) + uneven(y0, x, y1, x1) + 1e-9 * np.abs(2 * x - x0 - x1)
-        if np.min(by_row, initial=np.inf) < np.min(by_column, initial=np.inf):
-            at = int(y[np.argmin(by_row)])
-            halves = (y0, x0, at, x1), (at, x0, y1, x1)
-        elif len(x):
-            at = int(x[np.argmin(by_column)])
-            halves = (y0, x0, y1, at), (y0, at, y1, x1)
-        else:
-            left[worst] = 0.0  # a point
-            continue
-        cells[worst : worst + 1], left[worst : worst + 1] = halves, [float(uneven(*half)) for half in halves]
-    y0, x0, y1, x1 = np.array(cells).T
-    colours = within(sums, y0, x0, y1, x1) / ((y1 - y0) * (x1 - x0))[:, None]
-    return np.column_stack([x0, y0, x1 - x0, y1 - y0]) / size, colours
-
-
-def _front(lens: Lens, film_z: float, turn: Array) -> Front:
-    """Return the front of a lens in the world about the eye."""
-    vertex, radius = np.array([0.0, 0.0, -film_z * 1e-3]), lens.surfaces[0].semi_diameter * 1e-3
-    u, v = lattice(_FRONT_POINTS)
-    angle, reach = 2 * np.pi * v, radius * np.sqrt(u)
-    spots = vertex + np.stack([reach * np.cos(angle), reach * np.sin(angle), np.zeros(_FRONT_POINTS)], axis=1)
-    return Front(turn @ vertex, spots @ turn.T, radius)
-
-
-def _in_lens(patches: Patches, lamps: NDArray[np.bool_], turn: Array, film_z: float) -> Patches:
-    """Turn patches to the frame of the lens: places [mm], or ways in which light travels."""
-    scale = np.where(lamps, 1e3, -1.0)[:, None]
-    shift = np.where(lamps, film_z, 0.0)[:, None] * [0.0, 0.0, 1.0]
-    first, second, base = (scale * (each @ turn) for each in (patches.first, patches.second, patches.base))
-    return replace(patches, base=base + shift, first=first, second=second, normal=patches.normal @ turn)
-
-
-def _ahead(ways: Array) -> NDArray[np.bool_]:
-    """Return whether light that travels so (n, 3) comes from before the lens."""
-    return np.asarray(ways[:, 2] > np.cos(np.radians(STEEPEST)) * np.linalg.norm(ways, axis=1))
-
-
-def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
-    """Return sources with mirrored highlights; the faintest of all are left out."""
-    ways, bends, irradiance = pencils
-    ways, bends = ways @ turn, turn.T @ bends @ turn * 1e-3
-    ahead = _ahead(ways) & np.all(np.isfinite(bends), axis=(1, 2))
-    places, first = np.zeros((len(direct.places) + int(ahead.sum()), 12)), len(direct.places)
-    places[:first, :4] = direct.places
-    places[first:, :3], places[first:, 3] = ways[ahead], _PENCIL
-    places[first:, 4:7], places[first:, 8:11] = bends[ahead, :, 0], bends[ahead, :, 1]
-    light = np.concatenate([direct.irradiance, irradiance[ahead]])
-    bright = luminance(light)
-    order = np.argsort(-bright, kind="stable")
-    share = np.cumsum(bright[order]) / max(float(bright.sum()), 1e-300)
-    order = np.sort(order[: min(int(np.searchsorted(share, 1.0 - FAINT)) + 1, MOST)])
-    mirrored = int((order >= first).sum())
-    if not mirrored:
-        return direct
-    every = float(bright[:first].sum()) / (1.0 - direct.dropped_share) + float(bright[first:].sum())
-    dropped = 1.0 - float(bright[order].sum()) / every
-    known = np.concatenate([direct.known, np.zeros((int(ahead.sum()), 3))])
-    known[first:, 2] = -1.0 - np.arange(int(ahead.sum()))
-    patches = Patches.joined([direct.patches, points_alone(places[first:])])
-    return Sources(places[order], light[order], direct.left_out, dropped, known[order], patches[order], mirrored)
-
-
-# Wavelengths at which light of ghosts is traced, and what each source gives the film's colours at them.
-
-WAVES_NM = (425.0, 475.0, 525.0, 575.0, 625.0, 675.0)  # where colours differ
-
-
-Band = tuple[float, Array]
-"""A wavelength [nm] that stands for some, and the light of the sources (n, 3) in them [W/m2]."""
-_Opening = tuple[WayRecords, Any]
-"""A lens at a wavelength, and the shape of its stop on the device."""
-
-
-def bands(scene: Scene, plan: Plan, setting: LensSetting, sources: Sources) -> list[Band]:
-    """Return wavelengths for light given as red, green and blue, and for each spectrum of a lamp its own.
-
-    A film of red, green and blue knows no spectra. Beyond what the lens is known for its last wavelength stands in.
-    """
-    tinted, numbers = ghosts_have_colours(setting), sources.known[:, 0].astype(int)
-    if plan.spectrum.kind == SpectrumKind.RGB:
-        numbers = np.zeros_like(numbers)
-    waves = WAVES_NM if tinted else (setting.camera.wavelength_nm,)
-    shares = shares_of_white(WAVES_NM) if tinted else np.ones((1, 3))
-    limits = usable_nm(setting.lens, setting.transmission) if tinted else (0.0, np.inf)
-
-    def known(nm: float) -> float:
-        return float(np.clip(nm, *limits))
-
-    plain, every = numbers == 0, []
-    if plain.any() or not len(plain):
-        light = np.where(plain[:, None], sources.irradiance, 0.0)
-        every = [(known(nm), light * share) for nm, share in zip(waves, shares, strict=True)]
-    matching = observer(scene)[1]
-    for number in np.unique(numbers[~plain]):
-        times = np.where(numbers == number, sources.known[:, 1], 0.0)[:, None]
-        for nm, seen in _bands_of_spectrum(plan.colours[0].samples[number - 1][:, None] * matching, waves):
-            every.append((known(nm), times * seen))
-    return every
-
-
-def _bands_of_spectrum(seen: Array, waves: tuple[float, ...]) -> Iterator[tuple[float, Array]]:
-    """Yield the middle [nm] of light (401, 3) in each band about some waves, and its sum (3,); none of dark ones."""
-    places = np.argmin(np.abs(WAVELENGTHS_NM[:, None] - np.array(waves)), axis=1)
-    for place, wave in enumerate(waves):
-        own = seen[places == place]
-        strength = np.abs(own).sum(axis=1)
-        if strength.any():
-            middle = float(WAVELENGTHS_NM[places == place] @ strength / strength.sum())
-            yield middle if len(waves) > 1 else wave, own.sum(axis=0)
-
 
 # Rays of ghosts: from the sources of a scene through boxes on the front of its lens, by a pair of its surfaces.
 
-Way = tuple[int, ...]
+_Opening = tuple[WayRecords, Any]
+"""A lens at a wavelength, and the shape of its stop on the device."""
 Lit = NDArray[np.bool_] | NDArray[np.intp]
 """Which sources."""
 Counts = NDArray[np.intp]
@@ -478,7 +125,7 @@ class GhostFilm:
         self.lens, self.film_distance = setting.lens, setting.film_distance_mm
         film_z = self.lens.film_z(self.film_distance)
         buffers = SceneBuffers(session, plan)
-        self.sources: Sources = _ghost_sources(scene, plan, buffers, session, self.lens, film_z)
+        self.sources = sources_of(scene, plan, buffers, session, self.lens, film_z)
         self.bands = bands(scene, plan, setting, self.sources)
         self.lenses = [self._opening(self.lens, nm, setting.transmission) for nm, _ in self.bands]
         middle = len(self.bands) // 2
@@ -633,7 +280,7 @@ class GhostFilm:
             metadata["left_out"] = list(sources.left_out)
         if not len(sources.places):
             return np.zeros(self.shape), metadata | {"ways": 0, "dropped_share": 0.0}
-        scouted = {way: self._scout(way) for way in _pairs(self.lens)}
+        scouted = {way: self._scout(way) for way in pairs_of(self.lens)}
         fluxes = {way: one.flux.sum(axis=0) for way, one in scouted.items()}
         total = sum(fluxes.values())
         kept = {way: one for way, one in scouted.items() if np.any(fluxes[way] > LEAST_SHARE * total)}
@@ -721,7 +368,7 @@ class GhostFilm:
                 largest = max(largest, brightest)
                 alike.append((way, record, lit, boxes, weights, counts))
         film, session = np.zeros(self.shape), self.session
-        for steps, alike in sorted(launches.items()):
+        for width, alike in sorted(launches.items()):
             words = session.allocate(8 * film.size, zeroed=True)
             for way, record, lit, boxes, weights, counts in alike:
                 checkpoint()
@@ -731,7 +378,7 @@ class GhostFilm:
                 if is_cancellable():
                     session.finish()
             units = session.read(words, "<i8", film.size).astype(np.float32)
-            film += _spread_light(units.reshape(film.shape), FINER**steps)
+            film += _spread_light(units.reshape(film.shape), FINER**width)
         return film * (largest / ONE_LIGHT * self.value)
 
 
@@ -760,14 +407,6 @@ def _basis(rays: int) -> tuple[Array, int]:
         b = b - steps * a
     numbers = [round(float(way[0]) * rays) % rays for way in (a, b, a + b)]
     return np.array([a, b]), next(number for number in numbers if number % 2)
-
-
-def _pairs(lens: Lens) -> Iterator[Way]:
-    """Yield the pairs of surfaces that reflect: the first one, and one before it."""
-    indices = lens.indices(550.0)
-    partly = [k for k, s in enumerate(lens.surfaces) if not s.is_mirror and indices[k] != indices[k + 1]]
-    for j in partly:
-        yield from ((j, i) for i in partly if i < j)
 
 
 def _spread_light(film: NDArray[Any], width: float) -> NDArray[Any]:
@@ -830,23 +469,45 @@ class Ghosting:
 # A sketch of ghosts for pictures that move: all light of a pair as paraxial rays take it (Lee and Eisemann 2013).
 
 _PARAXIAL_NM, _SKETCHED, _PAIRS, _SKETCH_PX = 550.0, 16, 64, 192  # sources and pairs, the brightest; the longer side
-MatrixWay = tuple[Array, Array, Array, Lens]
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixWay:
+    """A way of light by matrices.
+
+    Attributes
+    ----------
+    heights : (m, 2) array
+        What the height on each surface, and last on the film, has of a ray's height and slope before the lens.
+    rims : (m - 1,) array
+        Of the surfaces [mm].
+    share : (3,) array
+        Of white light, that comes through.
+    bent : Lens
+        The way as a lens of its own.
+    """
+
+    heights: Array
+    rims: Array
+    share: Array
+    bent: Lens
+
+    @property
+    def flux(self) -> float:
+        """The luminance of its light, of a source of irradiance 1 on the axis, over pi [mm2]."""
+        return float(luminance(self.share) * (self.rims / np.abs(self.heights[:-1, 0])).min() ** 2)
 
 
 @remember(most=4, by=by_content)
 def matrix_ways(lens: Lens, film_distance_mm: float, transmission: LensTransmission) -> list[MatrixWay]:
-    """Return for each pair of surfaces what the height on each surface and on the film has of a ray's height and slope.
-
-    These are rows (m, 2), the film's last; then the surfaces' rims (m - 1,) [mm], the share of white light (3,) that
-    comes through, and the way as a lens of its own. Faint pairs are left out.
-    """
-    waves, surfaces, every = np.array(WAVES_NM), lens.surfaces, []
+    """Return the ways of all pairs of surfaces but of faint ones, brightest first."""
+    waves, surfaces, every = np.array(WAVES_NM), lens.surfaces, list[MatrixWay]()
     n = np.array([lens.indices(nm) for nm in WAVES_NM]).T
     passed = np.array([
         transmission.coating_of(s).transmittance(Interface(n[k], n[k + 1]), waves) for k, s in enumerate(surfaces)
     ])  # fmt: skip
-    for way in _pairs(lens):
-        bent, met = unfold(lens, way), list(steps_of(way, len(surfaces)))
+    for way in pairs_of(lens):
+        bent, met = unfold(lens, way), list(steps(way, len(surfaces)))
         indices, height, slope = bent.indices(_PARAXIAL_NM), np.array([1.0, 0.0]), np.array([0.0, 1.0])
         rows, light = [], np.ones(len(waves))
         for k, (surface, step) in enumerate(zip(bent.surfaces, met, strict=True)):
@@ -859,8 +520,8 @@ def matrix_ways(lens: Lens, film_distance_mm: float, transmission: LensTransmiss
                 light = light * np.abs(float(step.reflects) - passed[step.surface])
         table = np.array([*rows, height]) * [1.0, indices[0]]
         rims = np.array([surface.semi_diameter for surface in bent.surfaces])
-        every.append((table, rims, light @ shares_of_white(WAVES_NM), bent))
-    flux = [luminance(share) * (rims / np.abs(table[:-1, 0])).min() ** 2 for table, rims, share, _ in every]
+        every.append(MatrixWay(table, rims, light @ shares_of_white(WAVES_NM), bent))
+    flux = [way.flux for way in every]
     return [every[k] for k in np.argsort(flux)[::-1][:_PAIRS] if flux[k] >= LEAST_SHARE * sum(flux)]
 
 
@@ -878,7 +539,7 @@ def sketch_of_ghosts(
     if lens.is_split or lens.fold is not None:
         return np.zeros((*whole, 3), np.float32)
     film_z = lens.film_z(setting.film_distance_mm)
-    sources = _ghost_sources(scene, plan, buffers, session, lens, film_z, mirrors=False)
+    sources = sources_of(scene, plan, buffers, session, lens, film_z, mirrors=False)
     sense = -1.0 if scene.camera.flip else 1.0
     width, height = (sense * 1e3 * side for side in scene.film.size_m())
     x = ((layout.x + (np.arange(shape[1]) + 0.5) * layout.width / shape[1]) / columns - 0.5) * width
@@ -908,9 +569,8 @@ def _draw(
 
     ``near`` is 1 over its distance from the first vertex [1/mm], ``slope`` that of its light there.
     """
-    table, rims, share, bent = way
-    scales, moved = table[:, 0] + near * table[:, 1], table[:, 1:] * slope
-    reach = rims / np.maximum(np.abs(scales[:-1]), 1e-9)  # on the plane of the first vertex
+    scales, moved = way.heights[:, 0] + near * way.heights[:, 1], way.heights[:, 1:] * slope
+    reach = way.rims / np.maximum(np.abs(scales[:-1]), 1e-9)  # on the plane of the first vertex
     pixel = float(np.ptp(x) / max(len(x) - 1, 1))
     scale = math.copysign(max(abs(scales[-1]), pixel / reach.min()), scales[-1])
     centres = moved[-1] - scale * moved[:-1] / np.where(scales[:-1] == 0, 1e-9, scales[:-1])[:, None]
@@ -923,10 +583,10 @@ def _draw(
     farthest = np.hypot(*np.maximum(np.abs(low - centres), np.abs(high - centres)).T)
     for k in np.flatnonzero(farthest > radii):
         lit &= (x - centres[k, 0]) ** 2 + (y - centres[k, 1]) ** 2 <= radii[k] ** 2
-    if (stop := bent.stop_index) is not None:
+    if (stop := way.bent.stop_index) is not None:
         through = [scales[stop] * (at - moved[-1, k]) / scale + moved[stop, k] for k, at in enumerate((x, y))]
-        lit &= bent.surfaces[stop].clears(*np.broadcast_arrays(*through))
-    out[j[0] : j[-1] + 1, i[0] : i[-1] + 1] += lit[..., None] * (light * share / scale**2).astype(np.float32)
+        lit &= way.bent.surfaces[stop].clears(*np.broadcast_arrays(*through))
+    out[j[0] : j[-1] + 1, i[0] : i[-1] + 1] += lit[..., None] * (light * way.share / scale**2).astype(np.float32)
 
 
 def saved_ghosts(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float32], dict[str, Any]] | None:

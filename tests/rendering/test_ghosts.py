@@ -14,7 +14,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.film_probe import FilmProbe, grid
-from rptcam_cl.optics.ghosts import Lit, find_ghosts, ghost_image, steps, unfold
+from rptcam_cl.optics.ghosts import Lit, find_ghosts, ghost_image, pairs_of, steps, unfold
 from rptcam_cl.optics.glass import MAGNESIUM_FLUORIDE, Coating, Layer, LayerStack, QuarterWave
 from rptcam_cl.optics.irradiance import film_irradiance, veiling_glare
 from rptcam_cl.optics.library import load_lens
@@ -22,15 +22,12 @@ from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
 from rptcam_cl.optics.surface import blades
 from rptcam_cl.rendering import ghosts as ghost_film
 from rptcam_cl.rendering.cameras.lens_records import ghost_setting
+from rptcam_cl.rendering.ghost_sources import WAVES_NM, _as_one, _even_cells
 from rptcam_cl.rendering.ghosts import (
     STEP,
-    WAVES_NM,
     GhostFilm,
     Ghosting,
-    _as_one,
     _basis,
-    _even_cells,
-    _pairs,
     _spread_light,
     matrix_ways,
     sketch_of_ghosts,
@@ -209,8 +206,8 @@ def test_a_crop_has_the_glow_of_a_sun_in_the_rest_of_the_frame() -> None:
 def test_a_sketch_has_the_light_of_ghosts_about_where_they_are(session: Session) -> None:
     setting = ghost_setting(load_scene(scene(sun(10.0))))
     lens, distance = setting.lens, setting.film_distance_mm
-    found = [table[-1] for table, *_ in matrix_ways(lens, distance, setting.transmission)]
-    images = [ghost_image(lens, way, distance, 550.0) for way in _pairs(lens)]
+    found = [way.heights[-1] for way in matrix_ways(lens, distance, setting.transmission)]
+    images = [ghost_image(lens, way, distance, 550.0) for way in pairs_of(lens)]
     known = np.array([(image.film_per_height, image.film_per_slope) for image in images])
     assert len(found) > 8
     for row in found:
