@@ -260,6 +260,7 @@ def _power(jones: Amplitude) -> Array:
 Way = tuple[int, ...]
 
 ORDERS = (2, 4)
+LEAST_SCALE = 1e-9  # of heights in an image of the source, over those before the lens
 
 
 class Step(NamedTuple):
@@ -312,6 +313,94 @@ def pairs_of(lens: Lens) -> list[Way]:
     indices = lens.indices(550.0)
     partly = [k for k, s in enumerate(lens.surfaces) if not s.is_mirror and indices[k] != indices[k + 1]]
     return [(j, i) for j in partly for i in partly if i < j]
+
+
+def ways_of_four(lens: Lens) -> NDArray[np.intp]:
+    """Return all ways (n, 4) of light that four surfaces reflect."""
+    pairs = pairs_of(lens)
+    return np.array([(*one, *two) for one in pairs for two in pairs if two[0] > one[1]], np.intp).reshape(-1, 4)
+
+
+class ParaxialStep(NamedTuple):
+    """A surface, or the film behind the last, that ways meet by paraxial rays.
+
+    Attributes
+    ----------
+    surface : int
+    ways : (m,) array
+        Numbers of those that meet it.
+    reflects : (m,) array
+        Which of them it reflects.
+    heights : (2, m) array
+        What the height there has of the height and the slope before the lens.
+    """
+
+    surface: int
+    ways: NDArray[np.intp]
+    reflects: Mask
+    heights: Array
+
+
+def paraxial_steps(
+    lens: Lens, turns: NDArray[np.intp], film_distance_mm: float, wavelength_nm: float = 550.0
+) -> Iterator[ParaxialStep]:
+    """Yield the surfaces that many ways (n, reflections) meet, all of them together, in the y-z section.
+
+    Slopes are per length of the way and times the index, so that light on its way back needs no signs of its own.
+    """
+    index, film, senses = lens.indices(wavelength_nm), len(lens.surfaces), lens.senses
+    bends = [senses[k] * s.paraxial_curvature("y") for k, s in enumerate(lens.surfaces)]
+    gaps = [0.0, *(senses[k + 1] * s.thickness for k, s in enumerate(lens.surfaces[:-1])), film_distance_mm]
+    height, slope = (np.tile(column, len(turns)) for column in ([[1.0], [0.0]], [[0.0], [index[0]]]))
+    begins = np.zeros(len(turns), np.intp)
+    for phase, ends in enumerate([*turns.T, np.full(len(turns), film)]):
+        forward = phase % 2 == 0
+        for k in range(film + 1) if forward else range(film - 1, -1, -1):
+            ways = np.flatnonzero((begins <= k) & (k <= ends) if forward else (begins >= k) & (k >= ends))
+            if not len(ways):
+                continue
+            medium, gap = (k, gaps[k]) if forward else (k + 1, gaps[k + 1])
+            w = slope[:, ways]
+            h = height[:, ways] + gap / index[medium] * w
+            reflects = (ends[ways] == k) & (k < film)
+            yield ParaxialStep(k, ways, reflects, h)
+            if k < film:
+                mirror = 2.0 * index[medium] * (1.0 if forward or lens.surfaces[k].is_mirror else -1.0)
+                passing = mirror if lens.surfaces[k].is_mirror else index[k] - index[k + 1]
+                height[:, ways], slope[:, ways] = h, w + bends[k] * np.where(reflects, mirror, passing) * h
+        begins = ends + (-1 if forward else 1)
+
+
+def light_by_paraxial_rays(
+    lens: Lens, turns: NDArray[np.intp], film_mm: tuple[float, float], passed: Array, distance_mm: float, slopes: Array
+) -> Array:
+    """Return about how much light (slopes, n) ways bring to the film: of a square that no rim stops in the y-z section.
+
+    Parameters
+    ----------
+    turns : (n, reflections) array
+    film_mm : (float, float)
+        Its distance, and its largest height.
+    passed : (surfaces, waves) array
+        What each surface lets through, and does not reflect.
+    distance_mm : float
+        Of the source before the first vertex.
+    slopes : (slopes,) array
+        Of its light there.
+    """
+    rims, film = [*(surface.semi_diameter for surface in lens.surfaces), film_mm[1]], len(lens.surfaces)
+    shape, light = (len(slopes), len(turns)), np.ones((len(turns), passed.shape[1]))
+    low, high = np.full(shape, -np.inf), np.full(shape, np.inf)
+    for step in paraxial_steps(lens, turns, film_mm[0]):
+        scale = step.heights[0] + step.heights[1] / distance_mm
+        scale = np.where(np.abs(scale) < LEAST_SCALE, LEAST_SCALE, scale)
+        middle, half = -np.outer(slopes, step.heights[1] / scale), rims[step.surface] / np.abs(scale)
+        low[:, step.ways] = np.maximum(low[:, step.ways], middle - half)
+        high[:, step.ways] = np.minimum(high[:, step.ways], middle + half)
+        if step.surface < film and not lens.surfaces[step.surface].is_mirror:
+            through = passed[step.surface]
+            light[step.ways] *= np.where(step.reflects[:, None], 1.0 - through, through)
+    return np.asarray(light.sum(axis=1) * np.maximum(high - low, 0.0) ** 2)
 
 
 def unfold(lens: Lens, way: Way) -> Lens:
@@ -458,7 +547,7 @@ class Entry:
 # What reaches the film after an even number of reflections is the image and its ghosts.
 
 RAYS = {2: 1500, 4: 1000}  # over the front, by the order
-FAINT = 1e-8  # share of the light below which rays with more than two reflections are not followed
+FAINT = 1e-9  # share of the light below which rays with more than two reflections are not followed
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -20,7 +21,15 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.core.remember import checkpoint, is_cancellable, remember
 from rptcam_cl.device.session import Session
-from rptcam_cl.optics.ghosts import Way, pairs_of, steps, unfold, with_wider_stop
+from rptcam_cl.optics.ghosts import (
+    Way,
+    light_by_paraxial_rays,
+    pairs_of,
+    steps,
+    unfold,
+    ways_of_four,
+    with_wider_stop,
+)
 from rptcam_cl.optics.glass import Interface
 from rptcam_cl.optics.irradiance import (
     film_irradiance,
@@ -88,6 +97,8 @@ class Scouted:
         Largest share of a ray's light that arrives.
     by_source : (n,) array
         Share of each source in each wavelength's flux, added up.
+    stands_for : float
+        How many ways like it it stands for.
     """
 
     boxes: Array
@@ -96,6 +107,7 @@ class Scouted:
     arriving: float
     largest: float
     by_source: Array
+    stands_for: float = 1.0
 
 
 #
@@ -108,6 +120,8 @@ LEAST_SHARE = 1e-3  # of all ghosts in each colour, below which a way is left ou
 DARK = 0.2  # of the mean light: darker cells are no reason for more rays
 PER_PIXEL, _LEAST_RAYS, MOST_RAYS = 40.0, 1 << 20, 1 << 23  # of all ways
 _SHARING_LAMPS, _FAINTEST = 0.7, 1e-4  # the same of its sources; least part of the brightest that one counts
+MOST_OF_FOUR = 256  # ways of four reflections that are traced, and stand for all of them
+_ON_THE_AXIS = 0.1  # weight of a source there, by which they are chosen as well as by the brightest
 _SHARING = 0.7  # power to which ways share rays: between alike and by what each needs, found by trial
 WIDTH, FINER = 1.4, 1.6  # of the spread of a way's light [pixels], by trial; ratio of one width to the next
 LEAST_SPREAD = 2  # steps from one pixel, below which the points of a sun would show
@@ -122,7 +136,9 @@ class GhostFilm:
     def __init__(self, scene: Scene, plan: Plan, session: Session) -> None:
         self.session = session
         setting = ghost_setting(scene)
-        self.lens, self.film_distance = setting.lens, setting.film_distance_mm
+        self.lens, self.film_distance, self.transmission = setting.lens, setting.film_distance_mm, setting.transmission
+        camera = scene.camera.traced_camera
+        self.order = 2 if camera is None else camera.ghost_order
         film_z = self.lens.film_z(self.film_distance)
         buffers = SceneBuffers(session, plan)
         self.sources = sources_of(scene, plan, buffers, session, self.lens, film_z)
@@ -284,10 +300,34 @@ class GhostFilm:
         fluxes = {way: one.flux.sum(axis=0) for way, one in scouted.items()}
         total = sum(fluxes.values())
         kept = {way: one for way, one in scouted.items() if np.any(fluxes[way] > LEAST_SHARE * total)}
+        ways = {"ways": len(kept)}
+        if self.order == 4:
+            chosen, of_all = self._ways_of_four()
+            found = {way: self._scout(way) for way in chosen}
+            more = {way: replace(one, flux=chosen[way] * one.flux, stands_for=chosen[way])
+                    for way, one in found.items() if one.flux.any()}  # fmt: skip
+            kept, ways = kept | more, ways | {"ways_of_four": len(more), "of_four": of_all}
+            fluxes |= {way: one.flux.sum(axis=0) for way, one in more.items()}
+            total = sum(fluxes.values())
         dropped = 1.0 - float(sum(fluxes[way].sum() for way in kept) / total.sum()) if kept else 0.0
         dropped = 1.0 - (1.0 - dropped) * (1.0 - sources.dropped_share)
         film = self._splat(kept) if kept else np.zeros(self.shape)
-        return film, metadata | {"ways": len(kept), "dropped_share": dropped}
+        return film, metadata | ways | {"dropped_share": dropped}
+
+    def _ways_of_four(self) -> tuple[dict[Way, float], int]:
+        """Return some ways of four reflections with how many like it each stands for, and the number of all that count.
+
+        Those that bring most are taken as they are. Others are taken in equal steps of their light, so that the sum of
+        the light is about that of all (systematic sampling by size).
+        """
+        turns, at = ways_of_four(self.lens), self.sources.places[int(np.argmax(luminance(self.sources.irradiance)))]
+        waves = np.array([nm for nm, _ in self.bands])
+        away, slopes = -at[2] if at[3] == 1.0 else np.inf, np.array([np.hypot(at[0], at[1]) / abs(at[2]), 0.0])
+        film = self.film_distance, float(np.hypot(self.columns / self.to_pixels[1], self.rows / self.to_pixels[3]) / 2)
+        passed = _passed_shares(self.lens, self.transmission, waves)
+        by_slope = light_by_paraxial_rays(self.lens, turns, film, passed, away, slopes)
+        light = by_slope[0] + _ON_THE_AXIS * by_slope[1]
+        return _some_by_size(turns, light, MOST_OF_FOUR), int(np.count_nonzero(light))
 
     def beside(self, front: Mapping[str, Any], layout: FilmLayout) -> tuple[Array, Array]:
         """Return sources for `scattered_from_beside`: those whose light does not go to the rendered part of the film.
@@ -363,7 +403,7 @@ class GhostFilm:
                     continue
                 needs = self._needs(one.by_source)[lit]
                 counts = self._whole_groups(shared[way][record] * needs / needs.sum())
-                weights = light[lit] * (boxes[:, 2] * boxes[:, 3] / counts)[:, None]
+                weights = one.stands_for * light[lit] * (boxes[:, 2] * boxes[:, 3] / counts)[:, None]
                 brightest = 4.0 * one.largest * float(np.abs(weights).max())  # a ray may bring more than scouts
                 largest = max(largest, brightest)
                 alike.append((way, record, lit, boxes, weights, counts))
@@ -380,6 +420,20 @@ class GhostFilm:
             units = session.read(words, "<i8", film.size).astype(np.float32)
             film += _spread_light(units.reshape(film.shape), FINER**width)
         return film * (largest / ONE_LIGHT * self.value)
+
+
+def _some_by_size(ways: NDArray[np.intp], sizes: Array, most: int) -> dict[Way, float]:
+    """Return so many ways (n, reflections) at most, with how many like it each stands for, by their sizes (n,)."""
+    order = np.argsort(-sizes, kind="stable")[: np.count_nonzero(sizes)]
+    sizes = sizes[order]
+    if len(order) <= most:
+        return {tuple(ways[k].tolist()): 1.0 for k in order}
+    rest = np.cumsum(sizes[::-1])[::-1]  # of each and all that are smaller
+    sure = int(np.argmax(sizes * (most - np.arange(len(sizes))) < rest))  # smaller ones are less than a step
+    step = float(rest[sure]) / (most - sure)
+    steps = np.floor(np.concatenate([[0.0], np.cumsum(sizes[sure:])]) / step + 0.5)
+    taken = [*range(sure), *(sure + np.flatnonzero(np.diff(steps)))]
+    return {tuple(ways[order[k]].tolist()): max(step / float(sizes[k]), 1.0) if k >= sure else 1.0 for k in taken}
 
 
 def _shifts(numbers: NDArray[np.intp], rays: Counts) -> Array:
@@ -498,18 +552,23 @@ class MatrixWay:
         return float(luminance(self.share) * (self.rims / np.abs(self.heights[:-1, 0])).min() ** 2)
 
 
+def _passed_shares(lens: Lens, transmission: LensTransmission, waves: Array) -> Array:
+    """Return the shares of light (surfaces, waves) that pass each surface at normal incidence."""
+    n = np.array([lens.indices(nm) for nm in waves]).T
+    return np.array([
+        transmission.coating_of(s).transmittance(Interface(n[k], n[k + 1]), waves) for k, s in enumerate(lens.surfaces)
+    ])  # fmt: skip
+
+
 @remember(most=4, by=by_content)
 def matrix_ways(lens: Lens, film_distance_mm: float, transmission: LensTransmission) -> list[MatrixWay]:
     """Return the ways of all pairs of surfaces but of faint ones, brightest first."""
-    waves, surfaces, every = np.array(WAVES_NM), lens.surfaces, list[MatrixWay]()
-    n = np.array([lens.indices(nm) for nm in WAVES_NM]).T
-    passed = np.array([
-        transmission.coating_of(s).transmittance(Interface(n[k], n[k + 1]), waves) for k, s in enumerate(surfaces)
-    ])  # fmt: skip
+    surfaces, every = lens.surfaces, list[MatrixWay]()
+    passed = _passed_shares(lens, transmission, np.array(WAVES_NM))
     for way in pairs_of(lens):
         bent, met = unfold(lens, way), list(steps(way, len(surfaces)))
         indices, height, slope = bent.indices(_PARAXIAL_NM), np.array([1.0, 0.0]), np.array([0.0, 1.0])
-        rows, light = [], np.ones(len(waves))
+        rows, light = [], np.ones(len(WAVES_NM))
         for k, (surface, step) in enumerate(zip(bent.surfaces, met, strict=True)):
             rows.append(height)
             change = -2.0 * indices[k] if surface.is_mirror else indices[k + 1] - indices[k]
@@ -672,7 +731,8 @@ def _front_scatter(scene: Scene, layout: FilmLayout) -> dict[str, Any]:
 def _summary(metadata: dict[str, Any]) -> str:
     """A line on the ghosts of a picture."""
     points = "1 point" if metadata["sources"] == 1 else f"{metadata['sources']} points"
-    text = f"{metadata['ways']} pairs of surfaces from {points} of light"
+    four = f" and {metadata['ways_of_four']} of {metadata['of_four']} ways of four" if "of_four" in metadata else ""
+    text = f"{metadata['ways']} pairs of surfaces{four} from {points} of light"
     if "mirrored" in metadata:
         text += f", {metadata['mirrored']} of them mirrored"
     if metadata["dropped_share"] > 0:

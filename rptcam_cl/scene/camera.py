@@ -657,6 +657,9 @@ class RealisticCamera(LensCamera):
     ghosts: Annotated[Literal["off", "on"], BeforeValidator(read_switch)] = "off"
     """Whether lamps and suns make ghosts: light that two surfaces reflect onto the film. Needs a `transmission`."""
 
+    ghost_order: Literal[2, 4] = 2
+    """Most reflections of ghosts: 4 adds ways that four surfaces reflect."""
+
     barrel_reflectance: Annotated[float, Field(ge=0, lt=1), NUMBER] = 0.0
     """Share that rims behind the stop scatter evenly to the film, with `ghosts`; they count as lit like the film."""
 
@@ -674,9 +677,10 @@ class RealisticCamera(LensCamera):
         fault = "" if self.transmission.fresnel else "needs surfaces that reflect, and those of an ideal lens do not"
         if self.movements != NO_MOVEMENTS:
             fault = "are known of a film in its place alone"
-        for key in ("barrel_reflectance", "front_scatter"):
-            if (given := getattr(self, key)) and self.ghosts == "off":
-                allowed = f"{(key.startswith('barrel') and '0') or 'none'}, or ghosts: on beside it"
+        for key in ("ghost_order", "barrel_reflectance", "front_scatter"):
+            default = type(self).model_fields[key].default
+            if (given := getattr(self, key)) != default and self.ghosts == "off":
+                allowed = f"{'none' if default is None else f'{default:g}'}, or ghosts: on beside it"
                 raise refuse("is light of ghosts", got=given, allowed=allowed, path=(key,))
         if self.ghosts == "on" and fault:
             allowed = "off, or without movements and with a transmission: bare, coated or {coating: mgf2}"

@@ -284,7 +284,9 @@ def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
     return warnings
 
 
-_FOLLOWS_THE_FILM = {"diffraction", "ghosts", "barrel_reflectance", "front_scatter", "stop"}  # keys of the camera
+_FOLLOWS_THE_FILM = {  # keys of the camera
+    "diffraction", "ghosts", "ghost_order", "barrel_reflectance", "front_scatter", "stop"
+}  # fmt: skip
 
 
 class Scene(SceneModel):

@@ -11,7 +11,20 @@ import pytest
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam, film_chief_rays
-from rptcam_cl.optics.ghosts import NOWHERE, Entry, Ghosts, Lit, find_ghosts, ghost_image, together, unfold
+from rptcam_cl.optics.ghosts import (
+    NOWHERE,
+    Entry,
+    Ghosts,
+    Lit,
+    find_ghosts,
+    ghost_image,
+    light_by_paraxial_rays,
+    pairs_of,
+    paraxial_steps,
+    together,
+    unfold,
+    ways_of_four,
+)
 from rptcam_cl.optics.glass import (
     BARE,
     MAGNESIUM_FLUORIDE,
@@ -287,3 +300,27 @@ def test_the_front_scatters_the_integral_of_its_bsdf() -> None:
     far = np.hypot(*np.meshgrid(np.arange(96) - 70, np.arange(64) - 20)) > 6
     np.testing.assert_allclose(glow[far], exact[far], rtol=0.05)
     assert np.sqrt(np.mean((glow[far] / exact[far] - 1) ** 2)) < 0.01
+
+
+@pytest.mark.parametrize("name", ["wide-22mm", "mirror-500mm"])
+def test_many_ways_at_once_have_the_paraxial_heights_of_each(name: str) -> None:
+    lens = load_lens(name)
+    for turns in (np.array(pairs_of(lens)), ways_of_four(lens)[::37]):
+        *_, step = paraxial_steps(lens, turns, 40.0)
+        assert step.surface == len(lens.surfaces) and step.ways.tolist() == [*range(len(turns))]
+        images = [ghost_image(lens, tuple(way), 40.0, 550.0) for way in turns.tolist()]
+        known = np.array([(image.film_per_height, image.film_per_slope) for image in images])
+        np.testing.assert_allclose(step.heights.T, known, rtol=1e-9, atol=1e-11 * np.abs(known).max())
+
+
+def test_light_by_paraxial_rays_is_what_rims_and_surfaces_leave_of_a_beam() -> None:
+    lens = load_lens({"name": "Slab", "surfaces": [
+        {"thickness": 3, "glass": {"index": 1.5}, "diameter": 8}, {"diameter": 8, "stop": True}
+    ]})  # fmt: skip
+    passed, slope = np.array([[0.9], [0.8]]), 0.1
+    (straight, slanted) = light_by_paraxial_rays(
+        lens, np.array([[1, 0, 1, 0]]), (10.0, 4.0), passed, np.inf, np.array([0.0, slope])
+    )[:, 0]
+    share = 0.9 * 0.2 * 0.1 * 0.2 * 0.1 * 0.8
+    assert straight == pytest.approx(share * 8**2)
+    assert slanted == pytest.approx(share * (8 - slope * (5 * 3 / 1.5 + 10)) ** 2)

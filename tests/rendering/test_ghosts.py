@@ -24,10 +24,12 @@ from rptcam_cl.rendering import ghosts as ghost_film
 from rptcam_cl.rendering.cameras.lens_records import ghost_setting
 from rptcam_cl.rendering.ghost_sources import WAVES_NM, _as_one, _even_cells
 from rptcam_cl.rendering.ghosts import (
+    MOST_OF_FOUR,
     STEP,
     GhostFilm,
     Ghosting,
     _basis,
+    _some_by_size,
     _spread_light,
     matrix_ways,
     sketch_of_ghosts,
@@ -514,10 +516,79 @@ def test_ghosts_are_those_of_rays_traced_back_from_the_film() -> None:
     assert flux == pytest.approx(forward.flux_in_frame, rel=0.03)  # a wide sun for a point, slanted rays for straight
 
 
+GLASS = {"index": 2.2}
+SINGLET = {"name": "Single lens", "surfaces": [{"radius": 200, "thickness": 6, "glass": GLASS, "diameter": 8},
+                                               {"radius": -300, "diameter": 8, "stop": True}]}  # fmt: skip
+
+
+def four_reflections(film: float, degrees: float) -> tuple[float, float]:
+    """Flux in the frame and mean y of light of irradiance 1 that the singlet reflects four times, by Fresnel."""
+    n, rim, count = 2.2, 4.0, 50_000
+    radii, vertices = (200.0, -300.0), (0.0, 6.0)
+    radius, angle = rim * np.sqrt((np.arange(count) + 0.5) / count), 2.399963229728653 * np.arange(count)
+    p = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(count, -20.0)])
+    d = np.tile([[0.0], [np.sin(np.radians(degrees))], [np.cos(np.radians(degrees))]], count)
+    p[1] -= 20.0 * np.tan(np.radians(degrees))
+    light = np.full(count, np.pi * rim**2 / count * np.cos(np.radians(degrees)))
+    inside = False
+    for k, reflects in ((0, False), (1, True), (0, True), (1, True), (0, True), (1, False)):
+        away = p - np.array([[0.0], [0.0], [vertices[k] + radii[k]]])
+        b = np.sum(away * d, axis=0)
+        root = np.sqrt(b**2 - np.sum(away**2, axis=0) + radii[k] ** 2)
+        near = np.array([-b - root, -b + root])
+        at = p + d * near[np.argmin(np.abs((p + d * near[:, None])[:, 2] - vertices[k]), axis=0), np.arange(count)]
+        light = np.where(np.hypot(at[0], at[1]) <= rim, light, 0.0)
+        normal = (at - np.array([[0.0], [0.0], [vertices[k] + radii[k]]])) / radii[k]
+        cosine = np.sum(normal * d, axis=0)
+        normal, cosine = normal * np.sign(cosine), np.abs(cosine)
+        eta = n if inside else 1 / n
+        behind = np.sqrt(1 - eta**2 * (1 - cosine**2))
+        s, t = (eta * cosine - behind) / (eta * cosine + behind), (cosine - eta * behind) / (cosine + eta * behind)
+        share = (s**2 + t**2) / 2
+        d = d - 2 * cosine * normal if reflects else eta * d + (behind - eta * cosine) * normal
+        light, p, inside = light * (share if reflects else 1 - share), at, inside if reflects else not inside
+    x, y = (p + d * ((6.0 + film - p[2]) / d[2]))[:2]
+    light = np.where((np.abs(x) < 18) & (np.abs(y) < 12), light, 0.0)
+    return float(light.sum()), float(light @ y / light.sum())
+
+
+def test_four_reflections_are_those_of_rays_at_spheres(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ghost_film, "_LEAST_RAYS", 1 << 18)
+    two, four = (ghosts_alone(session, scene(sun(3.0), lens=SINGLET, ghost_order=order)) for order in (2, 4))
+    assert four.metadata["ghosts"]["ways_of_four"] == 1 and "ways_of_four" not in two.metadata["ghosts"]
+    more = (four["ghosts"].astype(np.float64) - two["ghosts"])[..., 1]
+    flux, y = four_reflections(four.metadata["film_distance_mm"], 3.0)
+    scale = IRRADIANCE * four.metadata["values_per_irradiance"] / PIXEL_MM2
+    assert more.sum() == pytest.approx(flux * scale, rel=0.01)
+    assert centre_y(np.repeat(more[..., None], 3, axis=2)) == pytest.approx(y, abs=0.2)
+
+
+@pytest.mark.slow
+def test_some_ways_of_four_stand_for_all(session: Session) -> None:
+    two, four = (ghosts_alone(session, scene(sun(10.0), lens=MANY_PAIRS, ghost_order=order)) for order in (2, 4))
+    lit = Lit(load_lens(MANY_PAIRS), four.metadata["film_distance_mm"], Beam(10.0), 587.5618, (36.0, 24.0))
+    flux = sum(ghost.flux_in_frame for ghost in find_ghosts(lit, 4).ghosts if len(ghost.way) == 4)
+    more = (four["ghosts"].sum(axis=(0, 1), dtype=np.float64) - two["ghosts"].sum(axis=(0, 1), dtype=np.float64))[1]
+    scale = IRRADIANCE * four.metadata["values_per_irradiance"] / PIXEL_MM2
+    assert four.metadata["ghosts"]["ways_of_four"] <= MOST_OF_FOUR < 1000 < four.metadata["ghosts"]["of_four"]
+    assert more == pytest.approx(flux * scale, rel=0.05)
+
+
+def test_ways_that_stand_for_others_have_the_sum_of_all() -> None:
+    sizes = np.random.default_rng(3).random(500) ** 12
+    sizes[7] = 0.0
+    chosen = _some_by_size(np.arange(500)[:, None], sizes, 40)
+    assert len(chosen) == 40 and (7,) not in chosen
+    assert chosen[(int(np.argmax(sizes)),)] == 1.0
+    assert sum(many * sizes[way] for (way,), many in chosen.items()) == pytest.approx(sizes.sum(), rel=1e-9)
+    assert set(_some_by_size(np.arange(500)[:, None], sizes, 499).values()) == {1.0}
+
+
 @pytest.mark.parametrize(
     ("camera", "fault"),
     [
         ({"transmission": "ideal"}, "camera.ghosts"),
+        ({"ghosts": "off", "ghost_order": 4}, "ghost_order: is light of ghosts"),
         ({"kind": "thick_lens"}, "ghosts"),
         ({"movements": {"shift_mm": 5}}, "in its place"),
     ],

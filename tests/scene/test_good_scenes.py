@@ -43,7 +43,8 @@ def test_thick_lens_camera_takes_the_lens_keys_of_the_realistic_one(load: Load) 
     assert (camera.lens, camera.f_number, camera.focus.distance_m) == ("double_gauss_50mm", 4.0, 8.8)
     assert camera.zoom == "tele"
     assert set(RealisticCamera.model_fields) - set(ThickLensCamera.model_fields) == {
-        "accuracy", "aperture", "barrel_reflectance", "front_scatter", "ghosts", "precision", "pupil", "rays"
+        "accuracy", "aperture", "barrel_reflectance", "front_scatter", "ghost_order", "ghosts", "precision", "pupil",
+        "rays",
     }  # fmt: skip
 
 
