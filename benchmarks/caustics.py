@@ -8,6 +8,9 @@ The error is that of pictures against a reference by photons of a third of the r
 seeds of its own: squared, divided per pixel by the square of the reference (plus that of a tenth of its mean). Its mean
 over the picture times the processor time is what equal time compares. The bias is the error of the mean over the seeds
 less their noise; `light` is how much more light of the picture photons bring than paths, over the error of that.
+
+The second table has the same of the median pixel, of classes of pixels by how much of their light photons bring: an
+error is the mean over seeds, that of a class the median of its pixels.
 """
 
 from __future__ import annotations
@@ -36,7 +39,7 @@ WOOD = {"kind": "matte", "reflectance": [0.55, 0.42, 0.3]}
 WALL = {"kind": "matte", "reflectance": 0.7}
 TABLE = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": WOOD}
 UPRIGHT = {"kind": "pinhole", "up": [0, 0, 1]}
-SIZE = (120, 80)
+SIZE = (240, 160)
 Film = NDArray[np.float64]
 
 
@@ -123,7 +126,34 @@ def mirror() -> dict[str, Any]:
     }  # fmt: skip
 
 
-SCENES = {"rings": rings, "pane": pane, "mirror": mirror}
+def glass_of_water() -> dict[str, Any]:
+    """Return a glass of water on a table in a closed room, by a lamp of 6 cm below its ceiling."""
+    white = {"kind": "matte", "reflectance": [0.75, 0.75, 0.72]}
+    glass = [(0, 0.75), (0.035, 0.75), (0.04, 0.87), (0.038, 0.87), (0.033, 0.755), (0, 0.755)]
+    water = [(0, 0.7549), (0.03301, 0.7549), (0.0367, 0.84), (0, 0.84)]
+    camera = {**UPRIGHT, "fov_degrees": 32, "eye": [0.35, -0.75, 1.2], "target": [0.02, 0.05, 0.77]}
+
+    def board(*numbers: float, material: dict[str, Any] = white) -> dict[str, Any]:
+        corner, u, v = (list(numbers[k : k + 3]) for k in (0, 3, 6))
+        return {"shape": "rectangle", "corner": corner, "edge_u": u, "edge_v": v, "material": material}
+
+    return {
+        "camera": camera,
+        "objects": [
+            board(-2, -2, 0, 4, 0, 0, 0, 4, 0), board(-2, -2, 2.5, 0, 4, 0, 4, 0, 0),
+            board(-2, 2, 0, 4, 0, 0, 0, 0, 2.5), board(-2, -2, 0, 0, 0, 2.5, 4, 0, 0),
+            board(-2, -2, 0, 0, 4, 0, 0, 0, 2.5), board(2, -2, 0, 0, 0, 2.5, 0, 4, 0),
+            {"shape": "box", "min": [-0.7, -0.45, 0.71], "max": [0.7, 0.45, 0.7495], "material": WOOD},
+            {**revolved(glass), "material": GLASS},
+            {**revolved(water), "material": {"kind": "dielectric", "index": 1.33}},
+            lamp([-0.9, 0.9, 2.2], 0.03, 1500.0),
+        ],
+    }  # fmt: skip
+
+
+SCENES = {"rings": rings, "pane": pane, "mirror": mirror, "glass_of_water": glass_of_water}
+# Classes of pixels, by the least share of their light that photons bring.
+CLASSES = {"none": 0.0, "to 1 %": 1e-6, "to 10 %": 0.01, "more": 0.1}
 
 
 def scene_of(name: str, size: tuple[int, int], caustics: str, session: Session) -> Scene:
@@ -163,9 +193,34 @@ def error_of(picture: Film, reference: Film) -> float:
     return float(((picture - reference) ** 2 / (reference**2 + floor)).mean())
 
 
+def shares_of_photons(scene: Scene, session: Session, spp: int) -> NDArray[np.float64]:
+    """Return the share of each pixel's light that photons bring, by pictures with and without, of the same paths."""
+    trace = caustics.PhotonMap._trace
+    whole = render(wavefront_of(scene, session), 1, spp)[0].sum(axis=-1)
+    caustics.PhotonMap._trace = lambda *given: [part[:0] for part in trace(*given)]
+    try:
+        paths = render(wavefront_of(scene, session), 1, spp)[0].sum(axis=-1)
+    finally:
+        caustics.PhotonMap._trace = trace
+    return (whole - paths) / np.maximum(whole, 1e-12)
+
+
+def classes_of(films: dict[str, Film], reference: Film, shares: NDArray[np.float64], slower: float) -> dict[str, float]:
+    """Return the gain at equal time of the median pixel: of all, and of each class of a hundredth or more."""
+    floor = (0.1 * reference.mean()) ** 2
+    errors = {way: ((film - reference) ** 2 / (reference**2 + floor)).mean(axis=(0, 3)) for way, film in films.items()}
+    number = np.digitize(shares, list(CLASSES.values())[1:])
+    groups = {"all": number >= 0} | {name: number == k for k, name in enumerate(CLASSES)}
+    return {
+        f"gain {name}": float(np.median(errors["off"][group]) / (slower * np.median(errors["on"][group])))
+        for name, group in groups.items() if group.mean() > 0.01
+    }  # fmt: skip
+
+
 def measured(name: str, session: Session, size: tuple[int, int], spp: int, seeds: int) -> dict[str, float]:
     """Return errors and times of both ways, their products, and the bias of photons."""
-    reference = reference_of(scene_of(name, size, "on", session), session, 32 * spp)
+    lit = scene_of(name, size, "on", session)
+    reference = reference_of(lit, session, 32 * spp)
     found, films = {}, {}
     for way in ("off", "on"):
         wavefront = wavefront_of(scene_of(name, size, way, session), session)
@@ -179,8 +234,9 @@ def measured(name: str, session: Session, size: tuple[int, int], spp: int, seeds
     light = {way: film.mean(axis=(1, 2, 3)) for way, film in films.items()}
     spread = np.sqrt(sum(part.var(ddof=1) / seeds for part in light.values()))
     found["light"] = float((light["on"].mean() - light["off"].mean()) / spread)
-    found["gain"] = found["error off"] * found["seconds off"] / (found["error on"] * found["seconds on"])
-    return found
+    slower = found["seconds on"] / found["seconds off"]
+    found["gain"] = found["error off"] / (found["error on"] * slower)
+    return found | classes_of(films, reference, shares_of_photons(lit, session, spp), slower)
 
 
 def save_pictures(name: str, session: Session, size: tuple[int, int], spp: int, folder: Path) -> tuple[int, int]:
@@ -203,7 +259,7 @@ def main() -> None:
     """Measure the scenes and print the table."""
     parser = arguments("Caustics by photons and by paths.")
     parser.add_argument("--seeds", type=int, default=4)
-    parser.add_argument("--spp", type=int, default=64)
+    parser.add_argument("--spp", type=int, default=32)
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), metavar="NAME")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER")
     options = parser.parse_args()
@@ -221,6 +277,11 @@ def main() -> None:
     ]  # fmt: skip
     heads = ["scene", "error, paths", "s", "error, photons", "s", "gain at equal time", "bias²", "light"]
     print_table(f"Caustics, {spp} samples a pixel", heads, rows)
+    groups = ["all", *CLASSES]
+    rows = [[name, *(f"{r.get(f'gain {each}', np.nan):.3g}" for each in groups)] for name, r in results.items()]
+    print_table(
+        "Gain of the median pixel at equal time, by the share of its light that photons bring", ["scene", *groups], rows
+    )
     if options.pictures is not None:
         for name in options.scenes:
             print(name, save_pictures(name, session, (4 * size[0], 4 * size[1]), spp, options.pictures))

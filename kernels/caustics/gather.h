@@ -57,8 +57,18 @@ static F3 light_of_cell(I cell, I on, Vertex vertex, F3 d, I primitive, I most, 
     return sum;
 }
 
+// Which of the eight cells about a place have photons, of any share: bytes behind the cells.
+static inline I cells_with_photons(I on, I x, I y, I z, Scene scene)
+{
+    const __global PhotonGrid *grid = scene.photon_grid;
+    I place = ((z & grid->mask_z) * (grid->mask_y + 1) + (y & grid->mask_y)) * (grid->mask_x + 1) + (x & grid->mask_x);
+    int behind = ((int)(grid->mask_sample) + 1) * (grid->mask_z + 1) * (grid->mask_y + 1) * (grid->mask_x + 1) + 1;
+    I four = on ? GATHER(I, scene.photon_cells, behind + (place >> 2), ) : FALSE;
+    return (four >> (8 * (place & 3))) & 0xff;
+}
+
 // Radiance against d from the vertices of the lanes `on`, by photons of at most so many edges.
-static F3 caustic_radiance(Vertex vertex, F3 d, I on, I primitive, I most, Scene scene)
+static F3 caustic_radiance(Vertex vertex, F3 d, I on, I primitive, I most, U sample, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
     const __global PhotonGrid *grid = scene.photon_grid;
@@ -73,12 +83,17 @@ static F3 caustic_radiance(Vertex vertex, F3 d, I on, I primitive, I most, Scene
     I x = TO_I(FLOOR(p.x * per_cell - 0.5f));
     I y = TO_I(FLOOR(p.y * per_cell - 0.5f));
     I z = TO_I(FLOOR(p.z * per_cell - 0.5f));
+    I held = cells_with_photons(on, x, y, z, scene);
+    I seen = AS_I(sample & (U)(grid->mask_sample));
     for (int i = 0; i < 8; ++i) {
+        I has = (held & (1 << i)) != 0;
+        if (!ANY(has))
+            continue;
         I cx = (x + (i & 1)) & grid->mask_x;
         I cy = (y + ((i >> 1) & 1)) & grid->mask_y;
         I cz = (z + (i >> 2)) & grid->mask_z;
-        I cell = (cz * (grid->mask_y + 1) + cy) * (grid->mask_x + 1) + cx;
-        sum = add(sum, light_of_cell(cell, on, vertex, d, primitive, most, radius2, scene));
+        I cell = ((seen * (grid->mask_z + 1) + cz) * (grid->mask_y + 1) + cy) * (grid->mask_x + 1) + cx;
+        sum = add(sum, light_of_cell(cell, has, vertex, d, primitive, most, radius2, scene));
     }
     return scale(sum, (F)(2.0f * INV_PI_F / radius2));
 }

@@ -427,7 +427,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     I receiver = on & receives(vertex, role);
     if (ANY(receiver)) {
         I most = AS_I((U)(rules.max_depth) - path->depth);
-        F3 light = caustic_radiance(vertex, path->ray.d, receiver, hit.primitive, most, scene);
+        F3 light = caustic_radiance(vertex, path->ray.d, receiver, hit.primitive, most, path->sample, scene);
         path->radiance = add(path->radiance, keep3(receiver, mul(path->beta, light)));
     }
 #else

@@ -863,7 +863,7 @@ PHOTON_GRID = Record(
         ("int", "mask_x"),  # periods of the cells, less one
         ("int", "mask_y"),
         ("int", "mask_z"),
-        ("int", "reserved_0"),
+        ("uint", "mask_sample"),  # period of the samples that see photons of their own, less one
     ),
 )
 

@@ -218,13 +218,15 @@ def stand_behind_glass(primitives: Primitives, emitters: Emitters, eye: Array) -
     return False
 
 
-def _lies_behind_panes(primitives: Primitives, roles: NDArray[np.int32], suns: NDArray[np.void], eye: Array) -> bool:
-    """Return whether panes are all glass and mirrors that there are, and the eye is where none mirrors a sun to."""
-    directions, panes = suns["normal"][:, :3].astype(np.float64), 0
+def _lies_behind_panes(primitives: Primitives, roles: NDArray[np.int32], lamps: NDArray[np.void], eye: Array) -> bool:
+    """Return whether panes are all glass and mirrors that there are, and the eye is where none mirrors a lamp to."""
+    is_sun, panes = lamps["kind"] == EmitterKind.SUN, 0
+    towards = np.where(is_sun[:, None], lamps["normal"][:, :3], _centres(lamps))
     for inverse, low, high, across in _glass_bodies(primitives, eye):
         each = np.arange(len(across))
         eye_side = inverse[each, across, 3] - (low + high)[each, across] / 2
-        if (across < 0).any() or (eye_side * (directions @ inverse[each, across, :3].T) >= 0).any():
+        lamp_side = towards @ inverse[each, across, :3].T + np.where(is_sun[:, None], 0.0, eye_side)
+        if (across < 0).any() or (eye_side * lamp_side >= 0).any():
             return False
         panes += len(across)
     return panes == np.count_nonzero(roles == _SURFACE)
@@ -337,9 +339,10 @@ def _left_to_paths(
     records = emitters.records[: emitters.count]
     if np.isin(records["kind"], _WITHOUT_SIZE).any():
         return None
-    lamps, is_sun = records[records["kind"] != EmitterKind.ENVIRONMENT], records["kind"] == EmitterKind.SUN
-    if len(lamps) == is_sun.sum() and _lies_behind_panes(primitives, roles, lamps, eye):
-        return "light samples find the sun through the panes"
+    lamps = records[records["kind"] != EmitterKind.ENVIRONMENT]
+    is_sun = lamps["kind"] == EmitterKind.SUN
+    if np.isin(lamps["kind"], _FOLLOWED).all() and _lies_behind_panes(primitives, roles, lamps, eye):
+        return f"light samples find the {'sun' if is_sun.all() else 'lamps'} through the panes"
     share = _share_of_small_lamps(primitives, lamps, surfaces, places)
     if share >= _LEAST_SHARE:
         return None
@@ -355,9 +358,7 @@ def _share_of_small_lamps(
     suns = lamps["kind"] == EmitterKind.SUN
     _, lamp = np.unique(np.where(suns, -1 - np.arange(len(lamps)), lamps["primitive"]), return_inverse=True)
     size = _sizes(primitives, lamps)
-    corner = np.isin(lamps["kind"], (EmitterKind.RECTANGLE, EmitterKind.TRIANGLE))
-    middle = np.where(lamps["kind"] == EmitterKind.TRIANGLE, 1 / 3, 0.5 * corner)[:, None]
-    centres = (lamps["a"] + middle * (lamps["u"] + lamps["v"]))[:, :3].astype(np.float64)
+    centres = _centres(lamps)
     brightness = luminance(lamps["radiance"][:, :3].astype(np.float64))
     small = every = 0.0
     views = int(np.clip(10**6 // len(lamps), _LEAST_VIEWS, _MOST_VIEWS))
@@ -369,6 +370,12 @@ def _share_of_small_lamps(
         light = np.bincount(lamp, angle * brightness)
         small, every = small + light[whole < _SMALL_LAMP_SR].sum(), every + light.sum()
     return float(small / every) if every > 0 else 0.0
+
+
+def _centres(lamps: NDArray[np.void]) -> Array:
+    corner = np.isin(lamps["kind"], (EmitterKind.RECTANGLE, EmitterKind.TRIANGLE))
+    middle = np.where(lamps["kind"] == EmitterKind.TRIANGLE, 1 / 3, 0.5 * corner)[:, None]
+    return np.asarray((lamps["a"] + middle * (lamps["u"] + lamps["v"]))[:, :3], np.float64)
 
 
 def _sizes(primitives: Primitives, lamps: NDArray[np.void]) -> NDArray[np.float64]:
@@ -413,12 +420,14 @@ def _nearest(surface: np.void, points: NDArray[np.float64]) -> NDArray[np.float6
 
 _SHORT_PASSES = (0, 1, 2, 4, 8)  # first samples, so that few samples have a picture as well
 _PASS_SAMPLES = 16  # samples of every later pass
-_PHOTONS_PER_SAMPLE = 0.25  # and pixel of the whole film
+_MOST_SHARES = 8  # of a pass: a vertex that looks through fewer photons costs less, and the pixel sees all of them
+_PHOTONS_PER_SAMPLE = 0.125  # and pixel of the whole film
 _LEAST_PHOTONS, MOST_PHOTONS = 1 << 12, 1 << 18  # of a pass; a lattice is good for so many
 # Cells repeat after so many for a photon, so that few of those that a vertex looks into hold photons of elsewhere.
 CELL_BITS_MORE = 3
 MOST_CELLS = MOST_PHOTONS << CELL_BITS_MORE
-PHOTON_BYTES = 2 * 4 * 8 * MOST_PHOTONS + 4 * (MOST_CELLS + 1)  # as traced and as sorted, and the cells
+MOST_CELL_WORDS = MOST_CELLS + 1 + MOST_CELLS // 4  # where they begin, and bytes that say where photons are
+PHOTON_BYTES = 2 * 4 * 8 * MOST_PHOTONS + 4 * MOST_CELL_WORDS  # as traced and as sorted, and the cells
 # The radius shrinks with samples to this power: with the bias of a disk, radius², and the variance,
 # 1 / (samples radius²), their mean square falls fastest so, with samples^(-2/3).
 _SHRINKING = -1 / 6
@@ -443,6 +452,11 @@ class PhotonPass:
         """How many photons it has for a film of so many pixels, a power of two."""
         wanted = self.samples * pixels * _PHOTONS_PER_SAMPLE
         return min(max(1 << max(round(wanted), 1).bit_length() - 1, _LEAST_PHOTONS), MOST_PHOTONS)
+
+    @property
+    def shares(self) -> int:
+        """In how many shares its photons are, of which each sample sees one."""
+        return min(self.samples, _MOST_SHARES)
 
     @property
     def shrinkage(self) -> float:
@@ -490,7 +504,7 @@ class PhotonBuffers:
 
     def __init__(self, session: Session, caustics: Caustics) -> None:
         self.photons = session.allocate(4 * _PHOTON_FLOATS * MOST_PHOTONS)
-        self.cells = session.allocate(4 * (MOST_CELLS + 1))
+        self.cells = session.allocate(4 * MOST_CELL_WORDS)
         self.grid = session.upload(PHOTON_GRID.zeros(1))
         self.current: tuple[Any, ...] | None = None
         self.arguments = {
@@ -559,54 +573,75 @@ class PhotonMap:
             return
         self._buffers.current = key
         if seed not in self._radii:
-            pilot = self._trace(_PILOT, PILOT_PHOTONS, seed)
+            (pilot,) = self._trace(_PILOT, PILOT_PHOTONS, seed)
             self._radii[seed] = first_radius(pilot, self._pixels)
-        photons = self._trace(seen.number, seen.photons(self._pixels), seed)
+        count = seen.photons(self._pixels)
+        photons = self._trace(seen.number, count, seed, seen.shares)
         self.radius = self._radii[seed] * seen.shrinkage
         self._put(photons, self.radius)
 
-    def _trace(self, number: int, count: int, seed: int) -> Photons:
-        """Return the photons of a pass that met a receiver."""
+    def _trace(self, number: int, count: int, seed: int, shares: int = 1) -> list[Photons]:
+        """Return the photons of a pass that met a receiver, in equal shares of those that started."""
         record = PHOTON_PASS.one(
             seed=seed_words(seed ^ _SEED), number=number, max_edges=self._max_edges, surfaces=self._surfaces,
-            per_photon=1 / count,
+            per_photon=shares / count,
         )  # fmt: skip
         self._launch.set(**{"pass": record.tobytes()})
         self._launch.enqueue(count // self._session.lanes, self._session.group)
-        photons = self._session.read(self._found, np.float32, count * _PHOTON_FLOATS).reshape(count, _PHOTON_FLOATS)
-        return np.asarray(photons[photons[:, _MARK].view(np.int32) >= 0])
+        photons = self._session.read(self._found, np.float32, count * _PHOTON_FLOATS)
+        parts = photons.reshape(shares, count // shares, _PHOTON_FLOATS)
+        return [part[part[:, _MARK].view(np.int32) >= 0] for part in parts]
 
-    def _put(self, photons: Photons, radius: float) -> None:
-        grid, order, cells = sorted_by_cell(photons, radius)
+    def _put(self, parts: list[Photons], radius: float) -> None:
+        photons = np.concatenate(parts)
+        share = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        grid, order, cells = sorted_by_cell(photons, radius, share, len(parts))
         self._session.write(self._buffers.grid, grid)
         self._session.write(self._buffers.cells, cells)
         if len(photons):
             self._session.write(self._buffers.photons, photons[order])
 
 
-def sorted_by_cell(photons: Photons, radius: float) -> tuple[NDArray[np.void], NDArray[np.int64], NDArray[np.int32]]:
+def sorted_by_cell(
+    photons: Photons, radius: float, share: NDArray[np.int64] | None = None, shares: int = 1
+) -> tuple[NDArray[np.void], NDArray[np.int64], NDArray[np.int32]]:
     """How photons lie in memory for a radius [m]: the record ``PhotonGrid``, their order, the starts of cells.
 
-    Photons of a cell keep their order, so that sums over them do not depend on how they are sorted.
+    Photons of a cell keep their order, so that sums over them do not depend on how they are sorted. Those of each
+    of ``shares``, a power of two, have cells of their own.
     """
     if not len(photons):
         grid = PHOTON_GRID.one(low=1.0, high=(-1.0, -1.0, -1.0, 1.0))
-        return grid, np.zeros(0, np.int64), np.zeros(9, np.int32)
+        return grid, np.zeros(0, np.int64), np.zeros(10, np.int32)
+    share_bits = shares.bit_length() - 1
     places = photons[:, :3]
     low, high = places.min(axis=0), places.max(axis=0)
     per_cell = np.float32(0.5 / radius)
     most = min(len(photons).bit_length() + CELL_BITS_MORE, MOST_CELLS.bit_length() - 1)
-    bits = _periods((high - low) * per_cell, most)
+    bits = _periods((high - low) * per_cell, max(most - share_bits, 3))
     mask_x, mask_y, mask_z = masks = (1 << bits) - 1
     grid = PHOTON_GRID.one(
-        low=(*(low - radius), per_cell), high=(*(high + radius), radius), mask_x=mask_x, mask_y=mask_y, mask_z=mask_z
-    )
+        low=(*(low - radius), per_cell), high=(*(high + radius), radius), mask_x=mask_x, mask_y=mask_y, mask_z=mask_z,
+        mask_sample=shares - 1,
+    )  # fmt: skip
     cell = np.floor(places * per_cell).astype(np.int64) & masks
     bucket = (cell[:, 2] << (bits[0] + bits[1])) | (cell[:, 1] << bits[0]) | cell[:, 0]
+    bucket |= (0 if share is None else share) << int(bits.sum())
     key = np.sort((bucket << 32) | np.arange(len(photons)))
-    starts = np.zeros((1 << int(bits.sum())) + 1, np.int32)
+    starts = np.zeros((shares << int(bits.sum())) + 1, np.int32)
     np.cumsum(np.bincount(bucket, minlength=len(starts) - 1), out=starts[1:])
-    return grid, key & 0xFFFFFFFF, starts
+    return grid, key & 0xFFFFFFFF, np.concatenate([starts, _about(cell, bits)])
+
+
+def _about(cell: NDArray[np.int64], bits: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Return a byte for each eight cells that follow one another along the axes: a bit for each that has photons."""
+    bits_x, bits_y, bits_z = bits.tolist()
+    held = np.zeros((1 << bits_z, 1 << bits_y, 1 << bits_x), bool)
+    held[cell[:, 2], cell[:, 1], cell[:, 0]] = True
+    found = np.zeros(held.shape, np.uint8)
+    for i in range(8):
+        found |= np.roll(held, (-(i >> 2), -(i >> 1 & 1), -(i & 1)), (0, 1, 2)).astype(np.uint8) << i
+    return found.ravel().view("<i4").astype(np.int32)
 
 
 def _periods(cells: NDArray[np.float32], most: int) -> NDArray[np.int64]:

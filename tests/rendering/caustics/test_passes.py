@@ -8,7 +8,7 @@ from scipy.stats import qmc
 from rptcam_cl.core.records import CAUSTIC_SURFACE, Kind, curves
 from rptcam_cl.rendering.caustics import (
     FIRST_PHOTONS,
-    MOST_CELLS,
+    MOST_CELL_WORDS,
     MOST_PHOTONS,
     NEIGHBOURS,
     PILOT_PHOTONS,
@@ -22,7 +22,7 @@ from rptcam_cl.rendering.caustics import (
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session, run
-from tests.rendering.caustics.test_photons import LAMP, ball, glasses, lamp, scene
+from tests.rendering.caustics.test_photons import GLASS, LAMP, ball, glasses, lamp, scene
 
 
 def test_every_sample_sees_one_pass_and_passes_follow_each_other():
@@ -58,19 +58,28 @@ def photons_at(places):
 
 def test_cells_hold_their_photons_in_order():
     photons = photons_at(np.random.default_rng(1).uniform(-3, 5, (500, 3)))
-    grid, order, starts = sorted_by_cell(photons, 0.1)
+    share = np.arange(500) // 125
+    grid, order, words = sorted_by_cell(photons, 0.1, share, 4)
     masks = np.array([grid[0][f"mask_{axis}"] for axis in "xyz"])
-    assert sorted(order) == list(range(500)) and starts[-1] == 500 and np.all(masks >= 1)
     cells = np.floor(photons[:, :3] * grid[0]["low"][3]).astype(np.int64) & masks
-    numbers = (cells[:, 2] * (masks[1] + 1) + cells[:, 1]) * (masks[0] + 1) + cells[:, 0]
+    each = np.prod(masks + 1)
+    numbers = share * each + (cells[:, 2] * (masks[1] + 1) + cells[:, 1]) * (masks[0] + 1) + cells[:, 0]
+    starts, about = words[: 4 * each + 1], words[4 * each + 1 :].view(np.uint8)
+    assert sorted(order) == list(range(500)) and starts[-1] == 500 and np.all(masks >= 1)
     for number in np.unique(numbers):
         assert list(order[starts[number] : starts[number + 1]]) == list(np.flatnonzero(numbers == number))
+    held = {tuple(cell) for cell in cells}
+    for number, byte in enumerate(about):
+        place = np.array([number % (masks[0] + 1), number // (masks[0] + 1) % (masks[1] + 1),
+                          number // (masks[0] + 1) // (masks[1] + 1)])  # fmt: skip
+        corners = [np.array([i & 1, i >> 1 & 1, i >> 2]) for i in range(8)]
+        assert byte == sum(1 << i for i in range(8) if tuple((place + corners[i]) & masks) in held)
 
 
 def test_cells_of_the_largest_pass_fit_their_buffer():
     places = np.random.default_rng(3).uniform(-1, 1, (MOST_PHOTONS, 3))
-    _, _, starts = sorted_by_cell(photons_at(places), 1e-4)
-    assert len(starts) <= MOST_CELLS + 1
+    _, _, words = sorted_by_cell(photons_at(places), 1e-4, np.arange(MOST_PHOTONS) % 8, 8)
+    assert len(words) <= MOST_CELL_WORDS
 
 
 def test_no_photons_have_no_place():
@@ -119,12 +128,18 @@ LAMP_OF_4_CM = {"shape": "sphere", "center": [3, 0.5, 0.4], "radius": 0.02, "mat
 LONG_MIRROR = {"shape": "rectangle", "corner": [-10, 0, 0.2], "edge_u": [20, 0, 0], "edge_v": [0, 1, 0],
            "material": {"kind": "mirror"}}  # fmt: skip
 SKY = {"kind": "sky", "sun_elevation_degrees": 30}
+# Between the camera and the lamp, and behind the lamp
+PANE = {"shape": "box", "min": [-1, -0.005, 0.1], "max": [1, 0.005, 1], "material": GLASS}
+PANE_BEHIND = PANE | {"min": [-1, 0.395, 0.1], "max": [1, 0.405, 1]}
 
 
 @pytest.mark.parametrize(
     ("made", "says"),
     [
         (scene(lamp(0.02), ball(), caustics="auto"), "on: photons"),
+        (scene(lamp(0.02), PANE, caustics="auto"), "off: light samples find the lamps"),
+        (scene(lamp(0.02), PANE_BEHIND, caustics="auto"), "on: photons"),  # mirrors the lamp to its side
+        (scene(lamp(0.02), PANE, lights=[LAMP], caustics="auto"), "on: photons"),  # a point, which no ray meets
         (scene(lamp(0.3), ball(), caustics="auto"), "off: paths find"),
         (scene(lamp(0.06), ball(), caustics="auto"), "off: paths find"),  # 0.028 sr
         (scene(lamp(0.06), GLASS_MESH, caustics="auto"), "off: paths find"),
