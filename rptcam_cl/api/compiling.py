@@ -18,7 +18,7 @@ from rptcam_cl.rendering.account import reading_cd_m2
 from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.layers import GUIDES
 from rptcam_cl.rendering.passes import signature
-from rptcam_cl.rendering.plan.plan import Plan, make_plan, serve, with_film, with_lens, with_pose
+from rptcam_cl.rendering.plan.plan import Plan, make_plan, serve, with_exposure, with_film, with_lens, with_pose
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import SMALL, Wavefront, WavefrontPool, order, warm_up_denoiser
@@ -36,6 +36,7 @@ _WAYS = ("LIGHT_TREE", "CAUSTICS", "TINY_LAMPS", "LAMPS_BEHIND_GLASS")  # facts 
 _ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
 MOST_GUIDES = 8  # samples of the layers that guide denoising
 OF_DEVELOPMENT = {"picture", "sequence"}  # parts of a scene that change no film: a sequence is of frames
+OF_LIGHT = {"exposure", "shutter"}  # parts that only scale the film of a scene that stands still
 _OF_THE_LENS = {"camera", "exposure", "picture", "sequence", "shutter"}  # parts that objects and lights do not go by
 
 
@@ -111,11 +112,21 @@ def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) ->
 
 def _plan_for_glances(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
     """The plan of a scene for glances, made of the plan before where nothing but the lens differs."""
-    same_time = before.resolved.scene.shutter == resolved.shutter or _is_still(before.resolved.scene, resolved)
-    if same_time and set(changed_parts(before.scene, scene)) <= _OF_THE_LENS:
+    earlier, parts_changed = before.resolved.scene, set(changed_parts(before.scene, scene))
+    of_camera = [(each.camera, each.film, each.exposure.mode) for each in (earlier, resolved)]
+    if (
+        of_camera[0] == of_camera[1]
+        and parts_changed <= OF_LIGHT | OF_DEVELOPMENT
+        and stands_still(resolved)
+        and not before.plan.steps
+    ):
+        return with_exposure(before.plan, resolved)
+    same_time = earlier.shutter == resolved.shutter or _is_still(earlier, resolved)
+    if same_time and parts_changed <= _OF_THE_LENS:
         if _moves_alone(before, scene, resolved):
             return with_pose(before.plan, resolved, parts)
-        return with_lens(before.plan, resolved, coarse=True)
+        same_lens = earlier.lens_source() == resolved.lens_source()
+        return with_lens(before.plan, resolved, coarse=True, colours_stay=same_lens)
     return make_plan(resolved, coarse=True, parts=parts)
 
 

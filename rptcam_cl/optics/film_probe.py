@@ -320,14 +320,21 @@ def pupil_boxes(
     *,
     radial: bool = False,
     in_order: bool = False,
+    soon: bool = False,
 ) -> tuple[Array, Mask]:
     """Return boxes (m, 4) round the pupil as seen from film points (m, 2), a cell wider, and where it is open.
 
     Film points along +x of a rotationally symmetric lens (`radial`) see pupils that are the same above as below, so
-    that half of each is enough. Of film points `in_order` each is near the one before.
+    that half of each is enough. Of film points `in_order` each is near the one before. ``soon`` seeks the pupils about
+    their paraxial images, and only where one is not there from wider stops down.
     """
     if radial:
         shape = (shape[0], shape[1] // 2)
+    if soon:
+        boxes, lit = _sought_near(probes[-1], film, shape, radial)
+        if lit.all():
+            boxes[:, 2] = np.where(radial, -boxes[:, 3], boxes[:, 2])
+            return boxes, lit
     boxes = upper(probes[-1].windows(film), radial)
     lit = np.ones(len(film), dtype=bool)
     for probe in (*probes, probes[-1]):
@@ -335,12 +342,7 @@ def pupil_boxes(
         boxes = upper(boxes, radial)
         lit &= hit
     if not lit.all():
-        near = upper(_paraxial_boxes(probes[-1], film[~lit]), radial)
-        for _ in range(2):
-            near, again = narrow_boxes(probes[-1], film[~lit], near, shape)
-            near = upper(near, radial)
-        boxes[~lit] = near
-        lit[~lit] = again
+        boxes[~lit], lit[~lit] = _sought_near(probes[-1], film[~lit], shape, radial)
     if radial or in_order:
         _follow(probes[-1], film, boxes, lit, radial)
     for k in np.flatnonzero(~lit):
@@ -350,6 +352,15 @@ def pupil_boxes(
     if radial:
         boxes[:, 2] = -boxes[:, 3]
     return boxes, lit
+
+
+def _sought_near(probe: FilmProbe, film: Array, shape: tuple[int, int], radial: bool) -> tuple[Array, Mask]:
+    """Return the boxes round the pupils of film points, sought about their paraxial images, and which are there."""
+    near = upper(_paraxial_boxes(probe, film), radial)
+    for _ in range(2):
+        near, lit = narrow_boxes(probe, film, near, shape)
+        near = upper(near, radial)
+    return near, lit
 
 
 def _sought_finely(probes: list[FilmProbe], film: Array, radial: bool) -> Array | None:

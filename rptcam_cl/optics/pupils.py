@@ -205,7 +205,7 @@ def _one_line(
     if fineness is not COARSE_OUTLINES:
         lit = max(_lit_radius(of, radius_mm * scale, radial=True) / scale for of, scale in states)
     film = _film_line(lit, fineness.radial_nodes)
-    centres, axes = _frames(probes, film, radial=True)
+    centres, axes = _frames(probes, film, radial=True, soon=fineness is COARSE_OUTLINES)
     if fineness is COARSE_OUTLINES and not axes.all():
         lit = _lit_radius(probes, radius_mm, radial=True)
         film = _film_line(lit, fineness.radial_nodes)
@@ -514,14 +514,16 @@ def _lit_radius(probes: list[film_probe.FilmProbe], film_radius: float, *, radia
     return float(high)
 
 
-def _frames(probes: list[film_probe.FilmProbe], film: Array, *, radial: bool = False) -> tuple[Array, Array]:
+def _frames(
+    probes: list[film_probe.FilmProbe], film: Array, *, radial: bool = False, soon: bool = False
+) -> tuple[Array, Array]:
     """Return centres and half axes of boxes round the pupil at the nodes of a line (nodes, 2); 0 where it is closed.
 
     A closed node next to open ones takes the mean of theirs, so that interpolation reaches the edge of the light.
     """
     nodes = film[::2].copy()
     nodes[-1, 0] -= 0.1 * (nodes[1, 0] - nodes[0, 0])  # at the edge itself the pupil has closed
-    boxes, is_lit = film_probe.pupil_boxes(probes, nodes, radial=radial, in_order=True)
+    boxes, is_lit = film_probe.pupil_boxes(probes, nodes, radial=radial, in_order=True, soon=soon)
     lit = is_lit[:, None]
     low, high = boxes[:, ::2], boxes[:, 1::2]
     centres, axes = (low + high) / 2, np.where(lit, (high - low) / 2, 0.0)
@@ -587,6 +589,10 @@ def _edges(
     def passing(rho: Array, of: Mask) -> Mask:
         return probe.passes(points[of], origins[of] + across[of] * rho[:, None])
 
+    if fineness is COARSE_OUTLINES and not parted:
+        reach = _all_round(_reach_at_once(probe, points, origins, across, fineness), mirrored)
+        return reach, np.inf + reach
+
     low, steps = np.zeros((len(film), count)), np.full((len(film), count), step)
     for parts in (1, SLIVER_SCAN) if parted else (1,):  # slivers in single directions
         dark = low == 0.0
@@ -604,9 +610,27 @@ def _edges(
         low[lit], high[lit] = np.where(inside, middle, low[lit]), np.where(inside, high[lit], middle)
     reach = np.where(lit if parted else lit.any(axis=1, keepdims=True), high, 0.0)
     hole = _hole_of(probe, film, frames[0], across, low, fineness) if holed else np.inf + low
-    if mirrored:
-        reach, hole = (np.concatenate([half, half[:, -2:0:-1]], axis=1) for half in (reach, hole))
-    return reach, hole
+    return _all_round(reach, mirrored), _all_round(hole, mirrored)
+
+
+def _all_round(half: Array, mirrored: bool) -> Array:
+    """Return values of directions (film points, directions), of the upper half where what is below is the same."""
+    return np.concatenate([half, half[:, -2:0:-1]], axis=1) if mirrored else half
+
+
+PIECES = 4  # in which an edge is sought at once
+
+
+def _reach_at_once(probe: film_probe.FilmProbe, film: Array, centres: Array, across: Array, fine: Fineness) -> Array:
+    """Return the reach (film points, directions) as `_edges` does, in three calls: of few rays, they take the time."""
+    low, lit = np.zeros(across.shape[:2]), np.ones(across.shape[:2], dtype=bool)
+    steps = fine.farthest / fine.scan / np.array([1, PIECES, PIECES**2])
+    for step, pieces in zip(steps, (fine.scan + 1, PIECES, PIECES), strict=True):
+        places = low + step * np.arange(1, pieces)[:, None, None]
+        hits = lit & probe.passes(film, centres + across * places[..., None])
+        low = np.max(np.where(hits, places, low), axis=0)
+        lit = low > 0
+    return np.where(lit.any(axis=1, keepdims=True), np.where(lit, low + steps[-1], steps[0]), 0.0)
 
 
 def _hole_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import time
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -441,11 +442,16 @@ def _left_out(slot: Slot) -> list[str]:
     return sentences
 
 
-def details_of(panel: LensPanel, resolved: Scene) -> dict[str, Any]:
-    """Trace depth of field and image circle of a camera's state."""
+def _traced_of(slot: Slot) -> tuple[Scene, ...]:
+    """What its details are traced of."""
+    return slot.scene, slot.resolved
+
+
+def details_of(panel: LensPanel, scene: Scene, resolved: Scene) -> dict[str, Any]:
+    """Trace depth of field and image circle of a camera's state; with them, the warnings of the scene as requested."""
     numbers = panel.numbers(resolved)
     focus = {name: numbers[name] for name in _FOCUS} if numbers.get("distance_m") else None
-    return {"focus": focus, "guides": panel.guides(resolved)}
+    return {"focus": focus, "guides": panel.guides(resolved), "messages": scene.warnings}
 
 
 def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -482,8 +488,7 @@ def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = N
     if studio.b is not None:
         message["dials_b"] = dial_list(studio.b.panel)
     if details is not None:
-        message["messages"] = [*slot.scene.warnings, *message["messages"]]
-        message |= details
+        message |= details | {"messages": [*details["messages"], *message["messages"]]}
     return message
 
 
@@ -509,6 +514,7 @@ class Reports:
     def __init__(self, studio: Studio, delivery: Delivery, lens: BackgroundThread) -> None:
         self._studio, self._delivery, self._tracing = studio, delivery, lens
         self._reported: tuple[Any, ...] = ()
+        self._details: tuple[tuple[Scene | None, ...], dict[str, Any]] = (None, None), {}  # the last, and of what
         self._is_prepared = False
         self._last_panel = self._last_state = 0.0
 
@@ -532,28 +538,25 @@ class Reports:
         reported = (*here, studio.paused, studio.denoises, resting, *self._compare_state(), answers)
         if reported != self._reported and not slot.wants_glance:
             self._reported, self._last_state = reported, time.monotonic()
-            message = state_message(self._studio, slot)
+            of, details = self._details
+            known = details if all(map(operator.is_, of, _traced_of(slot))) else None
+            message = state_message(self._studio, slot, known)
             for client in clients:
                 client.outbox.news("state", message | {"answers": client.answers})
-            if resting:
+            if resting and known is None:
                 self._trace_details(slot, clients)
 
     def _trace_details(self, slot: Slot, clients: list[messages.Client]) -> None:
         """Say what has to be traced of the camera once that is done."""
-        panel, resolved, generation = self._studio.panel, slot.resolved, slot.session.generation
+        panel, of = self._studio.panel, _traced_of(slot)
         if panel is None:
             return
 
-        def done(details: dict[str, Any]) -> None:
-            if slot is self._studio.a and slot.session.generation == generation:
-                message = state_message(self._studio, slot, details)
-                for client in clients:
-                    client.outbox.news("state", message | {"answers": client.answers})
+        def done(details: dict[str, Any]) -> None:  # told between two pictures, and not before one that is waited for
+            self._details, self._reported = (of, details), ()
 
         self._tracing.start(
-            BackgroundTask(
-                "lens panel", lambda task: details_of(panel, resolved), done, key=("details", len(clients) > 0)
-            )
+            BackgroundTask("lens panel", lambda task: details_of(panel, *of), done, key=("details", len(clients) > 0))
         )
 
     def prepare(self) -> None:

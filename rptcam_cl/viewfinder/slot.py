@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.api.compiling import stands_still
+from rptcam_cl.api.compiling import OF_LIGHT, stands_still
 from rptcam_cl.api.session import Change, Frame, RenderSession
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
@@ -103,7 +103,6 @@ REST_S = 0.25  # after the last movement of what is held, before the picture is 
 PAUSE = 2.0  # times what a take took, that the old picture leaves to the compilation of what comes after it
 POLL_S = 0.05  # between two looks whether the kernels of the film are there
 _SAME_FILM = ("none", "picture")  # kinds of change after which the film is as it was
-_OF_LIGHT = {"exposure", "shutter"}  # parts of a scene that only scale a film of what stands still
 _FILMS = itertools.count(1)
 _GROWN = 1.25  # by how much the samples of a film grow before it is finished once more
 _BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that the dials read
@@ -260,7 +259,7 @@ class Slot:
             self.dials = dials
         elif any(part in _BODY for part in change.keys):
             self.dials = read_dials(self.scene, self.dials)
-        is_lit_alike = set(change.keys) <= _OF_LIGHT and stands_still(self.scene)
+        is_lit_alike = set(change.keys) <= OF_LIGHT and stands_still(self.scene)
         self.note_change(transient, change, value_per_radiance(before) if is_lit_alike else None)
         return change
 
@@ -317,8 +316,8 @@ class Slot:
         return True
 
     def _begin_anew(self, shown: Frame | None = None) -> None:
-        """Begin another film; a picture of full scale may stay until there is one as good."""
-        stays = shown is not None and shown.scale == 1 and not self.wants_glance
+        """Begin another film; a picture may stay until there is one as good."""
+        stays = shown is not None and not self.wants_glance
         self.wants_glance, self._last = not stays, shown if stays else None
         self._stays_for = min(shown.spp, self.target_spp) if shown is not None and stays else 0
         self.film, self.finished = next(_FILMS), None

@@ -1,5 +1,7 @@
 """Film irradiance against the truth tables, the vignetting table and closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,7 @@ from rptcam_cl.optics.irradiance import (
 )
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.pupils import COARSE_OUTLINES, pupil_shapes
+from rptcam_cl.optics.pupils import COARSE_OUTLINES, pupil_shapes, reach_of
 from rptcam_cl.optics.surface import blades
 from tests.optics.truth import NAMES, truth, truth_lens
 from tests.support.cases import one_in, slow
@@ -100,6 +102,21 @@ def test_axial_irradiance_near_that_of_another_wavelength_is_within_a_thousandth
         assert axial_irradiance(lens, film_mm, wavelength_nm, near=1.2 * green) is None  # the rim is not there
         assert axial_irradiance(lens, film_mm, wavelength_nm, near=0.8 * green) is None
     assert axial_irradiance(load_lens("mirror-500mm"), 100.0, near=0.01) is None
+
+
+def test_coarse_outlines_in_few_calls_are_those_of_many() -> None:
+    lens = load_lens("retrofocus-35mm")
+    probe = FilmProbe(lens, film_distance(lens, 3000.0), 545.0)
+    film = np.stack([np.linspace(0.0, 21.0, 8), np.zeros(8)], axis=1)
+    pupil = lens.first_order(545.0).exit_pupil
+    shrink = probe.distance / (probe.distance - pupil.distance_mm)
+    frames = film * (1 - shrink), np.full((8, 2), 0.5 * pupil.diameter_mm * shrink)
+    at_once, one_by_one = (
+        reach_of(probe, film, *frames, fineness, mirrored=True)
+        for fineness in (COARSE_OUTLINES, replace(COARSE_OUTLINES))
+    )
+    np.testing.assert_allclose(at_once, one_by_one, rtol=1e-12)
+    assert len(np.unique(at_once)) > 10
 
 
 def test_pupil_of_a_glance_holds_that_of_every_wavelength_but_for_slivers() -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import rptcam_cl
@@ -83,6 +84,26 @@ def test_denoising_ends_with_an_input_and_its_picture_comes_afterwards(
     client.ask(821, "compare", mode="off")  # which changes no picture
     asked.set()
     client.frame(lambda header: header["spp"] > 1)
+
+
+def test_a_glance_in_another_exposure_takes_no_ray(monkeypatch: pytest.MonkeyPatch) -> None:
+    with rptcam_cl.RenderSession(SCENE_DATA, wait=False) as session:
+        slot = Slot("A", session, {})
+        slot.show(slot.glance(), False, {})
+        before = slot.shown
+        monkeypatch.setattr(RenderSession, "glance", lambda *_: pytest.fail("a glance was rendered"))
+        slot.change({"exposure.ev": 2})
+        assert slot.wants_showing and not slot.wants_glance
+        slot.show(slot.again(), False, {})
+        assert before is not None and slot.shown is not None and before.frame.scale < 1
+        np.testing.assert_allclose(slot.shown.frame.pixels, 4 * before.frame.pixels, rtol=1e-5)
+        assert session.take().spp == 1  # and the film is another
+
+
+def test_warnings_come_with_what_is_traced_beside_the_picture(client: Page) -> None:
+    """They look at every object, which takes as long as a glance."""
+    client.ask(830, "set", changes={"film.size_mm": [36, 36]})
+    client.wait(lambda got: got.type == "state" and any("film.size_mm" in each for each in got.header["messages"]))
 
 
 def test_overlays_of_a_picture_at_rest_wait_for_those_who_wait() -> None:

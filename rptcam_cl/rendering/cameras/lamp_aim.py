@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
-from rptcam_cl.core.remember import Disk, Memory, content_name
+from rptcam_cl.core.remember import Disk, Memory, checkpoint, content_name
 from rptcam_cl.rendering.cameras.model import NEAR, CameraModel, LampReach, Reached
 from rptcam_cl.rendering.cameras.setting import CameraMetadata
 
@@ -171,6 +171,7 @@ def fits_of_small(
         centres = points[some, 0]
         colours = [reach.rays(centres, FEW_ACROSS, nm, reach.near(centres, nm)) for nm in colours_nm or ()]
         for k, number in enumerate(some.tolist()):
+            checkpoint()
             fit = _fit(middles.of([k]), of_ends.of(range(4 * k, 4 * k + 4)), [each.of([k]) for each in colours])
             if fit is not None:
                 fits[number] = fit
@@ -505,13 +506,13 @@ def _seen(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> _Seen
     flip = 1.0 if record["per_width"] > 0 else -1.0
     fits = _fits(camera, reach, lamps)
     blocks = _fine_enough(_Blocks(0, resolution, np.array(reach.film_scale), flip), list(fits.values()))
-    entries_of = {number: _entries(lamps[number], fit, blocks) for number, fit in fits.items()}
-    shown = [
-        (number, _that_show(entries, lamps[number], reach.entry_z_m, shows))
-        for number, entries in entries_of.items()
-        if len(entries.blocks)
-    ]
-    return blocks, [(number, entries) for number, entries in shown if len(entries.blocks)]
+    shown = []
+    for number, fit in fits.items():
+        checkpoint()
+        entries = _entries(lamps[number], fit, blocks)
+        if len(entries.blocks) and len((seen := _that_show(entries, lamps[number], reach.entry_z_m, shows)).blocks):
+            shown.append((number, seen))
+    return blocks, shown
 
 
 _seen_lamps: Memory[_Seen] = Memory(REMEMBERED)

@@ -15,7 +15,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import EnvironmentKind, Kind, MaterialKind, SpectrumKind
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import Shows, Sights, aimed_at_lamps
-from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
+from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, exposed, filter_table, turned
 from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.caustics import Caustics, pack_caustics, stand_behind_glass, without_caustics
 from rptcam_cl.rendering.plan import geometry
@@ -468,16 +468,29 @@ def with_pose(plan: Plan, scene: Scene, parts: PlanParts | None = None) -> Plan:
     return replace(plan, camera=camera, trajectory=camera_trajectory(scene)[0])
 
 
-def with_lens(plan: Plan, scene: Scene, *, coarse: bool = False) -> Plan:
+def with_exposure(plan: Plan, scene: Scene) -> Plan:
+    """Return the plan of a scene that differs in the values of its exposure alone, not in its mode; nothing moves."""
+    return replace(plan, camera=exposed(plan.camera, scene), trajectory=camera_trajectory(scene)[0])
+
+
+def with_lens(plan: Plan, scene: Scene, *, coarse: bool = False, colours_stay: bool = False) -> Plan:
     """Return the plan of a scene that differs in its camera or exposure alone; the camera is in the same place.
 
     It holds what `make_plan` returns, in a part of the time. Where a camera moves or stands elsewhere, or its light is
     of another kind, `make_plan` makes it.
+
+    Parameters
+    ----------
+    colours_stay
+        Whether the camera refracts wavelengths apart as that of the plan does, whatever a picture would show of it.
     """
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     if plan.facts["MOVES"] or scene.camera.motion or scene.shutter.keys or not np.array_equal(eye_m, plan.eye_m):
         return make_plan(scene, coarse=coarse)
-    camera = camera_model(scene, scene.spectrum.lens_colour, coarse=coarse)
+    lens_colour = scene.spectrum.lens_colour
+    if colours_stay and lens_colour == "auto":
+        lens_colour = "on" if plan.camera.bends_colours else "off"
+    camera = camera_model(scene, lens_colour, coarse=coarse)
     spectrum = seen_by(scene, camera, *plan.colours)
     if spectrum.facts.keys() != plan.spectrum.facts.keys():
         return make_plan(scene, coarse=coarse)

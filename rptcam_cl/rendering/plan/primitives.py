@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.files import Folders
 from rptcam_cl.core.records import Kind
-from rptcam_cl.rendering.cameras.kinds import camera_model
-from rptcam_cl.rendering.cameras.model import CameraModel, turned
+from rptcam_cl.rendering.cameras.kinds import camera_model, camera_of
+from rptcam_cl.rendering.cameras.model import CameraModel, exposed, turned
 from rptcam_cl.rendering.plan.environment import Surroundings, pack_environment
 from rptcam_cl.rendering.plan.materials import Materials, pack_materials
 from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures, TextureTable
@@ -119,17 +119,14 @@ class PlanParts:
         return appearance.table.pack() if origin is None else self.part("textures", (origin,), appearance.table.pack)
 
     def camera(self, scene: Scene, *, coarse: bool) -> CameraModel:
-        """Return the model of a scene's camera: the one before, turned, where it has only been moved about."""
-
-        def make() -> CameraModel:
-            return camera_model(scene, scene.spectrum.lens_colour, coarse=coarse)
-
-        camera = scene.camera
+        """Return the model of a scene's camera: the one before, turned, where it has been moved about or exposed."""
+        camera, lens_colour = scene.camera, scene.spectrum.lens_colour
         if not _is_portable(scene):
-            return make()
+            return camera_model(scene, lens_colour, coarse=coarse)
         still = camera.model_copy(update={"eye": (0.0, 0.0, 0.0), "target": (0.0, 0.0, -1.0), "up": (0.0, 1.0, 0.0)})
-        of = (still, scene.film, scene.exposure, scene.shutter, scene.metres_per_unit, scene.spectrum, coarse)
-        return turned(self.part("camera", of, make), camera)
+        of = (still, scene.film, scene.exposure.mode, scene.metres_per_unit, scene.spectrum, coarse)
+        model = self.part("camera", of, lambda: camera_of(scene).model(lens_colour, coarse))
+        return turned(exposed(model, scene), camera)
 
 
 def _is_portable(scene: Scene) -> bool:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.plan.plan import make_plan, with_lens, with_pose
-from rptcam_cl.rendering.plan.primitives import TablePlaces
+from rptcam_cl.rendering.cameras.kinds import camera_model
+from rptcam_cl.rendering.plan.plan import make_plan, with_exposure, with_lens, with_pose
+from rptcam_cl.rendering.plan.primitives import PlanParts, TablePlaces
 from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.load import load_scene
 
@@ -29,6 +30,8 @@ SCENE: dict[str, Any] = {
     ],
     "lights": [{"kind": "point", "position": [1, 0, 3], "intensity": 5}],
 }  # fmt: skip
+
+DISPERSIVE = SCENE | {"camera": SCENE["camera"] | {"lens": "double-gauss-50mm-f1.8"}}
 
 
 def assert_same(one: Any, other: Any, where: str = "plan") -> None:
@@ -86,3 +89,39 @@ def test_plan_in_another_pose_is_that_of_the_scene(changes: dict[str, Any]) -> N
     scene = load_scene(SCENE)
     changed = set_keys(scene, changes)
     assert_same(with_pose(make_plan(scene), changed), make_plan(changed))
+
+
+@pytest.mark.parametrize("mode", ["relative", "physical"])
+def test_plan_in_another_exposure_is_that_of_the_scene_and_keeps_its_camera(mode: str) -> None:
+    scene = load_scene(SCENE | {"exposure": {"mode": mode, "ev": 1}, "spectrum": "dispersive"})
+    brighter, parts = set_keys(scene, {"exposure.ev": -1, "shutter.time_s": 0.5}), PlanParts()
+    plan = make_plan(scene, parts=parts)
+    again = make_plan(brighter, parts=parts)
+    assert again.camera.tables is plan.camera.tables and again.camera.value != plan.camera.value
+    assert_same(again, make_plan(brighter))
+    assert_same(with_exposure(plan, brighter), make_plan(brighter))
+
+
+def test_another_mode_of_exposure_is_another_camera_where_colours_of_the_lens_show() -> None:
+    scene = load_scene(DISPERSIVE | {"spectrum": {"mode": "dispersive", "lens": "on"}})
+    measured, parts = set_keys(scene, {"exposure": {"mode": "physical", "iso": 200}}), PlanParts()
+    make_plan(scene, parts=parts)
+    assert_same(make_plan(measured, parts=parts), make_plan(measured))
+
+
+@pytest.mark.parametrize("lens_colour", ["on", "off"])
+def test_a_glance_refracts_colours_apart_as_the_picture_before_it_did(lens_colour: str) -> None:
+    scene = load_scene(DISPERSIVE | {"spectrum": {"mode": "dispersive", "lens": lens_colour}})
+    other = set_keys(scene, {"camera.f_number": 4, "spectrum.lens": "auto"})
+    coarse = with_lens(make_plan(scene), other, coarse=True, colours_stay=True)
+    assert coarse.camera.bends_colours == (lens_colour == "on")
+    assert "lens_colour_px" not in coarse.camera.metadata  # which takes some milliseconds to find
+
+
+def test_colours_of_a_glance_are_those_of_the_picture_within_its_noise() -> None:
+    scene = load_scene(DISPERSIVE | {"spectrum": {"mode": "dispersive", "lens": "on"}})
+    coarse, fine = (camera_model(scene, "on", coarse=coarse).axial_colour for coarse in (True, False))
+    assert coarse is not None and fine is not None
+    np.testing.assert_array_equal(coarse[0], fine[0])
+    np.testing.assert_allclose(coarse[1], fine[1], rtol=0.003)
+    assert np.ptp(fine[1]) > 0.003  # 1 would not do
