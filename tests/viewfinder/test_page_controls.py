@@ -310,5 +310,9 @@ def test_undo_redo_and_snapshots_by_keys_and_buttons(page: Page, finder: Viewfin
     comes_true(page, lambda: value(page, "f_number") == after)
     page.click("[aria-label^='Compare with snapshot 1']")
     until(page, "window.painted.some((each) => each.slot === 'B')")
+    page.keyboard.press("Control+z")  # the comparison
+    page.evaluate("window.painted = []")
+    page.click("[aria-label^='Compare with f number, as B']")
+    until(page, "window.painted.some((each) => each.slot === 'B')")
     page.click("[aria-label^='Drop snapshot 1']")
     page.wait_for_selector("[data-name=snapshots] img", state="detached")

@@ -28,6 +28,10 @@ export class History {
     return h("img", { "data-number": number, alt: "", width: 64, height: 36, src: this.thumbs.get(number) ?? null });
   }
 
+  against({ number }, words) {
+    return h("button", { type: "button", class: "vf-button", "aria-label": `Compare with ${words}, as B`, on: { click: () => this.tell("compare", number) } }, "A/B");
+  }
+
   show({ states = [], at, snapshots = [] }) {
     const focused = document.activeElement?.dataset?.go;
     this.undo.disabled = states.length === 0 || states[0].number === at;
@@ -35,10 +39,10 @@ export class History {
     this.states.replaceChildren(...states.toReversed().map((state) => h("li", {}, h("button", {
       type: "button", class: "vf-button", "data-go": state.number, "aria-current": state.number === at ? "true" : null,
       on: { click: () => this.tell("go", state.number) },
-    }, this.thumb(state), h("span", {}, state.label)))));
+    }, this.thumb(state), h("span", {}, state.label)), this.against(state, state.label))));
     this.strip.replaceChildren(...snapshots.map((state, i) => h("li", {},
       h("button", { type: "button", class: "vf-button", "aria-label": `Go to snapshot ${i + 1}, ${state.label}`, on: { click: () => this.tell("go", state.number) } }, this.thumb(state)),
-      h("button", { type: "button", class: "vf-button", "aria-label": `Compare with snapshot ${i + 1}, as B`, on: { click: () => this.tell("compare", state.number) } }, "A/B"),
+      this.against(state, `snapshot ${i + 1}`),
       h("button", { type: "button", class: "vf-button", "aria-label": `Drop snapshot ${i + 1}`, on: { click: () => this.tell("drop", state.number) } }, "\u00d7"))));
     this.empty.hidden = snapshots.length > 0;
     if (focused) this.states.querySelector(`[data-go="${focused}"]`)?.focus();
