@@ -552,7 +552,7 @@ class Reports:
         if panel is None:
             return
 
-        def done(details: dict[str, Any]) -> None:  # told between two pictures, and not before one that is waited for
+        def done(details: dict[str, Any]) -> None:  # sent between two pictures, and not before one that is waited for
             self._details, self._reported = (of, details), ()
 
         self._tracing.start(
