@@ -2,7 +2,7 @@
 // to the film. Every work item traces VW rays of one source; a ray is a point of a lattice over that source's box on the
 // plane of the first vertex, and its neighbours are traced beside it. Light is added as whole numbers of 64 bits, in two words with a
 // carry: such sums do not depend on their order. With GHOST_SCOUT nothing is added, and each ray's place on the film and
-// the share of its light that gets there are stored.
+// the share of its light that gets there are stored. With GHOST_GRATING the film is one of the surfaces, a grating.
 #undef LENS_FRESNEL
 #undef LENS_POLARISED
 #define LENS_FRESNEL   1        // surfaces that reflect nothing make no ghosts
@@ -20,12 +20,49 @@ typedef struct {
     F x, y, share;      // on the film [mm]; 0 of what does not arrive
 } Landed;
 
+#if GHOST_GRATING
+// One of the orders of a grating [(order, share of it and of those before)], for random numbers.
+static F order_of(const __global float4 *orders, int count, F random)
+{
+    F order = orders[0].x;
+    for (int k = 1; k < count; ++k)
+        order = random >= orders[k - 1].y ? (F)(orders[k].x) : order;
+    return order;
+}
+
+// A ray that the film reflects in orders: sines along it change by wavelength over pitch (Born and Wolf, section 8.6).
+static void leave_grating(LensPath *path, F x, F y, float4 grating)
+{
+    F3 d = path->d;
+    d.x += x;
+    d.y += y;
+    F cosine2 = 1.0f - d.x * d.x - d.y * d.y;
+    I within = (fabs(path->p.x) <= grating.z) & (fabs(path->p.y) <= grating.w) & (cosine2 > 0.0f);
+    path->passed &= KEPT(within);
+    d.z = root(cosine2);
+    F3 across = along(path->light.across, d, -dot3(path->light.across, d));
+    path->light.across = scale(across, ONE / sqrt(dot3(across, across)));
+    path->d = d;
+}
+#endif
+
 static Landed through_lens(F3 p, F3 d, const __global Surface *surfaces, int count, const __global real *stop,
+#if GHOST_GRATING
+                           const __global float4 *orders, int order_count, float4 grating, int film_at, U4 h,
+#endif
                            float film_distance)
 {
     LensPath path = enter_lens(p, d, ONE);
-    for (int k = 0; k < count && ANY(MASK_OF(path.passed)); ++k)
+    for (int k = 0; k < count && ANY(MASK_OF(path.passed)); ++k) {
         cross_surface(&path, surfaces + k, stop);
+#if GHOST_GRATING
+        if (k == film_at) {
+            F step = grating.x + grating.y * unit_float(h.c);
+            leave_grating(&path, step * order_of(orders, order_count, unit_float(h.a)),
+                          step * order_of(orders, order_count, unit_float(h.b)), grating);
+        }
+#endif
+    }
     F t = (film_distance - path.p.z) / path.d.z;
     Landed landed;
     landed.x = path.p.x + t * path.d.x;
@@ -81,12 +118,13 @@ static F3 point_of_patch(const __global float4 *patch, F s, F t)
 }
 #endif
 
-static void enter_front(const __global float4 *source, uint item, F3 *p, F3 *d, F *weight)
+static void enter_front(const __global float4 *source, uint item, F3 *p, F3 *d, F *weight, U *ray)
 {
     float4 at = source[0], box = source[1];
     uint rays = as_uint(source[4].y), stride = as_uint(source[4].z);
     uint number = (item - as_uint(source[4].x)) * VW;
     U n = AS_U((I)((int)(number * stride)) + LANES * (int)stride) & (rays - 1u);      // rays are a power of two
+    *ray = n;
     float4 first = source[3];
     F u = (TO_F(AS_I(n)) + first.x) / (float)rays;
     F v = step_of(n, GOLDEN, first.y);
@@ -139,6 +177,13 @@ __kernel void ghosts(const __global Surface *surfaces,       // in order of trav
                      float                   film_distance,  // behind the last vertex [mm]
                      float4                  pixels,         // column = x + y * film x, row = z + w * film y
                      uint2                   size,           // columns and rows of the film
+#if GHOST_GRATING
+                     const __global float4  *orders,         // of the film's grating: order, and share up to it
+                     int                     order_count,
+                     float4                  grating,        // sine of the first order at the shortest wavelength, what it
+                                                             // gains to the longest; half the film's width and height [mm]
+                     int                     film_at,        // which surface is the film
+#endif
                      __global uint          *film)           // [rows][columns][3] low and high words; or with GHOST_SCOUT
                                                              // float [3][items * VW]: x, y, share
 {
@@ -156,8 +201,14 @@ __kernel void ghosts(const __global Surface *surfaces,       // in order of trav
     const __global float4 *lamp = sources + SOURCE_ROWS * source;
     F3 p, d;
     F weight;
-    enter_front(lamp, item, &p, &d, &weight);
+    U ray;
+    enter_front(lamp, item, &p, &d, &weight, &ray);
+#if GHOST_GRATING
+    U4 h = hash4(ray, (U)(1u), (U)(0u), (uint2)(as_uint(lamp[3].z), as_uint(lamp[3].w)));
+    Landed landed = through_lens(p, d, surfaces, count, stop, orders, order_count, grating, film_at, h, film_distance);
+#else
     Landed landed = through_lens(p, d, surfaces, count, stop, film_distance);
+#endif
 #if GHOST_SCOUT
     uint all = items * VW, first = item * VW;
     __global float *out = (__global float *)film;

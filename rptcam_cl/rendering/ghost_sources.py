@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -383,16 +383,21 @@ def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
 WAVES_NM = (425.0, 475.0, 525.0, 575.0, 625.0, 675.0)  # where colours differ
 
 
-Band = tuple[float, Array]
-"""A wavelength [nm] that stands for some, and the light of the sources (n, 3) in them [W/m2]."""
+class Band(NamedTuple):
+    """A wavelength that stands for those up to half a width away [nm], and the light of sources in them [W/m2]."""
+
+    nm: float
+    light: Array
+    half_nm: float
 
 
-def bands(scene: Scene, plan: Plan, setting: LensSetting, sources: Sources) -> list[Band]:
+def bands(scene: Scene, plan: Plan, setting: LensSetting, sources: Sources, *, tinted: bool = False) -> list[Band]:
     """Return wavelengths for light given as red, green and blue, and for each spectrum of a lamp its own.
 
     A film of red, green and blue knows no spectra. Beyond what the lens is known for its last wavelength stands in.
+    Where neither the lens nor anything else (`tinted`) tells colours apart there is one.
     """
-    tinted, numbers = ghosts_have_colours(setting), sources.known[:, 0].astype(int)
+    tinted, numbers = tinted or ghosts_have_colours(setting), sources.known[:, 0].astype(int)
     if plan.spectrum.kind == SpectrumKind.RGB:
         numbers = np.zeros_like(numbers)
     waves = WAVES_NM if tinted else (setting.camera.wavelength_nm,)
@@ -405,16 +410,17 @@ def bands(scene: Scene, plan: Plan, setting: LensSetting, sources: Sources) -> l
     plain, every = numbers == 0, []
     if plain.any() or not len(plain):
         light = np.where(plain[:, None], sources.irradiance, 0.0)
-        every = [(known(nm), light * share) for nm, share in zip(waves, shares, strict=True)]
+        half = (WAVES_NM[1] - WAVES_NM[0]) / 2
+        every = [Band(known(nm), light * share, half) for nm, share in zip(waves, shares, strict=True)]
     matching = observer(scene)[1]
     for number in np.unique(numbers[~plain]):
         times = np.where(numbers == number, sources.known[:, 1], 0.0)[:, None]
-        for nm, seen in _bands_of_spectrum(plan.colours[0].samples[number - 1][:, None] * matching, waves):
-            every.append((known(nm), times * seen))
+        for nm, seen, half in _bands_of_spectrum(plan.colours[0].samples[number - 1][:, None] * matching, waves):
+            every.append(Band(known(nm), times * seen, half))
     return every
 
 
-def _bands_of_spectrum(seen: Array, waves: tuple[float, ...]) -> Iterator[tuple[float, Array]]:
+def _bands_of_spectrum(seen: Array, waves: tuple[float, ...]) -> Iterator[Band]:
     """Yield the middle [nm] of light (401, 3) in each band about some waves, and its sum (3,); none of dark ones."""
     places = np.argmin(np.abs(WAVELENGTHS_NM[:, None] - np.array(waves)), axis=1)
     for place, wave in enumerate(waves):
@@ -422,4 +428,5 @@ def _bands_of_spectrum(seen: Array, waves: tuple[float, ...]) -> Iterator[tuple[
         strength = np.abs(own).sum(axis=1)
         if strength.any():
             middle = float(WAVELENGTHS_NM[places == place] @ strength / strength.sum())
-            yield middle if len(waves) > 1 else wave, own.sum(axis=0)
+            square = float((WAVELENGTHS_NM[places == place] - middle) ** 2 @ strength / strength.sum())
+            yield Band(middle if len(waves) > 1 else wave, own.sum(axis=0), math.sqrt(3.0 * square))

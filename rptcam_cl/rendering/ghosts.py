@@ -28,6 +28,7 @@ from rptcam_cl.optics.ghosts import (
     steps,
     unfold,
     ways_of_four,
+    with_film,
     with_wider_stop,
 )
 from rptcam_cl.optics.glass import Interface
@@ -47,6 +48,7 @@ from rptcam_cl.rendering.ghost_sources import WAVES_NM, bands, sources_of
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.scene.camera import SensorGrating
 from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -57,8 +59,17 @@ _CLOSE = 0.1  # part of their distance from the picture, within which sources sc
 
 # Rays of ghosts: from the sources of a scene through boxes on the front of its lens, by a pair of its surfaces.
 
-_Opening = tuple[WayRecords, Any]
-"""A lens at a wavelength, and the shape of its stop on the device."""
+
+@dataclass(frozen=True)
+class _Opening:
+    """A lens at the wavelengths of a band [nm], and the shape of its stop on the device."""
+
+    records: WayRecords
+    stop: Any
+    nm: float
+    half_nm: float
+
+
 Lit = NDArray[np.bool_] | NDArray[np.intp]
 """Which sources."""
 Counts = NDArray[np.intp]
@@ -122,6 +133,7 @@ PER_PIXEL, _LEAST_RAYS, MOST_RAYS = 40.0, 1 << 20, 1 << 23  # of all ways
 _SHARING_LAMPS, _FAINTEST = 0.7, 1e-4  # the same of its sources; least part of the brightest that one counts
 MOST_OF_FOUR = 256  # ways of four reflections that are traced, and stand for all of them
 _ON_THE_AXIS = 0.1  # weight of a source there, by which they are chosen as well as by the brightest
+_WIDEST = 3.5  # spreads of the film's grating, beyond which its orders have nothing
 _SHARING = 0.7  # power to which ways share rays: between alike and by what each needs, found by trial
 WIDTH, FINER = 1.4, 1.6  # of the spread of a way's light [pixels], by trial; ratio of one width to the next
 LEAST_SPREAD = 2  # steps from one pixel, below which the points of a sun would show
@@ -142,10 +154,11 @@ class GhostFilm:
         film_z = self.lens.film_z(self.film_distance)
         buffers = SceneBuffers(session, plan)
         self.sources = sources_of(scene, plan, buffers, session, self.lens, film_z)
-        self.bands = bands(scene, plan, setting, self.sources)
-        self.lenses = [self._opening(self.lens, nm, setting.transmission) for nm, _ in self.bands]
+        self.grating = None if camera is None else camera.sensor_grating
+        self.bands = bands(scene, plan, setting, self.sources, tinted=self.grating is not None)
+        self.lenses = [self._opening(self.lens, band.nm, band.half_nm) for band in self.bands]
         middle = len(self.bands) // 2
-        wider = [self._opening(lens, self.bands[middle][0], setting.transmission) for lens in self._wider()]
+        wider = [self._opening(lens, self.bands[middle].nm, 0.0) for lens in self._wider()]
         self.openings = [*wider, self.lenses[middle]]
         (self.columns, self.rows), (width, height) = scene.film.resolution, scene.film.size_m()
         sense = -1.0 if scene.camera.flip else 1.0
@@ -158,12 +171,42 @@ class GhostFilm:
         self.lamp_of = np.unique(self.sources.known[:, 2], return_inverse=True)[1]
         pencils, sized = int(self.sources.mirrored > 0), int(patches.first.any())
         self.light_rows = np.concatenate([places[:, :4], patches.rows()[:, : 20 * sized], places[:, 4:]], axis=1)
-        facts = self.lenses[0][0].facts | {"VW": session.lanes, "DOUBLE": 0}
+        facts = self.lenses[0].records.facts | {"VW": session.lanes, "DOUBLE": 0}
         facts |= {"GHOST_PENCILS": pencils, "GHOST_PATCHES": sized}
-        self.programs = {
-            scout: session.program(["pass/ghosts.cl"], facts | {"GHOST_SCOUT": scout}, device_declarations())
+        self.programs = [
+            session.program(
+                ["pass/ghosts.cl"], facts | {"GHOST_SCOUT": scout, "GHOST_GRATING": grating}, device_declarations()
+            )
+            for grating in range(1 + (self.grating is not None))
             for scout in (0, 1)
-        }
+        ]
+        if self.grating is not None:
+            self._add_grating(self.grating, 500.0 * width, 500.0 * height)
+
+    def _add_grating(self, grating: SensorGrating, *half_mm: float) -> None:
+        """Make the lenses whose last surface is the film, and the shares of the film's orders."""
+        all_nm = (WAVES_NM[-1] - WAVES_NM[0]) / 2 + self.bands[0].half_nm  # boxes are those of every colour
+        middle = len(self.bands) // 2
+
+        def mirrored(lens: Lens, nm: float, half_nm: float) -> _Opening:
+            return self._opening(with_film(lens, self.film_distance, 1.0), nm, half_nm)
+
+        self.mirrored = [mirrored(self.lens, band.nm, band.half_nm) for band in self.bands]
+        self.mirrored_openings = [mirrored(lens, self.bands[middle].nm, all_nm) for lens in [*self._wider(), self.lens]]
+        self.half_mm, self.pitch_nm = half_mm, 1e3 * grating.pitch_um
+        most = math.ceil(_WIDEST * grating.spread * self.pitch_nm / WAVES_NM[0])
+        orders = np.arange(-most, most + 1)
+        shares = np.exp(-0.5 * (orders * WAVES_NM[len(WAVES_NM) // 2] / self.pitch_nm / grating.spread) ** 2)
+        table = np.zeros((len(orders), 4), np.float32)
+        table[:, 0], table[:, 1] = orders, np.cumsum(shares) / shares.sum()
+        self.orders, self.order_count = self.session.upload(table), len(orders)
+
+    def _is_of_grating(self, way: Way) -> bool:
+        return way[0] == len(self.lens.surfaces)
+
+    def _lens_of(self, way: Way, record: int) -> _Opening:
+        """Return the lens of a way in a band, with the film as a mirror where that reflects first."""
+        return (self.mirrored if self._is_of_grating(way) else self.lenses)[record]
 
     @property
     def _reach(self) -> float:
@@ -181,9 +224,9 @@ class GhostFilm:
         stages = range(int(np.log(factor) / np.log(CLOSING)) + 1) if factor > 1 else range(0)
         return [with_wider_stop(self.lens, factor / CLOSING**k) for k in stages]
 
-    def _opening(self, lens: Lens, nm: float, transmission: LensTransmission) -> _Opening:
-        records = WayRecords.of(lens, nm, transmission)
-        return records, self.session.upload(records.stop)
+    def _opening(self, lens: Lens, nm: float, half_nm: float) -> _Opening:
+        records = WayRecords.of(lens, nm, self.transmission)
+        return _Opening(records, self.session.upload(records.stop), nm, half_nm)
 
     def _land(self, way: Way, opening: _Opening, which: Lit, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
         """Return column, row and share of the light (n, rays) of rays through boxes; no share beside the film."""
@@ -199,7 +242,7 @@ class GhostFilm:
 
     def _lit(self, boxes: Array, record: int) -> NDArray[np.bool_]:
         """Find the sources that shine at a wavelength and have boxes."""
-        return np.asarray((boxes[:, 2] > 0) & self.bands[record][1].any(axis=1))
+        return np.asarray((boxes[:, 2] > 0) & self.bands[record].light.any(axis=1))
 
     def _whole_groups(self, rays: ArrayLike) -> Any:
         """Return numbers of rays of sources that fill whole work groups, each a power of two of them."""
@@ -220,13 +263,18 @@ class GhostFilm:
         return self.session.upload(table)
 
     def _launch(self, scout: int, way: Way, opening: _Opening, table: Any, counts: Counts, out: Any) -> None:
-        records, stop = opening
-        surfaces, items = records.way(way), int(counts.sum()) // self.session.lanes
+        surfaces, items = opening.records.way(way), int(counts.sum()) // self.session.lanes
+        more: dict[str, Any] = {}
+        if grating := self._is_of_grating(way):
+            surfaces = surfaces[:-1]  # it ends on the film
+            sines = (opening.nm - opening.half_nm) / self.pitch_nm, 2.0 * opening.half_nm / self.pitch_nm
+            more = {"orders": self.orders, "order_count": np.int32(self.order_count), "film_at": np.int32(way[0]),
+                    "grating": np.array([*sines, *self.half_mm], np.float32).tobytes()}  # fmt: skip
         launch = self.session.bind(
-            self.programs[scout], "ghosts", surfaces=self.session.upload(surfaces), count=np.int32(len(surfaces)),
-            stop=stop, sources=table, source_count=np.uint32(len(counts)), items=np.uint32(items),
-            film_distance=np.float32(self.film_distance), pixels=self.to_pixels.tobytes(),
-            size=np.array([self.columns, self.rows], np.uint32).tobytes(), film=out,
+            self.programs[2 * grating + scout], "ghosts", surfaces=self.session.upload(surfaces),
+            count=np.int32(len(surfaces)), stop=opening.stop, sources=table, source_count=np.uint32(len(counts)),
+            items=np.uint32(items), film_distance=np.float32(self.film_distance), pixels=self.to_pixels.tobytes(),
+            size=np.array([self.columns, self.rows], np.uint32).tobytes(), film=out, **more,
         )  # fmt: skip
         launch.enqueue(items, GROUP)
 
@@ -238,12 +286,12 @@ class GhostFilm:
         sent, arrived, largest, by_source = 0, 0, 0.0, np.zeros(len(boxes))
         for record in range(waves):
             lit = self._lit(boxes, record)
-            own, light = boxes[lit], self.bands[record][1][lit]
+            own, light = boxes[lit], self.bands[record].light[lit]
             if not len(own):
                 continue
             sample = int(self._whole_groups(_SECOND_SCOUTS / (len(own) * waves)))
             area = (own[:, 2] * own[:, 3] / sample)[:, None]
-            x, y, share = self._land(way, self.lenses[record], lit, own, sample)
+            x, y, share = self._land(way, self._lens_of(way, record), lit, own, sample)
             flux[record] = np.abs((share.sum(axis=1)[:, None] * area * light).sum(axis=0))
             hits = share > 0
             at = [(place[hits] * cell / size).astype(int)
@@ -263,8 +311,9 @@ class GhostFilm:
         """
         reach = self._reach
         boxes = np.tile([-reach, -reach, 2 * reach, 2 * reach], (len(self.sources.places), 1))
-        for stage, opening in enumerate(self.openings):
-            first_of_several = stage == 0 and len(self.openings) > 1
+        openings = self.mirrored_openings if self._is_of_grating(way) else self.openings
+        for stage, opening in enumerate(openings):
+            first_of_several = stage == 0 and len(openings) > 1
             boxes = self._narrow(way, boxes, opening, MORE * SCOUTS if first_of_several else SCOUTS)
         return boxes
 
@@ -303,16 +352,24 @@ class GhostFilm:
         ways = {"ways": len(kept)}
         if self.order == 4:
             chosen, of_all = self._ways_of_four()
-            found = {way: self._scout(way) for way in chosen}
-            more = {way: replace(one, flux=chosen[way] * one.flux, stands_for=chosen[way])
-                    for way, one in found.items() if one.flux.any()}  # fmt: skip
+            more = self._scout_more(chosen)
             kept, ways = kept | more, ways | {"ways_of_four": len(more), "of_four": of_all}
-            fluxes |= {way: one.flux.sum(axis=0) for way, one in more.items()}
-            total = sum(fluxes.values())
+        if self.grating is not None:
+            film, partly = len(self.lens.surfaces), sorted({k for way in scouted for k in way})
+            more = self._scout_more({(film, k): self.grating.reflectance for k in partly})
+            kept, ways = kept | more, ways | {"ways_of_grating": len(more)}
+        fluxes |= {way: one.flux.sum(axis=0) for way, one in kept.items()}
+        total = sum(fluxes.values())
         dropped = 1.0 - float(sum(fluxes[way].sum() for way in kept) / total.sum()) if kept else 0.0
         dropped = 1.0 - (1.0 - dropped) * (1.0 - sources.dropped_share)
-        film = self._splat(kept) if kept else np.zeros(self.shape)
-        return film, metadata | ways | {"dropped_share": dropped}
+        light = self._splat(kept) if kept else np.zeros(self.shape)
+        return light, metadata | ways | {"dropped_share": dropped}
+
+    def _scout_more(self, ways: Mapping[Way, float]) -> dict[Way, Scouted]:
+        """Look for the light of ways that stand for so many; leave out those that bring none."""
+        found = {way: self._scout(way) for way in ways}
+        return {way: replace(one, flux=ways[way] * one.flux, stands_for=ways[way])
+                for way, one in found.items() if one.flux.any()}  # fmt: skip
 
     def _ways_of_four(self) -> tuple[dict[Way, float], int]:
         """Return some ways of four reflections with how many like it each stands for, and the number of all that count.
@@ -321,7 +378,7 @@ class GhostFilm:
         the light is about that of all (systematic sampling by size).
         """
         turns, at = ways_of_four(self.lens), self.sources.places[int(np.argmax(luminance(self.sources.irradiance)))]
-        waves = np.array([nm for nm, _ in self.bands])
+        waves = np.array([band.nm for band in self.bands])
         away, slopes = -at[2] if at[3] == 1.0 else np.inf, np.array([np.hypot(at[0], at[1]) / abs(at[2]), 0.0])
         film = self.film_distance, float(np.hypot(self.columns / self.to_pixels[1], self.rows / self.to_pixels[3]) / 2)
         passed = _passed_shares(self.lens, self.transmission, waves)
@@ -336,7 +393,7 @@ class GhostFilm:
         """
         ways = np.where(self.sources.places[:, 3:4] == 1, -1.0, 1.0) * self.sources.places[:, :3]
         ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-        light = sum((light for _, light in self.bands), np.zeros((len(ways), 3))) * ways[:, 2:]
+        light = sum((band.light for band in self.bands), np.zeros((len(ways), 3))) * ways[:, 2:]
         sines, (x0, dx, y0, dy) = ways[:, :2] * np.sign(self.to_pixels[1::2]), front["pixels_mm"]
         radii = np.linspace(0.0, front["lit"][0][-1], _SINES)
         of_radii, sine = radii * np.polynomial.Polynomial(front["sines"])(radii**2), np.hypot(*sines.T)
@@ -395,8 +452,10 @@ class GhostFilm:
         shared, largest = self._share_out(kept), 0.0
         launches: dict[int, list[Any]] = {}
         for way, one in kept.items():
-            alike = launches.setdefault(self._spread_steps(one, float(shared[way].sum())), [])
-            for record, (_, light) in enumerate(self.bands):
+            dots = self._is_of_grating(way)
+            steps = LEAST_SPREAD if dots else self._spread_steps(one, float(shared[way].sum()))
+            alike = launches.setdefault(steps, [])
+            for record, (_, light, _) in enumerate(self.bands):
                 lit = self._lit(one.boxes, record)
                 boxes = one.boxes[lit]
                 if not len(boxes):
@@ -414,7 +473,7 @@ class GhostFilm:
                 checkpoint()
                 first = _shifts(len(boxes) * record + np.arange(len(boxes)), counts)
                 table = self._table(lit, boxes, weights / largest, counts, first)  # added up in units of `ONE_LIGHT`
-                self._launch(0, way, self.lenses[record], table, counts, words)
+                self._launch(0, way, self._lens_of(way, record), table, counts, words)
                 if is_cancellable():
                     session.finish()
             units = session.read(words, "<i8", film.size).astype(np.float32)
@@ -733,6 +792,8 @@ def _summary(metadata: dict[str, Any]) -> str:
     points = "1 point" if metadata["sources"] == 1 else f"{metadata['sources']} points"
     four = f" and {metadata['ways_of_four']} of {metadata['of_four']} ways of four" if "of_four" in metadata else ""
     text = f"{metadata['ways']} pairs of surfaces{four} from {points} of light"
+    if "ways_of_grating" in metadata:
+        text += f"; {metadata['ways_of_grating']} surfaces send back what the sensor reflects"
     if "mirrored" in metadata:
         text += f", {metadata['mirrored']} of them mirrored"
     if metadata["dropped_share"] > 0:

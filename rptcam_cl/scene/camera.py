@@ -47,6 +47,21 @@ Scatter = Annotated[
     BeforeValidator(list_of(3, "three numbers [A, B, g]")),
 ]
 Move = Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
+
+
+class SensorGrating(SceneModel):
+    """Light that the pixels of the sensor reflect in orders, as a grating does."""
+
+    pitch_um: Annotated[float, Field(ge=0.5, le=100), NUMBER]
+    """Period of what reflects, along rows and columns [um]: a pixel, or two where colours of pixels differ."""
+
+    reflectance: Annotated[float, Field(ge=0, lt=1), NUMBER] = 0.05
+    """Share of the light that all orders have together."""
+
+    spread: Annotated[float, Field(gt=0, le=1), NUMBER] = 0.2
+    """Sine between a mirrored ray and orders that have exp(-1/2) of its light, along rows or columns."""
+
+
 Triple = tuple[float, float, float]
 
 
@@ -667,6 +682,9 @@ class RealisticCamera(LensCamera):
     """A, B and g of what the front of the lens scatters, with `ghosts`: radiance over irradiance is A / (B + d^g), d
     being how far the sines of the directions lie apart."""
 
+    sensor_grating: SensorGrating | None = None
+    """Light that the sensor reflects in orders and the lens sends back, with `ghosts`."""
+
     @property
     def traced_camera(self) -> RealisticCamera:
         """This camera."""
@@ -677,7 +695,7 @@ class RealisticCamera(LensCamera):
         fault = "" if self.transmission.fresnel else "needs surfaces that reflect, and those of an ideal lens do not"
         if self.movements != NO_MOVEMENTS:
             fault = "are known of a film in its place alone"
-        for key in ("ghost_order", "barrel_reflectance", "front_scatter"):
+        for key in ("ghost_order", "barrel_reflectance", "front_scatter", "sensor_grating"):
             default = type(self).model_fields[key].default
             if (given := getattr(self, key)) != default and self.ghosts == "off":
                 allowed = f"{'none' if default is None else f'{default:g}'}, or ghosts: on beside it"

@@ -285,7 +285,7 @@ def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
 
 
 _FOLLOWS_THE_FILM = {  # keys of the camera
-    "diffraction", "ghosts", "ghost_order", "barrel_reflectance", "front_scatter", "stop"
+    "diffraction", "ghosts", "ghost_order", "barrel_reflectance", "front_scatter", "sensor_grating", "stop"
 }  # fmt: skip
 
 

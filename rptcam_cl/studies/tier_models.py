@@ -121,7 +121,8 @@ WITH_COLOURS: frozenset[Tier] = frozenset({"fitted", "realistic"})
 # Keys of a traced camera that a thick lens has too; pinhole and thin lens share the pose alone.
 _POSE = ("target", "up", "flip")
 _TRACED_ONLY = (
-    "pupil", "rays", "precision", "aperture", "accuracy", "ghosts", "ghost_order", "barrel_reflectance", "front_scatter"
+    "pupil", "rays", "precision", "aperture", "accuracy", "ghosts", "ghost_order", "barrel_reflectance",
+    "front_scatter", "sensor_grating",
 )  # fmt: skip
 
 

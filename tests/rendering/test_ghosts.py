@@ -641,3 +641,46 @@ def test_light_is_spread_by_a_tent_and_mirrored_at_the_border() -> None:
     by_rows = np.apply_along_axis(np.convolve, 0, wide, tent / tent.sum(), "valid")
     expected = np.apply_along_axis(np.convolve, 1, by_rows, tent / tent.sum(), "valid")
     assert _spread_light(film, width) == pytest.approx(expected, rel=1e-12)
+
+
+COVERED = {"name": "Covered", "surfaces": [
+    {"radius": 200, "thickness": 6, "glass": GLASS, "diameter": 2, "stop": True},
+    {"radius": -300, "thickness": 93, "diameter": 8},
+    {"thickness": 1, "glass": {"index": 1.5}, "diameter": 40}, {"diameter": 40},
+]}  # fmt: skip
+
+
+def test_orders_of_the_sensor_come_back_from_its_cover_glass(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ghost_film, "_LEAST_RAYS", 1 << 18)
+    monkeypatch.setattr(ghost_film, "LEAST_SPREAD", 0)
+    pitch, line, reflectance, spread, side = 5.0, 600.0, 0.2, 0.15, 0.1
+
+    light = sun(0.0) | {"irradiance": {"lines_nm": {line: 1.0}, "scale": IRRADIANCE}}
+    grating = {"pitch_um": pitch, "reflectance": reflectance, "spread": spread}
+    text = scene(light, lens=COVERED, sensor_grating=grating) | {"spectrum": "spectral"}
+    loaded = load_scene(text | {"film": {"resolution": [90, 60], "width_mm": 90 * side}})
+    plan = make_plan(loaded)
+    film = GhostFilm(loaded, plan, session)
+    assert film.light()[1]["ways_of_grating"] == 4
+    dots = film._splat(film._scout_more({(4, face): reflectance for face in (2, 3)}))[..., 0]  # no noise of pairs
+    shares = np.exp(-0.5 * (np.arange(-99, 100) * 0.575 / pitch / spread) ** 2)
+    shares /= shares.sum()
+    lens, face = (1.2 / 3.2) ** 2, (0.5 / 2.5) ** 2
+    arriving = (
+        np.pi * (1 - lens) ** 2 * (1 - face) ** 2 * srgb_from_spectrum(IRRADIANCE * lines_on_grid([[line, 1]]))[0]
+    )
+    y, x = (np.array(np.indices(dots.shape)) + 0.5) * side - [[[3.0]], [[4.5]]]
+    for m, n in ((1, 0), (0, -1), (-1, 1), (2, 0)):
+        sines = np.array([m, n]) * line * 1e-3 / pitch
+        sine2 = float(sines @ sines)
+        to_rear = film.film_distance / np.sqrt(1 - sine2)
+        faces = 2 * np.outer(
+            [to_rear, to_rear + 1.0 / np.sqrt(1.5**2 - sine2)], sines
+        )  # of the glass, where they send it
+        middle = np.array([1.0, (1 - face) ** 2]) @ faces / (1 + (1 - face) ** 2)
+        near = (np.abs(x - middle[0]) < 0.72) & (np.abs(y - middle[1]) < 0.72)
+        light = arriving * reflectance * shares[99 + m] * shares[99 + n] * face * (1 + (1 - face) ** 2)
+        scale = plan.camera.metadata["values_per_irradiance"] / side**2
+        assert dots[near].sum() == pytest.approx(light * scale, rel=0.04)  # orders are drawn: 1 to 3 %
+        place = [float(dots[near] @ each[near] / dots[near].sum()) for each in (x, y)]
+        assert place == pytest.approx(middle.tolist(), abs=0.01)

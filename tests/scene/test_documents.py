@@ -18,6 +18,7 @@ from rptcam_cl.scene.camera import (
     PinholeCamera,
     Pose,
     RealisticCamera,
+    SensorGrating,
     ThickLensCamera,
     ThinLensCamera,
 )
@@ -149,6 +150,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Thin-lens camera": (ThinLensCamera, "Pose"),
     "Thick-lens camera": (ThickLensCamera, "Pose", "Lens cameras"),
     "Realistic camera": (RealisticCamera, "Pose", "Lens cameras"),
+    "Sensor grating": (SensorGrating,),
     "Accuracy": (Accuracy,),
     "Circular aperture": (CircularAperture,),
     "Polygon aperture": (PolygonAperture,),

@@ -44,7 +44,7 @@ def test_thick_lens_camera_takes_the_lens_keys_of_the_realistic_one(load: Load) 
     assert camera.zoom == "tele"
     assert set(RealisticCamera.model_fields) - set(ThickLensCamera.model_fields) == {
         "accuracy", "aperture", "barrel_reflectance", "front_scatter", "ghost_order", "ghosts", "precision", "pupil",
-        "rays",
+        "rays", "sensor_grating",
     }  # fmt: skip
 
 
