@@ -43,6 +43,11 @@ def mirrored() -> rptcam_cl.Image:
     return shown(point(LAMP), mirror())
 
 
+def test_a_world_without_objects_has_the_ghosts_of_its_lamp() -> None:
+    unseen = mirror() | {"corner": [0, 0, 9]}
+    assert total(shown(point(IMAGE))) == pytest.approx(total(shown(point(IMAGE), unseen)), rel=1e-3)
+
+
 @pytest.mark.slow
 def test_a_lamp_in_a_mirror_has_the_ghosts_of_one_behind_an_opening(mirrored: rptcam_cl.Image) -> None:
     unseen = mirror() | {"corner": [0, 0, 9]}  # so that the kernels are the same

@@ -571,9 +571,9 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     There are none of what textures make rough, uneven or full of holes, as far as no single number says how much.
     """
     record = materials[index]
+    if record["kind"] < 0 or max(record[f"{name}_texture"] for name in ("opacity", "normal", "bump")) >= 0:
+        return  # below 0 is the one record of a world without materials
     kind = MaterialKind(int(record["kind"]))
-    if max(record[f"{name}_texture"] for name in ("opacity", "normal", "bump")) >= 0:
-        return
     share *= float(record["opacity"] if record["cutoff"] == 0 else record["opacity"] >= record["cutoff"])
     if kind is MaterialKind.MIX:
         if record["factor_texture"] < 0:
