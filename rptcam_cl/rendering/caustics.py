@@ -356,13 +356,13 @@ def _share_of_small_lamps(
 ) -> float:
     """How much of the lamps' irradiance on glass and mirrors comes from lamps that are seen small from there."""
     suns = lamps["kind"] == EmitterKind.SUN
-    _, lamp = np.unique(np.where(suns, -1 - np.arange(len(lamps)), lamps["primitive"]), return_inverse=True)
+    lamp = np.where(suns, np.arange(len(lamps)), len(lamps) + lamps["primitive"])
     size = _sizes(primitives, lamps)
     centres = _centres(lamps)
     brightness = luminance(lamps["radiance"][:, :3].astype(np.float64))
     small = every = 0.0
     views = int(np.clip(10**6 // len(lamps), _LEAST_VIEWS, _MOST_VIEWS))
-    for k in np.unique(np.linspace(0, len(surfaces) - 1, views).astype(int)):
+    for k in sorted(set(np.linspace(0, len(surfaces) - 1, views).astype(int).tolist())):
         nearest = places[k] if surfaces[k]["kind"] == Kind.MESH else _nearest(surfaces[k], centres)
         distance2 = ((nearest - centres) ** 2).sum(axis=1)
         angle = np.minimum(size / np.where(suns, 1.0, np.maximum(distance2, 1e-12)), 2 * np.pi)

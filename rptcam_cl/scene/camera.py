@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -212,6 +211,7 @@ def _turns_little(first: Vector, second: Vector) -> NDArray[np.bool_]:
 
 def _keeps_a_view(first: Vector, second: Vector) -> bool:
     """Return whether a camera that goes from one pose to another always has a view and an upright."""
+    Polynomial = np.polynomial.Polynomial  # whose module is read where it is used
     views = [Polynomial([a, b - a]) for a, b in zip(first[1] - first[0], second[1] - second[0], strict=True)]
     ups = [Polynomial([a, b - a]) for a, b in zip(first[2], second[2], strict=True)]
     sides = [ups[k] * views[k - 2] - ups[k - 2] * views[k] for k in (1, 2, 0)]

@@ -9,7 +9,6 @@ from math import comb, fsum
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 from rptcam_cl.core import LINE_D_NM
@@ -85,10 +84,10 @@ def bfs_powers(
         return np.asarray((1 - x) * steep * _bfs_sum(coefficients, x) / radius**2)
 
     domain = (0.0, rim * rim)
-    curve = Chebyshev.interpolate(added, BFS_POWERS - 1, domain=domain)
-    values = curve.convert(kind=Polynomial).coef
+    curve = np.polynomial.Chebyshev.interpolate(added, BFS_POWERS - 1, domain=domain)
+    values = curve.convert(kind=np.polynomial.Polynomial).coef
     nodes = np.linspace(*domain, BFS_NODES)
-    error = float(np.max(nodes * np.abs(Polynomial(values)(nodes) - added(nodes))))
+    error = float(np.max(nodes * np.abs(np.polynomial.Polynomial(values)(nodes) - added(nodes))))
     return {2 * k + 2: float(value) for k, value in enumerate(values) if value}, error
 
 

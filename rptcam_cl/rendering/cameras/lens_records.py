@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
@@ -70,10 +69,10 @@ def fitted(ratio_at: ArrayLike, wavelengths_nm: Array, terms: int) -> tuple[Arra
     """Return ``terms`` coefficients of a polynomial in x = scale / wavelength - shift, and its largest error."""
     x = DISPERSION_SCALE / wavelengths_nm - DISPERSION_SHIFT
     values = np.asarray(ratio_at, dtype=np.float64)
-    curve = Polynomial.fit(x, values, terms - 1).convert()
+    curve = np.polynomial.Polynomial.fit(x, values, terms - 1).convert()
     coefficients = np.zeros(terms)
     coefficients[: len(curve.coef)] = curve.coef
-    return coefficients, float(np.abs(Polynomial(coefficients)(x) - values).max())
+    return coefficients, float(np.abs(np.polynomial.Polynomial(coefficients)(x) - values).max())
 
 
 def fit_nodes(low_nm: float, high_nm: float) -> Array:
