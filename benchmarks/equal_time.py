@@ -9,7 +9,8 @@ mean((x - r1) (x - r2) / (b^2 + (0.01 mean b)^2)). How bright a pixel is, b, all
 together: by those of the other one alone, short runs would weigh pixels most whose own noise makes them too dark. It
 counts noise and bias, and is scaled to the exact time as 1/t: Mitsuba's stratified samplers round the number of
 samples up, so that they get numbers only that they take as they are. Its lens of A_lens and D is that of
-`benchmarks.mitsuba_lens`. Beside it stands the noise alone, from the differences between seeds.
+`benchmarks.mitsuba_lens`. Beside it stands the noise alone, from the differences between seeds, and the time of all
+cores after which that is 5 %, root mean square of the pixels, with as many samples everywhere.
 
 Where light arrives so seldom that short runs miss most of it, all are held to two pictures of ours instead, of
 ``--reference`` samples a pixel and seeds of their own: else ours would be told wrong by what the other one misses.
@@ -45,10 +46,11 @@ OURS = ("lattice", "independent")  # the first is the default
 MITSUBAS = ("independent", "multijitter", "ldsampler")
 CYCLES = ("default",)
 PASS = 16  # samples per pixel that Mitsuba takes at once: more would fill the memory
+TARGET = 0.05  # relative noise of a pixel, root mean square
 EDGE = 0.01  # of the mean: what keeps dark pixels from counting beyond measure
 COLUMNS = (
     "scene", "renderer", "sampler", "spp", "Msamples/s", "relMSE", "noise alone", "variance per sample",
-    "times ours", "of that by speed", "by variance",
+    "times ours", "of that by speed", "by variance", "s to 5 %",
 )  # fmt: skip
 Pictures = NDArray[np.float64]
 
@@ -168,6 +170,7 @@ def errors(own: Runs, other: list[Runs], bright: Pictures, seconds: float) -> di
         "relmse": statistics.median(per_seed) * middle / seconds,
         "relmse_per_seed": per_seed,
         "noise": noise * middle / seconds,
+        "seconds_to_target": noise * middle / TARGET**2,
         "variance_per_sample": noise * own.spp,
         "mean_difference": float(np.abs(stack.mean(axis=(0, 1, 2)) / np.mean(every, axis=(0, 1, 2)) - 1).max()),
         "seconds": middle,
@@ -210,6 +213,7 @@ def row(found: dict[str, Any]) -> list[str]:
         f"{found['msamples_per_second']:.2f}",
         *(f"{number:.3g}" for number in numbers),
         *(f"{ratio:.2f}" for ratio in ratios),
+        f"{found['seconds_to_target']:.3g}",
     ]
 
 
