@@ -132,6 +132,7 @@ DARK = 0.2  # of the mean light: darker cells are no reason for more rays
 PER_PIXEL, _LEAST_RAYS, MOST_RAYS = 40.0, 1 << 20, 1 << 23  # of all ways
 _SHARING_LAMPS, _FAINTEST = 0.7, 1e-4  # the same of its sources; least part of the brightest that one counts
 MOST_OF_FOUR = 256  # ways of four reflections that are traced, and stand for all of them
+_VEIL = 1 / 12  # of the film's longer side, over which the light of a way that stands for others is spread at least
 _ON_THE_AXIS = 0.1  # weight of a source there, by which they are chosen as well as by the brightest
 _WIDEST = 3.5  # spreads of the film's grating, beyond which its orders have nothing
 _SHARING = 0.7  # power to which ways share rays: between alike and by what each needs, found by trial
@@ -445,6 +446,8 @@ class GhostFilm:
         shares = one.cells.mean(axis=2)
         area = shares.sum() ** 2 / np.sum(shares**2) * self.shape[0] * self.shape[1] / shares.size
         width = WIDTH * np.cbrt(area**1.5 / (rays * one.arriving))
+        if one.stands_for > 1.0:  # for others that lie elsewhere: a veil, no spot brighter than any of them
+            width = max(width, _VEIL * max(self.shape[:2]))
         return max(round(float(np.log(width) / np.log(FINER))), LEAST_SPREAD)
 
     def _splat(self, kept: Mapping[Way, Scouted]) -> Array:
@@ -796,7 +799,7 @@ def _summary(metadata: dict[str, Any]) -> str:
         text += f"; {metadata['ways_of_grating']} surfaces send back what the sensor reflects"
     if "mirrored" in metadata:
         text += f", {metadata['mirrored']} of them mirrored"
-    if metadata["dropped_share"] > 0:
+    if metadata["dropped_share"] > 1e-9:  # else a rounding
         text += f"; fainter ones with {metadata['dropped_share']:.1g} of the light are left out"
     if "barrel_share" in metadata:
         text += f"; the barrel adds {metadata['barrel_share']:.2g} of the film's mean light"

@@ -574,6 +574,17 @@ def test_some_ways_of_four_stand_for_all(session: Session) -> None:
     assert more == pytest.approx(flux * scale, rel=0.05)
 
 
+def test_a_way_that_stands_for_others_makes_no_spot_as_bright_as_all_of_them(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ghost_film, "_LEAST_RAYS", 1 << 16)
+    loaded = load_scene(scene(sun(10.0), lens=MANY_PAIRS) | {"film": {"resolution": [120, 80], "width_mm": 36}})
+    film = GhostFilm(loaded, make_plan(loaded), session)
+    one, many = (film._splat(film._scout_more({(6, 2): stands_for}))[..., 1] for stands_for in (1.0, 40.0))
+    assert many.sum() == pytest.approx(40 * one.sum(), rel=0.02)
+    assert many.max() / many.sum() < 0.5 * one.max() / one.sum()
+
+
 def test_ways_that_stand_for_others_have_the_sum_of_all() -> None:
     sizes = np.random.default_rng(3).random(500) ** 12
     sizes[7] = 0.0
