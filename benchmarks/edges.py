@@ -73,7 +73,7 @@ def modulation(film: Array, along: bool) -> Array:
 def by_waves(lens: Lens, back: float, degrees: float, along: bool) -> Array:
     """The modulation of the full wave optics, over the wavelengths of green; all in one place of the film."""
     beam, shares = Beam(degrees, AWAY_M * 1e3), shares_of_white(WAVES_NM)[::2, 1]
-    pupils = [pupil_function(lens, back, beam, nm, 96) for nm in WAVES_NM[::2]]
+    pupils = [pupil_function(lens, back, beam, nm) for nm in WAVES_NM[::2]]
     values = [transfer(pupil, PER_MM)[0 if along else 1] for pupil in pupils]
     return np.asarray(np.abs(np.tensordot(shares / shares.sum(), values, 1)))
 
