@@ -47,7 +47,7 @@ from rptcam_cl.scene.scene import Scene
 # (little endian), and the SHA-256 of all that. Nothing in it is executed when it is read.
 
 MAGIC = b"RPTCAMCK"
-VERSION = 2
+VERSION = 3
 SUFFIX = ".rpck"
 _START = struct.Struct("<8sII")
 _MOST_HEADER = 1 << 24

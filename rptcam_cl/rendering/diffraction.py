@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.lamps import UNLIKE, FilmLamp, LampImage, Window, film_lamp, film_lamps, has_lamps, pixel_mm
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.point_waves import Conjugates, conjugates_of, kernel_of_waves
+from rptcam_cl.rendering.point_waves import NEAR_CELLS, Conjugates, conjugates_in, conjugates_of, kernel_of_waves
 from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -38,6 +38,7 @@ Array = NDArray[np.float64]
 #
 # The film with what its openings make of it.
 
+_RAYS_PX = 0.25  # wavelength times f-number, below which pixels show what rays do
 _FINEST_PX = 0.03  # wavelength times f-number, below which no ring of a lamp shows
 # Errors that `auto` leaves out, and from where the printed line has the light that is lost.
 LOST_CONTRAST = 0.25  # of lines of two pixels in the film's middle, at 550 nm
@@ -52,7 +53,7 @@ _WIDE_PX = 2.0  # length of a lamp's straight edges, from which its far light is
 NODES, MORE_NODES = (5, 3), (9, 7)  # along the longer and the shorter side of the film: openings, and wavefronts
 _BETWEEN, _MOST_PARTS = 0.01, 4  # modulation that the mean of two kernels may be off, and finer nodes for it, each way
 GOOD = 0.9  # Strehl ratio at all nodes from which the few are enough
-ALL_CELLS, NEAR_CELLS = 144, 72  # across an opening whose kernels reach 64 wavelengths over twice its aperture, and 20
+ALL_CELLS = 144  # across an opening whose kernels reach 64 wavelengths over twice its aperture
 _NODE_PX = 16  # least distance between nodes
 _MOST_OPENINGS = 12  # of lamps, beside those that are one turned and drawn out
 _ALIKE = 0.005  # of its radius (rms), within which two openings are one
@@ -65,6 +66,25 @@ def lamps_of(planes: Array) -> Array:
     """Return planes (3, height, width) of the pixels alone that outshine the mean of their film."""
     brightness = planes.max(axis=0)
     return np.asarray(planes * (brightness > LAMP * brightness.mean()))
+
+
+@dataclass(frozen=True)
+class Aberrated:
+    """What waves make of a point, where rays leave out the aberrations of the lens.
+
+    Attributes
+    ----------
+    nodes : tuple of arrays
+        Columns and rows of the kernels on the whole film [pixels].
+    near : (k, 3, n, n) array
+        The kernels, by rows of nodes, without far light.
+    shares : (height, width) array
+        Of the light of each pixel of the picture that is theirs.
+    """
+
+    nodes: tuple[Array, Array]
+    near: NDArray[np.float32]
+    shares: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -83,6 +103,8 @@ class FilmSpread:
         Columns and rows on the whole film of what the picture sees [pixels].
     near : tuple of (3, n, n) arrays
         What each node makes of a point, by rows of nodes, without far light: in red, green and blue, each of sum 1.
+    aberrated : Aberrated or None
+        The same of waves with the aberrations of the lens, for pixels whose rays leave these out.
     index : float
         Of the medium in front of the film.
     edges : (n, 4) array or None
@@ -108,6 +130,7 @@ class FilmSpread:
     outlines: tuple[Array, ...] = ()
     film_decides: bool = False
     middle_unit_px: float = 0.0
+    aberrated: Aberrated | None = None
 
     @property
     def reach(self) -> int:
@@ -117,10 +140,20 @@ class FilmSpread:
     @cached_property
     def kernels(self) -> tuple[tuple[Array, Array], list[Array]]:
         """Columns and rows of the nodes on the whole film, and the kernel of each, with the light that is not far."""
-        own = [part.astype(np.float64) for part in self.near]
-        if self.edges is not None:
-            own = [part * (1 - self._shares)[:, None, None] for part in own]
-        return self.nodes, own
+        return self.nodes, self._not_far(self.near)
+
+    def _not_far(self, kernels: Sequence[NDArray[np.float32]] | NDArray[np.float32]) -> list[Array]:
+        own = [part.astype(np.float64) for part in kernels]
+        return own if self.edges is None else [part * (1 - self._shares)[:, None, None] for part in own]
+
+    def _blur(self, planes: Array, bright: Array, offset: tuple[int, int], wide: int, veil: Array | None) -> Array:
+        """Return planes with their light by kernels, and so many pixels round them."""
+        own = self.aberrated
+        if own is None:
+            return point_spread.blur_with_border(planes, bright, offset, *self.kernels, wide, veil)
+        aberrated, shares = self._not_far(own.near), own.shares.astype(np.float64)
+        blurred = point_spread.blur_with_border(planes, bright, offset, *self.kernels, wide, veil, 1.0 - shares)
+        return blurred + point_spread.blur_with_border(planes, bright, offset, own.nodes, aberrated, wide, veil, shares)
 
     @cached_property
     def _far_light(self) -> point_spread.FarLight:
@@ -228,7 +261,7 @@ class FilmSpread:
                     target += plane
         near_veil, kernel, shares, step = (None, None, np.zeros(3), 1) if self.edges is None else self._veil
         wide = reach if near_veil is None else near_veil.shape[-1] // 2
-        whole = point_spread.blur_with_border(planes, bright, offset, *self.kernels, wide, near_veil)
+        whole = self._blur(planes, bright, offset, wide, near_veil)
         spread = whole[:, wide : wide + planes.shape[1], wide : wide + planes.shape[2]]
         lost += float(whole.sum() - spread.sum())
         if kernel is not None:
@@ -349,6 +382,9 @@ class FilmSpread:
             "diffraction_edges": np.zeros((0, 4)) if self.edges is None else self.edges,
             **{f"diffraction_opening_{number}": edges for number, edges in enumerate(self.outlines)},
         }
+        if self.aberrated is not None:
+            own: list[NDArray[Any]] = [*self.aberrated.nodes, self.aberrated.near, self.aberrated.shares]
+            arrays |= {f"diffraction_aberrated_{k}": each for k, each in enumerate(own)}
         for number, lamp in enumerate(self.lamps):
             arrays |= {f"diffraction_lamp_{number}_{k}": array for k, array in enumerate(lamp.arrays())}
         return arrays
@@ -377,12 +413,18 @@ def spread_of(
     outlines = tuple(_numbered(arrays, "diffraction_opening_"))
     if not all(table.ndim == 2 and table.shape[1] == 4 and np.isfinite(table).all() for table in (edges, *outlines)):
         raise ValueError("diffraction")
+    aberrated = None
+    if waves := list(_numbered(arrays, "diffraction_aberrated_")):
+        columns, rows, kernels, shares = waves
+        if kernels.shape != (columns.size * rows.size, 3, side, side) or shares.shape != window[::-1]:
+            raise ValueError("diffraction")
+        aberrated = Aberrated((columns, rows), kernels, shares)
     lamps = list[FilmLamp]()
     while own := list(_numbered(arrays, f"diffraction_lamp_{len(lamps)}_")):
         lamps.append(film_lamp(own))
     return FilmSpread(
         resolution, window, (width, height), nodes, tuple(near), index, edges if len(edges) else None, tuple(lamps),
-        outlines, film_decides=decides > 0, middle_unit_px=unit,
+        outlines, film_decides=decides > 0, middle_unit_px=unit, aberrated=aberrated,
     )  # fmt: skip
 
 
@@ -415,7 +457,7 @@ class FilmOpenings:
     @cached_property
     def enough(self) -> FilmOpenings:
         """The same with more nodes, where aberrations change from one to the next by what shows."""
-        known = [] if self.conjugates is None else [wave for each in self.conjugates.waves for wave in each.values()]
+        known = [] if self.conjugates is None else [wave for wave in self.conjugates.waves if wave is not None]
         if all(wave.strehl(point_spread.MIDDLE_NM) > GOOD for wave in known):
             return self
         return FilmOpenings(self.scene, self.pupils, MORE_NODES)
@@ -431,6 +473,14 @@ class FilmOpenings:
         """Columns and rows of the nodes as places [pixels]."""
         columns, rows = _nodes(self.scene.film.resolution, self.order)
         return columns + 0.5, rows + 0.5
+
+    def about(self, layout: FilmLayout, parts: int, reach: int) -> list[tuple[list[float], Array]]:
+        """Return columns and rows of nodes, so many times as close, that a picture has light of."""
+        return [
+            _finer_nodes(axis, parts, start - reach, start + side + reach)
+            for axis, start, side in zip(_nodes(self.scene.film.resolution, self.order), (layout.x, layout.y),
+                                         (layout.width, layout.height), strict=True)
+        ]  # fmt: skip
 
     @cached_property
     def points(self) -> Array:
@@ -454,7 +504,10 @@ class FilmOpenings:
     @cached_property
     def conjugates(self) -> Conjugates | None:
         """The points of the scene that rays are to go towards; None for the rays of the lens."""
-        return conjugates_of(self.scene, self.pupils, self.nodes, self.points, self.seen)
+        pixel = pixel_mm(self.scene)
+        if point_spread.unit_px(self.pupils(np.zeros(2), NEAR_CELLS), pixel) < _RAYS_PX:
+            return None
+        return conjugates_of(self.scene, self.pupils, self.nodes, self.points, self.seen, pixel)
 
     @cached_property
     def outline(self) -> Array | None:
@@ -539,45 +592,27 @@ class Diffraction:
         A node that no light reaches takes the opening of the film's middle, as it has nothing to spread.
         """
         assert self.openings is not None
-        is_stigmatic = self.plan is not None and "STIGMATIC" in self.plan.camera.facts
-        openings = self.openings.enough if is_stigmatic else self.openings
+        conjugates = None if self.plan is None else conjugates_in(self.plan, self.conjugates)
+        openings = self.openings if conjugates is None else self.openings.enough
         film, pixel = self.scene.film, pixel_mm(self.scene)
         middle = openings.pupils(np.zeros(2))
         pupils = [middle if pupil is None else pupil for pupil in openings.seen]
-        conjugates, splits, wide = None, False, 0.0
-        if self.plan is not None and is_stigmatic:
-            conjugates, splits = openings.conjugates, bool(self.plan.facts.get("LENS_SPLITS"))
-            assert conjugates is not None
-            across = len(openings.nodes[0])
-            waves = [conjugates.wave(k // across, k % across, splits=splits) for k in range(len(pupils))]
-            wide = max(wave(point_spread.MIDDLE_NM).radius_mm for wave in waves if wave is not None)
-        unit = max(point_spread.unit_px(pupil, pixel) for pupil in pupils)
+        unit, wide = max(point_spread.unit_px(pupil, pixel) for pupil in pupils), 0.0
+        if conjugates is not None:
+            wide = max(wave.radius_mm for wave in conjugates.waves if wave is not None)
         largest, edges = max(film.resolution), openings.edges
         wider = int(np.ceil(wide / min(map(abs, pixel))))
         reach = point_spread.reach_px(unit, largest, point_spread.NEAR, wider)
         if edges is None or not reach < largest:
             edges, reach = None, point_spread.reach_px(unit, largest, point_spread.REACH, wider)
         layout, size = FilmLayout.of(film), (abs(pixel[0]), abs(pixel[1]))
-        window = layout.width, layout.height
-        parts, across = 1 if conjugates is None else openings.parts, len(openings.nodes[0])
-        places = [_finer_nodes(axis, parts, start - reach, start + side + reach) for axis, start, side in
-                  zip(_nodes(film.resolution, openings.order), (layout.x, layout.y), window, strict=True)]  # fmt: skip
-        nodes = places[0][1], places[1][1]
-
-        @cache
-        def kernel(row: float, column: float) -> Array:
-            wave = None if conjugates is None else conjugates.wave(row, column, splits=splits)
-            if wave is not None:
-                return kernel_of_waves(wave, pixel, reach)
-            if conjugates is None or (row.is_integer() and column.is_integer()):
-                return point_spread.near_kernel(pupils[int(row) * across + int(column)], pixel, reach)
-            near = conjugates.about(row, column)
-            return np.asarray(sum(weight * kernel(float(k // across), float(k % across)) for weight, k in near))
-
-        small = tuple(kernel(row, column).astype(np.float32) for row in places[1][0] for column in places[0][0])
+        (some_columns, columns), (some_rows, rows) = openings.about(layout, 1, reach)
+        numbers = [int(row) * len(openings.nodes[0]) + int(column) for row in some_rows for column in some_columns]
+        near = [point_spread.near_kernel(pupils[number], pixel, reach).astype(np.float32) for number in numbers]
         spread = FilmSpread(
-            film.resolution, window, size, nodes, small, middle.index, edges,
+            film.resolution, (layout.width, layout.height), size, (columns, rows), tuple(near), middle.index, edges,
             film_decides=self.film_decides, middle_unit_px=(self.airy_radius_px or 0.0) / AIRY,
+            aberrated=None if conjugates is None else self._aberrated(openings, conjugates, middle, reach),
         )  # fmt: skip
         if self.plan is None:
             return spread
@@ -586,6 +621,30 @@ class Diffraction:
         lamps = film_lamps(self.scene, self.plan, openings.pupils, known, units, conjugates, self.session)
         outlines, lamps = ([], lamps) if edges is None else openings.with_openings(lamps)
         return replace(spread, lamps=tuple(lamps), outlines=tuple(outlines))
+
+    def _aberrated(self, openings: FilmOpenings, conjugates: Conjugates, middle: FilmPupil, reach: int) -> Aberrated:
+        """Find the kernels of waves, of so many pixels each way, where the picture has light that is theirs."""
+        assert self.plan is not None
+        pixel, layout, splits = pixel_mm(self.scene), FilmLayout.of(self.scene.film), self.plan.facts.get("LENS_SPLITS")
+        columns, rows = layout.x + np.arange(float(layout.width)), layout.y + np.arange(float(layout.height))
+        kept = 1.0 - conjugates.share_of_pixels(columns + 0.5, rows + 0.5)
+        shares = (1.0 - kept**2).astype(np.float32)  # of kernels: with the rest by rays the same second moment
+        (_, at_x), (_, at_y) = openings.about(layout, openings.parts, reach)
+        lit = [point_spread.hats(axis, pixels) > 0 for axis, pixels in ((at_y, rows), (at_x, columns))]
+        used = ((lit[0].astype(np.float64) @ (shares > 0)) @ lit[1].T > 0).ravel()
+        places = np.stack(np.meshgrid(at_x, at_y), axis=-1).reshape(-1, 2) + 0.5
+        points, near = film_points(self.scene, places)[:, :2], np.zeros((len(places), 3, 2 * reach + 1, 2 * reach + 1))
+        for number in np.flatnonzero(used).tolist():
+            checkpoint()
+            place, point = places[number], points[number]
+            try:
+                pupil = openings.pupils(point, conjugates.cells(place))
+                wave = conjugates.waves_at(place, point, pupil, splits=bool(splits))
+            except InputError:
+                pupil, wave = middle, None
+            near[number] = point_spread.near_kernel(pupil, pixel, reach) if wave is None else kernel_of_waves(
+                wave, pixel, reach)  # fmt: skip
+        return Aberrated((at_x, at_y), near.astype(np.float32), shares)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays of a saved render by which `merge` applies it without the scene; none where it is off."""

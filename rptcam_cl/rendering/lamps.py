@@ -332,16 +332,19 @@ def aimed_plan(
     conjugates
         That rays go towards where waves bring what the lens is off; None for the rays of the lens.
     """
-    given, plan = plan, point_waves.stigmatic(plan, conjugates)
+    given, is_alone = plan, buffers is None
+    if conjugates is not None and point_waves.may_be_stigmatic(plan):
+        buffers = buffers or SceneBuffers(session, plan)
+        plan = point_waves.stigmatic(plan, point_waves.for_what_is_in_focus(conjugates, session, plan, buffers))
     if not may_aim(plan, layers):
-        return plan, None if plan is given or buffers is None else SceneBuffers(session, plan, buffers)
+        return plan, buffers if plan is given or buffers is None else SceneBuffers(session, plan, buffers)
     held = [buffers]
 
     def shows(sights: Sights) -> NDArray[np.bool_]:
         scene = held[0] = held[0] or SceneBuffers(session, plan)
         return _open(sights, session, plan, scene)
 
-    new = aim(plan, shows, _name_of_sights(plan, session), on_disk=buffers is None)
+    new = aim(plan, shows, _name_of_sights(plan, session), on_disk=is_alone)
     scene = held[0]
     return new, scene if new is given or scene is None else SceneBuffers(session, new, scene)
 

@@ -250,15 +250,17 @@ def blur_with_border(
     kernels: Sequence[Array],
     reach: int,
     veil: Array | None = None,
+    shares: Array | None = None,
 ) -> Array:
     """Return the same with so many pixels round it, for the light that lamps send there.
 
-    A ``veil`` (3, m, m), wider than the kernels, goes with them where pixels gather light.
+    A ``veil`` (3, m, m), wider than the kernels, goes with them where pixels gather light. Of pixels with ``shares``
+    (height, width) these kernels bring as much.
     """
     height, width = planes.shape[1:]
     even = np.pad(planes - lamps, ((0, 0), (reach, reach), (reach, reach)), mode="edge")
     out = np.zeros((3, height + 2 * reach, width + 2 * reach))
-    weights = [_hats(axis, start + np.arange(length)) for axis, start, length in
+    weights = [hats(axis, start + np.arange(length)) for axis, start, length in
                zip(nodes, offset, (width, height), strict=True)]  # fmt: skip
     places = itertools.product(range(len(nodes[1])), range(len(nodes[0])))
     for (row, column), kernel in zip(places, kernels, strict=True):
@@ -267,6 +269,9 @@ def blur_with_border(
             continue
         left, right, top, bottom = columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
         share, own = weights[1][row, top:bottom, None] * weights[0][column, left:right], kernel.shape[-1] // 2
+        share = share if shares is None else share * shares[top:bottom, left:right]
+        if not share.any():
+            continue
         wide = 0 if veil is None else veil.shape[-1] // 2 - own
         gathers = kernel if veil is None else np.pad(kernel, ((0, 0), (wide, wide), (wide, wide))) + veil
 
@@ -288,7 +293,7 @@ def blur_with_border(
     return out
 
 
-def _hats(nodes: Array, places: Array) -> Array:
+def hats(nodes: Array, places: Array) -> Array:
     """Return the weight of each node at each place, (nodes, places); they sum to 1."""
     if len(nodes) == 1:
         return np.ones((1, len(places)))

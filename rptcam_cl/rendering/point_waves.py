@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
+from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays
 from rptcam_cl.rendering.cameras.film_pupil import Arrivals, FilmPupil, FilmPupils, by_an_edge
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import CameraModel, LampReach, Reached
 from rptcam_cl.rendering.cameras.setting import film_frame
+from rptcam_cl.rendering.layers import SharpPass, follow_rays
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_spread import (
-    REACH,
     WAVES_NM,
     Array,
     Mask,
@@ -30,8 +31,9 @@ from rptcam_cl.rendering.point_spread import (
     near_kernel,
     quick,
     shares_of_white,
-    unit_px,
 )
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.scene import Scene
 
 #
@@ -427,7 +429,7 @@ def ray_picture(wave: PointWave, x_mm: Array, y_mm: Array) -> Array:
 #
 # The kernel of a lens with its aberrations, as the wavefront of a point in focus has them.
 
-_STEEPEST = 0.35  # waves that the path of such a wavefront may change between two cells
+_STEEPEST, STILL_STEEP = 0.35, 0.5  # waves that its path should, and may, change between two cells
 
 
 def kernel_of_waves(wave: Callable[[float], PointWave], pixel_mm: tuple[float, float], reach: int) -> Array:
@@ -445,12 +447,9 @@ def kernel_of_waves(wave: Callable[[float], PointWave], pixel_mm: tuple[float, f
         Pixels on each side of the middle one.
     """
     first = wave(WAVES_NM[0])
-    path = np.where(first.flux > 0, first.path_mm, np.nan)
-    steps = [np.abs(np.diff(path, axis=axis)).ravel() for axis in (0, 1)]
-    unit = unit_px(first.pupil, pixel_mm, WAVES_NM[0])
-    is_steep = float(np.nanmax(np.concatenate(steps))) > _STEEPEST * WAVES_NM[0] * 1e-6
+    is_steep = _steepest(first) > STILL_STEEP * WAVES_NM[0] * 1e-6
     wide = max(wave(nm).radius_mm for nm in WAVES_NM[:: len(WAVES_NM) // 2]) / min(map(abs, pixel_mm))
-    if not (is_steep or wide > REACH * unit):
+    if not is_steep:
         return near_kernel(first.pupil, pixel_mm, reach, lambda nm: wave(nm).amplitude(nm), wide)
     perfect, offsets = near_kernel(first.pupil, pixel_mm, reach), np.arange(-reach, reach + 1.0)
     total, side = np.zeros(perfect.shape), quick(4 * reach + 1)
@@ -470,18 +469,18 @@ def kernel_of_waves(wave: Callable[[float], PointWave], pixel_mm: tuple[float, f
 # of the conjugates bring that, and diffraction with it. docs/diffraction.md has the errors.
 
 KNOWN_NM = (440.0, 670.0)  # whose paths are traced beside the camera's; others lie between
-FIT = 19, 9  # directions each way that rays are traced of, and powers of polynomials between them
+FIT = 31, 13  # directions each way that rays are traced of, and powers of polynomials between them
+ROOMIER = 1.05  # of a square of directions, for the openings of mirrored places as well
 ACROSS = 129  # nodes of the table of conjugates each way: within 0.01 pixels of 2000, for 5 % of distortion
 FARTHEST_M = 1e5  # of a point of the scene, beyond which focus is as at infinity
-# Root mean square of a wavefront [waves], in the plane of focus. Below the first, waves bring it. Above the second rays
-# do, as well as waves would and with the sign that tells curvature of the field from what is out of focus otherwise.
-BY_WAVES, BY_RAYS = 0.45, 0.7
-_LINES = np.array([1 / 16, 1 / 8, 1 / 4])  # of the finest that an opening passes, whose modulation is looked at
+_LINES = np.array([1 / 8, 1 / 4, 1 / 2, 1])  # of the finest lines that are looked at: of four pixels, or of
+_FINEST_LINES = 1 / 4  # of those that an opening passes
+AS_GOOD = 0.01  # modulation that a wavefront's rays, spread by a perfect one, may be off before waves bring it
+NEAR_CELLS, MOST_CELLS = 72, 432  # across an opening, as many as its wavefront takes
 # Beside the image circle a sliver of the pupil may show a point of the scene far from where its chief ray leads, which
 # would crowd even light between two nodes, or too few rays say how its wavefront goes on.
 MOST_MOVED = 0.004  # of the way to the next node, up to which waves may move the image
-WIDEST_SPOT = 20.0  # wavelengths over twice the aperture: rays of no wavefront that waves bring are farther apart
-ENDS = 0.4  # of it, that counts at the ends of the spectrum, where a lens refracts each wavelength in its own way
+WIDEST_SPOT = 40.0  # wavelengths over twice the aperture: rays of no wavefront that waves bring are farther apart
 
 
 @dataclass(frozen=True)
@@ -490,29 +489,36 @@ class Conjugates:
 
     Attributes
     ----------
+    scene : Scene
     chief : CameraRays
+    pupils : FilmPupils
     columns, rows : (a,) and (b,) arrays
         Places of nodes [pixels].
     vergence : float
         One over the distance ahead of the film of the plane of focus [1/m]; 0 at infinity.
-    shares : (b, a) array
-        How much of the aberrations of the nodes the rays leave out, for waves to bring.
-    waves : list of mappings
-        Light of the conjugate of each node by rows, by wavelength [nm]; none where no light comes from.
+    waves : list
+        Light of the conjugate of each node by rows; None where no light comes from.
+    shares : (n, n) array
+        How much of the aberrations rays leave out for waves to bring, by rows from edge to edge of the film.
     nm : float
         The camera's wavelength.
     film_z : float
         Of the film in the frame of the lens [mm].
+    is_even : bool
+        Whether the lens without its rims looks the same in a mirror along x, and in one along y.
     """
 
+    scene: Scene
     chief: CameraRays
+    pupils: FilmPupils
     columns: Array
     rows: Array
     vergence: float
+    waves: list[PointWave | None]
     shares: Array
-    waves: list[dict[float, PointWave]]
     nm: float
     film_z: float
+    is_even: bool
 
     def at(self, places: Array) -> Array:
         """Return the conjugates (n, 4) of places (n, 2) [pixels], homogeneous, in the frame of the camera [m].
@@ -527,80 +533,127 @@ class Conjugates:
 
     def share(self, places: Array) -> Array:
         """Return how much of the aberrations of places rays leave out (n,), linear between nodes."""
-        along = np.array([np.interp(places[:, 0], self.columns, row) for row in self.shares])
-        at, every = np.interp(places[:, 1], self.rows, np.arange(len(self.rows))), np.arange(len(places))
-        low = at.astype(int)
-        high = np.minimum(low + 1, len(self.rows) - 1)
-        return np.asarray(along[low, every] + (at - low) * (along[high, every] - along[low, every]))
+        (i, x), (j, y) = (
+            _among(at, count) for at, count in zip(self.chief.upright(places).T, self.shares.shape[::-1], strict=True)
+        )
+        low, high = (self.shares[row, i] + x * (self.shares[row, i + 1] - self.shares[row, i]) for row in (j, j + 1))
+        return np.asarray(low + y * (high - low))
+
+    def share_of_pixels(self, columns: Array, rows: Array) -> Array:
+        """Return the same of a grid (rows, columns)."""
+        x, y = (self.chief.upright(np.column_stack([at, at]))[:, k] for k, at in enumerate((columns, rows)))
+        (i, x), (j, y) = (_among(at, count) for at, count in zip((x, y), self.shares.shape[::-1], strict=True))
+        along = self.shares[:, i] + x * (self.shares[:, i + 1] - self.shares[:, i])
+        return np.asarray(along[j] + y[:, None] * (along[j + 1] - along[j]))
 
     def source(self, place: Array) -> Array:
         """Return the conjugate of a place (2,) in the frame of the lens [mm], within `FARTHEST_M`."""
-        return _source(self.chief, place, self.vergence, self.film_z)
+        (origin,), (direction,) = self.chief.smooth(place[None])
+        ahead = self.vergence * origin - direction * ((1.0 + self.vergence * origin[2]) / direction[2])
+        return source_of(np.append(ahead, self.vergence), self.film_z)
 
-    def wave(self, row: float, column: float, *, splits: bool) -> Callable[[float], PointWave] | None:
-        """Return the light of a conjugate as a function of the wavelength [nm]; None where a node about it has none.
+    def wave_at(self, place: Array, point: Array, pupil: FilmPupil, nm: float) -> PointWave:
+        """Return the light of the conjugate of a place (2,) [pixels], at a point of the film (x, y) [mm].
 
-        Nor where rays keep some of the aberrations of a node about a place: kernels of waves that are a part of two
-        wavefronts are softer than the mean of those of the nodes, as rays blur as well.
+        A lens that is even is traced for a quarter of the film. Raises as `point_wave`.
+        """
+        axes = [pupil.cosines_x, pupil.cosines_y]
+        if not self.is_even:
+            return point_wave(self.pupils, pupil, point, self.source(place), nm, FIT)
+        turn = np.where(point < 0, -1.0, 1.0)
+        own = [sign * axis for sign, axis in zip(turn, axes, strict=True)]
+        key = (*np.round(point * turn, 6).tolist(), nm)
+        if key not in self._rays:
+            source = self.source(place) * np.append(turn, 1.0)
+            roomier = [axis.mean() + ROOMIER * (axis - axis.mean()) for axis in own]
+            self._rays[key] = rays_of(self.pupils, roomier, point * turn, source, nm, FIT)
+        path, density, places, _ = self._rays[key](*own)
+        return PointWave(pupil, path, density, places * turn)
+
+    @cached_property
+    def _rays(self) -> dict[tuple[float, ...], Rays]:
+        """Rays of conjugates that are known, by the point of the film and the wavelength."""
+        return {}
+
+    def waves_at(
+        self, place: Array, point: Array, pupil: FilmPupil, *, splits: bool
+    ) -> Callable[[float], PointWave] | None:
+        """Return the same as a function of the wavelength [nm]; None where it is not known.
 
         Parameters
         ----------
-        row, column
-            Its place, in nodes from the first. Between nodes its wave is a cubic polynomial of theirs, each as a
-            function of the place within its own square of directions.
         splits
             Whether the lens refracts each wavelength in its own way; otherwise all go as the camera's.
         """
-        near = self.about(row, column)
-        share = min(float(self.shares.flat[k]) for _, k in near)
-        if len(near) > 1 and share < 1:
-            return None
-        own = self._waves_about(row, column, 4, splits=splits) or self._waves_about(row, column, 2, splits=splits)
-        # with the rest by rays the same second moment
-        return _by_inverse_square(own, float(np.sqrt(share * (2 - share)))) if own else None
+        known: dict[float, PointWave] = {}
+        for nm in (self.nm, *(KNOWN_NM if splits else ())):
+            with suppress(InputError):  # the glass is not known there, or the rays are not: others say what it is
+                known[nm] = self.wave_at(place, point, pupil, nm)
+        return _by_inverse_square(known) if self.nm in known else None
 
-    def about(self, row: float, column: float, nodes: int = 2) -> list[tuple[float, int]]:
-        """Return weights, of the sum 1, and numbers of so many nodes each way about a place, in nodes."""
-        by_row, by_column = (_polynomial(at, count, nodes) for at, count in
-                             zip((row, column), self.shares.shape, strict=True))  # fmt: skip
-        return [(a * b, i * self.shares.shape[1] + j) for i, a in by_row for j, b in by_column]
-
-    def _waves_about(self, row: float, column: float, nodes: int, *, splits: bool) -> dict[float, PointWave]:
-        near, wide = {k: weight for weight, k in self.about(row, column)}, self.about(row, column, nodes)
-        waves = [self.waves[k] for _, k in wide]
-        known = [nm for nm in waves[0] if all(nm in each for each in waves) and (splits or nm == self.nm)]
-        weights = np.array([(weight, near.get(k, 0.0)) for weight, k in wide]).T
-        return {nm: _mean_wave([each[nm] for each in waves], *weights) for nm in known}
+    def cells(self, place: Array) -> int:
+        """Return how many cells an opening about a place (2,) takes, by the steepest wavefront about it."""
+        columns, rows = (np.clip(np.searchsorted(axis, at) + np.array([-1, 0]), 0, len(axis) - 1)
+                         for axis, at in zip((self.columns, self.rows), place, strict=True))  # fmt: skip
+        near = [self.waves[row * len(self.columns) + column] for row in rows for column in columns]
+        return max((cells_for(wave, self.nm) for wave in near if wave is not None), default=NEAR_CELLS)
 
     def between(self, pixel_mm: tuple[float, float]) -> float:
         """Return the most that the modulation of the mean of two nodes is off that of the place between them.
 
-        Of lines across columns and rows, of four pixels or more: a quarter of what a node is off its two neighbours.
+        Of lines across columns and rows, of eight pixels or more: a quarter of what a node is off its two neighbours.
         """
-        values = np.full((len(self.waves), 2, len(_LINES)), np.nan)
-        for own, waves in zip(values, self.waves, strict=True):
-            if self.nm in waves:
-                wave = waves[self.nm]
-                cells = np.rint(_LINES * 2 * wave.pupil.aperture / wave.pupil.step).astype(int)
-                per_mm = cells * wave.pupil.step * wave.pupil.index / (self.nm * 1e-6)
-                for axis, side in enumerate(pixel_mm):
-                    seen = per_mm * abs(side) < 0.25
-                    own[axis, seen] = wave.modulation(self.nm, cells[seen], axis)
-        grid = values.reshape(*self.shares.shape, -1)
+        values = np.full((len(self.waves), 2, len(_LINES) - 1), np.nan)
+        for own, wave in zip(values, self.waves, strict=True):
+            if wave is not None and worth_waves(wave, self.nm, pixel_mm) > AS_GOOD:
+                for axis, cells in enumerate(_cells_of_lines(wave, self.nm, pixel_mm)):
+                    own[axis] = wave.modulation(self.nm, cells[:-1], axis)
+        grid = values.reshape(len(self.rows), len(self.columns), -1)
         off = [np.abs(np.diff(grid, 2, axis=axis)).ravel() / 8 for axis in (0, 1)]
         return float(np.nanmax(np.concatenate([*off, np.zeros(1)])))
 
     def table(self) -> NDArray[np.float32]:
         """The conjugates of `ACROSS` x `ACROSS` places from edge to edge, as `kernels/lens/stigmatic.h` reads them."""
+        return self.at(self.places).astype(np.float32)
+
+    @property
+    def places(self) -> Array:
+        """Of the table (n, 2) [pixels]."""
         steps = np.linspace(-1.0, 1.0, ACROSS)
-        upright = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-        return self.at(self.chief.on_picture(upright)).astype(np.float32)
+        return self.chief.on_picture(np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2))
 
 
-def _source(chief: CameraRays, place: Array, vergence: float, film_z: float) -> Array:
-    (origin,), (direction,) = chief.smooth(place[None])
-    ahead = vergence * origin - direction * ((1.0 + vergence * origin[2]) / direction[2])
-    return source_of(np.append(ahead, vergence), film_z)
+def _cells_of_lines(wave: PointWave, nm: float, pixel_mm: tuple[float, float]) -> list[NDArray[np.int_]]:
+    """Return how many cells of the opening lines are apart that are looked at, across columns and across rows."""
+    per_cell = wave.pupil.step * wave.pupil.index / (nm * 1e-6)
+    finest = _FINEST_LINES * 2 * wave.pupil.aperture / wave.pupil.step
+    return [np.maximum(np.rint(_LINES * min(0.25 / abs(side) / per_cell, finest)), 1).astype(int) for side in pixel_mm]
+
+
+def worth_waves(wave: PointWave, nm: float, pixel_mm: tuple[float, float]) -> float:
+    """Return how far the modulation of a wavefront's rays, spread by a perfect wavefront, is off that of its waves."""
+    perfect, per_cell, off = (
+        replace(wave, path_mm=0.0 * wave.path_mm),
+        wave.pupil.step * wave.pupil.index / nm * 1e6,
+        0.0,
+    )
+    for axis, cells in enumerate(_cells_of_lines(wave, nm, pixel_mm)):
+        turns = np.exp(2j * np.pi * per_cell * np.multiply.outer(cells, wave.places[..., axis]))
+        rays = np.abs(np.tensordot(turns, wave.flux, 2)) * perfect.modulation(nm, cells, axis)
+        off = max(off, float(np.abs(rays - wave.modulation(nm, cells, axis)).max()))
+    return off
+
+
+def cells_for(wave: PointWave, nm: float) -> int:
+    """Return how many cells across the opening the path of a wavefront takes, in multiples of those that are enough."""
+    at_least = len(wave.pupil.cosines_x) * _steepest(wave) / (_STEEPEST * nm * 1e-6)
+    return NEAR_CELLS * max(int(np.ceil(at_least / NEAR_CELLS)), 1)
+
+
+def _steepest(wave: PointWave) -> float:
+    """Return how much the path of a wavefront changes from one cell to the next at most [mm]."""
+    path = np.where(wave.flux > 0, wave.path_mm, np.nan)
+    return float(np.nanmax(np.concatenate([np.abs(np.diff(path, axis=axis)).ravel() for axis in (0, 1)])))
 
 
 def source_of(point: Array, film_z: float) -> Array:
@@ -610,34 +663,12 @@ def source_of(point: Array, film_z: float) -> Array:
     return np.asarray(1e3 * there + [0.0, 0.0, film_z])
 
 
-def _polynomial(at: float, count: int, nodes: int) -> list[tuple[int, float]]:
-    """Return numbers and weights of so many nodes about a place among them (Lagrange's); without those of none."""
-    nodes = min(nodes, count)
-    some = np.clip(int(at) + 1 - nodes // 2, 0, count - nodes) + np.arange(nodes)
-    weights = [float(np.prod([(at - b) / (a - b) for b in some if b != a])) for a in some]
-    return [(int(k), weight) for k, weight in zip(some, weights, strict=True) if weight]
-
-
-def _mean_wave(waves: Sequence[PointWave], weights: Array, linear: Array) -> PointWave:
-    """Return the wave between others, by weights of paths and directions and by others of what ends at a rim."""
-    pupils, own = [wave.pupil for wave in waves], linear > 0
-
-    def mean(parts: list[Array]) -> Array:
-        return np.asarray(np.tensordot(weights, parts, 1))
-
-    axes = mean([each.cosines_x for each in pupils]), mean([each.cosines_y for each in pupils])
-    coverage = np.tensordot(linear[own], [pupil.coverage for pupil, lit in zip(pupils, own, strict=True) if lit], 1)
-    density = np.tensordot(linear[own], [wave.density for wave, lit in zip(waves, own, strict=True) if lit], 1)
-    paths, places = mean([wave.path_mm for wave in waves]), mean([wave.places for wave in waves])
-    return PointWave(FilmPupil(coverage, *axes, pupils[0].index), paths, density, places)
-
-
-def _by_inverse_square(known: Mapping[float, PointWave], share: float) -> Callable[[float], PointWave]:
-    """Make a function of the wavelength: a share of paths and places, as polynomials in its inverse square."""
+def _by_inverse_square(known: Mapping[float, PointWave]) -> Callable[[float], PointWave]:
+    """Make a function of the wavelength: paths and places, as polynomials in its inverse square."""
     x, waves = np.array(list(known)) ** -2.0, list(known.values())
 
     def at(nm: float) -> PointWave:
-        factors = [share * np.prod([(nm**-2.0 - b) / (a - b) for b in x if b != a]) for a in x]
+        factors = [np.prod([(nm**-2.0 - b) / (a - b) for b in x if b != a]) for a in x]
         path = np.tensordot(factors, [wave.path_mm for wave in waves], 1)
         return replace(waves[0], path_mm=path, places=np.tensordot(factors, [wave.places for wave in waves], 1))
 
@@ -645,9 +676,16 @@ def _by_inverse_square(known: Mapping[float, PointWave], share: float) -> Callab
 
 
 def conjugates_of(
-    scene: Scene, pupils: FilmPupils, nodes: tuple[Array, Array], points: Array, seen: Sequence[FilmPupil | None]
+    scene: Scene,
+    pupils: FilmPupils,
+    nodes: tuple[Array, Array],
+    points: Array,
+    seen: Sequence[FilmPupil | None],
+    pixel_mm: tuple[float, float],
 ) -> Conjugates | None:
     """Find the conjugates of a film; None where the lens of its camera has no aberrations, or these are not known.
+
+    Nor where rays, spread by a perfect wavefront, are as good everywhere: they know what is out of focus.
 
     Parameters
     ----------
@@ -657,51 +695,106 @@ def conjugates_of(
         The nodes on the film [mm], by rows.
     seen
         The opening that each sees; None where no light comes from.
+    pixel_mm
+        Width and height of a pixel.
     """
     setting = camera_of(scene).setting
     if setting is None or film_frame(scene.camera).is_moved or scene.shutter.keys:
         return None
-    chief, film_z = camera_of(scene).chief_rays(), setting.lens.film_z(setting.film_distance_mm)
+    lens, chief, nm = setting.lens, camera_of(scene).chief_rays(), setting.camera.wavelength_nm
     vergence = 0.0 if not setting.focus_distance_mm else max(1e3 / setting.focus_distance_mm, 0.0)
-    nm = setting.camera.wavelength_nm
-
+    film_z, is_even = lens.film_z(setting.film_distance_mm), all(surface.is_even for surface in lens.surfaces)
+    waves: list[PointWave | None] = [None for _ in points]
+    none = np.zeros((2, 2))
+    found = Conjugates(scene, chief, pupils, *nodes, vergence, waves, none, nm, film_z, is_even)
     shares: Array = np.zeros(len(points))
     apart = np.linalg.norm(points - points[:, None], axis=-1)
     next_mm = float(apart[apart > 0].min(initial=np.inf))
-    waves: list[dict[float, PointWave]] = [{} for _ in points]
-    for number, place in enumerate(np.stack(np.meshgrid(*nodes), axis=-1).reshape(-1, 2)):
+    places = np.stack(np.meshgrid(*nodes), axis=-1).reshape(-1, 2)
+    for number, (place, pupil) in enumerate(zip(places, seen, strict=True)):
         checkpoint()
-        pupil = seen[number]
         if pupil is None:
             continue
-        source = _source(chief, place, vergence, film_z)
         try:
-            waves[number][nm] = point_wave(pupils, pupil, points[number], source, nm, FIT)
+            wave = found.wave_at(place, points[number], pupil, nm)
         except InputError:
-            return None
-        for other in KNOWN_NM if scene.spectrum.lens_colour != "off" else ():
-            with suppress(InputError):  # the glass is not known there, or the rays are not: others say what it is
-                waves[number][other] = point_wave(pupils, pupil, points[number], source, other, FIT)
-        wave = waves[number][nm]
-        if wave.spot_mm > WIDEST_SPOT * nm * 1e-6 / (2 * pupil.index * pupil.aperture):
-            waves[number] = {}
             continue
-        off = max(wave.rms(other) * (1.0 if other == nm else ENDS) for other, wave in waves[number].items())
-        moved = float(np.linalg.norm(wave.middle_mm)) / next_mm
-        shares[number] = np.clip((BY_RAYS - off) / (BY_RAYS - BY_WAVES), 0.0, 1.0) * np.clip(
-            2 - moved / MOST_MOVED, 0, 1
-        )
+        is_wide = wave.spot_mm > WIDEST_SPOT * nm * 1e-6 / (2 * pupil.index * pupil.aperture)
+        if is_wide or cells_for(wave, nm) > MOST_CELLS:
+            continue
+        waves[number] = wave
+        moved = np.clip(2 - float(np.linalg.norm(wave.middle_mm)) / next_mm / MOST_MOVED, 0.0, 1.0)
+        shares[number] = moved * (worth_waves(wave, nm, pixel_mm) > AS_GOOD)
     if not shares.any():
         return None
     by_rows = shares.reshape(len(nodes[1]), len(nodes[0]))
-    return Conjugates(chief, *nodes, vergence, by_rows, waves, nm, film_z)
+    return replace(found, shares=_between_nodes(by_rows, nodes, found.places))
+
+
+def _among(places: Array, count: int) -> tuple[NDArray[np.int_], Array]:
+    """Return which of so many nodes comes before places, -1 to 1, and the share of the way to the next."""
+    at = np.clip((places + 1) / 2, 0.0, 1.0) * (count - 1)
+    first = np.minimum(at.astype(int), count - 2)
+    return first, at - first
+
+
+def _between_nodes(values: Array, nodes: tuple[Array, Array], places: Array) -> Array:
+    """Return values of nodes (rows, columns) at the places of a table, linear between them."""
+    along = np.array([np.interp(places[:ACROSS, 0], nodes[0], row) for row in values])
+    return np.array([np.interp(places[::ACROSS, 1], nodes[1], column) for column in along.T]).T
+
+
+#
+# Which places show what is in focus: there waves bring the aberrations of a lens, elsewhere its rays do.
+#
+# A kernel of waves holds the aberrations for the plane of focus alone. What lies before or behind it is sharper or
+# softer than that, as curvature of field and spherical aberration have it, and rays know this.
+
+SHARP_WAVES, BLURRED_WAVES = 0.25, 0.5  # out of focus, at the rim of the pupil: up to which waves, and from which rays
+_STEPS = 16  # of a share, so that rounding on another device changes none
+
+
+def for_what_is_in_focus(conjugates: Conjugates, session: Session, plan: Plan, buffers: SceneBuffers) -> Conjugates:
+    """Return conjugates for places alone that show something in focus, or lie beside such a place."""
+    shares = conjugates.shares * _is_sharp(defocus(conjugates, session, plan, buffers))
+    return replace(conjugates, shares=shares)
+
+
+def defocus(conjugates: Conjugates, session: Session, plan: Plan, buffers: SceneBuffers) -> Array:
+    """Return how far out of focus is what the places of the table show (n, n) [waves at the rim of the pupil].
+
+    By the first surface that is not polished, as panes and mirrors show it.
+    """
+    origins, directions = conjugates.chief.smooth(conjugates.places)
+    turn = at_opening(conjugates.scene).camera.world_from_camera()[:3, :3].T
+    sharp, times = SharpPass(session, plan, buffers), np.zeros(len(origins))
+    ends = follow_rays(sharp, plan, origins @ turn, directions @ turn, times)
+    z, view = origins[:, 2] + ends.lengths * directions[:, 2], plan.camera.view
+    with np.errstate(divide="ignore", invalid="ignore"):
+        seen = np.where(np.isfinite(ends.lengths), 1.0 / np.maximum(view.pupil_z_m - z, 1e-9), 0.0)
+    focused = conjugates.vergence / (1.0 + conjugates.vergence * view.pupil_z_m)
+    return (0.5 * view.pupil_radius_m**2 / (conjugates.nm * 1e-9) * (seen - focused)).reshape(ACROSS, ACROSS)
+
+
+def _is_sharp(waves: Array) -> Array:
+    """Return the share of each place, by the sharpest of those about it."""
+    share = np.clip((BLURRED_WAVES - np.abs(waves)) / (BLURRED_WAVES - SHARP_WAVES), 0.0, 1.0)
+    wide = np.pad(np.nan_to_num(share), 1, mode="edge")
+    near = [wide[i : i + ACROSS, j : j + ACROSS] for i in range(3) for j in range(3)]
+    return np.asarray(np.rint(np.max(near, axis=0) * _STEPS) / _STEPS)
+
+
+def may_be_stigmatic(plan: Plan) -> bool:
+    """Return whether rays of a plan can go towards conjugates."""
+    return plan.camera.setting is not None and plan.camera.reach is not None and not plan.steps
 
 
 def stigmatic(plan: Plan, conjugates: Conjugates | None) -> Plan:
-    """Return the plan with rays that go towards the conjugates of their film points; the same where there are none."""
+    """Return the plan with rays that go towards the conjugates of their film points; the same where none do."""
     camera = plan.camera
-    if conjugates is None or camera.setting is None or camera.reach is None or plan.steps:
+    if conjugates is None or not may_be_stigmatic(plan) or not conjugates.shares.any():
         return plan
+    assert camera.reach is not None
     table, record = conjugates.table(), camera.record.copy()
     record["conjugates"] = len(camera.tables)
     new = replace(
@@ -714,6 +807,17 @@ def stigmatic(plan: Plan, conjugates: Conjugates | None) -> Plan:
     return replace(plan, camera=new)
 
 
+def conjugates_in(plan: Plan, conjugates: Conjugates | None) -> Conjugates | None:
+    """Return conjugates with the shares that a plan of `stigmatic` has; None where its rays go to none."""
+    if conjugates is None or "STIGMATIC" not in plan.camera.facts:
+        return None
+    first = int(plan.camera.record["conjugates"][0])
+    table = plan.camera.tables[first : first + 4 * ACROSS**2].reshape(-1, 4)
+    whole = replace(conjugates, shares=np.ones((2, 2))).at(conjugates.places)
+    shares = np.linalg.norm(table, axis=1) / np.linalg.norm(whole, axis=1)
+    return replace(conjugates, shares=shares.reshape(ACROSS, ACROSS))
+
+
 def _reach(camera: CameraModel, reach: LampReach, conjugates: Conjugates, table: NDArray[np.float32]) -> LampReach:
     """Return how a camera sees points of the scene by the rays to conjugates, to first order in the aberrations."""
     scale = np.array(reach.film_scale)
@@ -723,7 +827,8 @@ def _reach(camera: CameraModel, reach: LampReach, conjugates: Conjugates, table:
         """Where the rays of film points (n, 2) [mm] meet planes at z (n,) (n, 2) [m]."""
         point = conjugates.at(conjugates.chief.on_picture(film / scale))
         away = point[:, :3] - point[:, 3:] * entry
-        return np.asarray(entry[:, :2] + away[:, :2] * ((z - entry[:, 2]) / away[:, 2])[:, None])
+        with np.errstate(divide="ignore", invalid="ignore"):  # rays that go to no conjugate
+            return np.asarray(entry[:, :2] + away[:, :2] * ((z - entry[:, 2]) / away[:, 2])[:, None])
 
     def rays(points: Array, across: int, nm: float | None, near: Array) -> Reached:
         seen = reach.rays(points, across, nm, near)

@@ -195,7 +195,12 @@ def conjugates() -> None:
     """A lens whose aberrations waves bring, so that its rays go to conjugates; those of a lamp out of focus, too."""
     bokeh = CASES["far"]
     camera = bokeh["camera"] | {"f_number": 4, "diffraction": "on"}
-    picture = rptcam_cl.render(bokeh | {"camera": camera}, size=(12, 8), spp=1, wave_size=256)
+    ahead = camera["focus"]["distance_m"]
+    ball = {"shape": "sphere", "center": [0, 0, -ahead - 0.002], "radius": 0.002,
+            "material": {"kind": "matte", "reflectance": 0.5}}  # fmt: skip
+    film = {"resolution": [240, 160], "width_mm": 1.2, "crop": [0.45, 0.5, 0.45, 0.5]}  # of pixels that waves show on
+    scene = bokeh | {"camera": camera, "film": film, "objects": [*bokeh["objects"], ball]}
+    picture = rptcam_cl.render(scene, spp=1, wave_size=256)
     assert picture.metadata["lamps_aimed_at"] > 0
 
 
@@ -249,7 +254,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "hair": (hair, WAVE),
     "many lamps": (many_lamps, WAVE),
     "ring": (ring, WAVE),
-    "conjugates": (conjugates, WAVE | {"occluded"}),
+    "conjugates": (conjugates, WAVE | {"occluded", "sharp"}),
     "mixtures": (mixtures, WAVE),
     "behind glass": (behind_glass, WAVE),
     "light of lamps": (light_of_lamps, WAVE | {"photons", "ghosts", "occluded"}),
