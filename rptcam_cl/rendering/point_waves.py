@@ -632,11 +632,8 @@ def _cells_of_lines(wave: PointWave, nm: float, pixel_mm: tuple[float, float]) -
 
 def worth_waves(wave: PointWave, nm: float, pixel_mm: tuple[float, float]) -> float:
     """Return how far the modulation of a wavefront's rays, spread by a perfect wavefront, is off that of its waves."""
-    perfect, per_cell, off = (
-        replace(wave, path_mm=0.0 * wave.path_mm),
-        wave.pupil.step * wave.pupil.index / nm * 1e6,
-        0.0,
-    )
+    perfect, per_cell = replace(wave, path_mm=0.0 * wave.path_mm), wave.pupil.step * wave.pupil.index / (nm * 1e-6)
+    off = 0.0
     for axis, cells in enumerate(_cells_of_lines(wave, nm, pixel_mm)):
         turns = np.exp(2j * np.pi * per_cell * np.multiply.outer(cells, wave.places[..., axis]))
         rays = np.abs(np.tensordot(turns, wave.flux, 2)) * perfect.modulation(nm, cells, axis)
