@@ -2,6 +2,7 @@
 
 import gc
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,11 @@ from hypothesis import settings
 # For NumPy, which is imported after this: beside other processes, the threads of its linear algebra burn ten times the
 # work in waiting for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# Compiling takes half of the time of a short command, so that what is compiled of Python is kept whatever the
+# environment says.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # The same examples on every run: a machine's fast tests pass or fail by the code alone.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -33,11 +39,13 @@ def checkout() -> Path:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def kernels_that_compile_soonest() -> Iterator[Any]:
+def kernels_that_compile_soonest() -> Iterator[list[tuple[type, str, Any]]]:
     """All sessions have the kernels that compile soonest, as first pictures of a process do; their bits are the same.
 
-    Compiling takes most of the time of the tests. Full kernels are compared in `rendering/test_quick_kernels.py`.
+    Compiling takes most of the time of the tests, so that no process apart compiles full ones meanwhile. Full kernels
+    are compared in `rendering/test_quick_kernels.py`. What stood in the place of what is changed is returned.
     """
+    from rptcam_cl.device.devices import CompileServer
     from rptcam_cl.device.session import Session
 
     opened = Session.__init__
@@ -47,31 +55,17 @@ def kernels_that_compile_soonest() -> Iterator[Any]:
         self.is_quick = self.generates_late
 
     with pytest.MonkeyPatch.context() as patch:
+        before = [(Session, "__init__", opened), (CompileServer, "compile", CompileServer.compile)]
         patch.setattr(Session, "__init__", open_quick)
-        yield opened
+        patch.setattr(CompileServer, "compile", lambda self, order: not self.is_closed)
+        yield before
 
 
 @pytest.fixture
-def full_kernels(kernels_that_compile_soonest: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Sessions choose their kernels as without the tests."""
-    from rptcam_cl.device.session import Session
-
-    monkeypatch.setattr(Session, "__init__", kernels_that_compile_soonest)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def processes_that_compile_modules_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Processes that tests start keep what they have compiled of Python, also where the environment forbids it.
-
-    Compiling takes half of the time of a short command.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        if os.environ.get("PYTHONDONTWRITEBYTECODE"):
-            patch.delenv("PYTHONDONTWRITEBYTECODE")
-            own = tmp_path_factory.getbasetemp()
-            place = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own  # the workers have one
-            patch.setenv("PYTHONPYCACHEPREFIX", str(place / "bytecode"))
-        yield
+def full_kernels(kernels_that_compile_soonest: list[tuple[type, str, Any]], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sessions choose their kernels, and processes apart compile them, as without the tests."""
+    for place in kernels_that_compile_soonest:
+        monkeypatch.setattr(*place)
 
 
 @pytest.fixture(scope="session")

@@ -34,6 +34,8 @@ WITH_PHOTONS = WORLD | {
     ],
 }
 
+pytestmark = pytest.mark.usefixtures("full_kernels")
+
 
 def wanted(scene: Scene) -> bytes:
     session, plan = open_session(), make_plan(scene)

@@ -420,6 +420,7 @@ def test_picture_goes_on_while_another_process_compiles_what_autofocus_needs(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("full_kernels")
 def test_order_of_a_search_is_carried_out_by_another_process(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, device = load_scene(served[2]), open_session()
     compiler = CompileServer()
