@@ -1,6 +1,9 @@
 """What the kernels' BSDFs say at a flat vertex, for materials of the scene."""
 
+import json
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +45,15 @@ def direction(cosine, turns=0.0):
     return np.stack([sine * np.cos(2 * np.pi * turns), sine * np.sin(2 * np.pi * turns), cosine], axis=-1)
 
 
+@cache
+def pack(material: str) -> tuple[Any, NDArray[Any]]:
+    """Return the record of a material, given as JSON, with its facts, and the texels of its textures."""
+    scene = load_scene(still_life() | {"materials": {"tested": json.loads(material)}})
+    textures = TextureTable(scene)
+    packed = pack_materials([scene.materials["tested"]], textures, KnownSpectra())
+    return packed, textures.pack().texels
+
+
 def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: bool = False) -> Scattered:
     """Return what a material does to light from ``wo`` to ``wi`` (n, 3), and samples by ``numbers`` (n, 3).
 
@@ -56,9 +68,7 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
     table[2], table[5] = -1, 1
     for first, part in ((0, -wi), (3, np.asarray(wo)), (6, np.asarray(numbers))):
         table[first : first + 3, :count] = np.broadcast_to(np.atleast_2d(part), (count, 3)).T
-    scene = load_scene(still_life() | {"materials": {"tested": material}})
-    textures = TextureTable(scene)
-    packed = pack_materials([scene.materials["tested"]], textures, KnownSpectra())
+    packed, texels = pack(json.dumps(material))
     records, base = packed.records, packed.facts["HAS_BRUSHED_BASE"]
     shared = int((again or base) and packed.facts["FACET_SHARES"])
     tables = facet_shares(records) if shared else np.zeros(1, np.float32)
@@ -69,7 +79,7 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
     run(
         session, "probe_scatter", facts, padded // LANES,
         materials=session.upload(records),
-        facet_shares=session.upload(tables), texels=session.upload(textures.pack().texels),
+        facet_shares=session.upload(tables), texels=session.upload(texels),
         material=np.int32(0), out=out, capacity=np.uint32(padded), **{"in": session.upload(table)},
     )  # fmt: skip
     rows = session.read(out, np.float32, 11 * padded).reshape(11, padded)[:, :count].astype(np.float64)

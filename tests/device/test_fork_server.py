@@ -116,6 +116,7 @@ def test_one_that_has_waited_too_long_is_not_missed(tmp_path: Path) -> None:
     assert found["problem"] is None and started == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [*(slow(f"os.close({n})") for n in (0, 2)), "os.close(0); os.close(2)"])
 def test_standard_streams_may_be_closed(tmp_path: Path, closed: str) -> None:
     found, started, waiting, _ = tried(tmp_path, closed)
@@ -134,6 +135,7 @@ os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [KILLED, slow("devices.end_trials()")])
 def test_programs_are_built_here_where_it_has_ended(tmp_path: Path, end: str) -> None:
     more = BUILD.format(before=end, apart="devices.builds_apart(handle)")

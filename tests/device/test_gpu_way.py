@@ -21,6 +21,7 @@ from tests.device.test_kernels import all_facts, sheet
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
 from tests.support.approximate import FLUSHED, approximate
+from tests.support.cases import slow
 
 SIZE, SPP = (24, 16), 8
 IN_AIR = -3  # what is hit where a medium scatters
@@ -164,7 +165,7 @@ def test_reference_scenes_agree_to_the_bit(name, monkeypatch):
     np.testing.assert_array_equal(film_of(name), stream)
 
 
-@pytest.mark.parametrize("sky", [0, 1])
+@pytest.mark.parametrize("sky", [slow(0), 1])
 def test_paths_of_a_block_are_sorted_by_what_they_met_and_those_that_ended_left_out(sky):
     slots = 2 * SORTED + 512  # the last block is not full
     random = np.random.default_rng(5)

@@ -210,6 +210,7 @@ def test_passes_with_media_and_everything_compile_without_a_warning(session, fil
     without_warnings(session, files, facts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lanes", ONE_LANE_TOO)
 @compiled("shade shadow", "stream")
 def test_passes_that_follow_glass_to_lamps_compile_without_a_warning(session, files, lanes):
@@ -271,7 +272,9 @@ def test_stream_makes_the_rays_of_a_camera_without_surfaces(session, camera):
 
 
 @pytest.mark.parametrize("scene", [slow(least_facts), all_facts])
-@pytest.mark.parametrize(("camera", "lanes", "packets"), [("realistic", 16, 2), ("realistic", 1, 1), ("fitted", 8, 1)])
+@pytest.mark.parametrize(
+    ("camera", "lanes", "packets"), [("realistic", 16, 2), slow("realistic", 1, 1), slow("fitted", 8, 1)]
+)
 def test_stream_takes_the_rays_of_its_pixels_through_a_lens_first(session, scene, camera, lanes, packets):
     facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_PACKETS": packets, "VW": lanes}
     facts |= {"MAP_ORDER": 4, "MAP_RIM_ORDER": 2, "MAP_RIMS": 1, "MAP_COLOURS": 0}

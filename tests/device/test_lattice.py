@@ -2,6 +2,7 @@
 
 import itertools
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ def numbers(session, pixel, sample, dimension, *, lanes=8, lattice=True, seed=SE
     return random_numbers(session, pixel, sample, dimension, seed, lanes=lanes, lattice=lattice)
 
 
+@cache
 def vector():
     """The generating vector as the kernel holds it, shape (4 numbers, 4 uses): camera, light, first and other edges."""
     text = (kernels_dir() / "common" / "sampler.h").read_text("utf-8")

@@ -42,6 +42,7 @@ def on_pocl():
     return is_pocl(open_session().info.handle)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", ["", slow(RENDER)], ids=["trial", "picture"])
 def test_unknown_processor_is_renamed_and_kernels_build(tmp_path, more):
     if not on_pocl():

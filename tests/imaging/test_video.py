@@ -33,6 +33,7 @@ def test_frames_of_a_video_are_the_developed_pictures(suffix, most, tmp_path):
         assert np.abs(frame - wanted).mean() <= 65535 * most
 
 
+@pytest.mark.slow
 def test_equal_pictures_have_equal_bits_in_a_video(tmp_path):
     """With several threads in the filter some in a thousand differed, which one run in three shows."""
     noise = np.random.default_rng(1).random((38, 50, 3), np.float32)

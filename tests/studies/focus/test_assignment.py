@@ -53,6 +53,7 @@ MORE = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "texture", "method"), [*CASES, *(slow(*case) for case in MORE)])
 def test_targets_of_the_assignment_are_found(place, texture, method):
     _, _, film_mm, zone = place

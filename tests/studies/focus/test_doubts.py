@@ -66,6 +66,7 @@ objects:
 """
 
 
+@pytest.mark.slow
 def test_picture_of_a_focus_that_failed_says_so_and_strict_fails():
     scene = rptcam_cl.load_scene(yaml.safe_load(SCENE))
     picture = rptcam_cl.render(scene, spp=1)
