@@ -21,17 +21,9 @@ from numpy.typing import NDArray
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.remember import Disk, Memory, content_name
 from rptcam_cl.device import devices
+from rptcam_cl.device import programs as building
 from rptcam_cl.device.drivers import instead, is_code_noted, load_opencl, note_code, unfinished_work
-from rptcam_cl.device.programs import (
-    Parameters,
-    Program,
-    assemble,
-    options_of,
-    program_name,
-    quick_source,
-    small_source,
-    source_key,
-)
+from rptcam_cl.device.programs import Parameters, Program
 
 # A chosen device with its context, queue and built programs.
 
@@ -247,17 +239,19 @@ class Session:
         NotKeptError
             See `built_only`.
         """
-        key = source_key(files, facts, declarations)
+        key = building.source_key(files, facts, declarations)
         keys = [key, ("quick", *key)] if self.is_quick else [key]
         for each in keys:
             known: Program | None = self._programs.find(each)
             if known is not None:
                 return known
-        source = assemble(files, facts, declarations, library_arch=self._library_arch)
-        if (self._takes_built_only or self.is_quick) and not is_code_noted(program_name(self.info.handle, source)):
+        source = building.assemble(files, facts, declarations, library_arch=self._library_arch)
+        if (self._takes_built_only or self.is_quick) and not is_code_noted(
+            building.program_name(self.info.handle, source)
+        ):
             if self._takes_built_only:
                 raise NotKeptError
-            key, source = keys[1], quick_source(source)
+            key, source = keys[1], building.quick_source(source)
         with self._building, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyopencl reports any text in a build log
             program = self._programs.find(key) or self._foreseen.pop(source, None) or self._built(source)
@@ -266,7 +260,7 @@ class Session:
 
     def _built(self, source: str) -> Program:
         if self.generates_late:
-            devices.build_apart(self.info.handle, source, options_of(self.info.handle, source))
+            devices.build_apart(self.info.handle, source, building.options_of(self.info.handle, source))
         return Program(self.context, self.info.handle, source)
 
     @property
@@ -297,7 +291,7 @@ class Session:
             A word that no program before had.
         """
         if self.generates_late and not devices.builds_apart(self.info.handle):
-            self._built(small_source(name))
+            self._built(building.small_source(name))
 
     def beside(self) -> Session:
         """Return a session of the same device, buffers and programs with a queue of its own, for another thread."""

@@ -11,16 +11,8 @@ from importlib.metadata import version
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.colour import (
-    BRADFORD,
-    RGB_FROM_XYZ,
-    SRGB_WHITE,
-    XYZ_FROM_RGB,
-    Matrix,
-    adaptation,
-    luminance,
-    xyz_of,
-)
+from rptcam_cl.core import colour as colour_spaces
+from rptcam_cl.core.colour import Matrix, luminance
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.scene.film import Gamut, PictureSettings, ToneCurve, WhiteBalance
@@ -89,7 +81,7 @@ def _within_channels(remove_noise: Callable[..., Pixels], pixels: Pixels, albedo
     """
     if not (pixels < 0).any():
         return remove_noise(pixels, albedo=albedo)
-    matrix = XYZ_FROM_RGB / XYZ_FROM_RGB.sum(axis=1, keepdims=True)
+    matrix = colour_spaces.XYZ_FROM_RGB / colour_spaces.XYZ_FROM_RGB.sum(axis=1, keepdims=True)
     seen, guide = (np.asarray(values @ matrix.T, np.float32) for values in (pixels, albedo))
     return np.asarray(remove_noise(seen, albedo=guide) @ np.linalg.inv(matrix).T)
 
@@ -238,15 +230,19 @@ def _balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part) -> Matrix
     if balance.gains is not None:
         return np.diag(np.array(balance.gains, np.float64))
     light = _light_of(balance, linear, part)
-    xyz = XYZ_FROM_RGB @ light
-    if xyz[1] <= 0 or (BRADFORD @ xyz <= _LEAST * xyz[1]).any():
+    xyz = colour_spaces.XYZ_FROM_RGB @ light
+    if xyz[1] <= 0 or (colour_spaces.BRADFORD @ xyz <= _LEAST * xyz[1]).any():
         warnings.warn(
             "white balance: what should be grey is black or of no colour that light has; left as it is", stacklevel=2
         )
         return np.eye(3)
     if balance.adaptation != "bradford" and (light > _LEAST * xyz[1]).all():
         return np.diag(xyz[1] / light)
-    adapted: Matrix = RGB_FROM_XYZ @ adaptation(xyz / xyz[1], xyz_of(SRGB_WHITE)) @ XYZ_FROM_RGB
+    adapted: Matrix = (
+        colour_spaces.RGB_FROM_XYZ
+        @ colour_spaces.adaptation(xyz / xyz[1], colour_spaces.xyz_of(colour_spaces.SRGB_WHITE))
+        @ colour_spaces.XYZ_FROM_RGB
+    )
     return adapted
 
 

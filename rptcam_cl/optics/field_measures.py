@@ -12,19 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import charts, drawing
+from rptcam_cl.optics import charts, drawing, irradiance
 from rptcam_cl.optics.aberrations import FINE, fields_of
 from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam
 from rptcam_cl.optics.best_focus import axial_blur, best_film_distance
 from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfold, with_film
-from rptcam_cl.optics.irradiance import (
-    GLARE_RAYS,
-    image_circle,
-    irradiance_with_error,
-    pass_areas,
-    t_number,
-    veiling_glare,
-)
 from rptcam_cl.optics.lens import Lens, brought_to_focus, exchange_axes, film_distance
 from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, at_plane, axial_transmittance, has_coatings
 from rptcam_cl.optics.spots import Setting, fan_points, result_of, section_rays
@@ -193,7 +185,9 @@ def distortion(
 def film_radii(setting: Setting, steps: int, film_radius_mm: float | None = None) -> Array:
     """Return radii from the centre to a film radius [mm], that of the image circle when absent."""
     if film_radius_mm is None:
-        film_radius_mm = image_circle(exchange_axes(setting.lens), setting.film, setting.wavelength_nm)  # along y
+        film_radius_mm = irradiance.image_circle(
+            exchange_axes(setting.lens), setting.film, setting.wavelength_nm
+        )  # along y
     return np.linspace(0.0, film_radius_mm, steps + 1)
 
 
@@ -209,10 +203,10 @@ def vignetting_table(setting: Setting, radii_mm: Array) -> list[Row]:
     the one of the centre.
     """
     lens = exchange_axes(setting.lens)  # fields lie along y, those of these functions along x
-    values, errors = irradiance_with_error(lens, setting.film, radii_mm, setting.wavelength_nm)
+    values, errors = irradiance.irradiance_with_error(lens, setting.film, radii_mm, setting.wavelength_nm)
     if not values[0] > 0:
         raise InputError(f"{setting.lens.name}: no light reaches the centre of the film")
-    areas = pass_areas(lens, setting.film, radii_mm, setting.wavelength_nm)
+    areas = irradiance.pass_areas(lens, setting.film, radii_mm, setting.wavelength_nm)
     pupil = setting.lens.first_order(setting.wavelength_nm).exit_pupil.distance_mm
     rows: list[Row] = []
     for radius, value, error, area in zip(*(each.tolist() for each in (radii_mm, values, errors, areas)), strict=True):
@@ -278,7 +272,7 @@ def transmittance_table(setting: Setting, wavelengths_nm: Sequence[float]) -> li
         )
         known, film = has_coatings(setting.lens), setting.film_distance_mm
         t_bare, t_coated = (
-            t_number(setting.lens, film, wavelength, losses) if film is not None and passed > 0 else None
+            irradiance.t_number(setting.lens, film, wavelength, losses) if film is not None and passed > 0 else None
             for passed, losses in ((bare, UNCOATED), (coated if known else 0.0, COATED))
         )
         rows.append(
@@ -327,9 +321,9 @@ def glare(
     rows = []
     for wavelength in wavelengths_nm:
         light, *fewer = (
-            veiling_glare(
+            irradiance.veiling_glare(
                 setting.lens, setting.film, wavelength, film_reflectance=film_reflectance,
-                barrel_reflectance=barrel_reflectance, rays=GLARE_RAYS // parts,
+                barrel_reflectance=barrel_reflectance, rays=irradiance.GLARE_RAYS // parts,
             ) for parts in (1, 2, 3)
         )  # fmt: skip
         error = max(abs(one.index - light.index) for one in fewer)

@@ -13,19 +13,10 @@ from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
+from rptcam_cl.optics import surface as surface_rows
 from rptcam_cl.optics.ray_trace import LensTransmission, Rays, trace
 from rptcam_cl.optics.shapes import Biconic, Grating, IdealLens, Transposed
-from rptcam_cl.optics.surface import (
-    Configuration,
-    FocusingGroup,
-    FocusState,
-    Prescription,
-    Region,
-    StopMask,
-    StopShape,
-    Surface,
-    SurfacePose,
-)
+from rptcam_cl.optics.surface import FocusState, Prescription, Region, StopMask, StopShape, Surface, SurfacePose
 
 #
 # First-order optics: focal length, cardinal points and pupils from 2 x 2 matrices on (height, index * angle).
@@ -700,7 +691,7 @@ def focus_reach_mm(lens: Lens, film_distance_mm: float, wavelength: float) -> tu
     return min(distances), max(distances)
 
 
-def _group(lens: Lens) -> FocusingGroup:
+def _group(lens: Lens) -> surface_rows.FocusingGroup:
     if lens.focusing is None:
         raise InputError(f"{lens.name}: has no focusing group; move the whole lens instead")
     return lens.focusing
@@ -720,7 +711,7 @@ def _between(lens: Lens, state: float) -> Lens:
     if len(one.floating) == len(two.floating):
         pairs = zip(one.floating, two.floating, strict=True)
         near = tuple(_between_states(first, second, share) for first, second in pairs)
-    return _set(lens, Configuration(f"{one.name} to {two.name}", gaps, stop, near))
+    return _set(lens, surface_rows.Configuration(f"{one.name} to {two.name}", gaps, stop, near))
 
 
 def _between_states(one: FocusState, two: FocusState, share: float) -> FocusState:
@@ -734,7 +725,7 @@ def _between_states(one: FocusState, two: FocusState, share: float) -> FocusStat
     return FocusState(1 / away, gaps, (1 - share) * one.film_shift_mm + share * two.film_shift_mm)
 
 
-def _set(lens: Lens, configuration: Configuration) -> Lens:
+def _set(lens: Lens, configuration: surface_rows.Configuration) -> Lens:
     changes: dict[int, dict[str, float]] = {k: {"thickness": gap} for k, gap in configuration.gaps}
     if configuration.stop_diameter_mm is not None and lens.stop_index is not None:
         changes.setdefault(lens.stop_index, {})["semi_diameter"] = configuration.stop_diameter_mm / 2

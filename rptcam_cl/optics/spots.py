@@ -15,24 +15,12 @@ from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
+from rptcam_cl.optics import waves as wave_optics
 from rptcam_cl.optics.beams import Beam, passing_beam
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.lens import brought_to_focus
 from rptcam_cl.optics.ray_trace import at_plane
-from rptcam_cl.optics.waves import (
-    PSF_SHARES,
-    THIRDS_OVER_ALL,
-    PointImage,
-    PupilFunction,
-    diffraction_mtf,
-    peak_to_valley,
-    pupil_function,
-    rms_waves,
-    strehl,
-    transfer_errors,
-    wave_point_image,
-    wave_transfer,
-)
+from rptcam_cl.optics.waves import THIRDS_OVER_ALL, PointImage, PupilFunction
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -502,8 +490,9 @@ def limits(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> tuple[Ar
     """
     rays = np.array([len(spot.points) for spot in group], dtype=np.float64)
     curves = [
-        np.average([diffraction_mtf(frequencies_per_mm, spot.cone[axis], spot.wavelength_nm) for spot in group],
-                   axis=0, weights=rays)
+        np.average(
+            [wave_optics.diffraction_mtf(frequencies_per_mm, spot.cone[axis], spot.wavelength_nm) for spot in group],
+            axis=0, weights=rays)
         for axis in (1, 0)
     ]  # fmt: skip
     return curves[0], curves[1]
@@ -607,9 +596,9 @@ def mtf(
     groups: Mapping[float, Sequence[Any]]
     curves: Callable[[Sequence[Any], ArrayLike], list[Array] | None]
     if diffraction:
-        groups, curves = _by_field(field_waves(setting, fields, wavelengths_nm, rays)), wave_transfer
-        values = {one: wave_transfer(group, frequencies_per_mm) for one, group in groups.items()}
-        errors = [transfer_errors(group, frequencies_per_mm, values[one]) for one, group in groups.items()]
+        groups, curves = _by_field(field_waves(setting, fields, wavelengths_nm, rays)), wave_optics.wave_transfer
+        values = {one: wave_optics.wave_transfer(group, frequencies_per_mm) for one, group in groups.items()}
+        errors = [wave_optics.transfer_errors(group, frequencies_per_mm, values[one]) for one, group in groups.items()]
         rows = [
             row | {"error": error}
             for row, error in zip(table_of(values, frequencies_per_mm), np.concatenate(errors).tolist(), strict=True)
@@ -638,12 +627,12 @@ def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None =
     points = pool(spots)
     facts, less = spot_facts(points), fewer(spots)
     off, radii = _radii(points)
-    names = [f"radius_of_{100 * share:.0f}_percent_um" for share in PSF_SHARES]
-    facts |= dict(zip(names, np.quantile(radii, PSF_SHARES).tolist(), strict=True))
+    names = [f"radius_of_{100 * share:.0f}_percent_um" for share in wave_optics.PSF_SHARES]
+    facts |= dict(zip(names, np.quantile(radii, wave_optics.PSF_SHARES).tolist(), strict=True))
     if less and len(before := pool(less)):
         few = spot_facts(before)
         facts["rms_error_um"] = max(abs(facts[name] - few[name]) for name in ("rms_um", "rms_x_um", "rms_y_um"))
-        changes = np.quantile(_radii(before)[1], PSF_SHARES) - np.quantile(radii, PSF_SHARES)
+        changes = np.quantile(_radii(before)[1], wave_optics.PSF_SHARES) - np.quantile(radii, wave_optics.PSF_SHARES)
         facts["radius_error_um"] = float(np.abs(changes).max())
     half = (width_um or 2 * ROOM * max(float(np.quantile(radii, 0.99)), 1e-6)) / 2
     counts, _, _ = np.histogram2d(-off[:, 1], off[:, 0], bins=pixels, range=[[-half, half], [-half, half]])
@@ -655,7 +644,7 @@ def image_moves(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
     one, other = (pool(group) for group in (few, many))
     if not len(one) or not len(other):
         return 0.0 if len(one) == len(other) else np.inf
-    one, other = (np.quantile(_radii(points)[1], PSF_SHARES) for points in (one, other))
+    one, other = (np.quantile(_radii(points)[1], wave_optics.PSF_SHARES) for points in (one, other))
     return max(spots_move(few, many), float(np.max(np.abs(one - other) / (STAYS * other + 1e3 * NOTHING))))
 
 
@@ -711,7 +700,7 @@ def psf(
         raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
     if diffraction:
         waves = field_waves(setting, [field_degrees], wavelengths_nm, rays)
-        image = wave_point_image(waves, pixels, width_um)
+        image = wave_optics.wave_point_image(waves, pixels, width_um)
     else:
         image = point_image(film_spots(setting, [field_degrees], wavelengths_nm, rays, image_moves), pixels, width_um)
     facts = {"field_degrees": field_degrees, "width_um": image.width_um, "pixels": pixels, **image.facts}
@@ -750,7 +739,7 @@ def field_waves(
         for wavelength in wavelengths_nm:
             beam = Beam(degrees, setting.object_distance_mm)
             try:
-                waves.append(pupil_function(setting.lens, film, beam, wavelength, across))
+                waves.append(wave_optics.pupil_function(setting.lens, film, beam, wavelength, across))
             except InputError as problem:
                 refused = problem
     if refused is not None and not waves:
@@ -766,8 +755,10 @@ def _wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
     """
     rows = []
     for wave in waves:
-        ratio, extent = strehl(wave), peak_to_valley(wave, wave.waves_on_sphere)
-        thirds = [(peak_to_valley(part, part.waves_on_sphere), strehl(part)) for part in wave.thirds()]
+        ratio, extent = wave_optics.strehl(wave), wave_optics.peak_to_valley(wave, wave.waves_on_sphere)
+        thirds = [
+            (wave_optics.peak_to_valley(part, part.waves_on_sphere), wave_optics.strehl(part)) for part in wave.thirds()
+        ]
         moves = [(part.at_chief_ray - ratio.at_chief_ray, part.at_peak - ratio.at_peak) for _, part in thirds]
         rows.append({
             "field_degrees": wave.field_degrees,
@@ -792,7 +783,7 @@ def _steepest(wave: PupilFunction) -> float:
 
 def _rms(wave: PupilFunction) -> list[float]:
     """Return the rms of a wavefront on its sphere, and less its tilt [waves]."""
-    return [rms_waves(wave, wave.waves_on_sphere, without_tilt=flat) for flat in (False, True)]
+    return [wave_optics.rms_waves(wave, wave.waves_on_sphere, without_tilt=flat) for flat in (False, True)]
 
 
 @charts.styled()
@@ -804,7 +795,7 @@ def _wavefront_chart(setting: Setting, waves: Sequence[PupilFunction]) -> Figure
     for axes, wave, part in zip(panels.flat, waves, maps, strict=False):
         extent = (wave.cosines_x[0], wave.cosines_x[-1], wave.cosines_y[0], wave.cosines_y[-1])
         shown = axes.imshow(part, cmap="RdBu_r", vmin=-most, vmax=most, origin="lower", extent=extent)
-        rms = rms_waves(wave, wave.waves_on_sphere)
+        rms = wave_optics.rms_waves(wave, wave.waves_on_sphere)
         axes.set_title(f"{wave.field_degrees:g}°, {wave.wavelength_nm:g} nm\nrms {rms:.3g} waves")
         axes.set(xlabel="direction cosine in x", ylabel="in y" if axes in panels[:, 0] else "")
         axes.locator_params(nbins=4)

@@ -21,19 +21,11 @@ from rptcam_cl.optics.design import BOARD, NO_DETAIL, Problem
 from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays
+from rptcam_cl.rendering.cameras import setting as lens_settings
 from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_of
 from rptcam_cl.rendering.cameras.kinds import camera_model, camera_of
 from rptcam_cl.rendering.cameras.model import camera_geometry, camera_irradiance, exposed, values_per_irradiance
-from rptcam_cl.rendering.cameras.setting import (
-    LensSetting,
-    film_frame,
-    film_point,
-    half_film_mm,
-    lens_camera,
-    lens_setting,
-    on_film,
-    pupil_in_world,
-)
+from rptcam_cl.rendering.cameras.setting import half_film_mm
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.passes import traces_in_float64
 from rptcam_cl.rendering.plan.materials import LargestAlbedo
@@ -77,9 +69,9 @@ def lens_margin(scene: Scene, session: Session) -> _LensMargin | None:
     # Few renders measure this, and the room takes long to import.
     from rptcam_cl.rendering.traceable_lens import trace_on_device
 
-    setting = lens_setting(scene)
+    setting = lens_settings.lens_setting(scene)
     lens, wavelength_nm = shaped(scene, setting).lens, camera.wavelength_nm
-    frame = film_frame(camera)
+    frame = lens_settings.film_frame(camera)
     origins, directions = film_rays(lens, setting.film_distance_mm, half_film_mm(scene), wavelength_nm, frame=frame)
     exact = lens.trace(origins, directions, wavelength_nm)
     traced = trace_on_device(lens, session, origins, directions, wavelength_nm, "film", camera.precision)
@@ -114,7 +106,7 @@ def film_rays(
     return origins, aims - origins
 
 
-def _pixels_per_radian(scene: Scene, setting: LensSetting) -> float | None:
+def _pixels_per_radian(scene: Scene, setting: lens_settings.LensSetting) -> float | None:
     """Return the scale of the picture at its centre, None for a lens that has none."""
     try:
         thick = thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
@@ -308,7 +300,7 @@ def describe(
 
     ``found_before`` is what was found before the render: focus, camera model and exposure.
     """
-    layers, content_hash, placed = scene.render.layers, scene.content_hash(), on_film(scene)
+    layers, content_hash, placed = scene.render.layers, scene.content_hash(), lens_settings.on_film(scene)
     metadata = {
         "software": f"rptcam_cl {__version__}",
         "version": __version__,
@@ -335,7 +327,7 @@ def describe(
         "numerics": summary(stats["numerics"]),
     }
     if "entrance_pupil" in metadata:
-        metadata["entrance_pupil"] = pupil_in_world(placed, metadata["entrance_pupil"])
+        metadata["entrance_pupil"] = lens_settings.pupil_in_world(placed, metadata["entrance_pupil"])
     if "clamp" in stats:
         metadata["clamp"] = clamp_text(**stats["clamp"])
     return metadata
@@ -732,7 +724,7 @@ class _ZonePictures:
     def __init__(
         self, session: Session, scene: Scene, zones: Sequence[Sequence[float]], samples: int, seed: int
     ) -> None:
-        (width, height), self._camera = scene.film.resolution, lens_camera(scene)
+        (width, height), self._camera = scene.film.resolution, lens_settings.lens_camera(scene)
         corners = np.round(np.reshape(zones, (-1, 2, 2)).swapaxes(1, 2) * (width, height)).astype(int)
         corners[:, 1] = np.maximum(corners[:, 1] - corners[:, 0], LEAST_SIDE)
         self.layouts = [FilmLayout(width, height, *each.ravel().tolist()) for each in corners]
@@ -743,7 +735,7 @@ class _ZonePictures:
     def take(self, lens: Lens, film_mm: float, colour: LensColour) -> tuple[list[Array], Array]:
         """Return of each zone what differs from light that varies slowly, (`PICTURES`, height, width), over its mean
         light; and the mean light of each."""
-        use = LensSetting(lens, film_mm, None, self._camera)
+        use = lens_settings.LensSetting(lens, film_mm, None, self._camera)
         model = camera_of(self._scene, use).model(colour, windows=self._windows)
         plan = make_plan(self._scene, exposed(model, self._scene), parts=self._parts)
         buffers, shown, means = self._pool.upload(plan), [], []
@@ -769,7 +761,7 @@ def _window(scene: Scene, camera: LensCamera, zone: Sequence[float]) -> tuple[fl
     """Return the part of the film that a zone needs [mm]: itself and what the filter reaches."""
     beyond = (1 + scene.film.filter.radius) / np.array(scene.film.resolution)
     (left, top), (right, bottom) = np.reshape(zone, (2, 2)).T + np.outer((-1, 1), beyond)
-    x, y, _ = np.array([film_point(scene, camera, *at) for at in product((left, right), (top, bottom))]).T
+    x, y, _ = np.array([lens_settings.film_point(scene, camera, *at) for at in product((left, right), (top, bottom))]).T
     return float(x.min()), float(x.max()), float(y.min()), float(y.max())
 
 

@@ -13,21 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core import records as layout
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import (
-    CAUSTIC_SURFACE,
-    PHOTON_GRID,
-    PHOTON_PASS,
-    SIZELESS_EMITTERS,
-    EmitterKind,
-    Kind,
-    curves,
-    device_declarations,
-    fill,
-    seed_words,
-)
+from rptcam_cl.core.records import CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS, EmitterKind, Kind
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.plan.emitters import SOLIDS, Emitters, area_of_solid, triangle_emitters
 from rptcam_cl.rendering.plan.primitives import Primitive, Primitives, Prototype
@@ -45,7 +35,7 @@ _LEAST_SHARE = 0.1  # of the lamps' light on glass and mirrors that must come fr
 _LEAST_VIEWS, _MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
 # Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
 _LEAST_ALPHA = 0.04
-_WITHOUT_SIZE = (*SIZELESS_EMITTERS, EmitterKind.DIRECTIONAL)
+_WITHOUT_SIZE = (*layout.SIZELESS_EMITTERS, EmitterKind.DIRECTIONAL)
 
 # Area of the canonical shapes [1].
 _AREA = {
@@ -140,7 +130,7 @@ def pack_caustics(
     surfaces, areas, places = _surfaces(primitives, first_triangles, roles, eye)
     if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, roles, surfaces, places, eye)):
         return without_caustics(reason)
-    curve, _ = curves(areas[None])
+    curve, _ = layout.curves(areas[None])
     return Caustics(True, _ON, surfaces, curve.ravel(), roles)
 
 
@@ -287,7 +277,7 @@ def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.
         kind, placements = Kind.RECTANGLE, [primitive.placement @ face for face in _FACES]
     records = CAUSTIC_SURFACE.zeros(len(placements))
     row_x, row_y, row_z, _ = np.moveaxis(np.array(placements), 1, 0)
-    fill(records, kind=kind, triangle=-1, area=_AREA[kind], row_x=row_x, row_y=row_y, row_z=row_z)
+    layout.fill(records, kind=kind, triangle=-1, area=_AREA[kind], row_x=row_x, row_y=row_y, row_z=row_z)
     return records, np.array([_area_of(kind, placement[:3, :3]) for placement in placements])
 
 
@@ -554,7 +544,7 @@ class PhotonMap:
         self._session, self._buffers, self._pixels = session, buffers, pixels
         self._max_edges = min(max_depth - 1, _MOST_EDGES)
         self._surfaces = len(caustics.curve) // 2 - 1
-        program = session.program(["pass/photons.cl"], {**facts, "VW": session.lanes}, device_declarations())
+        program = session.program(["pass/photons.cl"], {**facts, "VW": session.lanes}, layout.device_declarations())
         self._found = session.allocate(4 * _PHOTON_FLOATS * MOST_PHOTONS)
         self._launch = session.bind(
             program, "photons", **scene, surfaces=session.upload(caustics.surfaces),
@@ -583,7 +573,7 @@ class PhotonMap:
     def _trace(self, number: int, count: int, seed: int, shares: int = 1) -> list[Photons]:
         """Return the photons of a pass that met a receiver, in equal shares of those that started."""
         record = PHOTON_PASS.one(
-            seed=seed_words(seed ^ _SEED), number=number, max_edges=self._max_edges, surfaces=self._surfaces,
+            seed=layout.seed_words(seed ^ _SEED), number=number, max_edges=self._max_edges, surfaces=self._surfaces,
             per_photon=shares / count,
         )  # fmt: skip
         self._launch.set(**{"pass": record.tobytes()})

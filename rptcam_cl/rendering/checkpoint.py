@@ -23,17 +23,9 @@ from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.files import replacing
 from rptcam_cl.core.records import RayStatus
 from rptcam_cl.core.remember import Maker, OneMaker, made_by
+from rptcam_cl.rendering import film as films
 from rptcam_cl.rendering.account import clamp_text, of_makers
-from rptcam_cl.rendering.film import (
-    PLANES,
-    TILE,
-    TILE_PIXELS,
-    FilmLayout,
-    group_pictures,
-    outcomes_of,
-    planes_of,
-    removed_share_of,
-)
+from rptcam_cl.rendering.film import PLANES, FilmLayout
 from rptcam_cl.rendering.layers import OWNER_SLOTS, SHARP, SLOT_PLANES, LayerPlanes, layer_arrays, saved_truth
 from rptcam_cl.rendering.progressive import SavedState
 from rptcam_cl.rendering.several import WHOLE, FilmPart, Part, join_parts, part_of_facts, pixels_of, split_of
@@ -463,7 +455,7 @@ def picture_of(
     if planes.names:
         in_rows = layout.in_rows(arrays["layers"])
         named |= layer_arrays(planes, in_rows, np.asarray(picture["eye_m"]))
-    tiles = np.full(layout.pixels // TILE_PIXELS, done, np.uint32)
+    tiles = np.full(layout.pixels // films.TILE_PIXELS, done, np.uint32)
     stats: dict[str, Any] = {
         "samples": int(samples.sum(dtype=np.uint64)),
         "spp": done,
@@ -473,12 +465,12 @@ def picture_of(
         "made_by": facts["made_by"],
     }
     if picture["has_lens"]:
-        stats["lens"] = outcomes_of(counts)
+        stats["lens"] = films.outcomes_of(counts)
     if picture["clamp"] is not None:
-        stats["clamp"] = {"limit": picture["clamp"], "removed_share": removed_share_of(arrays["film"])}
+        stats["clamp"] = {"limit": picture["clamp"], "removed_share": films.removed_share_of(arrays["film"])}
     named["direct"] = pixels = layout.picture(arrays["film"][:PLANES], tiles)
     named["ghosts"] = np.zeros_like(pixels)  # they are added by `merge`
-    lights = group_pictures(layout, arrays["film"], tiles, picture.get("light_groups", ()))
+    lights = films.group_pictures(layout, arrays["film"], tiles, picture.get("light_groups", ()))
     named |= saved_truth(arrays, layout)[0]
     layers = {name: named[name] for name in facts["layers"] if name != "lights"} | lights
     return pixels, _metadata(picture["metadata"], stats), stats, layers
@@ -585,8 +577,8 @@ def check_whole(part: Checkpoint) -> None:
     except ValueError:
         raise _damage(part.path, "resolution or crop") from None
     held, count = arrays.get("film", counts).shape, part.part.count
-    pixels = layout.pixels if count == 1 else TILE_PIXELS * (layout.tiles // count)  # of a part, or a tile more
-    if len(held) != 2 or held[1] not in (pixels, pixels + TILE_PIXELS * (count > 1)):
+    pixels = layout.pixels if count == 1 else films.TILE_PIXELS * (layout.tiles // count)  # of a part, or a tile more
+    if len(held) != 2 or held[1] not in (pixels, pixels + films.TILE_PIXELS * (count > 1)):
         raise _damage(part.path, "its array film does not fit")
 
 
@@ -677,7 +669,7 @@ def _gaps(
                     alike[own] = False
         if alike.any():
             first = int(np.flatnonzero(alike)[0])
-            x, y = TILE * (first % layout.tiles_across), TILE * (first // layout.tiles_across)
+            x, y = films.TILE * (first % layout.tiles_across), films.TILE * (first // layout.tiles_across)
             names.append(f"{int(alike.sum())} tiles, the first at pixel {x}, {y}")
         gaps.append(f"samples {begin}:{end} of {', '.join(names)}")
     return gaps
@@ -693,7 +685,7 @@ def merge_arrays(parts: Sequence[Checkpoint], layout: FilmLayout) -> Arrays:
     """
     facts = parts[0].facts
     has_limit, groups = facts["picture"].get("clamp") is not None, len(facts["picture"].get("light_groups", ()))
-    planes = {"film": planes_of(has_limit, groups)}
+    planes = {"film": films.planes_of(has_limit, groups)}
     layers = LayerPlanes(facts["layers"])
     if layers.names:
         planes["layers"] = layers.count

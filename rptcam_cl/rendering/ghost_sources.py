@@ -16,21 +16,11 @@ from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import EmitterKind, Hidden, SpectrumKind
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.lens import Lens
+from rptcam_cl.rendering import lamps as lamp_light
 from rptcam_cl.rendering.cameras.lens_records import ghosts_have_colours, usable_nm
 from rptcam_cl.rendering.cameras.setting import LensSetting
 from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among
-from rptcam_cl.rendering.lamps import (
-    FLAT,
-    POINTS,
-    Patches,
-    Points,
-    lattice,
-    patches_of,
-    points_alone,
-    points_at,
-    square_patch,
-    visible,
-)
+from rptcam_cl.rendering.lamps import Patches, Points
 from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
 from rptcam_cl.rendering.plan.textures import Textures
@@ -146,7 +136,7 @@ def sources_of(
     front = _front(lens, film_z, turn)
     parts, far, left_out = _parts_of_emitters(scene, plan, front)
     parts, dropped = _brightest(parts, turn, film_z)
-    seen = visible(session, plan, buffers, parts.patches, parts.lamps, parts.target, front.spots)
+    seen = lamp_light.visible(session, plan, buffers, parts.patches, parts.lamps, parts.target, front.spots)
     parts, places = _unhidden(parts, _places_in_lens(parts, turn, film_z), seen)
     own = _in_lens(parts.patches, parts.lamps, turn, film_z)
     direct = Sources(places, parts.light, left_out, dropped, parts.known, own)
@@ -161,10 +151,10 @@ def sources_of(
 def _parts_of_emitters(scene: Scene, plan: Plan, front: Front) -> tuple[_Parts, list[Points], tuple[str, ...]]:
     """Return the parts of all emitters, those of the surroundings among them, and kinds whose ghosts are unknown."""
     nothing = np.zeros((0, 4))
-    parts = [_Parts(nothing, nothing[:, :3], nothing[:, :2], nothing[:, :3], points_alone(nothing))]
+    parts = [_Parts(nothing, nothing[:, :3], nothing[:, :2], nothing[:, :3], lamp_light.points_alone(nothing))]
     far, left_out, records = list[Points](), set[str](), plan.emitters.shining
     for record in records:
-        lamp, shown = patches_of(record, front.vertex), float(not record["hidden"] & Hidden.FROM_CAMERA)
+        lamp, shown = lamp_light.patches_of(record, front.vertex), float(not record["hidden"] & Hidden.FROM_CAMERA)
 
         def add(points: Points, patches: Patches, parted: bool, *, shown: float = shown, own: np.void = record) -> None:
             at, light, target = points
@@ -172,9 +162,12 @@ def _parts_of_emitters(scene: Scene, plan: Plan, front: Front) -> tuple[_Parts, 
 
         if int(record["kind"]) == EmitterKind.ENVIRONMENT:
             towards, irradiance, sides = bright_parts(scene)
-            far = [points_at(towards[k : k + 1], 0.0, irradiance[k : k + 1], record) for k in range(len(towards))]
+            far = [
+                lamp_light.points_at(towards[k : k + 1], 0.0, irradiance[k : k + 1], record)
+                for k in range(len(towards))
+            ]
             for points, middle, own in zip(far, towards, sides, strict=True):
-                add(points, square_patch(middle, *own), True)
+                add(points, lamp_light.square_patch(middle, *own), True)
             left_out.add("dim parts of the surroundings" if far else "surroundings")
         elif lamp is None:
             left_out.add(EmitterKind(int(record["kind"])).name.lower())
@@ -210,7 +203,7 @@ def _unhidden(parts: _Parts, places: Array, seen: Array) -> tuple[_Parts, Array]
     bright = seen > 0
     for sun in np.unique(parts.known[~parts.lamps, 2]):
         rows = np.flatnonzero(parts.known[:, 2] == sun)
-        if len(rows) == POINTS and seen[rows].min() == 1:  # all of it lights as one
+        if len(rows) == lamp_light.POINTS and seen[rows].min() == 1:  # all of it lights as one
             first = rows[0]
             places[first], parts.light[first] = places[rows].mean(axis=0), parts.light[rows].sum(axis=0)
             parts.known[first, 1], parts.patches.cell[first] = parts.known[rows, 1].sum(), [0.0, 0.0, 1.0, 1.0]
@@ -256,7 +249,7 @@ def _painted(
 ) -> tuple[Points, Patches] | None:
     """Return points and patches of an emitter with a picture; None of others, and of patterns that are none."""
     texture = int(record["texture"])
-    if texture < 0 or record["kind"] not in (*FLAT, EmitterKind.SPHERE):
+    if texture < 0 or record["kind"] not in (*lamp_light.FLAT, EmitterKind.SPHERE):
         return None
     whole = replace(patches[:1], cell=np.array([[0.0, 0.0, 1.0, 1.0]]))
     across = np.clip(int(_ACROSS * np.sqrt(max(most, 1) / _PARTS)), 8, _ACROSS)
@@ -275,7 +268,7 @@ def _painted(
     picture = textures.image_at(texture, *at)
     if picture is None:
         return None
-    side = 1 if most < POINTS or _shows_small(patches, vertex) else math.isqrt(POINTS)
+    side = 1 if most < lamp_light.POINTS or _shows_small(patches, vertex) else math.isqrt(lamp_light.POINTS)
     cells, colours = _even_cells(picture.reshape(across, across, 3), side, max(most, 1))
     parts = replace(whole[np.zeros(len(cells), int)], cell=cells)
     middles, share = parts.at(np.full(len(cells), 0.5), np.full(len(cells), 0.5)), cells[:, 2:].prod(axis=1)
@@ -287,7 +280,7 @@ def _painted(
         facing = np.maximum(np.abs(cosine) if record["two_sided"] else cosine, 0.0)
         parts = replace(parts, normal=normal / np.where(cosine == 0, np.inf, cosine)[:, None])
     area = (np.pi * record["a"][3] ** 2 if sphere else float(record["a"][3])) * share
-    return points_at(middles, 1.0, colours * (area * facing / square)[:, None], record), parts
+    return lamp_light.points_at(middles, 1.0, colours * (area * facing / square)[:, None], record), parts
 
 
 def _even_cells(picture: Array, side: int, most: int) -> tuple[Array, Array]:
@@ -334,7 +327,7 @@ def _even_cells(picture: Array, side: int, most: int) -> tuple[Array, Array]:
 def _front(lens: Lens, film_z: float, turn: Array) -> Front:
     """Return the front of a lens in the world about the eye."""
     vertex, radius = np.array([0.0, 0.0, -film_z * 1e-3]), lens.surfaces[0].semi_diameter * 1e-3
-    u, v = lattice(_FRONT_POINTS)
+    u, v = lamp_light.lattice(_FRONT_POINTS)
     angle, reach = 2 * np.pi * v, radius * np.sqrt(u)
     spots = vertex + np.stack([reach * np.cos(angle), reach * np.sin(angle), np.zeros(_FRONT_POINTS)], axis=1)
     return Front(turn @ vertex, spots @ turn.T, radius)
@@ -374,7 +367,7 @@ def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
     dropped = 1.0 - float(bright[order].sum()) / every
     known = np.concatenate([direct.known, np.zeros((int(ahead.sum()), 3))])
     known[first:, 2] = -1.0 - np.arange(int(ahead.sum()))
-    patches = Patches.joined([direct.patches, points_alone(places[first:])])
+    patches = Patches.joined([direct.patches, lamp_light.points_alone(places[first:])])
     return Sources(places[order], light[order], direct.left_out, dropped, known[order], patches[order], mirrored)
 
 

@@ -21,24 +21,10 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.core.remember import checkpoint, is_cancellable, remember
 from rptcam_cl.device.session import Session
-from rptcam_cl.optics.ghosts import (
-    Way,
-    light_by_paraxial_rays,
-    pairs_of,
-    steps,
-    unfold,
-    ways_of_four,
-    with_film,
-    with_wider_stop,
-)
+from rptcam_cl.optics import ghosts as lens_ghosts
+from rptcam_cl.optics import irradiance
+from rptcam_cl.optics.ghosts import Way, steps
 from rptcam_cl.optics.glass import Interface
-from rptcam_cl.optics.irradiance import (
-    film_irradiance,
-    scatter_share,
-    scattered_from_beside,
-    sines_of_film,
-    veiling_glare,
-)
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting
@@ -190,7 +176,7 @@ class GhostFilm:
         middle = len(self.bands) // 2
 
         def mirrored(lens: Lens, nm: float, half_nm: float) -> _Opening:
-            return self._opening(with_film(lens, self.film_distance, 1.0), nm, half_nm)
+            return self._opening(lens_ghosts.with_film(lens, self.film_distance, 1.0), nm, half_nm)
 
         self.mirrored = [mirrored(self.lens, band.nm, band.half_nm) for band in self.bands]
         self.mirrored_openings = [mirrored(lens, self.bands[middle].nm, all_nm) for lens in [*self._wider(), self.lens]]
@@ -223,7 +209,7 @@ class GhostFilm:
         pupil = self.lens.first_order().entrance_pupil.diameter_mm / 2
         factor = float(np.sqrt(SURE / SCOUTS)) * 2 * self._reach / (float(np.sqrt(np.pi)) * pupil) if pupil > 0 else 1.0
         stages = range(int(np.log(factor) / np.log(CLOSING)) + 1) if factor > 1 else range(0)
-        return [with_wider_stop(self.lens, factor / CLOSING**k) for k in stages]
+        return [lens_ghosts.with_wider_stop(self.lens, factor / CLOSING**k) for k in stages]
 
     def _opening(self, lens: Lens, nm: float, half_nm: float) -> _Opening:
         records = WayRecords.of(lens, nm, self.transmission)
@@ -346,7 +332,7 @@ class GhostFilm:
             metadata["left_out"] = list(sources.left_out)
         if not len(sources.places):
             return np.zeros(self.shape), metadata | {"ways": 0, "dropped_share": 0.0}
-        scouted = {way: self._scout(way) for way in pairs_of(self.lens)}
+        scouted = {way: self._scout(way) for way in lens_ghosts.pairs_of(self.lens)}
         fluxes = {way: one.flux.sum(axis=0) for way, one in scouted.items()}
         total = sum(fluxes.values())
         kept = {way: one for way, one in scouted.items() if np.any(fluxes[way] > LEAST_SHARE * total)}
@@ -378,12 +364,15 @@ class GhostFilm:
         Those that bring most are taken as they are. Others are taken in equal steps of their light, so that the sum of
         the light is about that of all (systematic sampling by size).
         """
-        turns, at = ways_of_four(self.lens), self.sources.places[int(np.argmax(luminance(self.sources.irradiance)))]
+        turns, at = (
+            lens_ghosts.ways_of_four(self.lens),
+            self.sources.places[int(np.argmax(luminance(self.sources.irradiance)))],
+        )
         waves = np.array([band.nm for band in self.bands])
         away, slopes = -at[2] if at[3] == 1.0 else np.inf, np.array([np.hypot(at[0], at[1]) / abs(at[2]), 0.0])
         film = self.film_distance, float(np.hypot(self.columns / self.to_pixels[1], self.rows / self.to_pixels[3]) / 2)
         passed = _passed_shares(self.lens, self.transmission, waves)
-        by_slope = light_by_paraxial_rays(self.lens, turns, film, passed, away, slopes)
+        by_slope = lens_ghosts.light_by_paraxial_rays(self.lens, turns, film, passed, away, slopes)
         light = by_slope[0] + _ON_THE_AXIS * by_slope[1]
         return _some_by_size(turns, light, MOST_OF_FOUR), int(np.count_nonzero(light))
 
@@ -572,7 +561,7 @@ class Ghosting:
             metadata["scatter"] = scatter | {"beside": len(beside[0])}
             camera = self.plan.camera.metadata
             value = camera["values_per_irradiance"] * (camera["on_axis_irradiance"] or 0.0)  # of radiance
-            pixels = pixels + value * scattered_from_beside(pixels.shape, **scatter["front"], sources=beside)
+            pixels = pixels + value * irradiance.scattered_from_beside(pixels.shape, **scatter["front"], sources=beside)
         metadata["says"] = _summary(metadata)
         return pixels, metadata
 
@@ -627,8 +616,8 @@ def matrix_ways(lens: Lens, film_distance_mm: float, transmission: LensTransmiss
     """Return the ways of all pairs of surfaces but of faint ones, brightest first."""
     surfaces, every = lens.surfaces, list[MatrixWay]()
     passed = _passed_shares(lens, transmission, np.array(WAVES_NM))
-    for way in pairs_of(lens):
-        bent, met = unfold(lens, way), list(steps(way, len(surfaces)))
+    for way in lens_ghosts.pairs_of(lens):
+        bent, met = lens_ghosts.unfold(lens, way), list(steps(way, len(surfaces)))
         indices, height, slope = bent.indices(_PARAXIAL_NM), np.array([1.0, 0.0]), np.array([0.0, 1.0])
         rows, light = [], np.ones(len(WAVES_NM))
         for k, (surface, step) in enumerate(zip(bent.surfaces, met, strict=True)):
@@ -759,7 +748,7 @@ def _barrel_share(scene: Scene) -> float:
         return 0.0
     setting = ghost_setting(scene)
     try:
-        return veiling_glare(
+        return irradiance.veiling_glare(
             setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm, setting.transmission,
             barrel_reflectance=camera.barrel_reflectance,
         ).barrel  # fmt: skip
@@ -773,13 +762,13 @@ def _front_scatter(scene: Scene, layout: FilmLayout) -> dict[str, Any]:
     if camera is None or not camera.front_scatter:
         return {}
     setting, (width, height), (columns, rows) = ghost_setting(scene), scene.film.size_m(), scene.film.resolution
-    if (share := scatter_share(camera.front_scatter)) >= 1:
+    if (share := irradiance.scatter_share(camera.front_scatter)) >= 1:
         raise InputError(f"camera.front_scatter: scatters {share:.3g} of the light (allowed: total scatter below 1)")
     try:
         radii = 500.0 * float(np.hypot(width, height)) * np.linspace(0.0, 1.0, _RADII)
-        sines = sines_of_film(setting.lens, setting.film_distance_mm, float(radii[-1]))
+        sines = irradiance.sines_of_film(setting.lens, setting.film_distance_mm, float(radii[-1]))
         nm, losses = setting.camera.wavelength_nm, setting.transmission
-        lit = film_irradiance(setting.lens, setting.film_distance_mm, radii, nm, transmission=losses)
+        lit = irradiance.film_irradiance(setting.lens, setting.film_distance_mm, radii, nm, transmission=losses)
     except InputError as problem:
         raise InputError(f"camera.front_scatter: {problem} (allowed: none)") from None
     steps = 1e3 * width / columns, 1e3 * height / rows

@@ -14,6 +14,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import point_spread
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays
 from rptcam_cl.rendering.cameras.film_pupil import Arrivals, FilmPupil, FilmPupils, by_an_edge
 from rptcam_cl.rendering.cameras.kinds import camera_of
@@ -21,17 +22,7 @@ from rptcam_cl.rendering.cameras.model import CameraModel, LampReach, Reached
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.rendering.layers import SharpPass, follow_rays
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.point_spread import (
-    WAVES_NM,
-    Array,
-    Mask,
-    Waves,
-    faded,
-    kept_by_cells,
-    near_kernel,
-    quick,
-    shares_of_white,
-)
+from rptcam_cl.rendering.point_spread import WAVES_NM, Array, Mask
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.scene import Scene
@@ -112,7 +103,7 @@ class PointWave:
         kept = [np.abs((wave[k:] * wave[: len(wave) - k].conj()).sum()) for k in cells]
         return np.array(kept) / float((np.abs(wave) ** 2).sum())
 
-    def amplitude(self, nm: float) -> Waves:
+    def amplitude(self, nm: float) -> point_spread.Waves:
         """Return the complex amplitude of each cell (n, n); its square sums to about 1."""
         turns = (self.path_mm - self.path_mm[self.flux > 0].mean()) / (nm * 1e-6)
         scale = np.sqrt(self.density / (self.density * self.pupil.coverage).sum())
@@ -405,7 +396,7 @@ def wave_picture(wave: PointWave, nm: float, x_mm: Array, y_mm: Array) -> Array:
     turn, pupil = 2j * np.pi * wave.pupil.index / (nm * 1e-6), wave.pupil
     step = pupil.step * pupil.index / (nm * 1e-6)
     rows, columns = np.exp(turn * np.outer(y_mm, pupil.cosines_y)), np.exp(turn * np.outer(pupil.cosines_x, x_mm))
-    kept = [kept_by_cells(places * step) for places in (x_mm, y_mm)]
+    kept = [point_spread.kept_by_cells(places * step) for places in (x_mm, y_mm)]
     means = wave.amplitude(nm) * np.sinc(wave.places * step).prod(axis=-1)  # of cells, whose rays lead to one place
     rows, means, columns = (part.astype(np.complex64) for part in (rows, means, columns))  # twice as fast, within 1e-5
     return np.asarray(np.abs(rows @ means @ columns) ** 2 * step**2 / np.outer(kept[1], kept[0]))
@@ -450,15 +441,15 @@ def kernel_of_waves(wave: Callable[[float], PointWave], pixel_mm: tuple[float, f
     is_steep = _steepest(first) > STILL_STEEP * WAVES_NM[0] * 1e-6
     wide = max(wave(nm).radius_mm for nm in WAVES_NM[:: len(WAVES_NM) // 2]) / min(map(abs, pixel_mm))
     if not is_steep:
-        return near_kernel(first.pupil, pixel_mm, reach, lambda nm: wave(nm).amplitude(nm), wide)
-    perfect, offsets = near_kernel(first.pupil, pixel_mm, reach), np.arange(-reach, reach + 1.0)
-    total, side = np.zeros(perfect.shape), quick(4 * reach + 1)
-    for nm, shares in zip(WAVES_NM, shares_of_white(WAVES_NM), strict=True):
+        return point_spread.near_kernel(first.pupil, pixel_mm, reach, lambda nm: wave(nm).amplitude(nm), wide)
+    perfect, offsets = point_spread.near_kernel(first.pupil, pixel_mm, reach), np.arange(-reach, reach + 1.0)
+    total, side = np.zeros(perfect.shape), point_spread.quick(4 * reach + 1)
+    for nm, shares in zip(WAVES_NM, point_spread.shares_of_white(WAVES_NM), strict=True):
         rays = ray_picture(wave(nm), offsets * pixel_mm[0], offsets * pixel_mm[1])
         total += shares[:, None, None] * rays
     whole = np.fft.rfft2(total, (side, side)) * np.fft.rfft2(perfect, (side, side))
     spread = np.fft.irfft2(whole, (side, side))[:, reach : 3 * reach + 1, reach : 3 * reach + 1]
-    return faded(np.maximum(spread, 0.0), reach)
+    return point_spread.faded(np.maximum(spread, 0.0), reach)
 
 
 #

@@ -20,18 +20,8 @@ from rptcam_cl.optics.as_built import Copies, Deviation, check_copies, film_poin
 from rptcam_cl.optics.charts import FAINT, INK, new_figure, series, styled
 from rptcam_cl.optics.design import Problem
 from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration
-from rptcam_cl.rendering.tolerances import (
-    FilmPoints,
-    Judge,
-    Limit,
-    Scores,
-    Specification,
-    alone,
-    judge_of,
-    limits,
-    sample_field,
-    specification,
-)
+from rptcam_cl.rendering import tolerances as tolerancing
+from rptcam_cl.rendering.tolerances import FilmPoints, Judge, Limit, Scores, Specification, limits, specification
 from rptcam_cl.scene.lens_settings import Tolerances
 
 if TYPE_CHECKING:
@@ -227,7 +217,7 @@ def tolerance(
     plain = Copies(state, deviations, np.zeros((1, len(within), 2)))
     tried = Copies(state, deviations, np.concatenate([plain.values, sample.values[:PROBES]]))
     adjusted = limits(lens, spec, "compensators")
-    judge, fields, errors = judge_of(spec, tried, front, adjusted, trace)
+    judge, fields, errors = tolerancing.judge_of(spec, tried, front, adjusted, trace)
     design = judge.scores(plain, wanted.refocus)
     rows = _sensitivities(state, within, judge, design, wanted.refocus) if with_sensitivities else ()
     sample = judge.adjusted(sample, wanted.refocus)
@@ -305,7 +295,9 @@ def spot_of_copies(problem: Problem) -> Callable[[Lens, float], float]:
             rays = [
                 one
                 for degrees in problem.fields_degrees
-                for one in sample_field(lens, degrees, problem.object_distance_mm, merit.wavelengths_nm[0])(4, 8)
+                for one in tolerancing.sample_field(lens, degrees, problem.object_distance_mm, merit.wavelengths_nm[0])(
+                    4, 8
+                )
             ]
             judge = Judge(lens, rays, merit, film_distance_mm, limits(lens, given, "compensators"))
             refocus = given.tolerances.refocus
@@ -385,7 +377,7 @@ def loosest_set(
         raise InputError(f"{lens.name}: no tolerances reach {limit:g}{unit}: the design itself has {design:.4g}")
     shares = _shares_by_cost(run, design, by_spot=by_spot)
     front, adjusted = _state(lens, spec)[1], limits(lens, spec, "compensators")
-    judge, _, _ = judge_of(spec, run.copies, front, adjusted, trace)
+    judge, _, _ = tolerancing.judge_of(spec, run.copies, front, adjusted, trace)
     drawn, refocus = len(run.limits), run.tolerances.refocus
     made = Copies(run.copies.lens, run.copies.deviations[:drawn], run.copies.values[:, :drawn])
 
@@ -397,7 +389,9 @@ def loosest_set(
 
     factors = np.minimum(_loosest_scale(lambda scale: 100 * reached(scale) >= percent) * shares, _LOOSEST)
     name = f"{spec.tolerances.name or 'tolerances'}, {percent:g} % of {lens.name} at {limit:g}"
-    entries = [alone(lens, spec, one, factor) for one, factor in zip(run.limits, factors.tolist(), strict=True)]
+    entries = [
+        tolerancing.alone(lens, spec, one, factor) for one, factor in zip(run.limits, factors.tolist(), strict=True)
+    ]
     written = _with_entries(spec, name, entries)
     return LoosestSet(
         written, factors, tuple(one.label for one in run.limits),

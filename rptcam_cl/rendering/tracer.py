@@ -15,27 +15,11 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import free_host_bytes
 from rptcam_cl.core.remember import Memory
 from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.rendering import film as films
 from rptcam_cl.rendering import passes
 from rptcam_cl.rendering.cameras.model import CameraModel, CameraView
 from rptcam_cl.rendering.caustics import PHOTON_BYTES, PhotonMap
-from rptcam_cl.rendering.film import (
-    ALIKE,
-    BLOCK,
-    PLANES,
-    SCOUTING_SEED,
-    FilmBuffers,
-    FilmLayout,
-    RenderedFilm,
-    Roulette,
-    Wave,
-    Waves,
-    planes_of,
-    plays,
-    roulette_of,
-    scout_layout,
-    step_of,
-    wave_slots,
-)
+from rptcam_cl.rendering.film import FilmBuffers, FilmLayout, RenderedFilm
 from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.passes import Denoiser
 from rptcam_cl.rendering.plan.plan import Plan
@@ -231,8 +215,11 @@ class Wavefront(RenderedFilm):
         self._way = passes.Way(organisation, packets) if organisation else passes.way_of(session, usual, Wavefront)
         self.organisation = self._way.organisation
         self.tiles = layout.whole_list()
-        slots, stream = wave_size or wave_slots(session.kind, session.info.compute_units), self.organisation == "stream"
-        self._waves = Waves(
+        slots, stream = (
+            wave_size or films.wave_slots(session.kind, session.info.compute_units),
+            self.organisation == "stream",
+        )
+        self._waves = films.Waves(
             layout, slots, stream=stream, loop_limit=session.loop_limit, photons=plan.caustics.active,
             single=single or len(plan.steps) > 1,
         )  # fmt: skip
@@ -245,7 +232,7 @@ class Wavefront(RenderedFilm):
     def _begin(self, plan: Plan) -> None:
         """Have the picture of a plan looked at before its first sample, where that scales the survival in roulette."""
         self._plan = plan
-        self._to_scout = self._scouts and plays(self.settings) and not plan.caustics.active
+        self._to_scout = self._scouts and films.plays(self.settings) and not plan.caustics.active
 
     def _bind(self, plan: Plan) -> None:
         """Bind the passes of a plan, or of each step of its exposure."""
@@ -264,7 +251,7 @@ class Wavefront(RenderedFilm):
     def _use_step(self, sample: int) -> None:
         """Have the passes in place of the step of the exposure that a sample is of."""
         steps = len(self._bound)
-        bound = self._bound[0 if steps == 1 else step_of(sample, steps)]
+        bound = self._bound[0 if steps == 1 else films.step_of(sample, steps)]
         self._camera, self._paths, self._layers = bound
 
     def _passes(self, plan: Plan, held: passes.WaveBuffers, first: LayerPass | None) -> passes.Passes:
@@ -301,14 +288,14 @@ class Wavefront(RenderedFilm):
             for each in plan.steps or (plan,)
         )
         groups = plan.facts["LIGHT_GROUPS"]
-        bytes_of_planes = 4 * planes_of(clamped, groups), LayerPlanes(self.settings.layers).bytes_per_pixel
+        bytes_of_planes = 4 * films.planes_of(clamped, groups), LayerPlanes(self.settings.layers).bytes_per_pixel
         film = [each * layout.pixels for each in bytes_of_planes]
         self.needs = memory_needs(plan, session, film=film, paths=[state, passes.bytes_of_lens_rays(plan, capacity)])
         check_memory(self.needs, session)
         tiles = session.allocate(self.tiles.nbytes)
         session.write(tiles, self.tiles)
-        survival_scale = session.allocate(ALIKE.survival_scale.nbytes)
-        session.write(survival_scale, ALIKE.survival_scale)
+        survival_scale = session.allocate(films.ALIKE.survival_scale.nbytes)
+        session.write(survival_scale, films.ALIKE.survival_scale)
         return passes.WaveBuffers(
             scene=scene or SceneBuffers(session, plan),
             film=FilmBuffers(session, layout, clamped=clamped, groups=groups),
@@ -362,7 +349,7 @@ class Wavefront(RenderedFilm):
     def warm_up(self) -> None:
         """Run a smallest wave, because PoCL generates code at the first launch; then clear the film."""
         for sample in range(len(self._bound)):
-            self.enqueue(0, min(BLOCK, self._waves.pixels), sample, 1)
+            self.enqueue(0, min(films.BLOCK, self._waves.pixels), sample, 1)
         self.finish()
         self.clear()
 
@@ -371,7 +358,7 @@ class Wavefront(RenderedFilm):
 
         Photons do, where there are any.
         """
-        pixels = min(BLOCK, self._waves.pixels)
+        pixels = min(films.BLOCK, self._waves.pixels)
         record, run = self._waves.record((0, pixels, 0, 0), self.seed), self._launches.run
         if self._photons is not None:
             self._photons.use(0, self.seed)
@@ -427,7 +414,7 @@ class Wavefront(RenderedFilm):
         elif isinstance(self._paths, passes.StreamPass):
             self._paths.use_camera(camera)
 
-    def waves(self, first_sample: int, samples: int) -> list[Wave]:
+    def waves(self, first_sample: int, samples: int) -> list[films.Wave]:
         """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
         return self._waves.over(len(self.tiles), first_sample, samples)
 
@@ -451,25 +438,25 @@ class Wavefront(RenderedFilm):
         if self._paths is not None:
             self._paths.enqueue(record, pixels, slots, run)
 
-    def _scout(self) -> Roulette:
+    def _scout(self) -> films.Roulette:
         """Render a few tiles of the picture, and scale the survival in roulette by them."""
         plan = self._plan.steps[0] if self._plan.steps else self._plan
         scene = SceneBuffers(self.session, plan, self._held.scene) if self._plan.steps else self._held.scene
-        layout, settings = scout_layout(self.layout), self.settings.model_copy(update={"layers_spp": 0})
+        layout, settings = films.scout_layout(self.layout), self.settings.model_copy(update={"layers_spp": 0})
         scout = Wavefront(
             self.session, plan, layout, settings, layout.pixels, self.organisation, scene, scouts=False, single=True,
             packets=self._way.packets,
         )  # fmt: skip
-        scout.seed = SCOUTING_SEED
+        scout.seed = films.SCOUTING_SEED
         for wave in scout.waves(0, 1):
             scout.enqueue(*wave)
         scout.finish()
         picture = scout.picture(1)
         if settings.clamp is not None:  # which changes no path
-            picture += layout.in_rows(scout.planes()[PLANES : PLANES + 1])[0, ..., None]
-        return roulette_of(picture, layout)
+            picture += layout.in_rows(scout.planes()[films.PLANES : films.PLANES + 1])[0, ..., None]
+        return films.roulette_of(picture, layout)
 
-    def _use_roulette(self, roulette: Roulette) -> None:
+    def _use_roulette(self, roulette: films.Roulette) -> None:
         self._to_scout = False
         survival_scale = self.session.allocate(roulette.survival_scale.nbytes)
         self.session.write(survival_scale, roulette.survival_scale)

@@ -13,27 +13,9 @@ import numpy as np
 
 from rptcam_cl.core import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import glass as media
 from rptcam_cl.optics.files.glasses import find_glass, glasses_of, named_glass, plain_glass_name
-from rptcam_cl.optics.glass import (
-    AIR,
-    BARE,
-    MAGNESIUM_FLUORIDE,
-    NO_DISPERSION,
-    AbbeCauchy,
-    AbbeLinear,
-    Coating,
-    ConstantIndex,
-    LayerStack,
-    MeasuredReflectance,
-    Medium,
-    PowerSeries,
-    QuarterWave,
-    Sellmeier,
-    TabulatedIndex,
-    Thermal,
-    abbe_number,
-    held_index,
-)
+from rptcam_cl.optics.glass import Coating, Medium
 from rptcam_cl.optics.lens import Lens, brought_to_focus, in_configuration, limiting_surface
 from rptcam_cl.optics.shapes import Biconic, Diffractive, Grating, IdealLens, Toroid, short_radius
 from rptcam_cl.optics.spots import Setting, default_fields, setting
@@ -132,7 +114,7 @@ def left_out(lens: Lens) -> list[str]:
 
 def with_model_glasses(lens: Lens) -> Lens:
     """Return the lens with glasses of the same indices that no catalogue knows."""
-    glasses = {k: surface.glass for k, surface in enumerate(lens.surfaces) if surface.glass != AIR}
+    glasses = {k: surface.glass for k, surface in enumerate(lens.surfaces) if surface.glass != media.AIR}
     return lens.with_changes({k: {"glass": replace(glass, name="")} for k, glass in glasses.items()})  # type: ignore[call-arg]
 
 
@@ -149,10 +131,10 @@ def _maker_and_name(medium: Medium) -> tuple[str, str] | None:
 
 def _model_of(medium: Medium) -> tuple[float, float]:
     """Return n_d and V_d of a medium; of one without dispersion `NO_DISPERSION`, as programs divide by V_d."""
-    if isinstance(medium, AbbeCauchy):
+    if isinstance(medium, media.AbbeCauchy):
         return medium.nd, medium.vd
-    nd, vd = float(medium.index(LINE_D_NM)), abbe_number(medium)
-    return nd, vd if 0 < vd < NO_DISPERSION else NO_DISPERSION
+    nd, vd = float(medium.index(LINE_D_NM)), media.abbe_number(medium)
+    return nd, vd if 0 < vd < media.NO_DISPERSION else media.NO_DISPERSION
 
 
 def tilts(pose: SurfacePose) -> tuple[float, float, float]:
@@ -282,7 +264,7 @@ def _codev_glass(medium: Medium, private: dict[Medium, str]) -> str:
 
     It is called by its n_d and V_d, which programs take who do not read private glasses.
     """
-    if medium == AIR:
+    if medium == media.AIR:
         return ""
     if known := _maker_and_name(medium):
         return f"{plain_glass_name(known[1])}_{known[0].upper()}"  # CODE V has no hyphens
@@ -296,9 +278,9 @@ def _codev_glass(medium: Medium, private: dict[Medium, str]) -> str:
 
 
 def _indices(medium: Medium) -> list[float]:
-    if isinstance(medium, ConstantIndex):
+    if isinstance(medium, media.ConstantIndex):
         return [medium.value] * len(PRIVATE_NM)
-    return list(held_index(medium, np.array(PRIVATE_NM)))
+    return list(media.held_index(medium, np.array(PRIVATE_NM)))
 
 
 def _codev_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
@@ -392,7 +374,7 @@ def _surface(surface: Surface, curvature: float, gap: float, is_stop: bool, make
     lines.append(f"  DISZ {number(gap if surface.pose is None else 0.0)}")
     if surface.is_mirror:
         lines.append("  GLAS MIRROR 0 0 1.5 40")
-    elif surface.glass != AIR:
+    elif surface.glass != media.AIR:
         lines.append(f"  GLAS {_zemax_glass(surface.glass, makers)}")
     if conic:
         lines.append(f"  CONI {number(conic)}")
@@ -411,7 +393,7 @@ def _surface(surface: Surface, curvature: float, gap: float, is_stop: bool, make
 
 def _is_bare_plane(surface: Surface) -> bool:
     shaped = surface.curvature or surface.aspheric or surface.form or surface.is_mirror or surface.phase
-    return not (shaped or surface.is_stop or surface.region) and surface.glass == AIR
+    return not (shaped or surface.is_stop or surface.region) and surface.glass == media.AIR
 
 
 def _break(
@@ -575,7 +557,7 @@ def lens_text(lens: Lens, comments: Sequence[str] = ()) -> str:
         lines.append(f"published: {_flow(published)}")
     if "marked_f_number" in lens.published:
         lines.append(f"marked_f_number: {_flow(lens.published['marked_f_number'])}")
-    if lens.object_medium != AIR:
+    if lens.object_medium != media.AIR:
         lines.append(f"object_medium: {_flow(_medium(lens.object_medium))}")
     if lens.fold is not None:
         lines.append(f"fold: {_flow(_pose(lens.fold))}")
@@ -625,7 +607,7 @@ def _surface_keys(lens: Lens, k: int, last: bool) -> dict[str, Any]:
         row["radius"] = short_radius(surface.curvature)
     if not last:
         row["thickness"] = surface.thickness
-    if surface.glass != AIR and not surface.is_mirror:
+    if surface.glass != media.AIR and not surface.is_mirror:
         row["glass"] = _medium(surface.glass)
     row["diameter"] = 2 * surface.semi_diameter
     if surface.inner_semi_diameter:
@@ -683,20 +665,20 @@ def _region(region: Region, where: str) -> dict[str, Any]:
 
 
 def _coating(coating: Coating, where: str) -> Any:
-    if coating == BARE:
+    if coating == media.BARE:
         return "bare"
-    if coating == MAGNESIUM_FLUORIDE:
+    if coating == media.MAGNESIUM_FLUORIDE:
         return "mgf2"
-    if isinstance(coating, QuarterWave):
+    if isinstance(coating, media.QuarterWave):
         return {"quarter_wave": {"index": coating.index, "wavelength_nm": coating.wavelength_nm}}
-    if isinstance(coating, LayerStack):
+    if isinstance(coating, media.LayerStack):
         rows: list[dict[str, float]] = []
         for layer in coating.layers:
             rows.append({"index": layer.index, "thickness_nm": layer.thickness_nm})
             if layer.extinction:
                 rows[-1]["extinction"] = layer.extinction
         return {"layers": rows}
-    if not isinstance(coating, MeasuredReflectance):
+    if not isinstance(coating, media.MeasuredReflectance):
         raise InputError(f"{where}: has a coating that a lens file cannot say ({type(coating).__name__})")
     if len(coating.values) == 1:
         return {"reflectance": coating.values[0]}
@@ -716,7 +698,7 @@ def _medium(medium: Medium) -> Any:
     return entry | thermal
 
 
-def _thermal(thermal: Thermal) -> dict[str, Any]:
+def _thermal(thermal: media.Thermal) -> dict[str, Any]:
     """Return the keys of a glass under heat."""
     row: dict[str, Any] = {}
     if thermal.dispersion is not None:
@@ -730,16 +712,16 @@ def _glass_keys(medium: Medium) -> dict[str, Any]:
     entry: dict[str, Any]
     usual = ""
     match medium:
-        case ConstantIndex():
+        case media.ConstantIndex():
             entry, usual = {"index": medium.value}, f"n = {medium.value:g}"
-        case AbbeCauchy():
+        case media.AbbeCauchy():
             entry, usual = {"nd": medium.nd, "vd": medium.vd}, f"{medium.nd:g} / {medium.vd:g}"
-        case AbbeLinear():
+        case media.AbbeLinear():
             entry, usual = {"linear_abbe": {"n": medium.n, "v": medium.v}}, f"{medium.n:g} / {medium.v:g} linear"
-        case Sellmeier():
+        case media.Sellmeier():
             law: dict[str, Any] = {"b": list(medium.b), "c": list(medium.c)}
             entry = {"sellmeier": law | ({"c0": medium.c0} if medium.c0 else {})}
-        case PowerSeries():
+        case media.PowerSeries():
             powers, values = zip(*medium.terms, strict=True)
             if medium.squared and powers == SCHOTT_POWERS:
                 entry = {"schott": list(values)}
@@ -747,11 +729,11 @@ def _glass_keys(medium: Medium) -> dict[str, Any]:
                 entry = {"cauchy": list(values)}
             else:
                 raise InputError(f"a lens file cannot say the glass {medium.name!r}: its powers are {powers}")
-        case TabulatedIndex():
+        case media.TabulatedIndex():
             entry = {"table": {"wavelengths_nm": list(medium.wavelengths_nm), "values": list(medium.values)}}
         case _:
             raise InputError(f"a lens file cannot say the glass {medium.name!r} ({type(medium).__name__})")
-    if isinstance(medium, Sellmeier | PowerSeries) and medium.range_nm is not None:
+    if isinstance(medium, media.Sellmeier | media.PowerSeries) and medium.range_nm is not None:
         entry["range_nm"] = list(medium.range_nm)
     return entry if medium.name in ("", usual) else entry | {"name": medium.name}
 

@@ -20,31 +20,9 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import glass_catalogues_dir
 from rptcam_cl.core.records import MOST_LAYERS
 from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, Fields, KeyPath, problem, read_yaml, rises, value_at
+from rptcam_cl.optics import glass as media
 from rptcam_cl.optics.files import keys
-from rptcam_cl.optics.glass import (
-    AIR,
-    BARE,
-    GLASSES,
-    MAGNESIUM_FLUORIDE,
-    MULTILAYER,
-    STANDARD_C,
-    AbbeCauchy,
-    AbbeLinear,
-    Absorption,
-    Bare,
-    Coating,
-    ConstantIndex,
-    Layer,
-    LayerStack,
-    MeasuredReflectance,
-    Medium,
-    PowerSeries,
-    QuarterWave,
-    Sellmeier,
-    TabulatedIndex,
-    Thermal,
-    constant_reflectance,
-)  # fmt: skip  # fmt: skip
+from rptcam_cl.optics.glass import Absorption, Coating, Medium, Thermal
 from rptcam_cl.optics.ray_trace import meets_air
 from rptcam_cl.optics.surface import Surface
 
@@ -100,7 +78,7 @@ def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Medium]:
             elif words[0] == "TD" and len(words) > 6:
                 values, reference = (
                     [float(word) for word in words[1:7]],
-                    float(words[7] if words[7:] else STANDARD_C),
+                    float(words[7] if words[7:] else media.STANDARD_C),
                 )
                 thermal = replace(thermal, dispersion=tuple(values) if any(values) else None, reference_c=reference)
             elif words[0] == "IT" and len(words) > 3:
@@ -129,11 +107,11 @@ def _add(
     if formula in POWERS:
         powers = POWERS[formula]
         series = tuple((float(p), a) for p, a in zip(powers, terms, strict=False) if a)
-        glasses[name] = PowerSeries(series, True, limits, name, absorption=absorption, thermal=heat)
+        glasses[name] = media.PowerSeries(series, True, limits, name, absorption=absorption, thermal=heat)
     elif formula in (SELLMEIER_1, 6, SELLMEIER_5):
         pairs = [(b, c) for b, c in zip(terms[::2], terms[1::2], strict=False) if b]
         b, c = tuple(b for b, _ in pairs), tuple(c for _, c in pairs)
-        glasses[name] = Sellmeier(b, c, 0.0, limits, name, absorption=absorption, thermal=heat)
+        glasses[name] = media.Sellmeier(b, c, 0.0, limits, name, absorption=absorption, thermal=heat)
 
 
 def _absorption(inside: list[tuple[float, float, float]]) -> Absorption | None:
@@ -169,7 +147,7 @@ def read_refractive_index(path: Path | str, content: bytes | None = None) -> Med
             if kind in ("tabulated n", "tabulated nk"):
                 rows = _rows(block, 2)
                 wavelengths = tuple((1e3 * rows[:, 0]).tolist())
-                return TabulatedIndex(wavelengths, tuple(rows[:, 1].tolist()), name, absorption=absorption)
+                return media.TabulatedIndex(wavelengths, tuple(rows[:, 1].tolist()), name, absorption=absorption)
         except (KeyError, ValueError, IndexError):
             raise InputError(f"{path}: cannot read the block of type {kind!r}") from None
     kinds = ", ".join(repr(str(block.get("type"))) for block in blocks if isinstance(block, dict))
@@ -205,7 +183,7 @@ def _sellmeier(squares: bool) -> Formula:
         if len(terms) % 2 == 0:
             raise ValueError("a constant and pairs of strength and resonance are expected")
         resonances = tuple(c if squares else c * c for c in terms[2::2])
-        return Sellmeier(tuple(terms[1::2]), resonances, terms[0], limits, name)
+        return media.Sellmeier(tuple(terms[1::2]), resonances, terms[0], limits, name)
 
     return build
 
@@ -213,7 +191,7 @@ def _sellmeier(squares: bool) -> Formula:
 def _polynomial(squared: bool) -> Formula:
     def build(terms: list[float], limits: tuple[float, float], name: str) -> Medium:
         pairs = zip(terms[2::2], terms[1::2], strict=True)
-        return PowerSeries(((0.0, terms[0]), *((power, a) for power, a in pairs)), squared, limits, name)
+        return media.PowerSeries(((0.0, terms[0]), *((power, a) for power, a in pairs)), squared, limits, name)
 
     return build
 
@@ -291,12 +269,16 @@ def law_of(glass: MakersGlass, label: str) -> Medium:
         law = _FORMULAS[f"formula {row['formula']}"](row["coefficients"], (1e3 * low, 1e3 * high), label)
         return replace(law, absorption=absorption, thermal=thermal)
     wavelengths, values = zip(*row["n"], strict=True)
-    return TabulatedIndex(tuple(1e3 * w for w in wavelengths), values, label, absorption=absorption, thermal=thermal)
+    return media.TabulatedIndex(
+        tuple(1e3 * w for w in wavelengths), values, label, absorption=absorption, thermal=thermal
+    )
 
 
 def bundled_thermal(medium: Medium) -> Thermal | None:
     """Return the thermal data of SCHOTT for a glass of the bundled table; None for others."""
-    glass = glasses_of("schott").get(plain_glass_name(medium.name)) if GLASSES.get(medium.name) == medium else None
+    glass = (
+        glasses_of("schott").get(plain_glass_name(medium.name)) if media.GLASSES.get(medium.name) == medium else None
+    )
     return _thermal(_row(glass)) if glass is not None else None
 
 
@@ -312,7 +294,7 @@ def _thermal(row: dict[str, Any]) -> Thermal | None:
     if "thermal" not in row and "expansion" not in row:
         return None
     dispersion = tuple(row["thermal"]) if "thermal" in row else None
-    return Thermal(dispersion, row.get("expansion"), row.get("temperature_c", STANDARD_C))
+    return Thermal(dispersion, row.get("expansion"), row.get("temperature_c", media.STANDARD_C))
 
 
 @lru_cache(maxsize=len(MAKERS))
@@ -326,7 +308,7 @@ def _makers_text(maker: str) -> str:
 
 # Which glass a name means: of the bundled table, a maker's catalogue, by an alias, or as the heir of an old one.
 
-_BUNDLED = {plain_glass_name(name): name for name in GLASSES}
+_BUNDLED = {plain_glass_name(name): name for name in media.GLASSES}
 _NO_MAKER = {"fused silica", "CaF2", "water"}  # of the bundled names; the others are SCHOTT's
 
 # Other names of the same substance, as the catalogues of optical programs have them.
@@ -463,8 +445,8 @@ def find_glass(name: str) -> Medium | None:
     named = named_glass(name)
     if named is None:
         return None
-    if named.written in GLASSES:
-        return GLASSES[named.written]
+    if named.written in media.GLASSES:
+        return media.GLASSES[named.written]
     return law_of(_entry(named), named.written)
 
 
@@ -534,7 +516,9 @@ def _successor(plain: str, makers: Sequence[str]) -> Named | None:
 
 # The `coating` key of a lens file: a word, a quarter-wave layer, several layers, or a measured reflectance.
 
-WORDS: dict[str, Coating] = dict(zip(keys.COATING_WORDS, (BARE, MAGNESIUM_FLUORIDE, MULTILAYER), strict=True))
+WORDS: dict[str, Coating] = dict(
+    zip(keys.COATING_WORDS, (media.BARE, media.MAGNESIUM_FLUORIDE, media.MULTILAYER), strict=True)
+)
 COATING_FORMS = f"{', '.join(keys.COATING_WORDS)}, {{quarter_wave: …}}, {{layers: …}} or {{reflectance: …}}"
 
 
@@ -560,15 +544,15 @@ def apply_coatings(document: Document, surfaces: tuple[Surface, ...], object_med
 def _misfit(coating: Coating | None, before: Medium, surface: Surface) -> str:
     """Return why a coating cannot lie on a surface behind a medium, nothing when it can."""
     after = surface.glass
-    if coating is None or isinstance(coating, Bare):
+    if coating is None or isinstance(coating, media.Bare):
         return ""
     if surface.is_mirror:
-        return "" if isinstance(coating, MeasuredReflectance) else "a mirror takes its reflectance alone"
+        return "" if isinstance(coating, media.MeasuredReflectance) else "a mirror takes its reflectance alone"
     if before == after:
         return f"has {after.name or 'the same medium'} on both sides, so there is nothing to coat"
     least = min(float(medium.index(LINE_D_NM)) for medium in (before, after))
-    layers = coating.layers if isinstance(coating, LayerStack) else ()
-    layers = (Layer(coating.index, 0.0),) if isinstance(coating, QuarterWave) else layers
+    layers = coating.layers if isinstance(coating, media.LayerStack) else ()
+    layers = (media.Layer(coating.index, 0.0),) if isinstance(coating, media.QuarterWave) else layers
     thinnest = min((layer.index for layer in layers if not layer.extinction), default=least)
     if thinnest < least:
         return f"a layer of index {thinnest:g} is less dense than both media (from {least:.4g}); cement has none"
@@ -591,7 +575,7 @@ def _read_coating(document: Document, path: KeyPath) -> Coating:
         return _layers(fields)
     if "quarter_wave" in fields:
         inner = fields.inner("quarter_wave", keys.QUARTER_WAVE)
-        return QuarterWave(_index(inner), inner.positive("wavelength_nm"))
+        return media.QuarterWave(_index(inner), inner.positive("wavelength_nm"))
     return _read_measured(fields)
 
 
@@ -602,14 +586,14 @@ def _index(fields: Fields) -> float:
     return index
 
 
-def _layer(fields: Fields) -> Layer:
+def _layer(fields: Fields) -> media.Layer:
     extinction = fields.number("extinction") if "extinction" in fields else 0.0
     if not 0 <= extinction <= 20:
         raise fields.fail("extinction", "lies between 0 and 20")
     index = fields.positive("index") if extinction > 0 else _index(fields)
     if index > 5:
         raise fields.fail("index", "the index of a layer that absorbs lies above 0, up to 5")
-    return Layer(index, fields.positive("thickness_nm"), extinction)
+    return media.Layer(index, fields.positive("thickness_nm"), extinction)
 
 
 def _layers(fields: Fields) -> Coating:
@@ -619,15 +603,15 @@ def _layers(fields: Fields) -> Coating:
     return coating_of(tuple(map(_layer, rows)))
 
 
-def coating_of(given: str | float | tuple[Layer, ...]) -> Coating:
+def coating_of(given: str | float | tuple[media.Layer, ...]) -> Coating:
     """The coating of a word, a constant reflectance, or layers; a clear single one is a quarter wave."""
     if isinstance(given, str):
         return WORDS[given]
     if isinstance(given, float):
-        return constant_reflectance(given)
+        return media.constant_reflectance(given)
     if len(given) == 1 and not given[0].extinction:
-        return QuarterWave(given[0].index, 4 * given[0].index * given[0].thickness_nm)
-    return LayerStack(given)
+        return media.QuarterWave(given[0].index, 4 * given[0].index * given[0].thickness_nm)
+    return media.LayerStack(given)
 
 
 def _read_measured(fields: Fields) -> Coating:
@@ -636,11 +620,11 @@ def _read_measured(fields: Fields) -> Coating:
         return _read_reflectance(fields, value)
     if isinstance(value, dict):
         inner = fields.inner("reflectance", keys.REFLECTANCE)
-        return MeasuredReflectance(*_read_spectrum(inner, "reflectance"))
+        return media.MeasuredReflectance(*_read_spectrum(inner, "reflectance"))
     share = fields.number("reflectance")
     if not 0 <= share < 1:
         raise fields.fail("reflectance", "lies between 0 and 1, not in percent")
-    return constant_reflectance(share)
+    return media.constant_reflectance(share)
 
 
 def _read_spectrum(fields: Fields, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -665,7 +649,7 @@ def _spectrum_fault(wavelengths: tuple[float, ...], values: tuple[float, ...], w
     return None
 
 
-def _read_reflectance(fields: Fields, name: str) -> MeasuredReflectance:
+def _read_reflectance(fields: Fields, name: str) -> media.MeasuredReflectance:
     """Return the coating of a CSV file: wavelength [nm] and reflectance (0 to 1) in each line, perhaps under a head."""
     try:
         path, content = fields.document.files.read(name, MAX_BYTES)
@@ -690,7 +674,7 @@ def _read_reflectance(fields: Fields, name: str) -> MeasuredReflectance:
     fault = _spectrum_fault(wavelengths, values, "reflectance")
     if fault:
         raise InputError(f"{path}: {fault[0]}: {fault[1]}")
-    return MeasuredReflectance(wavelengths, values)
+    return media.MeasuredReflectance(wavelengths, values)
 
 
 # The `glass` key of a lens file: a name, or a mapping that holds one dispersion law.
@@ -726,12 +710,12 @@ def _read_thermal(fields: Fields, known: Thermal) -> Thermal:
     for key, values, count in (("d", d, 3), ("e", e, 2)):
         if len(values) != count:
             raise inner.fail(key, f"expected {count} numbers")
-    return Thermal((*d, *e, inner.positive("resonance_um")), expansion, inner.number("reference_c", STANDARD_C))
+    return Thermal((*d, *e, inner.positive("resonance_um")), expansion, inner.number("reference_c", media.STANDARD_C))
 
 
 def _find_glass(document: Document, path: KeyPath, name: str) -> Medium:
     if name.lower() in ("air", "vacuum"):
-        return AIR
+        return media.AIR
     medium = find_glass(name)
     if medium is not None:
         return medium
@@ -748,20 +732,20 @@ def _check_index(fields: Fields, key: str, value: float) -> float:
 
 def _constant(fields: Fields) -> Medium:
     value = _check_index(fields, "index", fields.number("index"))
-    return ConstantIndex(value, fields.text("name", f"n = {value:g}"))
+    return media.ConstantIndex(value, fields.text("name", f"n = {value:g}"))
 
 
 def _abbe(fields: Fields) -> Medium:
     nd = _check_index(fields, "nd", fields.number("nd"))
     vd = fields.positive("vd")
-    return AbbeCauchy(nd, vd, fields.text("name", f"{nd:g} / {vd:g}"))
+    return media.AbbeCauchy(nd, vd, fields.text("name", f"{nd:g} / {vd:g}"))
 
 
 def _linear(fields: Fields) -> Medium:
     inner = fields.inner("linear_abbe", keys.LINEAR_ABBE)
     n = _check_index(inner, "n", inner.number("n"))
     v = inner.positive("v")
-    return AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
+    return media.AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
 
 
 def _read_sellmeier(fields: Fields) -> Medium:
@@ -769,12 +753,12 @@ def _read_sellmeier(fields: Fields) -> Medium:
     b, c = inner.numbers("b"), inner.numbers("c")
     if len(b) != len(c):
         raise inner.fail("c", f"b and c need as many numbers as each other ({len(b)} and {len(c)})")
-    return Sellmeier(b, c, inner.number("c0", 0.0), _range(fields), fields.text("name", "Sellmeier glass"))
+    return media.Sellmeier(b, c, inner.number("c0", 0.0), _range(fields), fields.text("name", "Sellmeier glass"))
 
 
 def _cauchy(fields: Fields) -> Medium:
     terms = tuple((-2.0 * i, a) for i, a in enumerate(fields.numbers("cauchy")))
-    return PowerSeries(terms, False, _range(fields), fields.text("name", "Cauchy glass"))
+    return media.PowerSeries(terms, False, _range(fields), fields.text("name", "Cauchy glass"))
 
 
 def _schott(fields: Fields) -> Medium:
@@ -784,7 +768,7 @@ def _schott(fields: Fields) -> Medium:
             "schott", "expected six coefficients a0 to a5 of n^2 = a0 + a1 L^2 + a2 / L^2 + ... + a5 / L^8"
         )
     powers = (0.0, 2.0, -2.0, -4.0, -6.0, -8.0)
-    return PowerSeries(
+    return media.PowerSeries(
         tuple(zip(powers, values, strict=True)), True, _range(fields), fields.text("name", "Schott glass")
     )
 
@@ -798,7 +782,7 @@ def _table(fields: Fields) -> Medium:
         raise inner.fail("wavelengths_nm", "must be above 0 and rise")
     for value in values:
         _check_index(inner, "values", value)
-    return TabulatedIndex(wavelengths, values, fields.text("name", "tabulated glass"))
+    return media.TabulatedIndex(wavelengths, values, fields.text("name", "tabulated glass"))
 
 
 def _range(fields: Fields) -> tuple[float, float] | None:

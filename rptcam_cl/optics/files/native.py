@@ -15,26 +15,13 @@ from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import References
 from rptcam_cl.core.strict_yaml import Document, Fields, KeyPath, as_number, problem
+from rptcam_cl.optics import surface as surface_rows
 from rptcam_cl.optics.files import keys
 from rptcam_cl.optics.files.glasses import apply_coatings, read_glass
 from rptcam_cl.optics.glass import AIR, Medium, continued_words
 from rptcam_cl.optics.lens import Lens, first_order, in_configuration
 from rptcam_cl.optics.shapes import FORMS, PHASES, Form, IdealLens, Phase
-from rptcam_cl.optics.surface import (
-    IN_PLACE,
-    Configuration,
-    FocusingGroup,
-    FocusMotor,
-    FocusState,
-    Region,
-    StopShape,
-    Surface,
-    SurfacePose,
-    blades,
-    heart,
-    polygon,
-    star,
-)
+from rptcam_cl.optics.surface import Configuration, FocusState, Region, Surface, SurfacePose
 
 #
 # Forbes's polynomials, Qcon and Qbfs, by which telephone lenses give their aspheres, as even powers of r.
@@ -329,7 +316,7 @@ def _read_pose(fields: Fields, scale: float) -> SurfacePose | None:
     return SurfacePose.of((dx, dy, dz), (rx, ry, rz))
 
 
-def _stop_shape(fields: Fields) -> StopShape | None:
+def _stop_shape(fields: Fields) -> surface_rows.StopShape | None:
     """Return the shape of a stop: `heart`, or one of {blades, star, polygon} with its options."""
     if "shape" not in fields:
         return None
@@ -337,7 +324,7 @@ def _stop_shape(fields: Fields) -> StopShape | None:
         raise fields.fail("shape", "belongs to the stop (mark it with stop: true)")
     try:
         if fields.get("shape") == "heart":
-            return heart()
+            return surface_rows.heart()
         inner = fields.inner("shape", keys.SHAPE)
         kinds = [kind for kind in ("blades", "star", "polygon") if kind in inner]
         if len(kinds) != 1:
@@ -347,14 +334,16 @@ def _stop_shape(fields: Fields) -> StopShape | None:
             if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == 2 for row in rows):
                 raise inner.fail("polygon", "expected a list of points [x, y] in units of the stop's radius")
             places = [[(*inner.path, "polygon", i, axis) for axis in (0, 1)] for i in range(len(rows))]
-            return polygon([(as_number(inner.document, x), as_number(inner.document, y)) for x, y in places])
+            return surface_rows.polygon(
+                [(as_number(inner.document, x), as_number(inner.document, y)) for x, y in places]
+            )
         count = inner.number(kinds[0])
         if count % 1:
             raise inner.fail(kinds[0], "expected a whole number")
         turn = inner.number("rotation_degrees", 0.0 if kinds[0] == "blades" else 90.0)
         if kinds[0] == "blades":
-            return blades(int(count), turn, inner.number("curvature", 0.0))
-        return star(int(count), inner.number("inner", 0.4), turn)
+            return surface_rows.blades(int(count), turn, inner.number("curvature", 0.0))
+        return surface_rows.star(int(count), inner.number("inner", 0.4), turn)
     except InputError as error:
         if str(error).startswith(fields.document.name):
             raise
@@ -486,7 +475,7 @@ def _gaps(fields: Fields, count: int, scale: float) -> tuple[tuple[int, float], 
     return tuple(sorted(values))
 
 
-def _read_focusing(top: Fields, count: int, scale: float) -> FocusingGroup | None:
+def _read_focusing(top: Fields, count: int, scale: float) -> surface_rows.FocusingGroup | None:
     """Return the focusing group: {surfaces: [first, last], travel: [least, greatest]}."""
     if "focusing" not in top:
         return None
@@ -497,7 +486,7 @@ def _read_focusing(top: Fields, count: int, scale: float) -> FocusingGroup | Non
         raise fields.fail("surfaces", "the group is the whole lens; leave focusing out")
     if len(travel) != 2 or not travel[0] < travel[1]:
         raise fields.fail("travel", "expected [least, greatest] shift towards the film")
-    return FocusingGroup(first, last, (travel[0] * scale, travel[1] * scale))
+    return surface_rows.FocusingGroup(first, last, (travel[0] * scale, travel[1] * scale))
 
 
 def document_of(mapping: Mapping[str, Any], files: References | None = None) -> Document:
@@ -556,13 +545,13 @@ def read_native(document: Document) -> Lens:
     return check_lens(lens, lambda index, key, text: problem(document, ("surfaces", index, key), text))
 
 
-def _motor(top: Fields, scale: float) -> FocusMotor | None:
+def _motor(top: Fields, scale: float) -> surface_rows.FocusMotor | None:
     """Return the focus drive: {speed, acceleration, source}."""
     if "focus_drive" not in top:
         return None
     fields = top.inner("focus_drive", keys.FOCUS_DRIVE)
     speed, acceleration = (scale * fields.positive(key) for key in ("speed", "acceleration"))
-    return FocusMotor(speed, acceleration, fields.text("source"))
+    return surface_rows.FocusMotor(speed, acceleration, fields.text("source"))
 
 
 def _fold(top: Fields, scale: float) -> SurfacePose | None:
@@ -644,6 +633,6 @@ def _pose_groups(top: Fields, surfaces: tuple[Surface, ...], scale: float) -> tu
             raise fields.fail(None, "a group needs decentre or tilt_degrees")
         behind = 0.0
         for k in range(first, last + 1):
-            result[k] = replace(result[k], pose=(result[k].pose or IN_PLACE).carried_by(pose, behind))
+            result[k] = replace(result[k], pose=(result[k].pose or surface_rows.IN_PLACE).carried_by(pose, behind))
             behind += result[k].thickness
     return tuple(result)

@@ -14,32 +14,11 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.ray_trace import axial_transmittance
 from rptcam_cl.rendering.cameras import film_pupil, ideal, model
+from rptcam_cl.rendering.cameras import setting as settings
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays, PerspectiveRays, SphereRays, TracedRays
 from rptcam_cl.rendering.cameras.realistic import Window, axis_irradiance, realistic_model
-from rptcam_cl.rendering.cameras.setting import (
-    CameraMetadata,
-    EntrancePupil,
-    Intrinsics,
-    LensSetting,
-    check_film,
-    design_to_focus,
-    entrance_pupil,
-    half_film_mm,
-    lens_setting,
-    movements_metadata,
-    on_film,
-    place_film,
-)
-from rptcam_cl.scene.camera import (
-    Camera,
-    EnvironmentCamera,
-    OrthographicCamera,
-    PinholeCamera,
-    RealisticCamera,
-    ThickLensCamera,
-    ThinLensCamera,
-    kinds_where,
-)
+from rptcam_cl.rendering.cameras.setting import CameraMetadata, EntrancePupil, Intrinsics, LensSetting, entrance_pupil
+from rptcam_cl.scene import camera as camera_models
 from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.scene import Scene
@@ -105,7 +84,7 @@ class CameraOptics(ABC):
     camera : Camera
     """
 
-    camera: Camera
+    camera: camera_models.Camera
 
     def __init__(self, scene: Scene, setting: LensSetting | None = None) -> None:
         self.scene, self.camera, self._given = scene, scene.camera, setting
@@ -131,12 +110,12 @@ class CameraOptics(ABC):
         InputError
             When it has no opening, or a place receives no light.
         """
-        allowed = ", ".join(kinds_where(lambda kind: kind.opens))
+        allowed = ", ".join(camera_models.kinds_where(lambda kind: kind.opens))
         raise InputError(f"camera.kind: {self.camera.kind} has no pupil (allowed: {allowed})")
 
     def film_pupils(self) -> film_pupil.FilmPupils:
         """The opening that points of the film see."""
-        allowed = ", ".join(kinds_where(lambda kind: kind.opens))
+        allowed = ", ".join(camera_models.kinds_where(lambda kind: kind.opens))
         raise InputError(
             "camera.diffraction: the camera has no opening that diffracts"
             f" (allowed: off, or a camera with an f-number: {allowed})"
@@ -174,7 +153,7 @@ class CameraOptics(ABC):
 class _Pinhole(CameraOptics):
     """Perspective without a lens."""
 
-    camera: PinholeCamera
+    camera: camera_models.PinholeCamera
 
     @cached_property
     def _tangents(self) -> tuple[float, float]:
@@ -185,9 +164,9 @@ class _Pinhole(CameraOptics):
         record = model.camera_record(
             camera, self.scene.film, "pinhole", half_width=across, half_height=down, near_distance=camera.near_m
         )
-        moved = place_film(record, self.scene, self.scene.film.size_m()[0] * 500.0 / across)
+        moved = settings.place_film(record, self.scene, self.scene.film.size_m()[0] * 500.0 / across)
         metadata: CameraMetadata = {
-            **movements_metadata(camera),
+            **settings.movements_metadata(camera),
             "camera": "pinhole",
             "intrinsics": self.intrinsics(),
             "entrance_pupil": self.entrance_pupil().described(),
@@ -197,7 +176,7 @@ class _Pinhole(CameraOptics):
         )
 
     def chief_rays(self) -> CameraRays:
-        per_mm = self._tangents[0] / half_film_mm(self.scene)[0]
+        per_mm = self._tangents[0] / settings.half_film_mm(self.scene)[0]
         return PerspectiveRays(self.scene, 0.0, -per_mm, per_mm, 0.0)
 
     def entrance_pupil(self) -> EntrancePupil:
@@ -216,7 +195,7 @@ class _Pinhole(CameraOptics):
 class _Orthographic(CameraOptics):
     """A parallel view."""
 
-    camera: OrthographicCamera
+    camera: camera_models.OrthographicCamera
 
     def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> model.CameraModel:
         camera, (width, height) = self.camera, self.scene.film.size_m()
@@ -231,13 +210,15 @@ class _Orthographic(CameraOptics):
         )
 
     def chief_rays(self) -> CameraRays:
-        return PerspectiveRays(self.scene, -self.camera.width_m / 2 / half_film_mm(self.scene)[0], 0.0, 0.0, 0.0)
+        return PerspectiveRays(
+            self.scene, -self.camera.width_m / 2 / settings.half_film_mm(self.scene)[0], 0.0, 0.0, 0.0
+        )
 
 
 class _Environment(CameraOptics):
     """The whole sphere in longitude and latitude."""
 
-    camera: EnvironmentCamera
+    camera: camera_models.EnvironmentCamera
 
     def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> model.CameraModel:
         record = model.camera_record(self.camera, self.scene.film, "environment")
@@ -247,7 +228,7 @@ class _Environment(CameraOptics):
         return SphereRays(self.scene)
 
     def intrinsics(self) -> Intrinsics:
-        allowed = ", ".join(kinds_where(lambda kind: not kind.sees_all_around))
+        allowed = ", ".join(camera_models.kinds_where(lambda kind: not kind.sees_all_around))
         raise InputError(
             f"camera.kind: an environment camera sees all around, so it has no intrinsics (allowed: {allowed})"
         )
@@ -260,7 +241,7 @@ class _Environment(CameraOptics):
 class _ThinLens(CameraOptics):
     """An ideal lens of no thickness with one plane of focus; its film is lit evenly, as on the axis."""
 
-    camera: ThinLensCamera
+    camera: camera_models.ThinLensCamera
 
     @cached_property
     def _optics(self) -> tuple[float, float, float]:
@@ -303,9 +284,9 @@ class _ThinLens(CameraOptics):
         tables, facts = ideal.aperture_tables(scene, camera.aperture)
         shape = ideal.stop_shape(scene, camera.aperture)
         on_axis = model.opening_irradiance(shape, radius, self._film_m) if radius else None
-        facts |= place_film(record, scene, self._film_m * 1e3)
+        facts |= settings.place_film(record, scene, self._film_m * 1e3)
         metadata: CameraMetadata = {
-            **movements_metadata(camera),
+            **settings.movements_metadata(camera),
             "camera": "thin_lens",
             "focal_length_mm": self.focal_length_mm(),
             "f_number": self._own_f_number,
@@ -330,7 +311,7 @@ class _ThinLens(CameraOptics):
         )
 
     def chief_rays(self) -> CameraRays:
-        per_mm = self._optics[0] / half_film_mm(self.scene)[0]
+        per_mm = self._optics[0] / settings.half_film_mm(self.scene)[0]
         return PerspectiveRays(self.scene, 0.0, -per_mm, per_mm, 0.0)
 
     def pupil_rays(self, places: Array) -> film_pupil.PupilRays:
@@ -373,11 +354,11 @@ class _ThinLens(CameraOptics):
 class _LensOfSurfaces(CameraOptics):
     """What both cameras with a lens of surfaces have."""
 
-    camera: ThickLensCamera | RealisticCamera
+    camera: camera_models.ThickLensCamera | camera_models.RealisticCamera
 
     @cached_property
     def _in_use(self) -> LensSetting:
-        return self._given or lens_setting(self.scene)
+        return self._given or settings.lens_setting(self.scene)
 
     @property
     def setting(self) -> LensSetting:
@@ -398,12 +379,12 @@ class _LensOfSurfaces(CameraOptics):
     def f_number(self) -> float | None:
         if self.camera.f_number is not None:
             return self.camera.f_number
-        f_number = design_to_focus(self.scene, self.camera).first_order(self.camera.wavelength_nm).f_number
+        f_number = settings.design_to_focus(self.scene, self.camera).first_order(self.camera.wavelength_nm).f_number
         return f_number if math.isfinite(f_number) else None
 
     def f_numbers(self) -> tuple[float, float]:
         wide_open = self.camera.model_copy(update={"f_number": None, "stop_diameter_mm": None})
-        lens = design_to_focus(self.scene, wide_open)
+        lens = settings.design_to_focus(self.scene, wide_open)
         widest = lens.first_order(self.camera.wavelength_nm).f_number
         if not math.isfinite(widest):
             return F_NUMBERS
@@ -429,11 +410,11 @@ class _LensOfSurfaces(CameraOptics):
 class _ThickLens(_LensOfSurfaces):
     """What the cardinal points and the pupils of a lens say, and nothing of its aberrations and rims."""
 
-    camera: ThickLensCamera
+    camera: camera_models.ThickLensCamera
 
     def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> model.CameraModel:
         scene, camera, setting, thick = self.scene, self.camera, self.setting, self._thick
-        first_vertex_m, half = self._first_vertex_m, half_film_mm(scene)
+        first_vertex_m, half = self._first_vertex_m, settings.half_film_mm(scene)
         passed = float(axial_transmittance(setting.lens, camera.wavelength_nm, setting.transmission))
         on_axis = setting.gain * passed * thick.axial_cone
         width_m, height_m = scene.film.size_m()
@@ -446,14 +427,14 @@ class _ThickLens(_LensOfSurfaces):
             height_per_film=thick.height[0], height_per_pupil=thick.height[1],
             slope_per_film=thick.slope[0], slope_per_pupil=thick.slope[1],
         )  # fmt: skip
-        check_film(setting.lens, setting.film_distance_mm, scene)
-        moved = place_film(record, scene)
+        settings.check_film(setting.lens, setting.film_distance_mm, scene)
+        moved = settings.place_film(record, scene)
         metadata: CameraMetadata = {
             "camera": "thick_lens",
             **setting.metadata,
             "on_axis_irradiance": on_axis,
             "intrinsics": self.intrinsics(),
-            **movements_metadata(camera),
+            **settings.movements_metadata(camera),
             "entrance_pupil": self.entrance_pupil().described(),
         }
         if setting.transmission:
@@ -503,7 +484,7 @@ class _ThickLens(_LensOfSurfaces):
 class _TracedLens(_LensOfSurfaces):
     """A real lens: every ray is traced through every surface, or by polynomials fitted to such rays."""
 
-    camera: RealisticCamera
+    camera: camera_models.RealisticCamera
 
     def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> model.CameraModel:
         return realistic_model(self.scene, self.setting, windows, lens_colour=lens_colour, coarse=coarse)
@@ -551,7 +532,7 @@ def camera_of(scene: Scene, setting: LensSetting | None = None) -> CameraOptics:
     InputError
         When the focus is yet to be found.
     """
-    scene = scene if setting is not None else at_opening(on_film(scene))
+    scene = scene if setting is not None else at_opening(settings.on_film(scene))
     if scene.camera.kind not in _KINDS:
         raise scene.camera.lacks("its optics (_KINDS in rptcam_cl/rendering/cameras/kinds.py)")
     return _KINDS[scene.camera.kind](scene, setting)

@@ -7,20 +7,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core import records as layout
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import (
-    DISPERSION_NM,
-    DISPERSION_SCALE,
-    DISPERSION_SHIFT,
-    DISPERSION_TERMS,
-    EVEN_TERMS,
-    ODD_TERMS,
-    SURFACE,
-    RegionKind,
-    StopKind,
-    SurfaceKind,
-)
+from rptcam_cl.core.records import SURFACE, RegionKind, StopKind, SurfaceKind
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.as_built import Copies
 from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame
@@ -61,13 +51,13 @@ def disperses(lens: Lens) -> bool:
 
 def usable_nm(lens: Lens, transmission: LensTransmission = IDEAL) -> tuple[float, float]:
     """Return the wavelengths of `DISPERSION_NM` that every glass of a lens, and what it loses, is known for [nm]."""
-    ranges = (lens.known_nm, known_nm(lens, transmission), DISPERSION_NM)
+    ranges = (lens.known_nm, known_nm(lens, transmission), layout.DISPERSION_NM)
     return max(low for low, _ in ranges), min(high for _, high in ranges)
 
 
 def fitted(ratio_at: ArrayLike, wavelengths_nm: Array, terms: int) -> tuple[Array, float]:
     """Return ``terms`` coefficients of a polynomial in x = scale / wavelength - shift, and its largest error."""
-    x = DISPERSION_SCALE / wavelengths_nm - DISPERSION_SHIFT
+    x = layout.DISPERSION_SCALE / wavelengths_nm - layout.DISPERSION_SHIFT
     values = np.asarray(ratio_at, dtype=np.float64)
     curve = np.polynomial.Polynomial.fit(x, values, terms - 1).convert()
     coefficients = np.zeros(terms)
@@ -86,7 +76,7 @@ def fit_nodes(low_nm: float, high_nm: float) -> Array:
 def fewest_terms(ratios: Array, wavelengths_nm: Array, enough: float = ENOUGH) -> list[Array]:
     """Return the coefficients of polynomials through values (n, wavelengths): as few as give all to an error."""
     fits: list[tuple[Array, float]] = []
-    for terms in range(1, DISPERSION_TERMS + 1):
+    for terms in range(1, layout.DISPERSION_TERMS + 1):
         fits = [fitted(ratio, wavelengths_nm, terms) for ratio in ratios]
         if all(error <= enough for _, error in fits):
             break
@@ -324,9 +314,9 @@ def _fill_shape(record: np.void, surface: Surface, sense: float, where: str) -> 
     surface.shape.fill(record, sense)
     for power, coefficient in surface.aspheric:
         name, place = ("odd", power // 2) if power % 2 else ("even", power // 2 - 1)
-        if place >= (ODD_TERMS if power % 2 else EVEN_TERMS):
+        if place >= (layout.ODD_TERMS if power % 2 else layout.EVEN_TERMS):
             raise InputError(
-                f"{where}: aspheric: power {power} is too high for a device (allowed up to {2 * EVEN_TERMS - 1})"
+                f"{where}: aspheric: power {power} is too high for a device (allowed up to {2 * layout.EVEN_TERMS - 1})"
             )
         record[name][place] += sense * coefficient
         record[f"{name}_terms"] = max(int(record[f"{name}_terms"]), place + 1)

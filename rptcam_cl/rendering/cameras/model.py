@@ -21,15 +21,9 @@ from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame
 from rptcam_cl.optics.lens import FirstOrder, Lens
 from rptcam_cl.optics.ray_trace import passed_rays
 from rptcam_cl.optics.surface import StopMask, StopShape
+from rptcam_cl.rendering.cameras import setting as settings
 from rptcam_cl.rendering.cameras.pupil import content_of
-from rptcam_cl.rendering.cameras.setting import (
-    CameraMetadata,
-    EntrancePupil,
-    Intrinsics,
-    LensSetting,
-    film_frame,
-    half_film_mm,
-)
+from rptcam_cl.rendering.cameras.setting import CameraMetadata, EntrancePupil, Intrinsics, LensSetting, half_film_mm
 from rptcam_cl.scene.base import FLOAT32_MAX, FLOAT32_MIN_NORMAL
 from rptcam_cl.scene.camera import CameraKind, pose_matrix
 from rptcam_cl.scene.exposure import Exposure, Shutter
@@ -82,7 +76,7 @@ class Blur:
 
 def film_depths(scene: Scene) -> Array:
     """Return how far behind the film distance nodes of the film lie (rows, columns) [mm]; one node where all agree."""
-    frame = film_frame(scene.camera)
+    frame = settings.film_frame(scene.camera)
     if frame.is_flat:
         return np.zeros((1, 1))
     return frame.depth(frame.grid(half_film_mm(scene), _FINE_NODES))
@@ -440,7 +434,7 @@ def intrinsics(
     width, height = scene.film.resolution
     sign = 1.0 if scene.camera.flip else -1.0
     focal = sign * per_tangent[0] * width, sign * per_tangent[1] * height
-    frame = film_frame(scene.camera)
+    frame = settings.film_frame(scene.camera)
     if frame.is_flat:
         per_mm = [sign * pixels / (2 * half) for pixels, half in zip((width, height), half_film_mm(scene), strict=True)]
         cx, cy = width / 2 + frame.centre[0] * per_mm[0], height / 2 - frame.centre[1] * per_mm[1]
@@ -450,7 +444,7 @@ def intrinsics(
 
 def _homography(scene: Scene, per_tangent: tuple[float, float], lever: float) -> list[list[float]]:
     """Return the 3x3 matrix by rows from tangents in the scene to columns and rows of a film that is turned."""
-    frame, half = film_frame(scene.camera), np.array(half_film_mm(scene))
+    frame, half = settings.film_frame(scene.camera), np.array(half_film_mm(scene))
     distance = 2 * half[0] * per_tangent[0]  # of an equivalent pinhole, turned with the film
     # a point of the film, in sides of the picture from its centre, lies at centre - x across - y up behind the pinhole
     sides = [-np.array(side) * length for side, length in zip((frame.across, frame.up), half, strict=True)]

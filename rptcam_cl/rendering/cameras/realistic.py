@@ -21,38 +21,19 @@ from rptcam_cl.optics.lens import Lens, zoom_range_mm
 from rptcam_cl.optics.pupils import PupilShapes, StoppedPupils, shared_shapes, stopped_pupils
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance, is_tinted
 from rptcam_cl.rendering.cameras import model
+from rptcam_cl.rendering.cameras import pupil as pupil_grid
+from rptcam_cl.rendering.cameras import setting as settings
 from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_intrinsics, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import colour_error_px, disperses, usable_nm
-from rptcam_cl.rendering.cameras.pupil import (
-    CELLS,
-    EDGE_SPREAD,
-    PROBES,
-    SPREAD,
-    PupilGrid,
-    PupilSampling,
-    by_content,
-    content_of,
-    loses_light,
-    on_disk,
-    pupil_sampling,
-    tight_sampling,
-    without_shape,
-)
+from rptcam_cl.rendering.cameras.pupil import PupilGrid, PupilSampling, by_content, on_disk, pupil_sampling
 from rptcam_cl.rendering.cameras.ray_map import LensRays, allowed_px, fitted_rays, traced_rays
 from rptcam_cl.rendering.cameras.setting import (
-    DESIGN,
     CameraMetadata,
     LensSetting,
     Method,
-    check_film,
-    design_to_focus,
-    entrance_pupil,
-    film_frame,
     focused,
     half_film_mm,
     movements_metadata,
-    place_film,
-    place_fold,
 )
 from rptcam_cl.scene.camera import LensCamera
 from rptcam_cl.scene.film import LensColour
@@ -102,12 +83,12 @@ def _pupil_in_windows(
 
     Of a film that is moved, `half_film_mm` are half the sides of what it takes about the axis.
     """
-    lens = without_shape(lens)
-    half, size = np.array(half_film_mm), 2 * np.array(half_film_mm) / CELLS
+    lens = pupil_grid.without_shape(lens)
+    half, size = np.array(half_film_mm), 2 * np.array(half_film_mm) / pupil_grid.CELLS
     tiles = np.concatenate([_tiles(np.clip(np.array(window).reshape(2, 2).T, -half, half), size) for window in windows])
     corners, at = np.unique(_corners_of(tiles), axis=0, return_inverse=True)
     probes = narrowing_probes(lens, film_distance_mm, wavelength_nm, frame)
-    boxes, lit = pupil_boxes(probes, corners, PROBES)
+    boxes, lit = pupil_boxes(probes, corners, pupil_grid.PROBES)
     if not lit.any():
         raise InputError(f"{lens.name}: no light reaches the zones {film_distance_mm:g} mm behind the lens")
     low, high = np.full((FINE, FINE, 2), np.inf), np.full((FINE, FINE, 2), -np.inf)
@@ -151,7 +132,7 @@ def _between(
     at = across[0] + v[:, None, None] * (across[1] - across[0])
     at = np.stack([at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]])
     low, high = at[..., ::2].min(axis=0), at[..., 1::2].max(axis=0)
-    spread = SPREAD * (high - low) + BENT * (boxes[:, ::2].max(axis=0) - boxes[:, ::2].min(axis=0))
+    spread = pupil_grid.SPREAD * (high - low) + BENT * (boxes[:, ::2].max(axis=0) - boxes[:, ::2].min(axis=0))
     return np.concatenate([low - spread, high - low + 2 * spread], axis=-1)
 
 
@@ -176,7 +157,7 @@ def _around(boxes: NDArray[np.float64], lit: NDArray[np.bool_]) -> NDArray[np.fl
     if not lit.any():
         return np.zeros(4)
     low, high = boxes[lit][:, ::2].min(axis=0), boxes[lit][:, 1::2].max(axis=0)
-    spread = (SPREAD if lit.all() else EDGE_SPREAD) * (high - low)
+    spread = (pupil_grid.SPREAD if lit.all() else pupil_grid.EDGE_SPREAD) * (high - low)
     return np.concatenate([low - spread, high - low + 2 * spread])
 
 
@@ -221,13 +202,15 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
     distance.
     """
     camera, distance_mm, film_distance_mm = setting.camera, setting.focus_distance_mm, setting.film_distance_mm
-    frame = film_frame(camera)
-    own = distance_mm is None or camera.focus.field is not None or setting.real != DESIGN
+    frame = settings.film_frame(camera)
+    own = distance_mm is None or camera.focus.field is not None or setting.real != settings.DESIGN
     if own or not setting.lens.is_rotational or setting.lens.has_mirrors or not frame.is_flat:
         return None
     assert distance_mm is not None
     opened = [{"f_number": None, "stop_diameter_mm": None} | at for at in _zooms(scene, camera)]
-    wide_open = [without_shape(design_to_focus(scene, camera.model_copy(update=keys))) for keys in opened]
+    wide_open = [
+        pupil_grid.without_shape(settings.design_to_focus(scene, camera.model_copy(update=keys))) for keys in opened
+    ]
     lenses = _stop_down(wide_open, setting.lens)
     length_mm = abs(wide_open[0].first_order(camera.wavelength_nm).focal_length_mm)
     if not (math.isfinite(length_mm) and distance_mm > 0):
@@ -303,7 +286,7 @@ class _Cell:
 
     def key(self) -> Hashable:
         """Return all that follows from it."""
-        states = tuple((content_of(lens), distance) for lens, distance in self.states)
+        states = tuple((pupil_grid.content_of(lens), distance) for lens, distance in self.states)
         return states, self.method, self.radius_mm, self.focused_nm, self.wavelength_nm
 
     def focused(self) -> list[tuple[Lens, float]]:
@@ -333,7 +316,7 @@ def _of_pupils(pupils: StoppedPupils, film_distance_mm: float, semi_diameter_mm:
 
 
 def _of_shapes(shapes: PupilShapes) -> PupilSampling:
-    return replace(tight_sampling(shapes), tier="shared")
+    return replace(pupil_grid.tight_sampling(shapes), tier="shared")
 
 
 @remember(most=_FEW_REMEMBERED, by=lambda cell: cell.key(), disk=on_disk(pack=tuple, unpack=lambda *packed: packed))
@@ -388,7 +371,7 @@ def _loses_light(
     """Return whether rays of some state pass that lie well outside of the table."""
     half_film_mm = radius_mm / math.sqrt(2.0), radius_mm / math.sqrt(2.0)
     return any(
-        loses_light(
+        pupil_grid.loses_light(
             _move_pupil(shared, film_distance_mm), FilmProbe(state, film_distance_mm, wavelength_nm), half_film_mm
         )
         for state, film_distance_mm in states
@@ -421,7 +404,7 @@ def realistic_model(
     """
     camera, losses = scene.camera.traced_camera, setting.transmission
     assert camera is not None
-    check_film(setting.lens, setting.film_distance_mm, scene)
+    settings.check_film(setting.lens, setting.film_distance_mm, scene)
     lens, film_distance_mm = shaped(scene, setting).lens, setting.film_distance_mm
     dispersive, colour = _colour(scene, setting, lens_colour, coarse)
     low, high = usable_nm(lens, losses if dispersive else IDEAL)
@@ -439,7 +422,7 @@ def realistic_model(
     checkpoint()
     through = _rays_through(scene, setting, lens, (low, high) if dispersive else None)
     record = _record(scene, setting, lens, pupil, len(through.surfaces))
-    entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
+    entrance = None if windows else settings.entrance_pupil(scene, setting, drifts=not coarse)
     metadata: CameraMetadata = {
         "camera": "realistic", **through.metadata, **setting.metadata, "on_axis_irradiance": on_axis,
         **({"transmittance": on_axis / clear} if losses else {}), **pupil.metadata, **movements_metadata(camera),
@@ -449,7 +432,7 @@ def realistic_model(
         metadata["entrance_pupil"] = entrance.described()
     return model.CameraModel(
         through.kernel, record,
-        facts=through.facts | pupil.facts | place_film(record, scene) | place_fold(record, lens),
+        facts=through.facts | pupil.facts | settings.place_film(record, scene) | settings.place_fold(record, lens),
         tables=np.concatenate([pupil.table, through.table]), surfaces=through.surfaces, stop=through.stop,
         has_lens=True, metadata=metadata, view=_view(scene, setting), on_axis_irradiance=on_axis,
         passed=on_axis / clear, axial_weight=on_axis, usable_nm=(low, high),
@@ -517,7 +500,7 @@ def _pupil(
     """Return how rays aim at the pupil that all wavelengths see, from the whole film or from windows of it."""
     camera, half, film_distance_mm = scene.camera.traced_camera, half_film_mm(scene), setting.film_distance_mm
     assert camera is not None
-    frame = film_frame(camera)
+    frame = settings.film_frame(camera)
     if windows:
         return _pupil_near_windows(lens, film_distance_mm, frame.bounds(half), camera.wavelength_nm, windows, frame)
     tier = "auto" if camera.pupil == "shared" else camera.pupil
@@ -564,7 +547,7 @@ def _glanced_axis(
     Over that of another wavelength, which ``near`` gives without losses, it is right within a thousandth.
     """
     soon = _axial if near is None else partial(axial_irradiance, near=near())
-    clear = axis_irradiance(without_shape(lens), film_distance_mm, wavelength_nm, soon=soon)
+    clear = axis_irradiance(pupil_grid.without_shape(lens), film_distance_mm, wavelength_nm, soon=soon)
     return clear * float(axial_transmittance(lens, np.array([wavelength_nm]), losses)[0]) if losses else clear
 
 
@@ -592,7 +575,7 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour, coarse: bool
         return True, {}
     error_px, sampling_px = _colour_error(
         setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm,
-        film_frame(scene.camera), SHOWS_PX,
+        settings.film_frame(scene.camera), SHOWS_PX,
     )  # fmt: skip
     tint = lens_tint(scene, setting)
     shows = error_px > SHOWS_PX or tint > _SHOWS_TINT
@@ -673,6 +656,6 @@ def _view(scene: Scene, setting: LensSetting) -> model.CameraView:
             half_film_mm(scene),
             (columns / size_mm[0], rows / size_mm[1]),
             wavelength_nm,
-            film_frame(scene.camera),
+            settings.film_frame(scene.camera),
         ),
     )

@@ -17,23 +17,14 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import LOSS_TABLE_LENGTH, LOSS_TABLE_NM
 from rptcam_cl.core.remember import remember
+from rptcam_cl.optics import lens as lenses
 from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.optics.beams import ChiefRays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.files.glasses import coating_of
 from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.glass import BARE, Coating, Interface, Layer, LayerStack, Medium, QuarterWave, attenuation
-from rptcam_cl.optics.lens import (
-    Lens,
-    at_position,
-    film_behind,
-    film_distance,
-    float_groups,
-    focused_by_group,
-    move_group,
-    object_distance,
-    travel_mm,
-)
+from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.ray_trace import LensTransmission, axis_points, has_coatings, known_nm, with_coating
 from rptcam_cl.rendering.cameras.pupil import SamplingMetadata, by_content, on_disk, without_shape
 from rptcam_cl.scene.camera import NO_MOVEMENTS, NOT_FOUND_YET, CameraKind, LensCamera, pose_matrix
@@ -503,11 +494,11 @@ def focused(
 def _float_groups_for(lens: Lens, distance_mm: float, measured_from: Side, wavelength_nm: float) -> Lens:
     """Return the lens with its floating groups set for an object plane."""
     if measured_from == "film":
-        return float_groups(lens, distance_mm)
+        return lenses.float_groups(lens, distance_mm)
     state = lens
     for _ in range(ROUNDS):  # the state decides how far the film is, which decides the state
         film = film_distance(state, distance_mm, "front", wavelength_nm)
-        new = float_groups(lens, distance_mm + state.length + film)
+        new = lenses.float_groups(lens, distance_mm + state.length + film)
         if abs(new.length - state.length) <= CONVERGED * lens.length:
             return new
         state = new
@@ -541,7 +532,7 @@ def _by_group(
     """
     offset = before = error_before = 0.0
     for _ in range(ROUNDS):
-        state, image = focused_by_group(lens, distance_mm - offset, film_distance_mm - offset, wavelength_nm)
+        state, image = lenses.focused_by_group(lens, distance_mm - offset, film_distance_mm - offset, wavelength_nm)
         if method == "thick":
             return state, image
         front = distance_mm - offset - state.length - state.sense * image
@@ -761,7 +752,7 @@ def film_for_infinity(scene: Scene, camera: LensCamera) -> float:
 def design_to_focus(scene: Scene, camera: LensCamera) -> Lens:
     """Return the design of the lens at its focal length and working aperture."""
     lens = _as_coated(scene.load_lens(), camera)
-    lens = at_position(lens, camera.zoom, camera.focal_length_mm, camera.wavelength_nm)
+    lens = lenses.at_position(lens, camera.zoom, camera.focal_length_mm, camera.wavelength_nm)
     if camera.f_number is not None:
         return lens.with_stop_diameter(lens.stop_diameter_for(camera.f_number, camera.wavelength_nm))
     if camera.stop_diameter_mm is not None:
@@ -772,20 +763,23 @@ def design_to_focus(scene: Scene, camera: LensCamera) -> Lens:
 def _at_shift(lens: Lens, shift_mm: float, camera: LensCamera, real: RealState) -> LensSetting:
     if not lens.focuses_by_group:
         raise InputError(f"camera.focus.group_shift_mm: {lens.name}: has no focusing group (allowed: film_distance_mm)")
-    low, high = travel_mm(lens)
+    low, high = lenses.travel_mm(lens)
     if not low <= shift_mm <= high:
         raise InputError(
             f"camera.focus.group_shift_mm: beyond the travel of the group (got {shift_mm:g};"
             f" allowed: {low:g} to {high:g})"
         )
     infinity_mm = real.film(film_distance(lens, np.inf, wavelength_nm=camera.wavelength_nm))
-    state, film_distance_mm = move_group(real.lens(lens), shift_mm), film_behind(lens, shift_mm, infinity_mm)
+    state, film_distance_mm = (
+        lenses.move_group(real.lens(lens), shift_mm),
+        lenses.film_behind(lens, shift_mm, infinity_mm),
+    )
     return LensSetting(state, film_distance_mm, _sharp_at(state, film_distance_mm, camera), camera, real)
 
 
 def _sharp_at(lens: Lens, film_distance_mm: float, camera: LensCamera) -> float | None:
     try:
-        return object_distance(lens, film_distance_mm, camera.wavelength_nm)
+        return lenses.object_distance(lens, film_distance_mm, camera.wavelength_nm)
     except InputError:  # the film lies where no object images: legal, just never sharp
         return None
 

@@ -13,45 +13,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core import records as layout
 from rptcam_cl.core.colour import LUMINANCE, luminance
 from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import (
-    EMITTER,
-    EMITTER_FACTS,
-    FAR_EMITTERS,
-    TINY_ANGLE,
-    EmitterKind,
-    EnvironmentKind,
-    Hidden,
-    Kind,
-    TexelFormat,
-    curves,
-    fill,
-)
+from rptcam_cl.core.records import EMITTER, EmitterKind, EnvironmentKind, Hidden, Kind, fill
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp
+from rptcam_cl.rendering.plan import primitives as solids
 from rptcam_cl.rendering.plan.environment import SUN_RADIUS_DEGREES, Surroundings
-from rptcam_cl.rendering.plan.primitives import (
-    Primitive,
-    Primitives,
-    corners_of_box,
-    sphere_of,
-    turn_to,
-    world_from_scene,
-)
+from rptcam_cl.rendering.plan.primitives import Primitive, Primitives
 from rptcam_cl.rendering.plan.textures import Colours, KnownSpectra, TextureTable
+from rptcam_cl.scene import lights as models
 from rptcam_cl.scene.assets.mesh import Mesh
-from rptcam_cl.scene.lights import (
-    DirectionalLight,
-    Environment,
-    Light,
-    Luminaire,
-    PointLight,
-    ProfileLight,
-    SpotLight,
-    SunLight,
-    read_luminaire,
-)
 from rptcam_cl.scene.materials import Emissive, Material, Principled, has_holes
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, cross
 from rptcam_cl.scene.scene import Scene
@@ -63,25 +36,25 @@ _PROFILE_CELLS = (360, 720)  # directions of a luminaire, along and about its ax
 
 
 def light_emitter(
-    light: Light, scene: Scene, textures: TextureTable, spectra: KnownSpectra, reach: float
+    light: models.Light, scene: Scene, textures: TextureTable, spectra: KnownSpectra, reach: float
 ) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of a light; ``reach`` is the radius of the scene [m]."""
     record = _without_surface()
     colour: Colour
     match light:
-        case PointLight():
+        case models.PointLight():
             colour = light.intensity
             fill(record, kind=EmitterKind.POINT, radiance=colour)
             power = 4 * np.pi * luminance(colour)
-        case SpotLight():
+        case models.SpotLight():
             colour, power = light.intensity, _spot(record, light)
-        case ProfileLight():
+        case models.ProfileLight():
             colour, power = light.color, _profile(record, light, scene, textures)
-        case DirectionalLight():
+        case models.DirectionalLight():
             colour = light.irradiance
             fill(record, kind=EmitterKind.DIRECTIONAL, radiance=colour)
             power = np.pi * reach**2 * luminance(colour)
-        case SunLight():
+        case models.SunLight():
             colour = light.irradiance
             power = _fill_sun(record, colour, light.diameter_degrees / 2) * np.pi * reach**2
             record["hidden"] = hidden_from_camera(light, scene)
@@ -89,14 +62,14 @@ def light_emitter(
     largest = int(np.argmax(colour))
     gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
     record["radiance"][3] = spectra.number(colour, light=True, gain=gain)
-    if isinstance(light, DirectionalLight | SunLight):
+    if isinstance(light, models.DirectionalLight | models.SunLight):
         record["normal"][:3] = -_unit(light.direction)
     else:
-        record["a"][:3] = (world_from_scene(scene) @ (*light.position, 1.0))[:3]
+        record["a"][:3] = (solids.world_from_scene(scene) @ (*light.position, 1.0))[:3]
     return record, power
 
 
-def hidden_from_camera(part: SunLight | Environment, scene: Scene) -> int:
+def hidden_from_camera(part: models.SunLight | models.Environment, scene: Scene) -> int:
     """Return the record's flag of what is far away: `Hidden.FROM_CAMERA` or 0."""
     return 0 if part.visible.camera and not scene.film.transparent else int(Hidden.FROM_CAMERA)
 
@@ -117,7 +90,7 @@ def _unit(direction: tuple[float, float, float]) -> NDArray[np.float64]:
     return np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
 
 
-def _spot(record: np.void, light: SpotLight) -> float:
+def _spot(record: np.void, light: models.SpotLight) -> float:
     """Fill in a cone; return its power: a step that is smooth in the cosine is half full on average."""
     outer, inner = (2 * np.sin(np.deg2rad(angle) / 2) ** 2 for angle in (light.outer_degrees, light.inner))
     fill(record, kind=EmitterKind.SPOT, radiance=light.intensity, normal=_unit(light.direction))
@@ -125,17 +98,17 @@ def _spot(record: np.void, light: SpotLight) -> float:
     return float(np.pi * (outer + inner) * luminance(light.intensity))
 
 
-def _profile(record: np.void, light: ProfileLight, scene: Scene, textures: TextureTable) -> float:
+def _profile(record: np.void, light: models.ProfileLight, scene: Scene, textures: TextureTable) -> float:
     """Fill in a measured luminaire; return its power."""
     try:
-        luminaire = read_luminaire(scene.content_of(light))
+        luminaire = models.read_luminaire(scene.content_of(light))
     except InputError as problem:
         raise InputError(f"{light.place}{problem}") from None
     intensity, mean = _directions(luminaire)
     texels = np.repeat(intensity.astype(np.float32)[::-1, :, None], 3, axis=2)
-    colours = Colours.of(texels, TexelFormat.HALF, f"luminaire {scene.digest_of(light)}")
+    colours = Colours.of(texels, layout.TexelFormat.HALF, f"luminaire {scene.digest_of(light)}")
     colour = np.array(light.color) * (light.gain / max(float(luminance(light.color)), 1e-30))
-    turn = turn_to(-_unit(light.direction))
+    turn = solids.turn_to(-_unit(light.direction))
     angle = np.deg2rad(light.rotation_degrees)
     fill(
         record,
@@ -149,7 +122,7 @@ def _profile(record: np.void, light: ProfileLight, scene: Scene, textures: Textu
     return float(4 * np.pi * mean * LUMINANCE @ colour)
 
 
-def _directions(luminaire: Luminaire) -> tuple[NDArray[np.float64], float]:
+def _directions(luminaire: models.Luminaire) -> tuple[NDArray[np.float64], float]:
     """Return the intensity [W/sr] at the middles of cells of vertical and horizontal angle, and its mean."""
     rows, columns = _PROFILE_CELLS
     vertical = (np.arange(rows) + 0.5) * 180 / rows
@@ -494,7 +467,7 @@ class Emitters:
             "TINY_LAMPS": int(self.tiny),
             "HIDDEN_SUNS": int(np.any((self.records["kind"] == EmitterKind.SUN) & (self.records["hidden"] > 0))),
             "EMITTER_TEXTURES": int(painted[: self.count].any()),
-            **{fact: int(bool(self.kinds & kinds)) for fact, kinds in EMITTER_FACTS.items()},
+            **{fact: int(bool(self.kinds & kinds)) for fact, kinds in layout.EMITTER_FACTS.items()},
         }
 
 
@@ -512,7 +485,7 @@ def _flat(primitive: Primitive, record: np.void) -> float:
 
 def _sphere(primitive: Primitive, record: np.void) -> float:
     """Fill in a sphere; return its area."""
-    center, radius = sphere_of(primitive.placement)
+    center, radius = solids.sphere_of(primitive.placement)
     axes = primitive.placement[:3, :3] / radius
     handedness = np.sign(np.linalg.det(axes))
     fill(record, kind=EmitterKind.SPHERE, a=(*center, radius), u=axes[:, 0], v=axes[:, 2], uv=(0, 0, handedness))
@@ -591,7 +564,7 @@ def _scene_reach(primitives: Primitives, eye: NDArray[np.float64]) -> float:
     boxes = np.array([mesh.bounds() for mesh in meshes])
     for _, numbers, placements in placed.places.blocks():
         low, high = boxes[mesh_of[numbers]].transpose(1, 0, 2)[:, :, None]
-        corners = corners_of_box(low, high, placements)
+        corners = solids.corners_of_box(low, high, placements)
         reach = max(reach, float(np.linalg.norm(corners - eye, axis=-1).max()))
     return reach or 1.0
 
@@ -604,7 +577,7 @@ def _has_tiny(records: NDArray[np.void], primitives: Primitives, eye: NDArray[np
     extents = pieces["a"][:, 3].astype(np.float64)
     sizes = np.where(pieces["kind"] >= EmitterKind.BOX, extents, np.sqrt(extents))
     ends = (pieces["kind"] != EmitterKind.SPHERE) & (pieces["two_sided"] == 0)
-    return bool((sizes[ends] < TINY_ANGLE * 2 * _scene_reach(primitives, eye)).any())
+    return bool((sizes[ends] < layout.TINY_ANGLE * 2 * _scene_reach(primitives, eye)).any())
 
 
 def pack_emitters(
@@ -653,11 +626,11 @@ def pack_emitters(
     records, powers, group = _join_lamps(chosen, [each for _, _, each in lights], groups)
     count, curve, tree = len(powers), np.zeros((1, 2), np.float32), None
     if count:
-        curve, chance = curves(powers[None])
+        curve, chance = layout.curves(powers[None])
         records["pick"] = chance[0]
         if (lamps := _lamps_of_tree(records, powers, primitives, of_primitive, eye, held)) is not None:
             # `of_primitive` stays: surfaces stand first
-            order = np.argsort(np.isin(records["kind"], list(FAR_EMITTERS)), kind="stable")
+            order = np.argsort(np.isin(records["kind"], list(layout.FAR_EMITTERS)), kind="stable")
             records, powers, group = records[order], powers[order], group[order]
             tree = _with_tree(records, powers, lamps, reach, surroundings)
         suns = int((records["kind"] == EmitterKind.SUN).sum())
@@ -695,7 +668,7 @@ def _lamps_of_tree(
     held: Mapping[str, int] | None,
 ) -> Lamps | None:
     """Return the lamps that a tree is to be made of; None where they are picked by their power."""
-    near = ~np.isin(records["kind"], list(FAR_EMITTERS))
+    near = ~np.isin(records["kind"], list(layout.FAR_EMITTERS))
     if not near.sum() > (held is None):
         return None
     lamps = lamps_of(records[near], powers[near])
@@ -838,7 +811,7 @@ def _outline(primitive: Primitive, eye: Array, *, two_sided: bool) -> tuple[Arra
         axes = linear[:, :2].T / 2
         return origin + axes.sum(axis=0), axes, False
     if primitive.kind is Kind.SPHERE:
-        centre, radius = sphere_of(primitive.placement)
+        centre, radius = solids.sphere_of(primitive.placement)
         across, distance = _across(centre), float(np.linalg.norm(centre))
         share = 1 - (radius / distance) ** 2 if distance > radius else 0.0  # within it, nothing is left
         return centre, across * (radius / np.sqrt(max(share, 0.1))), True
@@ -861,7 +834,7 @@ def _across(towards: Array) -> Array:
 def _hull(primitive: Primitive, eye: Array) -> Array:
     """Return points (n, 3) whose hull holds a primitive, about the eye."""
     if primitive.mesh is not None:
-        return corners_of_box(*primitive.mesh.bounds(), primitive.placement) - eye
+        return solids.corners_of_box(*primitive.mesh.bounds(), primitive.placement) - eye
     angle = 2 * np.pi * np.arange(_OUTLINE_STEPS) / _OUTLINE_STEPS
     ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(_OUTLINE_STEPS)], axis=1)
     match primitive.kind:

@@ -7,16 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core import LUMENS_PER_WATT
-from rptcam_cl.core.colour import (
-    LUMINANCE,
-    WAVELENGTHS_NM,
-    Spectrum,
-    blackbody,
-    luminance,
-    srgb_from_spectrum,
-    srgb_from_xyz,
-)
+from rptcam_cl.core import LUMENS_PER_WATT, colour
+from rptcam_cl.core.colour import Spectrum, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import ENVIRONMENT, EnvironmentKind, TexelFormat, curves, fill
 from rptcam_cl.rendering.plan.textures import PICTURES, Colours, KnownSpectra, TextureTable, linear_codes, unpack_texels
@@ -110,21 +102,23 @@ def _sky_radiance(cosine: Array, towards: Array, zenith_angle: float, turbidity:
         values[name] = zenith[name] * value / at_zenith
     luminance, x, y = np.maximum(values["Y"], 0.0), values["x"], values["y"]
     xyz = np.stack([luminance * x / y, luminance, luminance * (1 - x - y) / y], axis=-1)
-    return np.asarray(np.maximum(xyz @ srgb_from_xyz().T, 0.0) / LUMENS_PER_WATT)
+    return np.asarray(np.maximum(xyz @ colour.srgb_from_xyz().T, 0.0) / LUMENS_PER_WATT)
 
 
 def sun_irradiance(zenith_angle: float, turbidity: float) -> Array:
     """Return the irradiance of the sun's direct light on a surface that faces it [W/m²], linear sRGB."""
-    return np.maximum(srgb_from_spectrum(_sun_spectrum(zenith_angle, turbidity)), 0.0)
+    return np.maximum(colour.srgb_from_spectrum(_sun_spectrum(zenith_angle, turbidity)), 0.0)
 
 
 def _sun_spectrum(zenith_angle: float, turbidity: float) -> Spectrum:
     """Return the same per wavelength [W/(m² nm)], (401,)."""
-    spectrum = np.pi * np.sin(np.deg2rad(SUN_RADIUS_DEGREES)) ** 2 * blackbody(_SUN_KELVIN)
-    microns, degrees = WAVELENGTHS_NM * 1e-3, np.rad2deg(zenith_angle)
+    spectrum = np.pi * np.sin(np.deg2rad(SUN_RADIUS_DEGREES)) ** 2 * colour.blackbody(_SUN_KELVIN)
+    microns, degrees = colour.WAVELENGTHS_NM * 1e-3, np.rad2deg(zenith_angle)
     mass = 1 / (np.cos(zenith_angle) + 0.15 * (93.885 - degrees) ** -1.253)
     depth = 0.008735 * microns**-4.08 + (0.04608 * turbidity - 0.04586) * microns**-1.3
-    depth += np.interp(WAVELENGTHS_NM, 450 + 10 * np.arange(len(_OZONE)), _OZONE, left=0.0, right=0.0) * _OZONE_CM
+    depth += (
+        np.interp(colour.WAVELENGTHS_NM, 450 + 10 * np.arange(len(_OZONE)), _OZONE, left=0.0, right=0.0) * _OZONE_CM
+    )
     return np.asarray(spectrum * np.exp(-mass * depth))
 
 
@@ -332,7 +326,7 @@ def _sampling_tables(shares: Array) -> NDArray[np.float32]:
 
 def _brightness_of(colours: Colours) -> Array:
     """Return the luminance of every texel of a picture, shape (height, width)."""
-    weights = LUMINANCE.astype(np.float32)
+    weights = colour.LUMINANCE.astype(np.float32)
     texels = unpack_texels(colours.words, colours.size, colours.form)
     if colours.form is TexelFormat.HALF:
         return np.asarray(colours.scale * (texels.astype(np.float32) @ weights), dtype=np.float64)

@@ -13,16 +13,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import HUGE_POWER, INSTANCE, MOTION_MARGIN, PRIMITIVE, SEGMENT, Kind, fill
-from rptcam_cl.rendering.plan.primitives import (
-    Matrix,
-    Placements,
-    PlanParts,
-    Primitive,
-    Primitives,
-    affine,
-    are_same,
-    corners_of_box,
-)
+from rptcam_cl.rendering.plan import primitives as solids
+from rptcam_cl.rendering.plan.primitives import Matrix, Placements, PlanParts, Primitive, Primitives
 from rptcam_cl.scene.assets.mesh import Mesh
 from rptcam_cl.scene.placement import Trajectory, moments, quaternion_of
 from rptcam_cl.scene.scene import Scene
@@ -413,7 +405,7 @@ class PackedMeshes:
     def has_places_of(self, other: PackedMeshes) -> bool:
         """Return whether what stands in the scene stands where other meshes do."""
         one, two = ((bool(each.first_copied), each.shared.content) for each in (self, other))
-        return are_same(one, two)
+        return solids.are_same(one, two)
 
     def seen_from(self, eye: NDArray[np.float64]) -> PackedMeshes:
         """Return these as rays meet them about an eye, in the scene [m]; trees do not depend on it."""
@@ -552,7 +544,7 @@ class _Pools:
         if in_world:
             self._add_world(in_world, before.groups[0].centre if keep_centre and before is not None else None)
         for mesh in shared:
-            self._add([(mesh, affine(np.eye(3), -mesh.origin))], f"shared {mesh.content_hash}", None)
+            self._add([(mesh, solids.affine(np.eye(3), -mesh.origin))], f"shared {mesh.content_hash}", None)
         self.first_triangles: list[int] = self._ends[: len(in_world), 0].tolist()
         self._reflects = [bool(np.linalg.det(matrix[:3, :3]) <= 0) for _, matrix in self._placed]
         if before is not None and not self._has_meshes_of(before):
@@ -652,7 +644,7 @@ def _mesh_of(primitive: Primitive) -> Mesh:
 
 
 def _centre(placed: Sequence[Primitive]) -> NDArray[np.float64]:
-    corners = np.concatenate([corners_of_box(*_mesh_of(item).bounds(), item.placement) for item in placed])
+    corners = np.concatenate([solids.corners_of_box(*_mesh_of(item).bounds(), item.placement) for item in placed])
     return np.asarray((corners.min(axis=0) + corners.max(axis=0)) / 2)
 
 

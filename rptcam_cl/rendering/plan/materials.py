@@ -13,35 +13,9 @@ from rptcam_cl.core.colour import WAVELENGTHS_NM, srgb_from_reflectance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, ONCE_TERMS, SHARE_SIDES, BumpLengths, MaterialKind, fill
 from rptcam_cl.core.remember import Disk, content_name, remember
-from rptcam_cl.rendering.plan.textures import (
-    UNLIMITED,
-    KnownSpectra,
-    TextureTable,
-    fill_index,
-    metal_constants,
-    metal_spectra,
-)
-from rptcam_cl.scene.materials import (
-    BumpyMaterial,
-    Conductor,
-    CoveringMaterial,
-    Dielectric,
-    Emissive,
-    Hair,
-    Material,
-    Matte,
-    Measured,
-    MetalSpectrum,
-    Mirror,
-    Mix,
-    OpticalConstants,
-    Plastic,
-    Principled,
-    ThinFilm,
-    ThinGlass,
-    Translucent,
-    alpha_pair,
-)
+from rptcam_cl.rendering.plan import textures as plan_textures
+from rptcam_cl.rendering.plan.textures import KnownSpectra, TextureTable
+from rptcam_cl.scene import materials as models
 from rptcam_cl.scene.media import AbsorbingMaterial
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, SpectralColour
 from rptcam_cl.scene.textures import Blend, ImageTexture, Mixture, Texture
@@ -53,7 +27,7 @@ LargestAlbedo = float | str
 """The largest albedo of a scene, at any wavelength and angle, or why nothing below 1 is known for sure."""
 
 
-def largest_albedo(materials: Iterable[Material]) -> LargestAlbedo:
+def largest_albedo(materials: Iterable[models.Material]) -> LargestAlbedo:
     """Return the largest albedo of some materials; that of none is 0."""
     largest = 0.0
     for material in {id(material): material for material in materials}.values():
@@ -64,18 +38,18 @@ def largest_albedo(materials: Iterable[Material]) -> LargestAlbedo:
     return largest
 
 
-def _albedo(material: Material) -> LargestAlbedo:
+def _albedo(material: models.Material) -> LargestAlbedo:
     match material:
-        case Emissive():
+        case models.Emissive():
             return 0.0
-        case Mix():
+        case models.Mix():
             return largest_albedo(material.materials)
-        case Translucent():
+        case models.Translucent():
             parts = [_of_colour(colour) for colour in (material.reflectance, material.transmittance)]
             return next((part for part in parts if isinstance(part, str)), None) or sum(map(float, parts))
-        case Matte(sigma_degrees=0) | Mirror():
+        case models.Matte(sigma_degrees=0) | models.Mirror():
             return _of_colour(material.reflectance)
-        case Conductor() if material.reflectance is not None:
+        case models.Conductor() if material.reflectance is not None:
             return _of_colour(material.reflectance)
     # Fresnel's equations reflect everything at grazing angles, and glass passes on what it does not reflect.
     return f"{material.kind} may reflect or pass on all light"
@@ -634,7 +608,7 @@ def _of_principled(record: np.void, cosine: Array) -> Array:
     return np.asarray(under * (dielectric + metallic * (metal - dielectric)))
 
 
-_Faceted = Conductor | Dielectric | Plastic | Principled
+_Faceted = models.Conductor | models.Dielectric | models.Plastic | models.Principled
 
 
 @dataclass(frozen=True)
@@ -655,11 +629,11 @@ class Materials:
     facts: dict[str, int]
 
 
-def _kind(material: Material) -> MaterialKind:
+def _kind(material: models.Material) -> MaterialKind:
     match material:
-        case Conductor() if material.metal is not None:
+        case models.Conductor() if material.metal is not None:
             return MaterialKind.METAL
-        case Dielectric() | Plastic() if material.alphas is not None:
+        case models.Dielectric() | models.Plastic() if material.alphas is not None:
             return MaterialKind[f"ROUGH_{material.kind.upper()}"]
     return MaterialKind[material.kind.upper()]
 
@@ -687,7 +661,7 @@ class _Filler:
         _, record[name] = self._textures.slot(value, limit=1.0)
         return 1.0
 
-    def fill(self, record: np.void, material: Material) -> None:
+    def fill(self, record: np.void, material: models.Material) -> None:
         """Write everything but the two materials of a mix into a record of `_white`."""
         record["kind"] = _kind(material)
         reflectance = getattr(material, "reflectance", None)
@@ -695,66 +669,66 @@ class _Filler:
             self._colour(record, "color", "texture", reflectance, 1.0)
         record["parameter"] = getattr(material, "parameter", getattr(material, "index", 0.0))
         match material:
-            case Emissive():
+            case models.Emissive():
                 self._colour(record, "color", "texture", material.radiance, LARGEST_RADIANCE)
-            case Principled():
+            case models.Principled():
                 self._principled(record, material)
-            case Mix():
+            case models.Mix():
                 self._number(record, "factor", material.factor)
-            case Measured():
+            case models.Measured():
                 table, first = self._textures.measured(material)
                 fill(record, color=(*table.albedo, 0.0), alpha=table.alpha, factor=table.gloss, first=first)
-        if isinstance(material, (Conductor, Dielectric, Plastic)):
+        if isinstance(material, (models.Conductor, models.Dielectric, models.Plastic)):
             _facets(record, material, material.alphas or (0.0, 0.0))
-        if isinstance(material, Dielectric):
-            fill_index(record, material)
-        if isinstance(material, Dielectric | Translucent):
+        if isinstance(material, models.Dielectric):
+            plan_textures.fill_index(record, material)
+        if isinstance(material, models.Dielectric | models.Translucent):
             self._colour(record, "passed", "passed_texture", material.transmittance, 1.0)
-        if isinstance(material, Hair):
+        if isinstance(material, models.Hair):
             self._colour(record, "color", "texture", material.color, 1.0)
             fill(record, hair=material.lobes)
-        if isinstance(material, Conductor) and material.metal is not None:
+        if isinstance(material, models.Conductor) and material.metal is not None:
             self._metal(record, material.metal)
-        if isinstance(material, Plastic):
+        if isinstance(material, models.Plastic):
             _cover(record, material)
         interior = material.interior if isinstance(material, AbsorbingMaterial) else None
         if interior is not None and interior.color is not None and interior.by_entry:
             self._colour(record, "inside", "inside_texture", interior.color, 1.0)
-        if isinstance(material, AbsorbingMaterial | ThinGlass):
-            depth = material.depth if isinstance(material, ThinGlass) else material.absorption
+        if isinstance(material, AbsorbingMaterial | models.ThinGlass):
+            depth = material.depth if isinstance(material, models.ThinGlass) else material.absorption
             fill(record, absorption=(*depth, self._spectra.number(depth)))
         self._coverage(record, material)
         _fill_once(record)
         _fill_brushed(record)
 
-    def _metal(self, record: np.void, metal: str | OpticalConstants | MetalSpectrum) -> None:
+    def _metal(self, record: np.void, metal: str | models.OpticalConstants | models.MetalSpectrum) -> None:
         """Write the index n + i k of a metal: of each channel, and of one that was measured the spectra."""
-        if isinstance(metal, OpticalConstants):
+        if isinstance(metal, models.OpticalConstants):
             fill(record, metal_n=metal.n, metal_k=metal.k)
             return
-        pairs = zip(metal_constants(metal), metal_spectra(metal), strict=True)
+        pairs = zip(plan_textures.metal_constants(metal), plan_textures.metal_spectra(metal), strict=True)
         n, k = ((*channels, self._spectra.add(spectrum)) for channels, spectrum in pairs)
         fill(record, metal_n=n, metal_k=k)
 
-    def _coverage(self, record: np.void, material: Material) -> None:
-        if isinstance(material, CoveringMaterial):
+    def _coverage(self, record: np.void, material: models.Material) -> None:
+        if isinstance(material, models.CoveringMaterial):
             self._number(record, "opacity", material.opacity)
             record["cutoff"] = material.opacity_cutoff if material.opacity_mode == "mask" else 0.0
-        if isinstance(material, BumpyMaterial) and material.normal_map is not None:
+        if isinstance(material, models.BumpyMaterial) and material.normal_map is not None:
             _, record["normal_texture"] = self._textures.slot(material.normal_map, limit=1.0)
             record["normal_strength"] = material.normal_map.strength
-        if isinstance(material, BumpyMaterial) and material.bump is not None:
-            _, record["bump_texture"] = self._textures.slot(material.bump.texture, limit=UNLIMITED)
+        if isinstance(material, models.BumpyMaterial) and material.bump is not None:
+            _, record["bump_texture"] = self._textures.slot(material.bump.texture, limit=plan_textures.UNLIMITED)
             in_units = material.bump.lengths == "unit" and material.bump.texture.mapping is None
             record["bump_height"] = material.bump.height * (1.0 if in_units else self._textures.metres_per_unit)
             record["bump_lengths"] = BumpLengths[material.bump.lengths.upper()]
 
-    def _principled(self, record: np.void, material: Principled) -> None:
+    def _principled(self, record: np.void, material: models.Principled) -> None:
         self._colour(record, "color", "texture", material.base_color, 1.0)
         self._colour(record, "glow", "glow_texture", material.emission, LARGEST_RADIANCE)
         self._number(record, "metallic", material.metallic)
         roughness = self._roughness(record, "roughness_texture", material.roughness)
-        _facets(record, material, alpha_pair(roughness, material.anisotropy))
+        _facets(record, material, models.alpha_pair(roughness, material.anisotropy))
         if material.anisotropy_map is not None:
             _, record["anisotropy_texture"] = self._textures.slot(material.anisotropy_map, limit=1.0)
             record["anisotropy_strength"] = material.anisotropy_map.strength
@@ -768,13 +742,13 @@ class _Filler:
         if material.clearcoat_normal_map is not None:
             _, record["coat_normal_texture"] = self._textures.slot(material.clearcoat_normal_map, limit=1.0)
             record["coat_normal_strength"] = material.clearcoat_normal_map.strength
-        record["coat_alpha"] = alpha_pair(coat_roughness, 0.0)[0]
+        record["coat_alpha"] = models.alpha_pair(coat_roughness, 0.0)[0]
         if not isinstance(material.sheen, tuple) or max(material.sheen) > 0:
             self._sheen(record, material)
         if material.thin_film is not None and material.thin_film.share > 0:
             self._film(record, material, material.thin_film)
 
-    def _film(self, record: np.void, material: Principled, film: ThinFilm) -> None:
+    def _film(self, record: np.void, material: models.Principled, film: models.ThinFilm) -> None:
         """Write the reflectance by the cosine, and the cover that leaves the diffuse base what the film lets in."""
         dielectric, metal = film_colours(material, film)
         metallic = float(record["metallic"])
@@ -786,9 +760,9 @@ class _Filler:
         cover = fitted_cover((max(alpha, 1e-3),) * 2, lambda cosine: np.interp(cosine, at, most))
         fill(record, cover=cover[:4], cover_last=cover[4])
 
-    def _sheen(self, record: np.void, material: Principled) -> None:
+    def _sheen(self, record: np.void, material: models.Principled) -> None:
         self._colour(record, "sheen", "sheen_texture", material.sheen, 1.0)
-        fill(record, **sheen_lobe(alpha_pair(material.sheen_roughness, 0.0)[0])[1])
+        fill(record, **sheen_lobe(models.alpha_pair(material.sheen_roughness, 0.0)[0])[1])
 
 
 FILM_COSINES = 128
@@ -807,7 +781,7 @@ def film_reflectance(cosine: Array, thickness_nm: float, index: float, base: Arr
     return np.asarray(total)
 
 
-def film_colours(material: Principled, film: ThinFilm) -> tuple[Array, Array]:
+def film_colours(material: models.Principled, film: models.ThinFilm) -> tuple[Array, Array]:
     """Return the reflectance of a dielectric and of a metal with a thin film (cosines from 0 to 1, 3), linear sRGB.
 
     Each base has in each channel the index that its colour has head-on, as glTF has it.
@@ -841,7 +815,7 @@ def _turn(material: _Faceted) -> float:
     return material.anisotropy_rotation_degrees / 360 % 1
 
 
-def _cover(record: np.void, material: Plastic) -> None:
+def _cover(record: np.void, material: models.Plastic) -> None:
     if material.alphas is None:
         mean = smooth_mean(material.index)
     else:
@@ -909,16 +883,16 @@ def _white(count: int) -> NDArray[np.void]:
     return records
 
 
-def pack_materials(materials: Collection[Material], textures: TextureTable, spectra: KnownSpectra) -> Materials:
+def pack_materials(materials: Collection[models.Material], textures: TextureTable, spectra: KnownSpectra) -> Materials:
     """Return one record per distinct material, those that are mixed included; collect their textures and spectra."""
-    parts = [part for material in materials if isinstance(material, Mix) for part in material.materials]
+    parts = [part for material in materials if isinstance(material, models.Mix) for part in material.materials]
     distinct = list({id(material): material for material in (*materials, *parts)}.values())
     index = {id(material): place for place, material in enumerate(distinct)}
     records = _white(len(distinct))
     filler = _Filler(textures, spectra)
     for record, material in zip(records, distinct, strict=False):
         filler.fill(record, material)
-        if isinstance(material, Mix):
+        if isinstance(material, models.Mix):
             record["first"], record["second"] = (index[id(part)] for part in material.materials)
     if not distinct:
         records["kind"], records["color"] = -1, 0.0

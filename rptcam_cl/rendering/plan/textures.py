@@ -13,21 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core import LINE_C_NM, LINE_D_NM, LINE_F_NM
+from rptcam_cl.core import records as layout
 from rptcam_cl.core.colour import Spectrum, linear_from_srgb, metal_optics, srgb_from_reflectance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import (
-    DISPERSION_NM,
-    DISPERSION_SCALE,
-    DISPERSION_SHIFT,
-    TEXTURE,
-    Mapped,
-    PerlinForm,
-    TexelFormat,
-    TextureKind,
-    Wrap,
-    fill,
-)
+from rptcam_cl.core.records import TEXTURE, Mapped, TexelFormat, TextureKind, Wrap, fill
 from rptcam_cl.core.remember import Memory
 from rptcam_cl.optics.glass import held_index, known_range
 from rptcam_cl.rendering.cameras.lens_records import fewest_terms, fit_nodes
@@ -151,14 +141,14 @@ def fill_index(record: np.void, material: Dielectric) -> None:
     record["parameter"] = material.n_d
     if material.glass is None or not is_dispersive(material):
         return
-    low, high = known_range(material.glass) or DISPERSION_NM
-    low, high = max(low, DISPERSION_NM[0]), min(high, DISPERSION_NM[1])
+    low, high = known_range(material.glass) or layout.DISPERSION_NM
+    low, high = max(low, layout.DISPERSION_NM[0]), min(high, layout.DISPERSION_NM[1])
     wavelengths = fit_nodes(low, high)
     (coefficients,) = fewest_terms(material.glass.index(wavelengths)[None], wavelengths)
     record["dispersion_terms"] = len(coefficients)
     record["dispersion"][: len(coefficients)] = coefficients
     record["dispersion_low"], record["dispersion_high"] = (
-        DISPERSION_SCALE / nm - DISPERSION_SHIFT for nm in (high, low)
+        layout.DISPERSION_SCALE / nm - layout.DISPERSION_SHIFT for nm in (high, low)
     )
 
 
@@ -512,7 +502,7 @@ class TextureTable:
         if isinstance(texture, Perlin | Marble | Dots):
             record["first"] = self._table()
         if isinstance(texture, Perlin):
-            fill(record, octaves=texture.octaves, form=PerlinForm[texture.form.upper()])
+            fill(record, octaves=texture.octaves, form=layout.PerlinForm[texture.form.upper()])
         if isinstance(texture, Marble):
             last = 5 if texture.form == "pbrt-v4" else 1
             fill(record, octaves=texture.octaves, variation=texture.variation, a=texture.tint, form=last, limit=limit)

@@ -9,7 +9,7 @@ from scipy.special import j1
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import field_measures, irradiance
+from rptcam_cl.optics import irradiance
 from rptcam_cl.optics.beams import Beam
 from rptcam_cl.optics.field_measures import (
     distortion_table,
@@ -367,7 +367,7 @@ def test_sampling_errors_of_light_hold_what_twice_the_rays_change(monkeypatch):
     lit = Lit(state.lens, state.film, Beam(10.0), 550.0)
     found, *fewer = (find_ghosts(lit, share=1 / parts) for parts in (1, 2, 3))
     ways, sums = ghost_table(found, fewer), ghost_summary(found, fewer)
-    monkeypatch.setattr(field_measures, "GLARE_RAYS", 2 * field_measures.GLARE_RAYS)
+    monkeypatch.setattr(irradiance, "GLARE_RAYS", 2 * irradiance.GLARE_RAYS)
     monkeypatch.setattr(irradiance, "AZIMUTHS", 2 * irradiance.AZIMUTHS)
     more = find_ghosts(lit, share=2.0)
     rows = {tuple(row["surfaces"]): row for row in ghost_table(more)}
