@@ -23,7 +23,7 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.stopwatch import Times, fastest, timed
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.scene_trees import WIDTH
+from rptcam_cl.rendering.scene_buffers import WIDTH
 from rptcam_cl.rendering.tree_build import binary_tree, build_bvh, max_binary_depth, reinsert, sort_into_leaves, widen
 from rptcam_cl.studies.selfcheck_suite import bumpy_ball, torus_knot
 from tests.rendering.trees.trees import quality

@@ -25,7 +25,7 @@ from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import WAVE_SLOTS
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.scene_trees import scene_trees
+from rptcam_cl.rendering.scene_buffers import scene_trees
 from rptcam_cl.rendering.tracer import ORGANISATION
 from tests.support.mesh_scene import write_ply
 

@@ -31,8 +31,7 @@ from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.scene_trees import scene_trees
+from rptcam_cl.rendering.scene_buffers import SceneBuffers, scene_trees
 from tests.support.mesh_scene import write_ply
 
 KERNEL = Path(__file__).with_name("ray_queries.cl")

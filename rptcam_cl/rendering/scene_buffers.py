@@ -1,20 +1,675 @@
-"""The scene on the device: every array of the plan, under the name that kernels have for it."""
+"""The scene on the device: the arrays of a plan, and the trees over them that kernels walk, kept on disk."""
 
 from __future__ import annotations
 
 import copy
+import hashlib
 from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.files import cache_dir, kernels_dir
+from rptcam_cl.core.records import HIT_ROUNDING, Kind
+from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering import scene_trees
+from rptcam_cl.rendering import tree_build
 from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.caustics import PhotonBuffers
+from rptcam_cl.rendering.plan import geometry
 from rptcam_cl.rendering.plan.materials import facet_shares
 from rptcam_cl.rendering.plan.plan import Plan
+from rptcam_cl.rendering.plan.primitives import BLOCK
+
+# Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.
+
+ARRAYS = ("bounds", "children", "blocks")
+_DISK = Disk(
+    "trees",
+    pack=lambda tree: ({name: getattr(tree, name) for name in ARRAYS}, {}),
+    unpack=lambda arrays, _: tree_build.Bvh(**arrays),
+    most_bytes=2 << 30,
+)
+
+
+def load_or_build(
+    key: str, build: Callable[[], tree_build.Bvh], fits: Callable[[tree_build.Bvh], bool] = lambda tree: True
+) -> tree_build.Bvh:
+    """Return the tree kept under a key, else the one that ``build`` returns, which is kept.
+
+    Parameters
+    ----------
+    key
+        Names all that the tree depends on, but for this package's code: hash of the boxes, width, leaf size, device.
+    build
+        Called at most once.
+    fits
+        Says whether a sound tree is one over what it is wanted for.
+    """
+    name = builder_identity(), key
+    kept: tree_build.Bvh | None = _DISK.find(name)
+    if kept is not None and tree_build.is_sound(kept) and fits(kept):
+        return kept
+    tree = build()
+    _DISK.add(name, tree)
+    return tree
+
+
+def cache_folder() -> Path:
+    """Return the folder of the trees."""
+    return cache_dir("trees")
+
+
+@lru_cache(maxsize=1)
+def builder_identity() -> str:
+    """Return a hash of the code that builds trees, so that no tree outlives it."""
+    files = [Path(__file__), Path(__file__).with_name("tree_build.py"), *(kernels_dir() / "build").iterdir()]
+    texts = [path.read_bytes() for path in sorted(files, key=lambda path: path.name)]
+    return hashlib.sha256(b"\0".join(texts)).hexdigest()
+
+
+# The tree over a scene's bounded primitives as the kernels walk it, a pack of rays at a time.
+
+Array = NDArray[np.float64]
+
+_PRIMITIVES = Disk(
+    "primitive-trees",
+    ("rendering",),
+    pack=lambda tree: ({"nodes": tree[0], "order": tree[1]}, {"stack": tree[2]}),
+    unpack=lambda arrays, facts: (arrays["nodes"], arrays["order"], facts["stack"]),
+)
+_MOST_LEVELS = 32  # of nodes on the way of a ray that keeps its place in registers, `geometry/short_stack.h`
+BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
+_AT_ONCE = 65_536  # primitives whose boxes are found together: each takes half a kilobyte meanwhile
+_MOST_HALVINGS = 4  # of a curve, for boxes that hold little else
+_SPLIT_GAIN = 0.8  # of the area of a box, that its halves must stay below
+_PART_MARGIN = 0.05  # of the half width, by which the nearest place along a curve may be missed, and more
+LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
+
+
+DeviceTree = tuple[dict[str, Any], dict[str, int]]
+"""What kernels read of a tree, arrays and numbers by the kernels' names for them; facts that they are compiled for."""
+
+
+def primitive_tree(
+    records: NDArray[np.void],
+    kind_end: NDArray[np.int32],
+    session: Session,
+    movements: geometry.ObjectMovements | None = None,
+    *,
+    on_disk: bool = True,
+) -> DeviceTree | None:
+    """Make the tree over the bounded primitives of a scene; None where there are too few to gain by one.
+
+    ``primitive_nodes`` (n, 8) hold the middle of a box and ``first``, half its size and ``count``, the integers as
+    bits; ``primitive_leaves`` the primitives, leaf by leaf (``kernels/geometry/primitive_tree.h``).
+
+    Parameters
+    ----------
+    records
+        ``Primitive`` records, sorted by kind.
+    kind_end
+        Per kind, the index after its last one.
+    movements
+        Of what moves, if anything does: its box holds all of its way.
+    on_disk
+        Whether a tree over few boxes, too, is kept from one run to the next.
+    """
+    kinds = np.searchsorted(kind_end, np.arange(kind_end[Kind.CURVE]), side="right")
+    bounded = np.flatnonzero(kinds != Kind.PLANE).astype(np.int32)
+    if len(bounded) < max(BREAK_EVEN, 1):
+        return None
+    parts = np.array_split(bounded, -(-len(bounded) // _AT_ONCE))
+    lower, upper = np.concatenate([primitive_bounds(records[part], kinds[part]) for part in parts], axis=1)
+    splits = kinds[bounded] == Kind.CURVE
+    if movements is not None:
+        splits &= movements.of_primitive[bounded, 1] == 0
+        for place in np.flatnonzero(movements.of_primitive[bounded, 1]).tolist():
+            box, index = (lower[place], upper[place]), int(bounded[place])
+            lower[place], upper[place] = _swept(records[index], int(kinds[index]), movements.places(index), box)
+    whole, lower, upper = _split_curves(records[bounded[splits]], splits, lower, upper)
+    lower32, upper32 = _outwards(lower, upper)
+
+    def build() -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
+        return _build(lower32, upper32, session)
+
+    driver = session.info.name, session.info.driver, session.kind, session.loop_limit
+    key = builder_identity(), driver, lower32, upper32
+    nodes, order, stack = _PRIMITIVES.find_or_make(key, build) if on_disk or len(whole) > tree_build.FEW else build()
+    arrays = {"primitive_nodes": nodes, "primitive_leaves": bounded[whole[order]]}
+    return arrays, {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack}
+
+
+def _build(
+    lower: NDArray[np.float32], upper: NDArray[np.float32], session: Session
+) -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
+    """Return the same of a new tree."""
+    if len(lower) <= tree_build.FEW:
+        tree_build.check_boxes(lower, upper)
+        tree = tree_build.tree_of_few(lower, upper, LEAF)
+    else:
+        tree = tree_build.build_bvh(lower, upper, width=2, leaf_size=LEAF, session=session)
+    return _nodes(tree), tree.blocks[tree.blocks >= 0], tree_build.stack_size(tree_build.longest_way(tree.children)[0])
+
+
+def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return the corners of the boxes (n, 3) of primitives, grown by what rounding may move a hit.
+
+    They are those of the records: of the rows of numbers that rays meet, float32 as they are.
+    """
+    rows = np.stack([records[f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
+    curves = kinds == Kind.CURVE
+    if not curves.any():
+        return _bounds_of_rows(rows, kinds)
+    lower, upper = np.empty((2, len(rows), 3))
+    lower[~curves], upper[~curves] = _bounds_of_rows(rows[~curves], kinds[~curves])
+    lower[curves], upper[curves] = _bounds_of_curves(rows[curves], _half_width(records[curves]))
+    return lower, upper
+
+
+def _half_width(records: NDArray[np.void]) -> Array:
+    ends = np.stack([records["instance"], records["first_triangle"]]).view(np.float32)
+    return np.asarray(np.abs(ends).max(axis=0), np.float64)
+
+
+def _bounds_of_curves(rows: Array, half_width: Array) -> tuple[Array, Array]:
+    """Return the boxes of curves by their Bézier points (n, 3, 4), which hold them."""
+    farthest = np.abs(rows).max(axis=(1, 2)) + half_width
+    margin = (half_width + HIT_ROUNDING * farthest)[:, None]
+    return rows.min(axis=2) - margin, rows.max(axis=2) + margin
+
+
+def _split_curves(
+    curves: NDArray[np.void], splits: NDArray[np.bool_], lower: Array, upper: Array
+) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return boxes round parts of long curves in place of one round each, and of which primitive every box is.
+
+    Parameters
+    ----------
+    curves
+        Records of those that ``splits`` names among all primitives.
+    """
+    part = np.flatnonzero(splits)
+    if not len(part):
+        return np.arange(len(splits)), lower, upper
+    rows = np.stack([curves[f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
+    wide = (1 + _PART_MARGIN) * _half_width(curves)
+    done = [(np.flatnonzero(~splits), lower[~splits], upper[~splits])]
+    for _ in range(_MOST_HALVINGS):
+        # Halve by de Casteljau what gains by it.
+        a, b = (rows[..., :-1] + rows[..., 1:]) / 2, (rows[..., :-2] + 2 * rows[..., 1:-1] + rows[..., 2:]) / 4
+        middle = b.mean(axis=2)
+        halves = (np.stack([rows[..., 0], a[..., 0], b[..., 0], middle], axis=2),
+                  np.stack([middle, b[..., 1], a[..., 2], rows[..., 3]], axis=2))  # fmt: skip
+        box, parts = _bounds_of_curves(rows, wide), [_bounds_of_curves(half, wide) for half in halves]
+        gains = _area(*parts[0]) + _area(*parts[1]) < _SPLIT_GAIN * _area(*box)
+        done.append((part[~gains], box[0][~gains], box[1][~gains]))
+        part, wide = np.tile(part[gains], 2), np.tile(wide[gains], 2)
+        rows = np.concatenate([half[gains] for half in halves])
+    done.append((part, *_bounds_of_curves(rows, wide)))
+    whole, low, high = (np.concatenate(each) for each in zip(*done, strict=True))
+    return whole, low, high
+
+
+def _area(lower: Array, upper: Array) -> Array:
+    return np.asarray(((upper - lower) * np.roll(upper - lower, 1, axis=1)).sum(axis=1))
+
+
+def _swept(record: np.void, kind: int, places: geometry.Places, rest: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return the corners (3,) of the box round the whole way of a primitive, whose box at rest is known."""
+    rows = np.stack([record[f"row_{axis}"] for axis in "xyz"]).astype(np.float64)
+    moved = np.tile(rows, (len(places.matrices), 1, 1))
+    if kind == Kind.SPHERE:
+        moved[:, 0, :3] = places.matrices[:, :3, :3] @ rows[0, :3] + places.matrices[:, :3, 3]
+    elif kind == Kind.CURVE:
+        moved = places.matrices[:, :3, :3] @ rows + places.matrices[:, :3, 3:]
+        half_width = np.full(len(moved), _half_width(record.reshape(1))[0])
+        return places.box(*_bounds_of_curves(moved, half_width), rest)
+    else:
+        moved = moved @ np.linalg.inv(places.matrices)
+    return places.box(*_bounds_of_rows(moved, np.full(len(moved), kind)), rest)
+
+
+def _bounds_of_rows(rows: Array, kinds: NDArray[np.int64]) -> tuple[Array, Array]:
+    placed = np.tile(np.eye(4), (len(rows), 1, 1))
+    placed[:, :3] = rows
+    is_sphere = kinds == Kind.SPHERE
+    placed[is_sphere] = np.eye(4)
+    inverse = np.linalg.inv(placed).astype(np.float64)
+    linear, origin = inverse[:, :3, :3], inverse[:, :3, 3]
+    linear[is_sphere] *= rows[is_sphere, 0, 3, None, None]
+    origin[is_sphere] = rows[is_sphere, 0, :3]
+    lower, upper = origin.copy(), origin.copy()
+    for kind in set(kinds.tolist()):
+        of_kind = kinds == kind
+        low, high = _extent(Kind(kind), *np.moveaxis(linear[of_kind], 2, 0))
+        lower[of_kind] += low
+        upper[of_kind] += high
+    # The rows of a skewed placement magnify rounding.
+    magnified = np.abs(linear) @ np.abs(rows[:, :, :3])
+    magnified[is_sphere] = np.eye(3)
+    farthest = np.maximum(np.abs(lower), np.abs(upper)).max(axis=1)
+    margin = HIT_ROUNDING * (magnified.sum(axis=2).max(axis=1) * farthest)[:, None]
+    return lower - margin, upper + margin
+
+
+def _extent(kind: Kind, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
+    """How far a kind's canonical shape, its axes placed as given (n, 3), reaches from its origin."""
+    zero = np.zeros_like(x)
+    if kind in (Kind.SPHERE, Kind.ELLIPSOID):
+        reach = np.sqrt(x * x + y * y + z * z)
+        return -reach, reach
+    if kind is Kind.BOX:
+        reach = np.abs(x) + np.abs(y) + np.abs(z)
+        return -reach, reach
+    if kind is Kind.RECTANGLE:
+        return np.minimum(x, 0) + np.minimum(y, 0), np.maximum(x, 0) + np.maximum(y, 0)
+    circle = np.sqrt(x * x + y * y)
+    if kind is Kind.CYLINDER:
+        return np.minimum(z, 0) - circle, np.maximum(z, 0) + circle
+    apex = z if kind is Kind.CONE else zero
+    return np.minimum(apex, -circle), np.maximum(apex, circle)
+
+
+def _nodes(tree: tree_build.Bvh) -> NDArray[np.float32]:
+    """Return the root's node, then the two below each node of a binary tree, the farther along its axis last."""
+    bounds = tree.bounds.transpose(0, 2, 1).astype(np.float64)  # (node, child, corner)
+    used = tree.children != tree_build.EMPTY
+    middle = np.zeros((*used.shape, 3))
+    middle[used] = (bounds[used, :3] + bounds[used, 3:]) / 2
+    both = used.all(axis=1)  # a root may have one child
+    apart = np.where(both[:, None], middle[:, 1] - middle[:, 0], 0)
+    axis = np.abs(apart).argmax(axis=1)
+    turned = apart[np.arange(len(axis)), axis] < 0
+    order = np.stack([turned, ~turned], axis=1).astype(np.int64)
+    children = np.take_along_axis(tree.children, order, axis=1).ravel()
+    corners = np.take_along_axis(bounds, order[..., None], axis=1).reshape(-1, 6)
+    counts = (tree.blocks >= 0).sum(axis=1)
+    firsts = np.cumsum(counts) - counts
+    inner, leaf = (children >= 0) & (children != tree_build.EMPTY), children < 0
+    links = np.zeros((len(children), 2), np.int64)
+    links[inner] = np.stack([1 + 2 * children[inner], ~axis[children[inner]]], axis=1)
+    links[leaf] = np.stack([firsts[~children[leaf]], counts[~children[leaf]]], axis=1)
+    whole = np.concatenate([bounds[0, :, :3].min(axis=0), bounds[0, :, 3:].max(axis=0)])
+    return _pack(np.vstack([whole, corners]), np.vstack([[1, ~axis[0]], links]))
+
+
+def _pack(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
+    out = np.zeros((len(corners), 8), np.float32)
+    there = np.isfinite(corners).all(axis=1)
+    low, high = corners[there, :3], corners[there, 3:]
+    middle = ((low + high) / 2).astype(np.float32)
+    half = np.maximum(high - middle, middle - low)
+    out[there, :3] = middle
+    out[there, 4:7] = np.nextafter(half.astype(np.float32), np.float32(np.inf))
+    out[~there, 4:7] = -np.inf  # met by no ray
+    out[:, 3], out[:, 7] = links.astype(np.int32).view(np.float32).reshape(-1, 2).T
+    return out
+
+
+# The trees of a scene's meshes as kernels walk them: nodes and leaf blocks of every group, and one over instances.
+
+# Children of a node and triangles of a block. Measured on a CPU with AVX-512, and on it compiled for AVX2: diffuse
+# bounces on 300k triangles go 1.2 times as fast at 16 as at 8, and 1.5 times as fast at 8 as at 4. A GPU's thread takes
+# one box after the other, so that small nodes suit it; that is not measured.
+WIDTH = {"cpu": 16, "gpu": 4}
+_BLOCK_ROWS = 10
+_MESH_ROUNDING = (
+    1e-6  # of an instance's box, relative to its farthest coordinate: what a ray taken to the mesh may be off
+)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshTrees:
+    """The trees of a scene's meshes in the frames of these, wherever the eye is.
+
+    Attributes
+    ----------
+    meshes : PackedMeshes
+    groups : tuple of Bvh
+        Over the triangles of each group.
+    instances : Bvh or None
+        Over the instances, None where rays need none; its boxes are not those that rays meet.
+    is_rough : bool
+        Whether something stood elsewhere when they were built.
+    resting : callable
+        Makes the leaf blocks in the frames of the groups on the device, given the triangles there, and the boxes (b, 6)
+        of the blocks: once, for all trees of the same triangles in the same places.
+    spare : list
+        Memory for leaf blocks that nobody needs, for `Session.allocate`; shared with all trees after these.
+    """
+
+    meshes: geometry.PackedMeshes
+    groups: tuple[tree_build.Bvh, ...]
+    instances: tree_build.Bvh | None
+    is_rough: bool
+    resting: Callable[[Any], tuple[Any, NDArray[np.float32]]]
+    spare: list[NDArray[np.uint8]]
+
+    def has_blocks_of(self, other: MeshTrees) -> bool:
+        """Whether the leaf blocks are those of other trees, but for the places of the triangles in them."""
+        same = self.meshes.triangles is other.meshes.triangles and len(self.groups) == len(other.groups)
+        return same and all(one.blocks is two.blocks for one, two in zip(self.groups, other.groups, strict=True))
+
+
+def mesh_trees(
+    meshes: geometry.PackedMeshes,
+    session: Session,
+    before: MeshTrees | None = None,
+    triangles: Any = None,
+    *,
+    rough: bool = False,
+) -> MeshTrees:
+    """Make the trees of a scene's meshes for a device: taken from those before, from the disk, or built on it.
+
+    Where ``rough`` things have moved, trees stay and only their boxes change; ``triangles`` are those before, on the
+    device.
+    """
+    spare: list[NDArray[np.uint8]] = [] if before is None else before.spare
+    if before is not None and before.is_rough and not rough:
+        before = None
+    if before is not None and before.meshes is meshes:
+        return before
+    is_rough = before is not None and before.is_rough
+    if before is not None and before.meshes.vertices is meshes.vertices:
+        groups, resting = before.groups, before.resting
+    elif before is not None and rough and before.meshes.triangles is meshes.triangles:
+        resting, is_rough = _resting(session, before.groups, meshes, spare), True
+        boxes = np.split(resting(triangles)[1], np.cumsum([len(tree.blocks) for tree in before.groups[:-1]]))
+        groups = tuple(map(tree_build.refit, before.groups, boxes))
+    else:
+        width = WIDTH[session.kind]
+        groups = tuple(_group_tree(meshes, group, width, width, session) for group in meshes.groups)
+        resting = _resting(session, groups, meshes, spare)
+    if not meshes.instanced:
+        return MeshTrees(meshes, groups, None, is_rough, resting, spare)
+    if before is not None and before.instances is not None:
+        if meshes.has_places_of(before.meshes) and groups is before.groups:
+            return MeshTrees(meshes, groups, before.instances, is_rough, resting, spare)
+        if rough and np.array_equal(before.meshes.group_of_instance, meshes.group_of_instance):
+            return MeshTrees(meshes, groups, before.instances, True, resting, spare)
+    return MeshTrees(meshes, groups, _instance_tree(meshes, session), is_rough, resting, spare)
+
+
+def _resting(
+    session: Session,
+    trees: tuple[tree_build.Bvh, ...],
+    meshes: geometry.PackedMeshes,
+    spare: list[NDArray[np.uint8]],
+) -> Callable[[Any], tuple[Any, NDArray[np.float32]]]:
+    """Return `MeshTrees.resting` of trees."""
+
+    @lru_cache(maxsize=1)
+    def resting(triangles: Any) -> tuple[Any, NDArray[np.float32]]:
+        vertices = session.upload(meshes.vertices, in_place=True)
+        return _fill_blocks(session, trees, meshes, vertices, triangles, spare)
+
+    return resting
+
+
+def scene_trees(
+    meshes: geometry.PackedMeshes, session: Session, movements: geometry.ObjectMovements | None = None
+) -> DeviceTree:
+    """Return the trees of a scene's meshes as kernels walk them: `placed_triangles` and `placed_trees`."""
+    trees = mesh_trees(meshes, session)
+    arrays, facts = placed_trees(trees, session, movements)
+    return arrays | placed_triangles(trees), facts
+
+
+def placed_triangles(trees: MeshTrees) -> dict[str, Any]:
+    """Return the triangles of meshes as rays meet them.
+
+    ``vertices`` (v, 8) are shifted to there; ``blocks`` (b, 10, leaf) have rows x, y, z of the three corners, then the
+    triangles as integers.
+    """
+    meshes, vertices = trees.meshes, placed_vertices(trees.meshes)
+    pairs = zip(trees.groups, meshes.groups, strict=True)
+    blocks = np.concatenate([_blocks(tree, group, meshes.triangles, vertices) for tree, group in pairs])
+    return {"blocks": blocks, "vertices": vertices}
+
+
+def placed_vertices(meshes: geometry.PackedMeshes) -> NDArray[np.float32]:
+    """Return the vertices (v, 8) shifted to where rays meet them."""
+    vertices = np.empty_like(meshes.vertices)
+    for group in meshes.groups:
+        part = slice(group.first_vertex, group.first_vertex + group.vertices)
+        shift = np.append(group.shift, np.full(geometry.VERTEX_FLOATS - 3, -0.0))  # which leaves each number as it is
+        np.add(meshes.vertices[part], shift, out=vertices[part], casting="unsafe")
+    return vertices
+
+
+def placed_blocks(session: Session, trees: MeshTrees, vertices: Any, triangles: Any) -> Any:
+    """Return a buffer of the leaf blocks as rays meet them, made on the device.
+
+    Parameters
+    ----------
+    session, trees
+        The device, and of which meshes.
+    vertices, triangles
+        Of the scene on the device, ``vertices`` as rays meet them.
+    """
+    if not session.info.fp64:
+        return _fill_blocks(session, trees.groups, trees.meshes, vertices, triangles, trees.spare)[0]
+    blocks = _allocate_blocks(session, trees.groups, trees.spare)
+    given = {"before": trees.resting(triangles)[0], "blocks": blocks}
+    each = [dict(zip(("shift_x", "shift_y", "shift_z"), group.shift, strict=True)) for group in trees.meshes.groups]
+    _run_on_blocks(session, "shift_blocks", trees.groups, given, each)
+    return blocks
+
+
+def _fill_blocks(
+    session: Session,
+    trees: tuple[tree_build.Bvh, ...],
+    meshes: geometry.PackedMeshes,
+    vertices: Any,
+    triangles: Any,
+    spare: list[NDArray[np.uint8]],
+) -> tuple[Any, NDArray[np.float32]]:
+    """Return a buffer of leaf blocks made of vertices on the device, and the boxes (b, 6) of the blocks."""
+    total = sum(len(tree.blocks) for tree in trees)
+    blocks, boxes = _allocate_blocks(session, trees, spare), session.allocate(4 * 8 * total)
+    given = {"vertices": vertices, "triangles": triangles, "blocks": blocks, "boxes": boxes}
+    each = [
+        {"primitives": session.upload(tree.blocks, in_place=True), "first_triangle": np.int32(group.first_triangle)}
+        for tree, group in zip(trees, meshes.groups, strict=True)
+    ]
+    _run_on_blocks(session, "fill_blocks", trees, given, each)
+    return blocks, session.read(boxes, np.float32, 8 * total).reshape(-1, 2, 4)[:, :, :3].reshape(-1, 6)
+
+
+def _allocate_blocks(session: Session, trees: tuple[tree_build.Bvh, ...], spare: list[NDArray[np.uint8]]) -> Any:
+    rows = sum(tree.blocks.size for tree in trees)
+    return session.allocate(4 * _BLOCK_ROWS * rows, spare=spare)
+
+
+def _run_on_blocks(
+    session: Session,
+    kernel: str,
+    trees: tuple[tree_build.Bvh, ...],
+    given: dict[str, Any],
+    each: list[dict[str, Any]],
+) -> None:
+    """Run a kernel over the leaf blocks of each group, with arguments of all and of each; wait for it.
+
+    Arrays may lie in memory of the host, which the next change lets go of.
+    """
+    facts = {"LEAF_WIDTH": WIDTH[session.kind], "VERTEX_FLOATS": geometry.VERTEX_FLOATS, "BINS": tree_build.BINS}
+    program = session.program([f"build/{kernel}.cl"], facts, "")
+    first = 0
+    for tree, own in zip(trees, each, strict=True):
+        span = {"first": np.int32(first), "count": np.int32(len(tree.blocks))}
+        session.bind(program, kernel, **given, **own, **span).enqueue(-(-len(tree.blocks) // 64) * 64, 64)
+        first += len(tree.blocks)
+    session.finish()
+
+
+def placed_trees(trees: MeshTrees, session: Session, movements: geometry.ObjectMovements | None = None) -> DeviceTree:
+    """Return nodes and instances as kernels walk them.
+
+    ``nodes`` (n, 7, width) have rows min x, y, z, max x, y, z of the children, then the children as integers;
+    ``instances`` have their roots. Rays begin at the node ``mesh_root``; ``mesh_low`` and ``mesh_high`` are the corners
+    of all meshes, as it has them (``kernels/geometry/bvh.h``).
+
+    The box of an instance that moves holds all of its way.
+    """
+    meshes = trees.meshes
+    nodes, roots, stack, levels = [], [], 0, 0
+    first_node = first_block = 0
+    for tree, group in zip(trees.groups, meshes.groups, strict=True):
+        roots.append(first_node)
+        nodes.append(_mesh_nodes(tree, group, first_node, first_block))
+        first_node += len(tree.children)
+        first_block += len(tree.blocks)
+        own = tree_build.longest_way(tree.children)
+        levels, stack = max(levels, own[0]), max(stack, own[1])
+    instances = meshes.instances()
+    instances["root"] = np.array(roots)[meshes.group_of_instance]
+    root = roots[0]
+    if trees.instances is not None:
+        boxes = _instance_boxes(meshes, instances, movements)
+        top = tree_build.refit(trees.instances, boxes[trees.instances.blocks[:, 0]].reshape(-1, 6))
+        nodes.append(_top_nodes(top, first_node))
+        above = tree_build.longest_way(top.children)
+        root, levels, stack = first_node, levels + above[0], stack + above[1]
+    width = WIDTH[session.kind]
+    facts = {"BVH_WIDTH": width, "LEAF_WIDTH": width, "BVH_STACK": tree_build.stack_size(stack)}
+    facts["SHORT_STACK"] = int(session.lanes == 1 and width == 4 and levels <= _MOST_LEVELS)
+    all_nodes = np.concatenate(nodes)
+    low, high = all_nodes[root, :3].min(axis=1), all_nodes[root, 3:6].max(axis=1)
+    corners = {
+        "mesh_low": np.append(low, np.float32(0)).tobytes(),
+        "mesh_high": np.append(high, np.float32(0)).tobytes(),
+    }
+    return {"nodes": all_nodes, "instances": instances, "mesh_root": np.int32(root), **corners}, facts
+
+
+def _group_tree(
+    meshes: geometry.PackedMeshes, group: geometry.TriangleGroup, width: int, leaf: int, session: Session
+) -> tree_build.Bvh:
+    def build() -> tree_build.Bvh:
+        faces = meshes.triangles[group.first_triangle : group.first_triangle + group.triangles, :3]
+        lower = meshes.vertices[faces[:, 0], :3]
+        upper = lower.copy()
+        for corner in (1, 2):
+            points = meshes.vertices[faces[:, corner], :3]
+            np.minimum(lower, points, out=lower)
+            np.maximum(upper, points, out=upper)
+        return tree_build.build_bvh(lower, upper, width=width, leaf_size=leaf, session=session)
+
+    def fits(tree: tree_build.Bvh) -> bool:
+        """Return whether a tree has these many triangles and the shape that kernels are compiled for."""
+        shape = (tree.children.shape[1], tree.blocks.shape[1], int(np.count_nonzero(tree.blocks >= 0)))
+        return shape == (width, leaf, group.triangles) and tree_build.stack_entries(tree) <= tree_build.MAX_STACK
+
+    way = session.kind if session.loop_limit is None else f"{session.kind} in short loops"
+    return load_or_build(f"{group.key} {width} {leaf} {way}", build, fits)
+
+
+def _mesh_nodes(
+    tree: tree_build.Bvh, group: geometry.TriangleGroup, first_node: int, first_block: int
+) -> NDArray[np.float32]:
+    out = np.empty((len(tree.children), 7, tree.children.shape[1]), np.float32)
+    corners = tree.bounds.reshape(-1, 2, 3, tree.children.shape[1]).transpose(0, 1, 3, 2)
+    out[:, :6] = geometry.shift_points(corners, group.shift).transpose(0, 1, 3, 2).reshape(tree.bounds.shape)
+    children = tree.children.copy()
+    inner = (children >= 0) & (children != tree_build.EMPTY)
+    children[inner] += first_node
+    children[children < 0] -= first_block
+    out[:, 6] = children.view(np.float32)
+    return out
+
+
+def _blocks(
+    tree: tree_build.Bvh, group: geometry.TriangleGroup, triangles: NDArray[np.int32], vertices: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    out = np.empty((len(tree.blocks), 10, tree.blocks.shape[1]), np.float32)
+    axes = np.ascontiguousarray(vertices[:, :3].T)
+    corners = np.ascontiguousarray(triangles[:, :3].T)
+    step = 1 << 12
+    for start in range(0, len(out), step):
+        block, part = out[start : start + step], tree.blocks[start : start + step]
+        unused = part < 0
+        chosen = np.where(unused, 0, part + group.first_triangle)
+        for corner in range(3):
+            vertex = corners[corner][chosen]
+            for axis in range(3):
+                block[:, 3 * corner + axis] = axes[axis][vertex]
+        block[:, :9].transpose(0, 2, 1)[unused] = 0
+        block[:, 9] = np.where(unused, -1, chosen).astype(np.int32).view(np.float32)
+    return out
+
+
+def _instance_tree(meshes: geometry.PackedMeshes, session: Session) -> tree_build.Bvh:
+    """Return a tree over the instances as they stand in the scene, about the middle of all of them."""
+    lower, upper = np.empty((2, len(meshes.group_of_instance), 3))
+    centre = meshes.groups[0].centre
+    if centre is not None:
+        lower[:1], upper[:1] = _placed_boxes(np.eye(3)[None], centre[None], *meshes.boxes[:1].transpose(1, 0, 2))
+    for part, groups, placements, origins in meshes.placed():
+        low, high = meshes.boxes[groups].transpose(1, 0, 2)
+        offset = placements[:, :3, 3] + origins
+        lower[part], upper[part] = _placed_boxes(placements[:, :3, :3], offset, low, high)
+    middle = (lower.min(axis=0) + upper.max(axis=0)) / 2
+    lower -= middle
+    upper -= middle
+    return tree_build.build_bvh(*_outwards(lower, upper), width=WIDTH[session.kind], leaf_size=1, session=session)
+
+
+def _instance_boxes(
+    meshes: geometry.PackedMeshes, instances: NDArray[np.void], movements: geometry.ObjectMovements | None
+) -> NDArray[np.float32]:
+    """Return the corners (n, 2, 3) of the boxes of the instances that rays meet, about the eye."""
+    shifts = np.array([group.shift for group in meshes.groups])
+    of_groups = geometry.shift_points(meshes.boxes, shifts[:, None]).astype(np.float64)
+    group_of, found = meshes.group_of_instance, np.empty((len(instances), 2, 3), np.float32)
+    for first in range(0, len(instances), BLOCK):
+        part = slice(first, first + BLOCK)
+        rows = np.stack([instances[f"world_{axis}"][part] for axis in "xyz"], axis=1).astype(np.float64)
+        linear, offset = rows[:, :, :3], rows[:, :, 3]
+        low, high = of_groups[group_of[part]].transpose(1, 0, 2)
+        lowest, highest = _placed_boxes(linear, offset, low, high)
+        if movements is not None:
+            primitives = instances["first_primitive"][part]
+            for index in np.flatnonzero(movements.of_primitive[primitives, 1]).tolist():
+                places = movements.places(int(primitives[index]))
+                turns, ways = places.matrices[:, :3, :3], places.matrices[:, :3, 3]
+                way = _placed_boxes(turns @ linear[index], turns @ offset[index] + ways, low[index], high[index])
+                lowest[index], highest[index] = places.box(*way, (lowest[index], highest[index]))
+        found[part, 0], found[part, 1] = _outwards(lowest, highest)
+    return found
+
+
+def _outwards(lower: Array, upper: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return boxes in float32 that hold those given."""
+    infinity = np.float32(np.inf)
+    return np.nextafter(lower.astype(np.float32), -infinity), np.nextafter(upper.astype(np.float32), infinity)
+
+
+def _placed_boxes(linear: Array, offset: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return the corners (n, 3) of boxes round boxes that are placed (n, 3, 3) and (n, 3), grown by rounding."""
+    middle = (linear @ ((low + high) / 2)[..., None])[..., 0] + offset
+    half = (np.abs(linear) @ ((high - low) / 2)[..., None])[..., 0]
+    half += _MESH_ROUNDING * (np.abs(middle) + half).max(axis=1, keepdims=True)
+    return middle - half, middle + half
+
+
+def _top_nodes(tree: tree_build.Bvh, first_node: int) -> NDArray[np.float32]:
+    out = np.empty((len(tree.children), 7, tree.children.shape[1]), np.float32)
+    out[:, :6] = tree.bounds
+    children = tree.children.copy()
+    leaves = children < 0
+    inner = ~leaves & (children != tree_build.EMPTY)
+    children[leaves] = ~tree.blocks[~children[leaves], 0]
+    children[inner] += first_node
+    out[:, 6] = children.view(np.float32)
+    return out
+
+
+# Every array of a plan on the device, under the name that kernels have for it.
 
 _COMPARED_BYTES = 1 << 20  # of an array, up to which comparing it takes less time than a launch
 
@@ -125,35 +780,33 @@ class SceneBuffers:
             tree = earlier._tree
         else:
             new = earlier is None  # the next plan of a series has other primitives
-            tree = scene_trees.primitive_tree(
-                plan.primitives, plan.kind_end, self._session, plan.movements, on_disk=new
-            )
-        self._tree: scene_trees.DeviceTree | None = tree
+            tree = primitive_tree(plan.primitives, plan.kind_end, self._session, plan.movements, on_disk=new)
+        self._tree: DeviceTree | None = tree
         if tree is not None:
             self.tree_facts |= tree[1]
             self.scene |= {name: self._buffer(name, array) for name, array in tree[0].items()}
 
     def _add_meshes(self, earlier: SceneBuffers | None) -> None:
         plan = self._plan
-        self._trees: scene_trees.MeshTrees | None = None
-        self._placed: scene_trees.DeviceTree | None = None
+        self._trees: MeshTrees | None = None
+        self._placed: DeviceTree | None = None
         if plan.meshes is None:
             return
         before, triangles = (None, None) if earlier is None else (earlier._trees, earlier.scene.get("triangles"))
-        self._trees = own = scene_trees.mesh_trees(plan.meshes, self._session, before, triangles, rough=plan.is_rough)
+        self._trees = own = mesh_trees(plan.meshes, self._session, before, triangles, rough=plan.is_rough)
         if earlier is not None and before is not None and own.has_blocks_of(before):
             self._take_triangles(earlier, before, own)
         else:
-            for name, array in {**scene_trees.placed_triangles(own), "triangles": plan.meshes.triangles}.items():
+            for name, array in {**placed_triangles(own), "triangles": plan.meshes.triangles}.items():
                 self.scene[name] = self._buffer(name, array, in_place=True)
         if earlier is not None and earlier._plan.meshes is plan.meshes and _moves_alike(earlier._plan, plan):
             self._placed = earlier._placed if own is before else None
-        arrays, facts = self._placed = self._placed or scene_trees.placed_trees(own, self._session, plan.movements)
+        arrays, facts = self._placed = self._placed or placed_trees(own, self._session, plan.movements)
         self.tree_facts |= facts
         for name, value in arrays.items():
             self.scene[name] = self._buffer(name, value, in_place=True) if isinstance(value, np.ndarray) else value
 
-    def _take_triangles(self, earlier: SceneBuffers, before: scene_trees.MeshTrees, own: scene_trees.MeshTrees) -> None:
+    def _take_triangles(self, earlier: SceneBuffers, before: MeshTrees, own: MeshTrees) -> None:
         """Take the triangles of earlier arrays; those that lie elsewhere about the eye are moved on the device."""
         for name in ("vertices", "triangles", "blocks"):
             self._uploaded[name], self.scene[name] = self._before[name], earlier.scene[name]
@@ -161,9 +814,9 @@ class SceneBuffers:
         shifted = any(not np.array_equal(one.shift, other.shift) for one, other in groups)
         if before.meshes.vertices is own.meshes.vertices and not shifted:
             return
-        self.scene["vertices"] = self._buffer("vertices", scene_trees.placed_vertices(own.meshes), in_place=True)
+        self.scene["vertices"] = self._buffer("vertices", placed_vertices(own.meshes), in_place=True)
         given = self.scene["vertices"], self.scene["triangles"]
-        self.scene["blocks"] = scene_trees.placed_blocks(self._session, own, *given)
+        self.scene["blocks"] = placed_blocks(self._session, own, *given)
         self._uploaded["blocks"] = self._before["blocks"][0], self.scene["blocks"]
 
 

@@ -15,8 +15,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import RayStatus, device_declarations
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.scene_trees import scene_trees
+from rptcam_cl.rendering.scene_buffers import SceneBuffers, scene_trees
 from rptcam_cl.scene.load import load_scene
 
 # A check of a device: what was measured and what it may be; and the kernels that show what a device computes.

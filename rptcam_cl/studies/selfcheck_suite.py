@@ -41,7 +41,7 @@ from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.passes import PACKETS, Way, fault_of
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.progressive import render_plan
-from rptcam_cl.rendering.scene_trees import cache_folder
+from rptcam_cl.rendering.scene_buffers import cache_folder
 from rptcam_cl.rendering.traceable_lens import Precision, trace_on_device
 from rptcam_cl.rendering.tracer import ORGANISATION, Wavefront
 from rptcam_cl.scene.changes import change_scene

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import rptcam_cl.rendering.scene_trees as trees
+import rptcam_cl.rendering.scene_buffers as trees
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.device.session import open_session
 from rptcam_cl.rendering import tree_build

@@ -11,7 +11,7 @@ from PIL import Image
 import rptcam_cl.rendering.plan.geometry as meshes
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering import scene_trees
+from rptcam_cl.rendering import scene_buffers
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.progressive import render_plan
@@ -83,7 +83,7 @@ def test_stream_and_passes_make_the_same_bits_of_meshes(monkeypatch, copied):
 def test_trees_and_lanes_of_a_gpu_make_the_same_picture(monkeypatch):
     """Trees of four and one lane a work item, on a CPU: the same hits but for ties, so nearly all pixels to the bit."""
     wide = film(balls(), "passes")
-    monkeypatch.setattr(scene_trees, "WIDTH", {"cpu": 4, "gpu": 4})
+    monkeypatch.setattr(scene_buffers, "WIDTH", {"cpu": 4, "gpu": 4})
     monkeypatch.setattr(Session, "lanes", property(lambda _: 1))
     narrow = film(balls(), "passes")
     assert (wide == narrow).all(axis=-1).mean() > 0.97

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering import scene_trees
+from rptcam_cl.rendering import scene_buffers
 from rptcam_cl.rendering.plan import geometry
 from rptcam_cl.studies.selfcheck import (
     RAY_MATTE,
@@ -31,7 +31,7 @@ def test_no_ray_leaks_through_edges_or_vertices(session, place):
 @pytest.mark.parametrize("kind", ["random", "axis", "denormal"])
 @pytest.mark.parametrize("shape", ["globe", "flat grid"])
 def test_tree_finds_what_every_triangle_finds(session, monkeypatch, shape, kind, width):
-    monkeypatch.setattr(scene_trees, "WIDTH", {"cpu": width, "gpu": width})
+    monkeypatch.setattr(scene_buffers, "WIDTH", {"cpu": width, "gpu": width})
     rng = rng_of(f"{shape} {kind}")
     if shape == "globe":
         points, faces = globe(24, 32)

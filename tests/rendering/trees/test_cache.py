@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.files import CACHE_VARIABLE
-from rptcam_cl.rendering import scene_trees as trees
-from rptcam_cl.rendering.scene_trees import load_or_build
+from rptcam_cl.rendering import scene_buffers as trees
+from rptcam_cl.rendering.scene_buffers import load_or_build
 from rptcam_cl.rendering.tree_build import EMPTY, Bvh, build_bvh, is_sound
 from tests.rendering.trees.meshes import boxes_of, soup
 from tests.rendering.trees.trees import quality
