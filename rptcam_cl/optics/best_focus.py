@@ -65,7 +65,7 @@ def best_film_distance(
         return _best(lens, object_distance_mm, wavelengths_nm, field_degrees, paraxial)
     film_distance_mm, rounds = start_mm or paraxial, FEW_ROUNDS if within_mm > 0 else MOST_ROUNDS
     for _ in range(ROUNDS):
-        front = object_distance_mm - lens.length - lens.sense * film_distance_mm
+        front = _front_mm(lens, object_distance_mm, measured_from, film_distance_mm)
         new = _best(lens, front, wavelengths_nm, field_degrees, film_distance_mm, rounds)
         if abs(new - film_distance_mm) <= max(CONVERGED * abs(film_distance_mm), within_mm):
             return new
@@ -107,11 +107,7 @@ def best_film_distance_at(
     beam, few, shift = Beam(), within_mm > 0, 0.0
     across, coarse, aimed = (FEW_ACROSS, FEW_COARSE, FEW_AIMED) if few else (ACROSS, COARSE, AIMED)
     for number in range(ROUNDS):
-        front = (
-            object_distance_mm
-            if measured_from == "front"
-            else object_distance_mm - lens.length - lens.sense * film_distance_mm
-        )
+        front = _front_mm(lens, object_distance_mm, measured_from, film_distance_mm)
         beam = replace(beam, object_distance_mm=front)
         if number < aimed or (few and abs(shift) > AIMED_WITHIN * within_mm):
             beam = _beam_to(lens, film_point_mm, film_distance_mm, front, wavelength_nm, few=few)
@@ -121,6 +117,13 @@ def best_film_distance_at(
             return film_distance_mm
     x, y = film_point_mm
     raise InputError(f"{lens.name}: finds no least spot at the film point ({x:g}, {y:g}) mm")
+
+
+def _front_mm(lens: Lens, object_distance_mm: float, measured_from: str, film_distance_mm: float) -> float:
+    """Return the distance of an object before the first vertex [mm]."""
+    if measured_from == "front":
+        return object_distance_mm
+    return object_distance_mm - lens.length - lens.sense * film_distance_mm
 
 
 def _beam_to(

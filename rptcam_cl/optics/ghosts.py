@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core import GOLDEN
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam
@@ -341,14 +342,12 @@ class ParaxialStep(NamedTuple):
     heights: Array
 
 
-def paraxial_steps(
-    lens: Lens, turns: NDArray[np.intp], film_distance_mm: float, wavelength_nm: float = 550.0
-) -> Iterator[ParaxialStep]:
+def paraxial_steps(lens: Lens, turns: NDArray[np.intp], film_distance_mm: float) -> Iterator[ParaxialStep]:
     """Yield the surfaces that many ways (n, reflections) meet, all of them together, in the y-z section.
 
     Slopes are per length of the way and times the index, so that light on its way back needs no signs of its own.
     """
-    index, film, senses = lens.indices(wavelength_nm), len(lens.surfaces), lens.senses
+    index, film, senses = lens.indices(550.0), len(lens.surfaces), lens.senses
     bends = [senses[k] * s.paraxial_curvature("y") for k, s in enumerate(lens.surfaces)]
     gaps = [0.0, *(senses[k + 1] * s.thickness for k, s in enumerate(lens.surfaces[:-1])), film_distance_mm]
     height, slope = (np.tile(column, len(turns)) for column in ([[1.0], [0.0]], [[0.0], [index[0]]]))
@@ -458,8 +457,6 @@ def ghost_image(
 
 
 # Light of one source on the front of a lens: rays spread evenly over the first surface, each with its flux.
-
-GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0  # steps that fill a line most evenly: lattices of any number of points
 
 
 class Entry:

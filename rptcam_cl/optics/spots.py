@@ -163,8 +163,8 @@ def parts_of_field(widest: float, shares: Sequence[float] = SHARES) -> list[floa
     return [round(share * widest, max(digits, 0)) for share in shares]
 
 
-def fan_points(setting: Setting, field_degrees: float, section: str, count: int = FAN) -> Array:
-    """Return points (count, 2) of the plane of the first vertex, in a line along the section, over the first surface.
+def fan_points(setting: Setting, field_degrees: float, section: str) -> Array:
+    """Return points (`FAN`, 2) of the plane of the first vertex, in a line along the section, over the first surface.
 
     Their rays are all those of the beam that meet the first surface inside its rim, and a few more.
     """
@@ -181,7 +181,7 @@ def fan_points(setting: Setting, field_degrees: float, section: str, count: int 
         else (heights - source) / setting.object_distance_mm
     )
     at_vertex = heights - np.nan_to_num(sag) * slope
-    line = np.linspace(at_vertex.min(), at_vertex.max(), count)
+    line = np.linspace(at_vertex.min(), at_vertex.max(), FAN)
     return line[:, None] * ([0.0, 1.0] if section == "y" else [1.0, 0.0])
 
 

@@ -27,7 +27,7 @@ from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.lamp_aim import Polynomial, Sights
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import WAVELENGTH_CELLS, Plan, aim, may_aim
-from rptcam_cl.rendering.point_spread import FINE, MIDDLE_NM, WAVES_NM, fade, quick, shares_of_white
+from rptcam_cl.rendering.point_spread import FINE, MIDDLE_NM, WAVES_NM, fade, shares_of_white, spread
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.scene import Scene
@@ -893,8 +893,8 @@ def _image(
     if not film.splits:
         rays += _ray_pixels(by_rays[0], film.pixel_mm, offsets)
     if not alone:
-        waves = _spread(waves, _sharp(places - first, 2 * reach + 1, 1.0))
-        rays = _spread(rays, _sharp(places - first, 2 * reach + 1, float(radius > _ALONE_PX)))
+        waves = spread(waves, _sharp(places - first, 2 * reach + 1, 1.0))
+        rays = spread(rays, _sharp(places - first, 2 * reach + 1, float(radius > _ALONE_PX)))
     waves *= fade(np.hypot(*np.meshgrid(*(np.arange(2 * reach + 1) + 0.5 - (middle - first)[:, None]))), reach)
     if not np.abs(waves - rays).sum() > _SHOWS * rays.sum():
         return None
@@ -925,15 +925,6 @@ def _sharp(places: Array, size: int, width: float) -> Array:
     return square
 
 
-def _spread(picture: Array, sharp: Array) -> Array:
-    """Return the picture of a point (3, n, n) for all points of a lamp, about the middle of a square."""
-    size = len(sharp)
-    reach, side = size // 2, quick(2 * size)
-    whole = np.fft.rfft2(picture, (side, side)) * np.fft.rfft2(sharp, (side, side))
-    full = np.fft.irfft2(whole, (side, side))
-    return np.asarray(full[:, reach : reach + size, reach : reach + size])
-
-
 def _finer(unit: float, nm: float) -> int:
     """Return into how many points a pixel is divided, by the wavelength over twice the aperture at 550 nm [pixels]."""
     return max(int(np.ceil(FINE / unit * 550.0 / nm)), 1)
@@ -944,17 +935,21 @@ def _wave_pixels(
 ) -> Array:
     """Return the light of each pixel, of 1 altogether."""
     finer = _finer(unit, nm)
-    within = (np.arange(finer) + 0.5) / finer - 0.5
-    x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
-    light = point_waves.wave_picture(wave, nm, x, y) * abs(pixel_mm[0] * pixel_mm[1]) / finer**2
-    size = offsets.shape[1]
-    return np.asarray(light.reshape(size, finer, size, finer).sum(axis=(1, 3)))
+    light = point_waves.wave_picture(wave, nm, *_finer_places(offsets, finer, pixel_mm))
+    return _by_pixels(light * abs(pixel_mm[0] * pixel_mm[1]) / finer**2, finer)
 
 
 def _ray_pixels(wave: point_waves.PointWave, pixel_mm: tuple[float, float], offsets: Array) -> Array:
-    within = (np.arange(_RAYS_FINER) + 0.5) / _RAYS_FINER - 0.5
+    return _by_pixels(point_waves.ray_picture(wave, *_finer_places(offsets, _RAYS_FINER, pixel_mm)), _RAYS_FINER)
+
+
+def _finer_places(offsets: Array, finer: int, pixel_mm: tuple[float, float]) -> tuple[Array, Array]:
+    """Return x and y of so many points each way of each pixel [mm]."""
+    within = (np.arange(finer) + 0.5) / finer - 0.5
     x, y = ((part[:, None] + within).ravel() * side for part, side in zip(offsets, pixel_mm, strict=True))
-    size = offsets.shape[1]
-    return np.asarray(
-        point_waves.ray_picture(wave, x, y).reshape(size, _RAYS_FINER, size, _RAYS_FINER).sum(axis=(1, 3))
-    )
+    return x, y
+
+
+def _by_pixels(light: Array, finer: int) -> Array:
+    size = len(light) // finer
+    return np.asarray(light.reshape(size, finer, size, finer).sum(axis=(1, 3)))

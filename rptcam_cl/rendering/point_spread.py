@@ -52,6 +52,14 @@ def quick(length: int) -> int:
         length += 1
 
 
+def spread(pictures: Array, kernels: Array) -> Array:
+    """Return square pictures, by kernels as large about their middles, as far as the pictures reach."""
+    size = pictures.shape[-1]
+    reach, side = size // 2, quick(2 * size)
+    whole = np.fft.rfft2(pictures, (side, side)) * np.fft.rfft2(kernels, (side, side))
+    return np.asarray(np.fft.irfft2(whole, (side, side))[..., reach : reach + size, reach : reach + size])
+
+
 #
 # What an opening makes of a point of light, pixel by pixel: the kernel of its diffraction.
 #

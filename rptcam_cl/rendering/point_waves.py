@@ -297,20 +297,12 @@ class PointOpening:
         return PointWave(pupil, *self.rays(pupil.cosines_x, pupil.cosines_y)[:3])
 
 
-def point_opening(
+def rough_opening(
     pupils: FilmPupils, seen: tuple[Array, FilmPupil], point: Array, source: Array, nm: float
 ) -> PointOpening:
     """Find the opening for light of a source [mm], in the frame of the lens, about a point of the film (x, y) [mm].
 
-    Parameters and errors as those of `rough_opening`.
-    """
-    return finer_opening(pupils, rough_opening(pupils, seen, point, source, nm), point, source)
-
-
-def rough_opening(
-    pupils: FilmPupils, seen: tuple[Array, FilmPupil], point: Array, source: Array, nm: float
-) -> PointOpening:
-    """Find the same with few cells and rays.
+    With few cells and rays: `finer_opening` has more.
 
     Parameters
     ----------
@@ -335,7 +327,7 @@ def rough_opening(
 
 
 def finer_opening(pupils: FilmPupils, rough: PointOpening, point: Array, source: Array) -> PointOpening:
-    """Find the opening of `point_opening` by that of `rough_opening`; raises as this does."""
+    """Find the same with many cells and rays by that of `rough_opening`; raises as this does."""
     return _search(pupils, rough.passes, rough.box, point, source, rough.nm, (COARSE, NODES, POWERS))
 
 
@@ -443,13 +435,11 @@ def kernel_of_waves(wave: Callable[[float], PointWave], pixel_mm: tuple[float, f
     if not is_steep:
         return point_spread.near_kernel(first.pupil, pixel_mm, reach, lambda nm: wave(nm).amplitude(nm), wide)
     perfect, offsets = point_spread.near_kernel(first.pupil, pixel_mm, reach), np.arange(-reach, reach + 1.0)
-    total, side = np.zeros(perfect.shape), point_spread.quick(4 * reach + 1)
+    total = np.zeros(perfect.shape)
     for nm, shares in zip(WAVES_NM, point_spread.shares_of_white(WAVES_NM), strict=True):
         rays = ray_picture(wave(nm), offsets * pixel_mm[0], offsets * pixel_mm[1])
         total += shares[:, None, None] * rays
-    whole = np.fft.rfft2(total, (side, side)) * np.fft.rfft2(perfect, (side, side))
-    spread = np.fft.irfft2(whole, (side, side))[:, reach : 3 * reach + 1, reach : 3 * reach + 1]
-    return point_spread.faded(np.maximum(spread, 0.0), reach)
+    return point_spread.faded(np.maximum(point_spread.spread(total, perfect), 0.0), reach)
 
 
 #
@@ -524,18 +514,12 @@ class Conjugates:
 
     def share(self, places: Array) -> Array:
         """Return how much of the aberrations of places rays leave out (n,), linear between nodes."""
-        (i, x), (j, y) = (
-            _among(at, count) for at, count in zip(self.chief.upright(places).T, self.shares.shape[::-1], strict=True)
-        )
-        low, high = (self.shares[row, i] + x * (self.shares[row, i + 1] - self.shares[row, i]) for row in (j, j + 1))
-        return np.asarray(low + y * (high - low))
+        return _linear(self.shares, *self.chief.upright(places).T)
 
     def share_of_pixels(self, columns: Array, rows: Array) -> Array:
         """Return the same of a grid (rows, columns)."""
         x, y = (self.chief.upright(np.column_stack([at, at]))[:, k] for k, at in enumerate((columns, rows)))
-        (i, x), (j, y) = (_among(at, count) for at, count in zip((x, y), self.shares.shape[::-1], strict=True))
-        along = self.shares[:, i] + x * (self.shares[:, i + 1] - self.shares[:, i])
-        return np.asarray(along[j] + y[:, None] * (along[j + 1] - along[j]))
+        return _linear(self.shares, x, y[:, None])
 
     def source(self, place: Array) -> Array:
         """Return the conjugate of a place (2,) in the frame of the lens [mm], within `FARTHEST_M`."""
@@ -717,6 +701,13 @@ def conjugates_of(
         return None
     by_rows = shares.reshape(len(nodes[1]), len(nodes[0]))
     return replace(found, shares=_between_nodes(by_rows, nodes, found.places))
+
+
+def _linear(values: Array, x: Array, y: Array) -> Array:
+    """Return values of nodes (rows, columns) that are spread from -1 to 1, linear between them."""
+    (i, u), (j, v) = (_among(at, count) for at, count in zip((x, y), values.shape[::-1], strict=True))
+    low, high = (values[row, i] + u * (values[row, i + 1] - values[row, i]) for row in (j, j + 1))
+    return np.asarray(low + v * (high - low))
 
 
 def _among(places: Array, count: int) -> tuple[NDArray[np.int_], Array]:

@@ -686,9 +686,9 @@ class Interval:
         return iter((self.value, self.low, self.high))
 
 
-def share(hits: int, count: int, confidence: float = CONFIDENCE) -> Interval:
+def share(hits: int, count: int) -> Interval:
     """The share of all copies that is good, of how many of a sample are (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
-    z = NormalDist().inv_cdf(0.5 + confidence / 2)
+    z = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
     ratio, weight = hits / count, 1.0 / (1.0 + z * z / count)
     middle = weight * (ratio + z * z / (2 * count))
     half = weight * z * math.sqrt(ratio * (1 - ratio) / count + (z / (2 * count)) ** 2)
@@ -709,7 +709,7 @@ def rank(percent: float, count: int) -> int:
     return max(math.ceil(percent / 100 * count - 1e-9), 1) - 1
 
 
-def percentile(ordered: Array, percent: float, confidence: float = CONFIDENCE) -> Interval:
+def percentile(ordered: Array, percent: float) -> Interval:
     """Return a percentile of sorted numbers, and the bounds that hold that of all copies, whatever their distribution.
 
     How many of a sample lie below the true percentile is binomial, so the bounds are two of the sorted numbers (David
@@ -718,7 +718,7 @@ def percentile(ordered: Array, percent: float, confidence: float = CONFIDENCE) -
     count, p = len(ordered), percent / 100
     place = rank(percent, count)
     below = np.cumsum(_binomial(count, p))  # chance that at most k of the sample lie below it
-    tail = (1 - confidence) / 2
+    tail = (1 - CONFIDENCE) / 2
     low = int(np.searchsorted(below, tail, side="right")) - 1
     high = int(np.searchsorted(below, 1 - tail, side="left"))
     low, high = max(low, 0), min(high, count - 1)

@@ -47,15 +47,13 @@ class Specification:
         return InputError(f"{self.where(path)}{dotted(path)}: {text}")
 
 
-def specification(source: str | Path | bytes | Mapping[str, Any] | Tolerances, name: str = "") -> Specification:
+def specification(source: str | Path | bytes | Mapping[str, Any] | Tolerances) -> Specification:
     """Return the specification of a grade's name, a YAML file, its text as bytes, or a mapping of the same form.
 
     Parameters
     ----------
     source
         One of `GRADES`, or a path.
-    name : str
-        What errors call text that is not read from a file.
 
     Raises
     ------
@@ -72,7 +70,7 @@ def specification(source: str | Path | bytes | Mapping[str, Any] | Tolerances, n
         return _check_specification(dict(source), None)
     if isinstance(source, str | Path) and not Path(source).exists():
         raise InputError(f"{source}: no such file and no grade of tolerances (allowed: {', '.join(GRADES)}, or a file)")
-    document = read_yaml(source if isinstance(source, bytes) else Path(source), name or None)
+    document = read_yaml(source if isinstance(source, bytes) else Path(source))
     if not isinstance(document.data, dict):
         raise InputError(f"{document.name}:1:1: a specification must be a mapping (allowed: with the key tolerances)")
     return _check_specification(document.data, document)

@@ -107,12 +107,12 @@ def load_lens(source: str | Path | Mapping[str, Any]) -> TraceableLens:
 
 
 def device_tracer(
-    session: Session, precision: Precision = "single"
+    session: Session,
 ) -> Callable[[Lens, NDArray[np.float64], NDArray[np.float64], float], Rays]:
     """Return a function that traces rays from the scene on a device, given lens, origins, directions and wavelength."""
 
     def trace(lens: Lens, origins: NDArray[np.float64], directions: NDArray[np.float64], wavelength_nm: float) -> Rays:
-        return trace_on_device(lens, session, origins, directions, wavelength_nm, "scene", precision)
+        return trace_on_device(lens, session, origins, directions, wavelength_nm, "scene", "single")
 
     return trace
 

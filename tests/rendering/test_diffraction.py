@@ -48,10 +48,11 @@ from rptcam_cl.rendering.point_spread import (
 from rptcam_cl.rendering.point_waves import (
     ACROSS,
     conjugates_in,
+    finer_opening,
     kernel_of_waves,
-    point_opening,
     point_wave,
     ray_picture,
+    rough_opening,
     stigmatic,
     wave_picture,
 )
@@ -784,7 +785,8 @@ def test_a_hexagon_out_of_focus_has_the_picture_of_its_waves(waves):
     scene, image, film = lamp_scene(waves)
     loaded = load_scene(scene)
     pupils, source, middle = camera_of(loaded).film_pupils(), np.array([0.0, 0.0, -200e3]), np.zeros(2)
-    wave = point_opening(pupils, (middle, pupils(middle)), middle, source, 550.0).wave(60.0)
+    rough = rough_opening(pupils, (middle, pupils(middle)), middle, source, 550.0)
+    wave = finer_opening(pupils, rough, middle, source).wave(60.0)
     places = (np.arange(160) - 79.5) * 0.0015
     expected = full_wave_picture(image, film, 550.0, places)
     found = wave_picture(wave, 550.0, places, places)
