@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.optics.optimise import Optimised
     from rptcam_cl.optics.ray_trace import LensTransmission
-    from rptcam_cl.rendering.account import Blur
+    from rptcam_cl.rendering.account import ZoneBlur
     from rptcam_cl.rendering.tolerance_run import ToleranceRun
     from rptcam_cl.scene.scene import Scene
 
@@ -515,7 +515,7 @@ def _yield_rows(runs: "list[ToleranceRun | None]") -> list[list[Any]]:
     return rows + [[f"{percent:g}", *values] for percent, *values in zip(PERCENTILES, *columns, strict=True)]
 
 
-def _facts(found: "Optimised", runs: "list[ToleranceRun | None]", pictures: "list[Blur]") -> dict[str, Any]:
+def _facts(found: "Optimised", runs: "list[ToleranceRun | None]", pictures: "list[ZoneBlur]") -> dict[str, Any]:
     from rptcam_cl.optics.files.export import lens_text
 
     facts: dict[str, Any] = {

@@ -36,7 +36,7 @@ HOLD_SHARE = 1e-5  # of the focal length: how exactly it is held
 
 
 @dataclass(frozen=True)
-class _Rays:
+class _FieldBeam:
     """Rays of one field: where they are among all, by wavelength, with weights whose sum over all fields is 1."""
 
     rows: slice
@@ -147,7 +147,7 @@ class MeritFunction:
     def _set_rays(self) -> None:
         """Lay rays into the pupil of each field: Gaussian rings and arms over what the rims of the start pass."""
         given, points, fields, waves, low = self.given, [], [], [], 0
-        self.fields: list[_Rays] = []
+        self.fields: list[_FieldBeam] = []
         nodes, node_weights = np.polynomial.legendre.leggauss(given.rings)
         radii, count = np.sqrt((nodes + 1) / 2), len(given.wavelengths_nm)
         shares = np.array(given.wavelength_weights) / sum(given.wavelength_weights)
@@ -163,7 +163,7 @@ class MeritFunction:
             points.append(np.tile([u, v], count))
             n = len(u) * count
             share = weight / sum(given.field_weights)
-            self.fields.append(_Rays(slice(low, low + n), share * shares[:, None] * of_pupil, degrees))
+            self.fields.append(_FieldBeam(slice(low, low + n), share * shares[:, None] * of_pupil, degrees))
             fields += [np.full(n, math.radians(degrees))]
             waves += [np.repeat(np.arange(count), len(u))]
             low += n
@@ -493,20 +493,20 @@ class MeritFunction:
                 unit = 1.0 if term.name == "focal_length" else 2 * self.pupil
                 yield term.name, length[[ref]] / unit - term.target, by[None, :, ref] / unit
 
-    def _of_field(self, state: State, rays: _Rays) -> tuple[Array, list[Array], list[Array]]:
+    def _of_field(self, state: State, rays: _FieldBeam) -> tuple[Array, list[Array], list[Array]]:
         """Return weights of rays that come through, x and y on the film, and their derivatives (variables, n)."""
         beam, rows = state.beam, rays.rows
         weights = np.where(beam.status[rows] == Status.ok, rays.weights.ravel(), 0.0)
         return weights, [beam.points[i, rows] for i in (0, 1)], [beam.points_by[i][:, rows] for i in (0, 1)]
 
-    def _spot(self, state: State, rays: _Rays, term: Term) -> Iterator[_Rows]:
+    def _spot(self, state: State, rays: _FieldBeam, term: Term) -> Iterator[_Rows]:
         """Distances from the centroid of all wavelengths [µm]; that of the two halves of the pupil lies at x = 0."""
         weights, (x, y), (dx, dy) = self._of_field(state, rays)
         root, total = 1e3 * np.sqrt(weights), weights.sum() or 1.0
         yield "spot", root * (y - weights @ y / total), (root * (dy - (dy @ weights / total)[:, None])).T
         yield "spot", root * x, (root * dx).T
 
-    def _wavefront(self, state: State, rays: _Rays, term: Term) -> Iterator[_Rows]:
+    def _wavefront(self, state: State, rays: _FieldBeam, term: Term) -> Iterator[_Rows]:
         """Paths to the plane wave limit of the reference sphere about the centroid, less their mean [waves]."""
         weights, (x, y), (dx, dy) = self._of_field(state, rays)
         total = weights.sum() or 1.0
@@ -524,7 +524,7 @@ class MeritFunction:
         root = np.sqrt(weights) / waves
         yield "wavefront", root * (w - mean), (root * (dw - dmean)).T
 
-    def _mtf(self, state: State, rays: _Rays, term: Term) -> Iterator[_Rows]:
+    def _mtf(self, state: State, rays: _FieldBeam, term: Term) -> Iterator[_Rows]:
         """What the geometrical modulation lacks to 1, in both directions: smooth, and without diffraction."""
         weights, (x, y), (dx, dy) = self._of_field(state, rays)
         total, turn = weights.sum(), 2 * np.pi * term.target
@@ -540,7 +540,7 @@ class MeritFunction:
             by = (real * dreal + imaginary * dimaginary) / max(modulus, 1e-9)
             yield "mtf", np.array([root * (1 - modulus)]), -root * by[None]
 
-    def _chief(self, state: State, rays: _Rays) -> tuple[NDArray[np.intp], Array, Array]:
+    def _chief(self, state: State, rays: _FieldBeam) -> tuple[NDArray[np.intp], Array, Array]:
         """Return the rows of the chief rays by wavelength, and y and derivatives; 0 of those that are lost."""
         each = rays.weights.shape[1]
         rows = rays.rows.start + each * (np.arange(rays.weights.shape[0]) + 1) - 1
@@ -551,7 +551,7 @@ class MeritFunction:
             np.where(good, state.beam.points_by[1][:, rows], 0.0),
         )
 
-    def _distortion(self, state: State, rays: _Rays) -> _Rows:
+    def _distortion(self, state: State, rays: _FieldBeam) -> _Rows:
         _, y, dy = self._chief(state, rays)
         ref, wanted = self.given.reference, self.given.focal_length_mm * math.tan(math.radians(rays.field))
         by = np.zeros_like(dy[:, ref])
@@ -562,13 +562,13 @@ class MeritFunction:
         root = 100 * math.sqrt(rays.weights.sum()) / wanted
         return "distortion", root * (y[[ref]] - wanted), root * (dy[:, ref] - by)[None]
 
-    def _lateral_colour(self, state: State, rays: _Rays) -> _Rows:
+    def _lateral_colour(self, state: State, rays: _FieldBeam) -> _Rows:
         _, y, dy = self._chief(state, rays)
         low, high = int(np.argmin(self.given.wavelengths_nm)), int(np.argmax(self.given.wavelengths_nm))
         root = 1e3 * math.sqrt(rays.weights.sum())
         return "lateral_colour", root * (y[[low]] - y[[high]]), root * (dy[:, low] - dy[:, high])[None]
 
-    def _telecentricity(self, state: State, rays: _Rays) -> _Rows:
+    def _telecentricity(self, state: State, rays: _FieldBeam) -> _Rows:
         rows, _, _ = self._chief(state, rays)
         k, d, dd = rows[self.given.reference], state.beam.directions, state.beam.directions_by
         root = math.degrees(1.0) * math.sqrt(rays.weights.sum())

@@ -654,7 +654,7 @@ def board(problem: Problem, lengths: float = 100.0, turn: float = 0.0) -> Scene:
     })  # fmt: skip
 
 
-class Blur(NamedTuple):
+class ZoneBlur(NamedTuple):
     """What zones lose to a lens.
 
     Attributes
@@ -677,7 +677,7 @@ class Blur(NamedTuple):
 
 def blur_of_zones(
     problem: Problem, session: Session, samples: int = ZONE_SAMPLES, seed: int = 0
-) -> Callable[[Lens, float], Blur]:
+) -> Callable[[Lens, float], ZoneBlur]:
     """Return the function that renders the zones of a problem through a lens with its film somewhere [mm].
 
     They are rendered too at the camera's wavelength with the stop all but closed: sharp, but drawn as the lens draws
@@ -697,8 +697,8 @@ def blur_of_zones(
     pictures = _ZonePictures(session, scene, problem.zones or tuple(_zones_at_fields(problem, scene)), samples, seed)
     first: list[Array] = []  # light in the zones through the first lens
 
-    def blur(lens: Lens, film_mm: float) -> Blur:
-        nothing = Blur(math.inf, np.full(2 * len(pictures.layouts), math.inf), 0.0, [])
+    def blur(lens: Lens, film_mm: float) -> ZoneBlur:
+        nothing = ZoneBlur(math.inf, np.full(2 * len(pictures.layouts), math.inf), 0.0, [])
         if not film_mm > 0:
             return nothing
         closed = lens.with_stop_diameter(2 * CLOSED * lens.surfaces[lens.stop_index or 0].semi_diameter)
@@ -713,7 +713,7 @@ def blur_of_zones(
         shares, errors = np.array(found).T / math.sqrt(len(found))
         value = float(np.linalg.norm(shares))
         residuals = np.concatenate([shares, lacking])
-        return Blur(value, residuals, float(np.linalg.norm(shares * errors)) / (value or 1.0), found)
+        return ZoneBlur(value, residuals, float(np.linalg.norm(shares * errors)) / (value or 1.0), found)
 
     return blur
 

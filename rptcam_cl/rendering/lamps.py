@@ -872,26 +872,22 @@ def _image(
         shares = shares_of_white(waves_nm)
         if lines is not None:
             waves_nm, shares = tuple(lines[:, 0].tolist()), lines[:, 1:]
-        split = [
-            point_waves.point_wave(film.pupils, wave.pupil, point, source, nm)
-            for nm in (waves_nm if film.splits else ())
-        ]
-        by_rays = [_as_rendered(film, each, point, middle, nm) for each, nm in zip(
-            split or [wave], waves_nm if film.splits else (film.nm,), strict=True)]  # fmt: skip
+        split, rays_nm = [wave], waves_nm if film.splits else (film.nm,)
+        if film.splits:
+            split = [point_waves.point_wave(film.pupils, wave.pupil, point, source, nm) for nm in waves_nm]
+        by_rays = [_as_rendered(film, own, point, middle, nm) for own, nm in zip(split, rays_nm, strict=True)]
     except InputError:
         return None
     first = np.floor(middle).astype(int) - reach
     waves, rays = (np.zeros((3, 2 * reach + 1, 2 * reach + 1)) for _ in range(2))
     alone = size.max() < _ALONE_PX  # of others the picture is about the middle of a pixel, and moved to their points
     offsets = np.arange(2 * reach + 1) + 0.5 - ((middle - first) if alone else np.full(2, reach + 0.5))[:, None]
-    for k, (nm, share) in enumerate(zip(waves_nm, shares[:, :, None, None], strict=True)):
+    shares = shares[:, :, None, None]
+    for nm, share, own in zip(waves_nm, shares, itertools.cycle(split), strict=False):
         checkpoint()
-        own = split[k] if film.splits else wave
         waves += share * _wave_pixels(own, nm, film.pixel_mm, offsets, unit)
-        if film.splits:
-            rays += share * _ray_pixels(by_rays[k], film.pixel_mm, offsets)
-    if not film.splits:
-        rays += _ray_pixels(by_rays[0], film.pixel_mm, offsets)
+    for share, own in zip(shares if film.splits else np.ones((1, 3, 1, 1)), by_rays, strict=True):
+        rays += share * _ray_pixels(own, film.pixel_mm, offsets)
     if not alone:
         waves = spread(waves, _sharp(places - first, 2 * reach + 1, 1.0))
         rays = spread(rays, _sharp(places - first, 2 * reach + 1, float(radius > _ALONE_PX)))

@@ -782,19 +782,15 @@ def stigmatic(plan: Plan, conjugates: Conjugates | None) -> Plan:
         facts=camera.facts | {"STIGMATIC": ACROSS},
         tables=np.concatenate([camera.tables, table.ravel()]),
         reach=_reach(camera, camera.reach, conjugates, table),
+        shares=conjugates.shares,
     )
     return replace(plan, camera=new)
 
 
 def conjugates_in(plan: Plan, conjugates: Conjugates | None) -> Conjugates | None:
     """Return conjugates with the shares that a plan of `stigmatic` has; None where its rays go to none."""
-    if conjugates is None or "STIGMATIC" not in plan.camera.facts:
-        return None
-    first = int(plan.camera.record["conjugates"][0])
-    table = plan.camera.tables[first : first + 4 * ACROSS**2].reshape(-1, 4)
-    whole = replace(conjugates, shares=np.ones((2, 2))).at(conjugates.places)
-    shares = np.linalg.norm(table, axis=1) / np.linalg.norm(whole, axis=1)
-    return replace(conjugates, shares=shares.reshape(ACROSS, ACROSS))
+    shares = plan.camera.shares
+    return None if conjugates is None or shares is None else replace(conjugates, shares=shares)
 
 
 def _reach(camera: CameraModel, reach: LampReach, conjugates: Conjugates, table: NDArray[np.float32]) -> LampReach:

@@ -618,6 +618,9 @@ class CameraModel:
         The lens in use, where rays are traced through it.
     pupil : EntrancePupil or None
         Its entrance pupil, with its drift, where that was found.
+    shares : (n, n) array or None
+        How much of the aberrations of its lens its rays leave out for waves to bring, by rows from edge to edge of the
+        film; None where they leave out none.
     """
 
     kernel: str
@@ -637,6 +640,7 @@ class CameraModel:
     reach: LampReach | None = None
     setting: LensSetting | None = None
     pupil: EntrancePupil | None = None
+    shares: NDArray[np.float64] | None = None
 
     @property
     def value(self) -> float:

@@ -49,7 +49,7 @@ _AxialColour = tuple[Array, Array] | None
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class PathSpectrum:
     """The kind of light that paths carry.
 
     Attributes
@@ -69,7 +69,7 @@ class Spectrum:
     metadata: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, kind: SpectrumKind, table: NDArray[np.float32], **facts: int) -> Spectrum:
+    def of(cls, kind: SpectrumKind, table: NDArray[np.float32], **facts: int) -> PathSpectrum:
         """Return the light of a kind; facts that are not given are 0."""
         absent = {"WAVELENGTH_CELLS": 0, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "HAS_DISPERSION": 0}
         cells = {"WAVELENGTH_CELLS": WAVELENGTH_CELLS} if kind else {}
@@ -116,7 +116,7 @@ def wavelength_table(spectra: Array, density: Array, low_nm: float, high_nm: flo
     return np.concatenate([starts[None], weights]).T.astype(np.float32)
 
 
-def seen_by(scene: Scene, camera: CameraModel, spectra: KnownSpectra, materials: Materials) -> Spectrum:
+def seen_by(scene: Scene, camera: CameraModel, spectra: KnownSpectra, materials: Materials) -> PathSpectrum:
     """Return the kind of light of the paths that a camera sees: as requested, or as needed.
 
     A mode that nothing in the scene calls for is not compiled: without dispersion, `dispersive` is RGB.
@@ -137,18 +137,18 @@ def seen_by(scene: Scene, camera: CameraModel, spectra: KnownSpectra, materials:
     elif settings.mode != "rgb" and (lens or glass):
         spectrum = _dispersive(axial, (low, high), lens=lens)
     else:
-        spectrum = Spectrum.of(SpectrumKind.RGB, np.zeros(1, np.float32))
+        spectrum = PathSpectrum.of(SpectrumKind.RGB, np.zeros(1, np.float32))
     metadata |= {"spectrum": spectrum.kind.name.lower(), "spectrum_requested": settings.mode}
     facts = spectrum.facts | {"HAS_DISPERSION": int(glass and spectrum.kind != SpectrumKind.RGB)}
     return replace(spectrum, facts=facts, metadata=metadata)
 
 
-def _dispersive(axial: _AxialColour, range_nm: tuple[float, float], *, lens: bool) -> Spectrum:
+def _dispersive(axial: _AxialColour, range_nm: tuple[float, float], *, lens: bool) -> PathSpectrum:
     """Return the spectrum of RGB light whose paths have a wavelength each."""
     spectra = primary_spectra()
     table = wavelength_table(spectra, least_noise(spectra), *range_nm)
     table[:, 1:] /= _left_of_white(table, np.ones(WAVELENGTH_CELLS), axial)
-    return Spectrum.of(SpectrumKind.DISPERSIVE, table.ravel(), LENS_SPLITS=int(lens))
+    return PathSpectrum.of(SpectrumKind.DISPERSIVE, table.ravel(), LENS_SPLITS=int(lens))
 
 
 def least_noise(spectra: Array) -> Array:
@@ -170,7 +170,7 @@ def observer(scene: Scene) -> tuple[str, Array]:
 
 def _spectral(
     matching: Array, axial: _AxialColour, spectra: KnownSpectra, range_nm: tuple[float, float], *, lens: bool
-) -> Spectrum:
+) -> PathSpectrum:
     """Return the spectrum of light at three wavelengths per path, which ``matching`` (401, 3) makes linear sRGB of.
 
     The weights of cells are corrected, by about one part in a thousand, so that the primaries that colours are made of
@@ -185,7 +185,7 @@ def _spectral(
     table[:, 1:] /= _left_of_white(table, colours[3], axial)
     known = _cell_means(np.array(spectra.samples), edges) if spectra.samples else np.zeros((0, WAVELENGTH_CELLS))
     parts = np.concatenate([part.ravel() for part in (table, colours.T, known)]).astype(np.float32)
-    return Spectrum.of(
+    return PathSpectrum.of(
         SpectrumKind.SPECTRAL, parts, SPECTRAL_COLOURS=1, HAS_SPECTRA=int(len(known) > 0), LENS_SPLITS=int(lens)
     )
 
@@ -344,7 +344,7 @@ class Plan:
 
     facts: dict[str, int]
     camera: CameraModel
-    spectrum: Spectrum
+    spectrum: PathSpectrum
     camera_filter: FilterTable
     trajectory: NDArray[np.float32]
     primitives: NDArray[np.void]
