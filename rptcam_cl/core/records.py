@@ -34,14 +34,19 @@ _NUMPY_TYPE: dict[str, tuple[str, tuple[int, ...]]] = {
 class Record:
     """A struct of the device: name and ``(type, member)`` pairs in order; of a union the members lie upon each other.
 
-    A type is one of OpenCL C or a record that stands before. ``facts`` are pairs of a fact that kernels are compiled
-    for and the member that it follows from: it is 1 where some record has an index there, which is not negative.
+    A type is one of OpenCL C or a record that stands before; where it is declared, several members may share it.
+    ``facts`` are pairs of a fact that kernels are compiled for and the member that it follows from: it is 1 where some
+    record has an index there, which is not negative.
     """
 
     name: str
     members: tuple[tuple[str | Record, str], ...]
     is_union: bool = False
     facts: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        pairs = ((kind, member) for kind, names in self.members for member in names.split())
+        object.__setattr__(self, "members", tuple(pairs))
 
     @cache  # noqa: B019 -- records are declared once
     def dtype_of(self, real: str) -> np.dtype[np.void]:
@@ -122,17 +127,10 @@ SURFACE = Record(
         ("real", "semi_diameter2"),
         ("real", "eta"),  # index before over index after
         ("real", "conic"),
-        ("real", "weight_x"),  # 1, or 0 where a cylinder is straight
-        ("real", "weight_y"),
-        ("real", "half_width"),  # region
-        ("real", "half_height"),
-        ("real", "edge"),
-        ("real", "edge_x"),
-        ("real", "edge_y"),
-        ("real", "centre_x"),  # of the rectangle and the circles of the region
-        ("real", "centre_y"),
-        ("real", "radius2"),
-        ("real", "inner_radius2"),
+        ("real", "weight_x weight_y"),  # 1, or 0 where a cylinder is straight
+        ("real", "half_width half_height edge edge_x edge_y"),  # region
+        ("real", "centre_x centre_y"),  # of the rectangle and the circles of the region
+        ("real", "radius2 inner_radius2"),
         ("real", "stop_radius"),  # half the side of a mask
         ("real", "refracts"),  # 0 where the media before and after are the same, -1 where a mirror turns z round
         ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
@@ -149,17 +147,11 @@ SURFACE = Record(
         ("real", "attenuation"),  # before the surface [1/mm], 0 before the first one
         ("real", "inner_semi_diameter2"),
         ("real", "own[4]"),  # what a kind with numbers of its own writes in its `fill`
-        ("int", "kind"),
-        ("int", "even_terms"),
-        ("int", "odd_terms"),
-        ("int", "posed"),
-        ("int", "region"),
-        ("int", "inverted"),
+        ("int", "kind even_terms odd_terms posed region inverted"),
         ("int", "stop_count"),  # edges of the outline, or cells along a side of the mask, that shape the stop
         ("int", "stop_shape"),
         ("int", "index_table"),  # where tables over the wavelength stand behind the shape of the stop, -1 without one
-        ("int", "gain_table"),
-        ("int", "attenuation_table"),
+        ("int", "gain_table attenuation_table"),
         ("int", "stacked"),  # layers of the stack
     ),
 )
@@ -176,8 +168,7 @@ PINHOLE_CAMERA = Record(
 THIN_LENS_CAMERA = Record(
     "ThinLensCamera",
     (
-        ("float", "half_width"),  # tangents of half the field of view
-        ("float", "half_height"),
+        ("float", "half_width half_height"),  # tangents of half the field of view
         ("float", "focus_distance"),  # of the plane of focus [m]
         ("float", "aperture_radius"),  # [m]
     ),
@@ -186,8 +177,7 @@ THIN_LENS_CAMERA = Record(
 THICK_LENS_CAMERA = Record(
     "ThickLensCamera",
     (
-        ("float", "film_half_width"),  # [mm]
-        ("float", "film_half_height"),
+        ("float", "film_half_width film_half_height"),  # [mm]
         ("float", "weight"),  # of a ray along the axis
         ("float", "metres_per_mm"),
         ("float", "first_vertex_z"),  # in the camera's frame [m]
@@ -210,12 +200,7 @@ PUPIL_CIRCLE = Record(
 
 PUPIL_GRID = Record(
     "PupilGrid",  # cells of boxes, or outlines along a film radius, whole numbers of them
-    (
-        ("float", "per_mm_across"),
-        ("float", "per_mm_down"),
-        ("float", "across"),
-        ("float", "down"),
-    ),
+    (("float", "per_mm_across per_mm_down across down"),),
 )
 
 PUPIL_LINES = Record(
@@ -236,8 +221,7 @@ PUPIL = Record(
 REALISTIC_CAMERA = Record(
     "RealisticCamera",
     (
-        ("float", "film_half_width"),  # [mm]
-        ("float", "film_half_height"),
+        ("float", "film_half_width film_half_height"),  # [mm]
         ("float", "film_distance"),  # from the film to the last vertex [mm]
         ("float", "gain"),  # of every ray's weight
         ("float", "metres_per_mm"),
@@ -262,8 +246,7 @@ OWN_CAMERA = Record(
 HALF_PUPIL = Record(
     "HalfPupil",  # see kernels/lens/half_pupil.h
     (
-        ("float", "normal_x"),  # of the line that parts the pupil
-        ("float", "normal_y"),
+        ("float", "normal_x normal_y"),  # of the line that parts the pupil
         ("float", "offset"),  # of the line along its normal
         ("float", "share"),  # of the film point by which the line moves
         ("int", "beyond"),  # whether the half beyond the line is meant
@@ -273,9 +256,7 @@ HALF_PUPIL = Record(
 CAMERA = Record(
     "Camera",
     (
-        ("float4", "right"),
-        ("float4", "up"),
-        ("float4", "back"),
+        ("float4", "right up back"),
         # Of a film that is moved (cameras/setting.py), x to the right, y up, z away from the lens: [mm], or in
         # film distances of a camera without a lens of surfaces.
         ("float4", "film_centre"),  # w: 1 / film distance [1/m]
@@ -283,20 +264,16 @@ CAMERA = Record(
         ("float4", "film_up"),
         ("float4", "film_normal"),  # unit
         # Of a lens whose axis is folded: rows of scene_from_lens, w: the origin of the lens [mm]
-        ("float4", "fold_x"),
-        ("float4", "fold_y"),
-        ("float4", "fold_z"),
+        ("float4", "fold_x fold_y fold_z"),
         ("float", "width"),  # [pixels]
         ("float", "height"),
-        ("float", "per_width"),  # 1 / width, negative where the picture is shown as it lies on the film
-        ("float", "per_height"),
+        ("float", "per_width per_height"),  # 1 / width, negative where the picture is shown as it lies on the film
         ("float", "exposure"),  # factor of every ray's weight
         ("float", "wavelength"),  # of all rays, where they have one [nm]
         (HALF_PUPIL, "half_pupil"),
         (OWN_CAMERA, "own"),
         ("int", "lamp_table"),  # see kernels/lens/lamp_aim.h: where it stands among the tables
-        ("int", "lamp_across"),  # blocks of pixels
-        ("int", "lamp_down"),
+        ("int", "lamp_across lamp_down"),  # blocks of pixels
         ("int", "lamp_shift"),  # log2 of their side
         ("int", "conjugates"),  # see kernels/lens/stigmatic.h: where they stand among the tables
     ),
@@ -550,30 +527,21 @@ PRIMITIVE = Record(
     (
         # rows of object_from_world; of a sphere: centre and radius, x axis and handedness, z axis; of curves see
         # kernels/geometry/cubic_curve.h, and for the last three members too
-        ("float4", "row_x"),
-        ("float4", "row_y"),
-        ("float4", "row_z"),
+        ("float4", "row_x row_y row_z"),
         ("int", "material"),
         ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
         # of a mesh; of rectangles and disks how many share its plane, rendering/plan/geometry.py
-        ("int", "instance"),
-        ("int", "first_triangle"),
+        ("int", "instance first_triangle"),
     ),
 )
 
 INSTANCE = Record(
     "Instance",
     (
-        ("float4", "row_x"),  # rows of mesh_from_world
-        ("float4", "row_y"),
-        ("float4", "row_z"),
-        ("float4", "world_x"),  # rows of world_from_mesh
-        ("float4", "world_y"),
-        ("float4", "world_z"),
+        ("float4", "row_x row_y row_z"),  # rows of mesh_from_world
+        ("float4", "world_x world_y world_z"),  # rows of world_from_mesh
         ("int", "root"),  # of its tree
-        ("int", "first_primitive"),
-        ("int", "primitives"),
-        ("int", "reserved_0"),
+        ("int", "first_primitive primitives reserved_0"),
     ),
 )
 
@@ -596,8 +564,7 @@ MATERIAL = Record(
     (
         # w of a colour, here and elsewhere: its number among the spectra of the scene, from 1; 0 where it has none
         ("float4", "color"),  # reflectance, base colour, or radiance of an emissive material
-        ("float4", "metal_n"),  # refractive index n + i k of a metal
-        ("float4", "metal_k"),
+        ("float4", "metal_n metal_k"),  # refractive index n + i k of a metal
         ("float4", "cover"),  # of rough plastic: share of light that its cover reflects, as a quartic in 1 - cos
         ("float4", "absorption"),  # [1/m] behind the surface; of thin glass the optical depth
         ("float4", "specular_color"),  # of the dielectric's reflectance at normal incidence
@@ -617,11 +584,7 @@ MATERIAL = Record(
         ("float", "alpha"),  # GGX alpha along u; with a roughness texture what it is multiplied by
         ("float", "alpha_across"),
         ("float", "internal"),  # of plastic: share of diffuse light that the cover sends back down
-        ("float", "cover_last"),
-        ("float", "metallic"),
-        ("float", "specular"),
-        ("float", "transmission"),
-        ("float", "coat"),
+        ("float", "cover_last metallic specular transmission coat"),
         ("float", "coat_alpha"),  # with a texture what it is multiplied by
         ("float", "sheen_last"),  # of `sheen_cover`
         ("float", "sheen_alpha"),
@@ -631,21 +594,11 @@ MATERIAL = Record(
         ("float", "cutoff"),  # of an opacity mask; 0 where rays pass with a probability
         ("float", "factor"),  # of a mix: share of the second material; of a measured one of facets in sampling
         # of a mix: the two materials; of a measured one the word where its table starts, of a film 1 more
-        ("int", "first"),
-        ("int", "second"),
+        ("int", "first second"),
         ("int", "texture"),  # indices of the textures that replace values, or -1: of the colour
-        ("int", "glow_texture"),
-        ("int", "roughness_texture"),
-        ("int", "metallic_texture"),
-        ("int", "coat_texture"),
-        ("int", "coat_roughness_texture"),
-        ("int", "sheen_texture"),
-        ("int", "opacity_texture"),
-        ("int", "factor_texture"),
-        ("int", "normal_texture"),
-        ("int", "anisotropy_texture"),
-        ("float", "normal_strength"),
-        ("float", "anisotropy_strength"),
+        ("int", "glow_texture roughness_texture metallic_texture coat_texture coat_roughness_texture"),
+        ("int", "sheen_texture opacity_texture factor_texture normal_texture anisotropy_texture"),
+        ("float", "normal_strength anisotropy_strength"),
         ("int", "dispersion_terms"),  # of the polynomial of the index over the inverse wavelength; 0: `parameter`
         ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
         ("float", "dispersion_high"),
@@ -653,15 +606,10 @@ MATERIAL = Record(
         ("float", f"once_outside[{ONCE_TERMS}]"),  # of rough glass: the light that facets scatter once, by the cosine
         ("float", f"once_inside[{ONCE_TERMS}]"),
         ("float", "anisotropy_turn"),  # of the direction of `alpha`, from u towards v [turns]
-        ("int", "specular_texture"),
-        ("int", "specular_color_texture"),
-        ("int", "coat_normal_texture"),
+        ("int", "specular_texture specular_color_texture coat_normal_texture"),
         ("float", "coat_normal_strength"),
         ("int", "coat_flat"),  # whether the coat has the normals of the shape, and not those of `normal_texture`
-        ("int", "transmission_texture"),
-        ("int", "passed_texture"),
-        ("int", "inside_texture"),
-        ("int", "bump_texture"),
+        ("int", "transmission_texture passed_texture inside_texture bump_texture"),
         ("float", "bump_height"),  # of a texture of 1 [m]; of bumps over u and v in scene units [scene units]
         ("int", "bump_lengths"),
         ("int", "interior"),  # number of the medium in a solid that light enters, in a scene with media; else -1
@@ -699,20 +647,13 @@ MEDIUM = Record(
         ("float4", "emission"),  # radiance per metre
         ("float4", "layer"),  # up, and the height of the base above the eye; both over the scale height [1/m, 1]
         ("float4", "droplets"),  # of fog: g and alpha of Draine's phase function, and its share
-        ("float4", "row_x"),  # of a grid of densities: from about the eye [m] to voxels
-        ("float4", "row_y"),
-        ("float4", "row_z"),
+        ("float4", "row_x row_y row_z"),  # of a grid of densities: from about the eye [m] to voxels
         ("float", "asymmetry"),  # mean cosine of scattering; with droplets of the rest of it
         ("float", "glow_rate"),  # of a grid: places where it shines per column, at least
         ("int", "by_entry"),  # whether the path's entry says what of the extinction is scattering
         ("int", "voxels"),  # of a grid: where its densities start, x first; else -1
         ("int", "blocks"),  # and the least, greatest and mean density of blocks of them
-        ("int", "size_x"),
-        ("int", "size_y"),
-        ("int", "size_z"),
-        ("int", "blocks_x"),
-        ("int", "blocks_y"),
-        ("int", "blocks_z"),
+        ("int", "size_x size_y size_z blocks_x blocks_y blocks_z"),
         ("int", "in_shade"),  # whether glass keeps all light samples out, so that none are made
     ),
 )
@@ -725,23 +666,14 @@ TEXTURE = Record(
         ("float4", "b"),  # second colour
         ("float4", "row_u"),  # coordinates on the pattern: x u + y v + z
         ("float4", "row_v"),
-        ("float4", "row_x"),  # of a mapping: from the world to the frame of the texture
-        ("float4", "row_y"),
-        ("float4", "row_z"),
+        ("float4", "row_x row_y row_z"),  # of a mapping: from the world to the frame of the texture
         ("int", "kind"),
         ("float", "parameter"),  # width of a grid's line; amplitude of an octave of noise relative to the last
         ("float", "contrast"),  # of noise
-        ("int", "octaves"),
-        ("int", "seed"),
+        ("int", "octaves seed"),
         ("float", "limit"),  # largest value of an image, a mixture, or marble that goes on
         ("uint", "first"),  # word of the texels where an image starts; of a mixture its first part
-        ("int", "width"),
-        ("int", "height"),
-        ("int", "format"),
-        ("int", "nearest"),
-        ("int", "wrap_u"),
-        ("int", "wrap_v"),
-        ("int", "mapping"),
+        ("int", "width height format nearest wrap_u wrap_v mapping"),
         ("int", "form"),  # of Perlin's noise; of marble the last of its cubic pieces
         ("float", "variation"),  # of marble
     ),
@@ -760,11 +692,8 @@ EMITTER = Record(
         # texture coordinates at the corner; z: handedness of a sphere, whose u and v are axes x and z; of a solid this
         # and the next two are the rows of object_from_world
         ("float4", "uv"),
-        ("float4", "uv_x"),  # and how they change along u and v
-        ("float4", "uv_y"),
-        ("int", "kind"),
-        ("int", "primitive"),
-        ("int", "two_sided"),
+        ("float4", "uv_x uv_y"),  # and how they change along u and v
+        ("int", "kind primitive two_sided"),
         # probability of being picked; of an emitter at infinity in a scene with a light tree: its irradiance, in the
         # units of the tree's estimates
         ("float", "pick"),
@@ -779,8 +708,7 @@ ENVIRONMENT = Record(
     "Environment",
     (
         ("float4", "bottom"),  # radiance from below or from everywhere
-        ("float4", "top"),
-        ("float4", "up"),
+        ("float4", "top up"),
         ("float4", "right"),  # of a picture's middle
         ("float4", "forward"),
         ("int", "texture"),  # index of the picture
@@ -804,10 +732,7 @@ WAVE = Record(
         ("uint", "samples"),  # per pixel in this wave
         ("uint", "tiles_across"),
         ("int", "width"),  # of the cropped film
-        ("int", "height"),
-        ("int", "full_width"),
-        ("int", "crop_x"),
-        ("int", "crop_y"),
+        ("int", "height full_width crop_x crop_y"),
         ("int", "tiles_skipped"),  # of the film, behind each in a row and behind each row
         ("int", "reserved_0"),
     ),
@@ -819,8 +744,7 @@ LIMITS = Record(
         ("uint", "max_depth"),  # longest path [edges], the camera's included
         ("uint", "roulette_depth"),  # from which on Russian roulette may end a path; 0: never
         ("uint", "cell_shift"),  # binary logarithm of the pixels across a cell of the film
-        ("int", "cells_across"),
-        ("int", "cells_down"),
+        ("int", "cells_across cells_down"),
     ),
 )
 
@@ -837,19 +761,15 @@ VIEW = Record(
         ("int", "rows"),
         ("int", "by_depth"),  # whether the blur's distances are depths
         ("int", "from_eye"),  # whether rays start ahead of the eye, that distances count from
-        ("int", "reserved_0"),
-        ("int", "reserved_1"),
+        ("int", "reserved_0 reserved_1"),
     ),
 )
 
 CAUSTIC_SURFACE = Record(
     "CausticSurface",  # where photons start, kernels/caustics/surface.h
     (
-        ("float4", "row_x"),  # rows of world_from_object; of a triangle nothing
-        ("float4", "row_y"),
-        ("float4", "row_z"),
-        ("int", "kind"),
-        ("int", "primitive"),
+        ("float4", "row_x row_y row_z"),  # rows of world_from_object; of a triangle nothing
+        ("int", "kind primitive"),
         ("int", "triangle"),  # of a mesh, else -1
         ("float", "area"),  # of the canonical shape; of a triangle in the world [m²]
     ),
@@ -860,9 +780,7 @@ PHOTON_GRID = Record(
     (
         ("float4", "low"),  # bounds of the photons, a radius wider [m]; w: 1 / width of a cell [1/m]
         ("float4", "high"),  # w: radius [m]
-        ("int", "mask_x"),  # periods of the cells, less one
-        ("int", "mask_y"),
-        ("int", "mask_z"),
+        ("int", "mask_x mask_y mask_z"),  # periods of the cells, less one
         ("uint", "mask_sample"),  # period of the samples that see photons of their own, less one
     ),
 )
