@@ -295,6 +295,14 @@ def with_wider_stop(lens: Lens, factor: float) -> Lens:
     return lens.with_changes({lens.stop_index: {"semi_diameter": wider}})
 
 
+CLOSING = 4.0  # how far a wider stop is closed at a time
+
+
+def with_wider_stops(lens: Lens, factor: float) -> list[Lens]:
+    """Return the lens with its stop wider by a factor above 1, and closed from there, widest first."""
+    return [with_wider_stop(lens, factor / CLOSING**k) for k in range(int(np.log(factor) / np.log(CLOSING)) + 1)]
+
+
 def steps(way: Way, surfaces: int) -> Iterator[Step]:
     """Yield the surfaces that light meets on a way through so many of them."""
     k, forward = 0, True
@@ -863,7 +871,6 @@ IMAGE_RAYS = 20_000  # of the image itself
 PART = 0.3  # of a way's rays; where fewer meet the frame, those get rays of their own
 WIDE = 0.1  # what light beside the frame counts where rays are shared out
 SURE = 100  # rays that form the image; where fewer do, a wider stop says where light enters
-CLOSING = 4.0  # how far the stop is then closed at a time
 RARE = 40  # rays of a pair, below which more look for its light over the whole front
 SCOUTS, FEWEST_SCOUTS, MOST_SCOUTS = 300_000, 1024, 4096  # of all such pairs, and of each
 
@@ -944,9 +951,8 @@ def find_ghosts(lit: Lit, order: int = 2, share: float = 1.0) -> Ghosts:
     landed, stops = tree.landed, [lit]
     formed = len(landed[()].light) if () in landed else 0
     if formed < SURE and lit.lens.stop is not None:
-        opening = float(np.sqrt(SURE / max(formed, 0.25)))
-        factors = [opening / CLOSING**k for k in range(int(np.log(opening) / np.log(CLOSING)) + 1)]
-        stops = [replace(lit, lens=with_wider_stop(lit.lens, factor)) for factor in factors] + [lit]
+        wider = with_wider_stops(lit.lens, float(np.sqrt(SURE / max(formed, 0.25))))
+        stops = [*(replace(lit, lens=lens) for lens in wider), lit]
         landed = Tree(stops[0], order, int(RAYS[order] * share)).landed
     own = _own_light(landed | _scout_rare(stops[0], landed), stops, share)
     image = own.pop((), FilmLight((), 0.0, 0.0, (np.nan, np.nan), np.nan))

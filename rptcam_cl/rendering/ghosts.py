@@ -64,7 +64,6 @@ Counts = NDArray[np.intp]
 GROUP = 4
 SCOUTS = 1024  # rays of a source that look for the light of each way
 SURE = 32.0  # of them that shall come through the opening; where fewer would, they look through wider ones first
-CLOSING = 4.0  # how far the stop is then closed at a time
 LATTICE = 2654435769  # over 2^32, the second coordinate's step from ray to ray: the kernel's
 ONE_LIGHT = float(1 << 36)  # units of the device's whole numbers
 
@@ -208,8 +207,7 @@ class GhostFilm:
             return []
         pupil = self.lens.first_order().entrance_pupil.diameter_mm / 2
         factor = float(np.sqrt(SURE / SCOUTS)) * 2 * self._reach / (float(np.sqrt(np.pi)) * pupil) if pupil > 0 else 1.0
-        stages = range(int(np.log(factor) / np.log(CLOSING)) + 1) if factor > 1 else range(0)
-        return [lens_ghosts.with_wider_stop(self.lens, factor / CLOSING**k) for k in stages]
+        return lens_ghosts.with_wider_stops(self.lens, factor) if factor > 1 else []
 
     def _opening(self, lens: Lens, nm: float, half_nm: float) -> _Opening:
         records = WayRecords.of(lens, nm, self.transmission)
