@@ -33,6 +33,7 @@ def describe(scene: Scene, *, roulette: bool, folder: Path) -> dict[str, Any]:
     roulette
         Whether Russian roulette ends paths as it does by Cycles' default, or never.
     """
+    assert not scene.lights and scene.medium is None
     meshes: list[dict[str, Any]] = []
     flat: dict[Any, list[NDArray[np.float64]]] = {}
 
@@ -90,7 +91,8 @@ def _look(material: Any) -> dict[str, Any]:
     if material.kind == "emissive":
         return {"kind": "lamp", "color": list(material.radiance)}
     if material.kind == "dielectric":
-        return {"kind": "glass", "index": material.index, "roughness": 0.0}
+        alpha = 0.0 if material.alphas is None else material.alphas[0]
+        return {"kind": "glass", "index": material.index, "roughness": float(np.sqrt(alpha))}
     if material.kind == "conductor":
         along, across = material.alphas
         assert along == across

@@ -1,7 +1,8 @@
 """The worker that renders with Blender's Cycles on the processor; its Python needs bpy and nothing else.
 
-Requests: ``load`` a description made by `benchmarks.cycles_scene`, ``render`` samples of it and perhaps save them.
-A checker has cells of one metre in the world, as that of the reference scenes.
+Requests: ``load`` a description made by `benchmarks.cycles_scene`, ``render`` samples of it and perhaps save them, with
+a ``noise`` as threshold of its adaptive samples. A checker has cells of one metre in the world, as that of the
+reference scenes.
 """
 
 from __future__ import annotations
@@ -172,6 +173,8 @@ def _render(bpy: Any, request: dict[str, Any]) -> dict[str, Any]:
 
     scene = bpy.context.scene
     scene.cycles.samples, scene.cycles.seed = request["spp"], request["seed"]
+    scene.cycles.use_adaptive_sampling = "noise" in request
+    scene.cycles.adaptive_threshold = request.get("noise", 0.0)
 
     def make() -> Any:
         bpy.ops.render.render(write_still=True)

@@ -1,8 +1,8 @@
 """The worker that renders with this package.
 
 Requests: ``load`` a reference scene, perhaps with other ``settings`` of its render; ``render`` samples of it, perhaps
-``save`` the picture and ``forget`` the scene. After the device ``avx2`` may stand: PoCL from pip then works as where a
-processor has no AVX-512.
+of another ``seed`` and up to a ``noise``, ``save`` the picture and ``forget`` the scene. After the device ``avx2`` may
+stand: PoCL from pip then works as where a processor has no AVX-512.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from benchmarks.scenes import reference_scene, wavefront_of
 from benchmarks.stopwatch import timed_picture
@@ -73,11 +75,19 @@ def hold_to_avx2() -> None:
 def _render(wavefront: Wavefront, request: dict[str, Any]) -> dict[str, Any]:
     """Return times and mean colour of a render from the empty film to the picture in numpy."""
 
+    how = {"spp": request["spp"], "noise": request.get("noise")}
+    made: list[int] = []
+
+    wavefront.seed = request.get("seed", wavefront.seed)
+    wavefront.choose_tiles(np.arange(wavefront.layout.tiles, dtype=np.uint32))  # those that had met a noise, too
+
     def make() -> Any:
         wavefront.clear()
-        return render_plan(wavefront, spp=request["spp"], seconds=None, has_lens=False).pixels
+        rendering = render_plan(wavefront, seconds=None, has_lens=False, **how)
+        made.append(rendering.spp)
+        return rendering.pixels
 
-    return timed_picture(make, request)
+    return timed_picture(make, request) | {"spp": made[0]}
 
 
 if __name__ == "__main__":

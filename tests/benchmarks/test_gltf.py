@@ -128,7 +128,7 @@ def scene_of(folder: Path, floor_uv: Array) -> Scene:
         {
             "film": {"resolution": [96, 64]},
             "camera": looking([1, 2.2, 5], [0, 0.6, 0], fov=55, up=(0, 1, 0)),
-            "render": {"max_depth": 5, "roulette_depth": 0},
+            "render": {"max_depth": 5, "roulette_depth": 0, "multiple_scattering": False},
             "environment": {"kind": "constant", "radiance": [0.3, 0.35, 0.4]},
             "objects": [{"shape": "mesh", "file": "squares.glb"}, light | {"material": lamp([12, 11, 9])}],
         },

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.worker import Worker
+from rptcam_cl.rendering.plan.environment import cell_shares, joined_cells
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from tests.benchmarks.comparing import BATCHES, assert_same_mean, assert_same_tiles, theirs
@@ -73,7 +74,7 @@ def scene_turned(folder: Path, degrees: float) -> Scene:
         {
             "film": {"resolution": [96, 64]},
             "camera": looking([3, -6, 2.5], [0, 0, 0.9], fov=50),
-            "render": {"max_depth": 5, "roulette_depth": 0},
+            "render": {"max_depth": 5, "roulette_depth": 0, "multiple_scattering": False},
             "environment": environment,
             "objects": objects,
         },
@@ -98,6 +99,10 @@ def other(mitsuba: Worker, folder: Path) -> Sampled:
 @pytest.fixture(scope="module")
 def ours(mitsuba: Worker, folder: Path) -> Sampled:
     return batches(scene_turned(folder, TURN), "hdri", BATCHES, spp=256)
+
+
+def test_light_samples_go_by_cells_of_several_texels_here() -> None:
+    assert joined_cells(cell_shares(our_picture().mean(axis=2))).shape == (64, 128)
 
 
 def test_mean_is_within_half_a_per_cent_of_mitsuba(ours: Sampled, other: Sampled) -> None:

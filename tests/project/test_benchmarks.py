@@ -17,6 +17,7 @@ from PIL import Image
 
 from benchmarks import cycles_scene
 from benchmarks.equal_time import exact_count
+from benchmarks.even_noise import Way, tile_errors
 from benchmarks.mitsuba_lens import prescription
 from benchmarks.mitsuba_scene import describe
 from benchmarks.mitsuba_worker import find_llvm
@@ -262,6 +263,32 @@ def test_noise_is_compared_at_equal_time(checkout: Path, tmp_path: Path) -> None
     assert [found["renderer"] for found in results] == (["ours"] * 2 + ["Mitsuba"] * 3) * 2
     for found in results:
         assert found["relmse"] == pytest.approx(found["noise"], rel=0.5)  # no bias
+
+
+def test_time_to_a_noise_lies_between_two_pictures_and_beyond_the_last_one() -> None:
+    way = Way("ours", "even samples", made=[(1.0, (0.4, 0.4)), (4.0, (0.1, 0.2)), (16.0, (0.025, 0.1))])
+    assert way.reached(0) == (pytest.approx(8.0), True)  # halfway between 4 and 16 in logarithms, as 0.05 is
+    assert way.reached(1) == (pytest.approx(64.0), False)
+
+
+def test_errors_of_tiles_are_those_of_the_noise_and_not_of_the_reference() -> None:
+    rng = np.random.default_rng(1)
+    truth = np.full((64, 96, 3), 2.0)
+    truth[:, 48:] = 0.01  # darker than a twentieth of the mean, 1.005
+    noise = 0.05 * np.repeat(rng.standard_normal((3, 64, 96, 1)), 3, axis=3)
+    found = tile_errors(truth + 0.8 * noise[0], (truth + noise[1], truth + noise[2]))
+    assert found.shape == (8, 12)
+    assert np.sqrt((found[:, :6] ** 2).mean()) == pytest.approx(0.04 / 2, rel=0.1)
+    assert np.sqrt((found[:, 6:] ** 2).mean()) == pytest.approx(0.04 / (0.05 * 1.005), rel=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba (extra `bench`) is not installed")
+@pytest.mark.skipif(find_llvm() is None, reason="no LLVM library for mitsuba's llvm variants")
+def test_seconds_to_a_noise_are_told_for_every_way(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "even_noise", "--scenes", "A")
+    assert "| Mitsuba  |" in printed
+    assert [found["renderer"] for found in results] == ["ours"] * 2 + ["Mitsuba"] * 2
 
 
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba (extra `bench`) is not installed")
