@@ -22,12 +22,11 @@ from rptcam_cl.core.dataclass import dataclass, takes_options
 from rptcam_cl.core.errors import InputError, NumericError, StateError
 from rptcam_cl.core.files import check_writable, replacing
 from rptcam_cl.device.session import Session, Wanted, means_all, open_session, open_sessions
-from rptcam_cl.imaging.development import GUIDES, check_denoiser
+from rptcam_cl.imaging import development, writers
 from rptcam_cl.imaging.image import Image, develop, folders_of_film, with_picture_settings
 from rptcam_cl.imaging.sensor import check_sensor, sensor_of
-from rptcam_cl.imaging.writers import NAMES, ranked
 from rptcam_cl.optics.irradiance import scattered
-from rptcam_cl.rendering import account
+from rptcam_cl.rendering import account, point_waves, scene_buffers, several
 from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.checkpoint import SUFFIX, Saver, layout_of, merge_states, picture_of, write_checkpoint
@@ -38,19 +37,7 @@ from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.layers import GroundTruth, saved_truth
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
-from rptcam_cl.rendering.point_waves import Conjugates
 from rptcam_cl.rendering.progressive import Progress, Rendering, SavedState, render_plan, render_state, rendering_of
-from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.several import (
-    WHOLE,
-    AnyWavefront,
-    FilmPart,
-    Part,
-    SharedWavefront,
-    join_parts,
-    split_of,
-    split_text,
-)
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.scene.changes import at_rest, change_scene, exposure_steps, focus_keys, set_keys
 from rptcam_cl.scene.film import LIGHT_LAYER, SHARP_LAYERS, LayerName
@@ -88,7 +75,7 @@ class Resolved:
     ghosts: Scene | None = None
 
     @property
-    def conjugates(self) -> Conjugates | None:
+    def conjugates(self) -> point_waves.Conjugates | None:
         """What rays of the film go towards, as diffraction brings the aberrations; None for those of the lens."""
         return None if self.diffraction is None else self.diffraction.conjugates
 
@@ -160,9 +147,9 @@ def name_layers(
         Of the image, with the names of what identifiers stand for.
     """
     named = dict(recorded)
-    for name, key in NAMES.items():
+    for name, key in writers.NAMES.items():
         if name in named:
-            named[name] = ranked(named[name], metadata[key])
+            named[name] = writers.ranked(named[name], metadata[key])
     if sharp is not None:
         named |= sharp[0]
         metadata |= sharp[1]
@@ -224,7 +211,7 @@ class RenderJob:
         scene: Scene,
         resolved: Resolved,
         plan: Plan,
-        wavefront: AnyWavefront,
+        wavefront: several.AnyWavefront,
         *,
         begun: float,
         layers: tuple[LayerName, ...] | None = None,
@@ -246,7 +233,7 @@ class RenderJob:
         if saver is not None:
             saver.of_picture = self._of_picture()
             saver.parts_since = lambda done: devices_of(wavefront, self.first, done)
-            saver.beside = partial(self._arrays_beside, whole=options.film_part == WHOLE)
+            saver.beside = partial(self._arrays_beside, whole=options.film_part == several.WHOLE)
 
     @classmethod
     def prepare(
@@ -270,7 +257,7 @@ class RenderJob:
         _check_options(options, scene)
         layers = scene.render.layers
         if options.denoise:
-            scene = change_scene(scene, render={"layers": tuple(dict.fromkeys((*layers, *GUIDES)))})
+            scene = change_scene(scene, render={"layers": tuple(dict.fromkeys((*layers, *development.GUIDES)))})
 
         # Open the devices, and the state of an earlier render
         sessions, shares = open_sessions(options.device, options.split)
@@ -289,7 +276,7 @@ class RenderJob:
         if options.on_progress is not None:
             options.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
         buffers = buffers or uploaded
-        wavefront: AnyWavefront
+        wavefront: several.AnyWavefront
         if pool is not None and buffers is not None:
             wavefront = pool.wavefront(plan, buffers, FilmLayout.of(scene.film), scene.render, "film")
         else:
@@ -363,7 +350,7 @@ class RenderJob:
             should_stop=options.should_stop,
         )
 
-    def part(self, part: FilmPart) -> tuple[bytes, float]:
+    def part(self, part: several.FilmPart) -> tuple[bytes, float]:
         """Render a part of the film; the content of its file for `rptcam_cl.merge`, and how long it took [s]."""
         begun, wavefront, end = time.perf_counter(), self.wavefront, self.options.most_spp(self.scene)
         assert self.saver is not None and end is not None and isinstance(wavefront, Wavefront), "of `prepare_parts`"
@@ -417,7 +404,7 @@ class RenderJob:
         is_measured = options.numerics or options.strict
         margin = account.lens_margin(self.resolved.scene, self.wavefront.session) if is_measured else None
         parts = devices_of(self.wavefront, self.first, rendering.done)
-        work = join_parts([] if saver is None else saver.parts, parts)
+        work = several.join_parts([] if saver is None else saver.parts, parts)
         stats = account.statistics(self.plan, self.wavefront, rendering, times, margin) | {"work": work}
         metadata = account.describe(self.scene, self.plan, rendering.spp, stats, self.resolved.metadata)
         self._describe_sensor(metadata)
@@ -479,8 +466,12 @@ class RenderJob:
             return None
         wavefront, session = self.wavefront, self.wavefront.session
 
-        def buffers() -> SceneBuffers:
-            return wavefront.scene_buffers if isinstance(wavefront, Wavefront) else SceneBuffers(session, self.plan)
+        def buffers() -> scene_buffers.SceneBuffers:
+            return (
+                wavefront.scene_buffers
+                if isinstance(wavefront, Wavefront)
+                else scene_buffers.SceneBuffers(session, self.plan)
+            )
 
         def as_rendered(frame: SceneSource | None) -> Scene | None:
             if frame is None:
@@ -545,11 +536,11 @@ def _resolve_for(
 def _check_options(options: RenderOptions, scene: Scene) -> None:
     """Raise an error for what can be known to fail before any device is opened."""
     options.film_part.check(FilmLayout.of(scene.film).tiles)
-    if options.film_part != WHOLE:
+    if options.film_part != several.WHOLE:
         check_divisible(scene)
     exposure_steps(scene)
     if options.denoise:
-        check_denoiser()
+        development.check_denoiser()
 
 
 def _compile(
@@ -557,14 +548,14 @@ def _compile(
     shares: list[float] | None,
     plan: Plan,
     scene: Scene,
-    buffers: SceneBuffers | None,
+    buffers: scene_buffers.SceneBuffers | None,
     options: RenderOptions,
-) -> AnyWavefront:
+) -> several.AnyWavefront:
     """Compile the kernels of a plan for one device, or for several that share the render."""
     layout, size = FilmLayout.of(scene.film), options.wave_size
     if len(sessions) > 1:
         lenient = means_all(options.device)
-        return SharedWavefront(sessions, plan, layout, scene.render, size, shares=shares, lenient=lenient)
+        return several.SharedWavefront(sessions, plan, layout, scene.render, size, shares=shares, lenient=lenient)
     wavefront = Wavefront(sessions[0], plan, layout, scene.render, size, buffers=buffers)
     wavefront.warm_up()
     return wavefront
@@ -598,18 +589,22 @@ class SeriesRenderer:
         return job.report(job.run())
 
 
-def _saved_shares(parts: list[Part], sessions: list[Session]) -> list[float] | None:
+def _saved_shares(parts: list[several.Part], sessions: list[Session]) -> list[float] | None:
     """The shares that the same devices had when the render was saved; None where they were others."""
-    last = split_of(parts[-1]["split"]) if parts else {}
+    last = several.split_of(parts[-1]["split"]) if parts else {}
     ids = [session.info.id for session in sessions]
     return [last[identity] for identity in ids] if last.keys() == set(ids) else None
 
 
-def devices_of(wavefront: AnyWavefront, first: int, done: int) -> list[Part]:
+def devices_of(wavefront: several.AnyWavefront, first: int, done: int) -> list[several.Part]:
     """The samples that each device has taken since a render began or went on after ``first``."""
-    if isinstance(wavefront, SharedWavefront):
+    if isinstance(wavefront, several.SharedWavefront):
         return wavefront.parts(done)
-    return [{"samples": [first, done], "split": split_text({wavefront.session.info.id: 1.0})}] if done > first else []
+    return (
+        [{"samples": [first, done], "split": several.split_text({wavefront.session.info.id: 1.0})}]
+        if done > first
+        else []
+    )
 
 
 # A render by one call; a scene with all found once; and the picture of parts that were rendered anywhere.

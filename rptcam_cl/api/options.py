@@ -18,8 +18,7 @@ from rptcam_cl.core.files import DEVELOPED_SUFFIXES, FILM_SUFFIXES, LAYER_SUFFIX
 
 if TYPE_CHECKING:  # the command line shows its help without them
     from rptcam_cl.device.session import Split, Wanted
-    from rptcam_cl.rendering.progressive import Progress
-    from rptcam_cl.rendering.several import FilmPart
+    from rptcam_cl.rendering import progressive, several
     from rptcam_cl.scene.load import SceneSource
     from rptcam_cl.scene.scene import Scene
 
@@ -457,7 +456,7 @@ class RenderOptions:
     part: str | None = None
     samples: tuple[int, int] | None = None
     neighbours: tuple[SceneSource | None, SceneSource | None] | None = None
-    on_progress: Callable[[Progress], Any] | None = None
+    on_progress: Callable[[progressive.Progress], Any] | None = None
     should_stop: Callable[[], bool] | None = None
 
     def __post_init__(self) -> None:
@@ -472,7 +471,7 @@ class RenderOptions:
             raise InputError("spp: does not go with samples, which say where they end (allowed: one of the two)")
 
     @property
-    def film_part(self) -> FilmPart:
+    def film_part(self) -> several.FilmPart:
         """The tiles and samples that are rendered.
 
         Raises

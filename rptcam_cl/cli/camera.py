@@ -169,19 +169,18 @@ def write_files(arguments: argparse.Namespace, seen: "View", chosen: "Calibratio
 
 
 def _files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> Iterator["File"]:
-    from rptcam_cl.exchange.camera_files import WRITTEN, colmap_texts
-    from rptcam_cl.exchange.camera_maps import residual_chart
+    from rptcam_cl.exchange import camera_files, camera_maps
     from rptcam_cl.optics.charts import encode
 
     for name in TEXTS:
         if (path := getattr(arguments, name)) is not None:
-            yield path, partial(_put, WRITTEN[name](seen, chosen).encode())
+            yield path, partial(_put, camera_files.WRITTEN[name](seen, chosen).encode())
     if arguments.plot is not None:
-        yield arguments.plot, partial(_put, encode(residual_chart(seen, chosen), arguments.plot))
+        yield arguments.plot, partial(_put, encode(camera_maps.residual_chart(seen, chosen), arguments.plot))
     yield from _maps_to_write(arguments, seen)
     if arguments.colmap is not None:
         picture = f"{Path(arguments.source).stem.replace(' ', '_')}.png"
-        for name, text in colmap_texts(seen, chosen, picture).items():
+        for name, text in camera_files.colmap_texts(seen, chosen, picture).items():
             yield arguments.colmap / name, partial(_put, text.encode())
 
 
@@ -317,24 +316,23 @@ def _choose_model(arguments: argparse.Namespace, seen: "View") -> "Calibration":
 
 
 def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> None:
-    from rptcam_cl.exchange.camera_files import document, object_text
-    from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate
+    from rptcam_cl.exchange import camera_files, camera_models
 
     if not arguments.json:
         rows = [[name, value] for name, value in chosen.named.items()]
         rows += [["largest error [px]", chosen.max_px], ["rms error [px]", chosen.rms_px]]
         rows += [["lit share of the picture", chosen.lit_share], ["pupil ahead of eye [mm]", seen.pupil_ahead_mm]]
         width, height = seen.size
-        title = f"{seen.name}, {width} x {height} px, {object_text(seen)}; the first pixel's centre is 0.5"
+        title = f"{seen.name}, {width} x {height} px, {camera_files.object_text(seen)}; the first pixel's centre is 0.5"
         output.print_table((chosen.model, "value"), rows, title)
         return
     calibrations, refused = [], {}
-    for model in COEFFICIENTS:
+    for model in camera_models.COEFFICIENTS:
         try:
-            calibrations.append(calibrate(seen, model))
+            calibrations.append(camera_models.calibrate(seen, model))
         except InputError as problem:
             refused[model] = str(problem)
-    print(output.as_json(document(seen, calibrations, refused) | {"chosen": chosen.model}))
+    print(output.as_json(camera_files.document(seen, calibrations, refused) | {"chosen": chosen.model}))
 
 
 # ``rptcam focus``: autofocus of a scene's camera.

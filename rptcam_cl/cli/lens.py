@@ -16,12 +16,10 @@ from rptcam_cl.optics.measures import FDC
 
 if TYPE_CHECKING:
     from rptcam_cl.imaging.image import Image
-    from rptcam_cl.optics.design import GlassChoice, Problem
+    from rptcam_cl.optics import design, ray_trace
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.optics.optimise import Optimised
-    from rptcam_cl.optics.ray_trace import LensTransmission
-    from rptcam_cl.rendering.account import ZoneBlur
-    from rptcam_cl.rendering.tolerance_run import ToleranceRun
+    from rptcam_cl.rendering import account, tolerance_run
     from rptcam_cl.scene.scene import Scene
 
 
@@ -49,15 +47,7 @@ def _add_lens_convert(commands: output.Commands) -> None:
 
 
 def _run_lens_convert(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics.files.export import (
-        codev_text,
-        left_out,
-        lens_text,
-        loses_dispersion,
-        pbrt_text,
-        with_model_glasses,
-        zemax_text,
-    )
+    from rptcam_cl.optics.files import export
     from rptcam_cl.optics.lens import zoom_to
     from rptcam_cl.optics.ray_trace import has_coatings
 
@@ -73,15 +63,15 @@ def _run_lens_convert(arguments: argparse.Namespace) -> int:
         lens = replace(lens, published={"marked_f_number": lens.first_order().f_number})
         comments.append(f"Stopped down to f/{arguments.f_number:g}.")
     if suffix in (".zmx", ".seq"):
-        lens = with_model_glasses(lens) if arguments.model_glasses else lens
-        text = zemax_text(lens) if suffix == ".zmx" else codev_text(lens)
-        for note in left_out(lens):
+        lens = export.with_model_glasses(lens) if arguments.model_glasses else lens
+        text = export.zemax_text(lens) if suffix == ".zmx" else export.codev_text(lens)
+        for note in export.left_out(lens):
             print(f"a {suffix} file: {note}", file=sys.stderr)
     elif suffix != ".dat":
-        text = lens_text(lens, comments)
+        text = export.lens_text(lens, comments)
     else:
-        text = pbrt_text(lens, arguments.wavelength_nm)
-        if loses_dispersion(lens):
+        text = export.pbrt_text(lens, arguments.wavelength_nm)
+        if export.loses_dispersion(lens):
             print(f"a .dat table has no dispersion: its indices are those at {arguments.wavelength_nm:g} nm",
                   file=sys.stderr)  # fmt: skip
         if has_coatings(lens):
@@ -139,11 +129,10 @@ def _add_common(parser: output.Parser) -> None:
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write here (default: standard output)")
 
 
-def _glass(text: str) -> "GlassChoice":
+def _glass(text: str) -> "design.GlassChoice":
     """The glass that a word names."""
     from rptcam_cl.optics.design import GlassChoice
-    from rptcam_cl.optics.files.glasses import read_glass
-    from rptcam_cl.optics.files.native import document_of
+    from rptcam_cl.optics.files import glasses, native
     from rptcam_cl.optics.glass import abbe_number
 
     entry: Any = text
@@ -153,7 +142,7 @@ def _glass(text: str) -> "GlassChoice":
         entry = {"index": numbers[0]} if len(numbers) == 1 else {"nd": numbers[0], "vd": numbers[1]}
     except ValueError:
         pass
-    medium = read_glass(document_of({"name": "design", "glass": entry}), ("glass",))
+    medium = glasses.read_glass(native.document_of({"name": "design", "glass": entry}), ("glass",))
     return GlassChoice(float(medium.index(LINE_D_NM)), abbe_number(medium), entry)
 
 
@@ -178,17 +167,16 @@ def _write_lens(arguments: argparse.Namespace, lens: "Lens", comments: list[str]
 
 
 def _singlet(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics.design import image_distances, singlet
+    from rptcam_cl.optics import design, library
     from rptcam_cl.optics.lens import film_distance
-    from rptcam_cl.optics.library import load_lens
 
     lens_options.check_file(arguments.output, "")
     glass = _glass(arguments.glass)
-    lens = load_lens(singlet(arguments.focal_length_mm, glass, arguments.diameter_mm, arguments.bending))
+    lens = library.load_lens(design.singlet(arguments.focal_length_mm, glass, arguments.diameter_mm, arguments.bending))
     comments = []
     if arguments.focus_distance_m is not None:
         distance = 1000 * arguments.focus_distance_m
-        near, far = image_distances(arguments.focal_length_mm, distance)
+        near, far = design.image_distances(arguments.focal_length_mm, distance)
         comments.append(
             f"object {arguments.focus_distance_m:g} m from the film: thin lens {near:.6g} mm (or {far:.6g} mm) before "
             f"the film; this lens: last surface to film {film_distance(lens, distance):.6g} mm"
@@ -197,8 +185,7 @@ def _singlet(arguments: argparse.Namespace) -> int:
 
 
 def _doublet(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics.design import doublet, doublet_radii
-    from rptcam_cl.optics.library import load_lens
+    from rptcam_cl.optics import design, library
 
     lens_options.check_file(arguments.output, "")
     crown, flint = _glass(arguments.crown), _glass(arguments.flint)
@@ -208,8 +195,8 @@ def _doublet(arguments: argparse.Namespace) -> int:
     if arguments.r1_mm is not None:
         constraint, r1 = "r1", arguments.r1_mm
     focal_length = arguments.focal_length_mm
-    lens = load_lens(doublet(focal_length, crown, flint, arguments.diameter_mm, constraint, r1))
-    radii = doublet_radii(focal_length, crown, flint, constraint, r1)
+    lens = library.load_lens(design.doublet(focal_length, crown, flint, arguments.diameter_mm, constraint, r1))
+    radii = design.doublet_radii(focal_length, crown, flint, constraint, r1)
     shown = ", ".join("plane" if math.isinf(radius) else f"{radius:.6g}" for radius in radii)
     return _write_lens(arguments, lens, [f"thin achromat of {focal_length:g} mm: radii {shown} mm"])
 
@@ -247,25 +234,24 @@ def _add_lens_draw(commands: output.Commands) -> None:
 
 
 def _run_lens_draw(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics.charts import DRAWN, svg_text
-    from rptcam_cl.optics.drawing import View, draw_lens
+    from rptcam_cl.optics import charts, drawing
 
-    lens_options.check_picture(arguments.output, arguments.lens, DRAWN)
+    lens_options.check_picture(arguments.output, arguments.lens, charts.DRAWN)
     state = lens_options.lens_in_use(arguments, arguments.wavelengths[len(arguments.wavelengths) // 2])
     tracer, name = lens_options.tracer_of(arguments.device, state.lens)
-    view = View(
+    view = drawing.View(
         section=arguments.section,
         fields=arguments.fields,
         rays=arguments.rays,
         wavelengths_nm=arguments.wavelengths,
         blocked=not arguments.only_passing,
     )
-    picture = draw_lens(state, view, tracer)
+    picture = drawing.draw_lens(state, view, tracer)
     print(f"rays traced {name}", file=sys.stderr)
     if state.film_distance_mm is None:
         print("this lens forms no real image of a distant object: no film is drawn", file=sys.stderr)
     if arguments.output is None:
-        print(svg_text(picture), end="")
+        print(charts.svg_text(picture), end="")
     lens_options.write_picture(picture, arguments.output)
     return 0
 
@@ -358,7 +344,7 @@ def _lines(facts: dict[str, Any], indent: str = "") -> list[str]:
     return lines
 
 
-def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "LensTransmission":
+def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "ray_trace.LensTransmission":
     """The losses by the options."""
     from rptcam_cl.optics.ray_trace import BY_NAME, has_coatings
 
@@ -482,20 +468,19 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _tolerance(lens: "Lens", spec: str, problem: "Problem") -> "ToleranceRun | None":
+def _tolerance(lens: "Lens", spec: str, problem: "design.Problem") -> "tolerance_run.ToleranceRun | None":
     """The copies of a lens at the fields and wavelengths of the problem; none of a start that forms no image."""
     from rptcam_cl.optics.lens import film_distance
-    from rptcam_cl.rendering.tolerance_run import tolerance
-    from rptcam_cl.rendering.tolerances import specification
+    from rptcam_cl.rendering import tolerance_run, tolerances
 
-    given = specification(spec)
+    given = tolerances.specification(spec)
     beams = {"fields_degrees": problem.fields_degrees, "wavelengths_nm": problem.wavelengths_nm}
     state: dict[str, Any] = {"merit": given.tolerances.merit.model_copy(update=beams)}
     if math.isfinite(problem.object_distance_mm):
         film = film_distance(lens, problem.object_distance_mm, "front")
         state["focus_distance_m"] = (problem.object_distance_mm + lens.length + film) / 1000
     try:
-        return tolerance(
+        return tolerance_run.tolerance(
             lens, replace(given, tolerances=given.tolerances.model_copy(update=state)), with_sensitivities=False
         )
     except InputError as trouble:
@@ -503,7 +488,7 @@ def _tolerance(lens: "Lens", spec: str, problem: "Problem") -> "ToleranceRun | N
         return None
 
 
-def _yield_rows(runs: "list[ToleranceRun | None]") -> list[list[Any]]:
+def _yield_rows(runs: "list[tolerance_run.ToleranceRun | None]") -> list[list[Any]]:
     from rptcam_cl.rendering.tolerance_run import PERCENTILES, percentile_rows
 
     columns = [
@@ -515,7 +500,9 @@ def _yield_rows(runs: "list[ToleranceRun | None]") -> list[list[Any]]:
     return rows + [[f"{percent:g}", *values] for percent, *values in zip(PERCENTILES, *columns, strict=True)]
 
 
-def _facts(found: "Optimised", runs: "list[ToleranceRun | None]", pictures: "list[ZoneBlur]") -> dict[str, Any]:
+def _facts(
+    found: "Optimised", runs: "list[tolerance_run.ToleranceRun | None]", pictures: "list[account.ZoneBlur]"
+) -> dict[str, Any]:
     from rptcam_cl.optics.files.export import lens_text
 
     facts: dict[str, Any] = {
@@ -537,19 +524,17 @@ def _write_drawings(found: "Optimised", folder: Path) -> None:
     """Write the lens and its MTF, before and after; what a start cannot show is said and left out."""
     from importlib.util import find_spec
 
-    from rptcam_cl.optics.charts import encode
-    from rptcam_cl.optics.drawing import View, draw_lens
-    from rptcam_cl.optics.spots import Setting, mtf
+    from rptcam_cl.optics import charts, drawing, spots
 
     problem = found.problem
     states = (("before", found.start, found.start_film_mm), ("after", found.lens, found.film_mm))
     for name, lens, film in states:
-        use = Setting(lens, film if film > 0 else None, problem.object_distance_mm)
+        use = spots.Setting(lens, film if film > 0 else None, problem.object_distance_mm)
         try:
-            picture = draw_lens(use, View(fields=problem.fields_degrees))
-            lens_options.write(encode(picture, folder / f"{name}.svg"), folder / f"{name}.svg")
+            picture = drawing.draw_lens(use, drawing.View(fields=problem.fields_degrees))
+            lens_options.write(charts.encode(picture, folder / f"{name}.svg"), folder / f"{name}.svg")
             if find_spec("matplotlib") is not None:
-                chart = mtf(use, (10.0, 20.0, 40.0), problem.fields_degrees, problem.wavelengths_nm,
+                chart = spots.mtf(use, (10.0, 20.0, 40.0), problem.fields_degrees, problem.wavelengths_nm,
                             diffraction=False, rays=None)  # fmt: skip
                 chart.save(folder / f"mtf_{name}.svg")
                 print(f"wrote {folder / f'mtf_{name}.svg'}", file=sys.stderr)
@@ -557,20 +542,19 @@ def _write_drawings(found: "Optimised", folder: Path) -> None:
             output.print_warnings([f"{name}: {trouble}"])
 
 
-def _scene(given: str, problem: "Problem") -> "Scene":
+def _scene(given: str, problem: "design.Problem") -> "Scene":
     """The scene to be rendered, or the board: squares that fill the film, far enough that they are sharp together."""
     from rptcam_cl.optics.design import BOARD
     from rptcam_cl.rendering.account import BOARD_PIXELS, board
-    from rptcam_cl.scene.changes import change_scene
-    from rptcam_cl.scene.load import load_scene
+    from rptcam_cl.scene import changes, load
 
     if given != BOARD:
-        scene = load_scene(given)
+        scene = load.load_scene(given)
         if scene.camera.kind != "realistic":
             raise InputError(f"{given}: camera.kind: must be realistic, so that a lens takes the picture")
         return scene
     strip = STRIP / (BOARD_PIXELS * 2 / 3) / 2
-    return change_scene(board(problem), film={"crop": (0.5, 0.98, 0.5 - strip, 0.5 + strip)})
+    return changes.change_scene(board(problem), film={"crop": (0.5, 0.98, 0.5 - strip, 0.5 + strip)})
 
 
 def _write_pictures(found: "Optimised", scene: "Scene", spec: str, arguments: argparse.Namespace) -> None:

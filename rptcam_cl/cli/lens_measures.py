@@ -17,13 +17,10 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.measures import MEASUREMENTS, MIDDLE_NM, Measurement, Option
 
 if TYPE_CHECKING:
-    from rptcam_cl.optics.charts import Measured
+    from rptcam_cl.optics import charts, ray_trace
     from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.ray_trace import Rays
     from rptcam_cl.optics.spots import Setting
-    from rptcam_cl.rendering.tolerance_run import ToleranceRun
-    from rptcam_cl.rendering.tolerances import FilmPoints
-    from rptcam_cl.rendering.traceable_lens import Precision
+    from rptcam_cl.rendering import tolerance_run, tolerances, traceable_lens
 
 
 NUMBERS = (".npy",)
@@ -135,7 +132,7 @@ def _in_best_focus(arguments: argparse.Namespace, state: "Setting") -> "Setting"
     return at_best_focus(state, arguments.wavelengths_nm, degrees or 0.0)
 
 
-def _print_rows(measurement: Measurement, result: "Measured") -> None:
+def _print_rows(measurement: Measurement, result: "charts.Measured") -> None:
     known = result.table[0] if result.table else measurement.columns
     columns = {key: head for key, head in measurement.columns.items() if key in known}
     cells = [
@@ -291,7 +288,7 @@ def _rays(arguments: argparse.Namespace, state: "Setting") -> lens_options.RayLi
     return [[x, y, state.film_z]], [[u - x, v - y, -state.film]], [arguments.wavelength_nm]
 
 
-def _trace(arguments: argparse.Namespace, state: "Setting", rays: lens_options.RayList) -> "tuple[Rays, str]":
+def _trace(arguments: argparse.Namespace, state: "Setting", rays: lens_options.RayList) -> "tuple[ray_trace.Rays, str]":
     """The rays behind the lens, and what traced them."""
     from rptcam_cl.optics.ray_trace import trace
 
@@ -303,12 +300,12 @@ def _trace(arguments: argparse.Namespace, state: "Setting", rays: lens_options.R
     from rptcam_cl.rendering.traceable_lens import trace_on_device
 
     session = open_session(arguments.device)
-    precision: Precision = arguments.precision or "single"
+    precision: traceable_lens.Precision = arguments.precision or "single"
     name = f"on {session.info.id} {session.info.name}, {precision} precision"
     return trace_on_device(state.lens, session, *rays, arguments.start, precision), name
 
 
-def _rows(rays: "Rays", wavelengths: list[float]) -> list[dict[str, Any]]:
+def _rows(rays: "ray_trace.Rays", wavelengths: list[float]) -> list[dict[str, Any]]:
     from rptcam_cl.optics.ray_trace import Status
 
     return [
@@ -507,7 +504,7 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _copies_tracer(device: str | None) -> "FilmPoints":
+def _copies_tracer(device: str | None) -> "tolerances.FilmPoints":
     from rptcam_cl.optics.as_built import film_points
     from rptcam_cl.rendering.traceable_lens import CopiesTracer
 
@@ -554,7 +551,7 @@ def _loosest(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _print_tolerance(run: "ToleranceRun", limit: float | None) -> None:
+def _print_tolerance(run: "tolerance_run.ToleranceRun", limit: float | None) -> None:
     from rptcam_cl.rendering.tolerance_run import percentile_rows
 
     by_spot = run.rank_by == "spot"

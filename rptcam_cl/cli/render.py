@@ -19,8 +19,7 @@ from rptcam_cl.core.errors import InputError, NumericError, RptcamError, StateEr
 
 if TYPE_CHECKING:
     from rptcam_cl.imaging.image import Image
-    from rptcam_cl.rendering.account import Forecast
-    from rptcam_cl.rendering.progressive import Progress
+    from rptcam_cl.rendering import account, progressive
     from rptcam_cl.scene.scene import Scene
 
 
@@ -43,7 +42,7 @@ def _preview_writer(interval: float, outputs: Sequence[Path], show: output.Show 
     """
     last = time.monotonic()
 
-    def write(progress: Progress) -> None:
+    def write(progress: progressive.Progress) -> None:
         nonlocal last
         if show is not None:
             show(progress)
@@ -106,8 +105,7 @@ def _check_truth(arguments: argparse.Namespace, scene: Scene) -> None:
 
 def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
     """Check that all files can be written."""
-    from rptcam_cl.imaging.formats import check_raw_output
-    from rptcam_cl.imaging.writers import check_output, holds_layers
+    from rptcam_cl.imaging import formats, writers
 
     lens = scene.lens_source()
     inputs = [arguments.scene, *([lens] if isinstance(lens, Path) else [])]
@@ -115,18 +113,18 @@ def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
         _check_part_output(arguments, inputs)
         return
     for path in arguments.outputs:
-        check_output(path, inputs)
+        writers.check_output(path, inputs)
     if arguments.raws and scene.sensor is None:
         raise InputError("--raw: the scene has no sensor (allowed: with a section sensor, or --set sensor={})")
     for raw in arguments.raws:
-        check_raw_output(raw, inputs)
+        formats.check_raw_output(raw, inputs)
     if arguments.stats is not None:
         if arguments.stats.suffix.lower() != ".json":
             raise InputError(f"{arguments.stats}: statistics are JSON (allowed: a name that ends in .json)")
         files.check_writable(arguments.stats, inputs)
     files.check_writable(output.checkpoint_of(arguments), inputs)
     _check_truth(arguments, scene)
-    if arguments.layers and not any(map(holds_layers, arguments.outputs)):
+    if arguments.layers and not any(map(writers.holds_layers, arguments.outputs)):
         allowed = f"-o with a name that ends in {files.listed(files.LAYER_SUFFIXES)}"
         raise InputError(f"--layers: no output can hold them (allowed: {allowed})")
     output.check_different(output.files_to_write(arguments), "-o, --raw" if arguments.raws else "-o")
@@ -220,7 +218,7 @@ def _print_plan(arguments: argparse.Namespace, scene: Scene) -> int:
     return 0
 
 
-def _forecast_lines(forecast: Forecast, preparing: float) -> list[str]:
+def _forecast_lines(forecast: account.Forecast, preparing: float) -> list[str]:
     """What a render takes, as ``--plan`` prints it."""
     from rptcam_cl.rendering.tracer import amount
 
@@ -455,29 +453,27 @@ def _save_marked(image: Image, path: Path, level: float) -> None:
     """Save a picture in which what is sharp at the scale of its pixels is coloured."""
     from PIL import Image as Pillow
 
-    from rptcam_cl.viewfinder.instruments import PEAKING_COLOUR, peaking
-    from rptcam_cl.viewfinder.messages import codes_of
+    from rptcam_cl.viewfinder import instruments, messages
 
-    codes = codes_of(image)
-    codes[peaking(image.seen, level)] = PEAKING_COLOUR[:3]
+    codes = messages.codes_of(image)
+    codes[instruments.peaking(image.seen, level)] = instruments.PEAKING_COLOUR[:3]
     with files.replacing(path) as temporary:
         Pillow.fromarray(codes).save(temporary, "PNG" if path.suffix.lower() == ".png" else "JPEG")
 
 
 def run_develop(arguments: argparse.Namespace) -> int:
     """Make pictures of a linear film that was saved, with other settings of the section picture."""
-    from rptcam_cl.imaging.formats import check_raw_output
+    from rptcam_cl.imaging import formats, writers
     from rptcam_cl.imaging.image import LARGE, desqueezed, develop, folders_of_film, read_film
-    from rptcam_cl.imaging.writers import check_output
 
     for path in arguments.outputs:
         if arguments.peaking is None:
             files.known_suffix(path, files.DEVELOPED_SUFFIXES, "is no developed picture")
         else:
             files.known_suffix(path, (".png", ".jpg"), "takes no marks of what is sharp")
-        check_output(path, [arguments.film])
+        writers.check_output(path, [arguments.film])
     for raw in arguments.raws:
-        check_raw_output(raw, [arguments.film])
+        formats.check_raw_output(raw, [arguments.film])
     written = [*arguments.outputs, *arguments.raws]
     output.check_different(written, "-o, --raw")
     film = read_film(arguments.film, most_pixels=None if arguments.large else LARGE)

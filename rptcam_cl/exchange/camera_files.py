@@ -18,8 +18,7 @@ from rptcam_cl.optics.files.export import lens_text
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import passing
 from rptcam_cl.rendering.cameras.setting import LensSetting
-from rptcam_cl.scene.lens_settings import CircularAperture
-from rptcam_cl.scene.placement import quaternion_of
+from rptcam_cl.scene import lens_settings, placement
 
 #
 # A camera for Cycles: an OSL shader for its custom camera, which traces every ray through the surfaces of the lens.
@@ -192,7 +191,7 @@ def osl_text(view: View) -> str:
     if setting is None or not view.is_traced:
         raise InputError("--osl: needs a camera of kind realistic, whose lens is traced (others fit into --usd)")
     _check(setting.lens)
-    if not isinstance(view.scene.camera.outline, CircularAperture):
+    if not isinstance(view.scene.camera.outline, lens_settings.CircularAperture):
         raise InputError(f"--osl: {setting.lens.name}: camera.aperture is not round (allowed: circle)")
     lens, wavelength = setting.lens, setting.camera.wavelength_nm
     film_z = lens.film_z(setting.film_distance_mm)
@@ -551,7 +550,7 @@ def colmap_texts(view: View, calibration: Calibration, picture: str) -> dict[str
     width, height = view.size
     values = _numbers_text([*calibration.parameters[:4], *coefficients], " ")
     pose = np.asarray(np.linalg.inv(view.pose()))
-    x, y, z, w = quaternion_of(pose[:3, :3])
+    x, y, z, w = placement.quaternion_of(pose[:3, :3])
     return {
         "cameras.txt": f"# {_about(view, calibration)}\n# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
         f"1 {_COLMAP[calibration.model]} {width} {height} {values}\n",

@@ -22,8 +22,7 @@ from rptcam_cl.optics.charts import new_figure, styled
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays
-from rptcam_cl.rendering.cameras.ideal import shaped
-from rptcam_cl.rendering.cameras.kinds import camera_model
+from rptcam_cl.rendering.cameras import ideal, kinds
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.scene.assets.pictures import write_exr
 
@@ -332,7 +331,7 @@ def vignetting_map(view: View) -> Pixels:
     assert setting is not None
     if not frame.is_flat:
         raise InputError("--vignetting: is known on a film across the axis alone (allowed: no tilt, no swing)")
-    lens = shaped(scene, setting).lens
+    lens = ideal.shaped(scene, setting).lens
     back, wavelength = setting.film_distance_mm, setting.camera.wavelength_nm
 
     def light(of: Lens, radii: ArrayLike, degrees: float = 0.0) -> Array:
@@ -435,7 +434,7 @@ def coc_map(view: View, distances_m: Sequence[float]) -> Pixels:
         For no distances, and for one that is not above 0.
     """
     check_distances(distances_m)
-    blur = camera_model(view.scene).view.blur()
+    blur = kinds.camera_model(view.scene).view.blur()
     # the table counts along the film, on which a lens turns the picture over
     table = (blur.table[:, ::-1] if view.scene.camera.flip else blur.table[::-1]).astype(np.float64)
     x, y, width, height = view.window
@@ -563,7 +562,7 @@ class _Sources:
     def __init__(self, view: View, places: Array) -> None:
         assert view.setting is not None
         self.view, self.frame = view, film_frame(view.scene.camera)
-        self.lens = shaped(view.scene, view.setting).lens
+        self.lens = ideal.shaped(view.scene, view.setting).lens
         self.film_z = self.lens.film_z(view.setting.film_distance_mm)
         film = view.film_points(places)
         film[:, 2] = self.film_z + self.lens.sense * film[:, 2]

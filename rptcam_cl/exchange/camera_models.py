@@ -19,10 +19,9 @@ from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import read_yaml
+from rptcam_cl.optics import irradiance, library
 from rptcam_cl.optics.beams import fan_chief_rays, film_chief_rays, round_chief_rays
-from rptcam_cl.optics.irradiance import image_circle
 from rptcam_cl.optics.lens import Lens, film_distance
-from rptcam_cl.optics.library import list_lenses, load_lens, names_a_file
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.cameras.setting import (
@@ -34,9 +33,8 @@ from rptcam_cl.rendering.cameras.setting import (
     pupil_in_world,
 )
 from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.scene import changes, load
 from rptcam_cl.scene.camera import pose_matrix
-from rptcam_cl.scene.changes import at_opening, change_scene
-from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -190,7 +188,7 @@ class View:
         if not lit.all() and round_:
             radii = np.hypot(*film[:, :2].T)
             between = (float(radii[lit].max()), float(radii.max())) if lit.any() else None
-            lit = rays.found & (radii < image_circle(lens, back, wavelength, between_mm=between))
+            lit = rays.found & (radii < irradiance.image_circle(lens, back, wavelength, between_mm=between))
         origins = rays.origins - [0.0, 0.0, lens.film_z(back) - self.pupil_ahead_mm]
         return origins, np.where(rays.found[:, None], rays.directions, np.nan), lit
 
@@ -313,7 +311,7 @@ def view(
         raise InputError(f"shape: is no shape of an object (got {shape}; allowed: {', '.join(_SHAPES)})")
     if distance_m is not None:
         check_distances((distance_m,), "distance_m")
-    scene = at_opening(scene if scene.requested_autofocus is not None else on_film(scene))
+    scene = changes.at_opening(scene if scene.requested_autofocus is not None else on_film(scene))
     if scene.requested_autofocus is not None:
         raise InputError("camera.focus.auto: the focus is yet to be found (write a scene with it by rptcam settle)")
     view = View(scene, shape=shape)
@@ -341,7 +339,7 @@ def _is_scene(source: str | Path | Mapping[str, Any]) -> bool:
     """Return whether a name, a file or a mapping is a scene, and no lens."""
     if isinstance(source, Mapping):
         return "camera" in source
-    if str(source) in list_lenses():
+    if str(source) in library.list_lenses():
         return False
     path = Path(source)
     if path.suffix.lower() not in (".yaml", ".yml", ".json"):
@@ -383,24 +381,24 @@ def subject(
     if isinstance(source, Scene):
         scene = source
     elif _is_scene(source):
-        scene = load_scene(source, overrides)
+        scene = load.load_scene(source, overrides)
     else:
         name = str(source)
-        scene = load_scene(_of_lens(name, size or _SIZE, film_mm), overrides, base_dir=Path(name).resolve().parent)
+        scene = load.load_scene(_of_lens(name, size or _SIZE, film_mm), overrides, base_dir=Path(name).resolve().parent)
     film: dict[str, Any] = {} if size is None else {"resolution": list(size)}
     if film_mm is not None:
         film |= dict.fromkeys(("format", "width_mm", "diagonal_mm", "pixel_pitch_um")) | {"size_mm": list(film_mm)}
-    return change_scene(scene, film=film) if film else scene
+    return changes.change_scene(scene, film=film) if film else scene
 
 
 def _of_lens(name: str, size: tuple[int, int], film_mm: tuple[float, float] | None) -> dict[str, Any]:
-    lens = load_lens(name)
+    lens = library.load_lens(name)
     first = lens.first_order()
     if not (0 < first.focal_length_mm < math.inf and first.back_focal_distance_mm > 0):
         raise InputError(f"{lens.name}: forms no real image of a distant object, so there is no picture of it")
     back = film_distance(lens, math.inf)
     sides = film_mm or _fitting(lens, back, size)
-    named = str(Path(name).resolve()) if names_a_file(name) else name
+    named = str(Path(name).resolve()) if library.names_a_file(name) else name
     return {
         "film": {"resolution": list(size), "size_mm": list(sides)},
         "camera": {
@@ -412,7 +410,7 @@ def _of_lens(name: str, size: tuple[int, int], film_mm: tuple[float, float] | No
 
 def _fitting(lens: Lens, back: float, size: tuple[int, int]) -> tuple[float, float]:
     """Return the sides of a film of square pixels [mm]: of the small format, or what the image circle holds of it."""
-    radius = image_circle(lens, back, LINE_D_NM)
+    radius = irradiance.image_circle(lens, back, LINE_D_NM)
     half = min(math.hypot(*_FORMAT_MM) / 2, _FILL * radius)
     width, height = size
     scale = 2 * half / math.hypot(width, height)

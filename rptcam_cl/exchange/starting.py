@@ -16,8 +16,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, name_errors, named_files, read_whole, replacing
 from rptcam_cl.exchange.conversion import LARGEST_COPY
-from rptcam_cl.optics.beams import crossings
-from rptcam_cl.optics.irradiance import image_circle
+from rptcam_cl.optics import beams, irradiance
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens, names_a_file
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting
@@ -394,7 +393,7 @@ def _chief_rays(setting: LensSetting, heights: Array) -> tuple[Array, Array] | N
     directions = np.array([0, 0, lens.length + pupil]) - origins
     if directions[0, 2] >= 0:
         return None
-    rays = crossings(lens, origins, directions, wavelength)
+    rays = beams.crossings(lens, origins, directions, wavelength)
     with np.errstate(all="ignore"):
         slopes = rays.directions[:, 0] / rays.directions[:, 2]
         starts = rays.origins[:, 0] - slopes * rays.origins[:, 2]
@@ -578,7 +577,7 @@ class Start:
         width, height = self.scene["film"]["resolution"]
         design = load_lens(Path(lens) if names_a_file(lens) else lens)
         diagonal = _FULL_FRAME_MM if height_mm is None else height_mm * math.hypot(width, height) / height
-        circle = 2 * image_circle(design, film_distance(design, np.inf))
+        circle = 2 * irradiance.image_circle(design, film_distance(design, np.inf))
         if diagonal > circle:
             diagonal = math.floor(circle * 100) / 100
             self.report.append(f"the film has a diagonal of {diagonal:g} mm, the image circle of {design.name}")

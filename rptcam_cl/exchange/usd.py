@@ -16,18 +16,8 @@ import numpy as np
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import content_name
-from rptcam_cl.exchange.conversion import (
-    TABLED,
-    Array,
-    Conversion,
-    Faces,
-    FileStore,
-    PolygonMesh,
-    is_bearable,
-    is_transform_of_ours,
-    motion_between,
-    tidy,
-)
+from rptcam_cl.exchange import conversion
+from rptcam_cl.exchange.conversion import Array, Conversion, Faces
 from rptcam_cl.exchange.usd_materials import PrimReport, Shading, materialx_layer, pxr
 from rptcam_cl.rendering.plan.environment import axes
 from rptcam_cl.scene.shapes import bezier_pieces
@@ -63,7 +53,7 @@ class Stage:
     stage: Any
     time: Any
     report: PrimReport
-    files: FileStore
+    files: conversion.FileStore
     objects: list[Keys] = field(default_factory=list)
     lights: list[Keys] = field(default_factory=list)
     materials: dict[str, Keys] = field(default_factory=dict)
@@ -144,14 +134,14 @@ class Stage:
             self.report.say("approximated", "points that move by themselves stay while the shutter is open", prim)
         if np.array_equal(start, end):
             return {}
-        frames = motion_between(start, end, self.shutter_s) if _usable(start) else None
+        frames = conversion.motion_between(start, end, self.shutter_s) if _usable(start) else None
         if frames is None:
             self.report.say("approximated", "what stretches while the shutter is open stays", prim)
             return {}
         self.moves = True
         rest = start.copy()
         rest[:3, 3] = 0
-        return {"transform": {"matrix": tidy(rest[:3])}, "motion": frames}
+        return {"transform": {"matrix": conversion.tidy(rest[:3])}, "motion": frames}
 
     def shutter_keys(self) -> Keys:
         """Return the shutter of a scene in which something moves, nothing where nothing does."""
@@ -228,7 +218,7 @@ class Stage:
             self.report.say("ignored", f"there is no such shape as a {prim.GetTypeName()}", prim)
         transform: Keys = {}
         if not np.array_equal(placement, np.eye(4)):
-            transform = {"transform": {"matrix": tidy(placement[:3])}}
+            transform = {"transform": {"matrix": conversion.tidy(placement[:3])}}
         places = {"instances": {"file": table}} if table else {}
         for keys, bound in shapes:
             if keys.get("file") in self._coloured:
@@ -344,7 +334,7 @@ class Stage:
         return self._contents[content]
 
     def _write_parts(
-        self, prim: Any, mesh: Any, caged: PolygonMesh, subsets: list[tuple[str, Faces]]
+        self, prim: Any, mesh: Any, caged: conversion.PolygonMesh, subsets: list[tuple[str, Faces]]
     ) -> list[tuple[str, Any]]:
         polygons, begins, smooth = self._smooth(prim, mesh, caged)
         parts: list[tuple[str, Faces | None]] = []
@@ -370,7 +360,7 @@ class Stage:
             self.report.say("ignored", "a mesh without faces of any area", prim)
         return written
 
-    def _polygons(self, prim: Any, mesh: Any) -> PolygonMesh | None:
+    def _polygons(self, prim: Any, mesh: Any) -> conversion.PolygonMesh | None:
         """Return the faces of a mesh as they are written; None, with a report, where they are not sound."""
         points = _numbers(mesh.GetPointsAttr().Get(self.time), 3)
         counts = _numbers(mesh.GetFaceVertexCountsAttr().Get(self.time), 1, np.int64)
@@ -391,7 +381,7 @@ class Stage:
             )
             corners = corners[order]
             uvs, normals, colours = (None if rows is None else rows[order] for rows in (uvs, normals, colours))
-        return PolygonMesh(points, counts, corners, uvs, normals, *self._creases(mesh, len(points)), colours)
+        return conversion.PolygonMesh(points, counts, corners, uvs, normals, *self._creases(mesh, len(points)), colours)
 
     def _creases(self, mesh: Any, count: int) -> tuple[Faces | None, Array | None, Array | None]:
         """Return the edges of a mesh that are creased, how sharply, and how sharp its points are."""
@@ -414,7 +404,9 @@ class Stage:
         ends = np.stack([run[firsts], run[firsts + 1]], axis=1)
         return ends, np.where(sharpness >= _SHARP, np.inf, sharpness), spikes
 
-    def _smooth(self, prim: Any, mesh: Any, polygons: PolygonMesh) -> tuple[PolygonMesh, Faces, bool]:
+    def _smooth(
+        self, prim: Any, mesh: Any, polygons: conversion.PolygonMesh
+    ) -> tuple[conversion.PolygonMesh, Faces, bool]:
         """Subdivide a mesh where it says so.
 
         Returns
@@ -577,14 +569,14 @@ class Stage:
             if number("shaping:cone:angle", 90.0) < 90:
                 self.report.say("ignored", "the cone that a lamp is shaped to", prim)
             material = {"kind": "emissive", "radiance": radiance.tolist()}
-            transform = {"transform": {"matrix": tidy(placement[:3])}}
+            transform = {"transform": {"matrix": conversion.tidy(placement[:3])}}
             moving = {"instances": {"file": table}} if table else self._motion(prim)
             self.objects.append({**keys, **transform, **moving, "name": str(prim.GetPath()), "material": material})
 
     def _add_distant(self, placement: Array, radiance: Array, degrees: float, normalize: bool) -> None:
         sine = math.sin(math.radians(degrees) / 2)
         irradiance = radiance if normalize or degrees == 0 else radiance * math.pi * sine * sine
-        keys: Keys = {"direction": tidy(-placement[:3, 2]), "irradiance": irradiance.tolist()}
+        keys: Keys = {"direction": conversion.tidy(-placement[:3, 2]), "irradiance": irradiance.tolist()}
         round_ = {"kind": "sun", "diameter_degrees": degrees, "visible": {"camera": False}}
         self.lights.append(keys | (round_ if 0.01 <= degrees <= 180 else {"kind": "directional"}))
 
@@ -605,8 +597,8 @@ class Stage:
         up, forward = (placement[:3, k] / np.linalg.norm(placement[:3, k]) for k in (1, 2))
         right_at_0, _, forward_at_0 = axes(up.tolist(), 0.0)
         turn = math.degrees(math.atan2(-(forward @ right_at_0), forward @ forward_at_0))
-        self.environment = {"kind": "image", "file": file, "up": tidy(up), "rotation_degrees": round(turn, 9) + 0.0,
-                            "gain": float(radiance.mean())}  # fmt: skip
+        self.environment = {"kind": "image", "file": file, "up": conversion.tidy(up),
+                            "rotation_degrees": round(turn, 9) + 0.0, "gain": float(radiance.mean())}  # fmt: skip
 
     def camera_keys(self, metres_per_unit: float) -> tuple[Keys, Keys]:
         """Return the keys of camera and film."""
@@ -658,8 +650,8 @@ class Stage:
         up, away = (np.eye(3)[2], [0.5, -1.0, 0.4]) if z_up else (np.eye(3)[1], [0.5, 0.4, 1.0])
         middle, reach = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6)
         eye = middle + np.array(away) / np.linalg.norm(away) * reach / math.sin(math.radians(20))
-        keys: Keys = {"kind": "pinhole", "eye": tidy(eye), "target": tidy(middle), "up": up.tolist(),
-                      "fov_degrees": 40, "fov_axis": "vertical"}  # fmt: skip
+        keys: Keys = {"kind": "pinhole", "eye": conversion.tidy(eye), "target": conversion.tidy(middle),
+                      "up": up.tolist(), "fov_degrees": 40, "fov_axis": "vertical"}  # fmt: skip
         return keys, {"resolution": [_WIDTH_PX, _WIDTH_PX * 2 // 3]}
 
 
@@ -667,7 +659,8 @@ def _pose(world: Array) -> Keys:
     """Return the keys of where a camera stands and what it looks at."""
     _, up, back, eye = world[:3].T
     return {
-        "eye": tidy(eye), "target": tidy(eye - back / np.linalg.norm(back)), "up": tidy(up / np.linalg.norm(up)),
+        "eye": conversion.tidy(eye), "target": conversion.tidy(eye - back / np.linalg.norm(back)),
+        "up": conversion.tidy(up / np.linalg.norm(up)),
     }  # fmt: skip
 
 
@@ -697,7 +690,7 @@ def _widths_of(given: Array, counts: Faces) -> Array:
 
 
 def _usable(placement: Array) -> bool:
-    return is_bearable(placement) and is_transform_of_ours(placement)
+    return conversion.is_bearable(placement) and conversion.is_transform_of_ours(placement)
 
 
 def _lamp_shape(kind: str, number: Any) -> tuple[Keys, Any] | None:
@@ -732,7 +725,7 @@ def _merge_instances(stage: Stage) -> None:
     counts = Counter(keys)
     merged: list[Keys] = []
     for key, item in zip(keys, stage.objects, strict=True):
-        if counts[key] < TABLED or "instances" in item or "motion" in item:
+        if counts[key] < conversion.TABLED or "instances" in item or "motion" in item:
             merged.append(item)
         elif counts[key]:
             alike = [other for k, other in zip(keys, stage.objects, strict=True) if k == key]
@@ -829,7 +822,7 @@ def convert_stage(source: Path, target: Path, *, time_s: float | None = None) ->
     code = start + (time_s or 0.0) * opened.GetTimeCodesPerSecond()
     _pose_skeletons(opened, code if is_timed else opened.GetStartTimeCode(), report)
     stage = Stage(opened, usd.TimeCode(code) if is_timed else usd.TimeCode.EarliestTime(), report,
-                  FileStore(target.parent, target.stem, report))  # fmt: skip
+                  conversion.FileStore(target.parent, target.stem, report))  # fmt: skip
     stage.add_all()
     if not stage.objects:
         raise InputError(f"{source}: 0 objects: nothing of the stage can be shown")

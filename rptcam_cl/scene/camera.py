@@ -13,19 +13,9 @@ from pydantic import BeforeValidator, Field, model_validator
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import Heat
-from rptcam_cl.scene import lens_settings
+from rptcam_cl.scene import lens_settings, quantities
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, read_switch, refuse
 from rptcam_cl.scene.placement import CameraMotion, Vector, place_between
-from rptcam_cl.scene.quantities import (
-    NUMBER,
-    SMALLEST_LENGTH,
-    Direction,
-    Metres,
-    Millimetres,
-    Position,
-    cross,
-    list_of,
-)
 
 #
 # The movements of a view camera: how its film stands behind the lens.
@@ -36,28 +26,28 @@ from rptcam_cl.scene.quantities import (
 # swing turn the film about the right and the up of the camera, by the right-hand rule. The lower half of the picture
 # lies on the upper half of the film, so that a film whose top leans back focuses nearer at the bottom of the picture.
 
-Turn = Annotated[float, Field(ge=-80, le=80), NUMBER]
+Turn = Annotated[float, Field(ge=-80, le=80), quantities.NUMBER]
 Scatter = Annotated[
     tuple[
-        Annotated[float, Field(ge=0), NUMBER],
-        Annotated[float, Field(ge=1e-12), NUMBER],
-        Annotated[float, Field(ge=0, le=10), NUMBER],
+        Annotated[float, Field(ge=0), quantities.NUMBER],
+        Annotated[float, Field(ge=1e-12), quantities.NUMBER],
+        Annotated[float, Field(ge=0, le=10), quantities.NUMBER],
     ],
-    BeforeValidator(list_of(3, "three numbers [A, B, g]")),
+    BeforeValidator(quantities.list_of(3, "three numbers [A, B, g]")),
 ]
-Move = Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
+Move = Annotated[float, Field(ge=-1e6, le=1e6), quantities.NUMBER]
 
 
 class SensorGrating(SceneModel):
     """Light that the pixels of the sensor reflect in orders, as a grating does."""
 
-    pitch_um: Annotated[float, Field(ge=0.5, le=100), NUMBER]
+    pitch_um: Annotated[float, Field(ge=0.5, le=100), quantities.NUMBER]
     """Period of what reflects, along rows and columns [um]: a pixel, or two where colours of pixels differ."""
 
-    reflectance: Annotated[float, Field(ge=0, lt=1), NUMBER] = 0.05
+    reflectance: Annotated[float, Field(ge=0, lt=1), quantities.NUMBER] = 0.05
     """Share of the light that all orders have together."""
 
-    spread: Annotated[float, Field(gt=0, le=1), NUMBER] = 0.2
+    spread: Annotated[float, Field(gt=0, le=1), quantities.NUMBER] = 0.2
     """Sine between a mirrored ray and orders that have exp(-1/2) of its light, along rows or columns."""
 
 
@@ -105,14 +95,14 @@ _SMALLEST_ROLL_SINE = 1e-6
 class Pose(SceneModel):
     """Where a camera stands and looks. It looks along -z of its own frame, with +y up and +x to the right."""
 
-    eye: Position
+    eye: quantities.Position
     """Where the camera stands [scene units]; with a `lens`, the centre of the film, unless it `stands_at` another
     place."""
 
-    target: Position
+    target: quantities.Position
     """A point that the camera looks at [scene units]."""
 
-    up: Direction = (0.0, 1.0, 0.0)
+    up: quantities.Direction = (0.0, 1.0, 0.0)
     """Direction that appears upwards; any length, not parallel to the view."""
 
     flip: bool = Field(default=True, strict=True)
@@ -141,9 +131,9 @@ class Pose(SceneModel):
     def _check_pose(self) -> Self:
         forward = np.subtract(self.target, self.eye)
         distance = float(np.linalg.norm(forward))
-        if distance < SMALLEST_LENGTH:
+        if distance < quantities.SMALLEST_LENGTH:
             raise refuse("equals the eye, so there is no viewing direction", got=list(self.target), path=("target",))
-        roll = cross(forward / distance, np.divide(self.up, np.linalg.norm(self.up)))
+        roll = quantities.cross(forward / distance, np.divide(self.up, np.linalg.norm(self.up)))
         if np.linalg.norm(roll) < _SMALLEST_ROLL_SINE:
             raise refuse(
                 "is parallel to the viewing direction", got=list(self.up), allowed="any other direction", path=("up",)
@@ -190,10 +180,10 @@ def pose_matrix(pose: Vector) -> Vector:
     """Return the 4x4 matrix whose columns are right, up, back and eye, of eye, target and up (3, 3)."""
     eye, target, up = pose
     back = (eye - target) / np.linalg.norm(eye - target)
-    right = cross(up, back)
+    right = quantities.cross(up, back)
     right /= np.linalg.norm(right)
     matrix = np.eye(4)
-    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, cross(back, right), back, eye
+    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, quantities.cross(back, right), back, eye
     return matrix
 
 
@@ -223,11 +213,11 @@ def _keeps_a_view(first: Vector, second: Vector) -> bool:
 
 # Cameras of all kinds: what the other parts of the program ask of one.
 
-Degrees = Annotated[float, Field(gt=0, lt=180), NUMBER]
+Degrees = Annotated[float, Field(gt=0, lt=180), quantities.NUMBER]
 FovAxis = Literal["horizontal", "vertical", "diagonal"]
 Keys = dict[str, Any]
 NOT_FOUND_YET = "camera.focus.auto: the focus is found by render() or autofocus(), before the camera can be used"
-FNumber = Annotated[float, Field(ge=1e-2, le=1e6), NUMBER]
+FNumber = Annotated[float, Field(ge=1e-2, le=1e6), quantities.NUMBER]
 
 
 class CameraKind(Pose):
@@ -368,7 +358,7 @@ class PinholeCamera(CameraKind):
     fov_axis: FovAxis = "horizontal"
     """Side of the film that `fov_degrees` spans."""
 
-    near_m: Annotated[float, Field(ge=0, le=1e12), NUMBER] = 0.0
+    near_m: Annotated[float, Field(ge=0, le=1e12), quantities.NUMBER] = 0.0
     """Distance along the axis below which nothing is seen [m]."""
 
     movements: Movements = NO_MOVEMENTS
@@ -381,10 +371,10 @@ class OrthographicCamera(CameraKind):
     kind: Literal["orthographic"]
     """Camera model."""
 
-    width_m: Annotated[float, Field(ge=1e-9, le=1e12), NUMBER]
+    width_m: Annotated[float, Field(ge=1e-9, le=1e12), quantities.NUMBER]
     """Width of what the picture shows [m]; its height follows from the sides of the film."""
 
-    near_m: Annotated[float, Field(ge=0, le=1e12), NUMBER] = 0.0
+    near_m: Annotated[float, Field(ge=0, le=1e12), quantities.NUMBER] = 0.0
     """Distance along the axis below which nothing is seen [m]."""
 
     def zoom_keys(self, focal_mm: float, now_mm: float) -> Keys | None:
@@ -437,16 +427,16 @@ class ThinLensCamera(CameraKind):
     fov_axis: FovAxis = "horizontal"
     """Side of the film that `fov_degrees` spans."""
 
-    focal_length_mm: Millimetres | None = None
+    focal_length_mm: quantities.Millimetres | None = None
     """Focal length [mm]."""
 
-    aperture_radius_m: Annotated[float, Field(ge=0, le=1e12), NUMBER] | None = None
+    aperture_radius_m: Annotated[float, Field(ge=0, le=1e12), quantities.NUMBER] | None = None
     """Radius of the lens opening [m]; 0 makes a pinhole."""
 
     f_number: FNumber | None = None
     """Focal length divided by the diameter of the opening."""
 
-    focus_distance_m: Metres | None = None
+    focus_distance_m: quantities.Metres | None = None
     """Distance of the plane of focus from the eye along the axis [m]."""
 
     focus: lens_settings.FoundFocus | None = None
@@ -534,19 +524,19 @@ class LensCamera(CameraKind):
     zoom: Annotated[str, Field(max_length=200)] | None = None
     """Position of a zoom lens by its name in the lens file; the first one by default."""
 
-    focal_length_mm: Millimetres | None = None
+    focal_length_mm: quantities.Millimetres | None = None
     """Focal length that a zoom lens is set to, between its named positions [mm]."""
 
     focus: lens_settings.Focus
     """Where the lens is focused."""
 
-    stop_diameter_mm: Millimetres | None = None
+    stop_diameter_mm: quantities.Millimetres | None = None
     """Diameter of the stop [mm]; as in the lens file by default."""
 
     f_number: FNumber | None = None
     """F-number that the stop is set to; as in the lens file by default."""
 
-    wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = LINE_D_NM
+    wavelength_nm: Annotated[float, Field(ge=200, le=3000), quantities.NUMBER] = LINE_D_NM
     """Wavelength of the indices of refraction [nm]; the helium d line by default."""
 
     transmission: Annotated[lens_settings.Transmission, AlsoAccepts(lens_settings.EVERY_FORM)] = lens_settings.IDEAL
@@ -675,7 +665,7 @@ class RealisticCamera(LensCamera):
     ghost_order: Literal[2, 4] = 2
     """Most reflections of ghosts: 4 adds ways that four surfaces reflect."""
 
-    barrel_reflectance: Annotated[float, Field(ge=0, lt=1), NUMBER] = 0.0
+    barrel_reflectance: Annotated[float, Field(ge=0, lt=1), quantities.NUMBER] = 0.0
     """Share that rims behind the stop scatter evenly to the film, with `ghosts`; they count as lit like the film."""
 
     front_scatter: Scatter | None = None

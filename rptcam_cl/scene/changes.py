@@ -11,14 +11,10 @@ from pydantic import ValidationError
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import KeyPath
-from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene import base, exposure, meshes, placement, shapes
 from rptcam_cl.scene.camera import Pose
-from rptcam_cl.scene.exposure import value_at
 from rptcam_cl.scene.load import assign, given_keys, input_error, key_path, with_files
-from rptcam_cl.scene.meshes import WRITTEN_LISTS
-from rptcam_cl.scene.placement import Vector, moments
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.shapes import Object
 
 # Keys of a scene set to other values: what they do not concern stays the same instances.
 
@@ -151,18 +147,18 @@ def _mixes_its_own(item: Any, names: Mapping[int, str]) -> bool:
     return id(_material_of(item)) not in names and _is_mix(_material_of(item))
 
 
-def _with_known_lists(plain: Any, before: Any, item: Object) -> Any:
+def _with_known_lists(plain: Any, before: Any, item: shapes.Object) -> Any:
     """Return the mapping of a changed object with the lists of numbers that it had before as they were read then."""
     if not (isinstance(plain, Mapping) and isinstance(before, Mapping)):
         return plain
-    same = [key for key in WRITTEN_LISTS if plain.get(key) is not None and plain[key] is before.get(key)]
+    same = [key for key in meshes.WRITTEN_LISTS if plain.get(key) is not None and plain[key] is before.get(key)]
     return dict(plain) | {key: getattr(item, key) for key in same}
 
 
 def _with_material_name(item: Any, names: Mapping[int, str]) -> Any:
     """Return the keys of an object whose material is one of the scene's, with its name; else the item."""
     name = names.get(id(_material_of(item)))
-    if not isinstance(item, SceneModel) or name is None:
+    if not isinstance(item, base.SceneModel) or name is None:
         return item
     return given_keys(item) | {"material": name}
 
@@ -243,11 +239,11 @@ def at_opening(scene: Scene) -> Scene:
 def camera_changes(scene: Scene) -> bool:
     """Return whether the camera is not the same all the time that the shutter is open: by its motion, or by keys."""
     span = scene.shutter.span_s
-    first, *poses = (scene.camera.pose_at(time_s) for time_s in moments(scene.camera.motion, *span))
+    first, *poses = (scene.camera.pose_at(time_s) for time_s in placement.moments(scene.camera.motion, *span))
     if any(not np.array_equal(pose, first) for pose in poses):
         return True
     for name, frames in scene.shutter.keys.items():
-        begin, *values = (value_at(frames, time_s) for time_s in moments(frames, *span))
+        begin, *values = (exposure.value_at(frames, time_s) for time_s in placement.moments(frames, *span))
         if name.startswith("camera") and any(value != begin for value in values):
             return True
     return False
@@ -287,7 +283,7 @@ def exposure_steps(scene: Scene) -> list[Scene]:
 
 def _at_keys(scene: Scene, time_s: float, own: dict[str, Any]) -> Scene:
     """Return a scene with its keys of the shutter as they are at a moment, and some keys of its own."""
-    values = {name: value_at(frames, time_s) for name, frames in scene.shutter.keys.items()}
+    values = {name: exposure.value_at(frames, time_s) for name, frames in scene.shutter.keys.items()}
     try:
         return set_keys(scene, values | own)
     except InputError as problem:
@@ -311,7 +307,7 @@ def _following(scene: Scene) -> Scene:
     return scene.model_copy(update={"camera": camera.model_copy(update=changes)})
 
 
-def _middle_of(scene: Scene, name: str) -> Vector:
+def _middle_of(scene: Scene, name: str) -> placement.Vector:
     """Return the middle of the box round an object, the first of that name, when the shutter opens [scene units]."""
     index = [item.name for item in scene.objects].index(name)
     low, high = scene.solids()[index].bounds()

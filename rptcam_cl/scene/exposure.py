@@ -21,7 +21,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.base import AlsoAccepts, SceneModel, listed, refuse, word_for
 from rptcam_cl.scene.camera import Camera, FNumber
 from rptcam_cl.scene.placement import MOST_KEYFRAMES, Keyframe, in_order, place_between
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Duration, Fraction, Moment, Vectors, list_of
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Duration, FilmPoint, Moment, Vectors
 
 # Sequences: keys of a scene that change from frame to frame, by keyframes.
 
@@ -290,7 +290,7 @@ class Exposure(SceneModel):
     metering: Literal["average", "centre_weighted", "spot"] = "average"
     """What is metered: the frame evenly, three quarters in a disk in the middle, or a disk of 2 % of the frame."""
 
-    spot_at: Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))] = (0.5, 0.5)
+    spot_at: FilmPoint = (0.5, 0.5)
     """Middle of the metered spot, as fractions of the frame from its left and top edges."""
 
     lock_cd_m2: Annotated[float, Field(ge=LEAST_CD_M2, le=MOST_CD_M2), NUMBER] | None = None

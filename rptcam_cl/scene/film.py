@@ -23,17 +23,7 @@ from rptcam_cl.core import MAX_SEED, MAX_SPP
 from rptcam_cl.core.colour import Primaries, blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders
-from rptcam_cl.scene.base import (
-    AlsoAccepts,
-    Alternatives,
-    FileName,
-    SceneModel,
-    number_at,
-    read_number,
-    read_switch,
-    refuse,
-    word_for,
-)
+from rptcam_cl.scene import base
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, IlluminantName, Rectangle, list_of
 
 if TYPE_CHECKING:
@@ -88,14 +78,14 @@ SHARP_LAYERS: tuple[LayerName, ...] = LAYER_NAMES[LAYER_NAMES.index("sharp_depth
 
 def _as_list(names: object) -> object:
     if not isinstance(names, (list, tuple)):
-        raise refuse("must be a list of layers", allowed="as [depth, normal]")
+        raise base.refuse("must be a list of layers", allowed="as [depth, normal]")
     return names
 
 
 def _each_once(names: tuple[LayerName, ...]) -> tuple[LayerName, ...]:
     for index, name in enumerate(names):
         if name in names[:index]:
-            raise refuse("is listed twice", got=name, allowed="each layer once", path=(index,))
+            raise base.refuse("is listed twice", got=name, allowed="each layer once", path=(index,))
     return names
 
 
@@ -105,7 +95,7 @@ _MAX_DEPTH = 1_000_000
 ADAPTIVE_SPP = 16384  # where a noise target is out of reach
 
 
-class RenderSettings(SceneModel):
+class RenderSettings(base.SceneModel):
     """How the light paths are sampled."""
 
     spp: Annotated[int, Field(ge=1, le=MAX_SPP), WHOLE_NUMBER] = 64
@@ -129,7 +119,7 @@ class RenderSettings(SceneModel):
     clamp: Annotated[float, Field(ge=1e-6, le=1e30), NUMBER] | None = None
     """Most that a sample may bring to a channel of the film; brighter ones are scaled down, which is biased."""
 
-    caustics: Annotated[Literal["off", "auto", "on"], BeforeValidator(read_switch)] = "auto"
+    caustics: Annotated[Literal["off", "auto", "on"], BeforeValidator(base.read_switch)] = "auto"
     """Whether photons bring the light that smooth glass and mirrors throw onto surfaces that scatter it; `auto`: where
     the scene has such light from lamps that paths hardly find, and no `clamp`."""
 
@@ -149,10 +139,10 @@ class RenderSettings(SceneModel):
         return self.spp if self.noise is None or "spp" in self.model_fields_set else ADAPTIVE_SPP
 
 
-LensColour = Annotated[Literal["off", "auto", "on"], BeforeValidator(read_switch)]
+LensColour = Annotated[Literal["off", "auto", "on"], BeforeValidator(base.read_switch)]
 
 
-class SpectrumSettings(SceneModel):
+class SpectrumSettings(base.SceneModel):
     """How the colour of light is carried along paths; a word alone is the mode."""
 
     mode: Literal["auto", "rgb", "dispersive", "spectral"] = "auto"
@@ -187,7 +177,7 @@ class SpectrumSettings(SceneModel):
 _DEFAULT_RADIUS_PX = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "blackman_harris": 1.5, "mitchell": 2.0}
 
 
-class FilmFilter(SceneModel):
+class FilmFilter(base.SceneModel):
     """The film's reconstruction filter: how much light beside a pixel's centre counts, along x times along y."""
 
     kind: Literal["box", "tent", "gaussian", "blackman_harris", "mitchell"] = "box"
@@ -242,7 +232,7 @@ def _as_text(value: Any) -> Any:
     return str(value) if value == 645 and not isinstance(value, str) else value
 
 
-FormatName = Annotated[_Name, BeforeValidator(_as_text), AlsoAccepts({"const": 645})]
+FormatName = Annotated[_Name, BeforeValidator(_as_text), base.AlsoAccepts({"const": 645})]
 
 
 def _size_in_format(name: str, resolution: tuple[int, int]) -> tuple[float, float]:
@@ -271,11 +261,11 @@ Pixels = Annotated[int, Field(ge=1, le=_MAX_PIXELS), WHOLE_NUMBER]
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e9), NUMBER]
 
 
-class Film(SceneModel):
+class Film(base.SceneModel):
     """The film. Its size is said in at most one way; without any, it is 36 mm wide."""
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives(("format", "size_mm", "width_mm", "diagonal_mm", "pixel_pitch_um"), required=False),
+    alternatives: ClassVar[tuple[base.Alternatives, ...]] = (
+        base.Alternatives(("format", "size_mm", "width_mm", "diagonal_mm", "pixel_pitch_um"), required=False),
     )
 
     resolution: Annotated[tuple[Pixels, Pixels], BeforeValidator(list_of(2, _PAIR))] = (640, 360)
@@ -309,7 +299,7 @@ class Film(SceneModel):
     def _check(self) -> Self:
         width, height = self.resolution
         if width * height > _MAX_PIXELS:
-            raise refuse(
+            raise base.refuse(
                 f"{width} x {height} pixels would need a film of {width * height * 16 / 1e9:.3g} GB",
                 got=[width, height],
                 allowed="fewer than 2^31 pixels",
@@ -397,12 +387,14 @@ def _read_efficiency(value: Any) -> tuple[float, float, float]:
     """Return the quantum efficiencies of red, green and blue from one number or three."""
     items = list(value) if isinstance(value, (list, tuple)) else [value] * 3
     if len(items) != 3:
-        raise refuse(f"has {len(items)} numbers instead of 1 or 3", allowed="a number, or [red, green, blue]")
+        raise base.refuse(f"has {len(items)} numbers instead of 1 or 3", allowed="a number, or [red, green, blue]")
     several = isinstance(value, (list, tuple))
-    red, green, blue = (number_at(x, (i,)) if several else read_number(x) for i, x in enumerate(items))
+    red, green, blue = (base.number_at(x, (i,)) if several else base.read_number(x) for i, x in enumerate(items))
     for index, number in enumerate((red, green, blue)):
         if not 0 < number <= 1:
-            raise refuse("is out of range", got=number, allowed="above 0, at most 1", path=(index,) if several else ())
+            raise base.refuse(
+                "is out of range", got=number, allowed="above 0, at most 1", path=(index,) if several else ()
+            )
     return (red, green, blue)
 
 
@@ -416,7 +408,7 @@ Celsius = Annotated[float, Field(ge=_ABSOLUTE_ZERO, le=1000), NUMBER]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED), WHOLE_NUMBER]
 
 
-class Sensor(SceneModel):
+class Sensor(base.SceneModel):
     """The sensor. `preset` gives the keys that it knows other defaults."""
 
     preset: PresetName | None = None
@@ -485,14 +477,14 @@ class Sensor(SceneModel):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.bayer == "monochrome" and self.response is not None:
-            raise refuse(
+            raise base.refuse(
                 "has colour filters, which a monochrome sensor has not",
                 got=self.response,
                 allowed="no response beside bayer: monochrome",
                 path=("response",),
             )
         if self.black_dn >= 2**self.bit_depth - 1:
-            raise refuse(
+            raise base.refuse(
                 "leaves no numbers for light",
                 got=self.black_dn,
                 allowed=f"less than {2**self.bit_depth - 1}, the top of {self.bit_depth} bits",
@@ -532,12 +524,12 @@ def _grey(value: Any) -> tuple[float, ...]:
     """Return a point [x, y] or a rectangle [x0, x1, y0, y1] in fractions of the film."""
     forms = "[x, y] or [x0, x1, y0, y1] with x0 < x1 and y0 < y1, each from 0 to 1"
     if not isinstance(value, (list, tuple)) or len(value) not in (2, 4):
-        raise refuse("must be a place of the film", allowed=forms)
-    place = tuple(number_at(item, (index,)) for index, item in enumerate(value))
+        raise base.refuse("must be a place of the film", allowed=forms)
+    place = tuple(base.number_at(item, (index,)) for index, item in enumerate(value))
     if not all(0 <= item <= 1 for item in place):
-        raise refuse("lies outside the film", allowed=forms)
+        raise base.refuse("lies outside the film", allowed=forms)
     if len(place) == 4 and not (place[0] < place[1] and place[2] < place[3]):
-        raise refuse("has no area", allowed=forms)
+        raise base.refuse("has no area", allowed=forms)
     return place
 
 
@@ -545,11 +537,11 @@ _SHARE = {"type": "number", "minimum": 0, "maximum": 1}
 _GREY_SCHEMA = {"anyOf": [{"type": "array", "items": _SHARE, "minItems": n, "maxItems": n} for n in (2, 4)]}
 
 
-class WhiteBalance(SceneModel):
+class WhiteBalance(base.SceneModel):
     """What light is made grey. One of `light`, `temperature_k`, `grey` and `gains`; a word stands for `light`."""
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives(("light", "temperature_k", "grey", "gains"), required=True),
+    alternatives: ClassVar[tuple[base.Alternatives, ...]] = (
+        base.Alternatives(("light", "temperature_k", "grey", "gains"), required=True),
     )
 
     light: Light | None = None
@@ -573,13 +565,15 @@ class WhiteBalance(SceneModel):
     @model_validator(mode="after")
     def _check_tint(self) -> Self:
         if self.adaptation is not None and self.gains is not None:
-            raise refuse("has no use beside gains", got=self.adaptation, allowed="one of both", path=("adaptation",))
+            raise base.refuse(
+                "has no use beside gains", got=self.adaptation, allowed="one of both", path=("adaptation",)
+            )
         if self.tint is None:
             return self
         if self.temperature_k is None:
-            raise refuse("needs temperature_k", got=self.tint, allowed="a temperature beside it", path=("tint",))
+            raise base.refuse("needs temperature_k", got=self.tint, allowed="a temperature beside it", path=("tint",))
         if _xyz_of_temperature(self.temperature_k, self.tint)[2] < _LEAST_BLUE:
-            raise refuse("is greener than light can be at this temperature", got=self.tint, path=("tint",))
+            raise base.refuse("is greener than light can be at this temperature", got=self.tint, path=("tint",))
         return self
 
     def light_colour(self) -> NDArray[np.float64] | None:
@@ -609,7 +603,7 @@ NO_BALANCE = "none"
 _DEFAULT_TONE_WHITE = 4.0
 
 
-class ToneCurve(SceneModel):
+class ToneCurve(base.SceneModel):
     """How light without an upper limit fits into what a screen can show; a word stands for `kind`."""
 
     kind: Tone = "srgb"
@@ -621,7 +615,7 @@ class ToneCurve(SceneModel):
     @model_validator(mode="after")
     def _check_white(self) -> Self:
         if self.white is not None and self.kind != "reinhard":
-            raise refuse(
+            raise base.refuse(
                 f"is fixed for {self.kind}", got=self.white, allowed="only with kind: reinhard", path=("white",)
             )
         return self
@@ -635,13 +629,13 @@ class ToneCurve(SceneModel):
 def _refusal(problem: Exception, got: object, key: str) -> PydanticCustomError:
     """Return the error of a key whose file, or what it names, is not as it should be."""
     *head, text = re.split(r"^(display|view|look): ", str(problem), maxsplit=1)
-    return refuse(text, got=got, path=(head[1] if head else key,))
+    return base.refuse(text, got=got, path=(head[1] if head else key,))
 
 
-class ColourView(SceneModel):
+class ColourView(base.SceneModel):
     """A view of an OpenColorIO config, which takes the place of tone curve, gamut and encoding."""
 
-    config: FileName = "ocio://default"
+    config: base.FileName = "ocio://default"
     """A built-in config of OpenColorIO, or a file `.ocio` in the scene's folder, with its own files below it."""
 
     display: Name | None = None
@@ -678,15 +672,15 @@ class ColourView(SceneModel):
         return self._loaded
 
 
-class PictureSettings(SceneModel):
+class PictureSettings(base.SceneModel):
     """How the film becomes the picture: white balance, exposure, tone curve, gamut and encoding, in this order.
 
     A view of OpenColorIO takes the place of tone curve, gamut and encoding. A table of colours comes last.
     """
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives(("tone", "ocio"), required=False),
-        Alternatives(("gamut", "ocio"), required=False),
+    alternatives: ClassVar[tuple[base.Alternatives, ...]] = (
+        base.Alternatives(("tone", "ocio"), required=False),
+        base.Alternatives(("gamut", "ocio"), required=False),
     )
 
     ev: Annotated[float, Field(ge=-60, le=60), NUMBER] = 0.0
@@ -694,12 +688,12 @@ class PictureSettings(SceneModel):
 
     white_balance: Annotated[
         WhiteBalance | None,
-        word_for("light", (NO_BALANCE, *LIGHTS), nothing=NO_BALANCE),
-        AlsoAccepts({"enum": [NO_BALANCE, *LIGHTS]}),
+        base.word_for("light", (NO_BALANCE, *LIGHTS), nothing=NO_BALANCE),
+        base.AlsoAccepts({"enum": [NO_BALANCE, *LIGHTS]}),
     ] = None
     """What light is made grey; `none` leaves colours as they are, white being D65."""
 
-    tone: Annotated[ToneCurve, word_for("kind", TONES), AlsoAccepts({"enum": list(TONES)})] = ToneCurve()
+    tone: Annotated[ToneCurve, base.word_for("kind", TONES), base.AlsoAccepts({"enum": list(TONES)})] = ToneCurve()
     """How light without an upper limit fits into what a screen can show."""
 
     gamut: Gamut = "clip"
@@ -708,11 +702,11 @@ class PictureSettings(SceneModel):
     ocio: Annotated[
         ColourView | None,
         BeforeValidator(lambda value: {"config": value} if isinstance(value, str) else value),
-        AlsoAccepts({"type": "string"}),
+        base.AlsoAccepts({"type": "string"}),
     ] = None
     """A view of OpenColorIO in place of `tone` and `gamut`; a word stands for `config`."""
 
-    lut: FileName | None = None
+    lut: base.FileName | None = None
     """Table of colours in the scene's folder, `.cube`, applied last, to display values."""
 
     bits: Literal[8, 16] | None = None
@@ -731,7 +725,7 @@ class PictureSettings(SceneModel):
         if self.lut is None:
             return self
         if self.tone.kind == "linear":
-            raise refuse(
+            raise base.refuse(
                 "is for display values, which tone: linear has not", got=self.lut, allowed="another tone", path=("lut",)
             )
         context = info.context or {}
@@ -771,7 +765,7 @@ class PictureSettings(SceneModel):
             return
         across, down = place[: len(place) // 2], place[len(place) // 2 :]
         if not (crop[0] <= min(across) <= max(across) <= crop[1] and crop[2] <= min(down) <= max(down) <= crop[3]):
-            raise refuse(
+            raise base.refuse(
                 "lies outside the part of the film that is rendered",
                 got=list(place),
                 allowed=f"a place in film.crop, {list(crop)}",

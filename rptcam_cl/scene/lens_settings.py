@@ -11,30 +11,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema,
 from rptcam_cl.core.records import MOST_LAYERS
 from rptcam_cl.optics.as_built import BARRELS, Heat
 from rptcam_cl.optics.glass import STANDARD_C, STANDARD_HPA
-from rptcam_cl.scene.base import (
-    AlsoAccepts,
-    Alternatives,
-    FileName,
-    FileReference,
-    SceneModel,
-    listed,
-    read_number,
-    refuse,
-    unknown_name,
-    word_for,
-)
-from rptcam_cl.scene.quantities import (
-    NUMBER,
-    WHOLE_NUMBER,
-    Fraction,
-    Metres,
-    Millimetres,
-    Position,
-    Rectangle,
-    TextureNumber,
-    Turn,
-    list_of,
-)
+from rptcam_cl.scene import base, quantities
 
 # Autofocus settings of a scene: the method, where in the picture, and which of several zones is used.
 
@@ -50,7 +27,7 @@ def _criterion(text: Any) -> Any:
     match = _CRITERION.fullmatch(text) if isinstance(text, str) else None
     if match is None or (match[1] and not 0 < float(match[1]) <= _MOST_PER_MM):
         allowed = f"spot, pixel, or mtf@30 with line pairs per mm of the film, up to {_MOST_PER_MM:g}"
-        raise refuse("is no criterion of sharpness", got=text, allowed=allowed)
+        raise base.refuse("is no criterion of sharpness", got=text, allowed=allowed)
     return text
 
 
@@ -62,35 +39,35 @@ _ZONE = "[x0, x1, y0, y1]"
 
 def _list_of_zones(value: Any) -> Any:
     if not isinstance(value, (list, tuple)) or not value:
-        raise refuse("must be a list of zones", allowed=f"as [{_ZONE}, …], in fractions of the picture")
+        raise base.refuse("must be a list of zones", allowed=f"as [{_ZONE}, …], in fractions of the picture")
     for index, zone in enumerate(value):
         if not isinstance(zone, (list, tuple)):
-            raise refuse(f"must be {_ZONE}", got=zone, allowed="four fractions of the picture", path=(index,))
-        list_of(4, _ZONE)(zone)
+            raise base.refuse(f"must be {_ZONE}", got=zone, allowed="four fractions of the picture", path=(index,))
+        quantities.list_of(4, _ZONE)(zone)
     return value
 
 
-class ZonesFile(FileReference):
+class ZonesFile(base.FileReference):
     """Zones in a text file: a line each of left, right, top and bottom in fractions of the picture."""
 
 
-class FocusMask(FileReference):
+class FocusMask(base.FileReference):
     """A picture of any size that covers the whole picture: focus is on what is brighter than half there."""
 
 
-class AutoFocus(SceneModel):
+class AutoFocus(base.SceneModel):
     """Autofocus. At most one of `zones`, `zones_from`, `mask`, `point`, `object` and `at`, but that `at` may stand
     beside `object`; by default a zone in the middle."""
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives(("zones", "zones_from", "mask", "point", "object"), required=False),
-        Alternatives(("zones", "zones_from", "mask", "point", "at"), required=False),
+    alternatives: ClassVar[tuple[base.Alternatives, ...]] = (
+        base.Alternatives(("zones", "zones_from", "mask", "point", "object"), required=False),
+        base.Alternatives(("zones", "zones_from", "mask", "point", "at"), required=False),
     )
 
     method: Method = "contrast"
     """How the focus is found."""
 
-    zones: Annotated[tuple[Rectangle, ...], BeforeValidator(_list_of_zones)] | None = None
+    zones: Annotated[tuple[quantities.Rectangle, ...], BeforeValidator(_list_of_zones)] | None = None
     """Rectangles of the picture to focus on, [x0, x1, y0, y1] each as fractions from its left and top edges."""
 
     zones_from: ZonesFile | None = None
@@ -99,13 +76,13 @@ class AutoFocus(SceneModel):
     mask: FocusMask | None = None
     """A picture that is bright where to focus: a zone in each of its bright parts."""
 
-    point: Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))] | None = None
+    point: quantities.FilmPoint | None = None
     """A point of the picture to focus on, as fractions from its left and top edges."""
 
     object: ObjectName | None = None
     """Name of the object to focus on, wherever it is seen."""
 
-    at: Position | None = None
+    at: quantities.Position | None = None
     """A point of the scene to focus on [scene units]; with `object` in the coordinates of that object's own keys or
     file, with which it moves: an eye of a face."""
 
@@ -116,7 +93,7 @@ class AutoFocus(SceneModel):
     """With `depth` and `phase`: what is called sharpest. `spot`, by default: the least rms spot. `mtf@30`: where 30
     line pairs per mm of the film keep most contrast. `pixel`: where details of four pixels of the picture do."""
 
-    adjustment: Annotated[float, Field(ge=-1000, le=1000), NUMBER] = 0.0
+    adjustment: Annotated[float, Field(ge=-1000, le=1000), quantities.NUMBER] = 0.0
     """AF micro-adjustment, or a fault that the camera has: how far the focus is set beside what is found [depths of
     focus]; above 0 farther away."""
 
@@ -130,7 +107,7 @@ class AutoFocus(SceneModel):
     @model_validator(mode="after")
     def _check_criterion(self) -> Self:
         if self.criterion is not None and self.method not in _BY_DISTANCE:
-            raise refuse(
+            raise base.refuse(
                 f"says what is sharpest at a distance, but {self.method} goes where its measure is greatest",
                 got=self.criterion,
                 allowed="method: depth or phase beside it",
@@ -141,7 +118,7 @@ class AutoFocus(SceneModel):
     @model_validator(mode="after")
     def _check_sensor(self) -> Self:
         if self.sensor and self.method == "depth":
-            raise refuse(
+            raise base.refuse(
                 "gives probes noise, and depth takes none: its rays need no light",
                 allowed="another method beside it",
                 path=("sensor",),
@@ -151,15 +128,15 @@ class AutoFocus(SceneModel):
 
 AutoFocusOrMethod = Annotated[
     AutoFocus,
-    word_for("method", METHODS, problem="is no method", otherwise=" or a mapping"),
-    AlsoAccepts({"enum": list(METHODS), "description": "A method alone."}),
+    base.word_for("method", METHODS, problem="is no method", otherwise=" or a mapping"),
+    base.AlsoAccepts({"enum": list(METHODS), "description": "A method alone."}),
 ]
 
 
-class FoundFocus(SceneModel):
+class FoundFocus(base.SceneModel):
     """Focus of a thin lens that is found: by autofocus, or on an object. Exactly one of these."""
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("auto", "object"), required=True),)
+    alternatives: ClassVar[tuple[base.Alternatives, ...]] = (base.Alternatives(("auto", "object"), required=True),)
 
     auto: AutoFocusOrMethod | None = None
     """Autofocus."""
@@ -171,7 +148,7 @@ class FoundFocus(SceneModel):
 # Where a real lens is focused.
 
 
-class Focus(SceneModel):
+class Focus(base.SceneModel):
     """Focus of a real lens: where the object plane, the film or the group is. Exactly one of these, or `auto`.
 
     Where the eye is the centre of the film, `distance_m`, `point` and `object` fix a plane of the scene, at right
@@ -179,30 +156,30 @@ class Focus(SceneModel):
     length of the lens and the film distance, which follow from it.
     """
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives(
+    alternatives: ClassVar[tuple[base.Alternatives, ...]] = (
+        base.Alternatives(
             ("distance_m", "front_distance_m", "point", "object", "film_distance_mm", "group_shift_mm", "auto"),
             required=True,
         ),
     )
 
-    distance_m: Metres | None = None
+    distance_m: quantities.Metres | None = None
     """Distance from the object plane in focus to the film [m]."""
 
-    front_distance_m: Metres | None = None
+    front_distance_m: quantities.Metres | None = None
     """Distance from the object plane in focus to the first vertex of the lens [m]."""
 
-    point: Position | None = None
+    point: quantities.Position | None = None
     """A point of the object plane in focus [scene units]."""
 
     object: ObjectName | None = None
     """Name of an object that the focus follows: the object plane goes through the middle of the box round it, where
     camera and object are when the shutter opens."""
 
-    film_distance_mm: Millimetres | None = None
+    film_distance_mm: quantities.Millimetres | None = None
     """Distance from the last vertex of the lens to the film [mm]."""
 
-    group_shift_mm: Annotated[float, Field(ge=-1e6, le=1e6), NUMBER] | None = None
+    group_shift_mm: Annotated[float, Field(ge=-1e6, le=1e6), quantities.NUMBER] | None = None
     """How far the focusing group of the lens stands towards the film from its place in the lens file [mm]; of
     floating groups the change of the gap that changes most."""
 
@@ -212,7 +189,7 @@ class Focus(SceneModel):
     method: Literal["thick", "spot"] = "thick"
     """How the film distance of an object plane is found: first-order optics, or the least spot of traced rays."""
 
-    field: Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))] | None = None
+    field: quantities.FilmPoint | None = None
     """With method `spot`: where in the picture the spot is least, as fractions from its left and top edges; on the
     axis by default."""
 
@@ -220,14 +197,14 @@ class Focus(SceneModel):
     def _check_method(self) -> Self:
         given = [key for key in ("film_distance_mm", "group_shift_mm", "auto") if getattr(self, key) is not None]
         if self.method != "thick" and given:
-            raise refuse(
+            raise base.refuse(
                 f"seeks the film distance, which {given[0]} gives already",
                 got=self.method,
                 allowed="distance_m, front_distance_m, point or object beside it",
                 path=("method",),
             )
         if self.field is not None and self.method != "spot":
-            raise refuse(
+            raise base.refuse(
                 "says where the spot is least",
                 got=list(self.field),
                 allowed="method: spot beside it",
@@ -249,14 +226,14 @@ def _lens(value: Any) -> str | dict[str, Any]:
     """Return a reference to a lens: short text, or a mapping of plain finite data."""
     if isinstance(value, str):
         if not value.strip() or len(value) > _MAX_TEXT or not value.isprintable():
-            raise refuse("is not a name or file", allowed=FORMS)
+            raise base.refuse("is not a name or file", allowed=FORMS)
         return value
     if not isinstance(value, dict):
-        raise refuse("must be a lens", allowed=FORMS)
+        raise base.refuse("must be a lens", allowed=FORMS)
     pending: list[tuple[Any, tuple[str | int, ...]]] = [(value, ())]
     for count, (item, path) in enumerate(pending):
         if count > _MAX_VALUES or len(path) > _MAX_DEPTH:
-            raise refuse(f"has more than {_MAX_VALUES} values or {_MAX_DEPTH} levels", allowed=FORMS)
+            raise base.refuse(f"has more than {_MAX_VALUES} values or {_MAX_DEPTH} levels", allowed=FORMS)
         pending.extend(_children(item, path))
     return value
 
@@ -265,14 +242,14 @@ def _children(item: Any, path: tuple[str | int, ...]) -> list[tuple[Any, tuple[s
     """Return the values inside a mapping or list, each with its path; refuse what YAML has no form for."""
     if isinstance(item, dict):
         if not all(isinstance(key, (str, int)) for key in item):
-            raise refuse("has a key that is neither a word nor a number", path=path)
+            raise base.refuse("has a key that is neither a word nor a number", path=path)
         return [(child, (*path, key)) for key, child in item.items()]
     if isinstance(item, (list, tuple)):
         return [(child, (*path, index)) for index, child in enumerate(item)]
     if isinstance(item, float) and not math.isfinite(item):
-        raise refuse("must be finite", got=item, allowed="a finite number", path=path)
+        raise base.refuse("must be finite", got=item, allowed="a finite number", path=path)
     if item is not None and not isinstance(item, (str, int, float)):
-        raise refuse(f"is of a kind that lens files do not have ({type(item).__name__})", got=str(item), path=path)
+        raise base.refuse(f"is of a kind that lens files do not have ({type(item).__name__})", got=str(item), path=path)
     return []
 
 
@@ -281,7 +258,7 @@ LensReference = Annotated[str | dict[str, Any], BeforeValidator(_lens)]
 _PAIR = "a pair [x, y]"
 
 
-class CircularAperture(SceneModel):
+class CircularAperture(base.SceneModel):
     """A round aperture."""
 
     shape: Literal["circle"] = "circle"
@@ -291,71 +268,76 @@ class CircularAperture(SceneModel):
 ROUND = CircularAperture()
 
 
-class PolygonAperture(SceneModel):
+class PolygonAperture(base.SceneModel):
     """An aperture made of blades: corners on the circle of the aperture radius, edges straight or bulging."""
 
     shape: Literal["polygon"]
     """Outline of the aperture."""
 
-    blades: Annotated[int, Field(ge=3, le=64), WHOLE_NUMBER]
+    blades: Annotated[int, Field(ge=3, le=64), quantities.WHOLE_NUMBER]
     """Number of corners."""
 
-    curvature: Annotated[float, Field(ge=0, le=1), NUMBER] = 0.0
+    curvature: Annotated[float, Field(ge=0, le=1), quantities.NUMBER] = 0.0
     """How far each edge bulges: 0 straight, 1 the circle."""
 
-    rotation_degrees: Turn = 0.0
+    rotation_degrees: quantities.Turn = 0.0
     """Turn of the first corner from the camera's +x towards +y [degrees]."""
 
 
-class StarAperture(SceneModel):
+class StarAperture(base.SceneModel):
     """A star with its tips on the circle of the aperture radius."""
 
     shape: Literal["star"]
     """Outline of the aperture."""
 
-    points: Annotated[int, Field(ge=3, le=64), WHOLE_NUMBER] = 5
+    points: Annotated[int, Field(ge=3, le=64), quantities.WHOLE_NUMBER] = 5
     """Number of tips."""
 
-    inner_radius: Annotated[float, Field(gt=0, lt=1), NUMBER] = 0.4
+    inner_radius: Annotated[float, Field(gt=0, lt=1), quantities.NUMBER] = 0.4
     """Radius of the inner corners as a share of the aperture radius."""
 
-    rotation_degrees: Turn = 90.0
+    rotation_degrees: quantities.Turn = 90.0
     """Turn of the first tip from the camera's +x towards +y [degrees]; 90 points it up."""
 
 
-class HeartAperture(SceneModel):
+class HeartAperture(base.SceneModel):
     """A heart within the circle of the aperture radius."""
 
     shape: Literal["heart"]
     """Outline of the aperture."""
 
-    rotation_degrees: Turn = 0.0
+    rotation_degrees: quantities.Turn = 0.0
     """Turn from upright, from the camera's +x towards +y [degrees]."""
 
 
-class OutlineAperture(SceneModel):
+class OutlineAperture(base.SceneModel):
     """Any polygon that does not cross itself, moved and scaled to touch the circle of the aperture radius."""
 
     shape: Literal["outline"]
     """Outline of the aperture."""
 
     points: Annotated[
-        tuple[Annotated[tuple[TextureNumber, TextureNumber], BeforeValidator(list_of(2, _PAIR))], ...],
+        tuple[
+            Annotated[
+                tuple[quantities.TextureNumber, quantities.TextureNumber], BeforeValidator(quantities.list_of(2, _PAIR))
+            ],
+            ...,
+        ],
         Field(min_length=3, max_length=256),
     ]
     """Corners in order, as pairs [x, y] of any unit."""
 
-    rotation_degrees: Turn = 0.0
+    rotation_degrees: quantities.Turn = 0.0
     """Turn from the camera's +x towards +y [degrees]."""
 
 
-class ImageAperture(FileReference):
+class ImageAperture(base.FileReference):
     """A square picture: open where it is brighter than half; its inscribed circle is the aperture's."""
 
     shape: Literal["image"]
     """Outline of the aperture."""
 
-    file: FileName
+    file: base.FileName
     """Picture file in the scene's folder (PNG, JPEG or TIFF, at most 512 x 512 pixels)."""
 
 
@@ -364,32 +346,32 @@ Aperture = Annotated[
     Field(discriminator="shape"),
 ]
 
-Density = Annotated[float, Field(ge=0, le=100), NUMBER]
+Density = Annotated[float, Field(ge=0, le=100), quantities.NUMBER]
 
 
-class Dirt(SceneModel):
+class Dirt(base.SceneModel):
     """Dust and scratches in the plane of the stop. A wider stop shows the same ones and more of them."""
 
     dust_per_mm2: Density = 2.0
     """Specks of dust in each square millimetre."""
 
-    dust_um: Annotated[float, Field(ge=1, le=1000), NUMBER] = 40.0
+    dust_um: Annotated[float, Field(ge=1, le=1000), quantities.NUMBER] = 40.0
     """Median diameter of a speck [micrometres]."""
 
     scratches_per_mm2: Density = 0.1
     """Scratches in each square millimetre."""
 
-    scratch_um: Annotated[float, Field(ge=0.1, le=1000), NUMBER] = 6.0
+    scratch_um: Annotated[float, Field(ge=0.1, le=1000), quantities.NUMBER] = 6.0
     """Width of a scratch [micrometres]."""
 
-    scratch_mm: Annotated[float, Field(gt=0, le=1000), NUMBER] = 2.0
+    scratch_mm: Annotated[float, Field(gt=0, le=1000), quantities.NUMBER] = 2.0
     """Median length of a scratch [mm]."""
 
-    seed: Annotated[int, Field(ge=0, le=2**32 - 1), WHOLE_NUMBER] = 0
+    seed: Annotated[int, Field(ge=0, le=2**32 - 1), quantities.WHOLE_NUMBER] = 0
     """Chooses the places; equal seeds give equal dirt."""
 
 
-class Stop(SceneModel):
+class Stop(base.SceneModel):
     """What lies in the plane of the stop beside its blades."""
 
     dirt: Dirt | None = None
@@ -411,26 +393,26 @@ IN_WORDS, LAYERED = "a coating", "a coating of layers"  # forms; not keys
 _ALLOWED = "bare, mgf2, multi, a reflectance from 0 to below 1, or {layers: [{index: …, thickness_nm: …}, …]}"
 
 
-class CoatingLayer(SceneModel):
+class CoatingLayer(base.SceneModel):
     """One layer of a coating."""
 
-    index: Annotated[float, Field(gt=0, le=5), NUMBER]
+    index: Annotated[float, Field(gt=0, le=5), quantities.NUMBER]
     """At every wavelength; at least 1 of a layer that is clear."""
 
-    extinction: Annotated[float, Field(ge=0, le=20), NUMBER] = 0.0
+    extinction: Annotated[float, Field(ge=0, le=20), quantities.NUMBER] = 0.0
     """k of its index n + i k, above 0 where it absorbs."""
 
-    thickness_nm: Annotated[float, Field(gt=0), NUMBER]
+    thickness_nm: Annotated[float, Field(gt=0), quantities.NUMBER]
     """Of the layer [nm]."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.index < 1 and not self.extinction:
-            raise refuse("is no index of a clear layer", got=self.index, allowed="1 to 5", path=("index",))
+            raise base.refuse("is no index of a clear layer", got=self.index, allowed="1 to 5", path=("index",))
         return self
 
 
-class CoatingLayers(SceneModel):
+class CoatingLayers(base.SceneModel):
     """Several layers."""
 
     layers: Annotated[tuple[CoatingLayer, ...], Field(min_length=1, max_length=MOST_LAYERS)]
@@ -442,10 +424,10 @@ def _read_coating(value: Any) -> str | float:
     if isinstance(value, str) and value in COATINGS:
         return value
     if isinstance(value, str):
-        raise refuse("is no coating", allowed=_ALLOWED)
-    share = read_number(value)
+        raise base.refuse("is no coating", allowed=_ALLOWED)
+    share = base.read_number(value)
     if not 0 <= share < 1:
-        raise refuse("is no share of light", got=share, allowed=_ALLOWED)
+        raise base.refuse("is no share of light", got=share, allowed=_ALLOWED)
     return share
 
 
@@ -461,7 +443,7 @@ Coating = Annotated[
 Flag = Annotated[bool, Field(strict=True)]
 
 
-class Transmission(SceneModel):
+class Transmission(base.SceneModel):
     """What a lens takes from light: a word, or what counts. `ideal` is nothing, `bare` glass and surfaces without their
     coatings, `coated` with them, `mgf2` and `multi` with such a `coating`."""
 
@@ -482,19 +464,25 @@ class Transmission(SceneModel):
     @model_validator(mode="before")
     @classmethod
     def _word(cls, value: Any) -> Any:
-        if isinstance(value, dict | SceneModel):
+        if isinstance(value, dict | base.SceneModel):
             return value
         if not isinstance(value, str) or value not in _WORDS:
-            raise refuse("is not what a lens lets through", allowed=f"{', '.join(_WORDS)}, or a mapping of what counts")
+            raise base.refuse(
+                "is not what a lens lets through", allowed=f"{', '.join(_WORDS)}, or a mapping of what counts"
+            )
         return _WORDS[value]
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if not self.fresnel and (self.coatings or self.coating is not None):
             key: Literal["coatings", "coating"] = "coatings" if self.coatings else "coating"
-            raise refuse("says nothing where surfaces do not reflect", allowed="fresnel: true beside it", path=(key,))
+            raise base.refuse(
+                "says nothing where surfaces do not reflect", allowed="fresnel: true beside it", path=(key,)
+            )
         if self.coatings is False and self.coating is not None:
-            raise refuse("says nothing where coatings do not count", allowed="no coatings: false", path=("coating",))
+            raise base.refuse(
+                "says nothing where coatings do not count", allowed="no coatings: false", path=("coating",)
+            )
         return self
 
 
@@ -504,22 +492,22 @@ EVERY_FORM = {"enum": list(_WORDS), "description": "What counts, in a word."}
 AUTO = {"const": "auto", "description": "The bounds that they have by default."}
 
 
-class Accuracy(SceneModel):
+class Accuracy(base.SceneModel):
     """Largest error of a cheaper camera model that may replace the traced lens; `auto` for the bounds below."""
 
-    max_error_px: Annotated[float, Field(ge=0, le=1e6), NUMBER] = 0.5
+    max_error_px: Annotated[float, Field(ge=0, le=1e6), quantities.NUMBER] = 0.5
     """Distance by which light may fall beside its place anywhere on the picture [pixels]."""
 
-    max_illumination_error: Annotated[float, Field(ge=0, le=1e6), NUMBER] = 0.01
+    max_illumination_error: Annotated[float, Field(ge=0, le=1e6), quantities.NUMBER] = 0.01
     """Relative error that the brightness may have anywhere on the picture, 1 on the axis."""
 
     @model_validator(mode="before")
     @classmethod
     def _word(cls, value: Any) -> Any:
-        if isinstance(value, dict | SceneModel):
+        if isinstance(value, dict | base.SceneModel):
             return value
         if value != "auto":
-            raise refuse("is not what a camera may err by", allowed="auto, or a mapping of bounds")
+            raise base.refuse("is not what a camera may err by", allowed="auto, or a mapping of bounds")
         return {}
 
 
@@ -535,7 +523,7 @@ def _check_percent(value: Any) -> str:
     """Return a percentage that is written with its sign."""
     match = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
     if match is None or not 0 < float(match[1]) <= 100:
-        raise refuse("is no percentage of copies", allowed="above 0 % to 100 %, with its sign: 90%")
+        raise base.refuse("is no percentage of copies", allowed="above 0 % to 100 %, with its sign: 90%")
     return str(value)
 
 
@@ -544,7 +532,7 @@ _PERCENTAGE = {"type": "string", "pattern": _PATTERN}
 Percent = Annotated[str, BeforeValidator(_check_percent), WithJsonSchema(_PERCENTAGE)]
 
 
-class AsBuilt(SceneModel):
+class AsBuilt(base.SceneModel):
     """One of many copies of the lens that are made within tolerances."""
 
     percentile: Percent
@@ -560,7 +548,7 @@ class AsBuilt(SceneModel):
 
 
 def _from_percentile(value: Any) -> Any:
-    return value if isinstance(value, (dict, SceneModel)) else {"percentile": value}
+    return value if isinstance(value, (dict, base.SceneModel)) else {"percentile": value}
 
 
 def _check_barrel(value: Any) -> str | float:
@@ -568,11 +556,11 @@ def _check_barrel(value: Any) -> str | float:
     expansion = f", or a linear expansion from {_LEAST_EXPANSION:g} to {_MOST_EXPANSION:g} per kelvin"
     if isinstance(value, str):
         if value not in BARRELS:
-            raise unknown_name("is no material of a barrel", value, BARRELS, otherwise=expansion)
+            raise base.unknown_name("is no material of a barrel", value, BARRELS, otherwise=expansion)
         return value
-    number = read_number(value)
+    number = base.read_number(value)
     if not _LEAST_EXPANSION <= number <= _MOST_EXPANSION:
-        raise refuse("is no linear expansion", allowed=listed(list(BARRELS)) + expansion)
+        raise base.refuse("is no linear expansion", allowed=base.listed(list(BARRELS)) + expansion)
     return number
 
 
@@ -584,8 +572,8 @@ _BARREL_FORMS = {
 }
 
 
-Temperature = Annotated[float, Field(ge=-100, le=140), NUMBER]
-Pressure = Annotated[float, Field(ge=0, le=2000), NUMBER]
+Temperature = Annotated[float, Field(ge=-100, le=140), quantities.NUMBER]
+Pressure = Annotated[float, Field(ge=0, le=2000), quantities.NUMBER]
 Barrel = Annotated[str | float, BeforeValidator(_check_barrel), WithJsonSchema(_BARREL_FORMS)]
 
 
@@ -595,13 +583,13 @@ def _heat(temperature_c: float, pressure_hpa: float, barrel: str | float) -> Hea
     return None if (heat.celsius, heat.pressure_hpa) == (STANDARD_C, STANDARD_HPA) else heat
 
 
-class RealLens(SceneModel):
+class RealLens(base.SceneModel):
     """A lens as it is made, or as heat has it."""
 
     design: LensReference
     """The lens by name, file or prescription, as `lens` alone would be."""
 
-    as_built: Annotated[AsBuilt, BeforeValidator(_from_percentile), AlsoAccepts(_PERCENTAGE)] | None = None
+    as_built: Annotated[AsBuilt, BeforeValidator(_from_percentile), base.AlsoAccepts(_PERCENTAGE)] | None = None
     """Which copy of it; the design itself by default."""
 
     temperature_c: Temperature = 20.0
@@ -641,13 +629,13 @@ _MOST_COPIES = 100_000
 _MOST_FIELDS = 32
 
 Distribution = Literal["uniform", "normal", "end_point"]
-Number = Annotated[int, Field(ge=0, le=10_000), WHOLE_NUMBER]
+Number = Annotated[int, Field(ge=0, le=10_000), quantities.WHOLE_NUMBER]
 Numbers = Annotated[tuple[Number, ...], Field(min_length=1, max_length=1000)]
-Size = Annotated[float, Field(ge=0, le=1e6), NUMBER]
-Share = Annotated[float, Field(ge=0, le=50), NUMBER]
-Minutes = Annotated[float, Field(ge=0, le=600), NUMBER]
-Wavelength = Annotated[float, Field(ge=200, le=20_000), NUMBER]
-FieldAngle = Annotated[float, Field(ge=0, le=60), NUMBER]
+Size = Annotated[float, Field(ge=0, le=1e6), quantities.NUMBER]
+Share = Annotated[float, Field(ge=0, le=50), quantities.NUMBER]
+Minutes = Annotated[float, Field(ge=0, le=600), quantities.NUMBER]
+Wavelength = Annotated[float, Field(ge=200, le=20_000), quantities.NUMBER]
+FieldAngle = Annotated[float, Field(ge=0, le=60), quantities.NUMBER]
 Text = Annotated[str, Field(max_length=_MAX_TEXT)]
 
 _OF_SURFACES = ("radius_percent", "radius_mm", "radius_fringes", "spacing_mm")
@@ -656,12 +644,12 @@ OF_EITHER = ("decentre_mm", "tilt_arcmin", "tilt_um")
 ADJUSTABLE = ("spacing_mm", *OF_EITHER)  # in a copy that is made
 
 
-class Tolerance(SceneModel):
+class Tolerance(base.SceneModel):
     """How far something may be off, either way. Exactly one quantity."""
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives((*_OF_SURFACES, *_OF_ELEMENTS, *OF_EITHER), required=True),
-        Alternatives(("surfaces", "elements", "group"), required=False),
+    alternatives: ClassVar[tuple[base.Alternatives, ...]] = (
+        base.Alternatives((*_OF_SURFACES, *_OF_ELEMENTS, *OF_EITHER), required=True),
+        base.Alternatives(("surfaces", "elements", "group"), required=False),
     )
 
     radius_percent: Share | None = None
@@ -682,7 +670,7 @@ class Tolerance(SceneModel):
     thickness_percent: Share | None = None
     """The same as a share of it [%]."""
 
-    index: Annotated[float, Field(ge=0, le=0.1), NUMBER] | None = None
+    index: Annotated[float, Field(ge=0, le=0.1), quantities.NUMBER] | None = None
     """Refractive index of a glass, at every wavelength."""
 
     abbe_percent: Share | None = None
@@ -712,13 +700,13 @@ class Tolerance(SceneModel):
     elements: Numbers | None = None
     """The elements meant, counted from 0; all by default. Cemented ones are decentred and tilted as one."""
 
-    group: Annotated[tuple[Number, Number], BeforeValidator(list_of(2, "[first, last]"))] | None = None
+    group: Annotated[tuple[Number, Number], BeforeValidator(quantities.list_of(2, "[first, last]"))] | None = None
     """First and last of the surfaces that are decentred or tilted together."""
 
     distribution: Distribution | None = None
     """How copies differ within it; as the whole specification says by default."""
 
-    sigmas: Annotated[float, Field(gt=0, le=10), NUMBER] | None = None
+    sigmas: Annotated[float, Field(gt=0, le=10), quantities.NUMBER] | None = None
     """Of a normal distribution: how many standard deviations the tolerance is."""
 
     @property
@@ -738,16 +726,16 @@ class Tolerance(SceneModel):
         }
         for key, right in wrong.items():
             if getattr(self, key) is not None and right:
-                raise refuse(f"does not go with {quantity}", allowed=right, path=(key,))
+                raise base.refuse(f"does not go with {quantity}", allowed=right, path=(key,))
         if "of" in self.model_fields_set and (not either or self.group is not None):
             allowed = "decentre_mm, tilt_arcmin or tilt_um beside it, and no group"
-            raise refuse("says what is decentred or tilted", allowed=allowed, path=("of",))
+            raise base.refuse("says what is decentred or tilted", allowed=allowed, path=("of",))
         if self.group is not None and self.group[0] > self.group[1]:
-            raise refuse("begins behind its end", got=list(self.group), allowed="[first, last]", path=("group",))
+            raise base.refuse("begins behind its end", got=list(self.group), allowed="[first, last]", path=("group",))
         return self
 
 
-class Merit(SceneModel):
+class Merit(base.SceneModel):
     """By what copies are judged."""
 
     rank_by: Literal["spot", "mtf"] = "spot"
@@ -760,17 +748,17 @@ class Merit(SceneModel):
     wavelengths_nm: Annotated[tuple[Wavelength, ...], Field(min_length=1, max_length=16)] = (486.13, 587.56, 656.27)
     """Wavelengths, which count equally [nm]."""
 
-    mtf_per_mm: Annotated[float, Field(gt=0, le=1e4), NUMBER] = 30.0
+    mtf_per_mm: Annotated[float, Field(gt=0, le=1e4), quantities.NUMBER] = 30.0
     """Frequency on the film at which modulation is taken [cycles/mm]."""
 
-    rings: Annotated[int, Field(ge=2, le=64), WHOLE_NUMBER] | None = None
+    rings: Annotated[int, Field(ge=2, le=64), quantities.WHOLE_NUMBER] | None = None
     """Rings of rays in a beam; by default, in each field as many as leave spots and modulation where they are."""
 
-    arms: Annotated[int, Field(ge=4, le=256), WHOLE_NUMBER] | None = None
+    arms: Annotated[int, Field(ge=4, le=256), quantities.WHOLE_NUMBER] | None = None
     """About how many rays in a ring; twice as many as rings by default."""
 
 
-class Tolerances(SceneModel):
+class Tolerances(base.SceneModel):
     """What may be off in a lens."""
 
     name: Text = ""
@@ -789,22 +777,22 @@ class Tolerances(SceneModel):
     distribution: Distribution = "uniform"
     """How copies differ within a tolerance: evenly, normally with the tolerance as the limit, or at its ends."""
 
-    sigmas: Annotated[float, Field(gt=0, le=10), NUMBER] = 2.0
+    sigmas: Annotated[float, Field(gt=0, le=10), quantities.NUMBER] = 2.0
     """How many standard deviations a tolerance is, where the distribution is normal."""
 
-    copies: Annotated[int, Field(ge=10, le=_MOST_COPIES), WHOLE_NUMBER] = 1000
+    copies: Annotated[int, Field(ge=10, le=_MOST_COPIES), quantities.WHOLE_NUMBER] = 1000
     """How many lenses are made."""
 
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1), WHOLE_NUMBER] = 0
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1), quantities.WHOLE_NUMBER] = 0
     """Which lenses they are."""
 
     refocus: Annotated[bool, Field(strict=True)] = True
     """Whether the film of each copy is moved to the least spots of all fields together."""
 
-    f_number: Annotated[float, Field(ge=1e-2, le=1e6), NUMBER] | None = None
+    f_number: Annotated[float, Field(ge=1e-2, le=1e6), quantities.NUMBER] | None = None
     """F-number at which copies are judged; wide open by default."""
 
-    focus_distance_m: Annotated[float, Field(ge=1e-9, le=1e12), NUMBER] | None = None
+    focus_distance_m: Annotated[float, Field(ge=1e-9, le=1e12), quantities.NUMBER] | None = None
     """Distance from the object to the film [m]; infinity by default."""
 
     zoom: Annotated[str, Field(max_length=200)] | None = None
@@ -832,13 +820,13 @@ class Tolerances(SceneModel):
         for number, one in enumerate(self.compensators):
             path: tuple[str, int] = ("compensators", number)
             if one.quantity not in ADJUSTABLE:
-                raise refuse("cannot be adjusted", allowed=", ".join(ADJUSTABLE), path=(*path, one.quantity))
+                raise base.refuse("cannot be adjusted", allowed=", ".join(ADJUSTABLE), path=(*path, one.quantity))
             if one.distribution is not None or one.sigmas is not None:
                 key = "sigmas" if one.distribution is None else "distribution"
-                raise refuse("is of tolerances; a compensator is adjusted", path=(*path, key))
+                raise base.refuse("is of tolerances; a compensator is adjusted", path=(*path, key))
             named = one.group[:1] if one.group else one.surfaces or one.elements or ()
             if len(named) != 1:
-                raise refuse("needs one surface, element or group", path=path)
+                raise base.refuse("needs one surface, element or group", path=path)
         return self
 
 

@@ -14,19 +14,9 @@ from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import read_whole
+from rptcam_cl.scene import quantities
 from rptcam_cl.scene.base import GREY, FileReference, SceneModel, refuse
 from rptcam_cl.scene.placement import CameraVisibility
-from rptcam_cl.scene.quantities import (
-    NUMBER,
-    Direction,
-    Gain,
-    GroupName,
-    LightColour,
-    PatternAlbedo,
-    Position,
-    Radiance,
-    Turn,
-)
 
 #
 # Measured luminaires: IES files (ANSI/IESNA LM-63, 1986 to 2019) of photometric type C.
@@ -143,7 +133,7 @@ def _check_angles(vertical: Array, horizontal: Array) -> None:
 class GroupedLight(SceneModel):
     """What every light has."""
 
-    group: GroupName | None = None
+    group: quantities.GroupName | None = None
     """Name of the layer that has its light, where `render.layers` has `lights`; by default its own."""
 
 
@@ -153,10 +143,10 @@ class PointLight(GroupedLight):
     kind: Literal["point"]
     """Kind of light."""
 
-    position: Position
+    position: quantities.Position
     """Where it is [scene units]."""
 
-    intensity: Radiance
+    intensity: quantities.Radiance
     """Radiant intensity [W/sr per channel]; a colour."""
 
 
@@ -166,19 +156,19 @@ class SpotLight(GroupedLight):
     kind: Literal["spot"]
     """Kind of light."""
 
-    position: Position
+    position: quantities.Position
     """Where it is [scene units]."""
 
-    direction: Direction
+    direction: quantities.Direction
     """Direction of the axis of the cone; any length."""
 
-    intensity: Radiance
+    intensity: quantities.Radiance
     """Radiant intensity along the axis [W/sr per channel]; a colour."""
 
-    outer_degrees: Annotated[float, Field(gt=0, le=180), NUMBER]
+    outer_degrees: Annotated[float, Field(gt=0, le=180), quantities.NUMBER]
     """Angle from the axis beyond which it is dark [degrees]."""
 
-    inner_degrees: Annotated[float, Field(ge=0, le=180), NUMBER] | None = None
+    inner_degrees: Annotated[float, Field(ge=0, le=180), quantities.NUMBER] | None = None
     """Angle from the axis within which it is full [degrees]; less than `outer_degrees`, by default 0.8 of it."""
 
     @model_validator(mode="after")
@@ -204,19 +194,19 @@ class ProfileLight(GroupedLight, FileReference):
     kind: Literal["ies"]
     """Kind of light."""
 
-    position: Position
+    position: quantities.Position
     """Where it is [scene units]."""
 
-    direction: Direction = (0.0, -1.0, 0.0)
+    direction: quantities.Direction = (0.0, -1.0, 0.0)
     """Direction of the file's vertical angle 0; any length. In a scene the default is against the camera's `up`."""
 
-    rotation_degrees: Turn = 0.0
+    rotation_degrees: quantities.Turn = 0.0
     """Turn about `direction`, counter-clockwise seen along it [degrees]."""
 
-    gain: Gain = Field(default=1.0)
+    gain: quantities.Gain = Field(default=1.0)
     """Factor on the intensities of the file."""
 
-    color: LightColour = (1.0, 1.0, 1.0)
+    color: quantities.LightColour = (1.0, 1.0, 1.0)
     """Colour of the light; made to have luminance 1."""
 
 
@@ -226,10 +216,10 @@ class DirectionalLight(GroupedLight):
     kind: Literal["directional"]
     """Kind of light."""
 
-    direction: Direction
+    direction: quantities.Direction
     """Direction in which the light travels; any length."""
 
-    irradiance: Radiance
+    irradiance: quantities.Radiance
     """Irradiance on a surface that faces the light [W/m² per channel]; a colour."""
 
 
@@ -239,13 +229,13 @@ class SunLight(GroupedLight):
     kind: Literal["sun"]
     """Kind of light."""
 
-    direction: Direction
+    direction: quantities.Direction
     """Direction in which the light of its middle travels; any length."""
 
-    irradiance: Radiance
+    irradiance: quantities.Radiance
     """Irradiance on a surface that faces its middle [W/m² per channel]; a colour."""
 
-    diameter_degrees: Annotated[float, Field(ge=0.01, le=180), NUMBER] = 0.53
+    diameter_degrees: Annotated[float, Field(ge=0.01, le=180), quantities.NUMBER] = 0.53
     """Angle across the disk [degrees]; its radiance is the same all over."""
 
     visible: CameraVisibility = CameraVisibility()
@@ -270,7 +260,7 @@ class ConstantEnvironment(Surrounding):
     kind: Literal["constant"]
     """Kind of environment."""
 
-    radiance: Radiance
+    radiance: quantities.Radiance
     """Radiance [W/(m² sr) per channel]; a colour."""
 
 
@@ -280,13 +270,13 @@ class GradientEnvironment(Surrounding):
     kind: Literal["gradient"]
     """Kind of environment."""
 
-    bottom: Radiance
+    bottom: quantities.Radiance
     """Radiance from straight below [W/(m² sr) per channel]; a colour."""
 
-    top: Radiance
+    top: quantities.Radiance
     """Radiance from straight above [W/(m² sr) per channel]; a colour."""
 
-    up: Direction = (0.0, 1.0, 0.0)
+    up: quantities.Direction = (0.0, 1.0, 0.0)
     """Direction that counts as above; any length. In a scene the default is the `up` of the camera."""
 
 
@@ -301,13 +291,13 @@ class ImageEnvironment(Surrounding, FileReference):
     color_space: Literal["auto", "srgb", "linear"] = "auto"
     """How colours are stored; auto: sRGB for pictures of 8 and 16 bits, linear for OpenEXR and Radiance HDR."""
 
-    gain: Gain = 1.0
+    gain: quantities.Gain = 1.0
     """Radiance of the picture's 1 [W/(m² sr) per channel]."""
 
-    up: Direction = (0.0, 1.0, 0.0)
+    up: quantities.Direction = (0.0, 1.0, 0.0)
     """Direction of the top row; any length. In a scene the default is the `up` of the camera."""
 
-    rotation_degrees: Turn = 0.0
+    rotation_degrees: quantities.Turn = 0.0
     """Turn of the surroundings about `up`, counter-clockwise seen from above [degrees]."""
 
 
@@ -317,25 +307,25 @@ class SkyEnvironment(Surrounding):
     kind: Literal["sky"]
     """Kind of environment."""
 
-    sun_elevation_degrees: Annotated[float, Field(ge=0, le=90), NUMBER] = 45.0
+    sun_elevation_degrees: Annotated[float, Field(ge=0, le=90), quantities.NUMBER] = 45.0
     """Angle of the sun above the horizon [degrees]."""
 
-    sun_azimuth_degrees: Turn = 0.0
+    sun_azimuth_degrees: quantities.Turn = 0.0
     """Angle of the sun from straight ahead about `up`, counter-clockwise seen from above [degrees]."""
 
-    turbidity: Annotated[float, Field(ge=2, le=10), NUMBER] = 3.0
+    turbidity: Annotated[float, Field(ge=2, le=10), quantities.NUMBER] = 3.0
     """Haziness of the air: 2 is very clear, 3 clear, 10 hazy."""
 
-    ground_albedo: PatternAlbedo = (0.3, 0.3, 0.3)
+    ground_albedo: quantities.PatternAlbedo = (0.3, 0.3, 0.3)
     """Share of light that the ground reflects; a colour of channels 0 to 1."""
 
     sun: bool = Field(default=True, strict=True)
     """Whether the disk of the sun shines."""
 
-    gain: Gain = 1.0
+    gain: quantities.Gain = 1.0
     """Factor on all radiances."""
 
-    up: Direction = (0.0, 1.0, 0.0)
+    up: quantities.Direction = (0.0, 1.0, 0.0)
     """Direction of the zenith; any length. In a scene the default is the `up` of the camera."""
 
 

@@ -19,17 +19,11 @@ from pydantic_core import PydanticCustomError
 from rptcam_cl.core.errors import InputError, MissingFileError, near_name
 from rptcam_cl.core.files import Folders, plain
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, parse_scalar, read_yaml
+from rptcam_cl.scene import camera, materials, meshes, placement, quantities, shapes, textures
 from rptcam_cl.scene.base import REFUSED, FileReference, SceneModel, file_references, listed
-from rptcam_cl.scene.camera import CAMERA_KINDS
 from rptcam_cl.scene.film import Film, PictureSettings, WhiteBalance
 from rptcam_cl.scene.lens_settings import DESIGN, GRADES, IN_WORDS, LAYERED, REAL, Focus, with_design
-from rptcam_cl.scene.materials import MEASURED, WRITTEN_OUT
-from rptcam_cl.scene.meshes import MeshObject
-from rptcam_cl.scene.placement import Instances
-from rptcam_cl.scene.quantities import SPECTRUM
 from rptcam_cl.scene.scene import Scene, check_extent
-from rptcam_cl.scene.shapes import Object
-from rptcam_cl.scene.textures import CONSTANT
 
 # A scene's data as YAML text: sections in their usual order, one object a line.
 
@@ -94,7 +88,7 @@ _MAX_REPORTED = 5
 _SECTIONS = ("camera", "film", "exposure", "shutter", "sequence", "sensor", "spectrum", "render", "picture")
 
 # Names of forms that a value without a kind may have; no keys.
-FORMS = (CONSTANT, SPECTRUM, MEASURED, DESIGN, REAL, IN_WORDS, LAYERED)
+FORMS = (textures.CONSTANT, quantities.SPECTRUM, materials.MEASURED, DESIGN, REAL, IN_WORDS, LAYERED)
 
 Where = Callable[[KeyPath, bool], str]
 
@@ -172,7 +166,7 @@ def _follow(location: tuple[Any, ...], data: Any) -> tuple[KeyPath, Any]:
     passed_tag = False
     for key in location:
         if isinstance(value, Mapping):
-            if not passed_tag and key in (value.get("kind"), value.get("shape"), WRITTEN_OUT):
+            if not passed_tag and key in (value.get("kind"), value.get("shape"), materials.WRITTEN_OUT):
                 passed_tag = True
                 continue
             if key not in value and (isinstance(key, int) or key in FORMS):
@@ -206,7 +200,7 @@ def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _F
     if kind in ("literal_error", "union_tag_invalid"):
         expected = str(context.get("expected", context.get("expected_tags")))
         names = _QUOTED.findall(expected) or re.findall(r"\d+", expected)
-        choices = [name for name in names if name != CONSTANT]
+        choices = [name for name in names if name != textures.CONSTANT]
         return _Finding(f"is not a known choice{near_name(value, choices)}", got, listed(choices))
     if kind in _TOO_LONG:
         return _Finding("is too long", got, f"at most {context['max_length']} {_TOO_LONG[kind]}")
@@ -259,7 +253,7 @@ def _value_text(value: Any) -> str:
 # Where keys that exclude each other live, and the models that say which they are.
 _EXCLUSIVE: dict[KeyPath, tuple[type[SceneModel], ...]] = {
     ("film",): (Film,),
-    ("camera",): CAMERA_KINDS,
+    ("camera",): camera.CAMERA_KINDS,
     ("camera", "focus"): (Focus,),
     ("picture",): (PictureSettings,),
     ("picture", "white_balance"): (WhiteBalance,),
@@ -527,7 +521,7 @@ def with_files(scene: Scene, where: Where, missing: Missing, before: Scene | Non
             if reference.stand_in is not None:
                 reference.hold(reference.stand_in)
             continue
-        if isinstance(reference, Instances):
+        if isinstance(reference, placement.Instances):
             table = reference.matrices(scene.folders)
             _check_instances(scene, path[:2], where)
             del table  # read once for both checks
@@ -562,7 +556,9 @@ def _check_instances(scene: Scene, path: KeyPath, where: Where) -> None:
     """Refuse an object that its table of places makes too large or too small."""
     item = scene.objects[int(path[1])]
     try:
-        check_extent(item, item if not isinstance(item, MeshObject) else scene.load_mesh(item), path, scene.folders)
+        check_extent(
+            item, item if not isinstance(item, meshes.MeshObject) else scene.load_mesh(item), path, scene.folders
+        )
     except PydanticCustomError as problem:
         key = (*path, "instances")
         raise InputError(f"{where(key, False)}{dotted(key)}: {_refusal_text(problem)}") from None
@@ -577,7 +573,7 @@ def _items(section: Any) -> Iterable[tuple[KeyPath, Any]]:
     return [((), section)]
 
 
-def _check_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tuple[Object, ...], list[str]]:
+def _check_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tuple[shapes.Object, ...], list[str]]:
     """Return the objects without those whose mesh is missing, and what there is to say of these."""
     absent: list[str] = []
     if not scene.new_objects() and not scene.holds_old_meshes():
@@ -586,7 +582,7 @@ def _check_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tupl
     gone: set[int] = set()
     without: list[str] = []
     for index, item in scene.new_objects():
-        if not isinstance(item, MeshObject):
+        if not isinstance(item, meshes.MeshObject):
             continue
         try:
             _check_mesh(scene, item, index, where)
@@ -601,7 +597,7 @@ def _check_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tupl
     return kept, without
 
 
-def _check_mesh(scene: Scene, item: MeshObject, index: int, where: Where) -> None:
+def _check_mesh(scene: Scene, item: meshes.MeshObject, index: int, where: Where) -> None:
     """Refuse a mesh that cannot be loaded, or that its transform makes too large or too small."""
     path: KeyPath = ("objects", index)
     key = next(key for key in ("file", "mesh", "vertices") if getattr(item, key) is not None)

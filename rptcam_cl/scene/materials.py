@@ -22,30 +22,15 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from rptcam_cl.core import LINE_D_NM
+from rptcam_cl.core import LINE_D_NM, files, strict_yaml
 from rptcam_cl.core.colour import WAVELENGTHS_NM, Spectrum, on_grid
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import Folders, References
-from rptcam_cl.core.strict_yaml import Document, FieldError
-from rptcam_cl.optics.files.glasses import read_glass
-from rptcam_cl.optics.files.keys import GLASS, glass_json_schema
+from rptcam_cl.optics.files import glasses, keys
 from rptcam_cl.optics.glass import Medium, held_index, known_range
+from rptcam_cl.scene import quantities
 from rptcam_cl.scene.base import Alternatives, FileName, FileReference, SceneModel, read_number, refuse, unknown_name
 from rptcam_cl.scene.media import ABSORPTION, AbsorbingMaterial, ScatteringMedium, depth_of, refuse_texture
-from rptcam_cl.scene.quantities import (
-    NUMBER,
-    Albedo,
-    Coefficient,
-    Colour,
-    Fraction,
-    Numbers,
-    SpectralColour,
-    Turn,
-    check_wavelengths,
-    list_of,
-    read_rows,
-)
 from rptcam_cl.scene.textures import AnisotropyMap, Bump, Emission, NormalMap, Reflectance, Share
 
 # What most materials have besides how they scatter: holes, normals from a picture, roughness of facets.
@@ -60,7 +45,7 @@ class CoveringMaterial(SceneModel):
     opacity_mode: Literal["blend", "mask"] = "blend"
     """Whether rays pass with the probability that opacity leaves, or wherever opacity is below the cutoff."""
 
-    opacity_cutoff: Fraction = 0.5
+    opacity_cutoff: quantities.Fraction = 0.5
     """Opacity from which on a mask is there."""
 
     @model_validator(mode="after")
@@ -133,13 +118,13 @@ class RoughMaterial(SceneModel):
     alpha: AlphaPair | None = None
     """GGX roughness: a number, or [along u, across]."""
 
-    roughness: Fraction | None = None
+    roughness: quantities.Fraction | None = None
     """Roughness as most programs show it: the root of alpha."""
 
-    anisotropy: Fraction = 0.0
+    anisotropy: quantities.Fraction = 0.0
     """With `roughness`: stretch of highlights along u; 0 is none."""
 
-    anisotropy_rotation_degrees: Turn = 0.0
+    anisotropy_rotation_degrees: quantities.Turn = 0.0
     """Turn of the directions along u and across, from u towards v."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("alpha", "roughness"), required=False),)
@@ -156,7 +141,7 @@ class RoughMaterial(SceneModel):
 
 SMALLEST_INDEX, LARGEST_INDEX = 0.2, 5.0
 
-_KEYS = {name: key for name, key in GLASS.items() if name != "transmittance"}
+_KEYS = {name: key for name, key in keys.GLASS.items() if name != "transmittance"}
 
 
 def _read_medium(value: Any, info: ValidationInfo) -> Medium:
@@ -168,11 +153,11 @@ def _read_medium(value: Any, info: ValidationInfo) -> Medium:
     if isinstance(value, dict) and "transmittance" in value:
         raise refuse("is not read here", allowed="absorption_per_m or attenuation of the material",
                      path=("transmittance",))  # fmt: skip
-    folders = info.context["folders"] if info.context else Folders()
-    document = Document({"glass": value}, "glass", {}, {}, References(folders))
+    folders = info.context["folders"] if info.context else files.Folders()
+    document = strict_yaml.Document({"glass": value}, "glass", {}, {}, files.References(folders))
     try:
-        medium = read_glass(document, ("glass",))
-    except FieldError as problem:
+        medium = glasses.read_glass(document, ("glass",))
+    except strict_yaml.FieldError as problem:
         raise refuse(problem.text, path=problem.path[1:]) from None
     except (InputError, StateError) as problem:
         raise refuse(str(problem)) from None
@@ -204,10 +189,10 @@ Glass = Annotated[
     Medium,
     PlainValidator(_read_medium),
     PlainSerializer(repr, when_used="json"),
-    WithJsonSchema(glass_json_schema(_KEYS)),
+    WithJsonSchema(keys.glass_json_schema(_KEYS)),
 ]
 
-Index = Annotated[float, Field(ge=SMALLEST_INDEX, le=LARGEST_INDEX), NUMBER]
+Index = Annotated[float, Field(ge=SMALLEST_INDEX, le=LARGEST_INDEX), quantities.NUMBER]
 
 # A rough surface whose index is nearer to 1 bends light by less than float32 resolves of its facets' normals.
 LEAST_BEND = 0.01
@@ -262,11 +247,11 @@ class ThinGlass(CoveringMaterial):
     index: Index = 1.5
     """Refractive index of the pane, relative to the outside."""
 
-    transmittance: Albedo = (1.0, 1.0, 1.0)
+    transmittance: quantities.Albedo = (1.0, 1.0, 1.0)
     """Share of light that one way straight through the pane leaves; a colour of channels 0 to 1."""
 
     @property
-    def depth(self) -> Colour:
+    def depth(self) -> quantities.Colour:
         """Optical depth per channel at normal incidence."""
         return depth_of(self.transmittance, 1.0)
 
@@ -278,8 +263,8 @@ Metal = Literal["aluminium", "chromium", "copper", "gold", "iron", "nickel", "pl
 WRITTEN_OUT, MEASURED = "written out", "a table"  # forms of a metal that is no name; not keys
 _SMALLEST_CONSTANT, _LARGEST_CONSTANT = 1e-3, 100.0
 
-Constant = Annotated[float, Field(ge=_SMALLEST_CONSTANT, le=_LARGEST_CONSTANT), NUMBER]
-_PER_CHANNEL = BeforeValidator(list_of(3, "one number each for red, green and blue"))
+Constant = Annotated[float, Field(ge=_SMALLEST_CONSTANT, le=_LARGEST_CONSTANT), quantities.NUMBER]
+_PER_CHANNEL = BeforeValidator(quantities.list_of(3, "one number each for red, green and blue"))
 
 
 class OpticalConstants(SceneModel):
@@ -295,13 +280,13 @@ class OpticalConstants(SceneModel):
 class MetalTable(SceneModel):
     """The refractive index n + i k of a metal as a table, with straight lines between its rows."""
 
-    wavelengths_nm: Numbers | None = None
+    wavelengths_nm: quantities.Numbers | None = None
     """Wavelengths of the rows [nm], rising; beside `n` and `k`."""
 
-    n: Numbers | None = None
+    n: quantities.Numbers | None = None
     """Real part in each row."""
 
-    k: Numbers | None = None
+    k: quantities.Numbers | None = None
     """Imaginary part in each row."""
 
     file: FileName | None = None
@@ -327,9 +312,9 @@ def _metal_spectrum(table: MetalTable, info: core_schema.ValidationInfo) -> Meta
         for name in ("n", "k"):
             if getattr(table, name) is not None:
                 raise refuse("cannot be given together with file", allowed="wavelengths_nm, or no file", path=(name,))
-        folders = info.context["folders"] if info.context else Folders()
+        folders = info.context["folders"] if info.context else files.Folders()
         try:
-            wavelengths, (n, k) = read_rows(table.file, folders, ("n", "k"))
+            wavelengths, (n, k) = quantities.read_rows(table.file, folders, ("n", "k"))
         except InputError as problem:
             raise refuse(str(problem), path=("file",)) from None
     else:
@@ -350,7 +335,7 @@ def _written_rows(table: MetalTable) -> tuple[Spectrum, Spectrum, Spectrum]:
         column = getattr(table, name)
         if column is None or len(column) != len(wavelengths):
             raise refuse("does not fit wavelengths_nm", allowed=f"{len(wavelengths)} numbers", path=(name,))
-    check_wavelengths(table.wavelengths_nm)
+    quantities.check_wavelengths(table.wavelengths_nm)
     return wavelengths, np.array(table.n), np.array(table.k)
 
 
@@ -414,13 +399,13 @@ MOST_BEND = 5.0  # index of what light passes
 class ThinFilm(SceneModel):
     """A film thinner than light is coherent, on a surface: soap, oil, the oxide of heated steel."""
 
-    thickness_nm: Annotated[float, Field(ge=0, le=20_000), NUMBER]
+    thickness_nm: Annotated[float, Field(ge=0, le=20_000), quantities.NUMBER]
     """Thickness of the film [nm]."""
 
-    index: Annotated[float, Field(ge=1, le=5), NUMBER] = 1.3
+    index: Annotated[float, Field(ge=1, le=5), quantities.NUMBER] = 1.3
     """Refractive index of the film."""
 
-    share: Fraction = 1.0
+    share: quantities.Fraction = 1.0
     """Share of the surface that has it."""
 
 
@@ -439,10 +424,10 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     roughness: Share = 0.5
     """Roughness of the surface, the root of GGX's alpha: a number, or a texture."""
 
-    anisotropy: Fraction = 0.0
+    anisotropy: quantities.Fraction = 0.0
     """Stretch of highlights along u; 0 is none."""
 
-    anisotropy_rotation_degrees: Turn = 0.0
+    anisotropy_rotation_degrees: quantities.Turn = 0.0
     """Turn of that direction, from u towards v."""
 
     anisotropy_map: AnisotropyMap | None = None
@@ -455,7 +440,7 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     specular_color: Reflectance = (1.0, 1.0, 1.0)
     """Colour of that reflectance at normal incidence, not of grazing light: channels 0 to 1, or a texture."""
 
-    index: Annotated[float, Field(ge=1, le=MOST_INDEX), NUMBER] = 1.5
+    index: Annotated[float, Field(ge=1, le=MOST_INDEX), quantities.NUMBER] = 1.5
     """Refractive index of the dielectric; at most 5 beside transmission."""
 
     transmission: Share = 0.0
@@ -477,7 +462,7 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     """Colour of the light that fibres standing up from a cloth send back at grazing angles: channels 0 to 1, or a
     texture."""
 
-    sheen_roughness: Fraction = 0.5
+    sheen_roughness: quantities.Fraction = 0.5
     """Roughness of the sheen: the smaller, the nearer it keeps to grazing angles."""
 
     emission: Emission = (0.0, 0.0, 0.0)
@@ -542,7 +527,7 @@ class Matte(BumpyMaterial):
     reflectance: Reflectance
     """Share of light reflected: a colour of channels 0 to 1, or a texture."""
 
-    sigma_degrees: Annotated[float, Field(ge=0, le=90), NUMBER] = 0.0
+    sigma_degrees: Annotated[float, Field(ge=0, le=90), quantities.NUMBER] = 0.0
     """Standard deviation of the angles of facets (Oren and Nayar): plaster, clay and the moon have some 20 to 40."""
 
     @property
@@ -588,7 +573,7 @@ class Mirror(CoveringMaterial):
     kind: Literal["mirror"]
     """Kind of material."""
 
-    reflectance: Albedo = (1.0, 1.0, 1.0)
+    reflectance: quantities.Albedo = (1.0, 1.0, 1.0)
     """Share of light reflected; a colour of channels 0 to 1."""
 
 
@@ -601,7 +586,7 @@ class Plastic(RoughMaterial, BumpyMaterial):
     reflectance: Reflectance
     """Share of light that the base reflects: a colour of channels 0 to 1, or a texture."""
 
-    index: Annotated[float, Field(ge=1, le=5), NUMBER] = 1.5
+    index: Annotated[float, Field(ge=1, le=5), quantities.NUMBER] = 1.5
     """Refractive index of the cover."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (_ROUGHNESS,)
@@ -626,25 +611,25 @@ class Hair(SceneModel):
     reflectance: Reflectance | None = None
     """Colour of much hair in even light, by which its absorption is chosen: channels 0 to 1, or a texture."""
 
-    absorption: Coefficient | None = None
+    absorption: quantities.Coefficient | None = None
     """Absorption coefficient times the radius of the fibre, in place of `reflectance`; a colour."""
 
-    eumelanin: Annotated[float, Field(ge=0, le=100), NUMBER] | None = None
+    eumelanin: Annotated[float, Field(ge=0, le=100), quantities.NUMBER] | None = None
     """Concentration of brown pigment, in place of `reflectance`: blond some 0.3, brown 1.3, black 8."""
 
-    pheomelanin: Annotated[float, Field(ge=0, le=100), NUMBER] = 0.0
+    pheomelanin: Annotated[float, Field(ge=0, le=100), quantities.NUMBER] = 0.0
     """Concentration of red pigment, beside `eumelanin`."""
 
-    index: Annotated[float, Field(ge=1.01, le=3), NUMBER] = 1.55
+    index: Annotated[float, Field(ge=1.01, le=3), quantities.NUMBER] = 1.55
     """Refractive index of the fibre."""
 
-    roughness: Annotated[float, Field(ge=0.01, le=1), NUMBER] = 0.3
+    roughness: Annotated[float, Field(ge=0.01, le=1), quantities.NUMBER] = 0.3
     """Roughness along the fibre."""
 
-    roughness_across: Annotated[float, Field(ge=0.01, le=1), NUMBER] = 0.3
+    roughness_across: Annotated[float, Field(ge=0.01, le=1), quantities.NUMBER] = 0.3
     """Roughness round the fibre."""
 
-    tilt_degrees: Annotated[float, Field(ge=-10, le=10), NUMBER] = 2.0
+    tilt_degrees: Annotated[float, Field(ge=-10, le=10), quantities.NUMBER] = 2.0
     """By how much the scales of the cuticle stand off, towards the root."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
@@ -658,7 +643,7 @@ class Hair(SceneModel):
         return self
 
     @property
-    def color(self) -> Colour | Any:
+    def color(self) -> quantities.Colour | Any:
         """Its reflectance; that which stands for its absorption where that is given."""
         if self.reflectance is not None:
             return self.reflectance
@@ -670,8 +655,8 @@ class Hair(SceneModel):
         depth = _hair_depth(self.roughness_across)
         assert absorption is not None
         red, green, blue = (math.exp(-math.sqrt(share) * depth) for share in absorption)
-        if isinstance(absorption, SpectralColour):
-            return SpectralColour((red, green, blue), np.exp(-np.sqrt(absorption.samples) * depth))
+        if isinstance(absorption, quantities.SpectralColour):
+            return quantities.SpectralColour((red, green, blue), np.exp(-np.sqrt(absorption.samples) * depth))
         return (red, green, blue)
 
     @property
@@ -726,7 +711,7 @@ class Mix(CoveringMaterial):
     kind: Literal["mix"]
     """Kind of material."""
 
-    materials: Annotated[tuple[Leaf, Leaf], BeforeValidator(list_of(2, "two materials"))]
+    materials: Annotated[tuple[Leaf, Leaf], BeforeValidator(quantities.list_of(2, "two materials"))]
     """The two: names of `materials`, or materials written out; not emissive, not mixed themselves."""
 
     factor: Share = 0.5

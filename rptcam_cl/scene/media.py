@@ -8,28 +8,17 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from rptcam_cl.scene import quantities, textures
 from rptcam_cl.scene.base import Alternatives, FileReference, SceneModel, refuse
-from rptcam_cl.scene.quantities import (
-    NUMBER,
-    Albedo,
-    Coefficient,
-    Colour,
-    Coordinate,
-    Direction,
-    Position,
-    Radiance,
-    SpectralColour,
-)
-from rptcam_cl.scene.textures import Reflectance
 
 # What fills the space around a scene or the inside of its solids: fog, smoke, water, milk.
 
 _LEFT_AT_VISIBILITY = 0.05  # of light, by which the World Meteorological Organization defines how far one sees
 MOST_ASYMMETRY = 0.99
 _LEAST_ASYMMETRY = 1e-3  # below it float32 does not tell scattering from even scattering
-_BLACK: Colour = (0.0, 0.0, 0.0)
-_STAND_IN: Colour = (0.5, 0.5, 0.5)
-FreePath = Annotated[float, Field(ge=1e-6, le=1e9), NUMBER]
+_BLACK: quantities.Colour = (0.0, 0.0, 0.0)
+_STAND_IN: quantities.Colour = (0.5, 0.5, 0.5)
+FreePath = Annotated[float, Field(ge=1e-6, le=1e9), quantities.NUMBER]
 _FREE_PATHS = BeforeValidator(
     lambda value: [value] * 3 if isinstance(value, (int, float)) and not isinstance(value, bool) else value
 )
@@ -67,7 +56,7 @@ def albedo_for(colour: float) -> float:
 
 # Fog by the size of its droplets: Jendersie and d'Eon, «An approximate Mie scattering function for fog and cloud
 # rendering», SIGGRAPH 2023 talks, eq. 4 to 7.
-Droplet = Annotated[float, Field(ge=5, le=50), NUMBER]
+Droplet = Annotated[float, Field(ge=5, le=50), quantities.NUMBER]
 
 
 class Droplets(NamedTuple):
@@ -106,10 +95,10 @@ class DensityGrid(FileReference):
     grid: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     """Of an OpenVDB file: the name of the grid; by default `density`, or the only one."""
 
-    min: Position | None = None
+    min: quantities.Position | None = None
     """Lowest corner of the box [scene units]; of an OpenVDB file where its own coordinates say, by default."""
 
-    max: Position | None = None
+    max: quantities.Position | None = None
     """Highest corner of the box [scene units], as above."""
 
     @model_validator(mode="after")
@@ -130,19 +119,19 @@ class ScatteringMedium(SceneModel):
     How dense it is, is said by its coefficients, by how far one sees in it, by the colour of a deep body, or by a name.
     """
 
-    absorption_per_m: Coefficient | None = None
+    absorption_per_m: quantities.Coefficient | None = None
     """Absorption coefficient [1/m]; a colour."""
 
-    scattering_per_m: Coefficient | None = None
+    scattering_per_m: quantities.Coefficient | None = None
     """Scattering coefficient [1/m]; a colour."""
 
-    visibility_m: Annotated[float, Field(ge=1e-6, le=1e9), NUMBER] | None = None
+    visibility_m: Annotated[float, Field(ge=1e-6, le=1e9), quantities.NUMBER] | None = None
     """Distance after which 5 % of light are left, the meteorological optical range [m]; in place of both."""
 
-    albedo: Albedo | None = None
+    albedo: quantities.Albedo | None = None
     """With `visibility_m`: share of light that is scattered and not absorbed; of fog 1, as by default."""
 
-    asymmetry: Annotated[float, Field(ge=-MOST_ASYMMETRY, le=MOST_ASYMMETRY), NUMBER] = 0.0
+    asymmetry: Annotated[float, Field(ge=-MOST_ASYMMETRY, le=MOST_ASYMMETRY), quantities.NUMBER] = 0.0
     """Mean cosine of scattering (Henyey and Greenstein): above 0 forwards, as fog, some 0.8; 0 evenly."""
 
     droplets_um: Droplet | None = None
@@ -151,14 +140,14 @@ class ScatteringMedium(SceneModel):
     substance: Substance | None = None
     """What it is, with the coefficients that Jensen et al. measured in 2001; in place of all these."""
 
-    color: Reflectance | None = None
+    color: textures.Reflectance | None = None
     """With `free_path_mm`: colour of a deep body of it in light from all sides, of what enters the surface. In a solid
     with a surface also a texture, of which light takes the colour where it enters."""
 
     free_path_mm: Annotated[tuple[FreePath, FreePath, FreePath], _FREE_PATHS] | None = None
     """With `color`: mean way of light between two events [mm], were scattering even; a number, or one a channel."""
 
-    emission_per_m: Radiance = _BLACK
+    emission_per_m: quantities.Radiance = _BLACK
     """Radiance that is emitted per metre [W/(m³ sr) per channel]; a colour."""
 
     density: DensityGrid | None = None
@@ -193,7 +182,7 @@ class ScatteringMedium(SceneModel):
         return self.color is not None and not isinstance(self.color, tuple)
 
     @property
-    def _reduced(self) -> tuple[Colour, Colour] | None:
+    def _reduced(self) -> tuple[quantities.Colour, quantities.Colour] | None:
         """Scattering, were it even, and absorption per channel [1/m], of a substance or a colour."""
         if self.substance is not None:
             scattering, absorption = SUBSTANCES[self.substance]
@@ -206,7 +195,7 @@ class ScatteringMedium(SceneModel):
         return (red, green, blue), (per_m[0] - red, per_m[1] - green, per_m[2] - blue)
 
     @property
-    def scattering(self) -> Colour:
+    def scattering(self) -> quantities.Colour:
         """Scattering coefficient per channel [1/m]."""
         if (reduced := self._reduced) is not None:
             return _scale_colour(reduced[0], 1 / (1 - self.mean_cosine))
@@ -215,7 +204,7 @@ class ScatteringMedium(SceneModel):
         return _scale_colour((1.0, 1.0, 1.0) if self.albedo is None else self.albedo, self._extinction)
 
     @property
-    def absorption(self) -> Colour:
+    def absorption(self) -> quantities.Colour:
         """Absorption coefficient per channel [1/m]."""
         if (reduced := self._reduced) is not None:
             return reduced[1]
@@ -246,13 +235,13 @@ def refuse_texture(medium: ScatteringMedium, path: tuple[str, ...]) -> None:
 class FogLayer(SceneModel):
     """How a medium thins out upwards: even below a height, and above it less and less, exponentially."""
 
-    scale_height_m: Annotated[float, Field(ge=1e-6, le=1e9), NUMBER]
+    scale_height_m: Annotated[float, Field(ge=1e-6, le=1e9), quantities.NUMBER]
     """Height above the base in which the density falls to 1/e, 37 % [m]."""
 
-    base: Coordinate = 0.0
+    base: quantities.Coordinate = 0.0
     """Height up to which the medium is as dense as its coefficients say: `up`, from the origin [scene units]."""
 
-    up: Direction = (0.0, 1.0, 0.0)
+    up: quantities.Direction = (0.0, 1.0, 0.0)
     """Direction in which it thins out; any length. In a scene the default is the `up` of the camera."""
 
     def scale_heights(self, eye: tuple[float, ...], metres_per_unit: float) -> tuple[float, ...]:
@@ -280,18 +269,18 @@ class SurroundingMedium(ScatteringMedium):
         return self
 
 
-def _scale_colour(colour: Colour, factor: float) -> Colour:
-    if isinstance(colour, SpectralColour):
+def _scale_colour(colour: quantities.Colour, factor: float) -> quantities.Colour:
+    if isinstance(colour, quantities.SpectralColour):
         return colour.scaled(factor)
     red, green, blue = (factor * channel for channel in colour)
     return (red, green, blue)
 
 
-def _rest(colour: Colour) -> Colour:
+def _rest(colour: quantities.Colour) -> quantities.Colour:
     red, green, blue = (1.0 - channel for channel in colour)
-    return SpectralColour((red, green, blue), 1.0 - colour.samples) if isinstance(colour, SpectralColour) else (
-        red, green, blue,
-    )  # fmt: skip
+    if isinstance(colour, quantities.SpectralColour):
+        return quantities.SpectralColour((red, green, blue), 1.0 - colour.samples)
+    return red, green, blue
 
 
 # What solids of other materials absorb (Beer and Lambert).
@@ -303,17 +292,17 @@ _DARKEST = 1e-6
 class Attenuation(SceneModel):
     """What a solid leaves of white light after a distance."""
 
-    color: Albedo
+    color: quantities.Albedo
     """Colour that is left; channels 0 to 1."""
 
-    distance_m: Annotated[float, Field(ge=1e-9, le=1e9), NUMBER]
+    distance_m: Annotated[float, Field(ge=1e-9, le=1e9), quantities.NUMBER]
     """After which distance [m]."""
 
 
 class AbsorbingMaterial(SceneModel):
     """A solid that may absorb light on its way inside (Beer and Lambert)."""
 
-    absorption_per_m: Coefficient | None = None
+    absorption_per_m: quantities.Coefficient | None = None
     """Absorption coefficient [1/m]; a colour."""
 
     attenuation: Attenuation | None = None
@@ -323,7 +312,7 @@ class AbsorbingMaterial(SceneModel):
     """What fills it, where that scatters light as well."""
 
     @property
-    def absorption(self) -> Colour:
+    def absorption(self) -> quantities.Colour:
         """Absorption coefficient per channel [1/m]."""
         if self.absorption_per_m is not None:
             return self.absorption_per_m
@@ -332,11 +321,11 @@ class AbsorbingMaterial(SceneModel):
         return depth_of(self.attenuation.color, self.attenuation.distance_m)
 
 
-def depth_of(left: Colour, distance: float) -> Colour:
+def depth_of(left: quantities.Colour, distance: float) -> quantities.Colour:
     """Return the coefficient of absorption that leaves a share of light after a distance."""
     red, green, blue = (-math.log(max(share, _DARKEST)) / distance for share in left)
-    if isinstance(left, SpectralColour):
-        return SpectralColour((red, green, blue), -np.log(np.maximum(left.samples, _DARKEST)) / distance)
+    if isinstance(left, quantities.SpectralColour):
+        return quantities.SpectralColour((red, green, blue), -np.log(np.maximum(left.samples, _DARKEST)) / distance)
     return (red, green, blue)
 
 

@@ -576,6 +576,7 @@ Metres = Annotated[float, Field(ge=1e-9, le=1e12), NUMBER]
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e12), NUMBER]
 Fraction = Annotated[float, Field(ge=0, le=1), NUMBER]
 Rectangle = Annotated[tuple[Fraction, Fraction, Fraction, Fraction], AfterValidator(_check_area)]
+FilmPoint = Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))]
 
 Position = Annotated[
     tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(list_of(3, "a point or vector [x, y, z]"))

@@ -30,15 +30,14 @@ from rptcam_cl.core.strict_yaml import MAX_BYTES
 from rptcam_cl.optics.glass import continued_words
 from rptcam_cl.optics.lens import Lens, at_position
 from rptcam_cl.optics.library import digests_of_lens, load_lens, named_lens, names_a_file
+from rptcam_cl.scene import lens_settings, media
 from rptcam_cl.scene.assets.mesh import LAMPS_LEFT_OUT
 from rptcam_cl.scene.base import FileReference, SceneModel, file_references, refuse, unknown_name
 from rptcam_cl.scene.camera import Camera
 from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, FrameSequence, Shutter, check_exposure
 from rptcam_cl.scene.film import SHARP_LAYERS, Film, PictureSettings, RenderSettings, Sensor, SpectrumSettings
-from rptcam_cl.scene.lens_settings import GRADES, AutoFocus, RealLens
 from rptcam_cl.scene.lights import WITH_UP, Environment, Light
 from rptcam_cl.scene.materials import Dielectric, Emissive, Hair, Material, Mix, Principled, with_material, with_parts
-from rptcam_cl.scene.media import SurroundingMedium
 from rptcam_cl.scene.meshes import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
 from rptcam_cl.scene.placement import PlacedObject, SceneObject, moments
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, SMALLEST_LENGTH
@@ -336,7 +335,7 @@ class Scene(SceneModel):
     environment: Environment | None = None
     """Light from infinitely far away; black by default."""
 
-    medium: SurroundingMedium | None = None
+    medium: media.SurroundingMedium | None = None
     """What fills the space around camera and objects; nothing by default."""
 
     _folders: Folders = PrivateAttr(default_factory=Folders)
@@ -572,7 +571,7 @@ class Scene(SceneModel):
         return self._stand_ins
 
     @property
-    def requested_autofocus(self) -> AutoFocus | None:
+    def requested_autofocus(self) -> lens_settings.AutoFocus | None:
         """The settings of autofocus; None where the focus is given."""
         return self.camera.autofocus
 
@@ -590,7 +589,7 @@ class Scene(SceneModel):
         made = None if camera is None else camera.as_built
         if made is None:
             return None
-        return made.spec if made.spec in GRADES else self._folders.find(made.spec)
+        return made.spec if made.spec in lens_settings.GRADES else self._folders.find(made.spec)
 
     def load_lens(self) -> Lens:
         """Return the real lens of the camera; its files lie where the scene may read.
@@ -652,7 +651,7 @@ class Scene(SceneModel):
             digests = digests_of_lens(source, self._lens_folders(source))
             if isinstance(source, Path):
                 design = digests.pop("")
-                if isinstance(self.camera.lens, RealLens):  # type: ignore[union-attr]
+                if isinstance(self.camera.lens, lens_settings.RealLens):  # type: ignore[union-attr]
                     content["camera"]["lens"]["design"] = design
                 else:
                     content["camera"]["lens"] = design

@@ -7,27 +7,13 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from rptcam_cl.scene import quantities
 from rptcam_cl.scene.base import GREY, FileReference, SceneModel, one_pixel, refuse
-from rptcam_cl.scene.quantities import (
-    LARGEST_COORDINATE,
-    NUMBER,
-    WHOLE_NUMBER,
-    AffineRows,
-    Albedo,
-    Colour,
-    Fraction,
-    GainColour,
-    LightSpectrum,
-    PatternColour,
-    Radiance,
-    TexturePair,
-    Turn,
-)
 
 # Textures: colours and numbers that change over the surface coordinates (u, v).
 
 CONSTANT = "constant colour"
-_SPECTRUM_KEYS = LightSpectrum.model_fields.keys() - {"scale"}  # textures have a scale, too
+_SPECTRUM_KEYS = quantities.LightSpectrum.model_fields.keys() - {"scale"}  # textures have a scale, too
 
 
 class Mapping(SceneModel):
@@ -37,7 +23,7 @@ class Mapping(SceneModel):
     """What the coordinates are: x, y and z; angles about z, from +z and round it; round it and along it; or round it
     and the cosine of that from +z."""
 
-    matrix: AffineRows = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))
+    matrix: quantities.AffineRows = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))
     """Rows of the matrix that takes the scene to the frame of the texture, 3x4, or 4x4 with [0, 0, 0, 1]."""
 
 
@@ -47,13 +33,13 @@ class Pattern(SceneModel):
     mapping: Mapping | None = None
     """Coordinates by the place in the scene; without it u and v of the shape."""
 
-    scale: TexturePair = (1.0, 1.0)
+    scale: quantities.TexturePair = (1.0, 1.0)
     """Repeats of the pattern per unit of u and of v."""
 
-    rotation_degrees: Turn = 0.0
+    rotation_degrees: quantities.Turn = 0.0
     """Turn of the scaled coordinates about (0, 0), from u towards v [degrees]."""
 
-    offset: TexturePair = (0.0, 0.0)
+    offset: quantities.TexturePair = (0.0, 0.0)
     """Shift of the scaled and turned coordinates [repeats]."""
 
 
@@ -67,7 +53,7 @@ class Blend(Pattern):
     """The key of the number of its own that the kernels read, if there is one."""
 
     @property
-    def colours(self) -> tuple[Colour, Colour]:
+    def colours(self) -> tuple[quantities.Colour, quantities.Colour]:
         """The two colours."""
         first, second = (getattr(self, key) for key in self.ends)
         return first, second
@@ -91,10 +77,10 @@ class Checker(Blend):
     kind: Literal["checker"]
     """Kind of texture."""
 
-    even: PatternColour
+    even: quantities.PatternColour
     """Colour of even cells; channels 0 to 1."""
 
-    odd: PatternColour
+    odd: quantities.PatternColour
     """Colour of odd cells; channels 0 to 1."""
 
 
@@ -107,13 +93,13 @@ class Grid(Blend):
     kind: Literal["grid"]
     """Kind of texture."""
 
-    background: PatternColour
+    background: quantities.PatternColour
     """Colour between the lines; channels 0 to 1."""
 
-    line: PatternColour
+    line: quantities.PatternColour
     """Colour of the lines; channels 0 to 1."""
 
-    line_width: Fraction
+    line_width: quantities.Fraction
     """Width of a line as a fraction of the cell."""
 
     @property
@@ -130,14 +116,14 @@ class Gradient(Blend):
     kind: Literal["gradient"]
     """Kind of texture."""
 
-    start: PatternColour
+    start: quantities.PatternColour
     """Colour at 0; channels 0 to 1."""
 
-    end: PatternColour
+    end: quantities.PatternColour
     """Colour at 1; channels 0 to 1."""
 
 
-Octaves = Annotated[int, Field(ge=1, le=12), WHOLE_NUMBER]
+Octaves = Annotated[int, Field(ge=1, le=12), quantities.WHOLE_NUMBER]
 
 
 class Noise(Blend):
@@ -149,22 +135,22 @@ class Noise(Blend):
     kind: Literal["noise"]
     """Kind of texture."""
 
-    low: PatternColour
+    low: quantities.PatternColour
     """Colour where the noise is lowest; channels 0 to 1."""
 
-    high: PatternColour
+    high: quantities.PatternColour
     """Colour where the noise is highest; channels 0 to 1."""
 
     octaves: Octaves = 4
     """Number of octaves; the first has features about one repeat across."""
 
-    gain: Fraction = 0.5
+    gain: quantities.Fraction = 0.5
     """Amplitude of an octave relative to the one before it."""
 
-    contrast: Annotated[float, Field(gt=0, le=100), NUMBER] = 1.0
+    contrast: Annotated[float, Field(gt=0, le=100), quantities.NUMBER] = 1.0
     """Stretch of the noise about its middle; what leaves `low` or `high` is cut."""
 
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1), WHOLE_NUMBER] = 0
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1), quantities.WHOLE_NUMBER] = 0
     """Which of the patterns."""
 
 
@@ -180,16 +166,16 @@ class Perlin(Blend):
     form: Literal["sum", "turbulence", "wind"] = "sum"
     """Sum of octaves (pbrt's fbm), sum of their sizes (wrinkled), or waves under gusts (windy)."""
 
-    low: PatternColour = (0.0, 0.0, 0.0)
+    low: quantities.PatternColour = (0.0, 0.0, 0.0)
     """Colour where the sum is 0 or less; channels 0 to 1."""
 
-    high: PatternColour = (1.0, 1.0, 1.0)
+    high: quantities.PatternColour = (1.0, 1.0, 1.0)
     """Colour where the sum is 1 or more; channels 0 to 1."""
 
     octaves: Octaves = 8
     """Number of octaves, each 1.99 times as fine as the one before it; wind has its own."""
 
-    gain: Fraction = 0.5
+    gain: quantities.Fraction = 0.5
     """Amplitude of an octave relative to the one before it."""
 
     @property
@@ -211,13 +197,13 @@ class Marble(Blend):
     octaves: Octaves = 8
     """Number of octaves of the noise."""
 
-    gain: Fraction = 0.5
+    gain: quantities.Fraction = 0.5
     """Amplitude of an octave relative to the one before it."""
 
-    variation: Annotated[float, Field(ge=-1e6, le=1e6), NUMBER] = 0.2
+    variation: Annotated[float, Field(ge=-1e6, le=1e6), quantities.NUMBER] = 0.2
     """How far the noise shifts the sine [radians]."""
 
-    tint: PatternColour = (1.0, 1.0, 1.0)
+    tint: quantities.PatternColour = (1.0, 1.0, 1.0)
     """Factor on the colours; channels 0 to 1."""
 
     form: Literal["pbrt-v4", "pbrt-v3"] = "pbrt-v4"
@@ -225,7 +211,7 @@ class Marble(Blend):
     1, in a mixture once it is mixed."""
 
     @property
-    def colours(self) -> tuple[Colour, Colour]:
+    def colours(self) -> tuple[quantities.Colour, quantities.Colour]:
         """The darkest and the lightest of its veins."""
         red, green, blue = self.tint
         light = (0.9 * red, 0.885 * green, 0.9 * blue) if self.form == "pbrt-v4" else self.tint
@@ -245,10 +231,10 @@ class Dots(Blend):
     kind: Literal["dots"]
     """Kind of texture."""
 
-    inside: PatternColour
+    inside: quantities.PatternColour
     """Colour of the spots; channels 0 to 1."""
 
-    outside: PatternColour
+    outside: quantities.PatternColour
     """Colour between them; channels 0 to 1."""
 
     @property
@@ -277,7 +263,7 @@ class ImageTexture(FileReference, Pattern):
     channel: Literal["rgb", "r", "g", "b", "a"] = "rgb"
     """Which channels are read; a single one gives a grey, a is the alpha channel."""
 
-    gain: GainColour = (1.0, 1.0, 1.0)
+    gain: quantities.GainColour = (1.0, 1.0, 1.0)
     """Factor on the linear values: a number, or [red, green, blue]."""
 
 
@@ -302,7 +288,8 @@ _Pattern = (
     | Annotated[ImageTexture, Tag("image")]
 )
 _Part = Annotated[
-    Annotated[Albedo, Tag(CONSTANT)] | _Pattern | Annotated["Mixture", Tag("mixture")], Discriminator(_texture_form)
+    Annotated[quantities.Albedo, Tag(CONSTANT)] | _Pattern | Annotated["Mixture", Tag("mixture")],
+    Discriminator(_texture_form),
 ]
 MOST_NESTED = 3  # mixtures in mixtures
 
@@ -349,9 +336,9 @@ class Mixture(SceneModel):
 
 
 Textured = _Pattern | Annotated[Mixture, Tag("mixture")]
-Reflectance = Annotated[Annotated[Albedo, Tag(CONSTANT)] | Textured, Discriminator(_texture_form)]
-Share = Annotated[Annotated[Fraction, Tag(CONSTANT)] | Textured, Discriminator(_texture_form)]
-Emission = Annotated[Annotated[Radiance, Tag(CONSTANT)] | Textured, Discriminator(_texture_form)]
+Reflectance = Annotated[Annotated[quantities.Albedo, Tag(CONSTANT)] | Textured, Discriminator(_texture_form)]
+Share = Annotated[Annotated[quantities.Fraction, Tag(CONSTANT)] | Textured, Discriminator(_texture_form)]
+Emission = Annotated[Annotated[quantities.Radiance, Tag(CONSTANT)] | Textured, Discriminator(_texture_form)]
 
 
 SinglePattern = Checker | Grid | Gradient | Noise | Perlin | Marble | Dots | ImageTexture
@@ -372,7 +359,7 @@ class NormalMap(ImageTexture):
     color_space: Literal["auto", "srgb", "linear"] = "linear"
     """How the components are stored."""
 
-    strength: Annotated[float, Field(ge=0, le=10), NUMBER] = 1.0
+    strength: Annotated[float, Field(ge=0, le=10), quantities.NUMBER] = 1.0
     """Factor on the components along u and v."""
 
 
@@ -387,7 +374,7 @@ class AnisotropyMap(ImageTexture):
     color_space: Literal["auto", "srgb", "linear"] = "linear"
     """How the components are stored."""
 
-    strength: Fraction = 1.0
+    strength: quantities.Fraction = 1.0
     """Factor on the strength."""
 
 
@@ -397,7 +384,9 @@ class Bump(SceneModel):
     texture: Annotated[Textured, Discriminator(_texture_form)]
     """Heights: the first channel of a texture, linear."""
 
-    height: Annotated[float, Field(ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE), NUMBER] = 1.0
+    height: Annotated[
+        float, Field(ge=-quantities.LARGEST_COORDINATE, le=quantities.LARGEST_COORDINATE), quantities.NUMBER
+    ] = 1.0
     """How far outwards a texture of 1 lies before one of 0 [scene units]; below 0 inwards."""
 
     lengths: Literal["surface", "unit", "u"] = "surface"

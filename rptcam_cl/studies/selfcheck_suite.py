@@ -17,10 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core import LINE_D_NM, __version__
+from rptcam_cl.core import LINE_D_NM, __version__, files, strict_yaml
 from rptcam_cl.core.errors import DeviceError, InputError
-from rptcam_cl.core.files import reference_dir
-from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.device.devices import (
     default_device,
     device_details,
@@ -581,7 +579,7 @@ def bumpy_ball(levels: int = 6) -> Triangles:
 
 def speed_scene(name: str, shrink: int = 1) -> Scene:
     """A reference scene, as it is rendered to see how fast a device is: without roulette."""
-    data = dict(read_yaml(reference_dir() / f"{name}.yaml").data)
+    data = dict(strict_yaml.read_yaml(files.reference_dir() / f"{name}.yaml").data)
     meshes: dict[str, Callable[[], Triangles]] = {"knot.ply": torus_knot, "ball.ply": bumpy_ball}
     data["objects"] = [
         {key: value for key, value in each.items() if key != "file"}

@@ -17,11 +17,8 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.surface import StopMask, StopShape
-from rptcam_cl.rendering.cameras.ideal import shaped, stop_shape
-from rptcam_cl.rendering.cameras.kinds import camera_model
+from rptcam_cl.rendering.cameras import ideal, kinds, ray_map, realistic
 from rptcam_cl.rendering.cameras.lens_records import EXTREMES_NM, FAR_MM, colour_error_px, disperses, usable_nm
-from rptcam_cl.rendering.cameras.ray_map import RayMap
-from rptcam_cl.rendering.cameras.realistic import lens_tint, shows_losses
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, lens_setting, on_film
 from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.film import LensColour
@@ -241,15 +238,15 @@ class Truth:
         """Trace the lens of a scene."""
         setting = first.setting
         half_film_mm = np.array(scene.film.size_m()) / 2 * 1e3
-        shape = stop_shape(scene, scene.camera.outline)
+        shape = ideal.stop_shape(scene, scene.camera.outline)
         low, high = usable_nm(setting.lens)
         requested = scene.spectrum.lens_colour != "off"
         coloured = requested and disperses(setting.lens)
         colours_nm = [min(max(end, low), high) for end in EXTREMES_NM] if coloured else []
         pixel_mm = float(2 * half_film_mm[0] / scene.film.resolution[0])
         fields = _trace_fields(setting, shape, half_film_mm, pixel_mm, shares, colours_nm)
-        tint = lens_tint(scene, setting) if requested else 0.0
-        lens = shaped(scene, setting).lens
+        tint = realistic.lens_tint(scene, setting) if requested else 0.0
+        lens = ideal.shaped(scene, setting).lens
         return cls(
             scene, first, lens, half_film_mm, shares, tuple(fields), tier_models.round_stop(shape)[1], tint, coloured
         )
@@ -287,10 +284,10 @@ class Truth:
 
     def axial(self, tier: tier_models.Tier) -> float:
         """Return the brightness of the film's centre in the picture of a tier, over that of the traced lens."""
-        if not shows_losses(self.scene):
+        if not realistic.shows_losses(self.scene):
             return 1.0
         setting = self.first.setting
-        own = camera_model(tier_models.equivalent(self.scene, tier)).on_axis_irradiance
+        own = kinds.camera_model(tier_models.equivalent(self.scene, tier)).on_axis_irradiance
         assert own is not None
         true = on_axis_irradiance(
             self.shaped, setting.film_distance_mm, setting.camera.wavelength_nm, setting.transmission
@@ -371,7 +368,7 @@ def tier_error(truth: Truth, depths_mm: Sequence[float], tier: tier_models.Tier)
     return TierError(tier, effects, _illumination(truth, lit, truth.axial(tier)), 0.0 if has_colours else truth.tint)
 
 
-def _errors_of_polynomials(polynomials: RayMap) -> TierError:
+def _errors_of_polynomials(polynomials: ray_map.RayMap) -> TierError:
     """Return the errors of polynomials in place of a lens: one bound for the whole film."""
     none = (0.0,) * len(FIELDS)
     effects = dict.fromkeys(EFFECTS, none) | {"distortion": (polynomials.error_px,) * len(FIELDS)}
@@ -669,7 +666,7 @@ def _decide_by_colour(scene: Scene, reason: str) -> Decision:
         setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm,
         film_frame(scene.camera),
     )  # fmt: skip
-    return Decision(scene, reason=reason, colour_px=colour_px, tint=lens_tint(scene, setting))
+    return Decision(scene, reason=reason, colour_px=colour_px, tint=realistic.lens_tint(scene, setting))
 
 
 def _depths(scene: Scene, truth: Truth) -> list[float]:

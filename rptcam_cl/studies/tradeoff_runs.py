@@ -19,17 +19,14 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.optics.ghosts import Lit, find_ghosts
+from rptcam_cl.rendering import diffraction, passes, tracer
 from rptcam_cl.rendering.account import resolve_exposure, truncation
 from rptcam_cl.rendering.cameras.lens_records import ghost_setting
-from rptcam_cl.rendering.diffraction import diffraction_of
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.lamps import aimed_plan
-from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
-from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene import film, load
 from rptcam_cl.scene.changes import change_scene, with_camera
-from rptcam_cl.scene.film import RenderSettings
-from rptcam_cl.scene.load import given_keys, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies import tradeoff_errors
 from rptcam_cl.studies.focus.controller import in_focus
@@ -236,7 +233,7 @@ class Ready:
     """
 
     configuration: Variant
-    wavefront: Wavefront
+    wavefront: tracer.Wavefront
     plan: Plan
     start_s: float
 
@@ -259,7 +256,7 @@ def prepare(
         begun = time.perf_counter()
         try:
             plan = make_plan(configuration.scene)
-            check_precision(session, plan.camera)
+            passes.check_precision(session, plan.camera)
         except (InputError, DeviceError) as problem:
             if not ready:
                 raise
@@ -274,13 +271,13 @@ def prepare(
         seen[known_as] = len(ready)
         layout, settings = FilmLayout.of(configuration.scene.film), configuration.scene.render
         plan, buffers = aimed_plan(plan, session, settings.layers)
-        wavefront = Wavefront(session, plan, layout, settings, buffers=buffers)
+        wavefront = tracer.Wavefront(session, plan, layout, settings, buffers=buffers)
         wavefront.warm_up()
         ready.append(Ready(configuration, wavefront, plan, time.perf_counter() - begun))
     return ready, skipped
 
 
-def mark(plan: Plan, settings: RenderSettings) -> bytes:
+def mark(plan: Plan, settings: film.RenderSettings) -> bytes:
     """Identify the picture that a configuration renders: two with the same mark render the same."""
     camera = plan.camera
     arrays = (camera.record, camera.tables, camera.surfaces, camera.stop, plan.spectrum.table)
@@ -472,7 +469,7 @@ def measure_tradeoff(
     _check_goals(budget=budget, seconds=seconds, error=error)
     begun = time.perf_counter()
     tell = on_progress or (lambda words, share: None)
-    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    scene = scene if isinstance(scene, Scene) else load.load_scene(scene)
     session = device if isinstance(device, Session) else open_session(device)
     tell("focus and exposure", 0.0)
     fixed = _with_focus_and_exposure(scene if size is None else change_scene(scene, film={"resolution": size}), session)
@@ -507,12 +504,12 @@ def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
     """Return the scene in focus, with the exposure that its most accurate picture is metered to."""
     sharp, _ = in_focus(scene, session, None)
     shot = resolve_exposure(most_accurate(sharp).scene, session)[0]
-    return change_scene(sharp, exposure=given_keys(shot.exposure), shutter=given_keys(shot.shutter))
+    return change_scene(sharp, exposure=load.given_keys(shot.exposure), shutter=load.given_keys(shot.shutter))
 
 
 def _diffraction(scene: Scene) -> dict[str, Any] | None:
     """The decision of `camera.diffraction: auto`; None for a camera that has no opening."""
-    decision = diffraction_of(change_scene(scene, camera={"diffraction": "auto"}))
+    decision = diffraction.diffraction_of(change_scene(scene, camera={"diffraction": "auto"}))
     return None if decision is None or decision.airy_radius_px is None else decision.metadata
 
 

@@ -18,14 +18,12 @@ from rptcam_cl.core.files import Folders, References, lenses_dir
 from rptcam_cl.core.remember import Disk, remember
 from rptcam_cl.optics.lens import Lens, in_configuration
 from rptcam_cl.optics.library import list_lenses, load_lens, named_lens
-from rptcam_cl.rendering.cameras.model import values_per_irradiance
-from rptcam_cl.rendering.cameras.setting import lens_camera
-from rptcam_cl.scene.base import listed
+from rptcam_cl.rendering.cameras import model, setting
+from rptcam_cl.scene import base, lens_settings
 from rptcam_cl.scene.camera import LensCamera
 from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2, MOST_STOPS, Exposure
 from rptcam_cl.scene.film import COOLEST, HOTTEST, LIGHTS, NO_BALANCE, SIDES_MM, TONES
-from rptcam_cl.scene.lens_settings import PolygonAperture
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, nearest_focus_m, perspective
 from rptcam_cl.viewfinder.panel import (
@@ -184,7 +182,7 @@ def chosen_lens(scene: Scene, name: str) -> LensEntry:
     if name not in entries:
         raise InputError(
             f"lens: is not one of the list{near_name(name, entries)}"
-            f" (got {name[:80]!r}; allowed: {listed(list(entries))})"
+            f" (got {name[:80]!r}; allowed: {base.listed(list(entries))})"
         )
     return entries[name]
 
@@ -246,10 +244,10 @@ def _as_bright(panel: Panel, settings: Settings) -> Settings:
     wanted = value_per_radiance(panel.resolved) * 2.0**panel.resolved.exposure.neutral_density_stops
     low, high = panel.limits.time_s
     light = panel.light(settings.f_number)
-    time_s = min(max(wanted / (light * values_per_irradiance(1.0, settings.iso)), low), high)
+    time_s = min(max(wanted / (light * model.values_per_irradiance(1.0, settings.iso)), low), high)
     if low < time_s < high:
         return replace(settings, time_s=time_s)
-    return replace(settings, time_s=time_s, iso=wanted / (light * values_per_irradiance(time_s, 1.0)))
+    return replace(settings, time_s=time_s, iso=wanted / (light * model.values_per_irradiance(time_s, 1.0)))
 
 
 def _clamp(wanted: float, ends: tuple[float, float], words: str) -> tuple[float, tuple[str, ...]]:
@@ -533,7 +531,7 @@ def zoom_range(panel: Panel) -> tuple[float, float] | None:
 
 @remember(most=KEPT, by=optics_key)
 def _zoom_ends(scene: Scene) -> tuple[float, float]:
-    lens, wavelength_nm = scene.load_lens(), lens_camera(scene).wavelength_nm
+    lens, wavelength_nm = scene.load_lens(), setting.lens_camera(scene).wavelength_nm
     states = [in_configuration(lens, state.name) for state in lens.configurations]
     lengths = [state.first_order(wavelength_nm).focal_length_mm for state in states]
     return min(lengths), max(lengths)
@@ -586,7 +584,7 @@ SIZES = ("format", "size_mm", "width_mm", "diagonal_mm", "pixel_pitch_um")
 def _zoom_changes(panel: Panel, focal_mm: float) -> dict[str, Any]:
     """Return the changes that zoom a lens; an f-number beyond the zoomed lens's widest becomes that."""
     changes: dict[str, Any] = {"camera.focal_length_mm": focal_mm}
-    camera = lens_camera(panel.scene)
+    camera = setting.lens_camera(panel.scene)
     if camera.f_number is not None:
         keys = {"focal_length_mm": focal_mm, "zoom": None, "f_number": None}
         widest = f_numbers(change_scene(panel.scene, camera=keys))[0]
@@ -695,7 +693,7 @@ def turn_blades(panel: Panel, value: Any) -> Turn:
     blades, messages = _clamp(count, BLADES, f"a stop has from {BLADES[0]} to {BLADES[1]} blades")
     aperture = panel.scene.camera.outline
     kept = {}
-    if isinstance(aperture, PolygonAperture):
+    if isinstance(aperture, lens_settings.PolygonAperture):
         kept = {name: getattr(aperture, name) for name in ("curvature", "rotation_degrees") if getattr(aperture, name)}
     return Turn(panel.dials, {"camera.aperture": {"shape": "polygon", "blades": int(blades)} | kept}, messages)
 
@@ -813,7 +811,7 @@ def turn_dial(panel: Panel, name: str, value: Any) -> Turn:
         There is no such dial, or the value is not one of its kind; nothing has changed.
     """
     if name not in DIALS:
-        raise InputError(f"{name[:40]}: is no dial{near_name(name, DIALS)} (allowed: {listed(list(DIALS))})")
+        raise InputError(f"{name[:40]}: is no dial{near_name(name, DIALS)} (allowed: {base.listed(list(DIALS))})")
     return DIALS[name](panel, value)
 
 

@@ -13,14 +13,12 @@ from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.colour import LUMINANCE, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.development import srgb_from_linear
-from rptcam_cl.imaging.formats import RawImage
+from rptcam_cl.imaging import development, formats
 from rptcam_cl.rendering.account import SPOT_AREA, weights, window
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
-from rptcam_cl.scene.base import FLOAT32_MIN_NORMAL
+from rptcam_cl.scene import base, exposure
 from rptcam_cl.scene.camera import Camera
 from rptcam_cl.scene.changes import at_opening, with_camera
-from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.tier_models import equivalent
 from rptcam_cl.viewfinder.panel import focal_length_mm, irradiance_per_radiance, value_per_radiance
@@ -99,7 +97,7 @@ def stop_histogram(pixels: NDArray[np.float32]) -> Histogram:
     return _histogram(counts, "stops", (float(DARKEST_EV), float(BRIGHTEST_EV)), len(values))
 
 
-def raw_histogram(raw: RawImage) -> Histogram:
+def raw_histogram(raw: formats.RawImage) -> Histogram:
     """Return how many numbers of a sensor lie in each of 256 bins, by the colours of its mosaic, all pixels counted."""
     sensor, numbers = raw.sensor, raw.numbers
     width = max(1, (sensor.top_dn + 1) // RAW_BINS)
@@ -266,7 +264,7 @@ def peaking(pixels: Film, level: float = 0.5, noise: float | None = None) -> Mas
     noise
         Relative standard error of the picture, where it is known: what varies more in a tile is texture.
     """
-    signal = srgb_from_linear(luminance(pixels, np.float32))
+    signal = development.srgb_from_linear(luminance(pixels, np.float32))
     least, most = 0.1 * (1.0 - level) + 0.005, np.inf if noise is None else MOST_OF_NOISE * noise
     contrast = signal - _binomial(signal)
     strong = _exceeds(contrast, least, most)
@@ -363,7 +361,7 @@ def magnifier(
 METER_CONSTANT = 12.5  # K [cd s/m²], ISO 2720
 
 
-def film_reading(pixels: Film, resolved: Scene, settings: Exposure | None = None) -> float | None:
+def film_reading(pixels: Film, resolved: Scene, settings: exposure.Exposure | None = None) -> float | None:
     """Return the mean luminance [cd/m²] of the metered part of the frame, as `exposure: auto` would find it.
 
     None where there is no light to go by.
@@ -384,7 +382,7 @@ def film_reading(pixels: Film, resolved: Scene, settings: Exposure | None = None
     return value / value_per_radiance(resolved) * LUMENS_PER_WATT if value > 0 else None
 
 
-def _shares(pixels: Film, scene: Scene, settings: Exposure) -> NDArray[np.float64]:
+def _shares(pixels: Film, scene: Scene, settings: exposure.Exposure) -> NDArray[np.float64]:
     """Return how much each pixel (h, w) counts."""
     rows, columns = pixels.shape[:2]
     film = scene.film
@@ -506,7 +504,7 @@ def as_model(scene: Scene, resolved: Scene, kind: str) -> dict[str, Any]:
         return {}
     if camera.kind not in ORDER or ORDER.index(camera.kind) > ORDER.index(kind):
         raise InputError(f"model: no {kind} stands for a camera of kind {camera.kind}")
-    plain = view.model_copy(update={"exposure": Exposure()})
+    plain = view.model_copy(update={"exposure": exposure.Exposure()})
     if camera.ideal_lens is not None:
         simple = with_camera(plain, _pinhole(plain))
     else:
@@ -596,7 +594,7 @@ def difference(first: NDArray[np.float32], second: NDArray[np.float32]) -> tuple
     error = np.sum(np.square(b - a), axis=2)
     relmse = float(np.mean(np.divide(error, squares, out=np.zeros_like(error), where=squares > 0)))
     bright_a, bright_b = luminance(a), luminance(b)
-    floor = MSE_FLOOR * max(float(bright_a.mean()), float(bright_b.mean()), FLOAT32_MIN_NORMAL)
+    floor = MSE_FLOOR * max(float(bright_a.mean()), float(bright_b.mean()), base.FLOAT32_MIN_NORMAL)
     stops = np.log2(np.maximum(bright_b, floor) / np.maximum(bright_a, floor))
     size = np.abs(stops)
     return stops.astype(np.float32), {

@@ -21,13 +21,11 @@ from rptcam_cl.optics.film_probe import FilmProbe, narrow_boxes
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import IDEAL, Rays, Status
 from rptcam_cl.optics.spots import COLUMNS, FilmSpot, field_mtf
-from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_of
+from rptcam_cl.rendering.cameras import ideal, lens_records
 from rptcam_cl.rendering.cameras.kinds import Perspective, camera_of
-from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, film_point, lens_setting
 from rptcam_cl.rendering.traceable_lens import LensTracer
-from rptcam_cl.scene.changes import change_scene
-from rptcam_cl.scene.lens_settings import Focus
+from rptcam_cl.scene import changes, lens_settings
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import focus_drive
 from rptcam_cl.studies.focus.probe import circle_of_confusion
@@ -52,9 +50,9 @@ class KeptTracer:
     """
 
     def __init__(self, lens: Lens, device: Session, start: str) -> None:
-        low, high = usable_nm(lens)
+        low, high = lens_records.usable_nm(lens)
         self._lens, self._device, self._start = lens, device, start
-        self._coloured = disperses(lens) and low <= min(LINES_NM) and max(LINES_NM) <= high
+        self._coloured = lens_records.disperses(lens) and low <= min(LINES_NM) and max(LINES_NM) <= high
         self._tracers: dict[float, LensTracer] = {}
 
     def _tracer(self, wavelength_nm: float) -> LensTracer:
@@ -136,7 +134,7 @@ class LensState:
     @cached_property
     def wavelengths_nm(self) -> tuple[float, ...]:
         """Wavelengths whose rays differ: one where the glass bends all of them alike."""
-        return LINES_NM if disperses(self.lens) else (self.setting.camera.wavelength_nm,)
+        return LINES_NM if lens_records.disperses(self.lens) else (self.setting.camera.wavelength_nm,)
 
     @cached_property
     def from_film(self) -> KeptTracer:
@@ -152,7 +150,7 @@ class LensState:
 def lens_state(scene: Scene, device: Session) -> LensState:
     """Return the lens of a scene in focus, whose camera has one."""
     setting = lens_setting(scene)
-    lens = setting.lens if setting.lens.stop is None else shaped(scene, setting).lens
+    lens = setting.lens if setting.lens.stop is None else ideal.shaped(scene, setting).lens
     return LensState(scene, setting, lens, device)
 
 
@@ -229,7 +227,7 @@ def depth_of_field(scene: Scene) -> dict[str, float | None] | None:
 def at_infinity(scene: Scene) -> Perspective | None:
     """Return the first-order picture with the focus at infinity; None where the lens does not go there."""
     try:
-        return perspective(change_scene(scene, camera=scene.camera.focus_keys(INFINITY_M)))
+        return perspective(changes.change_scene(scene, camera=scene.camera.focus_keys(INFINITY_M)))
     except InputError:
         return None
 
@@ -244,7 +242,7 @@ def nearest_focus_m(scene: Scene) -> float | None:
         return None
     update = camera.focus_keys(INFINITY_M)
     if camera.lens_camera is not None:  # wherever it stands, perhaps beyond the reach, and however wide it is open
-        focus = Focus(distance_m=INFINITY_M)
+        focus = lens_settings.Focus(distance_m=INFINITY_M)
         update = {"focus": focus, "f_number": None, "stop_diameter_mm": None, "stands_at": "film"}
     return _nearest(scene.model_copy(update={"camera": camera.model_copy(update=update)}))
 
@@ -689,7 +687,7 @@ def thick_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
     film = np.array(film_point(state.scene, camera, x, y)[:2])
     across = _section(state, np.array([*film, 0.0]))
     height = float(film @ across)
-    thick = thick_lens_of(state.setting.lens, state.setting.film_distance_mm, camera.wavelength_nm)
+    thick = ideal.thick_lens_of(state.setting.lens, state.setting.film_distance_mm, camera.wavelength_nm)
     ahead = min(APPROACH * state.size_mm, state.object_mm)
     lines = []
     for pupil in np.linspace(-1.0, 1.0, RAY_FAN).tolist():

@@ -27,14 +27,10 @@ from rptcam_cl.scene.changes import change_scene, set_keys
 from rptcam_cl.scene.film import LIGHT_LAYER
 from rptcam_cl.scene.load import load_scene, scene_text
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.viewfinder import timeline
+from rptcam_cl.viewfinder import instruments, lens_panel, messages, things, timeline
 from rptcam_cl.viewfinder.background import Background
-from rptcam_cl.viewfinder.instruments import as_model
-from rptcam_cl.viewfinder.lens_panel import LensPanel
-from rptcam_cl.viewfinder.messages import Client, encode, shrink
 from rptcam_cl.viewfinder.panel import Clock, Dials, read_dials
 from rptcam_cl.viewfinder.slot import Slot, with_changes
-from rptcam_cl.viewfinder.things import is_there
 from rptcam_cl.viewfinder.timeline import Recorder
 
 LOG = logging.getLogger("rptcam_cl.viewfinder")
@@ -340,7 +336,7 @@ class Studio:
         origin: Origin,
         device: str | None,
         size: tuple[int, int] | None,
-        clients: Callable[[], Iterable[Client]],
+        clients: Callable[[], Iterable[messages.Client]],
         background: Background,
     ) -> None:
         self.origin, self._background = origin, background
@@ -350,7 +346,7 @@ class Studio:
         self._by_hand: dict[str, Any] = {}  # what the scene's camera did not find by itself
         self.a: Slot | None = None
         self.b: Slot | None = None
-        self.panel: LensPanel | None = None
+        self.panel: lens_panel.LensPanel | None = None
         self.compare: dict[str, Any] = dict(NO_COMPARISON)
         self.recorder = Recorder()
         self._selected: str | None = None
@@ -375,7 +371,7 @@ class Studio:
     def selected(self) -> str | None:
         """A thing of the scene by its key path; None where it is there no more."""
         name = self._selected
-        return name if name is not None and self.a is not None and is_there(self.a.scene, name) else None
+        return name if name is not None and self.a is not None and things.is_there(self.a.scene, name) else None
 
     @selected.setter
     def selected(self, name: str | None) -> None:
@@ -445,7 +441,7 @@ class Studio:
             self.file_error = scene_error(str(problem))
         for client in self._clients():
             client.forget_pictures()
-        self.panel = LensPanel(session.device.beside())  # the worker "lens" alone calls it
+        self.panel = lens_panel.LensPanel(session.device.beside())  # the worker "lens" alone calls it
         self.set_compare(self.compare)
 
     def _with_size(self, scene: Scene) -> Scene:
@@ -561,7 +557,7 @@ class Studio:
             return
         keys = dict(wanted["changes"])
         if wanted["model"] is not None:
-            keys = {**as_model(self.a.scene, self.a.resolved, wanted["model"]), **keys}
+            keys = {**instruments.as_model(self.a.scene, self.a.resolved, wanted["model"]), **keys}
         session = RenderSession(self.a.scene, device=self._device, wait=False)
         try:
             change = session.change(keys, wait=False)
@@ -759,7 +755,9 @@ class History:
         if shown is None or shown.stale or shown.frame.scale <= here.thumb_scale:
             return
         if shown.frame.generation == slot.session.generation:
-            here.thumb = base64.b64encode(encode(shrink(shown.codes[..., :3], *THUMB), "jpeg", 70)).decode()
+            here.thumb = base64.b64encode(
+                messages.encode(messages.shrink(shown.codes[..., :3], *THUMB), "jpeg", 70)
+            ).decode()
             here.thumb_scale = shown.frame.scale
             self.version += 1
 

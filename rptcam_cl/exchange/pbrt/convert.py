@@ -16,20 +16,9 @@ from rptcam_cl.core import LUMENS_PER_WATT
 from rptcam_cl.core.colour import LUMINANCE, luminance
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import Folders, plain
-from rptcam_cl.exchange.conversion import (
-    Array,
-    Conversion,
-    FileStore,
-    Matrix,
-    Place,
-    Report,
-    apply,
-    is_bearable,
-    is_similarity,
-    reflects,
-    tidy,
-)
-from rptcam_cl.exchange.pbrt import textures
+from rptcam_cl.exchange import conversion
+from rptcam_cl.exchange.conversion import Array, Conversion, Matrix, Place
+from rptcam_cl.exchange.pbrt import materials, shapes, textures
 from rptcam_cl.exchange.pbrt.camera import (
     CameraFrame,
     camera_motion,
@@ -41,8 +30,6 @@ from rptcam_cl.exchange.pbrt.camera import (
     render_keys,
     shutter_of,
 )
-from rptcam_cl.exchange.pbrt.materials import medium_keys
-from rptcam_cl.exchange.pbrt.shapes import Objects
 from rptcam_cl.exchange.pbrt.world import ODD, Context, Entity, read_world
 from rptcam_cl.rendering.plan.environment import axes
 from rptcam_cl.scene.assets.pictures import write_exr
@@ -63,7 +50,7 @@ def _convert_lights(context: Context, frame: CameraFrame) -> tuple[list[Keys], A
     }  # fmt: skip
     for entity in context.scene.lights:
         entity.parameters.skip(*textures.SAMPLING)
-        if (entity.kind in kinds or _is_map(entity)) and not is_bearable(_world(entity, frame)):
+        if (entity.kind in kinds or _is_map(entity)) and not conversion.is_bearable(_world(entity, frame)):
             entity.parameters.skip_all()
             context.ignored(entity, ODD)
         elif entity.kind in ("infinite", "exinfinite"):
@@ -143,7 +130,7 @@ def _picture_lamp(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     file = context.files.add(
         "files", f"{stem or entity.kind}.ies", partial(_write_ies, vertical, horizontal, pattern / largest)
     )
-    return _profile_keys(file, largest * color, apply(world, np.zeros((1, 3)))[0], np.array([0, 0, -1]))
+    return _profile_keys(file, largest * color, conversion.apply(world, np.zeros((1, 3)))[0], np.array([0, 0, -1]))
 
 
 def _lamp_picture(context: Context, entity: Entity) -> tuple[textures.Pixels, str]:
@@ -161,7 +148,7 @@ def _lamp_picture(context: Context, entity: Entity) -> tuple[textures.Pixels, st
 def _profile_keys(file: str, intensity: Array, position: Array, direction: Array) -> Keys:
     """Return a lamp of a pattern whose largest value is 1, with the intensity that it has there."""
     return {
-        "kind": "ies", "file": file, "position": tidy(position), "direction": tidy(direction),
+        "kind": "ies", "file": file, "position": conversion.tidy(position), "direction": conversion.tidy(direction),
         "gain": float(luminance(intensity)), "color": (intensity / max(intensity.max(), 1e-30)).tolist(),
     }  # fmt: skip
 
@@ -195,9 +182,9 @@ def _write_ies(vertical: Array, horizontal: Array, pattern: Array, path: Path) -
 
 
 def _point(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
-    position = apply(_world(entity, frame), entity.parameters.vector("from", (0, 0, 0))[None])[0]
+    position = conversion.apply(_world(entity, frame), entity.parameters.vector("from", (0, 0, 0))[None])[0]
     intensity = _intensity(context, entity, frame, 4 * math.pi)
-    return {"kind": "point", "position": tidy(position), "intensity": intensity}
+    return {"kind": "point", "position": conversion.tidy(position), "intensity": intensity}
 
 
 def _spot(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
@@ -222,8 +209,8 @@ def _spot(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
         context.approximated(entity, "the edge of its cone as a smooth step")
     return {
         "kind": "spot",
-        "position": tidy(origin),
-        "direction": tidy(direction),
+        "position": conversion.tidy(origin),
+        "direction": conversion.tidy(direction),
         "intensity": _intensity(context, entity, frame, 2 * math.pi * ((1 - start) + (start - stop) / 2)),
         "outer_degrees": outer,
         "inner_degrees": inner,
@@ -236,13 +223,13 @@ def _ray(entity: Entity, frame: CameraFrame) -> tuple[Array, Array]:
     direction = world[:3, :3] @ (entity.parameters.vector("to", (0, 0, 1)) - origin)
     if not np.linalg.norm(direction) > 0:
         raise entity.error('"from" and "to" are the same point')
-    return apply(world, origin[None])[0], direction
+    return conversion.apply(world, origin[None])[0], direction
 
 
 def _distant(context: Context, entity: Entity, frame: CameraFrame) -> Keys:
     _, direction = _ray(entity, frame)
     irradiance = _radiance(context, entity, 1.0)
-    return {"kind": "directional", "direction": tidy(direction), "irradiance": irradiance.tolist()}
+    return {"kind": "directional", "direction": conversion.tidy(direction), "irradiance": irradiance.tolist()}
 
 
 # The sky: constant light, and pictures of the surroundings.
@@ -282,7 +269,7 @@ def _of_map(context: Context, entity: Entity, frame: CameraFrame, sky: Array) ->
         context.report.ignored(place, f"{name}: {textures.NOT_READ} (allowed: {' '.join(textures.READABLE)})")
         return None
     up, rotation_degrees, mirrored = _placement(context, entity, frame)
-    keys: Keys = {"kind": "image", "file": "", "up": tidy(up)}
+    keys: Keys = {"kind": "image", "file": "", "up": conversion.tidy(up)}
     if rotation_degrees:
         keys["rotation_degrees"] = rotation_degrees
     as_it_is = path.suffix.lower() in (".exr", ".hdr", ".pfm")  # bytes are linear here, and sRGB in scenes of ours
@@ -310,13 +297,13 @@ def _placement(context: Context, entity: Entity, frame: CameraFrame) -> tuple[Ar
     against the turn of our longitude.
     """
     matrix = frame.world @ entity.world_from_object
-    if not is_similarity(matrix):
+    if not conversion.is_similarity(matrix):
         context.approximated(entity, "without the uneven scaling of its transform")
     x, _, up = (axis / np.linalg.norm(axis) for axis in matrix[:3, :3].T)
     forward = -(x - up * (x @ up))
     right_at_0, _, forward_at_0 = axes(up.tolist(), 0.0)
     turn = math.degrees(math.atan2(-(forward @ right_at_0), forward @ forward_at_0))
-    return up, round(turn, 10) + 0.0, not reflects(matrix)
+    return up, round(turn, 10) + 0.0, not conversion.reflects(matrix)
 
 
 def _photometric(pixels: textures.Pixels, illuminance: float, place: Place) -> float:
@@ -424,10 +411,10 @@ def convert_scene(source: Path, target: Path, *, missing: Missing = "error", roo
     InputError
         ``FILE:LINE:COL: problem`` for what is not a pbrt scene, or cannot be said.
     """
-    report = Report()
+    report = conversion.Report()
     folders = Folders(source.parent, () if root is None else (root,), owner="pbrt scene")
     pbrt = read_world(source, report, folders)
-    context = Context(pbrt, report, folders, FileStore(target.parent, target.stem, report), missing)
+    context = Context(pbrt, report, folders, conversion.FileStore(target.parent, target.stem, report), missing)
     scene = _scene_keys(context, source)
     context.refuse_missing()
     _note_unused(context)
@@ -453,7 +440,7 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
     if ev := exposure_ev(context, film, camera):
         scene["picture"] = {"ev": ev}
     camera_keys |= camera_motion(context, camera)
-    objects = Objects(context, frame)
+    objects = shapes.Objects(context, frame)
     objects.add_all()
     scene |= shutter_of(context, camera)
     sections = objects.keys()
@@ -462,7 +449,7 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
         raise InputError(_no_objects(context, source))
     scene |= sections
     around = context.scene.media.get(context.scene.around_camera)
-    if around is not None and (fog := medium_keys(context, around)) is not None:
+    if around is not None and (fog := materials.medium_keys(context, around)) is not None:
         scene["medium"] = fog
     if context.deep and scene["render"].get("max_depth", 8) < _DEEP:
         scene["render"]["max_depth"] = _DEEP

@@ -14,25 +14,13 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import luminance, srgb_from_reflectance
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.conversion import COAT_INDEX, Array, nested
-from rptcam_cl.exchange.pbrt.textures import (
-    Shade,
-    coefficients,
-    heights,
-    is_readable,
-    light,
-    number_shade,
-    picture_name,
-    samples_of,
-    shade,
-    single,
-    value,
-)
+from rptcam_cl.exchange.pbrt import textures
 from rptcam_cl.exchange.pbrt.world import Context, Entity, MaterialName
 from rptcam_cl.rendering.plan.textures import metal_spectra
 from rptcam_cl.rendering.plan.textures import reflectance as metal_reflectance
+from rptcam_cl.scene import media
 from rptcam_cl.scene.assets.measured import read_measured
 from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, SMALLEST_INDEX
-from rptcam_cl.scene.media import MOST_ASYMMETRY, SUBSTANCES
 from rptcam_cl.scene.textures import MOST_NESTED
 
 # Materials of ours as plain keys, and pbrt's roughness as GGX's alpha.
@@ -44,9 +32,9 @@ Keys = dict[str, Any]
 _NOTHING = 1e-6
 
 
-def matte(reflectance: Shade | NDArray[np.float64]) -> Keys:
+def matte(reflectance: textures.Shade | NDArray[np.float64]) -> Keys:
     """Return a surface that scatters evenly."""
-    shade = reflectance if isinstance(reflectance, Shade) else Shade(reflectance)
+    shade = reflectance if isinstance(reflectance, textures.Shade) else textures.Shade(reflectance)
     return {"kind": "matte", "reflectance": shade.keys()}
 
 
@@ -61,7 +49,7 @@ def dielectric(index: float, alphas: tuple[float, float] | None) -> Keys:
     return {"kind": "dielectric", "index": index, **rough}
 
 
-def _has_effect(shade: Shade) -> bool:
+def _has_effect(shade: textures.Shade) -> bool:
     """Return whether a share is more than nothing."""
     return shade.texture is not None or bool(shade.colour.max() > _NOTHING)
 
@@ -88,10 +76,10 @@ def alpha_of(roughness: float, *, version: int) -> float:
 def alphas(context: Context, entity: Entity, default: float, prefix: str = "") -> tuple[float, float] | None:
     """Return alpha along u and v of a material, None where it is smooth."""
     version = 3 if entity.kind in _ONLY_V3 else 4
-    both = value(context, entity, f"{prefix}roughness", default)
+    both = textures.value(context, entity, f"{prefix}roughness", default)
     pair = (
-        value(context, entity, f"{prefix}uroughness", both),
-        value(context, entity, f"{prefix}vroughness", both),
+        textures.value(context, entity, f"{prefix}uroughness", both),
+        textures.value(context, entity, f"{prefix}vroughness", both),
     )
     # 0 is smooth in either release: pbrt-v3 asks before it remaps, pbrt-v4 after
     if max(pair) <= 0:
@@ -144,11 +132,13 @@ def _index_of(context: Context, entity: Entity, name: str = "eta", default: floa
             index = parameters.number(key, default)
         elif item.kind == "spectrum":
             name = str(item.values[0]) if len(item.values) == 1 else ""
-            index = _GLASSES.get(name) or float(np.interp(589.0, *_sort_samples(samples_of(context, item))))
+            index = _GLASSES.get(name) or float(np.interp(589.0, *_sort_samples(textures.samples_of(context, item))))
             context.approximated(entity, f'"{key}" without dispersion, {index:g} at all wavelengths', item.place)
         else:  # a colour, or a texture of numbers or of colours that are cut at 1
             values = item.values
-            index = float(np.mean(values)) if isinstance(values, np.ndarray) else value(context, entity, key, 1.5)
+            index = (
+                float(np.mean(values)) if isinstance(values, np.ndarray) else textures.value(context, entity, key, 1.5)
+            )
             context.approximated(entity, f'"{key}" as the number {index:g}', item.place)
         if not SMALLEST_INDEX <= index <= LARGEST_INDEX:
             span = f"{SMALLEST_INDEX:g} and {LARGEST_INDEX:g}"
@@ -161,7 +151,7 @@ def _metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str,
     """The keys of a conductor that say how a metal reflects: by name, by n and k, or by a colour."""
     parameters = entity.parameters
     if parameters.has(f"{prefix}reflectance"):
-        return {"reflectance": shade(context, entity, f"{prefix}reflectance", 1.0).keys()}
+        return {"reflectance": textures.shade(context, entity, f"{prefix}reflectance", 1.0).keys()}
     metals = {_metal_named(context, entity, prefix, key) for key in ("eta", "k")} - {""}
     metal = metals.pop() if len(metals) == 1 else ""
     if metal in _METALS or metal in _OTHER_METALS:
@@ -195,7 +185,7 @@ def _channels(context: Context, entity: Entity, key: str, default: float) -> lis
     if item is None:
         values = np.full(3, default)
     elif item.kind == "spectrum":
-        values = np.interp(_CHANNELS_NM, *_sort_samples(samples_of(context, item)))
+        values = np.interp(_CHANNELS_NM, *_sort_samples(textures.samples_of(context, item)))
     else:
         values = np.broadcast_to(np.asarray(item.values, np.float64), (3,))
     return np.clip(values, _LOWEST, _HIGHEST).tolist()  # type: ignore[no-any-return]
@@ -210,9 +200,9 @@ def _sort_samples(samples: tuple[Any, Any]) -> tuple[Any, Any]:
 
 
 def _matte(context: Context, material: Entity, name: str = "Kd") -> Keys:
-    sigma = value(context, material, "sigma", 0.0)
+    sigma = textures.value(context, material, "sigma", 0.0)
     rough = {"sigma_degrees": min(sigma, 90.0)} if sigma > 0 else {}
-    return matte(shade(context, material, name, 0.5)) | rough
+    return matte(textures.shade(context, material, name, 0.5)) | rough
 
 
 def _plastic(context: Context, material: Entity) -> Keys:
@@ -220,12 +210,17 @@ def _plastic(context: Context, material: Entity) -> Keys:
 
     pbrt adds a gloss of index 1.5, Ks strong, to the base. Ours shares the light out between the two.
     """
-    diffuse, gloss = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
+    diffuse, gloss = textures.shade(context, material, "Kd", 0.25), textures.shade(context, material, "Ks", 0.25)
     return _covered_keys(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
 
 
 def _covered_keys(
-    context: Context, material: Entity, diffuse: Shade, gloss: Shade, index: float, pair: tuple[float, float] | None
+    context: Context,
+    material: Entity,
+    diffuse: textures.Shade,
+    gloss: textures.Shade,
+    index: float,
+    pair: tuple[float, float] | None,
 ) -> Keys:
     """Return a base under a clear cover of the index that gives the gloss its reflectance head-on."""
     if not _has_effect(gloss) or index <= 1:
@@ -236,7 +231,7 @@ def _covered_keys(
     return _plastic_keys(diffuse, max(_index_reflecting(normal), 1.001), pair)
 
 
-def _plastic_keys(base: Shade, index: float, pair: tuple[float, float] | None) -> Keys:
+def _plastic_keys(base: textures.Shade, index: float, pair: tuple[float, float] | None) -> Keys:
     return {"kind": "plastic", "reflectance": base.keys(), "index": index, **_alpha_keys(pair)}
 
 
@@ -247,14 +242,14 @@ def _index_reflecting(share: float) -> float:
 
 
 def _mirror(context: Context, material: Entity) -> Keys:
-    tint = shade(context, material, "Kr", 0.9)
+    tint = textures.shade(context, material, "Kr", 0.9)
     if tint.texture is not None:
         context.approximated(material, '"Kr" is its mean, not a texture')
     return {"kind": "mirror", "reflectance": tint.colour.tolist()}
 
 
 def _glass(context: Context, material: Entity) -> Keys:
-    pair = (value(context, material, "uroughness", 0.0), value(context, material, "vroughness", 0.0))
+    pair = (textures.value(context, material, "uroughness", 0.0), textures.value(context, material, "vroughness", 0.0))
     rough = alphas(context, material, 0.0) if max(pair) > 0 else None
     material.parameters.boolean("remaproughness", True)
     index = _index_of(context, material)
@@ -263,15 +258,15 @@ def _glass(context: Context, material: Entity) -> Keys:
 
 def _tints(context: Context, material: Entity, default: float) -> Keys:
     """Return the keys of what glass reflects and passes, which pbrt-v3 tints; nothing where it is clear."""
-    tints = {"reflectance": shade(context, material, "Kr", default),
-             "transmittance": shade(context, material, "Kt", default)}  # fmt: skip
+    tints = {"reflectance": textures.shade(context, material, "Kr", default),
+             "transmittance": textures.shade(context, material, "Kt", default)}  # fmt: skip
     return {key: tint.keys() for key, tint in tints.items() if tint.texture is not None or np.any(tint.colour != 1)}
 
 
 def _shiny_metal(context: Context, material: Entity) -> Keys:
     """Return the metal of pbrt-v2 that has a rough reflection Ks and a smooth one Kr: the stronger of the two."""
-    rough, smooth = shade(context, material, "Ks", 1.0), shade(context, material, "Kr", 1.0)
-    exponent = 1 / max(value(context, material, "roughness", 0.1), 1e-4)
+    rough, smooth = textures.shade(context, material, "Ks", 1.0), textures.shade(context, material, "Kr", 1.0)
+    exponent = 1 / max(textures.value(context, material, "roughness", 0.1), 1e-4)
     context.approximated(material, "the stronger of its reflections Ks and Kr")
     if float(luminance(smooth.colour)) > float(luminance(rough.colour)):
         return conductor({"reflectance": smooth.keys()}, None)
@@ -285,8 +280,8 @@ def _uber(context: Context, material: Entity) -> Keys:
     pbrt adds a matte part Kd, a rough gloss Ks, a smooth one Kr, and what passes Kt, under one index of refraction. The
     stronger gloss is kept.
     """
-    diffuse, rough = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
-    smooth, through = shade(context, material, "Kr", 0.0), shade(context, material, "Kt", 0.0)
+    diffuse, rough = textures.shade(context, material, "Kd", 0.25), textures.shade(context, material, "Ks", 0.25)
+    smooth, through = textures.shade(context, material, "Kr", 0.0), textures.shade(context, material, "Kt", 0.0)
     index = _index_of(context, material)
     if _has_effect(rough) and _has_effect(smooth):
         context.approximated(material, "the stronger gloss of Ks and Kr")
@@ -308,29 +303,29 @@ def _uber(context: Context, material: Entity) -> Keys:
     return {"kind": "mix", "materials": [base, glass], "factor": passing} | holes
 
 
-def _number_or_colour(context: Context, material: Entity, name: str, default: float = 1.0) -> Shade:
+def _number_or_colour(context: Context, material: Entity, name: str, default: float = 1.0) -> textures.Shade:
     """Return an opacity or the share of a mixture, which pbrt-v3 takes as a colour."""
     item = material.parameters.items.get(name)
     if item is not None and (item.kind == "float" or (item.kind == "texture" and _is_float(material, name))):
-        return number_shade(context, material, name, default)
-    return shade(context, material, name, default)
+        return textures.number_shade(context, material, name, default)
+    return textures.shade(context, material, name, default)
 
 
 def _is_float(material: Entity, name: str) -> bool:
     return ("spectrum", str(material.parameters.items[name].values[0])) not in material.textures
 
 
-def opacity_keys(context: Context, entity: Entity, name: str, opacity: Shade) -> Keys:
+def opacity_keys(context: Context, entity: Entity, name: str, opacity: textures.Shade) -> Keys:
     """Return the key of a surface with holes, nothing where it is whole."""
     if opacity.texture is not None:
         return {"opacity": opacity.texture}
-    share = single(context, entity, name, opacity)
+    share = textures.single(context, entity, name, opacity)
     return {} if share >= 1 else {"opacity": max(share, 0.0)}
 
 
 def _substrate(context: Context, material: Entity) -> Keys:
     """Return a matte base under a clear cover whose reflectance at right angles is Ks (Ashikhmin and Shirley)."""
-    diffuse, gloss = shade(context, material, "Kd", 0.5), shade(context, material, "Ks", 0.5)
+    diffuse, gloss = textures.shade(context, material, "Kd", 0.5), textures.shade(context, material, "Ks", 0.5)
     rough = alphas(context, material, 0.1)
     normal = min(float(luminance(gloss.colour)), 0.4)
     context.approximated(material, f"a clear cover that reflects {normal:.3g} head-on")
@@ -341,8 +336,11 @@ def _substrate(context: Context, material: Entity) -> Keys:
 
 def _translucent(context: Context, material: Entity) -> Keys:
     """Return a sheet that scatters light to both sides, or the glossy side that is lit where nothing passes."""
-    diffuse, gloss = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
-    reflect, transmit = shade(context, material, "reflect", 0.5), shade(context, material, "transmit", 0.5)
+    diffuse, gloss = textures.shade(context, material, "Kd", 0.25), textures.shade(context, material, "Ks", 0.25)
+    reflect, transmit = (
+        textures.shade(context, material, "reflect", 0.5),
+        textures.shade(context, material, "transmit", 0.5),
+    )
     rough = alphas(context, material, 0.1)
     back, on = diffuse.scaled(reflect.colour), diffuse.scaled(transmit.colour)
     if not _has_effect(on):
@@ -352,7 +350,7 @@ def _translucent(context: Context, material: Entity) -> Keys:
     return _sheet(context, material, back, on)
 
 
-def _sheet(context: Context, material: Entity, back: Shade, on: Shade) -> Keys:
+def _sheet(context: Context, material: Entity, back: textures.Shade, on: textures.Shade) -> Keys:
     """Return a sheet that scatters two shares of light to its sides, cut where they are more than all of it."""
     if back.texture is None and on.texture is None and (most := float((back.colour + on.colour).max())) > 1:
         context.approximated(material, f"its shares divided by {most:.3g}, as they are more than all light")
@@ -364,15 +362,15 @@ def _disney(context: Context, material: Entity) -> Keys:
     """Return the principled material; sheen, tints of gloss and flatness have no counterpart."""
     keys: Keys = {
         "kind": "principled",
-        "base_color": shade(context, material, "color", 0.5).keys(),
+        "base_color": textures.shade(context, material, "color", 0.5).keys(),
         "metallic": _share(context, material, "metallic", 0.0),
         "roughness": _share(context, material, "roughness", 0.5),
-        "anisotropy": _cut(value(context, material, "anisotropic", 0.0)),
+        "anisotropy": _cut(textures.value(context, material, "anisotropic", 0.0)),
         "index": max(_index_of(context, material), 1.0),
-        "transmission": _cut(value(context, material, "spectrans", 0.0)),
-        "clearcoat": _cut(value(context, material, "clearcoat", 0.0)),
+        "transmission": _cut(textures.value(context, material, "spectrans", 0.0)),
+        "clearcoat": _cut(textures.value(context, material, "clearcoat", 0.0)),
     }
-    gloss = value(context, material, "clearcoatgloss", 1.0)
+    gloss = textures.value(context, material, "clearcoatgloss", 1.0)
     keys["clearcoat_roughness"] = math.sqrt(_cut(0.1 + (0.001 - 0.1) * gloss))  # alpha runs from 0.1 to 0.001
     if keys["transmission"] > 0:
         keys["index"] = max(keys["index"], 1.02)
@@ -385,8 +383,8 @@ def _disney(context: Context, material: Entity) -> Keys:
 
 
 def _share(context: Context, material: Entity, name: str, default: float) -> object:
-    share = number_shade(context, material, name, default)
-    return share.texture if share.texture is not None else _cut(single(context, material, name, share))
+    share = textures.number_shade(context, material, name, default)
+    return share.texture if share.texture is not None else _cut(textures.single(context, material, name, share))
 
 
 def _cut(number: float) -> float:
@@ -427,14 +425,14 @@ def _take_normal_map(context: Context, material: Entity, keys: Keys) -> None:
     path = context.find_or_note(name, place, "the surface stays smooth")
     if path is None:
         return
-    if is_readable(path) and keys["kind"] not in ("mirror", "thin_glass", "mix"):
-        keys["normal_map"] = {"file": picture_name(context, path, place)}
+    if textures.is_readable(path) and keys["kind"] not in ("mirror", "thin_glass", "mix"):
+        keys["normal_map"] = {"file": textures.picture_name(context, path, place)}
     else:
         context.ignored(material, f"the normal map {name}", place)
 
 
 def _take_bumps(context: Context, material: Entity, keys: Keys, name: str) -> None:
-    texture, factor = heights(context, material, name)
+    texture, factor = textures.heights(context, material, name)
     if texture is None or factor == 0:
         return
     if keys["kind"] == "thin_glass":
@@ -469,7 +467,7 @@ def _coated_diffuse(context: Context, material: Entity) -> Keys:
     _note_layer(context, material)
     rough = alphas(context, material, 0.0)
     index = _index_of(context, material)
-    reflectance = shade(context, material, "reflectance", 0.5)
+    reflectance = textures.shade(context, material, "reflectance", 0.5)
     return _plastic_keys(reflectance, index, rough) if index > 1 else matte(reflectance)
 
 
@@ -477,7 +475,7 @@ def _note_layer(context: Context, material: Entity) -> None:
     """Report what lies between cover and base."""
     parameters = material.parameters
     parameters.skip("maxdepth", "nsamples", "thickness", "twosided")
-    if parameters.has("albedo") and shade(context, material, "albedo", 0.0).colour.max() > 0:
+    if parameters.has("albedo") and textures.shade(context, material, "albedo", 0.0).colour.max() > 0:
         context.ignored(material, "scattering between cover and base")
     parameters.skip("g", "albedo")
 
@@ -538,8 +536,10 @@ def _thin_dielectric(context: Context, material: Entity) -> Keys:
 
 def _diffuse_transmission(context: Context, material: Entity) -> Keys:
     """Return a sheet that scatters light to both sides."""
-    scale = np.full(3, value(context, material, "scale", 1.0))
-    back, on = (shade(context, material, name, 0.25).scaled(scale) for name in ("reflectance", "transmittance"))
+    scale = np.full(3, textures.value(context, material, "scale", 1.0))
+    back, on = (
+        textures.shade(context, material, name, 0.25).scaled(scale) for name in ("reflectance", "transmittance")
+    )
     return _sheet(context, material, back, on) if _has_effect(on) else matte(back)
 
 
@@ -561,18 +561,18 @@ def medium_keys(context: Context, medium: Entity, preset: str = "preset") -> Key
     name = parameters.text(preset, "")
     if name and name not in _SUBSTANCES_OF:
         context.approximated(medium, f'whole milk in place of "{name}"')
-    scattering, absorption = SUBSTANCES[_SUBSTANCES_OF.get(name, "whole_milk")]
-    scale = value(context, medium, "scale", 1.0) / context.metres_per_unit
-    sigma_a = scale * coefficients(context, medium, "sigma_a", absorption)
+    scattering, absorption = media.SUBSTANCES[_SUBSTANCES_OF.get(name, "whole_milk")]
+    scale = textures.value(context, medium, "scale", 1.0) / context.metres_per_unit
+    sigma_a = scale * textures.coefficients(context, medium, "sigma_a", absorption)
     keys: Keys = {
         "absorption_per_m": sigma_a.tolist(),
-        "scattering_per_m": (scale * coefficients(context, medium, "sigma_s", scattering)).tolist(),
+        "scattering_per_m": (scale * textures.coefficients(context, medium, "sigma_s", scattering)).tolist(),
     }
     if g := parameters.number("g", 0.0):
-        keys["asymmetry"] = float(np.clip(g, -MOST_ASYMMETRY, MOST_ASYMMETRY))
+        keys["asymmetry"] = float(np.clip(g, -media.MOST_ASYMMETRY, media.MOST_ASYMMETRY))
     emitted = parameters.number("Lescale", 1.0)
     if parameters.has("Le") and emitted:
-        keys["emission_per_m"] = (emitted * sigma_a * light(context, medium, "Le")).tolist()
+        keys["emission_per_m"] = (emitted * sigma_a * textures.light(context, medium, "Le")).tolist()
     return keys
 
 
@@ -585,8 +585,8 @@ def _subsurface(context: Context, material: Entity) -> Keys:
     context.approximated(material, "light walks at random below the surface")
     if colour is None:
         return keys | {"interior": medium_keys(context, material, "name")}
-    deep = shade(context, material, colour, 0.5)
-    way = 1e3 * context.metres_per_unit * coefficients(context, material, "mfp")
+    deep = textures.shade(context, material, colour, 0.5)
+    way = 1e3 * context.metres_per_unit * textures.coefficients(context, material, "mfp")
     parameters.skip("sigma_a", "sigma_s", "g", "scale")
     color = np.clip(deep.colour, 0, 1).tolist() if deep.texture is None else deep.texture
     inside = {"color": color, "free_path_mm": np.maximum(way, 1e-6).tolist()}
@@ -596,16 +596,17 @@ def _subsurface(context: Context, material: Entity) -> Keys:
 def _hair(context: Context, material: Entity) -> Keys:
     parameters = material.parameters
     keys: Keys = {
-        "kind": "hair", "index": value(context, material, "eta", 1.55),
-        "roughness": value(context, material, "beta_m", 0.3), "tilt_degrees": value(context, material, "alpha", 2.0),
-        "roughness_across": value(context, material, "beta_n", 0.3),
+        "kind": "hair", "index": textures.value(context, material, "eta", 1.55),
+        "roughness": textures.value(context, material, "beta_m", 0.3),
+        "tilt_degrees": textures.value(context, material, "alpha", 2.0),
+        "roughness_across": textures.value(context, material, "beta_n", 0.3),
     }  # fmt: skip
     colour = next((name for name in ("reflectance", "color") if parameters.has(name)), None)
     if parameters.has("sigma_a"):
-        return keys | {"absorption": np.maximum(shade(context, material, "sigma_a", 0.0).colour, 0).tolist()}
+        return keys | {"absorption": np.maximum(textures.shade(context, material, "sigma_a", 0.0).colour, 0).tolist()}
     if colour is not None:
-        return keys | {"reflectance": shade(context, material, colour, 0.5).keys()}
-    pigments = {name: value(context, material, name, 0.0) for name in ("eumelanin", "pheomelanin")}
+        return keys | {"reflectance": textures.shade(context, material, colour, 0.5).keys()}
+    pigments = {name: textures.value(context, material, name, 0.0) for name in ("eumelanin", "pheomelanin")}
     if not any(map(parameters.has, pigments)):
         pigments["eumelanin"] = 1.3
     return keys | pigments
@@ -677,7 +678,7 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
         return blend
     factor: Any = amount.texture
     if factor is None:
-        factor = float(np.clip(single(context, material, "amount", amount), 0, 1))
+        factor = float(np.clip(textures.single(context, material, "amount", amount), 0, 1))
     return {"kind": "mix", "materials": mixed, "factor": factor}
 
 

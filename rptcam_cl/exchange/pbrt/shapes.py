@@ -16,23 +16,8 @@ import numpy as np
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import (
-    TABLED,
-    Array,
-    Faces,
-    Matrix,
-    MeshData,
-    Place,
-    is_bearable,
-    is_similarity,
-    is_transform_of_ours,
-    limit_of_loop,
-    mean_scale,
-    motion_between,
-    read_limited,
-    rectangle_of,
-    tidy,
-)
+from rptcam_cl.exchange import conversion
+from rptcam_cl.exchange.conversion import Array, Faces, Matrix, Place
 from rptcam_cl.exchange.pbrt.camera import CameraFrame
 from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, medium_keys, opacity_keys
 from rptcam_cl.exchange.pbrt.source import Parameters
@@ -47,7 +32,7 @@ from rptcam_cl.scene.shapes import bezier_pieces
 _PATCH_CELLS = 8
 
 
-def _triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
+def _triangle_mesh(context: Context, shape: Entity) -> tuple[conversion.MeshData, int]:
     """Return a triangle mesh, and its number of triangles; those without area are left out."""
     parameters = shape.parameters
     vertices = _points(shape)
@@ -59,18 +44,18 @@ def _triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
         if values is not None and len(values) != len(vertices):
             context.ignored(shape, f"{name}, which has {len(values)} entries where P has {len(vertices)}")
     normals, uvs = (values if values is None or len(values) == len(vertices) else None for values in (normals, uvs))
-    return _clean(context, shape, MeshData(vertices, corners, normals, uvs)), len(corners)
+    return _clean(context, shape, conversion.MeshData(vertices, corners, normals, uvs)), len(corners)
 
 
 _MOST_SUBDIVIDED = 4_000_000  # triangles
 
 
-def _subdivided_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
+def _subdivided_mesh(context: Context, shape: Entity) -> tuple[conversion.MeshData, int]:
     """Return a subdivision surface, of vertices on the surface that the steps lead to."""
     levels = shape.parameters.integer("levels" if shape.parameters.has("levels") else "nlevels", 3)
     shape.parameters.skip("scheme")
     vertices = _points(shape)
-    mesh = _clean(context, shape, MeshData(vertices, _indices(shape, len(vertices), 3)))
+    mesh = _clean(context, shape, conversion.MeshData(vertices, _indices(shape, len(vertices), 3)))
     steps = max(levels, 0)
     while steps and len(mesh.faces) * 4**steps > _MOST_SUBDIVIDED:
         steps -= 1
@@ -78,7 +63,7 @@ def _subdivided_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
         context.approximated(shape, f"subdivided {steps} times, not {levels}")
     if not len(mesh.faces):
         return mesh, 0
-    mesh = limit_of_loop(mesh, steps)
+    mesh = conversion.limit_of_loop(mesh, steps)
     normals = np.zeros_like(mesh.vertices)
     for k in range(3):
         np.add.at(normals, mesh.faces[:, k], mesh.crosses())
@@ -86,7 +71,7 @@ def _subdivided_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     return replace(mesh, normals=normals / np.where(lengths > 0, lengths, 1)), len(mesh.faces)
 
 
-def _bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
+def _bilinear_patches(context: Context, shape: Entity) -> tuple[conversion.MeshData, int]:
     """Return bilinear patches as triangles, and the number of patches; flat parallelograms are exact."""
     vertices = _points(shape)
     quads = _indices(shape, len(vertices), 4)
@@ -99,12 +84,12 @@ def _bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
     if _are_parallelograms(vertices, quads):
         p00, p10, p01, p11 = quads.T
         faces = np.concatenate([np.stack([p00, p10, p11], axis=1), np.stack([p00, p11, p01], axis=1)])
-        return _clean(context, shape, MeshData(vertices, faces, normals, uvs)), len(quads)
+        return _clean(context, shape, conversion.MeshData(vertices, faces, normals, uvs)), len(quads)
     context.approximated(shape, f"each patch as {_PATCH_CELLS} x {_PATCH_CELLS} cells of two triangles")
     return _clean(context, shape, _tessellate(vertices, quads, normals, uvs)), len(quads)
 
 
-def _tessellate(vertices: Array, quads: Faces, normals: Array | None, uvs: Array | None) -> MeshData:
+def _tessellate(vertices: Array, quads: Faces, normals: Array | None, uvs: Array | None) -> conversion.MeshData:
     """Return patches cut into cells, each patch with vertices of its own."""
     cells = _PATCH_CELLS
     t = np.linspace(0, 1, cells + 1)
@@ -120,7 +105,7 @@ def _tessellate(vertices: Array, quads: Faces, normals: Array | None, uvs: Array
     one = np.concatenate([np.stack([corner, right, far], axis=1), np.stack([corner, far, up], axis=1)])
     faces = (one[None] + (np.arange(len(quads)) * len(u))[:, None, None]).reshape(-1, 3)
     new_uvs = np.tile(np.stack([u, v], axis=1), (len(quads), 1)) if uvs is None else spread(uvs)
-    return MeshData(spread(vertices), faces, None if normals is None else spread(normals), new_uvs)
+    return conversion.MeshData(spread(vertices), faces, None if normals is None else spread(normals), new_uvs)
 
 
 def _are_parallelograms(vertices: Array, quads: Faces) -> bool:
@@ -159,32 +144,32 @@ def _indices(shape: Entity, count: int, corners: int) -> Faces:
     return values.astype(np.int64).reshape(-1, corners)
 
 
-def _clean(context: Context, shape: Entity, mesh: MeshData) -> MeshData:
+def _clean(context: Context, shape: Entity, mesh: conversion.MeshData) -> conversion.MeshData:
     """Return a mesh without faces that have no area."""
     areas = mesh.areas()
     kept = areas > 0
     if (count := int((~kept).sum())) and kept.any():
         context.ignored(shape, f"{count} triangles without area")
-    return MeshData(mesh.vertices, mesh.faces[kept], mesh.normals, mesh.uvs)
+    return conversion.MeshData(mesh.vertices, mesh.faces[kept], mesh.normals, mesh.uvs)
 
 
 LARGEST_FILE = 4 << 30
 
 
-def _read_mesh(path: Path, place: Place) -> MeshData:
+def _read_mesh(path: Path, place: Place) -> conversion.MeshData:
     try:
         if path.suffix.lower() != ".gz":
             contents = read_mesh_file(path, lambda other: other, painted=False)
         else:
             with tempfile.TemporaryDirectory() as folder:
                 unpacked = Path(folder) / path.stem
-                unpacked.write_bytes(read_limited(path, path.name, LARGEST_FILE))
+                unpacked.write_bytes(conversion.read_limited(path, path.name, LARGEST_FILE))
                 contents = read_mesh_file(unpacked, lambda other: other, painted=False)
     except InputError as problem:
         raise place.error(str(problem)) from None
     (part,) = contents.parts
     mesh = part.mesh
-    return MeshData(
+    return conversion.MeshData(
         mesh.positions.astype(np.float64) + mesh.origin,
         mesh.faces.astype(np.int64),
         None if mesh.normals is None else mesh.normals.astype(np.float64),
@@ -285,7 +270,7 @@ def _positive(parameters: Parameters, name: str, default: float) -> float:
     return value
 
 
-def sweep(profile: RevolvedCurve, degrees: float) -> MeshData:
+def sweep(profile: RevolvedCurve, degrees: float) -> conversion.MeshData:
     """Return the mesh that a profile sweeps from +x over +y; its front is that of pbrt: along du x dv.
 
     u and v of the mesh run from 0 to 1 along the turn and along the profile. Of a profile without extent there are no
@@ -303,9 +288,9 @@ def sweep(profile: RevolvedCurve, degrees: float) -> MeshData:
     corner = (k * along + n).reshape(-1)
     right, up, far = corner + along, corner + 1, corner + along + 1
     faces = np.concatenate([np.stack([corner, right, far], axis=1), np.stack([corner, far, up], axis=1)])
-    mesh = MeshData(vertices, faces, normals, np.stack([u, v], axis=-1).reshape(-1, 2))
+    mesh = conversion.MeshData(vertices, faces, normals, np.stack([u, v], axis=-1).reshape(-1, 2))
     areas = mesh.areas()
-    return MeshData(vertices, faces[areas > 1e-12 * areas.max()], normals, mesh.uvs)
+    return conversion.MeshData(vertices, faces[areas > 1e-12 * areas.max()], normals, mesh.uvs)
 
 
 def _profile_normals(profile: RevolvedCurve) -> Array:
@@ -358,7 +343,7 @@ class Placed:
         return self.use.shape
 
 
-Piece = tuple[Keys, float, MeshData | None]
+Piece = tuple[Keys, float, conversion.MeshData | None]
 """An object of ours without its material: its keys, without a shape for a mesh, which is still data; the mean area of
 the parts that pbrt takes for lamps of their own [square units of pbrt's scene], 0 if unknown; the mesh, if any."""
 
@@ -383,9 +368,13 @@ def _transform_keys(matrix: Matrix) -> Keys:
     if np.array_equal(matrix, np.eye(4)):
         return {}
     if np.array_equal(matrix[:3, :3], np.eye(3)):
-        return {"transform": {"translate": tidy(matrix[:3, 3])}}
-    linear = tidy(matrix[:3, :3])
-    return {"transform": {"matrix": [[*axes, shift] for axes, shift in zip(linear, tidy(matrix[:3, 3]), strict=True)]}}
+        return {"transform": {"translate": conversion.tidy(matrix[:3, 3])}}
+    linear = conversion.tidy(matrix[:3, :3])
+    return {
+        "transform": {
+            "matrix": [[*axes, shift] for axes, shift in zip(linear, conversion.tidy(matrix[:3, 3]), strict=True)]
+        }
+    }
 
 
 def _sphere(context: Context, placed: Placed) -> Piece | None:
@@ -396,9 +385,9 @@ def _sphere(context: Context, placed: Placed) -> Piece | None:
     if not profile.full or degrees < 360 or (placed.use.reverse and placed.oriented):
         return _revolved_mesh(context, placed, profile, degrees)
     radius = parameters.number("radius", 1.0)
-    if is_similarity(placed.world) and not placed.textured:
-        scaled = radius * mean_scale(placed.world)
-        return {"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area, None
+    if conversion.is_similarity(placed.world) and not placed.textured:
+        scaled = radius * conversion.mean_scale(placed.world)
+        return {"shape": "sphere", "center": conversion.tidy(placed.world[:3, 3]), "radius": scaled}, profile.area, None
     keys = {"shape": "sphere", "center": [0, 0, 0], "radius": radius}
     return keys | _transform_keys(placed.world), profile.area, None
 
@@ -479,7 +468,7 @@ def _curve(context: Context, placed: Placed) -> Piece | None:
         keys |= _transform_keys(placed.world)
     else:
         rows = rows @ placed.world[:3, :3].T + placed.world[:3, 3]
-        widths = widths * mean_scale(placed.world)
+        widths = widths * conversion.mean_scale(placed.world)
     return keys | {"points": np.column_stack([rows, widths]).tolist()}, 0.0, None
 
 
@@ -487,14 +476,14 @@ def _note_no_area(context: Context, shape: Entity) -> None:
     context.ignored(shape, "has no faces of any area")
 
 
-def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
+def _piece(placed: Placed, mesh: conversion.MeshData, area: float) -> Piece:
     mesh = mesh.facing_its_normals()
     if placed.use.reverse:
         mesh = mesh.reversed()
     if placed.shared:
         return _transform_keys(placed.world), area, mesh
     mesh = mesh.transformed(placed.world)
-    rectangle = rectangle_of(mesh, textured=placed.textured, oriented=placed.oriented)
+    rectangle = conversion.rectangle_of(mesh, textured=placed.textured, oriented=placed.oriented)
     return ({}, area, mesh) if rectangle is None else (rectangle, area, None)
 
 
@@ -531,12 +520,12 @@ def _count_values(value: Any) -> int:
     return _count_values(value.tolist()) if isinstance(value, np.ndarray) else 1
 
 
-def _join_meshes(parts: list[MeshData]) -> MeshData:
+def _join_meshes(parts: list[conversion.MeshData]) -> conversion.MeshData:
     """Return meshes as one; normals and texture coordinates have all of them or none."""
     starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     normals = [part.normals for part in parts if part.normals is not None]
     uvs = [part.uvs for part in parts if part.uvs is not None]
-    return MeshData(
+    return conversion.MeshData(
         np.concatenate([part.vertices for part in parts]),
         np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]),
         np.concatenate(normals) if normals else None,
@@ -561,7 +550,7 @@ class Objects:
     _converted: dict[int, tuple[Entity | None, Keys | None]] = field(default_factory=dict)
     _shared: dict[int, tuple[ShapeUse, str]] = field(default_factory=dict)
     _counts: Counter[str] = field(default_factory=Counter)
-    _loose: dict[int, tuple[ShapeUse, MeshData]] = field(default_factory=dict)
+    _loose: dict[int, tuple[ShapeUse, conversion.MeshData]] = field(default_factory=dict)
 
     def keys(self) -> Keys:
         """Return the sections of the scene."""
@@ -588,7 +577,7 @@ class Objects:
                 self._add(item, self._places(item.shape))
                 continue
             shapes = scene.objects.get(item.name, [])
-            if item.at_end is None and counts[item.name] >= TABLED:
+            if item.at_end is None and counts[item.name] >= conversion.TABLED:
                 tabled.setdefault(item.name, []).append(item)
                 continue
             for use in shapes:
@@ -620,19 +609,23 @@ class Objects:
         _, start, end = places
         if end is None:
             return {}
-        frames = motion_between(start, end, self.context.scene.times)
+        frames = conversion.motion_between(start, end, self.context.scene.times)
         if frames is None:
             self.context.approximated(use.shape, "it stays as it is at the start, as it does more than turn and shift")
             return {}
         self.context.moves = True
         before = keys.get("transform", [])
         steps = before if isinstance(before, list) else [before]
-        return {"transform": [*steps, {"translate": tidy(-start[:3, 3])}], "motion": frames}
+        return {"transform": [*steps, {"translate": conversion.tidy(-start[:3, 3])}], "motion": frames}
 
     def _add_table(self, instances: list[Instance], shapes: list[ShapeUse]) -> None:
         """Add the shapes of an object that stands in many places, with a table of these."""
         worlds = [np.asarray(self.frame.world @ item.world_from_instance) for item in instances]
-        kept = [index for index, world in enumerate(worlds) if is_bearable(world) and is_transform_of_ours(world)]
+        kept = [
+            index
+            for index, world in enumerate(worlds)
+            if conversion.is_bearable(world) and conversion.is_transform_of_ours(world)
+        ]
         for index in set(range(len(worlds))).difference(kept):
             self.context.report.ignored(instances[index].place, f'ObjectInstance "{instances[index].name}": {ODD}')
         if not kept:
@@ -657,7 +650,7 @@ class Objects:
         table: str = "",
     ) -> None:
         world = places[0]
-        if not is_bearable(world):
+        if not conversion.is_bearable(world):
             self._leave_out(use, instance)
             return
         lamp = use.lamp if instance is None else None
@@ -676,7 +669,7 @@ class Objects:
         if piece is None:
             return
         keys, area, mesh = piece
-        if "transform" in keys and not is_transform_of_ours(world):
+        if "transform" in keys and not conversion.is_transform_of_ours(world):
             self._leave_out(use, instance)
             return
         if lamp is not None:
@@ -769,7 +762,7 @@ class Objects:
         keys: Keys = {"kind": "emissive", "radiance": radiance.tolist()}
         return keys | ({"two_sided": True} if two_sided else {})
 
-    def _share_mesh(self, use: ShapeUse, mesh: MeshData) -> str:
+    def _share_mesh(self, use: ShapeUse, mesh: conversion.MeshData) -> str:
         """The name of a mesh that stands in several places; the mesh is added to the scene at its first."""
         if id(use) not in self._shared:
             name = self._unique("mesh")
@@ -784,7 +777,7 @@ class Objects:
             if item.keys() == {"shape", "center", "radius", "material"}:
                 groups.setdefault(item["material"], []).append(index)
         for material, members in groups.items():
-            if len(members) < TABLED:
+            if len(members) < conversion.TABLED:
                 continue
             places = {key: np.array([self.items[index][key] for index in members]) for key in ("center", "radius")}
             table = self._table(f"{material}-spheres", positions=places["center"], scales=places["radius"])
@@ -834,7 +827,7 @@ class Objects:
                 f"{1 + len(others)} meshes of {material} became one, as there are very many",
             )
 
-    def _mesh_keys(self, use: ShapeUse, mesh: MeshData) -> Keys:
+    def _mesh_keys(self, use: ShapeUse, mesh: conversion.MeshData) -> Keys:
         """Return a small mesh written out, a large one as a file beside the scene."""
         if len(mesh.faces) <= _MOST_INLINE:
             return mesh.keys()

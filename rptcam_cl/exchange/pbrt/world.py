@@ -14,8 +14,7 @@ from rptcam_cl.core.errors import InputError, MissingFileError, OutsideFolderErr
 from rptcam_cl.core.files import Folders
 from rptcam_cl.exchange.conversion import SMALLEST, FileStore, Matrix, Place, Report, is_invertible
 from rptcam_cl.exchange.pbrt.source import NUMBERS, Parameter, Parameters, Statement, read_statements
-from rptcam_cl.scene.load import Missing
-from rptcam_cl.scene.placement import turn_about
+from rptcam_cl.scene import load, placement
 
 # Transforms of pbrt: 4x4 matrices that act on columns, in float64.
 #
@@ -83,7 +82,7 @@ def _rotation(statement: Statement) -> Matrix:
     length = math.hypot(*axis)
     if length < SMALLEST:
         raise _OddTransformError("Rotate needs an axis (got 0 0 0)")
-    return turn_about(np.array(axis) / length, float(degrees))
+    return placement.turn_about(np.array(axis) / length, float(degrees))
 
 
 def _camera_from_world(statement: Statement) -> Matrix:
@@ -609,7 +608,7 @@ class Context:
     report: Report
     folders: Folders
     files: FileStore = field(repr=False)
-    missing: Missing = "error"
+    missing: load.Missing = "error"
     absent: list[str] = field(default_factory=list)
     known: dict[int, object] = field(default_factory=dict, repr=False)
     pictures: dict[str, str] = field(default_factory=dict, repr=False)

@@ -16,9 +16,8 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.colour import linear_from_srgb
+from rptcam_cl.core import colour, files
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import name_errors, read_whole
 from rptcam_cl.scene.assets import mesh
 from rptcam_cl.scene.file_materials import FileMaterial, FileTexture
 from rptcam_cl.scene.quantities import Colour
@@ -47,8 +46,8 @@ def _read_mtl(path: Path) -> dict[str, FileMaterial]:
     InputError
         When a value cannot be read.
     """
-    with name_errors(path):
-        content = read_whole(path, MOST_BYTES)
+    with files.name_errors(path):
+        content = files.read_whole(path, MOST_BYTES)
     materials: dict[str, Lines] = {}
     current: Lines | None = None
     text = _as_utf8(BytesIO(content)).read().decode("utf-8", "replace")
@@ -503,7 +502,7 @@ def _surface_of(
         _rows(uvs, own[:, 1]) if has_uvs else None,
         material,
         name,
-        np.asarray(linear_from_srgb(np.clip(colours[own[:, 0]], 0, 1)), np.float32) if colours.size else None,
+        np.asarray(colour.linear_from_srgb(np.clip(colours[own[:, 0]], 0, 1)), np.float32) if colours.size else None,
     )
 
 

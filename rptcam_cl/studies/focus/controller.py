@@ -18,13 +18,10 @@ from rptcam_cl.core.dataclass import dataclass, takes_options
 from rptcam_cl.core.errors import InputError, StateError, near_name
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.imaging.writers import MARKED
-from rptcam_cl.rendering.cameras.chief_rays import seen_places
-from rptcam_cl.rendering.cameras.ideal import bright_parts
+from rptcam_cl.rendering.cameras import chief_rays, ideal
 from rptcam_cl.rendering.layers import Moments
-from rptcam_cl.scene.base import listed
-from rptcam_cl.scene.changes import change_scene
+from rptcam_cl.scene import base, changes, load
 from rptcam_cl.scene.lens_settings import AutoFocus
-from rptcam_cl.scene.load import input_error, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus import contrast
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
@@ -248,7 +245,7 @@ def _index_of(scene: Scene, name: str) -> int:
     known = [item for item in names if item]
     raise InputError(
         f"camera.focus.auto.object: no object has this name{near_name(name, known)} (got {name};"
-        f" allowed: {listed(known) or 'a name, once an object has one'})"
+        f" allowed: {base.listed(known) or 'a name, once an object has one'})"
     )
 
 
@@ -289,7 +286,7 @@ def _zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | Non
         world = np.append((placed @ [*at, 1.0])[:3] * scene.metres_per_unit, 1.0)
         seen = np.linalg.solve(moments.poses(time)[0], world)
         distance = -float(seen[2])
-        place = seen_places(drive.chief_rays(scene, renderer.state), seen[None])[0] / size
+        place = chief_rays.seen_places(drive.chief_rays(scene, renderer.state), seen[None])[0] / size
         if not (np.all(place > 0) and np.all(place < 1)):
             raise InputError(f"{where}: the point is not in the picture")
         before, (x, y) = zone, place.tolist()
@@ -437,7 +434,7 @@ class FocusOptions:
         try:
             return AutoFocus.model_validate(data)
         except ValidationError as problem:
-            raise input_error(problem, data, lambda path, at_key: "") from None
+            raise load.input_error(problem, data, lambda path, at_key: "") from None
 
 
 def zones_of(scene: Scene, settings: AutoFocus) -> tuple[Zone, ...]:
@@ -448,7 +445,7 @@ def zones_of(scene: Scene, settings: AutoFocus) -> tuple[Zone, ...]:
         content = scene.content_of(settings.zones_from)
         return tuple(Zone(*zone) for zone in read_zones(content, settings.zones_from.place.rstrip(": ")))
     if settings.mask is not None:
-        return zones_of_mask(bright_parts(scene.content_of(settings.mask), settings.mask.place.rstrip(": ")))
+        return zones_of_mask(ideal.bright_parts(scene.content_of(settings.mask), settings.mask.place.rstrip(": ")))
     if settings.point is not None:
         return (zone_at(scene, *settings.point),)
     return (MIDDLE,)
@@ -624,7 +621,7 @@ def search(task: Task, method: str) -> FocusReport:
 
 def focused_scene(scene: Scene, report: FocusReport) -> Scene:
     """Return a scene with its camera in the state that was found."""
-    return change_scene(scene, camera=focus_drive(scene).camera_keys(report.state))
+    return changes.change_scene(scene, camera=focus_drive(scene).camera_keys(report.state))
 
 
 def follow_focus(scenes: Iterable[Scene], session: Session, settings: AutoFocus) -> Iterator[FocusReport]:
@@ -676,7 +673,7 @@ def in_focus(
         return scene, None
     if known is None:
         known = _find_keys(scene, session, settings)
-    return change_scene(scene, camera=known["camera"]), known
+    return changes.change_scene(scene, camera=known["camera"]), known
 
 
 def _find_keys(scene: Scene, session: Session, settings: AutoFocus) -> dict[str, Any]:
@@ -728,9 +725,9 @@ def autofocus(scene: Scene | str | Path | Mapping[str, Any], **options: Any) -> 
     DeviceError
         No device fits, or a kernel failed.
     """
-    given, scene = FocusOptions(**options), scene if isinstance(scene, Scene) else load_scene(scene)
+    given, scene = FocusOptions(**options), scene if isinstance(scene, Scene) else load.load_scene(scene)
     if given.seed is not None:
-        scene = change_scene(scene, render={"seed": given.seed})
+        scene = changes.change_scene(scene, render={"seed": given.seed})
     settings = given.settings_of(scene)
     session = given.device if isinstance(given.device, Session) else open_session(given.device)
     return find_focus(scene, session, settings, near=given.near, on_probe=given.on_probe, on_state=given.on_state)

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.beams import without_obstructions
-from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
+from rptcam_cl.optics import beams, best_focus, surface
 from rptcam_cl.optics.lens import (
     Lens,
     film_behind,
@@ -26,12 +25,9 @@ from rptcam_cl.optics.lens import (
     shift_of,
     travel_mm,
 )
-from rptcam_cl.optics.surface import FocusMotor
-from rptcam_cl.rendering.cameras import setting
+from rptcam_cl.rendering.cameras import film_pupil, model, setting
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays
-from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.kinds import camera_of
-from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.scene.camera import LensCamera, ThinLensCamera, kinds_where
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.probe import Zone, circle_of_confusion
@@ -72,7 +68,7 @@ class Drive(ABC):
         """Focal length [mm]."""
 
     @property
-    def motor(self) -> FocusMotor | None:
+    def motor(self) -> surface.FocusMotor | None:
         """What drives it; None where nothing is known of that."""
         return None
 
@@ -90,7 +86,7 @@ class Drive(ABC):
         return coordinate
 
     @abstractmethod
-    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
+    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> model.CameraModel:
         """Return the camera in a state for the device; it need not see more than the zones."""
 
     @abstractmethod
@@ -98,7 +94,7 @@ class Drive(ABC):
         """Return how large a state draws what is sharp in the state of reference, against that one."""
 
     @abstractmethod
-    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
+    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> film_pupil.PupilRays:
         """Return the rays of places (m, 2) of the picture [pixels], in float64."""
 
     @abstractmethod
@@ -170,7 +166,7 @@ def _stop_down(lens: Lens, share: float) -> Lens:
     """
     if share == 1.0:
         return lens
-    lens = without_obstructions(lens)
+    lens = beams.without_obstructions(lens)
     index = lens.stop_index if lens.stop_index is not None else limiting_surface(lens)
     surfaces = list(lens.surfaces)
     surfaces[index] = replace(surfaces[index], semi_diameter=share * surfaces[index].semi_diameter)
@@ -197,7 +193,7 @@ class LensDrive(Drive):
         return setting.lens_camera(self.scene)
 
     @property
-    def motor(self) -> FocusMotor | None:
+    def motor(self) -> surface.FocusMotor | None:
         """What drives it, as its lens file says."""
         return self.lens.motor
 
@@ -218,12 +214,12 @@ class LensDrive(Drive):
             raise InputError(f"camera.lens: {self.lens.name}: is afocal, so it has no focus to find")
         return 2 * f_number * circle_of_confusion(self.scene)
 
-    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
+    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> model.CameraModel:
         """Return the camera in a state for the device."""
         windows = [self._window(scene, zone) for zone in zones]
         return camera_of(scene, self._setting(state, stop)).model(windows=windows)
 
-    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
+    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> film_pupil.PupilRays:
         """Return the rays of places of the picture."""
         return camera_of(scene, self._setting(state, stop)).pupil_rays(places)
 
@@ -342,11 +338,11 @@ class LensDrive(Drive):
         thick = film_distance(lens, distance_mm, wavelength_nm=wavelength)
         within, start = NEAR_ENOUGH * self.sharp_mm, thick + self._beyond_thick.get(zone, 0.0)
         if not (x or y) and lens.is_rotational:
-            found = best_film_distance(
+            found = best_focus.best_film_distance(
                 lens, distance_mm, wavelengths_nm=(wavelength,), within_mm=within, start_mm=start
             )
         else:
-            found = best_film_distance_at(
+            found = best_focus.best_film_distance_at(
                 lens, (x, y), distance_mm, wavelength_nm=wavelength, within_mm=within, start_mm=start
             )
         self._beyond_thick[zone] = found - thick
@@ -384,7 +380,7 @@ class WholeLens(LensDrive):
         wavelength = self.own_camera.wavelength_nm
         infinity = film_distance(self.lens, np.inf, wavelength_nm=wavelength)
         focal_length = self.lens.first_order(wavelength).focal_length_mm
-        least = min(infinity, best_film_distance(self.lens, np.inf, wavelengths_nm=(wavelength,)))
+        least = min(infinity, best_focus.best_film_distance(self.lens, np.inf, wavelengths_nm=(wavelength,)))
         low = least - max(BEYOND_INFINITY * focal_length, 4 * self.depth_of_focus)
         return max(low, LEAST_DISTANCE * infinity), infinity + focal_length
 
@@ -549,11 +545,11 @@ class ThinDrive(Drive):
             f_number = self.focal_length_mm / (2e3 * radius)
         return 2 * f_number * circle_of_confusion(self.scene)
 
-    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
+    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> model.CameraModel:
         """Return the camera in a state for the device."""
         return camera_of(self._set(scene, state, stop)).model()
 
-    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
+    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> film_pupil.PupilRays:
         """Return the rays of places of the picture."""
         return camera_of(self._set(scene, state, stop)).pupil_rays(places)
 
