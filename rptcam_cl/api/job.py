@@ -26,7 +26,7 @@ from rptcam_cl.imaging import development, writers
 from rptcam_cl.imaging.image import Image, develop, folders_of_film, with_picture_settings
 from rptcam_cl.imaging.sensor import check_sensor, sensor_of
 from rptcam_cl.optics.irradiance import scattered
-from rptcam_cl.rendering import account, point_waves, scene_buffers, several
+from rptcam_cl.rendering import account, several
 from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.checkpoint import SUFFIX, Saver, layout_of, merge_states, picture_of, write_checkpoint
@@ -37,7 +37,9 @@ from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.layers import GroundTruth, saved_truth
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
+from rptcam_cl.rendering.point_waves import Conjugates
 from rptcam_cl.rendering.progressive import Progress, Rendering, SavedState, render_plan, render_state, rendering_of
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.scene.changes import at_rest, change_scene, exposure_steps, focus_keys, set_keys
 from rptcam_cl.scene.film import LIGHT_LAYER, SHARP_LAYERS, LayerName
@@ -75,7 +77,7 @@ class Resolved:
     ghosts: Scene | None = None
 
     @property
-    def conjugates(self) -> point_waves.Conjugates | None:
+    def conjugates(self) -> Conjugates | None:
         """What rays of the film go towards, as diffraction brings the aberrations; None for those of the lens."""
         return None if self.diffraction is None else self.diffraction.conjugates
 
@@ -466,12 +468,8 @@ class RenderJob:
             return None
         wavefront, session = self.wavefront, self.wavefront.session
 
-        def buffers() -> scene_buffers.SceneBuffers:
-            return (
-                wavefront.scene_buffers
-                if isinstance(wavefront, Wavefront)
-                else scene_buffers.SceneBuffers(session, self.plan)
-            )
+        def buffers() -> SceneBuffers:
+            return wavefront.scene_buffers if isinstance(wavefront, Wavefront) else SceneBuffers(session, self.plan)
 
         def as_rendered(frame: SceneSource | None) -> Scene | None:
             if frame is None:
@@ -548,7 +546,7 @@ def _compile(
     shares: list[float] | None,
     plan: Plan,
     scene: Scene,
-    buffers: scene_buffers.SceneBuffers | None,
+    buffers: SceneBuffers | None,
     options: RenderOptions,
 ) -> several.AnyWavefront:
     """Compile the kernels of a plan for one device, or for several that share the render."""
@@ -600,11 +598,8 @@ def devices_of(wavefront: several.AnyWavefront, first: int, done: int) -> list[s
     """The samples that each device has taken since a render began or went on after ``first``."""
     if isinstance(wavefront, several.SharedWavefront):
         return wavefront.parts(done)
-    return (
-        [{"samples": [first, done], "split": several.split_text({wavefront.session.info.id: 1.0})}]
-        if done > first
-        else []
-    )
+    split = several.split_text({wavefront.session.info.id: 1.0})
+    return [{"samples": [first, done], "split": split}] if done > first else []
 
 
 # A render by one call; a scene with all found once; and the picture of parts that were rendered anywhere.

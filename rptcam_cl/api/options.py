@@ -18,7 +18,8 @@ from rptcam_cl.core.files import DEVELOPED_SUFFIXES, FILM_SUFFIXES, LAYER_SUFFIX
 
 if TYPE_CHECKING:  # the command line shows its help without them
     from rptcam_cl.device.session import Split, Wanted
-    from rptcam_cl.rendering import progressive, several
+    from rptcam_cl.rendering.progressive import Progress
+    from rptcam_cl.rendering.several import FilmPart
     from rptcam_cl.scene.load import SceneSource
     from rptcam_cl.scene.scene import Scene
 
@@ -185,7 +186,7 @@ NOT_WITH = {
 
 
 @dataclass(frozen=True)
-class Option:
+class CommandOption:
     """An option of a command, which may be a keyword of the Python call of the same name as well.
 
     Attributes
@@ -236,111 +237,111 @@ LISTED: dict[str, Any] = {"action": "append", "default": []}
 
 # fmt: off
 RENDER_OPTIONS = (
-    Option(
+    CommandOption(
         "outputs", "-o --output", f"picture to write, format by suffix: {listed(DEVELOPED_SUFFIXES, 'and')} developed,"
         f" {listed(FILM_SUFFIXES, 'and')} linear; may be repeated", Path, "OUT", more=SEVERAL | {"required": True},
     ),
-    Option(
+    CommandOption(
         "raws", "--raw", f"also write a raw file of the scene's sensor, format by suffix: {listed(RAW_SUFFIXES)}; may"
         " be repeated", Path, "OUT", not_with="part", more=LISTED,
     ),
-    Option("spp", "--spp", "samples per pixel, in place of the scene's", spp, "N", key="render.spp"),
-    Option(
+    CommandOption("spp", "--spp", "samples per pixel, in place of the scene's", spp, "N", key="render.spp"),
+    CommandOption(
         "seconds", "--time", "stop after this rendering time, as 60s or 5min", duration, "TIME",
         not_with="part cluster",
     ),
-    Option(
+    CommandOption(
         "noise", "--noise", "sample each tile of 8 x 8 pixels until its relative standard error is X, as 0.02 or 2%%",
         share, "X", not_with="part cluster", key="render.noise",
     ),
-    Option(
+    CommandOption(
         "resume", "--resume", "continue from OUT.rpck, which an interrupted render leaves, and keep it, so that samples"
         " can be added",
     ),
-    Option(
+    CommandOption(
         "allow_mixed", "--allow-mixed", "join what other code, another numpy or another driver has made, too, and name"
         " all in the metadata",
     ),
-    Option("seed", "--seed", "seed of the random numbers", seed, "N", key="render.seed"),
-    Option("size", "--size", "resolution in pixels", size, "WxH", key="film.resolution"),
-    Option(
+    CommandOption("seed", "--seed", "seed of the random numbers", seed, "N", key="render.seed"),
+    CommandOption("size", "--size", "resolution in pixels", size, "WxH", key="film.resolution"),
+    CommandOption(
         "crop", "--crop", "render only this window, in fractions of the picture from the left and the top", crop,
         "x0,x1,y0,y1", key="film.crop",
     ),
-    Option(
+    CommandOption(
         "layers", "--layers", f"record these auxiliary layers in {listed(LAYER_SUFFIXES, 'and')} outputs, as"
         " depth,normal; all for every one but lights", layers, "NAME,...", key="render.layers",
     ),
-    Option(
+    CommandOption(
         "denoise", "--denoise", "remove the remaining noise (biased); needs rptcam_cl[denoise]",
         not_with="part cluster",
     ),
-    Option(
+    CommandOption(
         "device", "--device", "an index as 0:0, a part of a name, cpu, gpu, auto or all (default: $RPTCAM_DEVICE,"
         " $PYOPENCL_CTX, auto); may be repeated for several devices that share the render", str, "SPEC", more=SEVERAL,
     ),
-    Option(
+    CommandOption(
         "split", "--split", "share of each device, as 0:0=0.7,1:0=0.3 (default: by speed, which is measured)", str,
         "SPEC=SHARE,...", not_with="cluster",
     ),
-    Option(
+    CommandOption(
         "overrides", "--set", "replace a value of the scene file, as camera.f_number=4; may be repeated", str,
         "key.path=value", more=LISTED,
     ),
-    Option(
+    CommandOption(
         "missing", "--missing", "files that are not there: an error that names them all (default), or grey in place of"
         " pictures, and meshes left out, each with a warning", str,
         more={"choices": ("error", "grey"), "default": "error"},
     ),
-    Option(
+    CommandOption(
         "part", "--part", "render part K of N parts of the tiles, to be merged; -o names a file that ends in .rpck",
         part, "K/N", not_with="frames cluster truth",
     ),
-    Option(
+    CommandOption(
         "samples", "--samples", "render these samples of each pixel alone, as 64:128, likewise", sample_range,
         "FIRST:END", not_with="frames cluster truth",
     ),
-    Option(
+    CommandOption(
         "plan", "--plan", "print the memory, the kernel launches and the time that the render will take, and render"
         " nothing", not_with="frames cluster",
     ),
-    Option(
+    CommandOption(
         "truth", "--truth", "also write COCO annotations, masks of instances and classes, and the rays of all pixels"
         " into this folder", Path, "DIR",
     ),
-    Option(
+    CommandOption(
         "frames", "--frames", "render these frames of the scene's sequence, as 1-240 or 1-240:2; #### in names of files"
         " is the frame; with --resume, frames that are there are kept", frame_range, "FIRST-LAST[:STEP]",
         not_with="truth",
     ),
-    Option(
+    CommandOption(
         "video", "--video", "with --frames and a film among the outputs (.exr, .npz): also a video, .mov (ProRes), .mkv"
         " (FFV1), .mp4 (H.264) or .webm (AV1); needs rptcam_cl[video]", Path, "OUT",
     ),
-    Option(
+    CommandOption(
         "cluster", "--cluster", "render on the workers of this scheduler of dask.distributed, as tls://host:8786", str,
         "ADDRESS", not_with="truth",
     ),
-    Option(
+    CommandOption(
         "workers", "--workers", "render in N processes of this machine, likewise", int, "N", not_with="truth"
     ),
-    Option(
+    CommandOption(
         "tls", "--tls", "certificate files (PEM) for an address tls://…: authority, certificate, key; none: take tcp://"
         " on a machine where all users are trusted", str, "CA,CERT,KEY",
     ),
-    Option(
+    CommandOption(
         "stats", "--stats", "write statistics of the render", Path, "FILE.json", not_with="part frames cluster"
     ),
-    Option(
+    CommandOption(
         "strict", "--strict", "fail, with exit code 5, when numbers cannot be trusted or autofocus failed; the picture"
         " is still written", not_with="cluster",
     ),
-    Option("quiet", "--quiet", "print only warnings and errors"),
-    Option(
+    CommandOption("quiet", "--quiet", "print only warnings and errors"),
+    CommandOption(
         "preview", "--preview", "write the picture so far to the outputs now and then, as every 10s", duration, "TIME",
         not_with="part frames cluster",
     ),
-    Option(
+    CommandOption(
         "watch", "--watch", "render again whenever the scene file or a file that it names changes, until Ctrl-C",
         not_with="part frames cluster",
     ),
@@ -356,7 +357,7 @@ OF_A_CLUSTER = tuple(
 """Keywords that replace keys of a scene that a cluster renders."""
 
 
-def excluded_by(mode: str) -> list[Option]:
+def excluded_by(mode: str) -> list[CommandOption]:
     """The options that do not go with a mode of `NOT_WITH`."""
     return [option for option in RENDER_OPTIONS if mode in option.not_with.split()]
 
@@ -456,7 +457,7 @@ class RenderOptions:
     part: str | None = None
     samples: tuple[int, int] | None = None
     neighbours: tuple[SceneSource | None, SceneSource | None] | None = None
-    on_progress: Callable[[progressive.Progress], Any] | None = None
+    on_progress: Callable[[Progress], Any] | None = None
     should_stop: Callable[[], bool] | None = None
 
     def __post_init__(self) -> None:
@@ -471,7 +472,7 @@ class RenderOptions:
             raise InputError("spp: does not go with samples, which say where they end (allowed: one of the two)")
 
     @property
-    def film_part(self) -> several.FilmPart:
+    def film_part(self) -> FilmPart:
         """The tiles and samples that are rendered.
 
         Raises

@@ -20,14 +20,19 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError, out_of_range
 from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session, open_sessions
-from rptcam_cl.imaging import development, sensor
+from rptcam_cl.imaging.development import denoise
 from rptcam_cl.imaging.image import Image
-from rptcam_cl.rendering import account, ghosts, passes, scene_buffers, tracer
+from rptcam_cl.imaging.sensor import check_sensor
+from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.film import FilmLayout, group_pictures
+from rptcam_cl.rendering.ghosts import Ghosting, sketch_of_ghosts
 from rptcam_cl.rendering.layers import object_at
+from rptcam_cl.rendering.passes import Denoiser
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.progressive import FilmRun, rendering_of
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.load import SceneSource
 from rptcam_cl.scene.scene import Scene
@@ -187,8 +192,8 @@ class RenderSession:
         self._queue, self._queue_of_guides = QueueLimit(), QueueLimit()
         self._generation = 0
         self._run: FilmRun | None = None
-        self._of_film: tuple[Plan, scene_buffers.SceneBuffers] | None = None
-        self._ghosting: ghosts.Ghosting | None = None  # of the film
+        self._of_film: tuple[Plan, SceneBuffers] | None = None
+        self._ghosting: Ghosting | None = None  # of the film
         self._noise: float | None = None  # of the film
         self._noise_spp = 1  # at which it was estimated
         self._waiting: compiling.SceneState | None = None
@@ -196,7 +201,7 @@ class RenderSession:
         # Of the picture that was denoised last, after what that is
         self._guides: tuple[Any, FilmRun, tuple[float, float]] | None = None
         self._sketch: tuple[Any, NDArray[np.float32]] | None = None  # of ghosts, after what it is of
-        self._denoiser: tuple[tuple[int, int], passes.Denoiser] | None = None  # of the size that was denoised last
+        self._denoiser: tuple[tuple[int, int], Denoiser] | None = None  # of the size that was denoised last
         self._shown = self._compiler.first(given)
         self._reading = self._shown.resolved.metered_cd_m2  # of the exposure meter, for glances
         self._compiler.compile_fast(self._shown)
@@ -225,7 +230,7 @@ class RenderSession:
     @property
     def resolution(self) -> tuple[int, int]:
         """Width and height of the frames [pixels]."""
-        _, _, width, height = account.window(self._shown.scene)
+        _, _, width, height = window(self._shown.scene)
         return width, height
 
     @property
@@ -395,10 +400,7 @@ class RenderSession:
         if self._sketch is None or self._sketch[0] != key:
             plan = compiling.plan_smaller_film(state, frame.scale, self._reading)[0]
             buffers, (height, width) = self._compiler.pool.upload(plan), frame.pixels.shape[:2]
-            self._sketch = (
-                key,
-                ghosts.sketch_of_ghosts(state.resolved.ghosts, plan, buffers, self._device, (height, width)),
-            )
+            self._sketch = key, sketch_of_ghosts(state.resolved.ghosts, plan, buffers, self._device, (height, width))
         return self._sketch[1]
 
     def denoised(self, frame: Frame) -> NDArray[np.float32] | None:
@@ -416,8 +418,8 @@ class RenderSession:
         self._add_guides(run, min(frame.spp, compiling.MOST_GUIDES))
         if self._denoiser is None or self._denoiser[0] != (width, height):
             self._denoiser = None  # its memory is free before
-            self._denoiser = (width, height), passes.Denoiser(self._device, width, height)
-        assert isinstance(run.wavefront, tracer.Wavefront) and run.wavefront.layer_pass is not None, "it has `GUIDES`"
+            self._denoiser = (width, height), Denoiser(self._device, width, height)
+        assert isinstance(run.wavefront, Wavefront) and run.wavefront.layer_pass is not None, "it has `GUIDES`"
         return self._denoiser[1].clean(frame.pixels, run.wavefront.layer_pass, run.done, blur)
 
     def denoised_later(self, frame: Frame) -> Callable[[], NDArray[np.float32]]:
@@ -426,13 +428,13 @@ class RenderSession:
         That may be called in any thread; it takes a second, and raises an InputError where the package is missing.
         """
         wavefront = self._guides_of(self._shown, 1.0)[0].wavefront
-        assert isinstance(wavefront, tracer.Wavefront) and wavefront.layer_pass is not None, "it has `GUIDES`"
+        assert isinstance(wavefront, Wavefront) and wavefront.layer_pass is not None, "it has `GUIDES`"
         layers = wavefront.layer_pass
         planes, quality = layers.planes(), "fast" if frame.spp < FEW_SAMPLES else "high"
 
         def clean() -> NDArray[np.float32]:
             arrays = layers.arrays(planes)
-            return development.denoise(frame.pixels, arrays["albedo"], arrays["normal"], quality)[0]
+            return denoise(frame.pixels, arrays["albedo"], arrays["normal"], quality)[0]
 
         return clean
 
@@ -540,7 +542,7 @@ class RenderSession:
 
     def _scene_with(self, changes: Mapping[str, Any]) -> Scene:
         scene = set_keys(self.scene, changes)
-        sensor.check_sensor(scene, *account.window(scene)[2:])
+        check_sensor(scene, *window(scene)[2:])
         return scene
 
     def _take_over(self, scene: Scene, *, focus_anew: bool, wait: bool, anyway: bool = False) -> Change:
@@ -617,7 +619,7 @@ class RenderSession:
             self._run = FilmRun(wavefront, scene.render.noise)
         return self._run
 
-    def _film_plan(self) -> tuple[Plan, scene_buffers.SceneBuffers]:
+    def _film_plan(self) -> tuple[Plan, SceneBuffers]:
         """Return the plan of the film of what is shown, and its arrays."""
         if self._of_film is None:
             if not self._shown.is_final:

@@ -28,7 +28,7 @@ from rptcam_cl.core.files import make_folder, name_errors, replacing, resolve_li
 from rptcam_cl.core.remember import UNKNOWN, Memory, OneMaker, made_by
 from rptcam_cl.core.strict_yaml import KeyPath, dotted, read_yaml
 from rptcam_cl.device.session import Wanted, open_sessions
-from rptcam_cl.exchange.camera_models import COEFFICIENTS, View, calibrate, calibrate_best, view
+from rptcam_cl.exchange.camera_models import COEFFICIENTS, CameraView, calibrate, calibrate_best, view
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import LABELS, MOST_INSTANCES, TRUTH_FILES, categories_of, with_classes
 from rptcam_cl.scene.changes import change_scene, set_keys
@@ -868,7 +868,7 @@ class _Cameras:
         known = {name: image.metadata[name] for name in ("lens", "f_number") if name in image.metadata}
         return seen.facts() | known | ({} if self._model == "none" else self._fit(seen))
 
-    def _fit(self, seen: View) -> dict[str, Any]:
+    def _fit(self, seen: CameraView) -> dict[str, Any]:
         optics, stop = _content(seen)
         known: dict[str, Any] | None = self._known.find(optics + stop)
         if known is None and seen.is_of_any_stop:
@@ -890,7 +890,7 @@ class _Cameras:
         return known
 
 
-def _content(seen: View) -> tuple[str, str]:
+def _content(seen: CameraView) -> tuple[str, str]:
     """Keys of the optics that a camera model is fitted to, and of the stop."""
     optics = seen.scene.camera.model_dump(mode="json", exclude=POSE)
     stop = [optics.pop(key, None) for key in STOP]

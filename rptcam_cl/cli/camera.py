@@ -13,14 +13,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.api.options import SEVERAL, Option, add_options, crop, duration, frame_range, share, size
+from rptcam_cl.api.options import SEVERAL, CommandOption, add_options, crop, duration, frame_range, share, size
 from rptcam_cl.cli import output
 from rptcam_cl.cli.lens_options import check_picture, distances, numbers, wavelengths, write, write_picture
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import listed
 
 if TYPE_CHECKING:
-    from rptcam_cl.exchange.camera_models import Calibration, View
+    from rptcam_cl.exchange.camera_models import Calibration, CameraView
     from rptcam_cl.scene.scene import Scene
     from rptcam_cl.studies.focus.probe import FocusReport
     from rptcam_cl.studies.tradeoff import TradeoffReport
@@ -58,7 +58,9 @@ def _add_maps(parser: argparse.ArgumentParser) -> None:
     maps.add_argument("--wavelengths", type=wavelengths, metavar="W,W,…", help="in nanometres (default: the camera's)")
 
 
-def _maps_to_write(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:
+def _maps_to_write(
+    arguments: argparse.Namespace, seen: "CameraView"
+) -> Iterator[tuple[Path, Callable[[Path], object]]]:
     """Yield files and what writes them, each map having been made."""
     from rptcam_cl.exchange.camera_maps import (
         coc_exr,
@@ -148,7 +150,7 @@ def _check_apart(arguments: argparse.Namespace) -> None:
             raise InputError(f"{option}: {path} is the output of {first} too (allowed: a name of its own)")
 
 
-def write_files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> None:
+def write_files(arguments: argparse.Namespace, seen: "CameraView", chosen: "Calibration") -> None:
     """Write what is requested, all or nothing."""
     files, folder = list(_files(arguments, seen, chosen)), arguments.colmap
     is_new = folder is not None and not folder.is_dir()
@@ -168,7 +170,7 @@ def write_files(arguments: argparse.Namespace, seen: "View", chosen: "Calibratio
         print(f"wrote {folder}", file=sys.stderr)
 
 
-def _files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> Iterator["File"]:
+def _files(arguments: argparse.Namespace, seen: "CameraView", chosen: "Calibration") -> Iterator["File"]:
     from rptcam_cl.exchange import camera_files, camera_maps
     from rptcam_cl.optics.charts import encode
 
@@ -285,7 +287,7 @@ def run_camera(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _choose_model(arguments: argparse.Namespace, seen: "View") -> "Calibration":
+def _choose_model(arguments: argparse.Namespace, seen: "CameraView") -> "Calibration":
     """The requested model, or the simplest that fits and that all files to be written can hold."""
     from rptcam_cl.exchange.camera_files import HELD, check_held
     from rptcam_cl.exchange.camera_models import COEFFICIENTS, GOOD_PX, calibrate, calibrate_best
@@ -315,7 +317,7 @@ def _choose_model(arguments: argparse.Namespace, seen: "View") -> "Calibration":
     return calibration
 
 
-def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> None:
+def _report(arguments: argparse.Namespace, seen: "CameraView", chosen: "Calibration") -> None:
     from rptcam_cl.exchange import camera_files, camera_models
 
     if not arguments.json:
@@ -355,34 +357,34 @@ def _word_of(names_of: str) -> Callable[[str], str]:
 
 # fmt: off
 _PLACES = (
-    Option(
+    CommandOption(
         "zones", "--zone", "rectangle to focus on, in fractions of the picture from the left and the top; may be"
         " repeated", crop, "x0,x1,y0,y1", more=SEVERAL,
     ),
-    Option("zones_file", "--zones", "file with a line xleft xright ytop ybottom each", Path, "FILE"),
-    Option("mask", "--mask", "picture that is bright where to focus", Path, "FILE"),
-    Option("point", "--point", "point to focus on, in the same fractions", output.point, "x,y"),
-    Option("object", "--object", "object to focus on, wherever it is seen", str, "NAME"),
-    Option(
+    CommandOption("zones_file", "--zones", "file with a line xleft xright ytop ybottom each", Path, "FILE"),
+    CommandOption("mask", "--mask", "picture that is bright where to focus", Path, "FILE"),
+    CommandOption("point", "--point", "point to focus on, in the same fractions", output.point, "x,y"),
+    CommandOption("object", "--object", "object to focus on, wherever it is seen", str, "NAME"),
+    CommandOption(
         "at", "--at", "point of the scene to focus on; with --object in that object's own coordinates, as an eye of a"
         " face", place, "x,y,z",
     ),
 )
 FOCUS_OPTIONS = (
-    Option(
+    CommandOption(
         "method", "--method", "contrast, laplacian, variance, depth, phase or hybrid (default: the scene's, or"
         " contrast)", _word_of("METHODS"), "NAME",
     ),
     *_PLACES,
-    Option(
+    CommandOption(
         "policy", "--policy", "which of several zones decides: closest (default), farthest, centre or weighted",
         _word_of("POLICIES"), "NAME",
     ),
-    Option(
+    CommandOption(
         "criterion", "--criterion", "what depth and phase call sharpest: spot (default), pixel, or mtf@30 with line"
         " pairs per mm of the film", str, "NAME",
     ),
-    Option(
+    CommandOption(
         "sensor", "--sensor", "probe with the noise and the white of the scene's sensor, in the exposure of the"
         " picture", more={"action": "store_const", "const": True},
     ),

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.camera_models import BY_ANGLE, FAR_M, Calibration, View
+from rptcam_cl.exchange.camera_models import BY_ANGLE, FAR_M, Calibration, CameraView
 from rptcam_cl.optics.files.export import lens_text
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import passing
@@ -179,7 +179,7 @@ shader camera(
 """
 
 
-def osl_text(view: View) -> str:
+def osl_text(view: CameraView) -> str:
     """Return the shader of a scene's camera.
 
     Raises
@@ -263,7 +263,7 @@ def _check(lens: Lens) -> None:
         )
 
 
-def _disk(view: View, setting: LensSetting) -> tuple[float, float]:
+def _disk(view: CameraView, setting: LensSetting) -> tuple[float, float]:
     """Return z and radius [mm] of a disk on the plane of the exit pupil that all light to the picture passes.
 
     By rays in float64, in the frame of the lens.
@@ -335,7 +335,7 @@ _CM_PER_M = 100.0
 _NEAREST_CM, _FARTHEST_CM = 0.1, 1e6  # what is drawn at most: from 1 mm to 10 km
 
 
-def usd_text(view: View, calibration: Calibration) -> str:
+def usd_text(view: CameraView, calibration: Calibration) -> str:
     """Return the layer, as USDA text; a scene can refer to its default prim.
 
     Raises
@@ -381,7 +381,7 @@ def usd_text(view: View, calibration: Calibration) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _opening(view: View) -> tuple[float, float]:
+def _opening(view: CameraView) -> tuple[float, float]:
     """Return the diameter of the entrance pupil [mm] and the distance from it to the plane of focus [m]."""
     if view.setting is None:
         return view.pupil.diameter_mm, view.scene.camera.distance_in_focus(1.0) or math.inf
@@ -389,7 +389,7 @@ def _opening(view: View) -> tuple[float, float]:
     return view.pupil.diameter_mm, math.inf if focus_mm is None else (focus_mm - view.pupil_ahead_mm) * 1e-3
 
 
-def _pose_rows(view: View) -> list[list[float]]:
+def _pose_rows(view: CameraView) -> list[list[float]]:
     """Return the pose as USD has it: by rows right, up, back and the place [cm]."""
     pose = view.pose()
     pose[:3, 1:3] *= -1.0
@@ -398,7 +398,7 @@ def _pose_rows(view: View) -> list[list[float]]:
     return rows
 
 
-def _custom_data(view: View, calibration: Calibration) -> list[str]:
+def _custom_data(view: CameraView, calibration: Calibration) -> list[str]:
     """Return the lines of the custom data: the camera model, and the lens with where its film stands."""
     facts = view.facts()
     model = {"model": calibration.model, **calibration.named}
@@ -471,12 +471,12 @@ def check_held(form: str, model: str) -> None:
         raise InputError(f"--{form}: such a file cannot say {model} (allowed: {', '.join(HELD[form])})")
 
 
-def _opencv_matrix(view: View, calibration: Calibration) -> list[float]:
+def _opencv_matrix(view: CameraView, calibration: Calibration) -> list[float]:
     fx, fy, cx, cy = calibration.parameters[:4].tolist()
     return [fx, 0.0, cx - _PIXEL_CENTRE, 0.0, fy, cy - _PIXEL_CENTRE, 0.0, 0.0, 1.0]
 
 
-def _about(view: View, calibration: Calibration) -> str:
+def _about(view: CameraView, calibration: Calibration) -> str:
     return (
         f"{view.name}: {calibration.model}, errs by {calibration.max_px:.3g} px at most,"
         f" rms {calibration.rms_px:.3g} px, {object_text(view)}; pose at the entrance pupil,"
@@ -484,7 +484,7 @@ def _about(view: View, calibration: Calibration) -> str:
     )
 
 
-def object_text(view: View) -> str:
+def object_text(view: CameraView) -> str:
     """The distance that a view's models are fitted at; at others they err by the drift of the pupil."""
     shape = view.object_shape
     if shape is None:
@@ -492,7 +492,7 @@ def object_text(view: View) -> str:
     return f"for a {shape} {view.distance_m:.6g} m from the entrance pupil"
 
 
-def opencv_text(view: View, calibration: Calibration) -> str:
+def opencv_text(view: CameraView, calibration: Calibration) -> str:
     """Return the file for OpenCV's FileStorage; `fisheye_model: 1` is for its module fisheye."""
     coefficients = calibration.coefficients or [0.0] * 5
     pose = np.asarray(np.linalg.inv(view.pose()))
@@ -519,7 +519,7 @@ def opencv_text(view: View, calibration: Calibration) -> str:
     return "\n".join(lines) + "\n"
 
 
-def ros_text(view: View, calibration: Calibration) -> str:
+def ros_text(view: CameraView, calibration: Calibration) -> str:
     """Return the file of `camera_info` of ROS; its frame is the optical one at the entrance pupil."""
     matrix = _opencv_matrix(view, calibration)
     coefficients = calibration.coefficients or [0.0] * 5
@@ -542,7 +542,7 @@ def ros_text(view: View, calibration: Calibration) -> str:
     return "\n".join(lines) + "\n"
 
 
-def colmap_texts(view: View, calibration: Calibration, picture: str) -> dict[str, str]:
+def colmap_texts(view: CameraView, calibration: Calibration, picture: str) -> dict[str, str]:
     """Return the text files of a COLMAP model with one camera, one picture of a name, and no points."""
     coefficients = calibration.coefficients
     if calibration.model == "brown_conrady":
@@ -560,7 +560,7 @@ def colmap_texts(view: View, calibration: Calibration, picture: str) -> dict[str
     }
 
 
-def openlensio_text(view: View, calibration: Calibration) -> str:
+def openlensio_text(view: CameraView, calibration: Calibration) -> str:
     """Return a sample of OpenTrackIO, whose lens is by the model of OpenLensIO 1.0 (2025): coefficients per millimetre.
 
     Radial coefficients alternate between numerator and denominator (its equation 17), and the offset of the distortion
@@ -599,7 +599,7 @@ def openlensio_text(view: View, calibration: Calibration) -> str:
     return json.dumps(sample, indent=2, ensure_ascii=False) + "\n"
 
 
-def _openlensio_lens(view: View, calibration: Calibration, pixel_mm: list[float]) -> dict[str, Any]:
+def _openlensio_lens(view: CameraView, calibration: Calibration, pixel_mm: list[float]) -> dict[str, Any]:
     """Return the lens of `openlensio_text`: focal length, offsets and distortion."""
     focal = [value * mm for value, mm in zip(calibration.parameters[:2].tolist(), pixel_mm, strict=True)]
     if abs(focal[0] - focal[1]) > _SAME_FOCUS * focal[0]:
@@ -630,7 +630,7 @@ def _openlensio_lens(view: View, calibration: Calibration, pixel_mm: list[float]
     }
 
 
-def _transform(view: View) -> dict[str, Any]:
+def _transform(view: CameraView) -> dict[str, Any]:
     """Return the pose of the film's plane: z up, the camera ahead along y; pan, tilt and roll [degrees]."""
     pose = view.pose()
     swap = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -647,7 +647,7 @@ def _transform(view: View) -> dict[str, Any]:
     }
 
 
-def document(view: View, calibrations: Sequence[Calibration], refused: dict[str, str]) -> dict[str, Any]:
+def document(view: CameraView, calibrations: Sequence[Calibration], refused: dict[str, str]) -> dict[str, Any]:
     """Return everything for JSON: the camera, and each model with its residual, or why it does not fit."""
     facts, drift = view.facts(), view.drift_by_angle()
     if drift is not None:
@@ -669,7 +669,7 @@ def document(view: View, calibrations: Sequence[Calibration], refused: dict[str,
     }
 
 
-WRITTEN: dict[str, Callable[[View, Calibration], str]] = {
+WRITTEN: dict[str, Callable[[CameraView, Calibration], str]] = {
     "opencv": opencv_text,
     "ros": ros_text,
     "openlensio": openlensio_text,

@@ -16,7 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.camera_models import BY_ANGLE, Calibration, View, check_distances, distance_along, normal_points
+from rptcam_cl.exchange.camera_models import (
+    BY_ANGLE,
+    Calibration,
+    CameraView,
+    check_distances,
+    distance_along,
+    normal_points,
+)
 from rptcam_cl.optics.beams import Beam, film_chief_rays, is_steep, passing_beam, passing_from, takes_steep_light
 from rptcam_cl.optics.charts import new_figure, styled
 from rptcam_cl.optics.irradiance import film_irradiance
@@ -135,7 +142,7 @@ class SmoothMap:
         return places, known
 
 
-def smooth_map(view: View) -> SmoothMap:
+def smooth_map(view: CameraView) -> SmoothMap:
     """Return the smooth map of a view.
 
     Raises
@@ -168,7 +175,7 @@ def smooth_map(view: View) -> SmoothMap:
     return best
 
 
-def _samples(view: View, low: Array, high: Array, counts: tuple[int, int]) -> tuple[Array, Array]:
+def _samples(view: CameraView, low: Array, high: Array, counts: tuple[int, int]) -> tuple[Array, Array]:
     """Return places with light, denser towards the edges, and their angles."""
     x, y = (low[k] + (high[k] - low[k]) * (1 - np.cos(np.linspace(0, np.pi, counts[k]))) / 2 for k in (0, 1))
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -220,7 +227,7 @@ class StMaps:
     error_px: float
 
 
-def st_maps(view: View) -> StMaps:
+def st_maps(view: CameraView) -> StMaps:
     """Return the maps of a view.
 
     Raises
@@ -280,7 +287,7 @@ def _tangents(smooth: SmoothMap, places: Array) -> tuple[Array, Mask]:
     return np.asarray(angles * scale[:, None]), near
 
 
-def _principal(view: View) -> tuple[Array, Array]:
+def _principal(view: CameraView) -> tuple[Array, Array]:
     """Return the focal lengths of the straight picture, those of the lens on its axis, and where the axis lies."""
     near = view.film_points(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))[:, :2]
     centre = np.linalg.solve((near[1:] - near[0]).T, -near[0])
@@ -314,7 +321,7 @@ _LIT = 0.02  # of the light on the axis: in the dark beyond, a shaped stop is no
 NODES = (17, 13)  # across and down, where lenses that are not round are measured, and shaped stops
 
 
-def vignetting_map(view: View) -> Pixels:
+def vignetting_map(view: CameraView) -> Pixels:
     """Return the irradiance of each pixel under a uniform world, over that of a pixel on the axis (rows, columns).
 
     By quadrature over the pupil, for the camera's wavelength.
@@ -359,7 +366,7 @@ def vignetting_map(view: View) -> Pixels:
     return np.asarray(falloff * between(_over_plane(view, share), view.size) / centre, np.float32)
 
 
-def _over_plane(view: View, value: Callable[[float, float], float]) -> Array:
+def _over_plane(view: CameraView, value: Callable[[float, float], float]) -> Array:
     """Return values of radius and azimuth at nodes spread evenly over the picture, closer nodes where they bend."""
     known: dict[tuple[float, float], float] = {}
 
@@ -412,7 +419,7 @@ def _along_radius(light: Callable[[Array], Array], farthest: float) -> tuple[Arr
     return radii, values
 
 
-def _ideal_falloff(view: View) -> Pixels:
+def _ideal_falloff(view: CameraView) -> Pixels:
     """Return 1 everywhere, or of a thick lens the fourth power of the cosine on the film."""
     shape, setting = view.size[::-1], view.setting
     if setting is None:
@@ -423,7 +430,7 @@ def _ideal_falloff(view: View) -> Pixels:
     return np.asarray(((1.0 + slope) ** -2).reshape(shape), np.float32)
 
 
-def coc_map(view: View, distances_m: Sequence[float]) -> Pixels:
+def coc_map(view: CameraView, distances_m: Sequence[float]) -> Pixels:
     """Return the diameter of the circle of confusion in each pixel [pixels], (distances, rows, columns).
 
     As the layer `coc` has it, of points at distances along the ray from the front of the camera, infinite for far away.
@@ -496,7 +503,7 @@ class PointImages:
 
 
 def point_images(
-    view: View,
+    view: CameraView,
     grid: tuple[int, int] = (5, 3),
     wavelengths_nm: Sequence[float] = (),
     distances_m: Sequence[float] = (),
@@ -559,7 +566,7 @@ def _kernel(off: Array, weights: Array, side: int) -> tuple[NDArray[np.float32],
 class _Sources:
     """Points of the scene on the chief rays of places of a picture."""
 
-    def __init__(self, view: View, places: Array) -> None:
+    def __init__(self, view: CameraView, places: Array) -> None:
         assert view.setting is not None
         self.view, self.frame = view, film_frame(view.scene.camera)
         self.lens = ideal.shaped(view.scene, view.setting).lens
@@ -633,7 +640,7 @@ class _Sources:
 # Maps of a lens as files: float32 OpenEXR pictures and NumPy archives, with what they are in their headers.
 
 
-def st_exr(view: View, maps: StMaps, which: Literal["distort", "undistort"], path: Path) -> None:
+def st_exr(view: CameraView, maps: StMaps, which: Literal["distort", "undistort"], path: Path) -> None:
     """Write one of the ST maps: channels R and G are u and v, B is 1 where they hold."""
     (fx, fy), (cx, cy) = maps.focal_px, maps.centre_px
     numbers = {
@@ -644,12 +651,12 @@ def st_exr(view: View, maps: StMaps, which: Literal["distort", "undistort"], pat
     write_exr({"RGB": maps.distort if which == "distort" else maps.undistort}, path, header)
 
 
-def vignetting_exr(view: View, values: Pixels, path: Path) -> None:
+def vignetting_exr(view: CameraView, values: Pixels, path: Path) -> None:
     """Write a vignetting map: channel Y is the light of a pixel over that on the axis."""
     write_exr({"Y": values}, path, {"lens": view.name, "map": "vignetting"})
 
 
-def coc_exr(view: View, values: Pixels, distances_m: Sequence[float], path: Path) -> None:
+def coc_exr(view: CameraView, values: Pixels, distances_m: Sequence[float], path: Path) -> None:
     """Write circles of confusion [pixels], a channel `coc.K` for each distance; the header has null for far away."""
     channels = {f"coc.{k}": plane for k, plane in enumerate(values)}
     away = [distance if math.isfinite(distance) else None for distance in distances_m]  # JSON has no infinity
@@ -674,7 +681,7 @@ _EVERY = 3  # cells between arrows
 
 
 @styled()
-def residual_chart(view: View, calibration: Calibration) -> Figure:
+def residual_chart(view: CameraView, calibration: Calibration) -> Figure:
     """Return the errors of a camera model over the picture: their size as a map, and arrows along them."""
     columns, rows = view.size
     figure = new_figure(

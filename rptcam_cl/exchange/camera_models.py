@@ -63,7 +63,7 @@ _STEEP = math.cos(math.radians(75.0))  # of a direction from the axis, beyond wh
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class CameraView:
     """What the picture of a camera shows where.
 
     Attributes
@@ -289,7 +289,7 @@ def check_distances(distances_m: Sequence[float], name: str = "distances_m") -> 
 
 def view(
     scene: Scene, distance_m: float | None = None, shape: str | None = None, camera: CameraModel | None = None
-) -> View:
+) -> CameraView:
     """Return the view of a scene's camera when the shutter opens.
 
     Parameters
@@ -314,7 +314,7 @@ def view(
     scene = changes.at_opening(scene if scene.requested_autofocus is not None else on_film(scene))
     if scene.requested_autofocus is not None:
         raise InputError("camera.focus.auto: the focus is yet to be found (write a scene with it by rptcam settle)")
-    view = View(scene, shape=shape)
+    view = CameraView(scene, shape=shape)
     if camera is not None and camera.setting is not None and camera.pupil is not None:
         view.__dict__.update(setting=camera.setting, pupil=camera.pupil)
     if not math.isfinite(view.pupil_ahead_mm):
@@ -639,7 +639,7 @@ class _Samples:
     middle: Array | None = None
 
 
-def calibrate(view: View, model: str) -> Calibration:
+def calibrate(view: CameraView, model: str) -> Calibration:
     """Return a camera model fitted to a view.
 
     Raises
@@ -685,7 +685,7 @@ def _mirror_errors(errors: Array, count: int, axis: int) -> Array:
 GOOD_PX = 0.05  # residual at which the search for the simplest model ends, where no other is given
 
 
-def calibrate_best(view: View, models: Sequence[str], allowed_px: float = GOOD_PX) -> Calibration:
+def calibrate_best(view: CameraView, models: Sequence[str], allowed_px: float = GOOD_PX) -> Calibration:
     """Return the first model that errs by at most some pixels, or the best of those that fit at all."""
     fits: list[Calibration] = []
     refused: InputError | None = None
@@ -704,7 +704,7 @@ def calibrate_best(view: View, models: Sequence[str], allowed_px: float = GOOD_P
 
 
 @lru_cache(maxsize=8)
-def _samples(view: View) -> tuple[_Samples, _Samples, Mask, float]:
+def _samples(view: CameraView) -> tuple[_Samples, _Samples, Mask, float]:
     """Find the places that a fit goes by, and those that its residual is measured at.
 
     Returns

@@ -54,11 +54,12 @@ Array = NDArray[np.float64]
 EPS = 2.0**-24  # half a unit in the last place of float32 at 1
 RADII = tuple(sign * 10.0**power for power in range(10) for sign in (-1, 1))  # [mm]; planes besides
 LENSES = ("dgauss-50mm", "wide-22mm", "fisheye-10mm", "telephoto-250mm", "asphere-1.4mm", "anamorphic-100mm")
+SURFACE_RAYS = 200
 STEPS = np.array([-1e-1, -1e-2, -1e-3, -1e-4, 1e-4, 1e-3, 1e-2, 1e-1])  # about the critical angle [radians]
 
 
 def surface_errors(
-    session: Session, radius_mm: float, index: float, start: str, rng: np.random.Generator, count: int = 200
+    session: Session, radius_mm: float, index: float, start: str, rng: np.random.Generator
 ) -> tuple[float, float, int]:
     """What float32 does wrong for rays that meet a surface of some radius, up to 30 mm, into or out of some index.
 
@@ -76,8 +77,8 @@ def surface_errors(
     sense = 1.0 if start == "scene" else -1.0
     size = min(abs(radius_mm), 30.0)
     lens = Lens(f"{radius_mm:g}", (Surface(1 / radius_mm, 0.0, ConstantIndex(index), 0.9 * size),))
-    directions = np.column_stack([rng.uniform(-0.6, 0.6, (count, 2)), np.full(count, sense)])
-    aims = np.column_stack([rng.uniform(-0.6, 0.6, (count, 2)) * size, np.zeros(count)])
+    directions = np.column_stack([rng.uniform(-0.6, 0.6, (SURFACE_RAYS, 2)), np.full(SURFACE_RAYS, sense)])
+    aims = np.column_stack([rng.uniform(-0.6, 0.6, (SURFACE_RAYS, 2)) * size, np.zeros(SURFACE_RAYS)])
     origins = aims - directions * size
     wanted = lens.trace(origins, directions, start=start)
     got = trace_on_device(lens, session, origins, directions, LINE_D_NM, start, "single")

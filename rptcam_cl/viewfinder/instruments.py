@@ -192,7 +192,7 @@ def zebra_rgba(mask: Mask) -> Rgba:
 
 
 @dataclass(frozen=True)
-class Band:
+class ColourBand:
     """A range of exposures that false colour shows alike.
 
     Attributes
@@ -211,16 +211,16 @@ class Band:
     colour: tuple[int, int, int]
 
 
-FALSE_COLOUR: tuple[Band, ...] = (
-    Band("0", None, -4.5, (24, 8, 44)),
-    Band("I", -4.5, -3.5, (86, 28, 148)),
-    Band("II", -3.5, -2.5, (44, 70, 214)),
-    Band("III", -2.5, -1.5, (28, 146, 204)),
-    Band("IV", -1.5, -0.5, (32, 158, 118)),
-    Band("V", -0.5, 0.5, (138, 138, 138)),
-    Band("VI", 0.5, 1.5, (150, 196, 60)),
-    Band("VII", 1.5, WHITE_EV, (246, 206, 52)),
-    Band("clipped", WHITE_EV, None, (226, 32, 40)),
+FALSE_COLOUR: tuple[ColourBand, ...] = (
+    ColourBand("0", None, -4.5, (24, 8, 44)),
+    ColourBand("I", -4.5, -3.5, (86, 28, 148)),
+    ColourBand("II", -3.5, -2.5, (44, 70, 214)),
+    ColourBand("III", -2.5, -1.5, (28, 146, 204)),
+    ColourBand("IV", -1.5, -0.5, (32, 158, 118)),
+    ColourBand("V", -0.5, 0.5, (138, 138, 138)),
+    ColourBand("VI", 0.5, 1.5, (150, 196, 60)),
+    ColourBand("VII", 1.5, WHITE_EV, (246, 206, 52)),
+    ColourBand("clipped", WHITE_EV, None, (226, 32, 40)),
 )
 """The scale: a stop to a zone, from black to what is white or more."""
 

@@ -47,8 +47,7 @@ class Pace:
     scale.
     """
 
-    def __init__(self, glance_s: float = GLANCE_S, take_s: float = TAKE_S) -> None:
-        self._glance_s, self._take_s = glance_s, take_s
+    def __init__(self) -> None:
         self._index = 1
         self._measured = False
         self._sample_s: float | None = None
@@ -67,8 +66,8 @@ class Pace:
         if self._sample_s is None:
             return 1
         each = max(self._sample_s, 1e-6)
-        worth = max(self._take_s, self._show_s / SHOWN_SHARE) / each
-        most = int(max(LONGEST_S, self._take_s) / each)
+        worth = max(TAKE_S, self._show_s / SHOWN_SHARE) / each
+        most = int(max(LONGEST_S, TAKE_S) / each)
         count = max(1, min(_MOST_SAMPLES, int(max(worth, done / GROWTH)), most))
         if 2 * count < of_wave:
             return count
@@ -84,10 +83,10 @@ class Pace:
         """Note what a glance took; the scale goes down at once where it was too slow, and up where there is room."""
         if scale != self.scale:
             return
-        if seconds > self._glance_s and self._index < len(SCALES) - 1:
-            steps = 1 if seconds <= 4 * self._glance_s else 2
+        if seconds > GLANCE_S and self._index < len(SCALES) - 1:
+            steps = 1 if seconds <= 4 * GLANCE_S else 2
             self._index = min(self._index + steps, len(SCALES) - 1)
-        elif self._index > 0 and seconds * 4 < _HEADROOM * self._glance_s:
+        elif self._index > 0 and seconds * 4 < _HEADROOM * GLANCE_S:
             self._index -= 1
 
     def note_take(self, samples: int, seconds: float) -> None:

@@ -111,7 +111,7 @@ EQUIVALENT = {
     " and s.pose is None]": "a sense is 1 or -1",
     "optics/ray_trace.py: return Hits(hit, to_plane + step, normal, cosine, np.isfinite(step) & (normal[2] > 0)"
     " & (cosine >= 0))": "only rays along the surface itself",
-    'viewfinder/instruments.py: Band("VI", 0.5, 1.5, (150, 196, 61)),': "a shade",
+    'viewfinder/instruments.py: ColourBand("VI", 0.5, 1.5, (150, 196, 61)),': "a shade",
     'viewfinder/delivery.py: "A": 2856, "D50": 5003, "D55": 5503, "D65": 6504, "D75": 7504, "E": 5455, "F2": 4231, '
     '"F7": 6500, "F11": 4000,': "a kelvin",
     'viewfinder/lens_panel.py: {"points": np.round(line, 5).tolist(), "wavelength_nm": round(nm, 2), "colour": '

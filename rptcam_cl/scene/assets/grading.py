@@ -32,7 +32,7 @@ _LARGEST_NUMBER = 1e30
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class TableStage:
     """Curves of the three channels, or a lattice of colours.
 
     Attributes
@@ -88,7 +88,7 @@ class Stage:
 class ColourTable:
     """A table of a `.cube` file: curves, a lattice, or a lattice behind curves."""
 
-    stages: tuple[Stage, ...]
+    stages: tuple[TableStage, ...]
     digest: str
 
     def apply(self, values: Values) -> Values:
@@ -199,7 +199,7 @@ def _read_table(content: bytes, digest: str, name: str) -> ColourTable:
     for key, size in sizes.items():
         low, high = _domain(lines, key)
         own = rows[start : start + counts[key]]
-        stages.append(Stage(low, high, np.ascontiguousarray(own), size, is_lattice=key == "LUT_3D_SIZE"))
+        stages.append(TableStage(low, high, np.ascontiguousarray(own), size, is_lattice=key == "LUT_3D_SIZE"))
         start += counts[key]
     return ColourTable(tuple(stages), digest)
 

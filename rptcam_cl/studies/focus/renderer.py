@@ -265,8 +265,6 @@ class ProbeRenderer:
         Its camera must be one that has a focus.
     session
         The device.
-    state
-        Focus state to begin with; by default that of the scene.
     sensor
         Whether probes are what the scene's sensor makes of the light in four exposures.
 
@@ -282,12 +280,12 @@ class ProbeRenderer:
         What about the exposure of the sensor hides what the brightest probe shows.
     """
 
-    def __init__(self, scene: Scene, session: Session, state: float | None = None, *, sensor: bool = False) -> None:
+    def __init__(self, scene: Scene, session: Session, *, sensor: bool = False) -> None:
         traced = _with_traced_lens(at_opening(scene))
         self.scene = traced if sensor else change_scene(traced, render={"clamp": LIMIT})
         self.session, self._has_sensor = session, sensor
         self.drive = focus_drive(self.scene)
-        self.state = self.drive.start if state is None else state
+        self.state = self.drive.start
         self.samples, self.seconds = 0, 0.0
         self.fault: str | None = None
         self._most_light = 0.0

@@ -24,7 +24,7 @@ from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, NumericError, StateError
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.remember import forget
-from rptcam_cl.exchange.camera_models import View, calibrate_best, project
+from rptcam_cl.exchange.camera_models import CameraView, calibrate_best, project
 from rptcam_cl.imaging.image import read_film
 from tests.support.cases import slow
 
@@ -230,7 +230,7 @@ def test_f_numbers_share_a_camera_model_and_frames_stay_what_they_are_alone(
         "camera_model": "auto",
         "vary": {"camera.f_number": {"uniform": [2.8, 16]}},
     }
-    calls: list[View] = []
+    calls: list[CameraView] = []
     monkeypatch.setattr(
         frames, "calibrate_best", lambda seen, *others: calls.append(seen) or calibrate_best(seen, *others)
     )

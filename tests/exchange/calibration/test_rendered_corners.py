@@ -14,7 +14,7 @@ from scipy.ndimage import map_coordinates
 
 import rptcam_cl
 from rptcam_cl.exchange.camera_maps import vignetting_map
-from rptcam_cl.exchange.camera_models import Calibration, View, calibrate, view
+from rptcam_cl.exchange.camera_models import Calibration, CameraView, calibrate, view
 
 pytestmark = pytest.mark.slow
 
@@ -82,7 +82,7 @@ def projected(cv2: Any, found: Calibration, points: Array) -> Array:
     return np.asarray(at.reshape(-1, 2) + 0.5)
 
 
-def boards_seen(seen: View, image: rptcam_cl.Image) -> list[Array]:
+def boards_seen(seen: CameraView, image: rptcam_cl.Image) -> list[Array]:
     """The corners of each board by rows (rows, columns, 3), x right, y down, z ahead of the entrance pupil [m]."""
     pose = np.linalg.inv(seen.pose())
     return [
@@ -91,7 +91,7 @@ def boards_seen(seen: View, image: rptcam_cl.Image) -> list[Array]:
     ]
 
 
-def even_light(seen: View, image: rptcam_cl.Image) -> Array:
+def even_light(seen: CameraView, image: rptcam_cl.Image) -> Array:
     """The picture without the falloff of the light, which would draw corners to the middle."""
     falloff = vignetting_map(seen).astype(np.float64)
     even = np.where(falloff > 0.02, np.asarray(image)[..., 1] / np.maximum(falloff, 0.02), 0.0)
@@ -128,7 +128,7 @@ def found_in_patches(
     return np.array(places)
 
 
-def inside(seen: View, at: Array, margin: int) -> Array:
+def inside(seen: CameraView, at: Array, margin: int) -> Array:
     """Which places lie well in the picture and have light."""
     clear = ((at > margin) & (at < np.array(seen.size) - margin)).all(axis=1)
     clear[clear] = seen.directions(at[clear])[1]
@@ -176,7 +176,7 @@ def boards_around() -> rptcam_cl.Scene:
     return rptcam_cl.load_scene(scene)
 
 
-def from_drifting_pupil(seen: View, points: Array) -> Array:
+def from_drifting_pupil(seen: CameraView, points: Array) -> Array:
     """Points (n, 3) as the pupil sees them that lies where the chief rays of their angle cross the axis."""
     drift = seen.drift_by_angle()
     assert drift is not None
