@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 from rptcam_cl.api.options import SEVERAL, CommandOption, add_options, crop, duration, frame_range, share, size
 from rptcam_cl.cli import output
 from rptcam_cl.cli.lens_options import check_picture, distances, numbers, wavelengths, write, write_picture
-from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import listed
+from rptcam_cl.core.errors import InputError, StateError, near_name
+from rptcam_cl.core.files import check_writable, known_suffix, listed, replacing
 
 if TYPE_CHECKING:
     from rptcam_cl.exchange.camera_models import Calibration, CameraView
@@ -106,8 +106,6 @@ def _check_camera_files(arguments: argparse.Namespace) -> None:
     ------
     InputError, StateError
     """
-    from rptcam_cl.core.files import check_writable
-
     for name, suffixes in SUFFIXES.items():
         path: Path | None = getattr(arguments, name)
         if path is not None and path.suffix.lower() not in suffixes:
@@ -192,8 +190,6 @@ def _put(data: bytes, path: Path) -> None:
 
 def _write(files: list["File"]) -> None:
     """Write all files beside their places, and then give them their names."""
-    from rptcam_cl.core.files import replacing
-
     with ExitStack() as whole:
         for path, writer in files:
             writer(whole.enter_context(replacing(path)))
@@ -344,7 +340,6 @@ def _word_of(names_of: str) -> Callable[[str], str]:
     """The parser of a word of a list of `scene.lens_settings`, ``METHODS`` or ``POLICIES``."""
 
     def parse(text: str) -> str:
-        from rptcam_cl.core.errors import near_name
         from rptcam_cl.scene import lens_settings
 
         names: tuple[str, ...] = getattr(lens_settings, names_of)
@@ -571,8 +566,6 @@ def run_tradeoff(arguments: argparse.Namespace) -> int:
 
 def _check_tradeoff_files(arguments: argparse.Namespace) -> None:
     """Check, before anything is measured, that all files can be written."""
-    from rptcam_cl.core.files import check_writable, known_suffix
-
     for path, suffix in ((arguments.json, ".json"), (arguments.markdown, ".md")):
         if path is None or (path == PRINTED and suffix == ".json"):
             continue

@@ -16,7 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.api.options import OF_A_CLUSTER, add_options, check_together, digits, number, number_range
+from rptcam_cl.api.options import OF_A_CLUSTER, RenderOptions, add_options, check_together, digits, number, number_range
 from rptcam_cl.cli import output
 from rptcam_cl.core import __version__
 from rptcam_cl.core.errors import InputError, RptcamError
@@ -65,7 +65,6 @@ def _track_frames(
     arguments: argparse.Namespace, scene: "Scene"
 ) -> Callable[[int], tuple["Scene", dict[str, Any]]] | None:
     """A function of a frame with focus and exposure that follow from those before; None where each stands alone."""
-    from rptcam_cl.api.options import RenderOptions
     from rptcam_cl.studies.focus.servo import FrameTracker, needs_tracking
 
     if not needs_tracking(scene):

@@ -11,7 +11,7 @@ from rptcam_cl.api.options import digits, number
 from rptcam_cl.cli import lens_measures, lens_options, output
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import known_suffix
+from rptcam_cl.core.files import check_writable, known_suffix, replacing
 from rptcam_cl.optics.measures import FDC
 
 if TYPE_CHECKING:
@@ -407,7 +407,6 @@ def _add_lens_optimise(commands: output.Commands) -> None:
 
 
 def _run_lens_optimise(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.core.files import check_writable
     from rptcam_cl.device.session import open_sessions
     from rptcam_cl.optics.design import UNITS, read_problem
     from rptcam_cl.optics.files.export import lens_text
@@ -560,7 +559,6 @@ def _scene(given: str, problem: "design.Problem") -> "Scene":
 def _write_pictures(found: "Optimised", scene: "Scene", spec: str, arguments: argparse.Namespace) -> None:
     """Render the scene through the lens before, after, and as built, each a file, and all on one sheet."""
     from rptcam_cl.api.job import render
-    from rptcam_cl.core.files import replacing
     from rptcam_cl.core.strict_yaml import read_yaml
     from rptcam_cl.optics.files.export import lens_text
     from rptcam_cl.scene.changes import set_keys

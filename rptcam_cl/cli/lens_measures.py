@@ -14,6 +14,7 @@ from rptcam_cl.cli import lens_options
 from rptcam_cl.cli.output import Commands, Parser, add_command, add_device, as_json, finite, positive, print_table
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import check_writable
 from rptcam_cl.optics.measures import MEASUREMENTS, MIDDLE_NM, Measurement, Option
 
 if TYPE_CHECKING:
@@ -514,7 +515,6 @@ def _copies_tracer(device: str | None) -> "tolerances.FilmPoints":
 def _loosest(arguments: argparse.Namespace) -> int:
     import yaml
 
-    from rptcam_cl.core.files import check_writable
     from rptcam_cl.rendering.tolerance_run import loosest_set, report, tolerance_chart
 
     if arguments.for_yield is None or not 0 < arguments.for_yield < 100:

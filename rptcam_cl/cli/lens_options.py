@@ -13,6 +13,7 @@ from rptcam_cl.api.options import digits, number
 from rptcam_cl.cli.output import positive, print_warnings
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import DeviceError, InputError
+from rptcam_cl.core.files import check_writable, replacing
 from rptcam_cl.optics.measures import STEEPEST
 
 if TYPE_CHECKING:
@@ -258,8 +259,6 @@ def tracer_of(spec: str | None, lens: "Lens") -> "tuple[Tracer, str]":
 
 def check_file(output: Path | None, lens: str) -> None:
     """Refuse, before anything is traced, a file that could not be written."""
-    from rptcam_cl.core.files import check_writable
-
     if output is not None:
         check_writable(output, [lens])
 
@@ -275,8 +274,6 @@ def check_picture(output: Path | None, lens: str, plain: Sequence[str] = ()) -> 
 
 def write(data: bytes, output: Path) -> None:
     """Write a file, whole or not at all, and say so."""
-    from rptcam_cl.core.files import replacing
-
     with replacing(output) as temporary:
         temporary.write_bytes(data)
     print(f"wrote {output}", file=sys.stderr)

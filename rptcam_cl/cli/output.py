@@ -21,9 +21,9 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
-from rptcam_cl.api.options import check_together, number
+from rptcam_cl.api.options import RenderOptions, check_together, number
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, near_name
-from rptcam_cl.core.files import FILM_SUFFIXES, LAYER_SUFFIXES, plain
+from rptcam_cl.core.files import FILM_SUFFIXES, LAYER_SUFFIXES, plain, replacing
 
 if TYPE_CHECKING:
     import argparse
@@ -393,8 +393,6 @@ def save(image: Image, outputs: Iterable[Path], raws: Iterable[Path] = (), stats
     stats
         A file for the statistics.
     """
-    from rptcam_cl.core.files import replacing
-
     failures: list[Exception] = []
 
     def attempt(write: Callable[[], object]) -> bool:
@@ -611,8 +609,6 @@ def device_of(arguments: argparse.Namespace) -> str | list[str] | None:
 
 def render_keywords(arguments: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     """The keyword arguments of `rptcam_cl.render`."""
-    from rptcam_cl.api.options import RenderOptions
-
     given = vars(arguments)
     keywords = {option.name: given[option.name] for option in fields(RenderOptions) if option.name in given}
     return keywords | {
@@ -625,8 +621,6 @@ def render_keywords(arguments: argparse.Namespace, scene: Scene) -> dict[str, An
 
 def apply_options(arguments: argparse.Namespace, scene: Scene) -> Scene:
     """The scene with all options applied."""
-    from rptcam_cl.api.options import RenderOptions
-
     return RenderOptions(**render_keywords(arguments, scene)).apply_to(scene)
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.api.options import RENDER_OPTIONS, add_options, check_together, number
+from rptcam_cl.api.options import RENDER_OPTIONS, RenderOptions, add_options, check_together, number
 from rptcam_cl.cli import frames, output
 from rptcam_cl.core import files
 from rptcam_cl.core.errors import InputError, NumericError, RptcamError, StateError
@@ -206,7 +206,6 @@ def _open_early(arguments: argparse.Namespace) -> Callable[[], None]:
 def _print_plan(arguments: argparse.Namespace, scene: Scene) -> int:
     """Print what a render will take, and return the exit code."""
     from rptcam_cl.api.job import RenderJob
-    from rptcam_cl.api.options import RenderOptions
 
     begun = time.perf_counter()
     job = RenderJob.prepare(scene, RenderOptions(**output.render_keywords(arguments, scene)))
