@@ -182,6 +182,7 @@ NOT_WITH = {
     "frames": "{flag}: is for a single picture (allowed: without {mode})",
     "cluster": "{flag}: does not go with {mode} (allowed: one of the two)",
     "truth": "{mode}: is of a whole picture (allowed: without {flag})",
+    "watch": "{mode}: renders one whole picture, here, anew each time (allowed: without {flag})",
 }
 
 
@@ -256,7 +257,7 @@ RENDER_OPTIONS = (
     ),
     CommandOption(
         "resume", "--resume", "continue from OUT.rpck, which an interrupted render leaves, and keep it, so that samples"
-        " can be added",
+        " can be added", not_with="watch",
     ),
     CommandOption(
         "allow_mixed", "--allow-mixed", "join what other code, another numpy or another driver has made, too, and name"
@@ -295,15 +296,15 @@ RENDER_OPTIONS = (
     ),
     CommandOption(
         "part", "--part", "render part K of N parts of the tiles, to be merged; -o names a file that ends in .rpck",
-        part, "K/N", not_with="frames cluster truth",
+        part, "K/N", not_with="frames cluster truth watch",
     ),
     CommandOption(
         "samples", "--samples", "render these samples of each pixel alone, as 64:128, likewise", sample_range,
-        "FIRST:END", not_with="frames cluster truth",
+        "FIRST:END", not_with="frames cluster truth watch",
     ),
     CommandOption(
         "plan", "--plan", "print the memory, the kernel launches and the time that the render will take, and render"
-        " nothing", not_with="frames cluster",
+        " nothing", not_with="frames cluster watch",
     ),
     CommandOption(
         "truth", "--truth", "also write COCO annotations, masks of instances and classes, and the rays of all pixels"
@@ -312,7 +313,7 @@ RENDER_OPTIONS = (
     CommandOption(
         "frames", "--frames", "render these frames of the scene's sequence, as 1-240 or 1-240:2; #### in names of files"
         " is the frame; with --resume, frames that are there are kept", frame_range, "FIRST-LAST[:STEP]",
-        not_with="truth",
+        not_with="truth watch",
     ),
     CommandOption(
         "video", "--video", "with --frames and a film among the outputs (.exr, .npz): also a video, .mov (ProRes), .mkv"
@@ -320,10 +321,11 @@ RENDER_OPTIONS = (
     ),
     CommandOption(
         "cluster", "--cluster", "render on the workers of this scheduler of dask.distributed, as tls://host:8786", str,
-        "ADDRESS", not_with="truth",
+        "ADDRESS", not_with="truth watch",
     ),
     CommandOption(
-        "workers", "--workers", "render in N processes of this machine, likewise", int, "N", not_with="truth"
+        "workers", "--workers", "render in N processes of this machine, likewise",
+        number(int, 1, math.inf, "a whole number, 1 or more"), "N", not_with="truth watch",
     ),
     CommandOption(
         "tls", "--tls", "certificate files (PEM) for an address tls://…: authority, certificate, key; none: take tcp://"

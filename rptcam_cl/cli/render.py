@@ -153,13 +153,7 @@ def run_render(arguments: argparse.Namespace) -> int:
             arguments.scene = scene_file(arguments.scene, arguments.missing)
             arguments.missing = "grey"  # what is missing, scene_file has refused or said
         return _picture(arguments)
-    if arguments.plan:
-        raise InputError("--plan: renders nothing that could be watched (allowed: without --watch)")
-    if arguments.resume:
-        raise InputError("--watch: every picture begins anew (allowed: without --resume)")
-    for option in ("part", "samples", "frames", "cluster", "workers"):
-        if getattr(arguments, option) is not None:
-            raise InputError(f"--watch: renders one whole picture, here (allowed: without --{option})")
+    check_together(arguments, "watch", "--watch")
     with output.stop_on_interrupt() as stop:
         frames.render_again(arguments.scene, stop, lambda should_stop: _picture(arguments, should_stop))
     return 0

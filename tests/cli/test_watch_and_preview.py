@@ -109,12 +109,6 @@ def test_what_fails_because_watching_ends_is_not_said(tmp_path: Path, capsys: py
     assert capsys.readouterr().err == ""
 
 
-def test_watched_render_does_not_resume(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "scene.yaml").write_text(SCENE.replace("LIGHT", "1"))
-    assert main(["render", str(tmp_path / "scene.yaml"), "-o", str(tmp_path / "a.png"), "--watch", "--resume"]) == 2
-    assert "--watch: every picture begins anew" in capsys.readouterr().err
-
-
 def test_preview_writes_the_picture_so_far(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from rptcam_cl.imaging.image import Image
 
@@ -149,10 +143,13 @@ def test_preview_writes_the_picture_so_far(tmp_path: Path, monkeypatch: pytest.M
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.npy", "scene.yaml"]
 
 
-@pytest.mark.parametrize("words", ["--part 1/2", "--samples 0:2", "--frames 1-2", "--workers 2"])
+@pytest.mark.parametrize("words", ["--part 1/2", "--samples 0:2", "--frames 1-2", "--workers 2", "--resume", "--plan"])
 def test_watched_render_is_of_one_whole_picture(words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "scene.yaml").write_text("nothing to read", "utf-8")
     out = str(tmp_path / "a.rpck")
     assert main(["render", str(tmp_path / "scene.yaml"), "-o", out, "--watch", *words.split()]) == 2
     option = words.partition(" ")[0]
-    assert f"--watch: renders one whole picture, here (allowed: without {option})" in capsys.readouterr().err
+    assert (
+        f"--watch: renders one whole picture, here, anew each time (allowed: without {option})"
+        in capsys.readouterr().err
+    )
