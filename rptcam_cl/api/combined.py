@@ -48,15 +48,15 @@ Plane = NDArray[np.float64]
 # none, the depth is that of what lies around. Each picture consists of two with independent noise, whose Laplacians are
 # multiplied, so that noise adds nothing on the average; how far they are apart says what it adds by chance.
 
-MOST_PICTURES = 200
+_MOST_PICTURES = 200
 CENTRE = Zone(0.49, 0.51, 0.49, 0.51)
 WINDOW = 4  # pixels to either side over which contrast is summed
 CLEAR = 2.0  # times the mean over all pictures, by which the greatest contrast says where a pixel is sharp
 CERTAIN = 4.0  # standard errors of it by noise
 INDEPENDENT = 0.2  # of the pixels of a window: their Laplacians overlap
-SPREADS = (2, 4, 8, 16, 32, 64, 128, 256, 512)  # pixels to either side from which depth is taken where there is none
+_SPREADS = (2, 4, 8, 16, 32, 64, 128, 256, 512)  # pixels to either side from which depth is taken where there is none
 LEAST_SHARE = 0.02  # of those pixels that must have one
-FRAME_NODES = 1025  # of the table from the focus of a film that was read to its state
+_FRAME_NODES = 1025  # of the table from the focus of a film that was read to its state
 
 
 def focus_stack(
@@ -126,8 +126,8 @@ def _states_between(
     coarse = max(scene.film.size_m()[0] * 1e3 / scene.film.resolution[0] / circle_of_confusion(scene), 1.0)
     needed = int(np.ceil(abs(ends[1] - ends[0]) / (drive.depth_of_focus * coarse))) + 1
     count = max(needed, 3) if steps is None else steps
-    if not 3 <= count <= MOST_PICTURES:
-        allowed = f"3 to {MOST_PICTURES}; {needed} leave nothing unsharp between"
+    if not 3 <= count <= _MOST_PICTURES:
+        allowed = f"3 to {_MOST_PICTURES}; {needed} leave nothing unsharp between"
         raise InputError(f"steps: is out of range (got {count}; allowed: {allowed})")
     return [drive.state_at(float(place)) for place in np.linspace(ends[0], ends[1], count)], needed
 
@@ -151,7 +151,7 @@ def stack_frames(source: SceneSource, files: Sequence[str | Path]) -> Image:
     """
     drive, groups = focus_drive(at_rest(read_scene(source))), dict[float, list[Image]]()
     low, high = sorted(map(drive.coordinate, drive.limits))
-    places = np.linspace(low, high, FRAME_NODES)
+    places = np.linspace(low, high, _FRAME_NODES)
     vergences = np.array([drive.first_order_vergence(drive.state_at(float(place))) for place in places])
     sense = 1 if vergences[-1] > vergences[0] else -1
     size = None
@@ -295,7 +295,7 @@ def _blend(
 def _fill_unknown(place: Plane, known: NDArray[np.bool_]) -> Plane:
     """Return places with those that are not known taken from the mean of those around that are."""
     filled, there = np.where(known, place, 0.0), known.copy()
-    for reach in SPREADS:
+    for reach in _SPREADS:
         if there.all():
             break
         weight = _box_mean(known.astype(np.float64), reach)
@@ -311,14 +311,14 @@ def _fill_unknown(place: Plane, known: NDArray[np.bool_]) -> Plane:
 # through it. Pictures are as bright as through the whole opening, but for what a part loses beyond its edge.
 
 CELLS = 512  # of a mask across the opening
-PHASE_ROWS, PHASE_COLUMNS = 8, 4  # pixels from one phase-detect pixel of a half to the next
-WEDGE_F, EYE_F = 8.0, 16.0  # the cone of light at whose edge wedges look, and the one that the eye behind them takes in
-SPLIT, COLLAR = 1 / 8, 5 / 24  # of the film's height: diameters of the split image and the microprisms round it
-FACET = 1 / 240  # of it: side of a microprism
-LEAST_FACET_PX = 4
+_PHASE_ROWS, _PHASE_COLUMNS = 8, 4  # pixels from one phase-detect pixel of a half to the next
+_WEDGE_F, _EYE_F = 8.0, 16.0  # the cone of light at whose edge wedges look, and the one that the eye takes in
+SPLIT, _COLLAR = 1 / 8, 5 / 24  # of the film's height: diameters of the split image and the microprisms round it
+_FACET = 1 / 240  # of it: side of a microprism
+_LEAST_FACET_PX = 4
 MOST_MORE = 64  # times the samples of the picture that a wedge takes at most
 HALVES = {"x": ((-1.0, 0.0), (1.0, 0.0)), "y": ((0.0, -1.0), (0.0, 1.0))}
-WEDGES = ((-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))
+_WEDGES = ((-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))
 
 
 class _Openings:
@@ -414,9 +414,9 @@ def with_phase_pixels(before: Image, beyond: Image) -> Image:
     light; nothing is filled in.
     """
     pixels = np.array((before.pixels + beyond.pixels) / 2, np.float32)
-    first, middle = PHASE_ROWS // 2, PHASE_COLUMNS // 2
+    first, middle = _PHASE_ROWS // 2, _PHASE_COLUMNS // 2
     for image, start in ((before, 0), (beyond, middle)):
-        pixels[first::PHASE_ROWS, start::PHASE_COLUMNS] = image.pixels[first::PHASE_ROWS, start::PHASE_COLUMNS] / 2
+        pixels[first::_PHASE_ROWS, start::_PHASE_COLUMNS] = image.pixels[first::_PHASE_ROWS, start::_PHASE_COLUMNS] / 2
     return replace(before, pixels=pixels)
 
 
@@ -453,24 +453,24 @@ def focusing_screen(
     pixels = image.pixels.copy()
     height, width = pixels.shape[:2]
     y, x = np.mgrid[:height, :width] + 0.5 - np.array([height, width]).reshape(2, 1, 1) / 2
-    facet = max(FACET * height, LEAST_FACET_PX)
+    facet = max(_FACET * height, _LEAST_FACET_PX)
     across, down = (np.mod(place, facet) - facet / 2 for place in (x, y))
     sideways, reach = np.abs(across) > np.abs(down), np.hypot(x, y) * 2 / height
-    collar = (reach > SPLIT) & (reach <= COLLAR)
+    collar = (reach > SPLIT) & (reach <= _COLLAR)
     places = (
         ((reach <= SPLIT) & (y < 0)) | (collar & sideways & (across < 0)),
         ((reach <= SPLIT) & (y >= 0)) | (collar & sideways & (across >= 0)),
         collar & ~sideways & (down < 0),
         collar & ~sideways & (down >= 0),
     )
-    side_px = min(math.ceil(COLLAR * height / 2), width // 2)
+    side_px = min(math.ceil(_COLLAR * height / 2), width // 2)
     rows, columns = (slice((side - 1) // 2 - side_px, side // 2 + side_px + 1) for side in (height, width))
     rows, columns = slice(max(rows.start, 0), rows.stop), slice(max(columns.start, 0), min(columns.stop, width))
     crop = columns.start / width, columns.stop / width, rows.start / height, rows.stop / height
     within = pixels[rows, columns]
-    for side, place in zip(WEDGES, places, strict=True):
-        towards = side[0] * f_number / WEDGE_F, side[1] * f_number / WEDGE_F
-        seen, here = openings.disc(towards, f_number / EYE_F, crop), place[rows, columns]
+    for side, place in zip(_WEDGES, places, strict=True):
+        towards = side[0] * f_number / _WEDGE_F, side[1] * f_number / _WEDGE_F
+        seen, here = openings.disc(towards, f_number / _EYE_F, crop), place[rows, columns]
         within[here] = 0.0 if seen is None else seen.pixels[here]
     return replace(image, pixels=pixels, layers={})
 
@@ -787,13 +787,13 @@ def _write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 # distance from the edge, which gives the edge's profile at a quarter of a pixel; its derivative is the line spread,
 # whose Fourier transform is the MTF in the direction across the edge.
 
-BINS_PER_PIXEL = 4
-REACH_PX = 20  # of the region around the point, on each side
-SPAN_PX = 24  # of the profile, across the edge
-LEAST_SLANT = 0.02  # of the edge against rows and columns, or its profile has gaps
+_BINS_PER_PIXEL = 4
+_REACH_PX = 20  # of the region around the point, on each side
+_SPAN_PX = 24  # of the profile, across the edge
+_LEAST_SLANT = 0.02  # of the edge against rows and columns, or its profile has gaps
 LEAST_CONTRAST = 0.1  # (bright - dark) / (bright + dark) of both sides
 
-WHOLE_STEP = 0.8  # of the largest step of a row: others the edge leaves at a side
+_WHOLE_STEP = 0.8  # of the largest step of a row: others the edge leaves at a side
 
 
 def mtf50_at(luminance: NDArray[np.floating], x: float, y: float) -> float | None:
@@ -818,9 +818,9 @@ def mtf50_at(luminance: NDArray[np.floating], x: float, y: float) -> float | Non
     response = np.abs(np.fft.rfft(spread, 8 * len(spread)))
     if response[0] <= 0:
         return None
-    frequency = np.fft.rfftfreq(8 * len(spread), 1 / BINS_PER_PIXEL)
+    frequency = np.fft.rfftfreq(8 * len(spread), 1 / _BINS_PER_PIXEL)
     # bins average over their width, and the difference of neighbours over twice that
-    mtf = response / response[0] / (np.sinc(frequency / BINS_PER_PIXEL) * np.sinc(2 * frequency / BINS_PER_PIXEL))
+    mtf = response / response[0] / (np.sinc(frequency / _BINS_PER_PIXEL) * np.sinc(2 * frequency / _BINS_PER_PIXEL))
     below = int(np.argmax(mtf < 0.5))
     if below == 0:
         return None
@@ -838,10 +838,10 @@ def _profile(values: Plane, x: float, y: float) -> Plane | None:
     """Return the mean of the pixels by their distance from the edge; None where there is no edge."""
     height, width = values.shape
     row, column = min(int(y * height), height - 1), min(int(x * width), width - 1)
-    rows = slice(max(row - REACH_PX, 0), row + REACH_PX + 1)
-    columns = slice(max(column - REACH_PX, 0), column + REACH_PX + 1)
+    rows = slice(max(row - _REACH_PX, 0), row + _REACH_PX + 1)
+    columns = slice(max(column - _REACH_PX, 0), column + _REACH_PX + 1)
     region = values[rows, columns]
-    if min(region.shape) < REACH_PX:
+    if min(region.shape) < _REACH_PX:
         return None
     down, across = (float(np.abs(np.diff(region, axis=axis)).sum()) for axis in (0, 1))
     level = down > across  # the edge is nearer to a row than to a column
@@ -849,8 +849,8 @@ def _profile(values: Plane, x: float, y: float) -> Plane | None:
     if distance is None:
         return None
     distance = distance.T if level else distance
-    bins = np.floor((distance + SPAN_PX / 2) * BINS_PER_PIXEL).astype(np.int64)
-    count = SPAN_PX * BINS_PER_PIXEL
+    bins = np.floor((distance + _SPAN_PX / 2) * _BINS_PER_PIXEL).astype(np.int64)
+    count = _SPAN_PX * _BINS_PER_PIXEL
     inside = (bins >= 0) & (bins < count)
     number = np.bincount(bins[inside], minlength=count)
     if not number.all():
@@ -871,13 +871,13 @@ def _distance(region: Plane) -> Plane | None:
     rises = steps.sum(axis=1)
     if not np.isfinite(rises).all() or not (largest := np.abs(rises).max()) > 0:
         return None
-    crossed = np.abs(rises) > WHOLE_STEP * largest
+    crossed = np.abs(rises) > _WHOLE_STEP * largest
     rows = np.flatnonzero(crossed)
-    if len(rows) < REACH_PX / 2:
+    if len(rows) < _REACH_PX / 2:
         return None
     centroids = steps[crossed] @ (np.arange(steps.shape[1]) + 0.5) / rises[crossed]
     slope, start = np.polyfit(rows, centroids, 1)
-    if abs(slope) < LEAST_SLANT:
+    if abs(slope) < _LEAST_SLANT:
         return None
     y, x = np.mgrid[: region.shape[0], : region.shape[1]].astype(np.float64)
     return np.asarray((x - start - slope * y) / math.hypot(1.0, slope))

@@ -129,7 +129,7 @@ def check_divisible(scene: Scene) -> None:
         raise InputError("part: the layer variance needs the whole film (allowed: the other layers)")
 
 
-def name_layers(
+def _name_layers(
     names: Sequence[LayerName],
     recorded: Mapping[str, NDArray[Any]],
     sharp: tuple[Mapping[str, NDArray[Any]], Mapping[str, Any]] | None,
@@ -417,7 +417,7 @@ class RenderJob:
         stats["camera"] = {key: metadata[key] for key in account.GEOMETRY if key in metadata}
         stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
         sharp = None if self._truth is None else self._truth.result
-        layers = name_layers(self.scene.render.layers, rendering.layers, sharp, metadata)
+        layers = _name_layers(self.scene.render.layers, rendering.layers, sharp, metadata)
         image = with_picture_settings(Image(rendering.pixels, metadata, stats, layers=layers), self.scene.picture)
         if options.denoise:
             kept = {name: image[name] for name in image.layers if name.startswith(LIGHT_LAYER) or name in self.layers}
@@ -784,7 +784,7 @@ def merge(
         raise StateError(f"this saved render is damaged: {problem} (render it again)") from None
     if checkpoint is not None:
         write_checkpoint(checkpoint, state.facts, state.arrays)
-    layers = name_layers(state.facts["layers"], recorded, ({}, of_sharp_layers), metadata)
+    layers = _name_layers(state.facts["layers"], recorded, ({}, of_sharp_layers), metadata)
     image = Image(pixels, metadata, stats, layers=layers)
     if ghosts is not None:
         image = with_ghosts(image, *ghosts)

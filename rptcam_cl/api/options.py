@@ -102,7 +102,7 @@ def sample_range(text: str) -> tuple[int, int]:
     return first, end
 
 
-def part_numbers(text: str) -> tuple[int, int] | None:
+def _part_numbers(text: str) -> tuple[int, int] | None:
     """Number and count of a part such as ``3/8``; None if it is none."""
     match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text, re.ASCII)
     number, count = (int(match[1]), int(match[2])) if match else (0, 0)
@@ -111,7 +111,7 @@ def part_numbers(text: str) -> tuple[int, int] | None:
 
 def part(text: str) -> str:
     """Part ``K/N`` of a film."""
-    if part_numbers(text) is None:
+    if _part_numbers(text) is None:
         raise argparse.ArgumentTypeError(f"got {text}; allowed K/N, from 1/8 to 8/8 for eight parts")
     return text
 
@@ -359,14 +359,14 @@ OF_A_CLUSTER = tuple(
 """Keywords that replace keys of a scene that a cluster renders."""
 
 
-def excluded_by(mode: str) -> list[CommandOption]:
+def _excluded_by(mode: str) -> list[CommandOption]:
     """The options that do not go with a mode of `NOT_WITH`."""
     return [option for option in RENDER_OPTIONS if mode in option.not_with.split()]
 
 
 def check_together(arguments: argparse.Namespace, mode: str, flag: str) -> None:
     """Raise `InputError` if an option is given that does not go with a mode, which a flag says."""
-    for option in excluded_by(mode):
+    for option in _excluded_by(mode):
         if getattr(arguments, option.name):
             raise InputError(NOT_WITH[mode].format(flag=option.flag, mode=flag))
 
@@ -467,7 +467,7 @@ class RenderOptions:
             raise out_of_range("seconds", self.seconds, "a finite number above 0")
         if self.film_part.facts() is None:
             return
-        for option in excluded_by("part"):
+        for option in _excluded_by("part"):
             if getattr(self, option.name, None):
                 raise InputError(f"{option.name}: needs the whole film (allowed: without part and samples)")
         if self.samples is not None and self.spp is not None:
@@ -484,7 +484,7 @@ class RenderOptions:
         """
         from rptcam_cl.rendering.several import FilmPart
 
-        number, count = (1, 1) if self.part is None else part_numbers(self.part) or (0, 0)
+        number, count = (1, 1) if self.part is None else _part_numbers(self.part) or (0, 0)
         if not count:
             raise InputError(f"part: is none (got {self.part}; allowed: as 3/8, from 1/8 to 8/8)")
         first, end = self.samples or (0, None)

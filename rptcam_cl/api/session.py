@@ -40,8 +40,8 @@ from rptcam_cl.scene.scene import Scene
 # What a render session hands out: frames, and what a change came to.
 
 QUEUE_SECONDS = 0.006  # of work that is enqueued before the device is waited for
-FIRST_SLOTS = 1 << 14  # of the first wave, whose time is not known
-MOST_DENOISED = 1 << 21  # pixels, as denoising takes 150 bytes of memory for each
+_FIRST_SLOTS = 1 << 14  # of the first wave, whose time is not known
+_MOST_DENOISED = 1 << 21  # pixels, as denoising takes 150 bytes of memory for each
 FEW_SAMPLES = 8  # of a frame, up to which a network of half the time does: 0.954 beside 0.959 of SSIM at 3
 
 
@@ -112,7 +112,7 @@ class QueueLimit:
     @property
     def slots(self) -> int:
         """Most of a wave."""
-        return FIRST_SLOTS if self._rate is None else max(int(self._rate * QUEUE_SECONDS), 1)
+        return _FIRST_SLOTS if self._rate is None else max(int(self._rate * QUEUE_SECONDS), 1)
 
     def count_waves(self, finish: Callable[[], None], should_stop: Callable[[], bool]) -> Callable[[int], bool]:
         """A counter of waves of so many slots, which says whether to stop; ``finish`` waits for the device."""
@@ -410,7 +410,7 @@ class RenderSession:
         """
         self._check_open()
         (height, width), state = frame.pixels.shape[:2], self._shown
-        if width * height > MOST_DENOISED or frame.generation != self._generation:
+        if width * height > _MOST_DENOISED or frame.generation != self._generation:
             return None
         if not self._compiler.is_guided(state):
             return None

@@ -138,8 +138,8 @@ def _words(data: Any) -> tuple[str, ...]:
     return (data,) if isinstance(data, str) else ()
 
 
-MOST_KEPT = 3  # scenes, where as many clients have the same workers
-_unpacked: Memory[tuple[Any, Scene]] = Memory(MOST_KEPT)  # folders and scenes of parcels, by their digests
+_MOST_KEPT = 3  # scenes, where as many clients have the same workers
+_unpacked: Memory[tuple[Any, Scene]] = Memory(_MOST_KEPT)  # folders and scenes of parcels, by their digests
 _ONE = threading.Lock()
 
 
@@ -208,7 +208,7 @@ class RenderedPart:
     made_by: Maker
 
 
-SHORT_MEASURE_S = 0.2  # by which parts are made: parts of half or twice the time are no worse
+_SHORT_MEASURE_S = 0.2  # by which parts are made: parts of half or twice the time are no worse
 _TASKS_ONE = threading.Lock()  # a worker with several threads has one device all the same
 _OPEN: dict[tuple[Any, ...], RenderJob] = {}
 
@@ -243,7 +243,7 @@ def open_render(digest: str, job: Job) -> tuple[dict[str, Any], float, Maker]:
     """Prepare a render: focus and exposure for all, how long the film would take this worker [s], and what it is."""
     with _TASKS_ONE:
         render = _open(digest, job)
-        measured = render.forecast(SHORT_MEASURE_S)
+        measured = render.forecast(_SHORT_MEASURE_S)
         assert measured is not None, "parts end by samples"
         return render.findings, measured.seconds, _maker(render)
 
@@ -307,8 +307,8 @@ AHEAD = 2  # tasks with each worker: the one that it does, and the next
 COUNT_WORKERS_S = 2.0  # how often
 SEND_AGAIN_S = 0.5  # after which the engine is asked again
 SILENCE_S = 30.0  # after which a scheduler that does not answer is given up, and a cluster without a worker
-MOST_LOSSES = 3  # times that a part may be given up by the scheduler, after four workers each
-SCENE_S = 1e-6  # for each byte of the scene that is sent [s]
+_MOST_LOSSES = 3  # times that a part may be given up by the scheduler, after four workers each
+_SCENE_S = 1e-6  # for each byte of the scene that is sent [s]
 LATE = 2.0  # times as long as the slowest task so far, after which one is sent to another worker as well
 LATE_S = 1.0  # and so much longer
 
@@ -468,7 +468,7 @@ class TasksOut:
             if not isinstance(problem, KilledWorker):
                 raise _from_worker(problem)
             self._losses[number] = self._losses.get(number, 0) + 1
-            if self._losses[number] >= MOST_LOSSES:
+            if self._losses[number] >= _MOST_LOSSES:
                 raise DeviceError(f"cluster: one part has ended its workers again and again ({problem})")
         elif task.status == "finished":
             with contextlib.suppress(Exception):  # its worker, or the scheduler, is lost before it is fetched
@@ -498,7 +498,7 @@ class TasksOut:
 
     @property
     def _scene_s(self) -> float:
-        return SILENCE_S + SCENE_S * sum(map(len, self._parcel.files.values()))
+        return SILENCE_S + _SCENE_S * sum(map(len, self._parcel.files.values()))
 
     def _scatter_scene(self, workers: Sequence[str] = ()) -> Any:
         """Return the scene as the engine has it: with these workers, or with all that have answered and are there."""
@@ -543,14 +543,14 @@ def _from_worker(problem: BaseException) -> BaseException:
 
 WAIT_S = 10.0  # for a scheduler, and for its first worker
 STARTS = 3  # of workers of this machine, while one is lost before it has begun
-SURVEYS = 3  # of workers, while all are lost before they say anything
-SURVEY_S = 120.0  # for the first one to say what it is
-LATER_S = 10.0  # for the others, after that
-CLOSE_S = 15.0  # for the end of a client
-MOST_WORKERS = 256  # of this machine
+_SURVEYS = 3  # of workers, while all are lost before they say anything
+_SURVEY_S = 120.0  # for the first one to say what it is
+_LATER_S = 10.0  # for the others, after that
+_CLOSE_S = 15.0  # for the end of a client
+_MOST_WORKERS = 256  # of this machine
 # By default an engine looks 100 times a second at what its worker does, and 50 times whether its loop turns: 9 % of a
 # core that renders, in each worker.
-LEAN = {
+_LEAN = {
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "500ms",
     "distributed.admin.system-monitor.interval": "5s",
@@ -582,8 +582,8 @@ def check_cluster(cluster: str | None, workers: int | None, tls: Credentials) ->
     if (cluster is None) == (workers is None):
         raise InputError("cluster: give the address of a scheduler or a number of workers (allowed: one of the two)")
     if workers is not None:
-        if not 1 <= workers <= MOST_WORKERS:
-            raise out_of_range("workers", workers, f"1 to {MOST_WORKERS}")
+        if not 1 <= workers <= _MOST_WORKERS:
+            raise out_of_range("workers", workers, f"1 to {_MOST_WORKERS}")
         if tls is not None:
             raise InputError("tls: workers of this machine make their own (allowed: with a scheduler's address)")
         return
@@ -672,7 +672,7 @@ def _is_of_others(record: logging.LogRecord) -> bool:
 def _close(client: Any) -> None:
     """End a client, which waits for its scheduler, and that may be frozen."""
     with contextlib.suppress(Exception):  # of many kinds, where the scheduler is lost
-        ask(client.close).result(CLOSE_S)
+        ask(client.close).result(_CLOSE_S)
 
 
 def workers_here(workers: int, threads: int, folder: str | None = None) -> Any:
@@ -705,7 +705,7 @@ def _start_workers(workers: int, threads: int, folder: str | None) -> Any:
     except ImportError:
         raise InputError("workers: need cryptography (install rptcam_cl[cluster])") from None
     place = {} if folder is None else {"temporary-directory": folder}
-    with dask.config.set(LEAN | place), _interrupts_held_back():  # the workers inherit both
+    with dask.config.set(_LEAN | place), _interrupts_held_back():  # the workers inherit both
         return LocalCluster(
             n_workers=workers, threads_per_worker=1, processes=True, security=security, host="127.0.0.1",
             dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False}, memory_limit=0,
@@ -766,13 +766,13 @@ def _surveys(client: Any, device: str | None) -> dict[str, dict[str, Any]]:
     Neither do those that answer much later than the first one, as a frozen one: they may still join in.
     """
     answers: dict[str, Any] = {}
-    for _ in range(SURVEYS):
+    for _ in range(_SURVEYS):
         client.wait_for_workers(1, timeout=WAIT_S)
         surveys = [ask(client.run, survey, device, workers=[worker], on_error="return") for worker in client.nthreads()]
-        wait(surveys, SURVEY_S, FIRST_COMPLETED)
-        done = wait(surveys, LATER_S).done
+        wait(surveys, _SURVEY_S, FIRST_COMPLETED)
+        done = wait(surveys, _LATER_S).done
         if not done:
-            raise DeviceError(f"cluster: no worker has answered in {SURVEY_S + LATER_S:g} s")
+            raise DeviceError(f"cluster: no worker has answered in {_SURVEY_S + _LATER_S:g} s")
         seen = {worker: said for answer in done for worker, said in answer.result().items()}
         answers = {worker: said for worker, said in seen.items() if not isinstance(said, OSError)}
         for problem in answers.values():

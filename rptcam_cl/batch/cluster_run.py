@@ -43,15 +43,15 @@ from rptcam_cl.scene.scene import Scene
 
 # The folder of a render on a cluster: its plan, and the parts that have come back; a later run goes on from it.
 
-PLAN = "plan.json"
+_PLAN = "plan.json"
 
 
-PartsPlan = dict[str, Any]
+_PartsPlan = dict[str, Any]
 """How a render is divided: ``version`` of the program, ``scene``, the hash with all that changes the picture, ``spp``,
 ``layers``, their names and their samples per pixel, ``count`` of the parts, ``found``, focus and exposure, the same for
 all, and ``made_by``, what the first of them was made by."""
 
-PLAN_KEYS = {"version", "scene", "spp", "layers", "count", "found", "made_by"}
+_PLAN_KEYS = {"version", "scene", "spp", "layers", "count", "found", "made_by"}
 
 
 class PartsFolder:
@@ -79,12 +79,12 @@ class PartsFolder:
                 raise StateError(f"{self.path}: is no folder, and parts are kept there (move it, or rename the output)")
             return
         remove_strays(self.path)
-        for file in [*self.path.glob(f"*{SUFFIX}"), self.path / PLAN]:
+        for file in [*self.path.glob(f"*{SUFFIX}"), self.path / _PLAN]:
             file.unlink(missing_ok=True)
         with contextlib.suppress(OSError):
             self.path.rmdir()
 
-    def plan(self) -> PartsPlan | None:
+    def plan(self) -> _PartsPlan | None:
         """Return the plan of an earlier run; None where there is none.
 
         Raises
@@ -92,10 +92,10 @@ class PartsFolder:
         StateError
             It cannot be read.
         """
-        path = self.path / PLAN
+        path = self.path / _PLAN
         try:
-            plan: PartsPlan = json.loads(path.read_text("utf-8"))
-            if plan.keys() != PLAN_KEYS or plan["found"].keys() != {"focus", "metered_cd_m2"}:
+            plan: _PartsPlan = json.loads(path.read_text("utf-8"))
+            if plan.keys() != _PLAN_KEYS or plan["found"].keys() != {"focus", "metered_cd_m2"}:
                 raise ValueError("it is damaged")
             return plan
         except FileNotFoundError:
@@ -103,7 +103,7 @@ class PartsFolder:
         except (OSError, ValueError, TypeError, AttributeError) as problem:
             raise StateError(f"{path}: cannot be read ({problem}; remove it, or render without --resume)") from None
 
-    def begin(self, plan: PartsPlan) -> None:
+    def begin(self, plan: _PartsPlan) -> None:
         """Write the plan of a new render.
 
         Raises
@@ -112,7 +112,7 @@ class PartsFolder:
             The folder cannot be written.
         """
         make_folder(self.path)
-        with replacing(resolve_links(self.path / PLAN)) as temporary:
+        with replacing(resolve_links(self.path / _PLAN)) as temporary:
             temporary.write_text(json.dumps(plan, indent=1), "utf-8")
 
     def file(self, number: int) -> Path:
@@ -124,7 +124,7 @@ class PartsFolder:
         with replacing(resolve_links(self.file(number))) as temporary:
             temporary.write_bytes(content)
 
-    def missing(self, plan: PartsPlan) -> list[int]:
+    def missing(self, plan: _PartsPlan) -> list[int]:
         """Return the numbers of the parts that are not there; damaged ones are removed first."""
         lacking = []
         for number in range(1, plan["count"] + 1):
@@ -138,9 +138,9 @@ class PartsFolder:
 
 # A render on a cluster: parts go out, files come back, and their whole is the picture.
 
-PART_S = 0.03  # that a part costs beside its rendering [s]
+_PART_S = 0.03  # that a part costs beside its rendering [s]
 LONGEST_S = 10.0  # of a part, where the client keeps up: so much is lost with a worker [s]
-CLIENT_S = 0.04  # that a part costs the client at most, so that it keeps up with many workers [s]
+_CLIENT_S = 0.04  # that a part costs the client at most, so that it keeps up with many workers [s]
 PARTS_A_WORKER = 4  # at least, so that all end at about the same time
 
 
@@ -230,11 +230,11 @@ def _divisible(scene: Scene, options: Mapping[str, Any]) -> tuple[Scene, int]:
 def parts_of(seconds: float, workers: int) -> int:
     """Return how many parts a render of so many seconds of one worker has: as many for each, for equal ones.
 
-    At the end workers wait half a part on average, and each part costs `PART_S`: both together are least for parts of
+    At the end workers wait half a part on average, and each part costs `_PART_S`: both together are least for parts of
     the square root of twice that times what each worker renders.
     """
-    best = min(math.sqrt(2 * PART_S * seconds / workers), LONGEST_S)
-    least = max(int(seconds / max(best, CLIENT_S * workers)) + 1, PARTS_A_WORKER * workers)
+    best = min(math.sqrt(2 * _PART_S * seconds / workers), LONGEST_S)
+    least = max(int(seconds / max(best, _CLIENT_S * workers)) + 1, PARTS_A_WORKER * workers)
     return -(-least // workers) * workers
 
 
@@ -275,7 +275,7 @@ class _Run:
         """Note how long something took that began at a time of `time.perf_counter`."""
         self.seconds[what] = round(time.perf_counter() - begun, 3)
 
-    def earlier_plan(self) -> PartsPlan | None:
+    def earlier_plan(self) -> _PartsPlan | None:
         """Return the plan that the folder holds, if it is of this render."""
         plan = self.folder.plan()
         if plan is None:
@@ -295,7 +295,7 @@ class _Run:
         layers = [*self.scene.render.layers, self.scene.render.layers_spp] if self.scene.render.layers else []
         return {"version": __version__, "scene": self.scene.picture_hash(), "spp": self.spp, "layers": layers}
 
-    def complete(self, client: Any, workers: Sequence[str], plan: PartsPlan | None) -> PartsPlan:
+    def complete(self, client: Any, workers: Sequence[str], plan: _PartsPlan | None) -> _PartsPlan:
         """Render all parts that are missing, and return the plan."""
         stopped, begun = f"the parts that are done are in {self.folder.path}", time.perf_counter()
         sent = TasksOut(client, self.parcel, workers, self.kept_text, self.should_stop, stopped)

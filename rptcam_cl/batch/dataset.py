@@ -243,7 +243,7 @@ KEYS = ("scene", "frames", "seed", "set", "vary", "files", "truth", "camera_mode
 FORMATS = ("png", "jpg", "tif", "exr", "npz", "npy")
 MODELS = ("auto", "none", *COEFFICIENTS)
 MOST_FRAMES = 100_000_000
-MOST_SEED = 2**63 - 1
+_MOST_SEED = 2**63 - 1
 Where = Callable[[KeyPath], str]
 
 
@@ -350,7 +350,7 @@ def read_specification(
         count = whole(data["frames"], "frames", 1, MOST_FRAMES, where(("frames",)))
     else:
         raise InputError(f"{where(())}frames: is missing (allowed: a whole number, here or by -n)")
-    seed = whole(data["seed"], "seed", 0, MOST_SEED, where(("seed",))) if "seed" in data else 0
+    seed = whole(data["seed"], "seed", 0, _MOST_SEED, where(("seed",))) if "seed" in data else 0
     scene = _scene(data, base, where, overrides)
     vary, classes = _vary(data, scene, where)
     scene = _sharing(scene, vary)
@@ -484,10 +484,10 @@ def _model(data: Mapping[str, Any], where: Where) -> str:
 # The record of a frame is written after its files, and a shard after the records of all its frames; each file is
 # written whole or not at all. So whatever is there is done.
 
-ABOUT, MANIFEST = "dataset.json", "manifest.jsonl"
+_ABOUT, _MANIFEST = "dataset.json", "manifest.jsonl"
 PIXELS = {"centre_of_the_first_pixel": 0.5}
 PICTURES = ("png", "jpg", "tif")  # which annotations name where a frame has one
-RECORD = re.compile(r"\d+\.json")
+_RECORD = re.compile(r"\d+\.json")
 LOOSE = "unfinished"  # folder of frames whose shard is not whole yet
 
 
@@ -527,7 +527,7 @@ class DatasetFolder:
         make_folder(self.path)
         if self.shard is not None:
             make_folder(resolve_links(self.frames))
-        about, mine = self.path / ABOUT, {"key": self.wanted.key, "shard": self.shard}
+        about, mine = self.path / _ABOUT, {"key": self.wanted.key, "shard": self.shard}
         if about.exists():
             try:
                 facts = json.loads(about.read_text("utf-8"))
@@ -563,7 +563,7 @@ class DatasetFolder:
             "specification": self.wanted.content, "categories": categories_of(self.wanted.classes),
             "made_by": self._same.makers,
         }  # fmt: skip
-        self._write(self.path / ABOUT, (json.dumps(facts, indent=2, default=str) + "\n").encode())
+        self._write(self.path / _ABOUT, (json.dumps(facts, indent=2, default=str) + "\n").encode())
 
     def record(self, index: int) -> dict[str, Any] | None:
         """Return the record of a frame that is there with all its files undamaged; None for one that has to be made."""
@@ -619,7 +619,7 @@ class DatasetFolder:
             for number in range(-(-self.wanted.frames // self.shard)):
                 self.pack(number)
         with (
-            replacing(resolve_links(self.path / MANIFEST)) as temporary,
+            replacing(resolve_links(self.path / _MANIFEST)) as temporary,
             temporary.open("w", encoding="utf-8", newline="\n") as out,
         ):
             for index in range(self.wanted.frames):
@@ -654,7 +654,7 @@ class DatasetFolder:
         if number not in self._shards:
             try:
                 with tarfile.open(self._tar(number)) as shard:
-                    names = [member for member in shard.getmembers() if RECORD.fullmatch(member.name)]
+                    names = [member for member in shard.getmembers() if _RECORD.fullmatch(member.name)]
                     read = [json.load(file) for member in names if (file := shard.extractfile(member)) is not None]
                 records = {record["frame"]: record for record in read}
             except (OSError, tarfile.TarError, ValueError, KeyError, TypeError):

@@ -20,8 +20,8 @@ from rptcam_cl.cli.output import INTERRUPTED, Parser, add_command, run_nothing
 from rptcam_cl.core import __version__
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 
-DEBUG = "--debug"
-STANDARD_OUTPUT = "standard output"
+_DEBUG = "--debug"
+_STANDARD_OUTPUT = "standard output"
 FAULT = 1  # exit code of an unexpected error
 
 
@@ -55,7 +55,7 @@ def build_parser(command: str | None = None) -> Parser:
     """The parser of the whole command line, or of a single command, whose module alone is then imported."""
     parser = Parser(prog="rptcam", description="Render scenes through real photographic lenses, on OpenCL devices.")
     parser.add_argument("-V", "--version", action="version", version=f"rptcam {__version__}")
-    parser.add_argument(DEBUG, action="store_true", help="show where in the program an unexpected error arose")
+    parser.add_argument(_DEBUG, action="store_true", help="show where in the program an unexpected error arose")
     commands = parser.add_commands("command")
     for name in COMMANDS if command is None else (command,):
         module_name, text = COMMANDS[name]
@@ -101,7 +101,7 @@ def _report_unexpected(error: Exception) -> int:
             file.write(f"rptcam {__version__}, Python {sys.version}\n{sys.argv}\n\n")
             traceback.print_exception(error, file=file)
     except OSError:
-        print(f"this is a bug in rptcam; please report it, with the output of {DEBUG}", file=sys.stderr)
+        print(f"this is a bug in rptcam; please report it, with the output of {_DEBUG}", file=sys.stderr)
     else:
         print(f"this is a bug in rptcam; please report it, with the file {path}", file=sys.stderr)
     return FAULT
@@ -110,7 +110,7 @@ def _report_unexpected(error: Exception) -> int:
 def _file_trouble(error: OSError) -> int:
     """Print which file could not be read or written, and return the exit code."""
     name = error.filename or "a file could not be read or written"
-    if name == STANDARD_OUTPUT:
+    if name == _STANDARD_OUTPUT:
         _abandon(sys.stdout)
     print(f"error: {name}: {error.strerror or error}", file=sys.stderr)
     return StateError.exit_code
@@ -143,7 +143,7 @@ def _name_standard_output() -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        error.filename = STANDARD_OUTPUT
+        error.filename = _STANDARD_OUTPUT
         raise
 
 
@@ -172,7 +172,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Words after the command's name; those of the process when absent.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    debug = DEBUG in words
+    debug = _DEBUG in words
     errors = _GuardedStream(sys.stderr, partial(_go_on_unheard, sys.stderr))
     with warnings.catch_warnings(), contextlib.redirect_stderr(cast("TextIO", errors)):
         warnings.simplefilter("default", UserWarning)
@@ -180,7 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             with contextlib.redirect_stdout(_GuardedStream(sys.stdout, _name_standard_output)):
                 try:
-                    return _run([word for word in words if word != DEBUG])
+                    return _run([word for word in words if word != _DEBUG])
                 except SystemExit:  # of --help and --version
                     sys.stdout.flush()
                     raise
@@ -191,7 +191,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print("interrupted", file=sys.stderr)
             return INTERRUPTED
         except OSError as error:
-            if isinstance(error, BrokenPipeError) and error.filename == STANDARD_OUTPUT:  # its reader has seen enough
+            if isinstance(error, BrokenPipeError) and error.filename == _STANDARD_OUTPUT:  # its reader has seen enough
                 _abandon(sys.stdout)
                 return 0
             if debug:

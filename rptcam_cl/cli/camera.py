@@ -196,7 +196,7 @@ def _write(files: list["File"]) -> None:
 
 
 MODELS = ("auto", "pinhole", "brown_conrady", "rational", "thin_prism", "kannala_brandt")
-POOR_PX = 0.1  # residual from which on there is a warning, where no other is given
+_POOR_PX = 0.1  # residual from which on there is a warning, where no other is given
 
 
 def film(text: str) -> tuple[float, float]:
@@ -293,7 +293,7 @@ def _choose_model(arguments: argparse.Namespace, seen: "CameraView") -> "Calibra
     if arguments.model == "auto":
         held = [model for model in COEFFICIENTS if all(model in HELD[name] for name in forms)]
         calibration = calibrate_best(seen, held, allowed or GOOD_PX)
-        if allowed is None and calibration.max_px > POOR_PX:
+        if allowed is None and calibration.max_px > _POOR_PX:
             of = "" if len(held) == len(COEFFICIENTS) else " of what these files can say"
             said = f"{calibration.model} fits best{of} and errs by {calibration.max_px:.3g} px"
             output.print_warnings([f"{said}; maps of the lens itself have no residual: --stmap-undistort"])

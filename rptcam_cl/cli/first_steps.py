@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 # ``rptcam examples``: lists the scenes that come with the package, and copies one to be rendered and changed.
 
 LARGEST = 1 << 26  # bytes of one file
-GPU_REPORT = "rptcam_gpu_report.json"
-NOT_SCENE = "a scene file is YAML"
+_GPU_REPORT = "rptcam_gpu_report.json"
+_NOT_SCENE = "a scene file is YAML"
 
 
 def add_examples(parser: argparse.ArgumentParser) -> None:
@@ -179,7 +179,7 @@ def run_settle(arguments: argparse.Namespace) -> int:
     """Write a scene whose auto focus, accuracy and exposure are found, so that parts and frames agree."""
     from rptcam_cl.api.job import settle
 
-    files.known_suffix(arguments.output, SCENE_SUFFIXES, NOT_SCENE)
+    files.known_suffix(arguments.output, SCENE_SUFFIXES, _NOT_SCENE)
     files.check_writable(arguments.output, [arguments.scene])
     scene = loaded_scene(arguments)
     notes = settle(scene, arguments.output, device=arguments.device).found
@@ -219,7 +219,7 @@ def _check_names(source: Path, target: Path) -> None:
             f"{source}: only scenes of pbrt, stages of USD and models can be converted"
             f" (got {source.suffix or 'no suffix'}; allowed: {', '.join((*SOURCES, *MESHES))})"
         )
-    files.known_suffix(target, SCENE_SUFFIXES, NOT_SCENE)
+    files.known_suffix(target, SCENE_SUFFIXES, _NOT_SCENE)
     files.check_writable(target, [source])
 
 
@@ -333,7 +333,7 @@ def run_new(arguments: argparse.Namespace) -> int:
     words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
     is_model = target.is_file() and arguments.model is None
     hint = f"; for a scene of that model: {shlex.join(words)}" if is_model else ""
-    files.known_suffix(target, SCENE_SUFFIXES, NOT_SCENE, hint)
+    files.known_suffix(target, SCENE_SUFFIXES, _NOT_SCENE, hint)
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
     files.check_writable(target)
@@ -400,7 +400,7 @@ def add_doctor(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="find out in ten minutes at most all that counts of one device, and write a file to send; 5 on failure",
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=f"the file of --gpu (default: {GPU_REPORT})")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=f"the file of --gpu (default: {_GPU_REPORT})")
     parser.add_argument(
         "--device", metavar="SPEC", help="report on this device alone, as in render (default: every device found)"
     )
@@ -451,7 +451,7 @@ def _examine(arguments: argparse.Namespace) -> int:
 
     if arguments.numerics or arguments.json:
         raise InputError("rptcam doctor: --gpu checks numerics too and writes JSON to its file; give it alone")
-    path = arguments.output or Path(GPU_REPORT)
+    path = arguments.output or Path(_GPU_REPORT)
     files.check_writable(path)
     info = choose_device(arguments.device)
     known, report = environment(info.id), CardReport(Session(info, profiling=True))

@@ -502,7 +502,7 @@ def run_stack(arguments: argparse.Namespace) -> int:
         output.print_warnings(
             [f"what lies between the pictures is not sharp; {about['needed']} would leave nothing out"]
         )
-    if about["known_share"] < POOR:
+    if about["known_share"] < _POOR:
         output.print_warnings([
             f"only {about['known_share']:.0%} of the picture has the texture that tells its depth; the rest is taken"
             " from around it"
@@ -515,7 +515,7 @@ def run_stack(arguments: argparse.Namespace) -> int:
 
 # ``rptcam halves``: pictures through parts of the opening.
 
-OF_HALVES = ("left", "right", "phase_pixels", "screen")
+_OF_HALVES = ("left", "right", "phase_pixels", "screen")
 
 
 def add_halves(parser: argparse.ArgumentParser) -> None:
@@ -539,7 +539,7 @@ def run_halves(arguments: argparse.Namespace) -> int:
     from rptcam_cl.api.combined import dual_pixels, focusing_screen, with_phase_pixels
     from rptcam_cl.imaging.writers import check_output
 
-    outputs = {name: path for name in OF_HALVES if (path := getattr(arguments, name)) is not None}
+    outputs = {name: path for name in _OF_HALVES if (path := getattr(arguments, name)) is not None}
     if not outputs:
         raise InputError("rptcam halves: nothing to write (allowed: --left, --right, --phase-pixels, --screen)")
     output.check_different(list(outputs.values()), "rptcam halves")
@@ -560,13 +560,13 @@ def run_halves(arguments: argparse.Namespace) -> int:
     return 0
 
 
-POOR = 0.5  # of the picture that tells its depth, below which there is a warning
+_POOR = 0.5  # of the picture that tells its depth, below which there is a warning
 
 # Lists of values with an ellipsis: ``2,2.8,…,22`` goes on as it began, in stops for f-numbers, in equal steps else.
 
-ELLIPSES = ("…", "...")
+_ELLIPSES = ("…", "...")
 MOST_VALUES = 10_000
-ON_THE_WAY = 1e-6  # of a step, by which the last value may miss it
+_ON_THE_WAY = 1e-6  # of a step, by which the last value may miss it
 
 # As engraved on lenses and shown by cameras: full, half and third stops.
 F_NUMBERS = (
@@ -587,7 +587,7 @@ def expand_ellipsis(key: str, values: list[Any], where: str) -> list[Any]:
     InputError
         When it does not stand between numbers that make a series.
     """
-    places = [k for k, value in enumerate(values) if value in ELLIPSES]
+    places = [k for k, value in enumerate(values) if value in _ELLIPSES]
     if not places:
         return values
     place = places[0]
@@ -622,7 +622,7 @@ def _steps(before: list[float], last: float, where: str) -> list[float]:
     """Return the numbers between, in steps of the two before the ellipsis."""
     step = before[-1] - before[0]
     count = (last - before[-1]) / step if step else 0.0
-    if len(before) < 2 or not 1 - ON_THE_WAY <= count <= MOST_VALUES or abs(count - round(count)) > ON_THE_WAY:
+    if len(before) < 2 or not 1 - _ON_THE_WAY <= count <= MOST_VALUES or abs(count - round(count)) > _ON_THE_WAY:
         raise InputError(
             f"{where}: is no series of equal steps (got {', '.join(map(str, before))}, …, {last};"
             " allowed: as 1,1.5,…,4)"

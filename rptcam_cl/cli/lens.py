@@ -374,8 +374,8 @@ def _info(arguments: argparse.Namespace) -> int:
 
 # ``rptcam lens optimise``: a lens made better, with drawings, MTF, yield and pictures before and after.
 
-PERCENT = 90  # of copies that are as good as the one in the picture, or better
-GRADE = "commercial"
+_PERCENT = 90  # of copies that are as good as the one in the picture, or better
+_GRADE = "commercial"
 STRIP = 70  # pixels of the built-in board that are rendered, from above to below
 
 
@@ -452,7 +452,7 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
         arguments.report.mkdir(parents=True, exist_ok=True)
         _write_drawings(found, arguments.report)
         if scene is not None:
-            _write_pictures(found, scene, spec or GRADE, arguments)
+            _write_pictures(found, scene, spec or _GRADE, arguments)
     if arguments.json:
         print(output.as_json(_facts(found, runs, both)))
         return 0
@@ -564,9 +564,9 @@ def _write_pictures(found: "Optimised", scene: "Scene", spec: str, arguments: ar
     from rptcam_cl.scene.changes import set_keys
 
     before, after = (read_yaml(lens_text(lens)).data for lens in (found.start, found.lens))
-    copy = {"design": after, "as_built": {"percentile": f"{PERCENT}%", "spec": spec}}
+    copy = {"design": after, "as_built": {"percentile": f"{_PERCENT}%", "spec": spec}}
     pictures: list[tuple[str, Image]] = []
-    for name, lens in (("before", before), ("after", after), (f"as_built_{PERCENT}", copy)):
+    for name, lens in (("before", before), ("after", after), (f"as_built_{_PERCENT}", copy)):
         print(f"rendering {name}", file=sys.stderr)
         try:
             image = render(set_keys(scene, {"camera.lens": lens}), spp=arguments.spp, device=arguments.device)

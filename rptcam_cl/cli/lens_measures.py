@@ -341,7 +341,7 @@ def _run_lens_trace(arguments: argparse.Namespace) -> int:
 
 # ``rptcam lens breathing``: field of view and speed of a lens over its focus and its zoom.
 
-DISTANCES_M = "inf,10,5,3,2,1.5"
+_DISTANCES_M = "inf,10,5,3,2,1.5"
 _distances = lens_options.number_list(
     "distances above 0 with commas between, as inf,5,2,1", lambda value: 0 < value < 1e9 or value == math.inf
 )
@@ -353,7 +353,7 @@ def add_lens_breathing(commands: Commands) -> None:
     parser = add_command(commands, "breathing", text, _breathing)
     lens_options.add_lens_argument(parser)
     parser.add_argument(
-        "--distances-m", type=_distances, metavar="A,B,…", default=DISTANCES_M,
+        "--distances-m", type=_distances, metavar="A,B,…", default=_DISTANCES_M,
         help="from the object to the film in metres, the first is what others are compared with; inf is infinity"
         " (default: %(default)s)",
     )  # fmt: skip

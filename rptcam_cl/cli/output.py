@@ -263,7 +263,7 @@ def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
 
 # What is said of a render when it has ended.
 
-MUCH_BLOCKED = 0.1  # of the rays pass at least, or something is wrong
+_MUCH_BLOCKED = 0.1  # of the rays pass at least, or something is wrong
 
 
 def _exposure_text(metadata: dict[str, Any]) -> str:
@@ -309,7 +309,7 @@ def dark_warnings(image: Image, *, whole: bool = True) -> list[str]:
             " camera.target, objects of emissive material, lights and environment say so)"
         ]
     outcomes = image.stats.get("lens")
-    if not outcomes or not sum(outcomes.values()) or outcomes["passed"] >= MUCH_BLOCKED * sum(outcomes.values()):
+    if not outcomes or not sum(outcomes.values()) or outcomes["passed"] >= _MUCH_BLOCKED * sum(outcomes.values()):
         return []
     share = 1 - outcomes["passed"] / sum(outcomes.values())
     size = image.metadata.get("film_size_mm")

@@ -302,7 +302,7 @@ class CameraAxes:
 
 
 # From a view and the depth of the plane in focus to the lens of the camera there.
-SetLens = Callable[[CameraAxes, float], LensSetting]
+_SetLens = Callable[[CameraAxes, float], LensSetting]
 
 
 class Projection:
@@ -403,7 +403,7 @@ def _chief_rays(setting: LensSetting, heights: Array) -> tuple[Array, Array] | N
 
 
 def frame_subject(
-    points: Array, direction: Array, up: Array, film_mm: tuple[float, float], set_lens: SetLens, metres_per_unit: float
+    points: Array, direction: Array, up: Array, film_mm: tuple[float, float], set_lens: _SetLens, metres_per_unit: float
 ) -> tuple[CameraAxes, Array, float]:
     """Return the view that two thirds fill, else the nearest from outside the subject that the lens can focus.
 

@@ -27,7 +27,7 @@ from rptcam_cl.scene.placement import CameraMotion, Vector, place_between
 # lies on the upper half of the film, so that a film whose top leans back focuses nearer at the bottom of the picture.
 
 Turn = Annotated[float, Field(ge=-80, le=80), quantities.NUMBER]
-Scatter = Annotated[
+_Scatter = Annotated[
     tuple[
         Annotated[float, Field(ge=0), quantities.NUMBER],
         Annotated[float, Field(ge=1e-12), quantities.NUMBER],
@@ -214,7 +214,7 @@ def _keeps_a_view(first: Vector, second: Vector) -> bool:
 # Cameras of all kinds: what the other parts of the program ask of one.
 
 Degrees = Annotated[float, Field(gt=0, lt=180), quantities.NUMBER]
-FovAxis = Literal["horizontal", "vertical", "diagonal"]
+_FovAxis = Literal["horizontal", "vertical", "diagonal"]
 Keys = dict[str, Any]
 NOT_FOUND_YET = "camera.focus.auto: the focus is found by render() or autofocus(), before the camera can be used"
 FNumber = Annotated[float, Field(ge=1e-2, le=1e6), quantities.NUMBER]
@@ -278,7 +278,7 @@ class CameraKind(Pose):
         return aperture
 
     @property
-    def field_of_view(self) -> tuple[float, FovAxis] | None:
+    def field_of_view(self) -> tuple[float, _FovAxis] | None:
         """Full field of view [degrees] and the side of the film that it spans, where keys say so."""
         degrees: float | None = getattr(self, "fov_degrees", None)
         return None if degrees is None else (degrees, getattr(self, "fov_axis", "horizontal"))
@@ -355,7 +355,7 @@ class PinholeCamera(CameraKind):
     fov_degrees: Degrees
     """Full field of view along `fov_axis` [degrees]."""
 
-    fov_axis: FovAxis = "horizontal"
+    fov_axis: _FovAxis = "horizontal"
     """Side of the film that `fov_degrees` spans."""
 
     near_m: Annotated[float, Field(ge=0, le=1e12), quantities.NUMBER] = 0.0
@@ -424,7 +424,7 @@ class ThinLensCamera(CameraKind):
     fov_degrees: Degrees | None = None
     """Full field of view along `fov_axis` [degrees]."""
 
-    fov_axis: FovAxis = "horizontal"
+    fov_axis: _FovAxis = "horizontal"
     """Side of the film that `fov_degrees` spans."""
 
     focal_length_mm: quantities.Millimetres | None = None
@@ -668,7 +668,7 @@ class RealisticCamera(LensCamera):
     barrel_reflectance: Annotated[float, Field(ge=0, lt=1), quantities.NUMBER] = 0.0
     """Share that rims behind the stop scatter evenly to the film, with `ghosts`; they count as lit like the film."""
 
-    front_scatter: Scatter | None = None
+    front_scatter: _Scatter | None = None
     """A, B and g of what the front of the lens scatters, with `ghosts`: radiance over irradiance is A / (B + d^g), d
     being how far the sines of the directions lie apart."""
 

@@ -46,7 +46,7 @@ class ValueKeyframe(Keyframe):
     """As at the key itself; numbers, lists and rows of them go straight to the next keyframe, others stay until it."""
 
 
-ValueKeyframes = Annotated[
+_ValueKeyframes = Annotated[
     tuple[ValueKeyframe, ...], Field(min_length=1, max_length=MOST_KEYFRAMES), AfterValidator(in_order)
 ]
 
@@ -74,7 +74,7 @@ class FrameSequence(SceneModel):
     frames_per_second: Annotated[float, Field(ge=1e-3, le=1e6), NUMBER] = 24.0
     """Frame 1 opens its shutter at `shutter.open_s`, each next one this much later."""
 
-    keys: Mapping[str, ValueKeyframes] = {}
+    keys: Mapping[str, _ValueKeyframes] = {}
     """Keyframes by key path, as `camera.focus.distance_m`; times count as those of moving objects do."""
 
     continuous_focus: ContinuousFocus | None = None
@@ -182,7 +182,7 @@ class Shutter(SceneModel):
     direction: Literal["top_down", "bottom_up", "left_right", "right_left"] = "top_down"
     """With a rolling shutter: which way the rows follow each other in the picture."""
 
-    keys: Mapping[str, ValueKeyframes] = {}
+    keys: Mapping[str, _ValueKeyframes] = {}
     """Keys that change while it is open, as `camera.focal_length_mm`: keyframes by key path, of numbers."""
 
     steps: Annotated[int, Field(ge=2, le=_MOST_STEPS), WHOLE_NUMBER] = 32
@@ -190,7 +190,7 @@ class Shutter(SceneModel):
 
     @field_validator("keys", mode="after")
     @classmethod
-    def _check_moving_keys(cls, keys: Mapping[str, ValueKeyframes]) -> Any:
+    def _check_moving_keys(cls, keys: Mapping[str, _ValueKeyframes]) -> Any:
         for name, frames in keys.items():
             if re.split(r"[.[]", name)[0] not in _MOVES_IN_EXPOSURE:
                 raise refuse(

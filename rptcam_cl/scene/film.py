@@ -232,7 +232,7 @@ def _as_text(value: Any) -> Any:
     return str(value) if value == 645 and not isinstance(value, str) else value
 
 
-FormatName = Annotated[_Name, BeforeValidator(_as_text), base.AlsoAccepts({"const": 645})]
+_FormatName = Annotated[_Name, BeforeValidator(_as_text), base.AlsoAccepts({"const": 645})]
 
 
 def _size_in_format(name: str, resolution: tuple[int, int]) -> tuple[float, float]:
@@ -271,7 +271,7 @@ class Film(base.SceneModel):
     resolution: Annotated[tuple[Pixels, Pixels], BeforeValidator(list_of(2, _PAIR))] = (640, 360)
     """Width and height of the whole film [pixels]; fewer than 2^31 pixels together."""
 
-    format: FormatName | None = None
+    format: _FormatName | None = None
     """Film or sensor format by name; the largest picture in it, of square pixels, upright where the resolution is."""
 
     size_mm: Annotated[tuple[Millimetres, Millimetres], BeforeValidator(list_of(2, _PAIR))] | None = None
@@ -508,7 +508,7 @@ class Sensor(base.SceneModel):
 # How the film becomes the picture that a screen shows: white balance, exposure, tone curve.
 
 Light = Literal["auto", IlluminantName]
-Adaptation = Literal["channels", "bradford"]
+_Adaptation = Literal["channels", "bradford"]
 Tone = Literal["srgb", "linear", "reinhard", "aces", "agx"]
 Gamut = Literal["clip", "desaturate"]
 LIGHTS: tuple[str, ...] = get_args(Light)
@@ -559,7 +559,7 @@ class WhiteBalance(base.SceneModel):
     gains: Annotated[tuple[Factor, Factor, Factor], BeforeValidator(list_of(3, "[red, green, blue]"))] | None = None
     """Factors on linear red, green and blue."""
 
-    adaptation: Adaptation | None = None
+    adaptation: _Adaptation | None = None
     """What is scaled: the channels, or the responses of the Bradford transform; by default what suits the film."""
 
     @model_validator(mode="after")

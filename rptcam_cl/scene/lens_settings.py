@@ -33,7 +33,7 @@ def _criterion(text: Any) -> Any:
 
 Policy = Literal["closest", "farthest", "centre", "weighted"]
 POLICIES: tuple[Policy, ...] = get_args(Policy)
-ObjectName = Annotated[str, Field(max_length=200)]
+_ObjectName = Annotated[str, Field(max_length=200)]
 _ZONE = "[x0, x1, y0, y1]"
 
 
@@ -79,7 +79,7 @@ class AutoFocus(base.SceneModel):
     point: quantities.FilmPoint | None = None
     """A point of the picture to focus on, as fractions from its left and top edges."""
 
-    object: ObjectName | None = None
+    object: _ObjectName | None = None
     """Name of the object to focus on, wherever it is seen."""
 
     at: quantities.Position | None = None
@@ -126,7 +126,7 @@ class AutoFocus(base.SceneModel):
         return self
 
 
-AutoFocusOrMethod = Annotated[
+_AutoFocusOrMethod = Annotated[
     AutoFocus,
     base.word_for("method", METHODS, problem="is no method", otherwise=" or a mapping"),
     base.AlsoAccepts({"enum": list(METHODS), "description": "A method alone."}),
@@ -138,10 +138,10 @@ class FoundFocus(base.SceneModel):
 
     alternatives: ClassVar[tuple[base.Alternatives, ...]] = (base.Alternatives(("auto", "object"), required=True),)
 
-    auto: AutoFocusOrMethod | None = None
+    auto: _AutoFocusOrMethod | None = None
     """Autofocus."""
 
-    object: ObjectName | None = None
+    object: _ObjectName | None = None
     """Name of an object that the focus follows, as with other lenses."""
 
 
@@ -172,7 +172,7 @@ class Focus(base.SceneModel):
     point: quantities.Position | None = None
     """A point of the object plane in focus [scene units]."""
 
-    object: ObjectName | None = None
+    object: _ObjectName | None = None
     """Name of an object that the focus follows: the object plane goes through the middle of the box round it, where
     camera and object are when the shutter opens."""
 
@@ -183,7 +183,7 @@ class Focus(base.SceneModel):
     """How far the focusing group of the lens stands towards the film from its place in the lens file [mm]; of
     floating groups the change of the gap that changes most."""
 
-    auto: AutoFocusOrMethod | None = None
+    auto: _AutoFocusOrMethod | None = None
     """Autofocus."""
 
     method: Literal["thick", "spot"] = "thick"
@@ -253,7 +253,7 @@ def _children(item: Any, path: tuple[str | int, ...]) -> list[tuple[Any, tuple[s
     return []
 
 
-LensReference = Annotated[str | dict[str, Any], BeforeValidator(_lens)]
+_LensReference = Annotated[str | dict[str, Any], BeforeValidator(_lens)]
 
 _PAIR = "a pair [x, y]"
 
@@ -440,21 +440,21 @@ Coating = Annotated[
     Annotated[_PlainCoating, Tag(IN_WORDS)] | Annotated[CoatingLayers, Tag(LAYERED)],
     Discriminator(lambda value: LAYERED if isinstance(value, dict | CoatingLayers) else IN_WORDS),
 ]
-Flag = Annotated[bool, Field(strict=True)]
+_Flag = Annotated[bool, Field(strict=True)]
 
 
 class Transmission(base.SceneModel):
     """What a lens takes from light: a word, or what counts. `ideal` is nothing, `bare` glass and surfaces without their
     coatings, `coated` with them, `mgf2` and `multi` with such a `coating`."""
 
-    fresnel: Flag = True
+    fresnel: _Flag = True
     """Whether surfaces reflect."""
 
-    coatings: Flag | None = None
+    coatings: _Flag | None = None
     """Whether they do so through their coatings: true needs a lens that has some, false leaves every surface bare; by
     default they count where the lens has any."""
 
-    absorption: Flag = True
+    absorption: _Flag = True
     """Whether glass absorbs, where it is known how much."""
 
     coating: Coating | None = None
@@ -529,13 +529,13 @@ def _check_percent(value: Any) -> str:
 
 _LEAST_EXPANSION, _MOST_EXPANSION = -1e-5, 1e-3  # of barrels [1/K]
 _PERCENTAGE = {"type": "string", "pattern": _PATTERN}
-Percent = Annotated[str, BeforeValidator(_check_percent), WithJsonSchema(_PERCENTAGE)]
+_Percent = Annotated[str, BeforeValidator(_check_percent), WithJsonSchema(_PERCENTAGE)]
 
 
 class AsBuilt(base.SceneModel):
     """One of many copies of the lens that are made within tolerances."""
 
-    percentile: Percent
+    percentile: _Percent
     """Which copy: so many of all are as good or better, `90%` one of the worse."""
 
     spec: Annotated[str, Field(min_length=1, max_length=_MAX_TEXT)] = "commercial"
@@ -573,8 +573,8 @@ _BARREL_FORMS = {
 
 
 Temperature = Annotated[float, Field(ge=-100, le=140), quantities.NUMBER]
-Pressure = Annotated[float, Field(ge=0, le=2000), quantities.NUMBER]
-Barrel = Annotated[str | float, BeforeValidator(_check_barrel), WithJsonSchema(_BARREL_FORMS)]
+_Pressure = Annotated[float, Field(ge=0, le=2000), quantities.NUMBER]
+_Barrel = Annotated[str | float, BeforeValidator(_check_barrel), WithJsonSchema(_BARREL_FORMS)]
 
 
 def _heat(temperature_c: float, pressure_hpa: float, barrel: str | float) -> Heat | None:
@@ -586,7 +586,7 @@ def _heat(temperature_c: float, pressure_hpa: float, barrel: str | float) -> Hea
 class RealLens(base.SceneModel):
     """A lens as it is made, or as heat has it."""
 
-    design: LensReference
+    design: _LensReference
     """The lens by name, file or prescription, as `lens` alone would be."""
 
     as_built: Annotated[AsBuilt, BeforeValidator(_from_percentile), base.AlsoAccepts(_PERCENTAGE)] | None = None
@@ -595,10 +595,10 @@ class RealLens(base.SceneModel):
     temperature_c: Temperature = 20.0
     """Temperature of the lens and the air around it [degrees Celsius]."""
 
-    pressure_hpa: Pressure = 1013.25
+    pressure_hpa: _Pressure = 1013.25
     """Pressure of that air [hPa]."""
 
-    barrel: Barrel = "aluminium"
+    barrel: _Barrel = "aluminium"
     """What holds elements and film: a material, or its linear expansion [1/K]."""
 
     @property
@@ -612,7 +612,7 @@ def _form(value: Any) -> str:
 
 
 LensOrDesign = Annotated[
-    Annotated[LensReference, Tag(DESIGN)] | Annotated[RealLens, Tag(REAL)],
+    Annotated[_LensReference, Tag(DESIGN)] | Annotated[RealLens, Tag(REAL)],
     Discriminator(_form),
 ]
 
@@ -633,15 +633,15 @@ Number = Annotated[int, Field(ge=0, le=10_000), quantities.WHOLE_NUMBER]
 Numbers = Annotated[tuple[Number, ...], Field(min_length=1, max_length=1000)]
 Size = Annotated[float, Field(ge=0, le=1e6), quantities.NUMBER]
 Share = Annotated[float, Field(ge=0, le=50), quantities.NUMBER]
-Minutes = Annotated[float, Field(ge=0, le=600), quantities.NUMBER]
+_Minutes = Annotated[float, Field(ge=0, le=600), quantities.NUMBER]
 Wavelength = Annotated[float, Field(ge=200, le=20_000), quantities.NUMBER]
-FieldAngle = Annotated[float, Field(ge=0, le=60), quantities.NUMBER]
+_FieldAngle = Annotated[float, Field(ge=0, le=60), quantities.NUMBER]
 Text = Annotated[str, Field(max_length=_MAX_TEXT)]
 
 _OF_SURFACES = ("radius_percent", "radius_mm", "radius_fringes", "spacing_mm")
 _OF_ELEMENTS = ("thickness_mm", "thickness_percent", "index", "abbe_percent", "wedge_arcmin", "wedge_um")
 OF_EITHER = ("decentre_mm", "tilt_arcmin", "tilt_um")
-ADJUSTABLE = ("spacing_mm", *OF_EITHER)  # in a copy that is made
+_ADJUSTABLE = ("spacing_mm", *OF_EITHER)  # in a copy that is made
 
 
 class Tolerance(base.SceneModel):
@@ -676,7 +676,7 @@ class Tolerance(base.SceneModel):
     abbe_percent: Share | None = None
     """Abbe number of a glass, as a share of it [%]."""
 
-    wedge_arcmin: Minutes | None = None
+    wedge_arcmin: _Minutes | None = None
     """Angle between the two surfaces of an element: its second surface tilts [minutes of arc]."""
 
     wedge_um: Size | None = None
@@ -685,7 +685,7 @@ class Tolerance(base.SceneModel):
     decentre_mm: Size | None = None
     """How far something stands beside the axis, in any direction [mm]."""
 
-    tilt_arcmin: Minutes | None = None
+    tilt_arcmin: _Minutes | None = None
     """How far something is tilted about its first vertex, in any direction [minutes of arc]."""
 
     tilt_um: Size | None = None
@@ -741,7 +741,7 @@ class Merit(base.SceneModel):
     rank_by: Literal["spot", "mtf"] = "spot"
     """What makes one copy better than another: a smaller spot, or a higher modulation."""
 
-    fields_degrees: Annotated[tuple[FieldAngle, ...], Field(min_length=1, max_length=_MOST_FIELDS)] | None = None
+    fields_degrees: Annotated[tuple[_FieldAngle, ...], Field(min_length=1, max_length=_MOST_FIELDS)] | None = None
     """Angles from the axis [degrees]; each beside 0 is seen in four directions. By default the axis, 0.7 of the widest
     field and that."""
 
@@ -801,10 +801,10 @@ class Tolerances(base.SceneModel):
     temperature_c: Temperature = 20.0
     """Temperature of the copies and the air around them [degrees Celsius]."""
 
-    pressure_hpa: Pressure = 1013.25
+    pressure_hpa: _Pressure = 1013.25
     """Pressure of that air [hPa]."""
 
-    barrel: Barrel = "aluminium"
+    barrel: _Barrel = "aluminium"
     """What holds elements and film: a material, or its linear expansion [1/K]."""
 
     merit: Merit = Merit()
@@ -819,8 +819,8 @@ class Tolerances(base.SceneModel):
     def _check_compensators(self) -> Self:
         for number, one in enumerate(self.compensators):
             path: tuple[str, int] = ("compensators", number)
-            if one.quantity not in ADJUSTABLE:
-                raise base.refuse("cannot be adjusted", allowed=", ".join(ADJUSTABLE), path=(*path, one.quantity))
+            if one.quantity not in _ADJUSTABLE:
+                raise base.refuse("cannot be adjusted", allowed=", ".join(_ADJUSTABLE), path=(*path, one.quantity))
             if one.distribution is not None or one.sigmas is not None:
                 key = "sigmas" if one.distribution is None else "distribution"
                 raise base.refuse("is of tolerances; a compensator is adjusted", path=(*path, key))

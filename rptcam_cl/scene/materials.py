@@ -98,7 +98,7 @@ def _alphas(value: Any) -> tuple[float, float]:
     return alpha(value[0], (0,)), alpha(value[1], (1,))
 
 
-AlphaPair = Annotated[
+_AlphaPair = Annotated[
     tuple[float, float],
     BeforeValidator(_alphas),
     WithJsonSchema({"anyOf": [_ALPHA, {"type": "array", "items": _ALPHA, "minItems": 2, "maxItems": 2}]}),
@@ -115,7 +115,7 @@ def alpha_pair(roughness: float, anisotropy: float) -> tuple[float, float]:
 class RoughMaterial(SceneModel):
     """What says how rough a material is."""
 
-    alpha: AlphaPair | None = None
+    alpha: _AlphaPair | None = None
     """GGX roughness: a number, or [along u, across]."""
 
     roughness: quantities.Fraction | None = None

@@ -18,13 +18,13 @@ MOST_ASYMMETRY = 0.99
 _LEAST_ASYMMETRY = 1e-3  # below it float32 does not tell scattering from even scattering
 _BLACK: quantities.Colour = (0.0, 0.0, 0.0)
 _STAND_IN: quantities.Colour = (0.5, 0.5, 0.5)
-FreePath = Annotated[float, Field(ge=1e-6, le=1e9), quantities.NUMBER]
+_FreePath = Annotated[float, Field(ge=1e-6, le=1e9), quantities.NUMBER]
 _FREE_PATHS = BeforeValidator(
     lambda value: [value] * 3 if isinstance(value, (int, float)) and not isinstance(value, bool) else value
 )
 
 
-Substance = Literal[
+_Substance = Literal[
     "apple", "chicken", "cream", "ketchup", "marble", "potato", "skim_milk", "skin", "skin_pale", "spectralon",
     "whole_milk",
 ]  # fmt: skip
@@ -56,7 +56,7 @@ def albedo_for(colour: float) -> float:
 
 # Fog by the size of its droplets: Jendersie and d'Eon, «An approximate Mie scattering function for fog and cloud
 # rendering», SIGGRAPH 2023 talks, eq. 4 to 7.
-Droplet = Annotated[float, Field(ge=5, le=50), quantities.NUMBER]
+_Droplet = Annotated[float, Field(ge=5, le=50), quantities.NUMBER]
 
 
 class Droplets(NamedTuple):
@@ -134,17 +134,17 @@ class ScatteringMedium(SceneModel):
     asymmetry: Annotated[float, Field(ge=-MOST_ASYMMETRY, le=MOST_ASYMMETRY), quantities.NUMBER] = 0.0
     """Mean cosine of scattering (Henyey and Greenstein): above 0 forwards, as fog, some 0.8; 0 evenly."""
 
-    droplets_um: Droplet | None = None
+    droplets_um: _Droplet | None = None
     """Diameter of droplets of water that scatter as in fog and clouds [micrometres], 5 to 50; in place of asymmetry."""
 
-    substance: Substance | None = None
+    substance: _Substance | None = None
     """What it is, with the coefficients that Jensen et al. measured in 2001; in place of all these."""
 
     color: textures.Reflectance | None = None
     """With `free_path_mm`: colour of a deep body of it in light from all sides, of what enters the surface. In a solid
     with a surface also a texture, of which light takes the colour where it enters."""
 
-    free_path_mm: Annotated[tuple[FreePath, FreePath, FreePath], _FREE_PATHS] | None = None
+    free_path_mm: Annotated[tuple[_FreePath, _FreePath, _FreePath], _FREE_PATHS] | None = None
     """With `color`: mean way of light between two events [mm], were scattering even; a number, or one a channel."""
 
     emission_per_m: quantities.Radiance = _BLACK

@@ -207,7 +207,7 @@ Pairs = Annotated[
     Vectors, PlainValidator(lambda value: _vectors(2, value)), _PLAIN, WithJsonSchema(_rows_schema("number", 2, 2))
 ]
 Shades = Annotated[Vectors, PlainValidator(_shades), _PLAIN, WithJsonSchema(_POINTS_SCHEMA)]
-FaceRows = Annotated[FaceLists, PlainValidator(_faces), _PLAIN, WithJsonSchema(_rows_schema("integer", 3, None))]
+_FaceRows = Annotated[FaceLists, PlainValidator(_faces), _PLAIN, WithJsonSchema(_rows_schema("integer", 3, None))]
 Normals = Annotated[
     Vectors | NormalsMode,
     PlainValidator(_normals),
@@ -218,7 +218,7 @@ Normals = Annotated[
 
 # Displacement: triangles divided, and their corners moved along the normals by a picture of heights.
 
-MOST_DISPLACED = 1 << 26  # triangles of a mesh
+_MOST_DISPLACED = 1 << 26  # triangles of a mesh
 
 
 class Displacement(FileReference):
@@ -264,8 +264,8 @@ class Displacement(FileReference):
         """
         if mesh.uvs is None:
             raise InputError("displacement: the mesh has no texture coordinates (allowed: a mesh with u and v)")
-        if (count := len(mesh.faces) * self.steps**2) > MOST_DISPLACED:
-            most = max(int((MOST_DISPLACED / len(mesh.faces)) ** 0.5), 1)
+        if (count := len(mesh.faces) * self.steps**2) > _MOST_DISPLACED:
+            most = max(int((_MOST_DISPLACED / len(mesh.faces)) ** 0.5), 1)
             raise InputError(f"displacement.steps: {count} triangles are too many (allowed: at most {most} steps)")
         normals = mesh.normals if mesh.normals is not None else _mean_normals(mesh.positions, mesh.faces)
         corners = np.concatenate([mesh.positions, normals, mesh.uvs], axis=1).astype(np.float64)
@@ -476,7 +476,7 @@ class MeshSource(SceneModel):
     vertices: Points | None = None
     """Vertices [scene units], a list of [x, y, z]."""
 
-    faces: FaceRows | None = None
+    faces: _FaceRows | None = None
     """Polygons as lists of 3 or more vertices, which count from 0, counter-clockwise seen from the front."""
 
     uvs: Pairs | None = None

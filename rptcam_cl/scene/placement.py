@@ -239,7 +239,7 @@ def in_order(frames: tuple[_K, ...]) -> tuple[_K, ...]:
 
 
 CameraMotion = Annotated[tuple[CameraKeyframe, ...], Field(max_length=MOST_KEYFRAMES), AfterValidator(in_order)]
-ObjectMotion = Annotated[tuple[ObjectKeyframe, ...], Field(max_length=MOST_KEYFRAMES), AfterValidator(in_order)]
+_ObjectMotion = Annotated[tuple[ObjectKeyframe, ...], Field(max_length=MOST_KEYFRAMES), AfterValidator(in_order)]
 
 
 def place_between(frames: Sequence[Keyframe], time_s: float) -> tuple[int, float]:
@@ -518,7 +518,7 @@ class PlacedObject(SceneModel):
     instances: Instances | None = None
     """Table of places at which it stands, each after its transform; in one place, that of its transform, by default."""
 
-    motion: ObjectMotion = ()
+    motion: _ObjectMotion = ()
     """Where it is over time, after its transform; without keyframes it stands still."""
 
     visible: Visibility = Visibility()

@@ -599,13 +599,13 @@ Albedo = Annotated[Colour, ColourForms(1.0, "would reflect more light than arriv
 Radiance = Annotated[
     Colour, ColourForms(LARGEST_RADIANCE, "is too bright for sums in float32", LightSpectrum, LightSpectrum.emission)
 ]
-MOST_GROUP_LETTERS = 40
+_MOST_GROUP_LETTERS = 40
 
 
 def _group_name(name: object) -> object:
-    if isinstance(name, str) and not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_-]{{0,{MOST_GROUP_LETTERS - 1}}}", name):
+    if isinstance(name, str) and not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_-]{{0,{_MOST_GROUP_LETTERS - 1}}}", name):
         raise refuse(
-            "is no name of a group", allowed=f"a letter, then letters, digits, _ and -, up to {MOST_GROUP_LETTERS}"
+            "is no name of a group", allowed=f"a letter, then letters, digits, _ and -, up to {_MOST_GROUP_LETTERS}"
         )
     return name
 

@@ -217,7 +217,7 @@ def mesh_object(points: Any, faces: Any, **keys: Any) -> dict[str, Any]:
 
 
 NOTHING = -1
-TREE_ARGUMENTS = ("primitive_nodes", "primitive_leaves")
+_TREE_ARGUMENTS = ("primitive_nodes", "primitive_leaves")
 
 
 @dataclass(frozen=True)
@@ -263,7 +263,7 @@ class TracedScene:
         assert self.plan.meshes is None
         other = copy.copy(self)
         other.buffers = copy.copy(self.buffers)
-        other.buffers.scene = {name: value for name, value in self.buffers.scene.items() if name not in TREE_ARGUMENTS}
+        other.buffers.scene = {name: value for name, value in self.buffers.scene.items() if name not in _TREE_ARGUMENTS}
         other.buffers.tree_facts = {}
         return other
 
@@ -340,11 +340,11 @@ MASK = (1 << 32) - 1
 MULTIPLIER, INCREMENT = 1664525, 1013904223
 CORNERS = (0, 1, 2, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFE, 0xFFFFFFFF)
 SEED = (12345, 67890)
-ADDITIONS = 1 << 22  # to a pixel of the film
-PER_LAUNCH = 1 << 15  # steps of a loop that no kernel of a render exceeds
-LOOPS = 1000  # steps of the inner one
-FILM_PIXELS = 16
-WORST_ULPS = 3.0  # what OpenCL 1.2 allows a root, and more than it allows a quotient
+_ADDITIONS = 1 << 22  # to a pixel of the film
+_PER_LAUNCH = 1 << 15  # steps of a loop that no kernel of a render exceeds
+_LOOPS = 1000  # steps of the inner one
+_FILM_PIXELS = 16
+_WORST_ULPS = 3.0  # what OpenCL 1.2 allows a root, and more than it allows a quotient
 
 
 def pcg4d(x: int, y: int, z: int, w: int) -> tuple[int, int, int, int]:
@@ -403,7 +403,7 @@ def arithmetic_checks(session: Session) -> list[Check]:
         for got, true in zip((root[tame], quotient[tame]), exact, strict=True)
     )
     return [
-        Check("roots and quotients", worst, WORST_ULPS, "units in the last place"),
+        Check("roots and quotients", worst, _WORST_ULPS, "units in the last place"),
         Check("what is not finite is recognised", wrong, 0, f"of {count} wrong"),
     ]
 
@@ -415,22 +415,22 @@ def _film_errors(session: Session) -> tuple[float, int]:
     sample of each is not a number.
     """
     lanes = session.lanes
-    sums, counters = session.allocate(24 * FILM_PIXELS, zeroed=True), session.allocate(64, zeroed=True)
-    for first in range(0, ADDITIONS, PER_LAUNCH):
+    sums, counters = session.allocate(24 * _FILM_PIXELS, zeroed=True), session.allocate(64, zeroed=True)
+    for first in range(0, _ADDITIONS, _PER_LAUNCH):
         run_probe(
-            session, "probe_film", {"VW": lanes, "CLAMP": 0}, FILM_PIXELS // lanes, sums=sums, counters=counters,
-            pixels=np.uint32(FILM_PIXELS), first=np.uint32(first),
-            samples=np.uint32(min(PER_LAUNCH, ADDITIONS - first)), last=np.uint32(ADDITIONS - 1),
+            session, "probe_film", {"VW": lanes, "CLAMP": 0}, _FILM_PIXELS // lanes, sums=sums, counters=counters,
+            pixels=np.uint32(_FILM_PIXELS), first=np.uint32(first),
+            samples=np.uint32(min(_PER_LAUNCH, _ADDITIONS - first)), last=np.uint32(_ADDITIONS - 1),
         )  # fmt: skip
-    planes = session.read(sums, np.float32, 6 * FILM_PIXELS).reshape(6, FILM_PIXELS).astype(np.float64)
+    planes = session.read(sums, np.float32, 6 * _FILM_PIXELS).reshape(6, _FILM_PIXELS).astype(np.float64)
     counted = session.read(counters, np.uint32, 16)[len(RayStatus)]
-    expected = np.array([_film_sums(pixel, ADDITIONS - 1) for pixel in range(FILM_PIXELS)]).T
-    return float(np.abs((planes[:3] - planes[3:]) / expected - 1).max()), abs(int(counted) - FILM_PIXELS)
+    expected = np.array([_film_sums(pixel, _ADDITIONS - 1) for pixel in range(_FILM_PIXELS)]).T
+    return float(np.abs((planes[:3] - planes[3:]) / expected - 1).max()), abs(int(counted) - _FILM_PIXELS)
 
 
 def film_values(pixel: int, count: int) -> NDArray[np.float32]:
     """Return the first samples (3, count) that `_film_errors` adds to a pixel."""
-    index = np.arange(count, dtype=np.uint32) * np.uint32(FILM_PIXELS) + np.uint32(pixel)
+    index = np.arange(count, dtype=np.uint32) * np.uint32(_FILM_PIXELS) + np.uint32(pixel)
     word = index * np.uint32(2654435761)
     even = (word >> np.uint32(8)).astype(np.float32) * np.float32(2**-24)
     rare = np.where(word >> np.uint32(20), even, np.float32(1000))
@@ -445,19 +445,19 @@ def _film_sums(pixel: int, count: int) -> NDArray[np.float64]:
 def loop_check(session: Session) -> Check:
     """Loops run to their end, as far as the device is known to let them: more than a kernel of a render takes."""
     steps = 1 << 20 if session.loop_limit is None else session.loop_limit - 1
-    outer = steps // (LOOPS + 1)  # a step of the outer loop counts, too
+    outer = steps // (_LOOPS + 1)  # a step of the outer loop counts, too
     out = session.allocate(4)
-    run_probe(session, "probe_loops", {"VW": 1}, 1, out=out, outer=np.uint32(outer), inner=np.uint32(LOOPS))
+    run_probe(session, "probe_loops", {"VW": 1}, 1, out=out, outer=np.uint32(outer), inner=np.uint32(_LOOPS))
     done = int(session.read(out, np.uint32, 1)[0])
-    return Check(f"loops: {outer * LOOPS} steps", abs(outer * LOOPS - done), 0, "not taken")
+    return Check(f"loops: {outer * _LOOPS} steps", abs(outer * _LOOPS - done), 0, "not taken")
 
 
 def film_checks(session: Session) -> list[Check]:
     """Sums of many samples, and samples that are not numbers."""
     error, uncounted = _film_errors(session)
     return [
-        Check(f"film: {ADDITIONS} samples in a pixel", error, 1e-7, "relative"),
-        Check("film: samples that are not numbers", uncounted, 0, f"of {FILM_PIXELS} not dropped and counted"),
+        Check(f"film: {_ADDITIONS} samples in a pixel", error, 1e-7, "relative"),
+        Check("film: samples that are not numbers", uncounted, 0, f"of {_FILM_PIXELS} not dropped and counted"),
     ]
 
 

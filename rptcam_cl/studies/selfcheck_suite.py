@@ -54,7 +54,7 @@ Array = NDArray[np.float64]
 EPS = 2.0**-24  # half a unit in the last place of float32 at 1
 RADII = tuple(sign * 10.0**power for power in range(10) for sign in (-1, 1))  # [mm]; planes besides
 LENSES = ("dgauss-50mm", "wide-22mm", "fisheye-10mm", "telephoto-250mm", "asphere-1.4mm", "anamorphic-100mm")
-SURFACE_RAYS = 200
+_SURFACE_RAYS = 200
 STEPS = np.array([-1e-1, -1e-2, -1e-3, -1e-4, 1e-4, 1e-3, 1e-2, 1e-1])  # about the critical angle [radians]
 
 
@@ -77,8 +77,8 @@ def surface_errors(
     sense = 1.0 if start == "scene" else -1.0
     size = min(abs(radius_mm), 30.0)
     lens = Lens(f"{radius_mm:g}", (Surface(1 / radius_mm, 0.0, ConstantIndex(index), 0.9 * size),))
-    directions = np.column_stack([rng.uniform(-0.6, 0.6, (SURFACE_RAYS, 2)), np.full(SURFACE_RAYS, sense)])
-    aims = np.column_stack([rng.uniform(-0.6, 0.6, (SURFACE_RAYS, 2)) * size, np.zeros(SURFACE_RAYS)])
+    directions = np.column_stack([rng.uniform(-0.6, 0.6, (_SURFACE_RAYS, 2)), np.full(_SURFACE_RAYS, sense)])
+    aims = np.column_stack([rng.uniform(-0.6, 0.6, (_SURFACE_RAYS, 2)) * size, np.zeros(_SURFACE_RAYS)])
     origins = aims - directions * size
     wanted = lens.trace(origins, directions, start=start)
     got = trace_on_device(lens, session, origins, directions, LINE_D_NM, start, "single")
@@ -235,8 +235,8 @@ UNLIKE = 0.02  # share of the values that rounding may change by more than 1e-5,
 # By how much a picture may change, over its mean: by roundings that send paths elsewhere, by parts of a pixel.
 ROUNDED = 0.02
 FITTED = 0.2
-OF_MEAN = "of the mean, root mean square"
-SPHERE_RADII = (1e-3, 1.0, 1e4)  # of cavities [m]
+_OF_MEAN = "of the mean, root mean square"
+_SPHERE_RADII = (1e-3, 1.0, 1e4)  # of cavities [m]
 
 MATTE = {"kind": "matte", "reflectance": REFLECTANCE}
 STUDIO: dict[str, Any] = {
@@ -297,7 +297,7 @@ def _cavity_error(session: Session, mapping: Mapping[str, Any], reflectance: flo
 
 def _energy_check(session: Session) -> selfcheck.Check:
     """Light in closed rooms from a millimetre to ten kilometres against the truncated series."""
-    worst = max(_cavity_error(session, cavity(radius), REFLECTANCE, DEPTH) for radius in SPHERE_RADII)
+    worst = max(_cavity_error(session, cavity(radius), REFLECTANCE, DEPTH) for radius in _SPHERE_RADII)
     return selfcheck.Check("pictures: light in closed rooms of 1e-3 to 1e4 m", worst, 2e-6 + 1e-6 * DEPTH, "relative")
 
 
@@ -327,18 +327,18 @@ def _lens_checks(session: Session) -> list[selfcheck.Check]:
     def beside(name: str, camera: dict[str, str], allowed: float) -> selfcheck.Check:
         other = change_scene(scene, camera=camera)
         apart = picture(session, other, make_plan(other)) - single
-        return selfcheck.Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, OF_MEAN)
+        return selfcheck.Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, _OF_MEAN)
 
     name = "pictures: lens in float32 and float64"
     precise = (
-        beside(name, {"precision": "double"}, ROUNDED) if session.info.fp64 else selfcheck.needs_float64(name, OF_MEAN)
+        beside(name, {"precision": "double"}, ROUNDED) if session.info.fp64 else selfcheck.needs_float64(name, _OF_MEAN)
     )
     return [precise, beside("pictures: rays traced and fitted", {"rays": "fitted"}, FITTED)]
 
 
 # What a render runs on: versions, devices with their drivers, caches, and settings from the environment.
 
-PACKAGES = (
+_PACKAGES = (
     "numpy",
     "pyopencl",
     "pocl-binary-distribution",
@@ -349,7 +349,7 @@ PACKAGES = (
     "pyoidn",
     "matplotlib",
 )
-PREFIXES = ("RPTCAM_", "PYOPENCL_CTX", "POCL_", "OCL_ICD_", "CUDA_VISIBLE")
+_PREFIXES = ("RPTCAM_", "PYOPENCL_CTX", "POCL_", "OCL_ICD_", "CUDA_VISIBLE")
 
 
 def environment(device: str | None = None) -> dict[str, Any]:
@@ -366,9 +366,9 @@ def environment(device: str | None = None) -> dict[str, Any]:
         "system": platform.platform(),
         "processor": _processor(),
         "processors": os.cpu_count(),
-        "packages": {name: _version(name) for name in PACKAGES},
+        "packages": {name: _version(name) for name in _PACKAGES},
         "pyopencl": opencl_version(),
-        "variables": {name: value for name, value in sorted(os.environ.items()) if name.startswith(PREFIXES)},
+        "variables": {name: value for name, value in sorted(os.environ.items()) if name.startswith(_PREFIXES)},
         "caches": {"trees": _folder(cache_folder()), "kernels": _folder(pocl_cache_folder())},
         "devices": [],
     }
@@ -454,9 +454,9 @@ def _device_lines(device: dict[str, Any]) -> list[str]:
 # The suite of checks: what `rptcam doctor --numerics` runs on a device, and the tests on theirs.
 
 
-CheckMaker = Callable[[Session], selfcheck.Check | Sequence[selfcheck.Check]]
+_CheckMaker = Callable[[Session], selfcheck.Check | Sequence[selfcheck.Check]]
 
-SUITE: dict[str, CheckMaker] = {
+SUITE: dict[str, _CheckMaker] = {
     "random numbers": selfcheck.random_check,
     "arithmetic": selfcheck.arithmetic_checks,
     "loops": selfcheck.loop_check,
@@ -477,7 +477,7 @@ SUITE: dict[str, CheckMaker] = {
 
 
 def run_suite(
-    session: Session, suite: Mapping[str, CheckMaker] = SUITE
+    session: Session, suite: Mapping[str, _CheckMaker] = SUITE
 ) -> Iterator[tuple[Sequence[selfcheck.Check], float]]:
     """Yield the checks of each part of a suite and how long they took [s].
 
@@ -497,8 +497,8 @@ def run_suite(
 
 SPEED_SCENES = ("A", "A_lens", "B", "C")  # of tests/data/reference
 FULL_SIZE = {"A": (640, 360), "A_lens": (640, 360), "B": (512, 512), "C": (640, 360)}
-THUMBNAIL = (16, 8)  # blocks of pixels whose means stand in the report
-KNOWN_SIZE, KNOWN_SPP = 8, 16  # divides width and height; samples of a pixel
+_THUMBNAIL = (16, 8)  # blocks of pixels whose means stand in the report
+_KNOWN_SIZE, _KNOWN_SPP = 8, 16  # divides width and height; samples of a pixel
 KNOWN_MEANS = {"A": 0.5421156, "A_lens": 0.3248519, "B": 0.1215812, "C": 0.3166448}  # of the film: PoCL 3.0
 OFF = 1e-3  # by which such a mean may be off, relative: approximate roots and quotients change it by 1.3e-5
 LIMIT_S = 540.0  # after which no further step begins
@@ -618,7 +618,7 @@ class CardReport:
         self,
         session: Session,
         scenes: Sequence[str] = SPEED_SCENES,
-        suite: Mapping[str, CheckMaker] = SUITE,
+        suite: Mapping[str, _CheckMaker] = SUITE,
         shrink: int = 1,
         seconds: float = 5.0,
     ) -> None:
@@ -669,7 +669,7 @@ class CardReport:
         answers = driver_answers(self._session.info)
         return answers, f"{len(answers)} answers", True
 
-    def _numerics(self, name: str, make: CheckMaker) -> tuple[Any, str, bool]:
+    def _numerics(self, name: str, make: _CheckMaker) -> tuple[Any, str, bool]:
         ((checks, _),) = run_suite(self._session, {name: make})
         made = [check for check in checks if not check.skipped]
         passed = sum(check.passed for check in made)
@@ -682,14 +682,14 @@ class CardReport:
 
     def _picture(self, name: str) -> tuple[Any, str, bool]:
         """A small picture: its mean beside the known one, a hash of its bits, and means of its blocks."""
-        scene = speed_scene(name, KNOWN_SIZE)
+        scene = speed_scene(name, _KNOWN_SIZE)
         wavefront = Wavefront(self._session, make_plan(scene), FilmLayout.of(scene.film), scene.render)
-        film = render_plan(wavefront, spp=KNOWN_SPP, seconds=None, has_lens=False).pixels
+        film = render_plan(wavefront, spp=_KNOWN_SPP, seconds=None, has_lens=False).pixels
         mean = float(film.mean(dtype=np.float64))
         off = abs(mean / KNOWN_MEANS[name] - 1)
-        height, width = (size // blocks for size, blocks in zip(film.shape, THUMBNAIL[::-1], strict=False))
-        cut = film[: height * THUMBNAIL[1], : width * THUMBNAIL[0]].astype(np.float64)
-        blocks = cut.reshape(THUMBNAIL[1], height, THUMBNAIL[0], width, 3).mean(axis=(1, 3))
+        height, width = (size // blocks for size, blocks in zip(film.shape, _THUMBNAIL[::-1], strict=False))
+        cut = film[: height * _THUMBNAIL[1], : width * _THUMBNAIL[0]].astype(np.float64)
+        blocks = cut.reshape(_THUMBNAIL[1], height, _THUMBNAIL[0], width, 3).mean(axis=(1, 3))
         sha256 = hashlib.sha256(np.ascontiguousarray(film, "<f4").tobytes()).hexdigest()
         value = {"mean": mean, "off": off, "sha256": sha256, "blocks": blocks.round(5).ravel().tolist()}
         return value, f"mean {mean:.6f}, off by {off:.1e}", off <= OFF

@@ -29,7 +29,7 @@ from rptcam_cl.scene.shapes import Box, Object, Plane, Rectangle
 Array = NDArray[np.float64]
 
 CELLS = 64  # along the side of the square round a stop
-FINE_CELLS = 288  # along the side of a larger square
+_FINE_CELLS = 288  # along the side of a larger square
 REACH = 1.125  # half that side
 BLURRED = 0.1
 ROWS = 256  # points whose distances are found at a time
@@ -65,16 +65,16 @@ def coverage(shape: StopShape | StopMask, points: Array) -> Array:
 
     Integrals over the shape by points that far apart then are as smooth as those over the circle.
     """
-    side = (np.arange(FINE_CELLS) + 0.5) * 2 * REACH / FINE_CELLS - REACH
+    side = (np.arange(_FINE_CELLS) + 0.5) * 2 * REACH / _FINE_CELLS - REACH
     x, y = np.meshgrid(side, side)
     share: Array = np.asarray(shape.holds(x, y) & (np.hypot(x, y) <= 1), dtype=np.float64)
-    width = round(BLURRED * FINE_CELLS / (2 * REACH))
+    width = round(BLURRED * _FINE_CELLS / (2 * REACH))
     for axis in (0, 1):
         sums = np.insert(np.cumsum(share, axis=axis), 0, 0.0, axis=axis)
-        ends, starts = np.arange(width, FINE_CELLS + 1), np.arange(FINE_CELLS + 1 - width)
+        ends, starts = np.arange(width, _FINE_CELLS + 1), np.arange(_FINE_CELLS + 1 - width)
         share = (np.take(sums, ends, axis) - np.take(sums, starts, axis)) / width
     first = -REACH + BLURRED / 2  # middle of the first square
-    places = np.clip(np.rint((points - first) * FINE_CELLS / (2 * REACH)), 0, len(share) - 1).astype(np.intp)
+    places = np.clip(np.rint((points - first) * _FINE_CELLS / (2 * REACH)), 0, len(share) - 1).astype(np.intp)
     return np.asarray(share[places[..., 1], places[..., 0]])
 
 
@@ -241,7 +241,7 @@ def _thick_lens(scene: Scene) -> dict[str, Any]:
 # That frame has the centre of the film as its origin, x and y of the film as they lie there (inverted), and z along
 # the axis towards the scene. Millimetres. A stop that is not round counts as its circle; see `stops` for its shape.
 
-SPOKES = 64  # directions round a pupil
+_SPOKES = 64  # directions round a pupil
 RINGS = 6  # points along each, at the nodes of Gauss and Legendre
 OUTLINE = np.arange(32) * 2 * np.pi / 32  # directions in which the reach of a spot is measured
 
@@ -316,10 +316,10 @@ def polar(spokes: int, rings: int) -> tuple[Array, Array]:
 
 def _disk() -> tuple[Array, Array]:
     """Return points (n, 2) of the unit disk and their shares of its area; its edge weighs nothing."""
-    turns, radial = polar(SPOKES, RINGS)
+    turns, radial = polar(_SPOKES, RINGS)
     inside = (turns[:, None] * radial[:, 0, None]).reshape(-1, 2)
-    area = np.tile(radial[:, 1] / SPOKES, SPOKES)
-    return np.concatenate([inside, turns]), np.concatenate([area, np.zeros(SPOKES)])
+    area = np.tile(radial[:, 1] / _SPOKES, _SPOKES)
+    return np.concatenate([inside, turns]), np.concatenate([area, np.zeros(_SPOKES)])
 
 
 def tier_bundle(first: FirstOrderCamera, tier: Tier, point: Array) -> RayBundle:
@@ -346,7 +346,7 @@ def tier_bundle(first: FirstOrderCamera, tier: Tier, point: Array) -> RayBundle:
 # Pupils of a lens as film points see them, to their very edge, and points that are spread over them.
 
 FARTHEST = 1.5  # from the middle of a pupil's box, in its half sides: the corners lie within
-SCAN = 12  # points along a direction
+_SCAN = 12  # points along a direction
 BISECTIONS = 14
 
 
@@ -375,31 +375,31 @@ class Pupils:
         probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
         boxes, lit = pupil_boxes(probes, film, FINE)
         centres, axes = (boxes[:, 1::2] + boxes[:, ::2]) / 2, (boxes[:, 1::2] - boxes[:, ::2]) / 2
-        radii = np.zeros((len(film), SPOKES))
+        radii = np.zeros((len(film), _SPOKES))
         radii[lit] = _edges(probes[-1], film[lit], centres[lit], axes[lit])
         return cls(film, centres, axes, radii)
 
     def nodes(self, rings: int) -> tuple[Array, Array]:
         """Return points (m, n, 2) of the pupils and the area that each stands for; those of the edge stand for none."""
-        turns, radial = polar(SPOKES, rings)
+        turns, radial = polar(_SPOKES, rings)
         frame = self.axes[:, None] * turns * self.radii[..., None]
         inside = self.centres[:, None, None] + frame[:, :, None] * radial[:, 0, None]
-        area = np.prod(self.axes, axis=1)[:, None, None] * self.radii[..., None] ** 2 * radial[:, 1] / SPOKES
+        area = np.prod(self.axes, axis=1)[:, None, None] * self.radii[..., None] ** 2 * radial[:, 1] / _SPOKES
         count = len(self.film)
         points = np.concatenate([inside.reshape(count, -1, 2), self.centres[:, None] + frame], axis=1)
-        return points, np.concatenate([area.reshape(count, -1), np.zeros((count, SPOKES))], axis=1)
+        return points, np.concatenate([area.reshape(count, -1), np.zeros((count, _SPOKES))], axis=1)
 
 
 def _edges(probe: FilmProbe, film: Array, centres: Array, axes: Array) -> Array:
     """Return how far from the middles of their boxes pupils reach: the farthest point that passes, by bisection."""
-    turns, _ = polar(SPOKES, 1)
+    turns, _ = polar(_SPOKES, 1)
     frame = axes[:, None] * turns
 
     def passing(rho: Array) -> NDArray[np.bool_]:
         return probe.passes(film[:, None], centres[:, None] + frame * rho[..., None])
 
-    step = FARTHEST / SCAN
-    tries = np.arange(SCAN, 0, -1) * step
+    step = FARTHEST / _SCAN
+    tries = np.arange(_SCAN, 0, -1) * step
     hits = probe.passes(film[:, None, None], centres[:, None, None] + frame[:, :, None] * tries[:, None])
     low = np.where(hits.any(axis=2), tries[np.argmax(hits, axis=2)], 0.0)
     high = low + step
@@ -412,7 +412,7 @@ def _edges(probe: FilmProbe, film: Array, centres: Array, axes: Array) -> Array:
 
 # How far away what a picture can show is: bounds from the boxes of objects in view, without rendering.
 
-MOST_CUT = 200  # triangles that are cut to the view; of more, which then are small, all corners count
+_MOST_CUT = 200  # triangles that are cut to the view; of more, which then are small, all corners count
 
 
 @dataclass(frozen=True)
@@ -463,12 +463,12 @@ def _triangle_depths(triangles: Array, view: VisibleWorld) -> list[float]:
     inside = triangles @ normals.T + offsets >= 0
     whole = np.all(inside, axis=(1, 2))
     cut = triangles[np.all(np.any(inside, axis=1), axis=1) & ~whole]  # the others lie wholly beyond one side
-    pieces = [_clip_polygon(triangle, view) for triangle in cut] if len(cut) <= MOST_CUT else [cut.reshape(-1, 3)]
+    pieces = [_clip_polygon(triangle, view) for triangle in cut] if len(cut) <= _MOST_CUT else [cut.reshape(-1, 3)]
     seen = np.concatenate([triangles[whole].reshape(-1, 3), *pieces])
     return [float(seen[:, 2].min()), float(seen[:, 2].max())] if len(seen) else []
 
 
-MOMENTS = 9  # at which objects that move are looked at
+_MOMENTS = 9  # at which objects that move are looked at
 FEW = 32  # places of an object that are all cut
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))  # of a box's corners
 
@@ -513,7 +513,7 @@ def _columns(scene: Scene) -> Array:
 def _places_over_time(scene: Scene, item: Object) -> Array:
     """Return the places of an object while the shutter is open (n, 4, 4)."""
     open_s = scene.shutter.open_s
-    times = [open_s] if item.trajectory is None else np.linspace(open_s, open_s + scene.shutter.time_s, MOMENTS)
+    times = [open_s] if item.trajectory is None else np.linspace(open_s, open_s + scene.shutter.time_s, _MOMENTS)
     return np.concatenate([item.places(scene.folders, float(time_s)) for time_s in times])
 
 

@@ -31,7 +31,7 @@ from rptcam_cl.studies import tier_models
 Array = NDArray[np.float64]
 
 NUDGE = 0.01  # of the half diagonal, between film points that tell the scale of the picture
-SHAPED_RINGS = 16  # of rays through a stop that is not round
+_SHAPED_RINGS = 16  # of rays through a stop that is not round
 CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 
 
@@ -170,7 +170,7 @@ def _exit_pupil_shift(lens: Lens, film_distance_mm: float, wavelength_nm: float)
 
 def _shaped_light(setting: LensSetting, shape: StopShape | StopMask, pupils: tier_models.Pupils) -> Array:
     """Return the irradiance (corners, m) through a stop that is not round, whose mirror images the corners see."""
-    rear, area = pupils.nodes(SHAPED_RINGS)
+    rear, area = pupils.nodes(_SHAPED_RINGS)
     light = np.array([bundle.weights for bundle in _bundles(setting, pupils.film, rear, area)])
     at_stop = _at_stop(setting, pupils.film, rear)
     return np.array([np.sum(light * tier_models.coverage(shape, at_stop * side), axis=1) for side in CORNERS])
@@ -558,9 +558,9 @@ def per_cent(share: float) -> str:
 
 # The cheapest camera model whose error a picture bears.
 
-MULTIPLY_ADDS = 25  # of polynomials per surface, up to which they take two thirds of the time (benchmarks/ray_maps.py)
-WORTH_FITTING = 1e9  # surfaces that all samples cross: fewer take less time than fitting polynomials
-FIRST_ORDER: tuple[tier_models.Tier, ...] = ("pinhole", "thin_lens", "thick_lens")
+_MULTIPLY_ADDS = 25  # of polynomials per surface, up to which they take two thirds of the time (benchmarks/ray_maps.py)
+_WORTH_FITTING = 1e9  # surfaces that all samples cross: fewer take less time than fitting polynomials
+_FIRST_ORDER: tuple[tier_models.Tier, ...] = ("pinhole", "thin_lens", "thick_lens")
 
 
 def choose_camera(scene: Scene) -> Decision:
@@ -600,13 +600,13 @@ def _polynomials(
     camera, (columns, rows) = scene.camera.traced_camera, scene.film.resolution
     requested = camera is not None and camera.rays == "fitted"
     surfaces = len(lens_setting(scene).lens.surfaces)
-    if not requested and columns * rows * scene.render.spp * surfaces < WORTH_FITTING:
+    if not requested and columns * rows * scene.render.spp * surfaces < _WORTH_FITTING:
         return decision, "realistic"
     try:
         polynomials = tier_models.fit_polynomials(scene, colours=lens_colour == "on")
     except InputError:
         return decision, "realistic"
-    if not requested and polynomials.multiply_adds > MULTIPLY_ADDS * surfaces:
+    if not requested and polynomials.multiply_adds > _MULTIPLY_ADDS * surfaces:
         return decision, "realistic"
     errors = _errors_of_polynomials(polynomials)
     return replace(decision, errors=(*decision.errors, errors)), "fitted" if _is_allowed(
@@ -627,8 +627,8 @@ def measure_lens(scene: Scene) -> Decision:
         return _decide_by_colour(scene, str(problem))
     truth = Truth.of(scene, first)
     depths = _depths(scene, truth)
-    missing = {tier: _why_no_equivalent(scene, tier) for tier in FIRST_ORDER}
-    tiers = [tier for tier in FIRST_ORDER if not missing[tier]]
+    missing = {tier: _why_no_equivalent(scene, tier) for tier in _FIRST_ORDER}
+    tiers = [tier for tier in _FIRST_ORDER if not missing[tier]]
     between = Truth.of(scene, first, BETWEEN)
     both = truth, between
     errors = [(tier_error(truth, depths, tier), tier_error(between, depths, tier)) for tier in tiers]

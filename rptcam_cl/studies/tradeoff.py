@@ -171,9 +171,9 @@ class TradeoffReport:
 
 # Numbers and intervals as people read them.
 
-MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
-LONGEST = DAY  # renders of which nobody asks when they cross
-VAGUE = 30.0  # times the lower end of an interval that the upper is, where a crossing is too close to call
+_MINUTE, _HOUR, _DAY = 60.0, 3600.0, 86400.0
+_LONGEST = _DAY  # renders of which nobody asks when they cross
+_VAGUE = 30.0  # times the lower end of an interval that the upper is, where a crossing is too close to call
 
 
 def seconds(value: float) -> str:
@@ -182,13 +182,13 @@ def seconds(value: float) -> str:
         return "never"
     for below, unit, scale in (
         (1.0, "ms", 1e-3),
-        (2 * MINUTE, "s", 1.0),
-        (2 * HOUR, "min", MINUTE),
-        (2 * DAY, "h", HOUR),
+        (2 * _MINUTE, "s", 1.0),
+        (2 * _HOUR, "min", _MINUTE),
+        (2 * _DAY, "h", _HOUR),
     ):
         if value < below:
             return f"{_short(value / scale)} {unit}"
-    return f"{_short(value / DAY)} days"
+    return f"{_short(value / _DAY)} days"
 
 
 def odds(share: float) -> str:
@@ -255,11 +255,11 @@ def crossing(interval: Interval) -> str:
     """Return the time until which something is better, with its interval where that says anything."""
     if interval.high <= 0:
         return "never"
-    if interval.low >= LONGEST:
+    if interval.low >= _LONGEST:
         return "always"
     beside = not interval.low <= interval.value <= interval.high  # an estimate that its own interval leaves out
-    if interval.low <= 0 or interval.high > VAGUE * interval.low or beside:
-        below = interval.high < LONGEST and (interval.low > 0 or interval.value > 0)
+    if interval.low <= 0 or interval.high > _VAGUE * interval.low or beside:
+        below = interval.high < _LONGEST and (interval.low > 0 or interval.value > 0)
         return f"too close to call (before {until(interval.high)})" if below else "too close to call"
     return ends(interval, until)
 
@@ -352,8 +352,8 @@ def _clear_best(values: Sequence[float]) -> int:
 
 FULL = "full accuracy"
 COMMAND = "rptcam render SCENE"
-PROBABLE = 0.75  # odds from which one configuration is called probably better
-LONGER = 4  # times the measurement, which halves its intervals
+_PROBABLE = 0.75  # odds from which one configuration is called probably better
+_LONGER = 4  # times the measurement, which halves its intervals
 
 
 def _headline(report: TradeoffReport) -> list[str]:
@@ -424,11 +424,11 @@ def _open_questions(report: TradeoffReport, advice: Advice) -> list[str]:
     if advice.perhaps is None:
         return []
     other, wish = _name_in_sentence(report, advice.perhaps), _wish(advice)
-    longer = f"measure longer (--budget {seconds(LONGER * (report.budget or report.seconds)).replace(' ', '')})"
+    longer = f"measure longer (--budget {seconds(_LONGER * (report.budget or report.seconds)).replace(' ', '')})"
     share = _odds(report, advice)
     if share is None:
         return [f"Perhaps better {wish}: {other}; {longer}."]
-    if share >= PROBABLE:
+    if share >= _PROBABLE:
         return [f"Probably better {wish}, {odds(share)}: {_settings(report, advice.perhaps)}; {longer} to be sure."]
     both = f"{_name_in_sentence(report, REFERENCE)} and {other}"
     return [f"Too close to call {wish} between {both}, {odds(1 - share)}: {longer}."]
@@ -447,7 +447,7 @@ def _odds(report: TradeoffReport, advice: Advice) -> float | None:
 
 MEANT = "Errors are relative to each pixel's brightness (root mean square over the picture), noise included."
 LATE = 1.1  # times the budget, from which the report says what took longer
-SHOWS_LOAD = 1.3  # ratio of wall time to CPU time from which the report mentions it
+_SHOWS_LOAD = 1.3  # ratio of wall time to CPU time from which the report mentions it
 PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 
 
@@ -474,7 +474,7 @@ def caveats(report: TradeoffReport) -> list[str]:
     said += [*_rare_path_warnings(report), *_why_longer(report)]
     if report.by_cpu:
         said.append("Times are CPU times divided by the number of cores: those of a render on an idle machine.")
-    if report.slowed > SHOWS_LOAD:
+    if report.slowed > _SHOWS_LOAD:
         slowed = f"{report.slowed:.1f} times as long"
         said.append(f"Wall times were {slowed}, as other work shared the machine or cores were idle.")
     said += [f"The same picture: {' = '.join((f.name, *f.same_as))}." for f in report.measurements if f.same_as]
@@ -502,7 +502,7 @@ def _why_longer(report: TradeoffReport) -> list[str]:
     if not report.budget or report.seconds <= LATE * report.budget:
         return []
     preparing = sum(each.start_s for each in report.measurements)
-    busy = report.slowed > SHOWS_LOAD
+    busy = report.slowed > _SHOWS_LOAD
     shared = f"; renders took {report.slowed:.1f} times as long as on an idle machine" if busy else ""
     return [
         f"Measuring took {seconds(report.seconds)} in place of {seconds(report.budget)}: preparing"
@@ -597,12 +597,12 @@ def _depth(report: TradeoffReport) -> list[str]:
 
 # The measurements as tables, and the whole report as Markdown.
 
-SHOWN_FIELDS = (0.0, 0.5, 0.7, 1.0)
-ERROR_COLUMNS = ("configuration", "bias", "brightness", f"better than {REFERENCE} until")
-COST_COLUMNS = (
+_SHOWN_FIELDS = (0.0, 0.5, 0.7, 1.0)
+_ERROR_COLUMNS = ("configuration", "bias", "brightness", f"better than {REFERENCE} until")
+_COST_COLUMNS = (
     "configuration", "a sample", "noise after 1 s", *(f"to {per_cent(target)}" for target in TARGETS), "start"
 )  # fmt: skip
-CAMERA_COLUMNS = ("camera", *(f"at {field:g}" for field in SHOWN_FIELDS), "brightness at 1")
+_CAMERA_COLUMNS = ("camera", *(f"at {field:g}" for field in _SHOWN_FIELDS), "brightness at 1")
 
 
 Table = tuple[str, tuple[str, ...], list[list[str]]]
@@ -616,11 +616,11 @@ def tables(report: TradeoffReport) -> list[Table]:
     taken = "Cost: time of one sample per pixel, noise, time to an error, time before the first ray"
     over = "How far cheaper cameras displace light, from the middle of the picture (0) to its corner (1)"
     shown: list[Table] = [
-        (wrong, ERROR_COLUMNS, [_errors(each) for each in measured if each.knob]),
-        (taken, COST_COLUMNS, [_costs(each) for each in measured]),
+        (wrong, _ERROR_COLUMNS, [_errors(each) for each in measured if each.knob]),
+        (taken, _COST_COLUMNS, [_costs(each) for each in measured]),
     ]
     if cameras := _cameras(report):
-        shown.append((over, CAMERA_COLUMNS, cameras))
+        shown.append((over, _CAMERA_COLUMNS, cameras))
     return shown
 
 
@@ -644,7 +644,7 @@ def _costs(measurement: MeasuredVariant) -> list[str]:
 
 
 def _cameras(report: TradeoffReport) -> list[list[str]]:
-    at = [FIELDS.index(field) for field in SHOWN_FIELDS]
+    at = [FIELDS.index(field) for field in _SHOWN_FIELDS]
     return [
         [
             camera.tier.replace("_", " "),
@@ -686,14 +686,14 @@ def markdown(report: TradeoffReport, title: str) -> str:
 # Three pictures of a comparison in one: error against time, error over the field, and where pictures differ.
 
 WIDTH, CHARTS, MAPS = 8.0, 4.8, 1.3  # of the plot, its charts and the frame of its maps [inches]
-WIDTHS = (3, 2)  # of the charts, one to the other
-MOST_MAPS = 4
-LOW, HIGH = 0.003, 1.0  # differences between which the shade of a map changes, by logarithm
+_WIDTHS = (3, 2)  # of the charts, one to the other
+_MOST_MAPS = 4
+_LOW, _HIGH = 0.003, 1.0  # differences between which the shade of a map changes, by logarithm
 POINTS = 200  # of a curve
 FINEST, COARSEST = 0.005, 3.0  # errors that the chart reaches from the one to the other, about
 # Colours after those of `series`, so that no two curves share one.
 MORE = ("#e377c2", "#8c564b", "#6fb7ff", "#a7c957", "#000000", "#ffa62b", "#7a0c2e", "#a9a2e8", "#63d2a1", "#c9ada7")
-DASHES = {"thick_lens": "--"}  # which often lies on the thin lens's curve
+_DASHES = {"thick_lens": "--"}  # which often lies on the thin lens's curve
 
 
 @styled()
@@ -707,13 +707,13 @@ def tradeoff_plot(report: TradeoffReport, title: str) -> Figure:
     """
     shown = _choose_maps(report)
     columns, rows = report.resolution
-    height = MAPS + min(WIDTH / MOST_MAPS * rows / columns, WIDTH / 2) if shown else 0.0
+    height = MAPS + min(WIDTH / _MOST_MAPS * rows / columns, WIDTH / 2) if shown else 0.0
     figure = new_figure(title, (WIDTH, CHARTS + height))
     rooms = figure.subfigures(1 + bool(shown), 1, squeeze=False, height_ratios=(CHARTS, height)[: 1 + bool(shown)])
     charts = rooms[0, 0]
     if shown:
         _draw_maps(rooms[1, 0], report, shown)
-    left, right = charts.subplots(1, 2, width_ratios=WIDTHS)
+    left, right = charts.subplots(1, 2, width_ratios=_WIDTHS)
     different = [*dict.fromkeys(map(series, range(len(MORE)))), *MORE]
     colours = {each.name: different[number % len(different)] for number, each in enumerate(report.measurements)}
     _errors_over_time(left, report.measurements, colours)
@@ -786,7 +786,7 @@ def _errors_over_field(axes: Axes, report: TradeoffReport, colours: dict[str, st
     for each in cameras:
         colour = colours.get(each.tier.replace("_", " "), INK)
         pixels = [value if math.isfinite(value) else math.nan for value in each.pixels]
-        axes.plot(FIELDS, pixels, DASHES.get(each.tier, "-"), marker="o", markersize=4, color=colour)
+        axes.plot(FIELDS, pixels, _DASHES.get(each.tier, "-"), marker="o", markersize=4, color=colour)
     if any(math.isinf(value) for each in cameras for value in each.pixels):
         axes.text(0.03, 0.97, "a line ends where\nthe lens sees nothing", color=FAINT, transform=axes.transAxes,
                   verticalalignment="top")  # fmt: skip
@@ -797,7 +797,7 @@ def _choose_maps(report: TradeoffReport) -> list[MeasuredVariant]:
     """Return the configurations that get a map: those that are advised, then those that differ most."""
     biased = [each for each in report.measurements if each.knob and not each.unbiased]
     chosen = {advice.chosen for advice in report.advice}
-    return sorted(biased, key=lambda each: (each.name in chosen, each.bias.value), reverse=True)[:MOST_MAPS]
+    return sorted(biased, key=lambda each: (each.name in chosen, each.bias.value), reverse=True)[:_MOST_MAPS]
 
 
 def _draw_maps(figure: SubFigure, report: TradeoffReport, shown: Sequence[MeasuredVariant]) -> None:
@@ -806,11 +806,11 @@ def _draw_maps(figure: SubFigure, report: TradeoffReport, shown: Sequence[Measur
 
     figure.suptitle("where pictures differ from the most accurate one (white: it may be noise)", fontsize=10,
                     x=0.01, horizontalalignment="left")  # fmt: skip
-    panels = figure.subplots(1, MOST_MAPS)
+    panels = figure.subplots(1, _MOST_MAPS)
     columns, rows = report.resolution
     for axes, measurement in zip(panels, shown, strict=False):
-        bias = np.sqrt(np.maximum(measurement.sure_bias_of_tiles.reshape(report.grid), LOW**2))
-        image = axes.imshow(100 * bias, cmap="BuPu", norm=LogNorm(100 * LOW, 100 * HIGH, clip=True),
+        bias = np.sqrt(np.maximum(measurement.sure_bias_of_tiles.reshape(report.grid), _LOW**2))
+        image = axes.imshow(100 * bias, cmap="BuPu", norm=LogNorm(100 * _LOW, 100 * _HIGH, clip=True),
                             extent=(0, columns, rows, 0), interpolation="nearest")  # fmt: skip
         axes.set_title(measurement.name)
         axes.set(xticks=(), yticks=())

@@ -80,7 +80,7 @@ class LongPictures:
     pixels: list[NDArray[np.float32]]
 
 
-Timings = tuple[Array, Array]
+_Timings = tuple[Array, Array]
 """Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
 
 With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock. Then the
@@ -111,7 +111,7 @@ class Pictures:
     seeds: int
     pixels: list[list[NDArray[np.float32]]]
     long: LongPictures
-    timings: list[Timings]
+    timings: list[_Timings]
     by_cpu: bool
 
 
@@ -124,10 +124,10 @@ class Pictures:
 # bootstrap lie too close together, and are widened as those of a normal distribution would have to be to match
 # Student's (T. C. Hesterberg, «What teachers should know about the bootstrap», The American Statistician 69, 2015).
 
-REPLICATES = 2000
+_REPLICATES = 2000
 
 
-def draws(seeds: int, rng: np.random.Generator, replicates: int = REPLICATES) -> NDArray[np.int64]:
+def draws(seeds: int, rng: np.random.Generator, replicates: int = _REPLICATES) -> NDArray[np.int64]:
     """Return how often each seed is drawn, shape (replicates, seeds); at least two different ones each time."""
     counts: NDArray[np.int64] = rng.multinomial(seeds, np.full(seeds, 1 / seeds), size=replicates)
     several: NDArray[np.int64] = counts[(counts > 0).sum(axis=1) > 1]
@@ -212,10 +212,10 @@ def student_quantile(probability: float, freedom: int) -> float:
 INDEPENDENT = -1.0  # exponent for independent samples
 SMOOTH = -1.5  # of lattices where nothing is rare
 STEEPEST, FLATTEST = -2.5, -0.5  # exponents beyond which what was seen is chance
-UNEVENNESS = 0.3  # of the noise, for an exponent that is by 1 steeper than of independent samples
+_UNEVENNESS = 0.3  # of the noise, for an exponent that is by 1 steeper than of independent samples
 LEAST = 2.0**-20  # of a sample: what is left of a number that is taken apart
 BLOCKS = 4  # that a number of samples is taken apart into, beside the rest
-HALVINGS = 8  # of a step, to find the fewest samples
+_HALVINGS = 8  # of a step, to find the fewest samples
 STEPS = np.linspace(1.0, 2.0, 9)  # between powers of two, numbers of samples that are looked at
 
 
@@ -261,7 +261,7 @@ class NoiseLaw:
     @property
     def _unevenness(self) -> Any:
         """How much lattices of several sizes differ from the line through two of them, as a factor."""
-        return 1 + UNEVENNESS * np.maximum(INDEPENDENT - self.between, 0.0)
+        return 1 + _UNEVENNESS * np.maximum(INDEPENDENT - self.between, 0.0)
 
     @property
     def doubt(self) -> Any:
@@ -305,7 +305,7 @@ class NoiseLaw:
         for step in STEPS[-2::-1]:
             enough_samples = np.where(self.after(step * below) <= noise, step * below, enough_samples)
         short = enough_samples - (STEPS[1] - STEPS[0]) * below
-        for _ in range(HALVINGS):
+        for _ in range(_HALVINGS):
             middle = (short + enough_samples) / 2
             enough = self.after(middle) <= noise
             short, enough_samples = np.where(enough, short, middle), np.where(enough, middle, enough_samples)
@@ -555,11 +555,11 @@ def _ratio_error(sums: Array, reference: Array, shares: Array, all_tiles: int) -
 # What is said of each configuration: rates, bias and times, with intervals.
 
 SURE = 4.0  # standard errors above which a difference counts as certain: the bias of a tile, that of the brightness
-LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
+_LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
 RARE = 2.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
 SLOW = -0.95  # exponent of the noise over the samples: more would be slower than independent samples
-QUANTILE_STEPS = 121
-TIMES = np.geomspace(1e-4, 1e8, QUANTILE_STEPS)  # at which errors are compared [s]
+_QUANTILE_STEPS = 121
+TIMES = np.geomspace(1e-4, 1e8, _QUANTILE_STEPS)  # at which errors are compared [s]
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) for which times are reported
 
 
@@ -697,7 +697,7 @@ class _Replicates:
 def measurements(
     named: list[dict[str, Any]],
     errors: list[PairErrors],
-    timings: list[Timings],
+    timings: list[_Timings],
     samples: tuple[int, int, int],
     counts: NDArray[np.int64],
 ) -> list[MeasuredVariant]:
@@ -768,7 +768,7 @@ def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
     values = over_pairs(error.noise[-1], counts)
     if not values[0] > 0:
         return np.zeros_like(values)
-    values = np.maximum(values, LEAST_NOISE * values[0])
+    values = np.maximum(values, _LEAST_NOISE * values[0])
     own = math.sqrt(float(values.var()) + error.weight_variances["noise"])
     spread = max(own, error.tile_errors["noise"]) / values[0]
     return np.asarray(values[0] * np.exp(spread_about(0.0, np.log(values / values[0]), spread)))
@@ -815,11 +815,11 @@ def _better_until(own: _Replicates, reference: _Replicates) -> Array:
     """Return the last time at which it errs less than the reference: 0 for never, infinite for always."""
     gains, times = _gains(own, reference), TIMES
     better = gains > 0
-    last = QUANTILE_STEPS - 1 - better[::-1].argmax(axis=0)
-    after = np.minimum(last + 1, QUANTILE_STEPS - 1)
+    last = _QUANTILE_STEPS - 1 - better[::-1].argmax(axis=0)
+    after = np.minimum(last + 1, _QUANTILE_STEPS - 1)
     place = np.arange(gains.shape[1])
     here, there = gains[last, place], gains[after, place]
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = times[last] * (times[1] / times[0]) ** (here / (here - there))
-    last_times = np.where(last == QUANTILE_STEPS - 1, np.inf, crossing)
+    last_times = np.where(last == _QUANTILE_STEPS - 1, np.inf, crossing)
     return np.where(better.any(axis=0), last_times, 0.0)

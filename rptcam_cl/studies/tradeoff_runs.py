@@ -66,7 +66,7 @@ def spread_tiles(layout: FilmLayout, most: int, rng: np.random.Generator) -> tra
 # The configurations that are compared: the most accurate one of a scene, and others with one thing changed.
 
 PARTS = ("film", "camera", "exposure", "shutter", "spectrum", "render")
-NOT_SAID = ("spp", "layers")  # keys of `render` that do not change the configuration
+_NOT_SAID = ("spp", "layers")  # keys of `render` that do not change the configuration
 
 
 def settings(scene: Scene, wanted: Scene) -> tuple[str, ...]:
@@ -78,7 +78,7 @@ def _of_part(part: str, own: Any, wanted: Any) -> list[str]:
     values = wanted.model_dump(mode="json", exclude_none=True)
     if type(own) is type(wanted):
         apart = [name for name in type(own).model_fields if getattr(own, name) != getattr(wanted, name)]
-        return [_override_text(f"{part}.{name}", values.get(name)) for name in apart if name not in NOT_SAID]
+        return [_override_text(f"{part}.{name}", values.get(name)) for name in apart if name not in _NOT_SAID]
     given = {name: values[name] for name in values if name in wanted.model_fields_set | {"kind"}}
     gone = [f"{part}.{name}=null" for name in own.model_fields_set if name not in given]
     apart = [name for name in given if getattr(own, name, None) != getattr(wanted, name)]
@@ -91,7 +91,7 @@ def _override_text(path: str, value: Any) -> str:
 
 
 PUPILS = ("rear", "thick", "bounds")  # beside the outline of the pupil itself, which the reference has
-SHORT_DEPTHS = (2, 4)  # edges: direct light alone, and two bounces more
+_SHORT_DEPTHS = (2, 4)  # edges: direct light alone, and two bounces more
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None
         add("pinhole", "camera", partial(_without_lens, full))
     for mode in ("dispersive", "rgb"):
         add(f"spectrum: {mode}", "spectrum", partial(_with_mode, full, mode))
-    for depth in SHORT_DEPTHS:
+    for depth in _SHORT_DEPTHS:
         if depth < full.render.max_depth:
             add(f"depth {depth}", "depth", partial(change_scene, full, render={"max_depth": depth}))
     independent = partial(change_scene, full, render={"sampler": "independent"})
@@ -324,16 +324,16 @@ def cores() -> int:
 # How many tiles and samples fit the time, and the order of the renders: by turns, so that other work on the machine
 # disturbs all configurations alike.
 
-SEEDS, FEWEST_SEEDS = 8, 4
+SEEDS, _FEWEST_SEEDS = 8, 4
 GROWTH = 4  # times the samples of the first picture that the second has
-LONG_GROWTH, LONG_SEEDS, LONG_SHARE = 64, 2, 4  # times the samples of the first; pictures; one of so many tiles
-FEWEST_LONG = 16  # tiles
-PILOT_TILES, PILOT_SAMPLES = 32, 4
-FEWEST_TILES, MOST_TILES = 64, {"cpu": 512, "gpu": 4096}
-WANTED_SAMPLES = 2  # of the first picture, before more tiles are taken
-TILES_SEED = 5
-_SHORT, _LONG = SEEDS * (1 + GROWTH), LONG_SEEDS * LONG_GROWTH / LONG_SHARE
-LONG_TIME = _LONG / (_SHORT + _LONG)  # of all that is rendered
+_LONG_GROWTH, _LONG_SEEDS, _LONG_SHARE = 64, 2, 4  # times the samples of the first; pictures; one of so many tiles
+_FEWEST_LONG = 16  # tiles
+_PILOT_TILES, _PILOT_SAMPLES = 32, 4
+_FEWEST_TILES, MOST_TILES = 64, {"cpu": 512, "gpu": 4096}
+_WANTED_SAMPLES = 2  # of the first picture, before more tiles are taken
+_TILES_SEED = 5
+_SHORT, _LONG = SEEDS * (1 + GROWTH), _LONG_SEEDS * _LONG_GROWTH / _LONG_SHARE
+_LONG_TIME = _LONG / (_SHORT + _LONG)  # of all that is rendered
 
 
 def render_by_turns(
@@ -357,20 +357,20 @@ def render_by_turns(
         row, k = divmod(turn, len(samples))
         a_row = (now() - turning) / max(row, 1)
         left = seconds - (now() - begun) - a_row
-        if k == 0 and row >= FEWEST_SEEDS and left < a_row * _LONG / (1 + GROWTH):
+        if k == 0 and row >= _FEWEST_SEEDS and left < a_row * _LONG / (1 + GROWTH):
             turns = turn
             break
         for place, index in enumerate(_order(len(ready), turn)):
-            on_progress("rendering by turns", (1 - LONG_TIME) * (turn + place / len(ready)) / turns)
+            on_progress("rendering by turns", (1 - _LONG_TIME) * (turn + place / len(ready)) / turns)
             pixels[index][k][row], wall_s, cpu_s = run(ready[index], tiles, samples[k], seed + 1 + turn)
             taken[index, :, row] += cpu_s, wall_s
     seeds = turns // len(samples)
     pixels = [[part[:seeds] for part in each] for each in pixels]
     taken = taken[:, :, :seeds]
     left = seconds - (now() - begun)
-    a_tile = (now() - turning) / (seeds * (1 + GROWTH) * len(tiles.tiles)) * LONG_SEEDS * LONG_GROWTH
+    a_tile = (now() - turning) / (seeds * (1 + GROWTH) * len(tiles.tiles)) * _LONG_SEEDS * _LONG_GROWTH
     most = len(tiles.tiles) if math.isinf(seconds) else int(left / a_tile)
-    long = _long(ready, tiles, most, LONG_GROWTH * first, seed + 1 + turns, on_progress)
+    long = _long(ready, tiles, most, _LONG_GROWTH * first, seed + 1 + turns, on_progress)
     taken *= layout.samples_per_spp / len(tiles.pixels) / sum(samples)
     by_cpu = info.type == "cpu"
     timings = [(cpu / cores() if by_cpu else wall, wall) for cpu, wall in taken]
@@ -390,14 +390,14 @@ def _long(
     on_progress: Callable[[str, float], Any],
 ) -> tradeoff_errors.LongPictures:
     """Return pictures of a few of the tiles with many samples, of as many as the time allows."""
-    count = min(max(min(len(tiles.tiles) // LONG_SHARE, most), FEWEST_LONG), len(tiles.tiles))
-    chosen = np.sort(np.random.default_rng(TILES_SEED).choice(len(tiles.tiles), count, replace=False))
+    count = min(max(min(len(tiles.tiles) // _LONG_SHARE, most), _FEWEST_LONG), len(tiles.tiles))
+    chosen = np.sort(np.random.default_rng(_TILES_SEED).choice(len(tiles.tiles), count, replace=False))
     few = tiles.some(chosen)
-    pixels = [np.empty((LONG_SEEDS, len(few.pixels), 3), np.float32) for _ in ready]
-    for turn in range(LONG_SEEDS):
+    pixels = [np.empty((_LONG_SEEDS, len(few.pixels), 3), np.float32) for _ in ready]
+    for turn in range(_LONG_SEEDS):
         for place, index in enumerate(_order(len(ready), turn)):
-            share = (turn + place / len(ready)) / LONG_SEEDS
-            on_progress("rendering some tiles longer", 1 - LONG_TIME * (1 - share))
+            share = (turn + place / len(ready)) / _LONG_SEEDS
+            on_progress("rendering some tiles longer", 1 - _LONG_TIME * (1 - share))
             pixels[index][turn], *_ = run(ready[index], few, samples, seed + turn)
     return tradeoff_errors.LongPictures(samples, chosen, pixels)
 
@@ -406,26 +406,26 @@ def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[tradeof
     """Return the tiles and the samples per pixel of the first pictures, by the speed of small ones."""
     layout, kind = ready[0].wavefront.layout, ready[0].wavefront.session.info.type
     now = _undisturbed_clock(kind)
-    rng = np.random.default_rng(TILES_SEED)
-    pilot = spread_tiles(layout, PILOT_TILES, rng)
+    rng = np.random.default_rng(_TILES_SEED)
+    pilot = spread_tiles(layout, _PILOT_TILES, rng)
     for each in ready:
         run(each, pilot, 1, 0)
     begun = now()
     for each in ready:
-        run(each, pilot, PILOT_SAMPLES, 0)
-    per_sample = (now() - begun) / (PILOT_SAMPLES * len(pilot.pixels))
+        run(each, pilot, _PILOT_SAMPLES, 0)
+    per_sample = (now() - begun) / (_PILOT_SAMPLES * len(pilot.pixels))
     # Of one tile with one sample per pixel in the first picture of each seed.
-    fits = seconds * (1 - LONG_TIME) / (seeds * (1 + GROWTH) * per_sample * TILE_PIXELS)
-    most = int(np.clip(fits / WANTED_SAMPLES, FEWEST_TILES, MOST_TILES.get(kind, MOST_TILES["gpu"])))
+    fits = seconds * (1 - _LONG_TIME) / (seeds * (1 + GROWTH) * per_sample * TILE_PIXELS)
+    most = int(np.clip(fits / _WANTED_SAMPLES, _FEWEST_TILES, MOST_TILES.get(kind, MOST_TILES["gpu"])))
     tiles = spread_tiles(layout, most, rng)
     return tiles, 2 ** math.floor(math.log2(max(fits / len(tiles.tiles), 1)))  # lattices are even at powers of two
 
 
 # The Python interface of the comparison.
 
-BUDGET_S = 60.0
-WISHED_S, WISHED_ERROR = 60.0, 0.02
-DRAWS_SEED = 7  # of the bootstrap
+_BUDGET_S = 60.0
+_WISHED_S, _WISHED_ERROR = 60.0, 0.02
+_DRAWS_SEED = 7  # of the bootstrap
 
 Tell = Callable[[str, float], Any]
 """Takes what is being done and the share of the work that is done."""
@@ -434,9 +434,9 @@ Tell = Callable[[str, float], Any]
 def measure_tradeoff(
     scene: Scene | str | Path | Mapping[str, Any],
     *,
-    budget: float = BUDGET_S,
-    seconds: float = WISHED_S,
-    error: float = WISHED_ERROR,
+    budget: float = _BUDGET_S,
+    seconds: float = _WISHED_S,
+    error: float = _WISHED_ERROR,
     size: tuple[int, int] | None = None,
     device: str | Session | None = None,
     on_progress: Tell | None = None,
@@ -566,6 +566,6 @@ def _measure(ready: list[Ready], pictures: tradeoff_errors.Pictures) -> list[tra
     errors = tradeoff_errors.pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
     names = ("name", "knob", "same_as", "settings", "tier", "unbiased")
     named = [{name: getattr(each.configuration, name) for name in names} | {"start_s": each.start_s} for each in ready]
-    counts = tradeoff_errors.draws(pictures.seeds, np.random.default_rng(DRAWS_SEED))
+    counts = tradeoff_errors.draws(pictures.seeds, np.random.default_rng(_DRAWS_SEED))
     samples = (*pictures.samples, pictures.long.samples)
     return tradeoff_errors.measurements(named, errors, pictures.timings, samples, counts)

@@ -26,7 +26,7 @@ from rptcam_cl.viewfinder.timeline import follows_anew, time_message
 
 # Frames of the picture, and what lies over it.
 
-COUNT_S = 0.2  # between two histograms of a picture that moves
+_COUNT_S = 0.2  # between two histograms of a picture that moves
 
 
 class Delivery:
@@ -108,7 +108,7 @@ class Delivery:
     def _may_count(self, shown: Shown) -> bool:
         """Return whether figures of all pixels are due: of a picture that moves, several times a second."""
         now = time.monotonic()
-        if shown.moving and now < self._last_count + COUNT_S:
+        if shown.moving and now < self._last_count + _COUNT_S:
             return False
         self._last_count = now
         return True
@@ -214,10 +214,10 @@ def _counts(slot: Slot, shown: Shown) -> dict[str, Any]:
 
 Entry = dict[str, Any]
 
-MODE_LABELS = {"M": "manual", "A": "aperture", "S": "shutter", "P": "program", "relative": "scene values"}
-LINKED = {"f_number": ("S", "P"), "shutter_s": ("A", "P")}
-FOCUS_STEPS = 96
-SRGB_KELVIN = 6500.0  # which leaves a picture in sRGB nearly as it is
+_MODE_LABELS = {"M": "manual", "A": "aperture", "S": "shutter", "P": "program", "relative": "scene values"}
+_LINKED = {"f_number": ("S", "P"), "shutter_s": ("A", "P")}
+_FOCUS_STEPS = 96
+_SRGB_KELVIN = 6500.0  # which leaves a picture in sRGB nearly as it is
 # Correlated colour temperatures of the lights [K]; CIE 15:2018, tables of illuminants.
 KELVIN = {
     "A": 2856, "D50": 5003, "D55": 5503, "D65": 6504, "D75": 7504, "E": 5455, "F2": 4230, "F7": 6500, "F11": 4000,
@@ -225,7 +225,7 @@ KELVIN = {
 }  # fmt: skip
 
 # What photographers call lights; shade is bluer than daylight, and fluorescent lamps are those of cool white.
-PHOTOGRAPHERS = {
+_PHOTOGRAPHERS = {
     NO_BALANCE: "as it is", "A": "tungsten", "F2": "fluorescent", "D55": "daylight", "D65": "overcast", "D75": "shade",
 }  # fmt: skip
 
@@ -253,13 +253,13 @@ def _exposure(panel: Panel) -> list[Entry]:
     def linked(name: str, by_iso: bool = False) -> str | None:
         if by_iso and dials.auto_iso:
             return "computed by automatic ISO"
-        return f"computed by exposure mode {dials.mode}" if dials.mode in LINKED.get(name, ()) else None
+        return f"computed by exposure mode {dials.mode}" if dials.mode in _LINKED.get(name, ()) else None
 
     widest, narrowest = limits.f_number
     stops = [widest, *(value for value in F_NUMBERS.steps(widest, narrowest) if value > widest * 1.02)]
     fixed = widest == narrowest or panel.without_film
     return [
-        _choice("mode", "exposure mode", dials.mode, MODE_LABELS),
+        _choice("mode", "exposure mode", dials.mode, _MODE_LABELS),
         _entry(
             "f_number", "f-number", "number", settings.f_number, F_NUMBERS.text(settings.f_number), unit="",
             min=widest, max=narrowest, steps=stops, linked=linked("f_number"),
@@ -323,7 +323,7 @@ def _focus(panel: Panel) -> Entry:
     here = None if view is None else min(view.focus_mm * 1e-3, INFINITY_M)
     text = "nowhere" if here is None else "∞" if here >= INFINITY_M / 10 else f"{here:.3g} m"
     least = nearest or 0.01
-    steps = [least / (1 - k / FOCUS_STEPS) for k in range(FOCUS_STEPS)] + [INFINITY_M]
+    steps = [least / (1 - k / _FOCUS_STEPS) for k in range(_FOCUS_STEPS)] + [INFINITY_M]
     return _entry(
         "focus_m", "focus", "number", here, text, unit="m", min=least, max=INFINITY_M, steps=steps,
         scale=focus_scale(panel.view),
@@ -377,7 +377,7 @@ def _development(panel: Panel) -> list[Entry]:
         _choice("white_balance", "white balance", value, words),
         _entry(
             "temperature_k", "temperature", "number", kelvin, "" if kelvin is None else f"{kelvin:.0f} K", unit="K",
-            min=COOLEST, max=HOTTEST, step=50, start=KELVIN.get(value, SRGB_KELVIN),
+            min=COOLEST, max=HOTTEST, step=50, start=KELVIN.get(value, _SRGB_KELVIN),
         ),
         _choice("tone", "tone", tone, tones),
         _choice("lut", "LUT", picture.lut, {None: "none"} | {name: name for name in tables}, enabled=bool(tables)),
@@ -386,15 +386,15 @@ def _development(panel: Panel) -> list[Entry]:
 
 def _named_first(light: str) -> tuple[bool, int, str]:
     """The order of lights to choose from: without, those that photographers name by their temperature, and the rest."""
-    return light not in PHOTOGRAPHERS, KELVIN.get(light, 0) if light in PHOTOGRAPHERS else 0, light
+    return light not in _PHOTOGRAPHERS, KELVIN.get(light, 0) if light in _PHOTOGRAPHERS else 0, light
 
 
 def _light_words(light: str) -> str:
     kelvin = KELVIN.get(light)
     if kelvin is None:
         return "as it is" if light == NO_BALANCE else light
-    rounded = f"{round(kelvin, -2 if light in PHOTOGRAPHERS else 0)} K"
-    return f"{PHOTOGRAPHERS[light]}, {rounded} ({light})" if light in PHOTOGRAPHERS else f"{light}, {rounded}"
+    rounded = f"{round(kelvin, -2 if light in _PHOTOGRAPHERS else 0)} K"
+    return f"{_PHOTOGRAPHERS[light]}, {rounded} ({light})" if light in _PHOTOGRAPHERS else f"{light}, {rounded}"
 
 
 # How the camera stands, as the page shows it.
@@ -403,7 +403,7 @@ MOST_CLIENTS = 4
 _FOCUS = ("distance_m", "near_m", "far_m", "hyperfocal_m")
 
 
-def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
+def _hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
     """The first message to a client."""
     return {
         "type": "hello",
@@ -447,7 +447,7 @@ def _traced_of(slot: Slot) -> tuple[Scene, ...]:
     return slot.scene, slot.resolved
 
 
-def details_of(panel: LensPanel, scene: Scene, resolved: Scene) -> dict[str, Any]:
+def _details_of(panel: LensPanel, scene: Scene, resolved: Scene) -> dict[str, Any]:
     """Trace depth of field and image circle of a camera's state; with them, the warnings of the scene as requested."""
     numbers = panel.numbers(resolved)
     focus = {name: numbers[name] for name in _FOCUS} if numbers.get("distance_m") else None
@@ -455,7 +455,7 @@ def details_of(panel: LensPanel, scene: Scene, resolved: Scene) -> dict[str, Any
 
 
 def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = None) -> dict[str, Any]:
-    """Return how camera, dials and comparison stand; of a camera at rest with its `details_of`."""
+    """Return how camera, dials and comparison stand; of a camera at rest with its `_details_of`."""
     camera, lens = slot.scene.camera, slot.scene.camera.lens_camera
     message: dict[str, Any] = {
         "type": "state",
@@ -494,8 +494,8 @@ def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = N
 
 # What the engine says to clients without a request: how the camera stands, and what lies under the pointer.
 
-STATE_S = 0.3  # between two states of a camera that moves; finding the depth of field takes longer than a glance
-PANEL_S = 0.1  # between two traces of the rays under the pointer while it moves
+_STATE_S = 0.3  # between two states of a camera that moves; finding the depth of field takes longer than a glance
+_PANEL_S = 0.1  # between two traces of the rays under the pointer while it moves
 
 
 class Reports:
@@ -530,7 +530,7 @@ class Reports:
 
     def _state(self, slot: Slot, clients: list[messages.Client]) -> None:
         resting = slot.rests_in() <= 0
-        if not resting and time.monotonic() < self._last_state + STATE_S:
+        if not resting and time.monotonic() < self._last_state + _STATE_S:
             return
         answers = tuple((client.number, client.answers) for client in clients)
         studio = self._studio
@@ -556,7 +556,7 @@ class Reports:
             self._details, self._reported = (of, details), ()
 
         self._tracing.start(
-            BackgroundTask("lens panel", lambda task: details_of(panel, *of), done, key=("details", len(clients) > 0))
+            BackgroundTask("lens panel", lambda task: _details_of(panel, *of), done, key=("details", len(clients) > 0))
         )
 
     def prepare(self) -> None:
@@ -564,7 +564,7 @@ class Reports:
         studio = self._studio
         if studio.a is not None and not self._is_prepared:
             self._is_prepared = True
-            hello_message(studio, studio.a, 0)
+            _hello_message(studio, studio.a, 0)
             state_message(studio, studio.a)
             self._trace_details(studio.a, [])
 
@@ -574,7 +574,7 @@ class Reports:
         if studio.a is None or client.was_greeted:
             return
         token = {} if client.token is None else {"token": client.token}
-        client.outbox.answer(hello_message(studio, studio.a, client.number) | token)
+        client.outbox.answer(_hello_message(studio, studio.a, client.number) | token)
         client.outbox.news("state", state_message(studio, studio.a))
         self._reported = ()  # it hears the details as soon as they are traced
         client.was_greeted = studio.was_seen = True
@@ -601,7 +601,7 @@ class Reports:
             return
         at = (pointer, slot.session.generation)
         now = time.monotonic()
-        if at == client.lens_at or (slot.rests_in() > 0 and now - self._last_panel < PANEL_S):
+        if at == client.lens_at or (slot.rests_in() > 0 and now - self._last_panel < _PANEL_S):
             return
         self._last_panel = now
         is_known = client.lens_shown == at[1]

@@ -60,7 +60,7 @@ from rptcam_cl.viewfinder.panel import (
 SUFFIXES = (".yaml", ".yml", ".json", ".dat", ".zmx", ".seq", ".txt")
 _MIXED = (".yaml", ".yml", ".json")
 FOLDERS = ("", "lenses")  # of the scene's folder, that are searched
-TABLE_FOLDERS = ("", "luts")  # the same for tables of colours
+_TABLE_FOLDERS = ("", "luts")  # the same for tables of colours
 MOST_FILES = 1000
 MOST_BYTES = 1 << 20
 
@@ -135,7 +135,7 @@ def _candidates(
 
 def tables_of(scene: Scene) -> tuple[str, ...]:
     """Return the tables of colours that a scene can be shown by: those that lie in its folder, or its own."""
-    files = _candidates(scene.folders, (".cube",), TABLE_FOLDERS)[:MOST_FILES]
+    files = _candidates(scene.folders, (".cube",), _TABLE_FOLDERS)[:MOST_FILES]
     names = [Path(each.path).relative_to(scene.folders.base).as_posix() for each in files]
     own = scene.picture.lut
     return tuple(dict.fromkeys([*([] if own is None else [own]), *names]))
@@ -170,7 +170,7 @@ def _read(place: str, folders: Folders, stamp: tuple[int, int, int]) -> LensEntr
         return None
 
 
-def chosen_lens(scene: Scene, name: str) -> LensEntry:
+def _chosen_lens(scene: Scene, name: str) -> LensEntry:
     """Return the entry of a lens by its name.
 
     Raises
@@ -205,12 +205,12 @@ def current_name(scene: Scene) -> str | None:
 
 MODES: tuple[Mode, ...] = get_args(Mode)
 METERINGS = ("average", "centre_weighted", "spot")
-STEADY_EV = 0.02  # change of the light that nothing follows
-MOST_EV = 5.0
-NO_FILM = "the camera has no lens opening: choose M, A, S or P first, and it is exposed as behind an ideal lens"
+_STEADY_EV = 0.02  # change of the light that nothing follows
+_MOST_EV = 5.0
+_NO_FILM = "the camera has no lens opening: choose M, A, S or P first, and it is exposed as behind an ideal lens"
 
 
-def turn_mode(panel: Panel, value: Any) -> Turn:
+def _turn_mode(panel: Panel, value: Any) -> Turn:
     """Choose M, A, S, P, or the scene's own scale of values; the picture stays as bright as it is, or is metered."""
     mode: Mode = next(known for known in MODES if known == word("mode", value, MODES))
     dials = panel.dials
@@ -256,19 +256,19 @@ def _clamp(wanted: float, ends: tuple[float, float], words: str) -> tuple[float,
     return value, () if value == wanted else (words,)
 
 
-def turn_f_number(panel: Panel, value: Any) -> Turn:
+def _turn_f_number(panel: Panel, value: Any) -> Turn:
     """Set the f-number, in M and A."""
     wanted = F_NUMBERS.exact(number("f_number", value))
     if panel.dials.mode in ("S", "P"):
         return panel.same(f"the f-number follows in {panel.dials.mode}")
     if panel.without_film:
-        return panel.same(NO_FILM)
+        return panel.same(_NO_FILM)
     low, high = ends = panel.limits.f_number
     f_number, messages = _clamp(wanted, ends, f"the lens goes from f/{low:.3g} to f/{high:.3g}")
     return _relink(panel, replace(panel.settings, f_number=f_number), messages)
 
 
-def turn_time(panel: Panel, value: Any) -> Turn:
+def _turn_time(panel: Panel, value: Any) -> Turn:
     """Set the exposure time, in M and S; where values stand for radiance it only smears what moves."""
     wanted = TIMES.exact(number("shutter_s", value))
     if panel.dials.mode in ("A", "P"):
@@ -281,7 +281,7 @@ def turn_time(panel: Panel, value: Any) -> Turn:
     return _relink(panel, replace(panel.settings, time_s=time_s), messages)
 
 
-def turn_iso(panel: Panel, value: Any) -> Turn:
+def _turn_iso(panel: Panel, value: Any) -> Turn:
     """Set the ISO."""
     wanted = SPEEDS.exact(number("iso", value))
     if panel.dials.mode == "relative":
@@ -293,7 +293,7 @@ def turn_iso(panel: Panel, value: Any) -> Turn:
     return _relink(panel, replace(panel.settings, iso=iso), messages)
 
 
-def turn_auto_iso(panel: Panel, value: Any) -> Turn:
+def _turn_auto_iso(panel: Panel, value: Any) -> Turn:
     """Leave the ISO to the meter, or keep what it has found."""
     on = flag("auto_iso", value)
     if panel.dials.mode == "relative":
@@ -307,15 +307,15 @@ def turn_auto_iso(panel: Panel, value: Any) -> Turn:
     return _relink(replace(panel, dials=dials), panel.settings, ev_change=pushed)
 
 
-def turn_ev(panel: Panel, value: Any) -> Turn:
+def _turn_ev(panel: Panel, value: Any) -> Turn:
     """Set the compensation: what is free follows; in M, and where values stand for radiance, it scales the film."""
-    words = f"compensation goes from -{MOST_EV:g} to +{MOST_EV:g} EV"
-    ev, messages = _clamp(number("ev", value), (-MOST_EV, MOST_EV), words)
+    words = f"compensation goes from -{_MOST_EV:g} to +{_MOST_EV:g} EV"
+    ev, messages = _clamp(number("ev", value), (-_MOST_EV, _MOST_EV), words)
     new = replace(panel, dials=replace(panel.dials, ev=ev))
     return _relink(new, panel.settings, messages, ev_change=ev - panel.dials.ev)
 
 
-def turn_lock(panel: Panel, value: Any) -> Turn:
+def _turn_lock(panel: Panel, value: Any) -> Turn:
     """Hold the reading of the meter, or let it go."""
     on = flag("lock", value)
     dials = panel.dials
@@ -326,7 +326,7 @@ def turn_lock(panel: Panel, value: Any) -> Turn:
     return _relink(replace(panel, dials=replace(dials, locked_cd_m2=reading)), panel.settings)
 
 
-def turn_metering(panel: Panel, value: Any) -> Turn:
+def _turn_metering(panel: Panel, value: Any) -> Turn:
     """Choose what the meter weighs: the frame, its middle, or a spot."""
     metering = word("metering", value, METERINGS)
     dials = replace(panel.dials, metering=metering)
@@ -350,7 +350,7 @@ def follow_light(panel: Panel) -> Turn:
     if panel.dials.written.mode == "physical" and turned.dials.written.mode == "physical":
         wanted = _exposure_wanted(panel, panel.settings, 0.0)
         off = abs(math.log2(exposure_of(panel.settings, panel.light) / wanted))
-        if off < STEADY_EV:
+        if off < _STEADY_EV:
             return replace(panel.same(), messages=turned.messages)
     return turned
 
@@ -471,15 +471,15 @@ def _words(panel: Panel, found: Linked) -> tuple[str, ...]:
 # The dials of the optics: focus, zoom, lens, shape of the stop, film format.
 
 CLICK = 1.03  # of the focal length
-MOST_CROP = 8.0
-WIDEST_DEGREES, NARROWEST_DEGREES = 170.0, 0.5
+_MOST_CROP = 8.0
+_WIDEST_DEGREES, _NARROWEST_DEGREES = 170.0, 0.5
 SHAPES = ("circle", "polygon", "star", "heart")
 BLADES = (3, 64)
-DEFAULT_BLADES = 7
-INFINITE_M = 1e5  # from here on the focus is at infinity
+_DEFAULT_BLADES = 7
+_INFINITE_M = 1e5  # from here on the focus is at infinity
 
-ZoomKind = Literal["zoom", "angle", "crop", "none"]
-ZOOM_TEXTS: dict[ZoomKind, str] = {
+_ZoomKind = Literal["zoom", "angle", "crop", "none"]
+ZOOM_TEXTS: dict[_ZoomKind, str] = {
     "zoom": "the lens zooms",
     "angle": "the camera's field of view changes",
     "crop": "a prime cannot zoom: the film is cropped, as by an extender",
@@ -495,7 +495,7 @@ def turn_focus(panel: Panel, value: Any) -> Turn:
     if not metres > 0:
         raise InputError(f"focus_m: must be above 0 (got {metres:g})")
     nearest = nearest_focus_m(panel.view)
-    reached = INFINITY_M if metres >= INFINITE_M else max(metres, nearest or 0.0)
+    reached = INFINITY_M if metres >= _INFINITE_M else max(metres, nearest or 0.0)
     messages = (f"the nearest focus is {nearest:.3g} m",) if nearest is not None and metres < nearest else ()
     return Turn(panel.dials, as_paths(camera.focus_keys(reached)), messages)
 
@@ -506,7 +506,7 @@ def as_paths(keys: dict[str, Any]) -> dict[str, Any]:
 
 
 @remember(most=KEPT, by=optics_key)
-def zoom_kind(scene: Scene) -> ZoomKind:
+def zoom_kind(scene: Scene) -> _ZoomKind:
     """How a camera zooms: by its lens, its angle, or the crop of the film."""
     camera = scene.camera
     if camera.lens_camera is not None:
@@ -523,9 +523,9 @@ def zoom_range(panel: Panel) -> tuple[float, float] | None:
     if kind == "zoom":
         return _zoom_ends(panel.scene)
     if kind == "crop":
-        return focal_mm, focal_mm * MOST_CROP
+        return focal_mm, focal_mm * _MOST_CROP
     half = panel.view.film.diagonal_m() * 1e3 / 2
-    ends = tuple(half / math.tan(math.radians(degrees) / 2) for degrees in (WIDEST_DEGREES, NARROWEST_DEGREES))
+    ends = tuple(half / math.tan(math.radians(degrees) / 2) for degrees in (_WIDEST_DEGREES, _NARROWEST_DEGREES))
     return ends[0], ends[1]
 
 
@@ -550,10 +550,10 @@ def zoom_by(panel: Panel, clicks: float) -> Turn:
     here = zoomed_mm(panel)
     if here is None:
         return panel.same(ZOOM_TEXTS["none"])
-    return turn_zoom(panel, here * CLICK ** number("zoom", clicks))
+    return _turn_zoom(panel, here * CLICK ** number("zoom", clicks))
 
 
-def turn_zoom(panel: Panel, value: Any) -> Turn:
+def _turn_zoom(panel: Panel, value: Any) -> Turn:
     """Zoom to a focal length [mm]."""
     wanted, ends = number("zoom", value), zoom_range(panel)
     if ends is None:
@@ -600,14 +600,14 @@ def _widen_changes(panel: Panel, focal_mm: float) -> dict[str, Any]:
     return {f"camera.{name}": value for name, value in (panel.scene.camera.zoom_keys(focal_mm, here) or {}).items()}
 
 
-def turn_lens(panel: Panel, value: Any) -> Turn:
+def _turn_lens(panel: Panel, value: Any) -> Turn:
     """Change the lens for another of the list; f-number and focus stay as far as it reaches."""
     if not isinstance(value, str):
         raise InputError(f"lens: must be a name of the list (got {str(value)[:40]!r})")
     scene = panel.scene
     if value == current_name(scene):
         return panel.same()
-    entry = chosen_lens(scene, value)
+    entry = _chosen_lens(scene, value)
     changed = with_camera(scene, _keys_behind(panel, entry.name, {"distance_m": INFINITY_M}))
     messages: tuple[str, ...] = ()
     keys: dict[str, Any] = {"camera.lens": entry.name}
@@ -670,18 +670,18 @@ def _focus_m(scene: Scene) -> float:
     return INFINITY_M
 
 
-def turn_stop(panel: Panel, value: Any) -> Turn:
+def _turn_stop(panel: Panel, value: Any) -> Turn:
     """Give the stop another shape."""
     shape = word("stop", value, SHAPES)
     if (words := stop_is_fixed(panel.scene)) is not None:
         return panel.same(words)
     aperture: dict[str, Any] = {"shape": shape}
     if shape == "polygon":
-        aperture["blades"] = DEFAULT_BLADES
+        aperture["blades"] = _DEFAULT_BLADES
     return Turn(panel.dials, {"camera.aperture": aperture})
 
 
-def turn_blades(panel: Panel, value: Any) -> Turn:
+def _turn_blades(panel: Panel, value: Any) -> Turn:
     """Make the stop of so many blades; 0 makes it round."""
     count = number("blades", value)
     if count != round(count):
@@ -707,7 +707,7 @@ def stop_is_fixed(scene: Scene) -> str | None:
     return camera.fixed_outline
 
 
-def turn_format(panel: Panel, value: Any) -> Turn:
+def _turn_format(panel: Panel, value: Any) -> Turn:
     """Put another film behind the lens."""
     name = word("format", value, tuple(SIDES_MM))
     film = change_scene(panel.scene, film=dict.fromkeys(SIZES) | {"format": name})
@@ -715,7 +715,7 @@ def turn_format(panel: Panel, value: Any) -> Turn:
     return Turn(replace(panel.dials, whole_mm=size, cropped_mm=size, body=None), {"film.format": name})
 
 
-def turn_body(panel: Panel, value: Any) -> Turn:
+def _turn_body(panel: Panel, value: Any) -> Turn:
     """Take a camera body by name: its sensor, as far as the picture fills it, and its speeds; None takes no other."""
     if value is None:
         return Turn(replace(panel.dials, body=None))
@@ -731,28 +731,28 @@ def turn_body(panel: Panel, value: Any) -> Turn:
     return replace(turned, changes={**turned.changes, "film.width_mm": width_mm})
 
 
-def turn_kit(panel: Panel, value: Any) -> Turn:
+def _turn_kit(panel: Panel, value: Any) -> Turn:
     """Take a body with one of its usual lenses, by the name of the kit; None takes no other."""
     if value is None:
         return panel.same()
     body, lens = KITS[word("kit", value, tuple(KITS))]
-    held, mounted = turn_body(panel, body), turn_lens(panel, lens)
+    held, mounted = _turn_body(panel, body), _turn_lens(panel, lens)
     return Turn(held.dials, {**held.changes, **mounted.changes}, (*held.messages, *mounted.messages))
 
 
 BALANCES = (NO_BALANCE, *LIGHTS)
 
 
-def turn_white_balance(panel: Panel, value: Any) -> Turn:
+def _turn_white_balance(panel: Panel, value: Any) -> Turn:
     """Choose the light that is made grey, by name or as a temperature [K]."""
     if isinstance(value, str):
         return Turn(panel.dials, {"picture.white_balance": word("white_balance", value, BALANCES)})
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise InputError(f"white_balance: must be a light or a temperature in kelvin (got {str(value)[:40]!r})")
-    return turn_temperature(panel, value)
+    return _turn_temperature(panel, value)
 
 
-def turn_temperature(panel: Panel, value: Any) -> Turn:
+def _turn_temperature(panel: Panel, value: Any) -> Turn:
     """Choose the colour temperature [K] of the light that is made grey."""
     words = f"temperatures go from {COOLEST:g} to {HOTTEST:g} K"
     kelvin, messages = _clamp(number("temperature_k", value), (COOLEST, HOTTEST), words)
@@ -761,37 +761,37 @@ def turn_temperature(panel: Panel, value: Any) -> Turn:
     return Turn(panel.dials, {"picture.white_balance": {"temperature_k": kelvin} | tint}, messages)
 
 
-def turn_tone(panel: Panel, value: Any) -> Turn:
+def _turn_tone(panel: Panel, value: Any) -> Turn:
     """Choose the tone curve."""
     return Turn(panel.dials, {"picture.tone": word("tone", value, TONES)})
 
 
-def turn_lut(panel: Panel, value: Any) -> Turn:
+def _turn_lut(panel: Panel, value: Any) -> Turn:
     """Show the picture by a table of colours beside the scene; by none with None."""
     return Turn(panel.dials, {"picture.lut": None if value is None else word("lut", value, tables_of(panel.scene))})
 
 
 DIALS: dict[str, Callable[[Panel, Any], Turn]] = {
-    "mode": turn_mode,
-    "f_number": turn_f_number,
-    "shutter_s": turn_time,
-    "iso": turn_iso,
-    "auto_iso": turn_auto_iso,
-    "ev": turn_ev,
-    "lock": turn_lock,
-    "metering": turn_metering,
+    "mode": _turn_mode,
+    "f_number": _turn_f_number,
+    "shutter_s": _turn_time,
+    "iso": _turn_iso,
+    "auto_iso": _turn_auto_iso,
+    "ev": _turn_ev,
+    "lock": _turn_lock,
+    "metering": _turn_metering,
     "focus_m": turn_focus,
-    "zoom": turn_zoom,
-    "lens": turn_lens,
-    "stop": turn_stop,
-    "blades": turn_blades,
-    "format": turn_format,
-    "body": turn_body,
-    "kit": turn_kit,
-    "white_balance": turn_white_balance,
-    "temperature_k": turn_temperature,
-    "tone": turn_tone,
-    "lut": turn_lut,
+    "zoom": _turn_zoom,
+    "lens": _turn_lens,
+    "stop": _turn_stop,
+    "blades": _turn_blades,
+    "format": _turn_format,
+    "body": _turn_body,
+    "kit": _turn_kit,
+    "white_balance": _turn_white_balance,
+    "temperature_k": _turn_temperature,
+    "tone": _turn_tone,
+    "lut": _turn_lut,
 }
 
 

@@ -26,7 +26,7 @@ from rptcam_cl.viewfinder.studio import Origin, Studio, Watch, place_of, scene_e
 LOG = logging.getLogger("rptcam_cl.viewfinder")
 WAIT_FOR_RELOAD_S = 0.4  # after the last client has gone, for a page that is only loaded again
 TIME_TO_PAINT_S = 0.06  # for pages to paint a first picture, before anything else takes the processor
-TIDY_S = 10.0  # between two times that freed memory is given back, which takes some milliseconds
+_TIDY_S = 10.0  # between two times that freed memory is given back, which takes some milliseconds
 _POLL_S = 0.02  # between checks whether a compilation has ended
 _CHANGES = (*CHANGE_THE_CAMERA, "compare", "history")
 
@@ -240,7 +240,7 @@ class Engine:
 
     def _tidy(self) -> None:
         """Give back freed memory now and then; the heap of a day of changes does not grow by its gaps."""
-        if time.monotonic() >= self._tidied + TIDY_S:
+        if time.monotonic() >= self._tidied + _TIDY_S:
             give_back()
             self._tidied = time.monotonic()
 

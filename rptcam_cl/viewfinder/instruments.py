@@ -31,13 +31,13 @@ from rptcam_cl.viewfinder.panel import focal_length_mm, irradiance_per_radiance,
 # who develop from the linear file; `raw_histogram` counts the numbers of a sensor. What is clipped is counted on the
 # film, or on the sensor, and never on the developed picture.
 
-MIDDLE_GREY = 0.18
+_MIDDLE_GREY = 0.18
 CODES = 256
 MOST_PIXELS = 1 << 16
-DARKEST_EV, BRIGHTEST_EV, PER_STOP = -10, 6, 3
+_DARKEST_EV, _BRIGHTEST_EV, _PER_STOP = -10, 6, 3
 CHANNELS = ("red", "green", "blue")
-DARK_VALUE = 0.5 / 255 / 12.92  # film values below it are shown as code 0: the foot of sRGB (IEC 61966-2-1)
-RAW_BINS = 256
+_DARK_VALUE = 0.5 / 255 / 12.92  # film values below it are shown as code 0: the foot of sRGB (IEC 61966-2-1)
+_RAW_BINS = 256
 
 
 Histogram = dict[str, Any]
@@ -86,21 +86,21 @@ def histogram(
 def stop_histogram(pixels: NDArray[np.float32]) -> Histogram:
     """Return how many pixels of a film lie in each third of a stop about middle grey; the ends take what is beyond."""
     values = thinned(pixels).reshape(-1, 3)
-    bins = (BRIGHTEST_EV - DARKEST_EV) * PER_STOP
+    bins = (_BRIGHTEST_EV - _DARKEST_EV) * _PER_STOP
     series = {"luminance": luminance(values, np.float32)} | {name: values[:, k] for k, name in enumerate(CHANNELS)}
     counts = {}
     for name, channel in series.items():
         with np.errstate(divide="ignore", invalid="ignore"):
-            stops = np.log2(channel.astype(np.float64) / MIDDLE_GREY)
-        place = np.floor((np.nan_to_num(stops, nan=-99.0, neginf=-99.0, posinf=99.0) - DARKEST_EV) * PER_STOP)
+            stops = np.log2(channel.astype(np.float64) / _MIDDLE_GREY)
+        place = np.floor((np.nan_to_num(stops, nan=-99.0, neginf=-99.0, posinf=99.0) - _DARKEST_EV) * _PER_STOP)
         counts[name] = np.bincount(np.clip(place, 0, bins - 1).astype(np.int64), minlength=bins)
-    return _histogram(counts, "stops", (float(DARKEST_EV), float(BRIGHTEST_EV)), len(values))
+    return _histogram(counts, "stops", (float(_DARKEST_EV), float(_BRIGHTEST_EV)), len(values))
 
 
 def raw_histogram(raw: formats.RawImage) -> Histogram:
     """Return how many numbers of a sensor lie in each of 256 bins, by the colours of its mosaic, all pixels counted."""
     sensor, numbers = raw.sensor, raw.numbers
-    width = max(1, (sensor.top_dn + 1) // RAW_BINS)
+    width = max(1, (sensor.top_dn + 1) // _RAW_BINS)
     bins = -(-(sensor.top_dn + 1) // width)
     counts = {
         name: np.bincount(np.concatenate([plane.ravel() for plane in planes]) // width, minlength=bins)
@@ -138,7 +138,7 @@ def clipping(pixels: NDArray[np.float32]) -> dict[str, Any]:
     series = {"any": strongest(pixels), "luminance": luminance(pixels, np.float32)}
     series |= {name: pixels[..., k] for k, name in enumerate(CHANNELS)}
     high = {name: int(np.count_nonzero(values >= 1)) for name, values in series.items()}
-    low = {name: int(np.count_nonzero(values < DARK_VALUE)) for name, values in series.items()}
+    low = {name: int(np.count_nonzero(values < _DARK_VALUE)) for name, values in series.items()}
     return {"pixels": pixels.shape[0] * pixels.shape[1], "high": high, "low": low}
 
 
@@ -154,14 +154,14 @@ def strongest(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 
 Film = NDArray[np.float32]
 Mask = NDArray[np.bool_]
-Rgba = NDArray[np.uint8]
+_Rgba = NDArray[np.uint8]
 
-STRIPE = 8  # pixels from one zebra stripe to the next
-STRIPE_COLOUR = (255, 255, 255, 230)
-STRIPE_GAP = (20, 20, 20, 150)
+_STRIPE = 8  # pixels from one zebra stripe to the next
+_STRIPE_COLOUR = (255, 255, 255, 230)
+_STRIPE_GAP = (20, 20, 20, 150)
 PEAKING_COLOUR = (255, 40, 60, 255)
-FALSE_COLOUR_ALPHA = 255
-WHITE_EV = float(np.log2(1.0 / MIDDLE_GREY))
+_FALSE_COLOUR_ALPHA = 255
+_WHITE_EV = float(np.log2(1.0 / _MIDDLE_GREY))
 
 
 def zebra(pixels: Film, level: float = 0.95) -> Mask:
@@ -182,12 +182,12 @@ def linear_from_srgb(signal: float) -> float:
     return signal / 12.92 if signal <= 0.04045 else float(((signal + 0.055) / 1.055) ** 2.4)
 
 
-def zebra_rgba(mask: Mask) -> Rgba:
+def zebra_rgba(mask: Mask) -> _Rgba:
     """Return a mask as diagonal stripes (h, w, 4)."""
-    light = np.add.outer(np.arange(mask.shape[0]), np.arange(mask.shape[1])) % STRIPE < STRIPE // 2
+    light = np.add.outer(np.arange(mask.shape[0]), np.arange(mask.shape[1])) % _STRIPE < _STRIPE // 2
     picture = np.zeros((*mask.shape, 4), np.uint8)
-    picture[mask & light] = STRIPE_COLOUR
-    picture[mask & ~light] = STRIPE_GAP
+    picture[mask & light] = _STRIPE_COLOUR
+    picture[mask & ~light] = _STRIPE_GAP
     return picture
 
 
@@ -219,35 +219,35 @@ FALSE_COLOUR: tuple[ColourBand, ...] = (
     ColourBand("IV", -1.5, -0.5, (32, 158, 118)),
     ColourBand("V", -0.5, 0.5, (138, 138, 138)),
     ColourBand("VI", 0.5, 1.5, (150, 196, 60)),
-    ColourBand("VII", 1.5, WHITE_EV, (246, 206, 52)),
-    ColourBand("clipped", WHITE_EV, None, (226, 32, 40)),
+    ColourBand("VII", 1.5, _WHITE_EV, (246, 206, 52)),
+    ColourBand("clipped", _WHITE_EV, None, (226, 32, 40)),
 )
 """The scale: a stop to a zone, from black to what is white or more."""
 
 
 def false_colour(pixels: Film) -> NDArray[np.uint8]:
     """Return the place (h, w) in `FALSE_COLOUR` of each pixel, by its luminance."""
-    edges = [MIDDLE_GREY * 2.0**band.low_ev for band in FALSE_COLOUR[1:] if band.low_ev is not None]
+    edges = [_MIDDLE_GREY * 2.0**band.low_ev for band in FALSE_COLOUR[1:] if band.low_ev is not None]
     bright = luminance(pixels, np.float32)
     return np.asarray(np.searchsorted(np.asarray(edges, np.float32), bright, side="right"), np.uint8)
 
 
-def false_colour_rgba(index: NDArray[np.uint8]) -> Rgba:
+def false_colour_rgba(index: NDArray[np.uint8]) -> _Rgba:
     """Return false colour as an opaque picture (h, w, 4)."""
-    table = np.array([(*band.colour, FALSE_COLOUR_ALPHA) for band in FALSE_COLOUR], np.uint8)
+    table = np.array([(*band.colour, _FALSE_COLOUR_ALPHA) for band in FALSE_COLOUR], np.uint8)
     return np.asarray(table[index])
 
 
-NOISE_SIGMAS = 3.0  # so far noise alone seldom reaches
+_NOISE_SIGMAS = 3.0  # so far noise alone seldom reaches
 TILE = 16  # pixels, within which noise is taken as even
-SHARE, SHARE_SIGMAS = (
+SHARE, _SHARE_SIGMAS = (
     0.8,
     1.2816,
 )  # of a tile's pixels lie below so many sigmas; an edge through it has fewer than the rest
-MOST_OF_NOISE = 0.2  # sigma of the display signal for a relative noise of the whole picture of 1; more is texture
+_MOST_OF_NOISE = 0.2  # sigma of the display signal for a relative noise of the whole picture of 1; more is texture
 ALONG = 2  # pixels either way along an edge, whose mean has less noise
 WAYS = ((0, 1), (1, 0), (1, 1), (1, -1))  # rows and columns of a step along it
-LEAST_NEIGHBOURS = 2  # of the eight round an edge's pixel; a speck has fewer
+_LEAST_NEIGHBOURS = 2  # of the eight round an edge's pixel; a speck has fewer
 
 
 def peaking(pixels: Film, level: float = 0.5, noise: float | None = None) -> Mask:
@@ -265,7 +265,7 @@ def peaking(pixels: Film, level: float = 0.5, noise: float | None = None) -> Mas
         Relative standard error of the picture, where it is known: what varies more in a tile is texture.
     """
     signal = development.srgb_from_linear(luminance(pixels, np.float32))
-    least, most = 0.1 * (1.0 - level) + 0.005, np.inf if noise is None else MOST_OF_NOISE * noise
+    least, most = 0.1 * (1.0 - level) + 0.005, np.inf if noise is None else _MOST_OF_NOISE * noise
     contrast = signal - _binomial(signal)
     strong = _exceeds(contrast, least, most)
     for way in WAYS:
@@ -276,14 +276,14 @@ def peaking(pixels: Film, level: float = 0.5, noise: float | None = None) -> Mas
         for row in range(3)
         for column in range(3)
     )
-    return np.asarray(strong & (near > LEAST_NEIGHBOURS))
+    return np.asarray(strong & (near > _LEAST_NEIGHBOURS))
 
 
 def _exceeds(contrast: Film, least: float, most_sigma: float) -> Mask:
     """Return where a contrast is at least so large, and well above its noise, which is at most so large."""
     size = np.abs(contrast)
     sigma = np.minimum(_sigma(size), np.float32(most_sigma))
-    return np.asarray(size > np.maximum(np.float32(least), NOISE_SIGMAS * sigma))
+    return np.asarray(size > np.maximum(np.float32(least), _NOISE_SIGMAS * sigma))
 
 
 def _along(contrast: Film, way: tuple[int, int]) -> Film:
@@ -302,7 +302,7 @@ def _sigma(contrast: Film) -> Film:
     whole = np.pad(contrast, beyond, mode="symmetric")
     tiles = whole.reshape(whole.shape[0] // TILE, TILE, -1, TILE).swapaxes(1, 2).reshape(-1, TILE * TILE)
     place = round(SHARE * TILE * TILE)
-    found = np.partition(tiles, place, axis=1)[:, place].reshape(whole.shape[0] // TILE, -1) / np.float32(SHARE_SIGMAS)
+    found = np.partition(tiles, place, axis=1)[:, place].reshape(whole.shape[0] // TILE, -1) / np.float32(_SHARE_SIGMAS)
     around = np.lib.stride_tricks.sliding_window_view(np.pad(found, 1, mode="edge"), (3, 3)).max(axis=(2, 3))
     return np.asarray(around.repeat(TILE, axis=0).repeat(TILE, axis=1)[:rows, :columns])
 
@@ -314,7 +314,7 @@ def _binomial(signal: Film) -> Film:
     return np.asarray((across[:-2] + 2 * across[1:-1] + across[2:]) / np.float32(16))
 
 
-def peaking_rgba(mask: Mask) -> Rgba:
+def peaking_rgba(mask: Mask) -> _Rgba:
     """Return a mask as a coloured picture (h, w, 4)."""
     picture = np.zeros((*mask.shape, 4), np.uint8)
     picture[mask] = PEAKING_COLOUR
@@ -322,7 +322,7 @@ def peaking_rgba(mask: Mask) -> Rgba:
 
 
 OverlayName = Literal["zebra", "false_colour", "peaking"]
-OVERLAYS: dict[OverlayName, Callable[[Film, float, float | None], Rgba]] = {
+OVERLAYS: dict[OverlayName, Callable[[Film, float, float | None], _Rgba]] = {
     "zebra": lambda pixels, level, noise: zebra_rgba(zebra(pixels, level)),
     "false_colour": lambda pixels, level, noise: false_colour_rgba(false_colour(pixels)),
     "peaking": lambda pixels, level, noise: peaking_rgba(peaking(pixels, level, noise)),
@@ -358,7 +358,7 @@ def magnifier(
 # values over what radiance 1 gives. A reading in EV is that of a reflected-light meter at ISO 100, 2^EV = L S / K
 # with K = 12.5 (ISO 2720).
 
-METER_CONSTANT = 12.5  # K [cd s/m²], ISO 2720
+_METER_CONSTANT = 12.5  # K [cd s/m²], ISO 2720
 
 
 def film_reading(pixels: Film, resolved: Scene, settings: exposure.Exposure | None = None) -> float | None:
@@ -434,7 +434,7 @@ def spot_meter(pixels: Film, resolved: Scene, x: float, y: float, area: float = 
     red, green, blue = (float(channel) for channel in pixels[inside].mean(axis=0, dtype=np.float64))
     value = float(np.dot((red, green, blue), LUMINANCE))
     cd_m2 = value / value_per_radiance(resolved) * LUMENS_PER_WATT
-    stops = math.log2(value / MIDDLE_GREY) if value > 0 else None
+    stops = math.log2(value / _MIDDLE_GREY) if value > 0 else None
     return {
         "x": x,
         "y": y,
@@ -450,7 +450,7 @@ def spot_meter(pixels: Film, resolved: Scene, x: float, y: float, area: float = 
 
 def ev100(cd_m2: float) -> float:
     """Return the exposure value at ISO 100 of a luminance [cd/m²]."""
-    return math.log2(cd_m2 * 100.0 / METER_CONSTANT)
+    return math.log2(cd_m2 * 100.0 / _METER_CONSTANT)
 
 
 def _disk(pixels: Film, scene: Scene, x: float, y: float, area: float) -> NDArray[np.bool_]:
@@ -469,7 +469,7 @@ def _time_for(scene: Scene, cd_m2: float) -> float | None:
     if light is None or cd_m2 <= 0:
         return None
     irradiance = cd_m2 / LUMENS_PER_WATT * light * 2.0**-scene.exposure.neutral_density_stops
-    return float(MIDDLE_GREY / irradiance / values_per_irradiance(1.0, scene.exposure.iso))
+    return float(_MIDDLE_GREY / irradiance / values_per_irradiance(1.0, scene.exposure.iso))
 
 
 # The same view through a simpler camera: what a traced lens does beyond first-order optics is the difference.
@@ -547,24 +547,24 @@ def _said(camera: Camera) -> dict[str, Any]:
 # vectors of the three channels, |a|^2 averaged over tiles of 8 x 8 pixels, as `rptcam tradeoff` has it; a is the
 # picture, b what it is compared with. The noise of both counts in it.
 
-MSE_TILE = 8  # pixels
-MSE_FLOOR = 0.01  # of the mean: what is darker counts as this dark
-RANGE_STOPS = 2.0  # that the map shows in its strongest colours
-DARKER, EQUAL, BRIGHTER = (40, 90, 220), (244, 244, 244), (214, 48, 40)
+_MSE_TILE = 8  # pixels
+_MSE_FLOOR = 0.01  # of the mean: what is darker counts as this dark
+_RANGE_STOPS = 2.0  # that the map shows in its strongest colours
+_DARKER, _EQUAL, _BRIGHTER = (40, 90, 220), (244, 244, 244), (214, 48, 40)
 
 
 def difference_rgb(stops: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Draw by how much a second film is brighter (h, w) as a picture (h, w, 3): blue where it is darker, else red."""
-    share = np.clip(stops / np.float32(RANGE_STOPS), -1, 1)[..., None]
-    darker, equal, brighter = (np.array(colour, np.float32) for colour in (DARKER, EQUAL, BRIGHTER))
+    share = np.clip(stops / np.float32(_RANGE_STOPS), -1, 1)[..., None]
+    darker, equal, brighter = (np.array(colour, np.float32) for colour in (_DARKER, _EQUAL, _BRIGHTER))
     ends = np.where(share < 0, darker, brighter)
     return np.asarray(np.floor(equal + np.abs(share) * (ends - equal) + 0.5), np.uint8)
 
 
 LEGEND = [
-    {"stops": -RANGE_STOPS, "colour": DARKER},
-    {"stops": 0.0, "colour": EQUAL},
-    {"stops": RANGE_STOPS, "colour": BRIGHTER},
+    {"stops": -_RANGE_STOPS, "colour": _DARKER},
+    {"stops": 0.0, "colour": _EQUAL},
+    {"stops": _RANGE_STOPS, "colour": _BRIGHTER},
 ]
 """Stops and colours of the map's ends and middle."""
 
@@ -590,11 +590,11 @@ def difference(first: NDArray[np.float32], second: NDArray[np.float32]) -> tuple
         raise InputError(f"compare: the films have other sizes (got {first.shape} and {second.shape})")
     a, b = first.astype(np.float64), second.astype(np.float64)
     mean_square = float(np.sum(np.square(a.mean(axis=(0, 1)))))
-    squares = _tile_means(np.sum(np.square(a), axis=2)) + MSE_FLOOR**2 * mean_square
+    squares = _tile_means(np.sum(np.square(a), axis=2)) + _MSE_FLOOR**2 * mean_square
     error = np.sum(np.square(b - a), axis=2)
     relmse = float(np.mean(np.divide(error, squares, out=np.zeros_like(error), where=squares > 0)))
     bright_a, bright_b = luminance(a), luminance(b)
-    floor = MSE_FLOOR * max(float(bright_a.mean()), float(bright_b.mean()), base.FLOAT32_MIN_NORMAL)
+    floor = _MSE_FLOOR * max(float(bright_a.mean()), float(bright_b.mean()), base.FLOAT32_MIN_NORMAL)
     stops = np.log2(np.maximum(bright_b, floor) / np.maximum(bright_a, floor))
     size = np.abs(stops)
     return stops.astype(np.float32), {
@@ -607,7 +607,7 @@ def difference(first: NDArray[np.float32], second: NDArray[np.float32]) -> tuple
 
 def _tile_means(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return values (h, w), each replaced by the mean of its tile; tiles at the right and the bottom may be smaller."""
-    starts = [np.arange(0, size, MSE_TILE) for size in values.shape]
+    starts = [np.arange(0, size, _MSE_TILE) for size in values.shape]
     sums = np.add.reduceat(np.add.reduceat(values, starts[0], axis=0), starts[1], axis=1)
     sizes = [np.diff([*start, size]) for start, size in zip(starts, values.shape, strict=True)]
     means = sums / np.outer(*sizes)

@@ -163,8 +163,8 @@ def lens_state(scene: Scene, device: Session) -> LensState:
 # the lens but that it has pupils: their magnification and a moving group count.
 
 INFINITY_M = 1e6  # what the focus dial calls infinity
-MARKS_M = (0.1, 0.12, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0)
-DEPTH_STOPS = (2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 22.0)  # engraved about the focus mark
+_MARKS_M = (0.1, 0.12, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0)
+_DEPTH_STOPS = (2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 22.0)  # engraved about the focus mark
 FEWEST, MOST = 3, 12  # marks of a focus scale
 
 
@@ -180,7 +180,7 @@ def perspective(scene: Scene) -> Perspective | None:
     return camera_of(scene).perspective()
 
 
-DEPTH_KEYS = ("distance_m", "near_m", "far_m", "hyperfocal_m", "circle_mm", "magnification", "breathing")
+_DEPTH_KEYS = ("distance_m", "near_m", "far_m", "hyperfocal_m", "circle_mm", "magnification", "breathing")
 
 
 def depth_of_field(scene: Scene) -> dict[str, float | None] | None:
@@ -221,7 +221,7 @@ def depth_of_field(scene: Scene) -> dict[str, float | None] | None:
         here.per_tangent_mm / (here.focus_mm - here.pupil_mm),
         None if distant is None else here.per_tangent_mm / distant.per_tangent_mm - 1.0,
     )
-    return dict(zip(DEPTH_KEYS, values, strict=True))
+    return dict(zip(_DEPTH_KEYS, values, strict=True))
 
 
 def at_infinity(scene: Scene) -> Perspective | None:
@@ -271,11 +271,11 @@ def focus_scale(scene: Scene) -> dict[str, Any] | None:
     def position(metres: float | None) -> float:
         return 1.0 if metres is None or math.isinf(metres) else min(max(1.0 - nearest / metres, 0.0), 1.0)
 
-    marks = [metres for metres in MARKS_M if metres > nearest * 1.02]
+    marks = [metres for metres in _MARKS_M if metres > nearest * 1.02]
     marks = marks[:: max(1, math.ceil(len(marks) / MOST))] if len(marks) > FEWEST else marks
     depth = []
     f_number = here.focal_length_mm / here.diameter_mm
-    for stop in DEPTH_STOPS:
+    for stop in _DEPTH_STOPS:
         near, far = (end * 1e-3 for end in here.field(circle, f_number / stop))
         depth.append({"f_number": stop, "near": position(near), "far": position(far)})
     near, far = (end * 1e-3 for end in here.field(circle))
@@ -302,7 +302,7 @@ LARGEST = 2.5  # image circle that is sought, over the film's own
 def camera_numbers(scene: Scene) -> dict[str, Any]:
     """The numbers of any camera in focus; None where there is no such number."""
     focal_mm = focal_length_mm(scene)
-    depth: dict[str, Any] = depth_of_field(scene) or dict.fromkeys(DEPTH_KEYS)
+    depth: dict[str, Any] = depth_of_field(scene) or dict.fromkeys(_DEPTH_KEYS)
     numbers = {
         "focal_length_mm": focal_mm,
         "equivalent_mm": None if focal_mm is None else focal_mm * DIAGONAL_35_MM / (scene.film.diagonal_m() * 1e3),
@@ -337,7 +337,7 @@ def _angles(scene: Scene, focal_mm: float | None) -> dict[str, Any]:
     return {"field_degrees": angles["diagonal"], "fields_degrees": angles}
 
 
-def lens_numbers(state: LensState) -> dict[str, Any]:
+def _lens_numbers(state: LensState) -> dict[str, Any]:
     """Return the pupils and distances of a lens, besides what is known of any camera."""
     lens, setting = state.lens, state.setting
     first = lens.first_order(setting.camera.wavelength_nm)
@@ -385,12 +385,12 @@ def image_circle_mm(state: LensState) -> float | None:
 
 EVERY = 4  # of the points of an outline
 CORNER = 0.15  # turn of an outline that is a corner [radians]
-DIGITS = 3
+_DIGITS = 3
 APPROACH = 0.35  # of the axis drawn before the lens, in its size
-IDEAL_BLADE = 1.6  # radius of an ideal opening's screen over its own
+_IDEAL_BLADE = 1.6  # radius of an ideal opening's screen over its own
 
 
-def lens_section(state: LensState) -> dict[str, Any]:
+def _lens_section(state: LensState) -> dict[str, Any]:
     """Return surfaces, glass, stop, pupils, film and axis of a lens."""
     lens, wavelength_nm = state.lens, state.setting.camera.wavelength_nm
     first = lens.first_order(wavelength_nm)
@@ -422,15 +422,15 @@ def lens_section(state: LensState) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def ideal_section(scene: Scene) -> dict[str, Any]:
+def _ideal_section(scene: Scene) -> dict[str, Any]:
     """Return opening, film and axis of a camera without a lens of glass: the opening is at z = 0."""
     kind = scene.camera.kind
     empty: dict[str, Any] = {"kind": kind, "name": kind.replace("_", " "), "surfaces": [], "glass": [], "stop": []}
     if scene.camera.sees_all_around:
         return empty | {"film": None, "pupils": {"entrance": None, "exit": None}, "axis": [0.0, 0.0]}
-    radius, film_z = ideal_opening(scene)
+    radius, film_z = _ideal_opening(scene)
     half_mm = scene.film.diagonal_m() * 500
-    screen = max(IDEAL_BLADE * radius, 0.25 * half_mm)
+    screen = max(_IDEAL_BLADE * radius, 0.25 * half_mm)
     pupil = _pupil(0.0, 2 * radius, _round)
     sides = [[[0.0, side * _round(radius)], [0.0, side * _round(screen)]] for side in (1, -1)]
     return empty | {
@@ -441,7 +441,7 @@ def ideal_section(scene: Scene) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def ideal_opening(scene: Scene) -> tuple[float, float]:
+def _ideal_opening(scene: Scene) -> tuple[float, float]:
     """Return the radius of an ideal camera's opening and how far behind it the film lies [mm]."""
     found = perspective(scene)
     if found is not None:
@@ -457,12 +457,12 @@ def _plain(points: Array) -> list[list[float]]:
     along = np.arctan2(steps[:, 1], steps[:, 0])
     turn = np.abs(np.angle(np.exp(1j * np.diff(along))))
     kept[1:-1] |= turn > CORNER
-    rounded: list[list[float]] = np.round(points[kept], DIGITS).tolist()
+    rounded: list[list[float]] = np.round(points[kept], _DIGITS).tolist()
     return rounded
 
 
 def _round(value: float) -> float:
-    return round(float(value), DIGITS)
+    return round(float(value), _DIGITS)
 
 
 #
@@ -479,11 +479,11 @@ ACROSS = 24  # rays that span the beam of a film point each way
 FINER = (48, 96)  # and those of its spot, until its radius moves by less than
 CONVERGED = 0.005
 DOTS = 120  # of each wavelength that are drawn
-FREQUENCIES = np.arange(0.0, 101.0, 5.0)  # [cycles/mm]
-CENTRED_MM = 1e-6
+_FREQUENCIES = np.arange(0.0, 101.0, 5.0)  # [cycles/mm]
+_CENTRED_MM = 1e-6
 
 
-def pointer_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
+def _pointer_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
     """Return fan, spot and transfer of a point of the picture, in fractions from its left and top."""
     camera = state.setting.camera
     *place, depth = film_point(state.scene, camera, x, y)
@@ -505,7 +505,7 @@ _NO_LIGHT: dict[str, Any] = {"field_degrees": None, "spot": None, "mtf": None}
 def _section(state: LensState, start: Array) -> Array:
     """Return the unit vector of heights on the film."""
     radius = float(np.hypot(*start[:2]))
-    if radius < CENTRED_MM or not state.lens.is_rotational:
+    if radius < _CENTRED_MM or not state.lens.is_rotational:
         return np.array([0.0, 1.0])
     away = start[:2] / radius
     return away if away[1] >= 0 else -away
@@ -674,14 +674,14 @@ def _spot(spots: list[FilmSpot]) -> dict[str, Any] | None:
 def _mtf(spots: list[FilmSpot]) -> dict[str, Any] | None:
     """Return the modulation by frequency [cycles/mm], tangential and sagittal, and the limits of diffraction."""
     lit = [spot for spot in spots if len(spot.points)]
-    curves = field_mtf(lit, FREQUENCIES) if lit else None
+    curves = field_mtf(lit, _FREQUENCIES) if lit else None
     if curves is None:
         return None
     plain = {name: np.round(curve, 4).tolist() for name, curve in zip(COLUMNS, curves, strict=True)}
-    return {"frequencies": FREQUENCIES.tolist()} | plain
+    return {"frequencies": _FREQUENCIES.tolist()} | plain
 
 
-def thick_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
+def _thick_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
     """Return the rays of a thick lens: straight lines between film, lens and scene, through points of its pupil."""
     camera = state.setting.camera
     film = np.array(film_point(state.scene, camera, x, y)[:2])
@@ -701,9 +701,9 @@ def thick_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
     return _ideal(x, y, film, lines, angle)
 
 
-def ideal_rays(scene: Scene, x: float, y: float) -> dict[str, Any]:
+def _ideal_rays(scene: Scene, x: float, y: float) -> dict[str, Any]:
     """Return the rays of a thin lens or a pinhole."""
-    radius, film_z = ideal_opening(scene)
+    radius, film_z = _ideal_opening(scene)
     camera = scene.camera
     if film_z <= 0:
         return {"x": x, "y": y, "rays": []} | _NO_LIGHT
@@ -731,7 +731,7 @@ def _ideal(x: float, y: float, film: Array, lines: list[list[list[float]]], angl
     return {"x": x, "y": y, "film_mm": place, "rays": rays, "field_degrees": round(angle, 3), "spot": None, "mtf": None}
 
 
-PANELS_KEPT = 8  # lens states
+_PANELS_KEPT = 8  # lens states
 
 
 class LensPanel:
@@ -745,14 +745,14 @@ class LensPanel:
 
     def __init__(self, device: Session) -> None:
         self._device = device
-        self._states: Memory[LensState] = Memory(PANELS_KEPT)
-        self._results: Memory[Any] = Memory(4 * PANELS_KEPT)
+        self._states: Memory[LensState] = Memory(_PANELS_KEPT)
+        self._results: Memory[Any] = Memory(4 * _PANELS_KEPT)
 
     def section(self, resolved: Scene) -> dict[str, Any]:
         """Return the lines of the cross-section [mm]: surfaces, glass, stop, film, pupils; fewer for ideal cameras."""
         if resolved.camera.lens_camera is None:
-            return ideal_section(resolved)
-        found: dict[str, Any] = self._once("section", resolved, lambda: lens_section(self._state(resolved)))
+            return _ideal_section(resolved)
+        found: dict[str, Any] = self._once("section", resolved, lambda: _lens_section(self._state(resolved)))
         return found
 
     def numbers(self, resolved: Scene) -> dict[str, Any]:
@@ -760,7 +760,7 @@ class LensPanel:
 
         def find() -> dict[str, Any]:
             if resolved.camera.lens_camera is not None:
-                return lens_numbers(self._state(resolved))
+                return _lens_numbers(self._state(resolved))
             return camera_numbers(resolved) | {"entrance_pupil": None, "exit_pupil": None}
 
         found: dict[str, Any] = self._once("numbers", resolved, find)
@@ -777,10 +777,10 @@ class LensPanel:
         if not (0 <= x <= 1 and 0 <= y <= 1):
             raise InputError(f"pointer: lies outside the picture (got {x:g}, {y:g}; allowed: 0 to 1)")
         if resolved.camera.traced_camera is not None:
-            return pointer_rays(self._state(resolved), x, y)
+            return _pointer_rays(self._state(resolved), x, y)
         if resolved.camera.lens_camera is not None:
-            return thick_rays(self._state(resolved), x, y)
-        return ideal_rays(resolved, x, y)
+            return _thick_rays(self._state(resolved), x, y)
+        return _ideal_rays(resolved, x, y)
 
     def guides(self, resolved: Scene) -> dict[str, Any]:
         """Return the image circle as an ellipse in fractions of the picture; None where it does not limit the film."""

@@ -134,13 +134,13 @@ def file_bytes(image: Image, kind: str) -> bytes:
 
 VERSION = 1
 MOST_BYTES = 64 << 10  # of one message
-MOST_CHANGES = 32  # keys of one message
+_MOST_CHANGES = 32  # keys of one message
 Share = Annotated[float, Field(ge=0, le=1)]
 Step = Annotated[float, Field(ge=-10, le=10)]
 Count = Annotated[int, Field(ge=0, le=2**53)]  # what a number of JavaScript holds
 Key = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[A-Za-z0-9_ .\[\]-]+$")]
-Changes = Annotated[dict[Key, JsonValue], Field(max_length=MOST_CHANGES)]
-SlotName = Literal["A", "B"]
+Changes = Annotated[dict[Key, JsonValue], Field(max_length=_MOST_CHANGES)]
+_SlotName = Literal["A", "B"]
 
 # A string that could name a file: with a separator, or with a suffix; none of the scene's words has either.
 _PATH = re.compile(r"[/\\]|\.[A-Za-z][A-Za-z0-9]{0,7}$|^\.|^~")
@@ -190,7 +190,7 @@ class Set(Message):
     type: Literal["set"]
     changes: Changes
     transient: bool = False
-    slot: SlotName = "A"
+    slot: _SlotName = "A"
 
 
 class Dial(Message):
@@ -200,7 +200,7 @@ class Dial(Message):
     name: Annotated[str, Field(pattern=r"^[a-z_]{1,32}$")]
     value: float | Annotated[str, Field(max_length=200)] | bool | None
     transient: bool = False
-    slot: SlotName = "A"
+    slot: _SlotName = "A"
 
 
 class Move(Message):
@@ -285,7 +285,7 @@ class Save(Message):
     type: Literal["save"]
     format: Literal["png", "jpeg", "exr", "dng"]
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-][A-Za-z0-9_ .-]{0,79}$")] = "picture"
-    slot: SlotName = "A"
+    slot: _SlotName = "A"
     ev: Annotated[float, Field(ge=-10, le=10)] = 0.0
     """Stops that it is exposed longer: one of a bracket."""
 
@@ -306,7 +306,7 @@ class TextRequest(Message):
     """The scene as YAML, or the command that renders the same."""
 
     type: Literal["scene", "command"]
-    slot: SlotName = "A"
+    slot: _SlotName = "A"
 
 
 class Signal(Message):
@@ -466,14 +466,14 @@ FrameData = tuple[Mapping[str, Any], bytes]
 """A frame without its number: header and image bytes."""
 
 
-def as_text(message: Mapping[str, Any]) -> str:
+def _as_text(message: Mapping[str, Any]) -> str:
     """Return a message as JSON text, in which what is not finite is null."""
     return json.dumps(plain(message, json=True), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
 def as_bytes(header: Mapping[str, Any], data: bytes) -> bytes:
     """Return a binary message: length of the header, header, data."""
-    text = as_text(header).encode()
+    text = _as_text(header).encode()
     return struct.pack("<I", len(text)) + text + data
 
 
@@ -502,7 +502,7 @@ class Outbox:
             if len(self._answers) >= MOST_ANSWERS:
                 self.overflowed = True
             else:
-                self._answers.append(as_text(message) if data is None else as_bytes(message, data))
+                self._answers.append(_as_text(message) if data is None else as_bytes(message, data))
         self._wake()
 
     def news(self, key: Hashable, message: Mapping[str, Any]) -> None:
@@ -537,7 +537,7 @@ class Outbox:
         """Take what can be sent now."""
         with self._lock:
             found: list[str | bytes] = list(self._answers)
-            found += [as_text(message) for message in self._news.values()]
+            found += [_as_text(message) for message in self._news.values()]
             self._answers.clear()
             self._news.clear()
             while self._frames and len(self._under_way) < MOST_UNACKNOWLEDGED:
@@ -633,7 +633,7 @@ class Client:
 
 # What clients ask of the engine: newer requests replace older ones that they make needless.
 
-MOST_WAITING = 256
+_MOST_WAITING = 256
 
 
 Request = tuple[Client, AnyMessage]
@@ -688,7 +688,7 @@ class Inbox:
                 self._count += 1
                 key = self._count
             older = self._requests.pop(key, None)
-            if older is None and len(self._requests) >= MOST_WAITING and not isinstance(request, Scene):
+            if older is None and len(self._requests) >= _MOST_WAITING and not isinstance(request, Scene):
                 raise OverflowError
             self._requests[key] = request if older is None else _join(older, request)
             self._woken = True

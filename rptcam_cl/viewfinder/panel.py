@@ -100,7 +100,7 @@ Mode = Literal["M", "A", "S", "P", "relative"]
 Light = Callable[[float], float]
 """Irradiance of the film's centre per radiance, by f-number."""
 
-CLAMPED_EV = 1e-3  # beyond which a limit is worth a word
+_CLAMPED_EV = 1e-3  # beyond which a limit is worth a word
 INVERTED = 1e-5  # relative error of the light of an f-number that is sought: 1.4e-5 EV
 ROUNDS = 40  # at most; lenses need three
 
@@ -180,7 +180,7 @@ def linked(mode: Mode, auto_iso: bool, settings: Settings, wanted: float, limits
         if mode in ("A", "P"):  # as a last resort the time goes beyond what hands hold
             settings = _only_longer(settings, wanted, limits, light)
     off = math.log2(exposure_of(settings, light) / wanted)
-    if (mode == "M" and not auto_iso) or abs(off) <= CLAMPED_EV:
+    if (mode == "M" and not auto_iso) or abs(off) <= _CLAMPED_EV:
         return Linked(settings, off, ())
     return Linked(settings, off, _at_an_end(mode, auto_iso, settings, limits))
 
@@ -359,7 +359,7 @@ def ev_text(ev: float) -> str:
     return f"{sign}{whole if whole or not rest else ''}{('', '⅓', '⅔')[rest]} EV"
 
 
-AUTO_ISO = (100.0, 102400.0)
+_AUTO_ISO = (100.0, 102400.0)
 
 
 @dataclass(frozen=True)
@@ -416,8 +416,8 @@ KITS = {f"{kit}: {lens}": (body, lens) for kit, (body, lenses) in _USUAL.items()
 """A body with one of its usual lenses, by the name of the kit and the lens."""
 
 DIAGONAL_35_MM = math.hypot(36.0, 24.0)
-AS_RADIANCE = Exposure()
-OF_NO_LENS = 8.0  # f-number that a camera without an opening is first exposed by
+_AS_RADIANCE = Exposure()
+_OF_NO_LENS = 8.0  # f-number that a camera without an opening is first exposed by
 
 
 SECONDS = 4.0  # of the bar of time where keys reach no further
@@ -498,7 +498,7 @@ class Dials:
     target: float = 0.18
     metering: str = "average"
     spot_at: tuple[float, float] = (0.5, 0.5)
-    written: Exposure = AS_RADIANCE
+    written: Exposure = _AS_RADIANCE
     whole_mm: tuple[float, float] = (36.0, 24.0)
     cropped_mm: tuple[float, float] = (36.0, 24.0)
     clock: Clock = Clock()
@@ -573,7 +573,7 @@ class Panel:
         """The irradiance of the film's centre by f-number."""
 
         def light(f_number: float) -> float:
-            found = irradiance_per_radiance(with_f_number(self.view, f_number))
+            found = irradiance_per_radiance(_with_f_number(self.view, f_number))
             assert found is not None
             return found
 
@@ -582,7 +582,7 @@ class Panel:
     @property
     def settings(self) -> Settings:
         """What f-number, time and ISO stand at, the first as an ideal lens's where the camera has none."""
-        f_number = f_number_of_camera(self.view) or OF_NO_LENS
+        f_number = f_number_of_camera(self.view) or _OF_NO_LENS
         return Settings(f_number, self.resolved.shutter.time_s, self.resolved.exposure.iso)
 
     @property
@@ -603,7 +603,7 @@ class Panel:
             f_numbers(self.view),
             ends,
             self.speeds or (SPEEDS.value(SPEEDS.first), SPEEDS.value(SPEEDS.last)),
-            self.speeds or AUTO_ISO,
+            self.speeds or _AUTO_ISO,
             min(max(hand_held, ends[0]), ends[1]),
         )
 
@@ -620,7 +620,7 @@ def f_numbers(scene: Scene) -> tuple[float, float]:
     return camera_of(scene).f_numbers()
 
 
-def with_f_number(scene: Scene, f_number: float) -> Scene:
+def _with_f_number(scene: Scene, f_number: float) -> Scene:
     """Return a scene at an f-number: of its camera, or of the ideal lens in its place."""
     keys = scene.camera.f_number_keys(f_number)
     if keys is None:

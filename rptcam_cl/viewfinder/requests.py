@@ -546,7 +546,7 @@ class Requests:
 
 # Focus at a click, and autofocus by zones: what `rptcam focus` finds, as changes of the scene and a curve to draw.
 
-MOST_ZONES = 64
+_MOST_ZONES = 64
 
 
 def describe_focus(report: FocusReport) -> dict[str, Any]:
@@ -635,8 +635,8 @@ def check_search(method: str | None, zones: Sequence[Sequence[float]] | None) ->
     if method is not None and method not in METHODS:
         allowed = ", ".join(METHODS)
         raise InputError(f"method: is none{near_name(method, METHODS)} (got {method!r}; allowed: {allowed})")
-    if zones is not None and len(zones) > MOST_ZONES:
-        raise InputError(f"zones: too many (got {len(zones)}; allowed: up to {MOST_ZONES})")
+    if zones is not None and len(zones) > _MOST_ZONES:
+        raise InputError(f"zones: too many (got {len(zones)}; allowed: up to {_MOST_ZONES})")
 
 
 def state_changes(scene: Scene, state: float) -> dict[str, Any]:

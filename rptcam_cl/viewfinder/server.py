@@ -140,8 +140,9 @@ def is_loopback(host: str) -> bool:
 # The web application: the page's own files, and the WebSocket.
 
 HELLO_TIMEOUT_S = 5.0  # until the first message
-MOST_UNAUTHENTICATED = 8  # connections that have not said who they are
-BAD_HELLO, WRONG_TOKEN, NO_HELLO, TOO_MANY, TOO_SLOW, NOT_TEXT, NOT_SENT = 4400, 4401, 4408, 4429, 4413, 1003, 1011
+_MOST_UNAUTHENTICATED = 8  # connections that have not said who they are
+_BAD_HELLO, _WRONG_TOKEN, _NO_HELLO, _TOO_MANY = 4400, 4401, 4408, 4429
+_TOO_SLOW, _NOT_TEXT, _NOT_SENT = 4413, 1003, 1011
 _MEDIA = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
@@ -167,7 +168,7 @@ _HEADERS = {
 
 
 @cache
-def page_files() -> dict[str, tuple[str, bytes]]:
+def _page_files() -> dict[str, tuple[str, bytes]]:
     """Return media type and content of the page's files by the path of the request."""
     folder = Path(__file__).parent / "page"
     files = {
@@ -178,7 +179,7 @@ def page_files() -> dict[str, tuple[str, bytes]]:
     return files | ({"/": files["/index.html"]} if "/index.html" in files else {})
 
 
-def make_app(finder: Viewfinder, tokens: AccessTokens, host: str, port: int) -> Any:
+def _make_app(finder: Viewfinder, tokens: AccessTokens, host: str, port: int) -> Any:
     """Return the ASGI application of a viewfinder.
 
     Parameters
@@ -197,7 +198,7 @@ def make_app(finder: Viewfinder, tokens: AccessTokens, host: str, port: int) -> 
 
 async def _page(request: Request) -> Response:
     """Return a file of the page; only exact names are known."""
-    file = page_files().get(request.url.path)
+    file = _page_files().get(request.url.path)
     if file is None:
         return Response("no such page\n", 404, headers=_HEADERS, media_type="text/plain")
     return Response(file[1], headers=_HEADERS, media_type=file[0])
@@ -212,18 +213,18 @@ class _WebSocketHandler:
 
     async def visit(self, socket: WebSocket) -> None:
         """Serve one connection to its end."""
-        if self._unauthenticated >= MOST_UNAUTHENTICATED:
-            await socket.close(TOO_MANY)
+        if self._unauthenticated >= _MOST_UNAUTHENTICATED:
+            await socket.close(_TOO_MANY)
             return
         await socket.accept()
         self._unauthenticated += 1
         try:
             hello = await asyncio.wait_for(socket.receive_text(), HELLO_TIMEOUT_S)
         except TimeoutError:
-            await _close(socket, NO_HELLO, "no hello came")
+            await _close(socket, _NO_HELLO, "no hello came")
             return
         except (WebSocketDisconnect, KeyError, RuntimeError):  # gone; or not text
-            await _close(socket, BAD_HELLO, "the first message is to be a hello")
+            await _close(socket, _BAD_HELLO, "the first message is to be a hello")
             return
         finally:
             self._unauthenticated -= 1
@@ -233,12 +234,12 @@ class _WebSocketHandler:
         try:
             hello = read_message(text)
         except BadMessageError as problem:
-            await _close(socket, BAD_HELLO, str(problem))
+            await _close(socket, _BAD_HELLO, str(problem))
             return
         if not isinstance(hello, Hello):
-            await _close(socket, BAD_HELLO, "the first message is to be a hello")
+            await _close(socket, _BAD_HELLO, "the first message is to be a hello")
         elif not self._tokens.admits(hello.token):
-            await _close(socket, WRONG_TOKEN, "the token is wrong: open the address that rptcam view has printed")
+            await _close(socket, _WRONG_TOKEN, "the token is wrong: open the address that rptcam view has printed")
         else:
             await self._serve(socket, None if hello.token == self._tokens.lasting else self._tokens.lasting)
 
@@ -252,14 +253,14 @@ class _WebSocketHandler:
         try:
             client = self._finder.connect(wake, token)
         except TooManyClientsError as problem:
-            await _close(socket, TOO_MANY, str(problem))
+            await _close(socket, _TOO_MANY, str(problem))
             return
         sender = asyncio.create_task(_send_all(socket, client.outbox, ready))
         try:
             while True:
                 self._finder.receive(client, await socket.receive_text())
         except KeyError:
-            await _close(socket, NOT_TEXT, "messages are text")
+            await _close(socket, _NOT_TEXT, "messages are text")
         except (WebSocketDisconnect, RuntimeError):
             pass
         finally:
@@ -281,13 +282,13 @@ async def _send_all(socket: WebSocket, outbox: Any, ready: asyncio.Event) -> Non
                 else:
                     await socket.send_text(message)
             if outbox.overflowed:
-                await _close(socket, TOO_SLOW, "too many messages wait")
+                await _close(socket, _TOO_SLOW, "too many messages wait")
                 return
     except (WebSocketDisconnect, RuntimeError):  # gone
         pass
     except Exception:
         LOG.exception("a message of the viewfinder could not be sent")
-        await _close(socket, NOT_SENT, "a message could not be sent")
+        await _close(socket, _NOT_SENT, "a message could not be sent")
 
 
 async def _close(socket: WebSocket, code: int, why: str) -> None:
@@ -307,7 +308,7 @@ MOST_REQUESTS = 32  # that are there in part; the oldest makes room
 _CLOSING_S = 0.3  # that connections have to end
 
 
-def bound_socket(host: str, port: int) -> socket.socket:
+def _bound_socket(host: str, port: int) -> socket.socket:
     """Return a socket that listens; port 0 takes any that is free.
 
     Raises
@@ -348,11 +349,11 @@ class ViewServer:
         import uvicorn
 
         self._finder = finder
-        self._socket = bound_socket(host, port)
+        self._socket = _bound_socket(host, port)
         self.host, self.port = host, int(self._socket.getsockname()[1])
         self.tokens = AccessTokens()
         config = uvicorn.Config(
-            make_app(finder, self.tokens, host, self.port),
+            _make_app(finder, self.tokens, host, self.port),
             http=_patient_protocol(),
             ws="websockets-sansio",
             ws_max_size=MOST_BYTES,

@@ -110,9 +110,9 @@ _BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that t
 CLEAN = 0.02
 DARKEST = 0.01  # of white, below which a screen shows hardly any differences
 NETWORK_S = 1.0  # that a film rests before Open Image Denoise takes both cores for almost as long
-NETWORK_WORTH = 8  # times the samples of a frame that it has cleaned, which others need to look as clean
-HAS_NETWORK = importlib.util.find_spec("pyoidn") is not None
-DENOISED_S = 5.0  # of a film whose picture has what comes last: that is added to the noisy one
+_NETWORK_WORTH = 8  # times the samples of a frame that it has cleaned, which others need to look as clean
+_HAS_NETWORK = importlib.util.find_spec("pyoidn") is not None
+_DENOISED_S = 5.0  # of a film whose picture has what comes last: that is added to the noisy one
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ class Slot:
         self.denoises = True
         self._clean: tuple[Frame | None, NDArray[np.float32] | None] = None, None  # a frame, and what was made of it
         self._mixed: tuple[Frame, Mapping[str, float], Frame] | None = None  # a frame, and how it was mixed to which
-        self.has_network = HAS_NETWORK
+        self.has_network = _HAS_NETWORK
         self._network_spp = 0  # of the frame that is shown as Open Image Denoise has cleaned it
         self._film_begun = time.monotonic()
         self._visible = 0.0, 0  # noise of the film that is seen, and its samples then
@@ -395,7 +395,7 @@ class Slot:
         """Whether a frame needs no denoising: it is done, its noise is not seen, or what comes last is to be seen."""
         if frame.scale < 1 or frame.spp == 0:
             return False
-        late = bool(self.comes_last) and time.monotonic() > self._film_begun + DENOISED_S
+        late = bool(self.comes_last) and time.monotonic() > self._film_begun + _DENOISED_S
         noise = self.visible_noise(frame)
         return late or frame.spp >= self.target_spp or (noise is not None and noise <= CLEAN)
 
@@ -503,7 +503,7 @@ class Slot:
         shown = self.shown.frame if self.shown is not None and self.film == film else None
         if shown is None or self.wants_glance or not self.denoises or self._is_clean(self._last or frame):
             return
-        if shown.scale < 1 or shown.spp < NETWORK_WORTH * frame.spp:
+        if shown.scale < 1 or shown.spp < _NETWORK_WORTH * frame.spp:
             self._clean = frame, clean
             self.show(frame, False, self._answers)
             self._network_spp = frame.spp

@@ -37,7 +37,7 @@ LOG = logging.getLogger("rptcam_cl.viewfinder")
 
 # The first picture of a scene, by hand where its camera finds no focus or no light by itself.
 
-WITHOUT_METER = {"exposure": "relative"}
+_WITHOUT_METER = {"exposure": "relative"}
 
 
 def open_session(scene: Scene, device: str | None) -> tuple[RenderSession, dict[str, Any], InputError | None]:
@@ -80,7 +80,7 @@ def _ways_by_hand(scene: Scene) -> list[dict[str, Any]]:
         distance_m = scene.metres_per_unit * math.dist(camera.eye, camera.target)
         focus = {f"camera.focus{'_' if camera.lens_camera is None else '.'}distance_m": distance_m}
     if scene.exposure.mode == "auto":
-        exposure = dict(WITHOUT_METER)
+        exposure = dict(_WITHOUT_METER)
     return [keys for keys in (focus, exposure, {**focus, **exposure} if focus and exposure else {}) if keys]
 
 
@@ -248,7 +248,7 @@ def _differences(path: str, before: Any, after: Any) -> dict[str, Any]:
     return changes
 
 
-def changes_between(before: Scene, after: Scene) -> dict[str, Any]:
+def _changes_between(before: Scene, after: Scene) -> dict[str, Any]:
     """Return the values of keys that make one scene the other; None removes a key."""
     return _differences("", _data(before), _data(after))
 
@@ -313,7 +313,7 @@ class Watch:
                 self._on_change()
 
 
-NO_COMPARISON: dict[str, Any] = {"mode": "off", "model": None, "changes": {}, "difference": False}
+_NO_COMPARISON: dict[str, Any] = {"mode": "off", "model": None, "changes": {}, "difference": False}
 
 
 class Studio:
@@ -347,7 +347,7 @@ class Studio:
         self.a: Slot | None = None
         self.b: Slot | None = None
         self.panel: lens_panel.LensPanel | None = None
-        self.compare: dict[str, Any] = dict(NO_COMPARISON)
+        self.compare: dict[str, Any] = dict(_NO_COMPARISON)
         self.recorder = Recorder()
         self._selected: str | None = None
         self.paused = False
@@ -432,7 +432,7 @@ class Studio:
             try:
                 session.change(changes)
             except InputError:  # the camera was turned to where its meter finds no light
-                changes = with_changes(changes, WITHOUT_METER)
+                changes = with_changes(changes, _WITHOUT_METER)
                 session.change(changes)
                 dials = read_dials(session.scene, dials)
         self.a = Slot("A", session, changes, dials)
@@ -471,7 +471,7 @@ class Studio:
             return
         if self.a is not None:
             self._kept = self.a.shown_changes
-        self.compare = dict(NO_COMPARISON)
+        self.compare = dict(_NO_COMPARISON)
         with contextlib.suppress(Exception):  # what is broken may not close either
             self._let_go()
 
@@ -480,7 +480,7 @@ class Studio:
         metered = [slot for slot in self.slots if slot.scene.exposure.mode == "auto"]
         try:
             for slot in metered:
-                slot.change(WITHOUT_METER)
+                slot.change(_WITHOUT_METER)
         except Exception as problem:  # the first problem is the one to report
             LOG.warning("the meter cannot be left: %s", problem)
             return False
@@ -563,7 +563,7 @@ class Studio:
             change = session.change(keys, wait=False)
         except BaseException:
             session.close()
-            self.compare = dict(NO_COMPARISON)
+            self.compare = dict(_NO_COMPARISON)
             raise
         self.b = Slot("B", session, with_changes(self.a.changes, keys))
         self.b.dials = replace(self.b.dials, mix=wanted.get("mix", {}))
@@ -667,9 +667,9 @@ def _touches(key: str, others: Iterable[str]) -> bool:
 
 # The states that were, to go back to: undo, redo, snapshots.
 
-MOST_STATES = 60
-MOST_SNAPSHOTS = 12
-THUMB = (128, 72)  # pixels, at most
+_MOST_STATES = 60
+_MOST_SNAPSHOTS = 12
+_THUMB = (128, 72)  # pixels, at most
 
 
 @dataclass(eq=False)
@@ -746,7 +746,7 @@ class History:
             return False
         self._number += 1
         past = Past(self._number, label, slot.scene, slot.changes, slot.dials, studio.compare)
-        self._states = [*self._states[: self._at + 1], past][-MOST_STATES:]
+        self._states = [*self._states[: self._at + 1], past][-_MOST_STATES:]
         self._at = len(self._states) - 1
         return True
 
@@ -756,7 +756,7 @@ class History:
             return
         if shown.frame.generation == slot.session.generation:
             here.thumb = base64.b64encode(
-                messages.encode(messages.shrink(shown.codes[..., :3], *THUMB), "jpeg", 70)
+                messages.encode(messages.shrink(shown.codes[..., :3], *_THUMB), "jpeg", 70)
             ).decode()
             here.thumb_scale = shown.frame.scale
             self.version += 1
@@ -792,7 +792,7 @@ class History:
         """Keep the state that is shown."""
         here = self._states[self._at] if self._states else None
         if here is not None and here not in self.snapshots:
-            self.snapshots = [*self.snapshots, here][-MOST_SNAPSHOTS:]
+            self.snapshots = [*self.snapshots, here][-_MOST_SNAPSHOTS:]
             self.version += 1
 
     def drop(self, number: int) -> None:
@@ -810,7 +810,7 @@ class History:
         """
         slot = self._studio.slot("A")
         past = self._find(number)
-        keys, mix = changes_between(slot.scene, past.scene), past.dials.mix
+        keys, mix = _changes_between(slot.scene, past.scene), past.dials.mix
         self._studio.set_compare({"mode": "wipe", "model": None, "changes": keys, "difference": False, "mix": mix})
 
     def _find(self, number: int) -> Past:
@@ -822,7 +822,7 @@ class History:
     def _go(self, past: Past) -> None:
         studio = self._studio
         slot = studio.slot("A")
-        keys = changes_between(slot.scene, past.scene)
+        keys = _changes_between(slot.scene, past.scene)
         if keys:
             studio.change("A", keys, dials=past.dials)
         else:

@@ -23,7 +23,7 @@ from rptcam_cl.viewfinder.panel import Panel, Turn, number, word
 
 # A thing is named by its key path in the scene: objects.3, lights.0, materials.candle, environment.
 
-AXES = ("x", "y", "z")
+_AXES = ("x", "y", "z")
 COLOURS = ("red", "green", "blue")
 STEPS = 1000  # of a position, either way
 POWERS = [0.0, *(2.0 ** (step / 3) for step in range(-60, 61))]  # thirds of a stop, and none
@@ -56,7 +56,7 @@ class Field:
         }  # fmt: skip
 
 
-def title_of(scene: Scene, thing: str) -> str:
+def _title_of(scene: Scene, thing: str) -> str:
     """What a thing is called."""
     part, _, name = thing.partition(".")
     if part == "objects":
@@ -102,7 +102,7 @@ def turn_thing(panel: Panel, thing: str | None, name: str, value: Any) -> Turn:
         raise InputError(f"{name}: nothing is selected (allowed: dials of what is)")
     fields = {f"thing_{each.name}": each for each in fields_of(panel, thing)}
     if name not in fields:
-        raise InputError(f"{name}: {title_of(panel.scene, thing)} has no such dial{near_name(name, fields)}")
+        raise InputError(f"{name}: {_title_of(panel.scene, thing)} has no such dial{near_name(name, fields)}")
     dial = fields[name]
     if dial.why_not is not None:
         return panel.same(f"{dial.label}: {dial.why_not}")
@@ -117,17 +117,17 @@ def turn_thing(panel: Panel, thing: str | None, name: str, value: Any) -> Turn:
 
 # What a hand brings to the scene. Lengths are in distances from the camera to what it is focused on.
 
-Added = Literal["lamp", "card", "backdrop"]
+_Added = Literal["lamp", "card", "backdrop"]
 _STANDS: dict[str, tuple[tuple[float, float, float], tuple[float, float], dict[str, Any]]] = {
     # right, up and behind of what is in focus; width and height; material
     "lamp": ((0.6, 0.6, -0.3), (0.3, 0.3), {"kind": "emissive"}),
     "card": ((-0.5, 0.0, -0.1), (0.5, 0.5), {"kind": "matte", "reflectance": [0.9, 0.9, 0.9]}),
     "backdrop": ((0.0, 0.0, 1.0), (5.0, 4.0), {"kind": "matte", "reflectance": [0.5, 0.5, 0.5]}),
 }
-AS_GREY_W = 0.18 * 100  # irradiance [W/m²] that a lamp adds where nothing was metered
+_AS_GREY_W = 0.18 * 100  # irradiance [W/m²] that a lamp adds where nothing was metered
 
 
-def add_thing(panel: Panel, view: Viewpoint, what: Added) -> tuple[dict[str, Any], str]:
+def add_thing(panel: Panel, view: Viewpoint, what: _Added) -> tuple[dict[str, Any], str]:
     """Return the changes that bring a lamp, a white card or a grey backdrop to a scene, and its name.
 
     Each is a rectangle that faces what the camera is focused on, or, behind it, the camera. A lamp gives what is in
@@ -145,7 +145,7 @@ def add_thing(panel: Panel, view: Viewpoint, what: Added) -> tuple[dict[str, Any
     corner = focus + offset - (across + upwards) / 2
     material = dict(material)
     if what == "lamp":
-        irradiance = AS_GREY_W if panel.reading_cd_m2 is None else np.pi * panel.reading_cd_m2 / LUMENS_PER_WATT / 0.18
+        irradiance = _AS_GREY_W if panel.reading_cd_m2 is None else np.pi * panel.reading_cd_m2 / LUMENS_PER_WATT / 0.18
         solid_angle = width * height / float(np.array(place) @ np.array(place))
         material["radiance"] = [float(f"{irradiance / solid_angle:.3g}")] * 3
     edges = {"corner": corner, "edge_u": across, "edge_v": upwards}
@@ -203,7 +203,7 @@ def _albedo(path: str, key: str, value: Any) -> Iterator[Field]:
 
 def _emission(panel: Panel, path: str) -> Iterator[Field]:
     """Power and colour of what shines."""
-    key = strength_key(_model(panel.scene, path))
+    key = _strength_key(_model(panel.scene, path))
     if key is None:
         return
     value = getattr(_model(panel.scene, path), key)
@@ -263,7 +263,7 @@ def _position(scene: Scene, index: int) -> Iterator[Field]:
     size = float(np.linalg.norm(matrix[:3, :3] @ (np.asarray(high) - np.asarray(low))))
     given = plain(_given_value(scene, index, "transform") or [])
     steps = [dict(each) for each in (given if isinstance(given, list) else [given])]
-    for axis, name in enumerate(AXES):
+    for axis, name in enumerate(_AXES):
 
         def changes(wanted: float, axis: int = axis) -> dict[str, Any]:
             moved = [dict(each) for each in steps]
@@ -282,7 +282,7 @@ def _position_key(scene: Scene, thing: str, model: Any, key: str = "position") -
         return
     value = list(getattr(model, key))
     size = math.dist(scene.camera.eye, scene.camera.target) / 2
-    for axis, name in enumerate(AXES):
+    for axis, name in enumerate(_AXES):
 
         def changes(wanted: float, axis: int = axis) -> dict[str, Any]:
             return {f"{thing}.{key}": [wanted if place == axis else each for place, each in enumerate(value)]}
@@ -301,7 +301,7 @@ def _around(value: float, step: float) -> dict[str, float]:
 # Lamps: all that shines, lit or not.
 
 
-def strength_key(model: Any) -> str | None:
+def _strength_key(model: Any) -> str | None:
     """The key that says how strong something shines; None for what does not."""
     if isinstance(model, Principled):
         value = model.emission
@@ -335,10 +335,10 @@ def _lamps(scene: Scene, dark: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield f"lights.{index}", f"{light.kind} {index + 1}"
     for path, users in _shining(scene, dark).items():
         name = (
-            path.split(".", 1)[1] if path.startswith("materials") else title_of(scene, path.removesuffix(".material"))
+            path.split(".", 1)[1] if path.startswith("materials") else _title_of(scene, path.removesuffix(".material"))
         )
         yield path, f"{name} × {len(users)}" if len(users) > 1 else name
-    if scene.environment is not None and strength_key(scene.environment):
+    if scene.environment is not None and _strength_key(scene.environment):
         yield "environment", "surroundings"
 
 
@@ -354,7 +354,7 @@ def _shining(scene: Scene, dark: Mapping[str, Any]) -> dict[str, list[int]]:
         path: users[path]
         for path, model in models.items()
         if isinstance(model, Emissive | Principled)
-        and (strength_key(model) or any(each.startswith(f"{path}.") for each in dark))
+        and (_strength_key(model) or any(each.startswith(f"{path}.") for each in dark))
     }
 
 
@@ -389,7 +389,7 @@ def switch_lamp(panel: Panel, thing: str, mute: bool | None, solo: bool | None) 
 
 # The light of each lamp apart: how bright each group is shown, of one film.
 
-GAINS = [0.0, *(2.0 ** (step / 3) for step in range(-18, 19))]  # thirds of a stop, and none
+_GAINS = [0.0, *(2.0 ** (step / 3) for step in range(-18, 19))]  # thirds of a stop, and none
 APART, GROUP = "mix", "mix_"  # the dial that keeps lamps apart; those of groups are mix_a, mix_b, in their order
 
 
@@ -403,7 +403,7 @@ def mix_entries(panel: Panel, groups: Sequence[str]) -> list[dict[str, Any]]:
         gain = panel.dials.mix.get(group, 1.0)
         entries.append({
             "name": f"{GROUP}{chr(ord('a') + place)}", "label": group.replace("_", " "), "kind": "number",
-            "value": gain, "text": f"× {gain:.3g}", "min": 0.0, "max": GAINS[-1], "steps": GAINS, **common,
+            "value": gain, "text": f"× {gain:.3g}", "min": 0.0, "max": _GAINS[-1], "steps": _GAINS, **common,
         })  # fmt: skip
     return entries
 
@@ -446,8 +446,8 @@ def turn_mix(panel: Panel, groups: Sequence[str], name: str, value: Any, togethe
         raise InputError(f"{name}: there is no such group of lamps (allowed: {len(groups)} kept apart)")
     if together:
         raise InputError(f"{name}: {together[0]} is light of all lamps together (allowed: camera.{together[0]}: off)")
-    gain = min(max(number(name, value), 0.0), GAINS[-1])
-    messages = () if gain == value else (f"lamps are mixed from 0 to {GAINS[-1]:g} times their light",)
+    gain = min(max(number(name, value), 0.0), _GAINS[-1])
+    messages = () if gain == value else (f"lamps are mixed from 0 to {_GAINS[-1]:g} times their light",)
     return Turn(replace(dials, mix={**dials.mix, groups[place]: gain}), {}, messages)
 
 
@@ -468,7 +468,7 @@ def things_message(panel: Panel, selected: str | None) -> dict[str, Any]:
     """What clients hear of it."""
     return {
         "selected": selected,
-        "title": None if selected is None else title_of(panel.scene, selected),
+        "title": None if selected is None else _title_of(panel.scene, selected),
         "lamps": lamps_of(panel),
     }
 
@@ -512,7 +512,7 @@ Vector = NDArray[np.float64]
 ORBIT = math.pi  # radians that a drag across the whole picture turns the camera about its target
 ROLL = math.radians(10)  # a step of roll
 DOLLY = 0.05  # share of the distance in focus that a step towards it takes away
-WALK = 0.02  # share of the distance in focus that a step is long
+_WALK = 0.02  # share of the distance in focus that a step is long
 _WIDE = 1.0  # width at distance 1 where no field angle says: of cameras that see all around
 _NEAREST_POLE = math.radians(1.0)  # between the view and up
 
@@ -638,7 +638,7 @@ def _pan(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
 def _walk(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:
     right, _, forward = _axes(stand)
     upright = stand.up / np.linalg.norm(stand.up)
-    return _shift(stand, WALK * stand.distance * (dx * right + dy * forward + dz * upright))
+    return _shift(stand, _WALK * stand.distance * (dx * right + dy * forward + dz * upright))
 
 
 def _dolly(stand: Viewpoint, dx: float, dy: float, dz: float) -> Viewpoint:

@@ -39,7 +39,7 @@ def sequence_of(scene: Scene) -> FrameSequence:
     return scene.sequence or FrameSequence()
 
 
-def time_of(scene: Scene, clock: Clock) -> float:
+def _time_of(scene: Scene, clock: Clock) -> float:
     """When the shutter of the frame that is shown opens [s]."""
     return sequence_of(scene).open_s(clock.first_s, max(clock.frame, 1))
 
@@ -103,7 +103,7 @@ class Recorder:
             if path.startswith("camera."):  # another lens, or another way to focus
                 del keys[path]
             else:
-                stays[path] = value_at(sequence_of(scene).keys[path], time_of(scene, panel.dials.clock))
+                stays[path] = value_at(sequence_of(scene).keys[path], _time_of(scene, panel.dials.clock))
         for path, value in flat.items():
             if path in keys or (self.is_on and path in _RECORDED and path not in POSE):
                 self._set(panel, keys, path, value, transient)
@@ -116,7 +116,7 @@ class Recorder:
             keys.pop(path, None)
             return
         scene, clock = panel.scene, panel.dials.clock
-        now = time_of(scene, clock)
+        now = _time_of(scene, clock)
         if not self.is_on:
             old = value_at(sequence_of(scene).keys[path], now)
             keys[path] = [each | {"value": _carry(panel, path, each["value"], old, value)} for each in keys[path]]
@@ -150,7 +150,7 @@ class Recorder:
         plain = {f"camera.{name}": value for name, value in new.items()}
         if not new or not (scene.camera.motion or self.is_on):
             return plain
-        now = time_of(scene, clock)
+        now = _time_of(scene, clock)
         here = dict(zip(("eye", "target", "up"), scene.camera.pose_at(now).tolist(), strict=True))
         frames = _motion_of(scene)
         if self.is_on:
@@ -170,7 +170,7 @@ class Recorder:
         if not (self._held and self.is_on and self.is_playing and frame > clock.frame):
             self._held = set()
             return changes, later
-        begin_s, end_s, keys = time_of(scene, clock), time_of(scene, later), _keys_of(scene)
+        begin_s, end_s, keys = _time_of(scene, clock), _time_of(scene, later), _keys_of(scene)
         for path in self._held & set(keys):
             value = value_at(sequence_of(scene).keys[path], begin_s)
             left = [each for each in keys[path] if not begin_s < each["time_s"] < end_s]
@@ -191,7 +191,7 @@ def key_changes(panel: Panel, name: str, do: str) -> dict[str, Any]:
     InputError
         There is nothing to key, or no key here.
     """
-    scene, now = panel.scene, time_of(panel.scene, panel.dials.clock)
+    scene, now = panel.scene, _time_of(panel.scene, panel.dials.clock)
     label, paths = CHANNELS[name]
     if name == "camera":
         frames = _motion_of(scene)
@@ -203,7 +203,7 @@ def key_changes(panel: Panel, name: str, do: str) -> dict[str, Any]:
         return stays | {"camera.motion": left or None}
     keys = _keys_of(scene)
     if do == "key":
-        values = values_now(panel, name)
+        values = _values_now(panel, name)
         for path, value in values.items():
             keys[path] = _put(keys.get(path, []), now, value)
         return values | _written(scene, keys)
@@ -215,7 +215,7 @@ def key_changes(panel: Panel, name: str, do: str) -> dict[str, Any]:
         left = [] if do == "clear" else _remove_key(keys[path], now, label)
         if left:
             keys[path] = left
-            stays[path] = value_at(sequence_of_keys(keys)[path], now)
+            stays[path] = value_at(_sequence_of_keys(keys)[path], now)
         else:
             del keys[path]
     return stays | _written(scene, keys)
@@ -232,7 +232,7 @@ def rack_changes(panel: Panel, from_m: float, to_m: float, seconds: float) -> tu
         The camera has no focus.
     """
     scene, clock = panel.scene, panel.dials.clock
-    values_now(panel, "focus")  # refuses where there is none
+    _values_now(panel, "focus")  # refuses where there is none
     sequence, first = sequence_of(scene), max(clock.frame, 1)
     count = min(max(round(seconds * sequence.frames_per_second), 1), MOST_FRAMES - first)
     flat = [_focus_at(panel, metres) for metres in (from_m, to_m)]
@@ -250,7 +250,7 @@ def rack_changes(panel: Panel, from_m: float, to_m: float, seconds: float) -> tu
     return {path: pulled[0]["value"]} | _written(scene, keys), replace(clock, frames=max(clock.frames, first + count))
 
 
-def values_now(panel: Panel, name: str) -> dict[str, Any]:
+def _values_now(panel: Panel, name: str) -> dict[str, Any]:
     """Return the values of what may be keyed, by key path, as they stand.
 
     Raises
@@ -286,7 +286,7 @@ def values_now(panel: Panel, name: str) -> dict[str, Any]:
 def _stood(panel: Panel, path: str) -> Any:
     """The value of a key path that is recorded, before a change; None where the camera has none."""
     name = next(name for name, (_, paths) in CHANNELS.items() if path in paths)
-    return values_now(panel, name).get(path)
+    return _values_now(panel, name).get(path)
 
 
 def _focus_at(panel: Panel, metres: float) -> dict[str, Any]:
@@ -358,7 +358,7 @@ def _without_pose(changes: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in changes.items() if key not in POSE}
 
 
-def sequence_of_keys(keys: Keys) -> Mapping[str, Any]:
+def _sequence_of_keys(keys: Keys) -> Mapping[str, Any]:
     """Keyframes as the scene's model has them."""
     return FrameSequence.model_validate({"keys": keys}).keys
 

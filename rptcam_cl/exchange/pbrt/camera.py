@@ -348,12 +348,12 @@ _STOPS: dict[str, Keys] = {
 }
 
 
-CameraKeys = tuple[Keys, Keys, Keys]  # of `camera`, of `film` and of the scene itself
+_CameraKeys = tuple[Keys, Keys, Keys]  # of `camera`, of `film` and of the scene itself
 
 
-def convert_camera(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
+def convert_camera(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> _CameraKeys:
     """Return a camera as keys of a scene of ours."""
-    kinds: dict[str, Callable[..., CameraKeys]] = {
+    kinds: dict[str, Callable[..., _CameraKeys]] = {
         "perspective": _perspective, "orthographic": _orthographic, "environment": _spherical,
         "spherical": _spherical, "realistic": _realistic,
     }  # fmt: skip
@@ -403,7 +403,7 @@ def _film_keys(raster: Raster, half_x: float, half_y: float) -> Keys:
     return keys
 
 
-def _perspective(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
+def _perspective(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> _CameraKeys:
     raster, half_x, half_y = _centre_screen(context, camera, raster)
     half_x, half_y = half_x * frame.stretch[0], half_y * frame.stretch[1]
     fov = camera.parameters.number("fov", 90.0)
@@ -424,7 +424,7 @@ def _perspective(context: Context, camera: Entity, frame: CameraFrame, raster: R
     return keys, _film_keys(raster, half_x, half_y), {}
 
 
-def _orthographic(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
+def _orthographic(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> _CameraKeys:
     raster, half_x, half_y = _centre_screen(context, camera, raster)
     if camera.parameters.number("lensradius", 0.0) > 0:
         context.ignored(camera, "the lens radius of a parallel view")
@@ -433,7 +433,7 @@ def _orthographic(context: Context, camera: Entity, frame: CameraFrame, raster: 
     return keys, _film_keys(raster, half_x, half_y), {}
 
 
-def _spherical(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
+def _spherical(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> _CameraKeys:
     camera.parameters.skip("lensradius", "focaldistance", "frameaspectratio", "screenwindow")
     mapping = camera.parameters.text("mapping", "equalarea" if camera.kind == "spherical" else "equirectangular")
     if mapping not in ("equalarea", "equirectangular"):
@@ -448,7 +448,7 @@ def _spherical(context: Context, camera: Entity, frame: CameraFrame, raster: Ras
     return {"kind": "environment", **frame.pose()}, raster.keys(), {}
 
 
-def _realistic(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
+def _realistic(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> _CameraKeys:
     parameters = camera.parameters
     if _in_millimetres(camera):
         return _realistic_of_v2(context, camera, frame, raster)
@@ -462,7 +462,7 @@ def _realistic(context: Context, camera: Entity, frame: CameraFrame, raster: Ras
     return keys, {**raster.keys(), "diagonal_mm": _diagonal_mm(context)}, scene
 
 
-def _realistic_of_v2(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> CameraKeys:
+def _realistic_of_v2(context: Context, camera: Entity, frame: CameraFrame, raster: Raster) -> _CameraKeys:
     """Return the lens camera of pbrt-v2's assignments: its place is that of the front vertex, its film is given.
 
     Distances are millimetres, and the light is irradiance on the film (the weight A cos^4 / Z^2 of the assignment).

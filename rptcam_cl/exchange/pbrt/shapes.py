@@ -343,15 +343,15 @@ class Placed:
         return self.use.shape
 
 
-Piece = tuple[Keys, float, conversion.MeshData | None]
+_Piece = tuple[Keys, float, conversion.MeshData | None]
 """An object of ours without its material: its keys, without a shape for a mesh, which is still data; the mean area of
 the parts that pbrt takes for lamps of their own [square units of pbrt's scene], 0 if unknown; the mesh, if any."""
 
 
-def _convert_shape(context: Context, placed: Placed) -> Piece | None:
+def _convert_shape(context: Context, placed: Placed) -> _Piece | None:
     """Return a shape as an object of ours; None, with a report, when it has no counterpart."""
     shape = placed.shape
-    kinds: dict[str, Callable[[Context, Placed], Piece | None]] = {
+    kinds: dict[str, Callable[[Context, Placed], _Piece | None]] = {
         "sphere": _sphere, "disk": _round, "cylinder": _round, "cone": _round, "paraboloid": _round,
         "hyperboloid": _round, "curve": _curve, "trianglemesh": _mesh, "bilinearmesh": _mesh, "loopsubdiv": _mesh,
         "plymesh": _ply,
@@ -377,7 +377,7 @@ def _transform_keys(matrix: Matrix) -> Keys:
     }
 
 
-def _sphere(context: Context, placed: Placed) -> Piece | None:
+def _sphere(context: Context, placed: Placed) -> _Piece | None:
     """Return a sphere; a textured one keeps the turn of its transform, and u and v of ours run as pbrt's do."""
     parameters = placed.shape.parameters
     profile = sphere(parameters)
@@ -392,7 +392,7 @@ def _sphere(context: Context, placed: Placed) -> Piece | None:
     return keys | _transform_keys(placed.world), profile.area, None
 
 
-def _round(context: Context, placed: Placed) -> Piece | None:
+def _round(context: Context, placed: Placed) -> _Piece | None:
     """Return a disk, cylinder or cone, or the mesh of what is only a part of one."""
     parameters = placed.shape.parameters
     profile = _PROFILES[placed.shape.kind](parameters)
@@ -414,7 +414,7 @@ def _round(context: Context, placed: Placed) -> Piece | None:
     return keys | _transform_keys(placed.world), profile.area, None
 
 
-def _revolved_mesh(context: Context, placed: Placed, profile: RevolvedCurve, degrees: float) -> Piece | None:
+def _revolved_mesh(context: Context, placed: Placed, profile: RevolvedCurve, degrees: float) -> _Piece | None:
     if not 0 < degrees <= 360:
         raise placed.shape.error(f"phimax must lie between 0 and 360 (got {degrees:g})")
     mesh = sweep(profile, degrees)
@@ -425,7 +425,7 @@ def _revolved_mesh(context: Context, placed: Placed, profile: RevolvedCurve, deg
     return _piece(placed, mesh, profile.area * degrees / 360)
 
 
-def _mesh(context: Context, placed: Placed) -> Piece | None:
+def _mesh(context: Context, placed: Placed) -> _Piece | None:
     makers = {"trianglemesh": _triangle_mesh, "bilinearmesh": _bilinear_patches, "loopsubdiv": _subdivided_mesh}
     mesh, parts = makers[placed.shape.kind](context, placed.shape)
     if not len(mesh.faces):
@@ -437,7 +437,7 @@ def _mesh(context: Context, placed: Placed) -> Piece | None:
     return _piece(placed, mesh, area)
 
 
-def _curve(context: Context, placed: Placed) -> Piece | None:
+def _curve(context: Context, placed: Placed) -> _Piece | None:
     """Return a curve as one strand of Bézier points in the world, or in its own space where it is shared."""
     shape, parameters = placed.shape, placed.shape.parameters
     degree, basis = parameters.integer("degree", 3), parameters.text("basis", "bezier")
@@ -476,7 +476,7 @@ def _note_no_area(context: Context, shape: Entity) -> None:
     context.ignored(shape, "has no faces of any area")
 
 
-def _piece(placed: Placed, mesh: conversion.MeshData, area: float) -> Piece:
+def _piece(placed: Placed, mesh: conversion.MeshData, area: float) -> _Piece:
     mesh = mesh.facing_its_normals()
     if placed.use.reverse:
         mesh = mesh.reversed()
@@ -487,7 +487,7 @@ def _piece(placed: Placed, mesh: conversion.MeshData, area: float) -> Piece:
     return ({}, area, mesh) if rectangle is None else (rectangle, area, None)
 
 
-def _ply(context: Context, placed: Placed) -> Piece | None:
+def _ply(context: Context, placed: Placed) -> _Piece | None:
     """Return a mesh file by its name, or a copy of it where pbrt has its front on the other side; None without it."""
     name, place = placed.shape.file_name()
     if (path := context.find_or_note(name, place, "the object is left out")) is None:

@@ -101,7 +101,7 @@ def _camera_from_world(statement: Statement) -> Matrix:
 
 # What the statements of a pbrt scene set up: a graphics state, and the things made under it.
 
-TextureKey = tuple[str, str]
+_TextureKey = tuple[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,7 @@ class Entity:
     parameters: Parameters
     world_from_object: Matrix
     color_space: str = "srgb"
-    textures: Mapping[TextureKey, Entity] = field(default_factory=dict)
+    textures: Mapping[_TextureKey, Entity] = field(default_factory=dict)
     at_end: Matrix | None = None
 
     @property
@@ -291,7 +291,7 @@ class World:
     states: list[GraphicsState] = field(default_factory=list)  # for the ends of blocks of attributes and objects
     blocks: list[tuple[str, GraphicsState, Place]] = field(default_factory=list)  # of all; their transforms count
     spaces: dict[str, tuple[Matrix, Matrix]] = field(default_factory=dict)
-    textures: dict[TextureKey, Entity] = field(default_factory=dict)
+    textures: dict[_TextureKey, Entity] = field(default_factory=dict)
     in_world: bool = False
     ended: bool = False
     current_object: str | None = None
@@ -340,7 +340,7 @@ class World:
         given = statement.with_parameters()
         for item in self.state.defaults.get(TARGETS.get(statement.directive, ""), ()):
             given.items.setdefault(item.name, item)
-        bound: dict[TextureKey, Entity] = {}
+        bound: dict[_TextureKey, Entity] = {}
         for item in given.items.values():
             if item.kind == "texture":
                 keys = [(kind, str(text)) for text in item.values for kind in ("float", "spectrum")]

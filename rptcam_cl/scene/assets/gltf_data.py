@@ -235,7 +235,7 @@ _MOST_ZEROS = 10_000_000  # entries of an array that has no data, which no file 
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
-Octets = NDArray[np.uint8]
+_Octets = NDArray[np.uint8]
 
 
 def read_container(path: Path) -> tuple[JsonNode, bytes | None]:
@@ -301,9 +301,9 @@ class Data:
         self._views = document.parts("bufferViews")
         self._accessors = document.parts("accessors")
         self.count, self.views = len(self._accessors), len(self._views)
-        self._loaded: dict[int, Octets] = {}
+        self._loaded: dict[int, _Octets] = {}
         self._arrays: dict[int, NDArray[Any]] = {}
-        self._unpacked: dict[int, Octets] = {}
+        self._unpacked: dict[int, _Octets] = {}
 
     def file_named_by(self, part: JsonNode) -> Path | bytes:
         """Return the path that a part's `uri` names, relative to the file and not checked, or the content it holds."""
@@ -320,7 +320,7 @@ class Data:
             raise part.wrong("uri", "is not a file", "the path of a file, or data")
         return self._folder / unquote(uri)
 
-    def _buffer(self, index: int) -> Octets:
+    def _buffer(self, index: int) -> _Octets:
         if index not in self._loaded:
             part = self._buffers[index]
             if part.has("uri"):
@@ -345,7 +345,7 @@ class Data:
         with name_errors(path):
             return read_whole(path, LARGEST_FILE)
 
-    def view(self, index: int) -> tuple[Octets, int]:
+    def view(self, index: int) -> tuple[_Octets, int]:
         """Return the bytes of a view, and the distance of its entries (0: they lie side by side)."""
         part = self._views[index]
         for packed in part.extensions(*MESHOPT):
@@ -354,7 +354,7 @@ class Data:
             return self._unpacked[index], part.whole("byteStride", 0, below=257)
         return self._part_of_buffer(part), part.whole("byteStride", 0, below=253)
 
-    def _part_of_buffer(self, part: JsonNode) -> Octets:
+    def _part_of_buffer(self, part: JsonNode) -> _Octets:
         buffer = self._buffer(part.whole("buffer", below=len(self._buffers)))
         start, length = part.whole("byteOffset", 0), part.whole("byteLength")
         if start + length > len(buffer):

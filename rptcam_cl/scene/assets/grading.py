@@ -220,7 +220,7 @@ def _domain(lines: _Lines, size: str) -> tuple[Values, Values]:
 
 # Views of OpenColorIO: film light goes to the scene-linear space of a config, and by its view to a display.
 
-BUILT_IN = "ocio://"
+_BUILT_IN = "ocio://"
 _FILM = "Linear Rec.709 (sRGB)"  # as OpenColorIO names the colours of our film
 _LARGEST_CONFIG, _LARGEST_LUT = 1 << 24, 1 << 27  # bytes
 
@@ -289,7 +289,7 @@ def load_view(config: str, display: str | None, view: str | None, look: str | No
         A file cannot be read.
     """
     library = _library()
-    if config.startswith(BUILT_IN):
+    if config.startswith(_BUILT_IN):
         files = _Files(config)
     else:
         if not config.lower().endswith(".ocio"):

@@ -26,8 +26,8 @@ _TYPES = {
     "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
     "float32": "f4", "float64": "f8",
 }  # fmt: skip
-ByteOrder = Literal["", "<", ">"]  # as numpy writes it, empty for text
-_FORMATS: dict[str, ByteOrder] = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_ByteOrder = Literal["", "<", ">"]  # as numpy writes it, empty for text
+_FORMATS: dict[str, _ByteOrder] = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
 @dataclass(frozen=True)
@@ -68,13 +68,13 @@ class Element:
         return sum((item.length or item.type).itemsize for item in self.properties)
 
 
-def _read_header(file: BinaryIO, path: Path) -> tuple[ByteOrder, list[Element], int]:
+def _read_header(file: BinaryIO, path: Path) -> tuple[_ByteOrder, list[Element], int]:
     """Return byte order, elements and number of lines of the header of a file that is open at its start.
 
     The file is left at the first row.
     """
     lines = _lines(file, path)
-    order: ByteOrder | None = None
+    order: _ByteOrder | None = None
     elements: list[Element] = []
     for number, line in enumerate(lines[1:-1], start=2):
         place = f"{path}:{number}"

@@ -45,7 +45,7 @@ from rptcam_cl.studies.focus.renderer import (
 # The state is that of the least spot of exact rays in the middle of the zone (`optics/best_focus.py`). No contrast is
 # needed, but the distance is that of the first surface: of a mirror or a pane of glass, not of what is seen in it.
 
-LEAST_MET, LEAST_SHARE = (
+_LEAST_MET, LEAST_SHARE = (
     0.05,
     0.25,
 )  # of a zone: whose rays must meet something, and what counts though others fill more
@@ -135,7 +135,7 @@ def _subject_of(task: Task, state: float, zone: Zone) -> ZoneSubject | None:
     """
     sight = task.renderer.sight(state, zone)
     met = np.isfinite(sight.depths) & (sight.depths > 0)
-    if met.mean() < LEAST_MET:
+    if met.mean() < _LEAST_MET:
         return None
     lamps = met & sight.lamps
     own = np.flatnonzero(met & ~lamps if lamps.sum() < MOST_LAMPS * met.sum() else met)
@@ -208,7 +208,7 @@ def _state_by_rays(task: Task, state: float, zones: Mapping[int, Zone]) -> tuple
 
 
 FAR_M = 1e6  # of what lies behind everything
-BREATHING = 0.05  # by how much the image may grow on the way before the rays of a zone meet something else
+_BREATHING = 0.05  # by how much the image may grow on the way before the rays of a zone meet something else
 
 
 def aim(task: Task) -> tuple[float, tuple[Zone, ...]] | None:
@@ -222,7 +222,7 @@ def aim(task: Task) -> tuple[float, tuple[Zone, ...]] | None:
         if all(np.isposinf(task.renderer.sight(state, zone).depths).all() for zone in task.zones):
             return state_within_reach(task.drive, FAR_M, task.zones[0]), task.zones
         _, _, aimed = _state_by_rays(task, state, zones)
-        if abs(task.drive.image_scale(aimed, state) - 1) > BREATHING:
+        if abs(task.drive.image_scale(aimed, state) - 1) > _BREATHING:
             aimed = _state_by_rays(task, aimed, zones)[2]
     except InputError:
         return None
@@ -249,13 +249,13 @@ def _within_depth_of_field(task: Task, state: float, zone: Zone, middle: float) 
     )
 
 
-NARROWED = 0.9  # share of a zone from which on what it is focused on is the zone
+_NARROWED = 0.9  # share of a zone from which on what it is focused on is the zone
 
 
 def _narrow_zone(zone: Zone, subject: ZoneSubject) -> Zone:
     """Return the part of a zone that shows what it is focused on: the largest rectangle, clear of what is beside it."""
     mask = subject.mask
-    if mask.mean() >= NARROWED:
+    if mask.mean() >= _NARROWED:
         return zone
     edges = np.pad(mask, 1, mode="edge")
     clear = mask & edges[:-2, 1:-1] & edges[2:, 1:-1] & edges[1:-1, :-2] & edges[1:-1, 2:]
@@ -295,18 +295,18 @@ def _largest_rectangle(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
 STEP = 8.0  # depths of focus between the probes of the first round: half of a texture's contrast remains that far away
 FIRST_PROBES = 5
 OPENING = 5.2  # most by which a round opens the stop
-STRIDE = 1.5  # by which steps grow when the top lies beyond the places of a round
+_STRIDE = 1.5  # by which steps grow when the top lies beyond the places of a round
 SHARE = 0.6  # of the half width: steps of the last round, whose outer probes then see three quarters of the contrast
 WIDEST = 6.0  # depths of focus at the stop of a round: its widest step
-OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three probes
+_OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three probes
 CLEAR = 4.0  # standard errors by which a top must rise above the rest
 FINE = 0.05  # relative standard error of the measure that rounds aim at; `_refine` sees to the place
 MOST_MORE = 16.0  # times the samples of a round that the next one takes at most
-AIM = 0.06  # depths of focus that it is to err by where samples are not too many; four pictures tell it roughly
-FIRST_SAMPLES = 64  # per pixel
+_AIM = 0.06  # depths of focus that it is to err by where samples are not too many; four pictures tell it roughly
+_FIRST_SAMPLES = 64  # per pixel
 NEAR_SAMPLES = 16  # of a search near a place, whose probes are sharp enough to tell more from fewer
-MOST_NEAR = 512  # of it, where nothing is seen: it may be elsewhere
-LUCK = 1.0  # standard errors that what is seen may lie below what there is
+_MOST_NEAR = 512  # of it, where nothing is seen: it may be elsewhere
+_LUCK = 1.0  # standard errors that what is seen may lie below what there is
 
 
 def no_contrast(why: str, *, is_flat: bool = False) -> NoContrast:
@@ -349,7 +349,7 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
     zones = list(range(len(probes.task.zones)))
     places = [low + k * step for k in range(count)]
     reference = None if start is None else start[0]
-    first = FIRST_SAMPLES if start is None else NEAR_SAMPLES
+    first = _FIRST_SAMPLES if start is None else NEAR_SAMPLES
     made, samples = _round(probes, places, stop, first, zones, reference)
     peaks = _widen(probes, made, zones, step, samples)
     rounds = math.ceil(math.log(1 / stop) / math.log(OPENING) - 1e-9)
@@ -363,7 +363,7 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
         if start is not None:  # a lopsided curve pulls the top of wide steps to a side
             step = min(step, WIDEST / 2 * probes.drive.depth_of_focus)
         more = _for_measure(made, zones) if start is None else _for_place(probes, peaks, zones, before, step)
-        wanted = max(int(more * samples), FIRST_SAMPLES if start is None else 2 * NEAR_SAMPLES)
+        wanted = max(int(more * samples), _FIRST_SAMPLES if start is None else 2 * NEAR_SAMPLES)
         if wanted > first:
             _narrow_zones(probes, made, zones)
         if start is not None:
@@ -400,7 +400,7 @@ def _round(
         seen = [zone for zone in zones if _contrast(probes, made, zone)]
         if seen or samples >= most or all(_is_surely_flat(probes, made, zone) for zone in zones):
             break
-        if samples * (CLEAR / (_significance(made, zones) + LUCK)) ** 2 > most:  # as noise falls by the root of them
+        if samples * (CLEAR / (_significance(made, zones) + _LUCK)) ** 2 > most:  # as noise falls by the root of them
             break
         _narrow_zones(probes, made, zones)
         samples = min(4 * samples, most)
@@ -421,7 +421,7 @@ def _for_place(probes: Probes, peaks: dict[int, Peak], zones: list[int], before:
     With the measure 1 / (1 + q^2) at q half widths from the top, and noise that is everywhere the same, the error of a
     top by three probes q apart is as (1 + q^2)^2 / q, least at q = 0.58.
     """
-    target, worst = AIM * probes.drive.depth_of_focus, 0.0
+    target, worst = _AIM * probes.drive.depth_of_focus, 0.0
     for zone in zones:
         ratio, width = 1.0, peaks[zone].width
         if math.isfinite(width):
@@ -491,7 +491,7 @@ def _widen(probes: Probes, made: list[Probe], zones: list[int], step: float, sam
             made.append(probes.at(min(last + step, high), samples, made[0].stop, made[0].reference))
         else:
             break
-        step *= STRIDE
+        step *= _STRIDE
     return {zone: peak_of(made, zone) for zone in zones}
 
 
@@ -578,7 +578,7 @@ def _is_even(made: Sequence[Probe], zone: int, peak: Peak, ends: tuple[float, fl
         return min(abs(peak.place - end) for end in ends) < 1e-9 * abs(peak.place)
     k = places.index(_top(made, zone).place)
     left, right = places[k] - places[k - 1], places[k + 1] - places[k]
-    return max(left, right) <= widest and abs(peak.place - places[k]) <= OFF_MIDDLE * min(left, right)
+    return max(left, right) <= widest and abs(peak.place - places[k]) <= _OFF_MIDDLE * min(left, right)
 
 
 def focus_by_contrast(task: Task) -> FocusReport:
@@ -605,7 +605,7 @@ def focus_by_laplacian(task: Task) -> FocusReport:
 
 def _focus_by_measure(method: str, measure: str, task: Task) -> FocusReport:
     probes = task.probes(MEASURES[measure])
-    probes.most = MOST_SAMPLES if task.near is None else MOST_NEAR
+    probes.most = MOST_SAMPLES if task.near is None else _MOST_NEAR
     peak, zone = greatest_contrast(probes, task.policy, task.near_place(probes))
     task.note_state(probes.state_of(peak.place))
     state = probes.state_of(peak.place)
@@ -615,10 +615,10 @@ def _focus_by_measure(method: str, measure: str, task: Task) -> FocusReport:
     return task.report(method, state, task.zones[zone], peak.uncertainty, sure, probes.records(zone))
 
 
-WALK_START, WALK_STEP = 50.0, 5.0  # scene units, as the paper prints them: d = 50, s = 5
-WALK_END = 0.01  # of the distance
-WALK_SAMPLES = 128  # per pixel, as in the paper's pictures
-FARTHEST_FOCAL_LENGTHS = 100.0  # where it starts when that is out of reach, or the camera is focused at infinity
+_WALK_START, _WALK_STEP = 50.0, 5.0  # scene units, as the paper prints them: d = 50, s = 5
+_WALK_END = 0.01  # of the distance
+_WALK_SAMPLES = 128  # per pixel, as in the paper's pictures
+_FARTHEST_FOCAL_LENGTHS = 100.0  # where it starts when that is out of reach, or the camera is focused at infinity
 MOST_STEPS = 38
 
 
@@ -637,12 +637,12 @@ def focus_by_variance(task: Task) -> FocusReport:
     probes = task.probes(MEASURES["variance"])
     zone = task.zones[0]
     start, why = _walk_start(task, probes)
-    distance, step = start, WALK_STEP / WALK_START * start
+    distance, step = start, _WALK_STEP / _WALK_START * start
     here = _probe_at(probes, distance, zone)
     assert here is not None
     notes = {"start_m": distance, "step_m": step, "started": why}
     for _ in range(MOST_STEPS):
-        if abs(step) < WALK_END * distance:
+        if abs(step) < _WALK_END * distance:
             break
         there = _probe_at(probes, distance + step, zone)
         if there is not None and there.measures[0].value > here.measures[0].value:
@@ -658,12 +658,12 @@ def focus_by_variance(task: Task) -> FocusReport:
 def _walk_start(task: Task, probes: Probes) -> tuple[float, str]:
     """Return the object distance at which the walk starts [m], and why there."""
     scene, zone = task.renderer.scene, task.zones[0]
-    far = FARTHEST_FOCAL_LENGTHS * task.drive.film_distance(task.renderer.state) * 1e-3
+    far = _FARTHEST_FOCAL_LENGTHS * task.drive.film_distance(task.renderer.state) * 1e-3
     if task.near is None and scene.requested_autofocus is not None:
-        printed = f"d = {WALK_START:g}, s = {WALK_STEP:g} scene units, as the paper prints it"
-        if _state_within_reach(probes, WALK_START * scene.metres_per_unit, zone) is None:
+        printed = f"d = {_WALK_START:g}, s = {_WALK_STEP:g} scene units, as the paper prints it"
+        if _state_within_reach(probes, _WALK_START * scene.metres_per_unit, zone) is None:
             return far, f"far away, as {printed}, is out of reach"
-        return WALK_START * scene.metres_per_unit, printed
+        return _WALK_START * scene.metres_per_unit, printed
     distance = task.drive.object_distance(task.renderer.state if task.near is None else task.near, zone)
     if distance is None or math.isinf(distance) or _state_within_reach(probes, distance, zone) is None:
         return far, "far away, where the camera was focused"
@@ -680,4 +680,4 @@ def _state_within_reach(probes: Probes, distance_m: float, zone: Zone) -> float 
 
 def _probe_at(probes: Probes, distance_m: float, zone: Zone) -> Probe | None:
     state = _state_within_reach(probes, distance_m, zone)
-    return None if state is None else probes.at(probes.place_of(state), WALK_SAMPLES)
+    return None if state is None else probes.at(probes.place_of(state), _WALK_SAMPLES)

@@ -32,8 +32,8 @@ from rptcam_cl.studies.focus.renderer import MOST_OF_SEARCH, SIGHT_ACROSS, Probe
 # What can be wrong with a focus that was found: too uncertain, one of two distances, or one of two line focuses.
 
 SURE = 2 / 3  # confidence below which a focus counts as not found: that of an error of a quarter of a depth of focus
-SHARP_SHARE = 0.05  # of what the zone shows, that depth requires within the depth of field
-AT_AN_END = 1.0  # depths of focus from the end of the reach, where the target may lie beyond
+_SHARP_SHARE = 0.05  # of what the zone shows, that depth requires within the depth of field
+_AT_AN_END = 1.0  # depths of focus from the end of the reach, where the target may lie beyond
 APART = 4.0  # depths of focus between two distances, or two line focuses, that are worth a word
 LEAST_SHARE = 0.2  # of a zone that shows another distance
 MOSTLY = 0.5  # of a zone that shows something through glass or in a mirror
@@ -69,7 +69,7 @@ def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
     except InputError:  # no light there
         return None
     shown = 1 / depth[depth > 0]
-    if len(shown) < SHARP_SHARE * depth.size:
+    if len(shown) < _SHARP_SHARE * depth.size:
         return None if task.renderer.scene.environment is not None else "the zone shows nothing"
     distance = report.focus_distance_m
     expected = drive.first_order_vergence(report.state) if distance is None else 1 / distance
@@ -82,12 +82,12 @@ def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
     off = drive.nearer * (drive.coordinate(report.state) - drive.coordinate(best)) / drive.depth_of_focus
     away = np.abs(off - (shown - nearest) / sharp)
     slack = 0.5 + abs(report.notes.get("beyond_spot", 0.0))
-    if float(np.mean(away <= slack)) < SHARP_SHARE and report.method in BY_DETAILS:
+    if float(np.mean(away <= slack)) < _SHARP_SHARE and report.method in BY_DETAILS:
         slack += clearest_beside(task.renderer, best, zone)
-    if (share := float(np.mean(away <= slack))) >= SHARP_SHARE:
+    if (share := float(np.mean(away <= slack))) >= _SHARP_SHARE:
         return None
     if share:  # of a slanted zone, that shows far more distances than are sharp
-        return f"{share:.1%} of what the zone shows is sharp (allowed: {SHARP_SHARE:.0%})"
+        return f"{share:.1%} of what the zone shows is sharp (allowed: {_SHARP_SHARE:.0%})"
     where = "beyond infinity" if distance is None else f"at {distance:.4g} m"
     lies = f"{1 / nearest:.4g} m away" if nearest > 0 else "infinitely far away"
     return (
@@ -134,7 +134,7 @@ def _failure(report: FocusReport) -> str | None:
     if report.method == "variance":
         return "variance tells nothing of its own error: the walk of the paper ends somewhere, in focus or not"
     if report.method == "depth":
-        if report.confidence >= SHARP_SHARE:
+        if report.confidence >= _SHARP_SHARE:
             return None
         return f"the depth of field holds {report.confidence:.0%} of what the zone shows"
     if report.confidence >= SURE:
@@ -149,7 +149,7 @@ def _failure(report: FocusReport) -> str | None:
 def _is_at_an_end(task: Task, state: float) -> bool:
     drive = task.drive
     place = drive.coordinate(state)
-    return min(abs(place - drive.coordinate(end)) for end in drive.limits) <= AT_AN_END * drive.depth_of_focus
+    return min(abs(place - drive.coordinate(end)) for end in drive.limits) <= _AT_AN_END * drive.depth_of_focus
 
 
 def _other_distance(task: Task, report: FocusReport) -> str | None:
@@ -221,7 +221,7 @@ def _astigmatism(task: Task, state: float, zone: Zone) -> str | None:
     )
 
 
-LEAST_HALF = 0.01  # of the picture's shorter side: half a side of the smallest zone
+_LEAST_HALF = 0.01  # of the picture's shorter side: half a side of the smallest zone
 
 
 def zone_of_object(renderer: ProbeRenderer, name: str) -> Zone:
@@ -253,14 +253,14 @@ def _zone_within(seen: NDArray[np.bool_]) -> Zone:
     """Return the largest square that fits into a shape of the picture (height, width)."""
     row, column, half = _find_deepest(seen)
     height, width = seen.shape
-    size = max(half, LEAST_HALF * min(height, width))
+    size = max(half, _LEAST_HALF * min(height, width))
     left, top = max((column + 0.5 - size) / width, 0.0), max((row + 0.5 - size) / height, 0.0)
     return Zone(left, min((column + 0.5 + size) / width, 1.0), top, min((row + 0.5 + size) / height, 1.0))
 
 
 HIDDEN = 0.03  # of the distance of a point, by which what hides it is nearer at least
-HALVED = 0.5  # side of the zone round a point of the scene, in those of a point of the picture
-POINT_ROUNDS = 3  # in which focus and exposure of the place of a point follow from that place
+_HALVED = 0.5  # side of the zone round a point of the scene, in those of a point of the picture
+_POINT_ROUNDS = 3  # in which focus and exposure of the place of a point follow from that place
 STAYS = 0.05  # of the zone's side, by which the place moves when they do
 
 
@@ -280,7 +280,7 @@ def _zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | Non
     scene, drive, where = renderer.scene, renderer.drive, "camera.focus.auto.at"
     moments, size, zone = Moments(scene), np.array(scene.film.resolution), MIDDLE
     index = None if name is None else _index_of(scene, name)
-    for _ in range(POINT_ROUNDS):
+    for _ in range(_POINT_ROUNDS):
         time = moments.middles(np.array([zone.centre]) * size)
         placed = np.eye(4) if index is None else scene.objects[index].places(scene.folders, float(time[0]))[0]
         world = np.append((placed @ [*at, 1.0])[:3] * scene.metres_per_unit, 1.0)
@@ -290,12 +290,12 @@ def _zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | Non
         if not (np.all(place > 0) and np.all(place < 1)):
             raise InputError(f"{where}: the point is not in the picture")
         before, (x, y) = zone, place.tolist()
-        zone = zone_at(scene, x, y, HALVED)
+        zone = zone_at(scene, x, y, _HALVED)
         if math.dist(zone.centre, before.centre) < STAYS * (zone.right - zone.left):
             break
         with suppress(InputError):  # out of reach, which the search will say
             renderer.state = drive.state_for(distance, zone)
-    sight = renderer.sight(renderer.state, zone_at(scene, x, y, HALVED / SIGHT_ACROSS))
+    sight = renderer.sight(renderer.state, zone_at(scene, x, y, _HALVED / SIGHT_ACROSS))
     if not np.any(sight.depths >= (1 - HIDDEN) * distance):
         first = int(np.bincount(sight.first_objects[sight.first_objects >= 0], minlength=1).argmax())
         named = scene.objects[first].name if len(scene.objects) else None
@@ -303,20 +303,20 @@ def _zone_of_point(renderer: ProbeRenderer, at: Sequence[float], name: str | Non
     return zone
 
 
-MASK_ACROSS = 240  # cells of a mask
-LEAST_PART = 5e-4  # of the picture: bright parts of a mask that are smaller are left out, but the largest
-MOST_PARTS = 50
+_MASK_ACROSS = 240  # cells of a mask
+_LEAST_PART = 5e-4  # of the picture: bright parts of a mask that are smaller are left out, but the largest
+_MOST_PARTS = 50
 
 
 def zones_of_mask(bright: NDArray[np.bool_]) -> tuple[Zone, ...]:
     """Return the largest square within each part of a mask (height, width), from the largest part on."""
-    step = -(-max(bright.shape) // MASK_ACROSS)
+    step = -(-max(bright.shape) // _MASK_ACROSS)
     rows, columns = (-(-side // step) for side in bright.shape)
     padded = np.pad(bright, [(0, rows * step - bright.shape[0]), (0, columns * step - bright.shape[1])])
     left = padded.reshape(rows, step, columns, step).mean(axis=(1, 3)) >= 0.5
     left = left if left.any() else padded.reshape(rows, step, columns, step).any(axis=(1, 3))
     parts: list[NDArray[np.bool_]] = []
-    while left.any() and len(parts) < MOST_PARTS:
+    while left.any() and len(parts) < _MOST_PARTS:
         part = np.zeros_like(left)
         part.flat[np.argmax(left)] = True
         size = 0
@@ -326,7 +326,7 @@ def zones_of_mask(bright: NDArray[np.bool_]) -> tuple[Zone, ...]:
         parts.append(part)
         left = left & ~part
     parts.sort(key=np.count_nonzero, reverse=True)
-    return tuple(_zone_within(part) for k, part in enumerate(parts) if not k or part.mean() >= LEAST_PART)
+    return tuple(_zone_within(part) for k, part in enumerate(parts) if not k or part.mean() >= _LEAST_PART)
 
 
 def _find_deepest(seen: NDArray[np.bool_]) -> tuple[int, int, float]:
@@ -354,7 +354,7 @@ METHODS: dict[str, Callable[[Task], FocusReport]] = {
 }
 MIDDLE = Zone(0.45, 0.55, 0.43, 0.57)  # 1.4 % of the picture
 PLACES = ("zones", "zones_from", "mask", "point", "object", "at")
-POINT_SIZE = 0.05  # of the diagonal: the side of the zone round a point
+_POINT_SIZE = 0.05  # of the diagonal: the side of the zone round a point
 
 
 @dataclass(frozen=True)
@@ -454,7 +454,7 @@ def zones_of(scene: Scene, settings: AutoFocus) -> tuple[Zone, ...]:
 def zone_at(scene: Scene, right: float, down: float, share: float = 1.0) -> Zone:
     """Return a square zone round a point of the picture, moved inside where it would reach over the edge."""
     width, height = scene.film.size_m()
-    side = share * POINT_SIZE * scene.film.diagonal_m()
+    side = share * _POINT_SIZE * scene.film.diagonal_m()
     across, tall = min(side / width, 1.0), min(side / height, 1.0)
     left = min(max(right - across / 2, 0.0), 1.0 - across)
     top = min(max(down - tall / 2, 0.0), 1.0 - tall)
@@ -546,7 +546,7 @@ def focus_of(task: Task, method: str) -> FocusReport:
     return with_warnings(task, report if task.criterion is None else _by_criterion(task, report))
 
 
-WHEN_STOPPED = 0.5  # of the opening: two stops, after which the focus shift is reported
+_WHEN_STOPPED = 0.5  # of the opening: two stops, after which the focus shift is reported
 
 
 def _by_criterion(task: Task, report: FocusReport) -> FocusReport:
@@ -561,7 +561,7 @@ def _by_criterion(task: Task, report: FocusReport) -> FocusReport:
     off = 0.0
     if task.criterion != "spot":
         off = (view.clearest(_cycles(renderer, task.criterion)) - view.sharpest()) / sharp
-    stopped = half_view(renderer, report.state, zone, "x", WHEN_STOPPED)
+    stopped = half_view(renderer, report.state, zone, "x", _WHEN_STOPPED)
     notes = {
         "criterion": task.criterion,
         "beyond_spot": -off,  # depths of focus, towards nearer objects
@@ -584,7 +584,7 @@ def _cycles(renderer: ProbeRenderer, criterion: str) -> float:
 
 
 AIMED = ("contrast", "laplacian", "phase", "hybrid")
-AIMED_REACH = 4.5  # depths of focus
+_AIMED_REACH = 4.5  # depths of focus
 
 
 def search(task: Task, method: str) -> FocusReport:
@@ -601,7 +601,7 @@ def search(task: Task, method: str) -> FocusReport:
     if aimed is None:
         return METHODS[method](task)
     near, parts = aimed
-    nearby, failure = replace(task, zones=parts, near=near, reach=AIMED_REACH), None
+    nearby, failure = replace(task, zones=parts, near=near, reach=_AIMED_REACH), None
     # Of what is even only its edge can be sharp, which parts of zones leave out.
     whole = [replace(nearby, zones=task.zones)] if parts != task.zones else []
     for attempt in (nearby, *whole, replace(task, zones=parts)):
@@ -735,7 +735,7 @@ def autofocus(scene: Scene | str | Path | Mapping[str, Any], **options: Any) -> 
 
 # Zones of a file.
 
-ZoneFractions = tuple[float, float, float, float]
+_ZoneFractions = tuple[float, float, float, float]
 """Left, right, top and bottom of a zone in fractions of the picture from its left and top edges."""
 _LARGEST = 1 << 20  # bytes
 _MOST_ZONES = 1000
@@ -743,7 +743,7 @@ COLUMNS = 4
 _WORD = re.compile("[A-Za-z_]+")
 
 
-def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
+def read_zones(source: Path | bytes, name: str) -> tuple[_ZoneFractions, ...]:
     """Return the zones of a file.
 
     A line holds xleft, xright, ytop and ybottom as fractions of the picture from its top left corner, separated by
@@ -775,7 +775,7 @@ def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
         text = data[:_LARGEST].decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{name}: is not a text file (allowed: lines of xleft xright ytop ybottom)") from None
-    zones: list[ZoneFractions] = []
+    zones: list[_ZoneFractions] = []
     heading = False
     for number, line in enumerate(text.splitlines(), start=1):
         words = re.split(r"[\s,;]+", line.partition("#")[0].strip(" \t,;"))
@@ -792,7 +792,7 @@ def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
     return tuple(zones)
 
 
-def _zone(words: list[str], place: str) -> ZoneFractions:
+def _zone(words: list[str], place: str) -> _ZoneFractions:
     try:
         left, right, top, bottom = (float(word) for word in words)
     except ValueError:

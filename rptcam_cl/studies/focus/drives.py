@@ -151,9 +151,9 @@ class Drive(ABC):
 
 # Drives of cameras with a lens prescription: focusing moves the film, or a group of the lens.
 
-BEYOND_INFINITY = 0.06  # focal lengths that the film may go nearer than for infinity: curved fields focus there
-LEAST_DISTANCE = 0.02  # of the back focal distance, that the film keeps from the lens
-INVERSIONS = 12  # most rounds of the search for the object of a state
+_BEYOND_INFINITY = 0.06  # focal lengths that the film may go nearer than for infinity: curved fields focus there
+_LEAST_DISTANCE = 0.02  # of the back focal distance, that the film keeps from the lens
+_INVERSIONS = 12  # most rounds of the search for the object of a state
 FAR_FOCAL_LENGTHS = 100.0  # where it begins when first-order optics has none
 NEAR_ENOUGH = 0.01  # depths of focus, within which a search for the least spot ends
 INVERTED = 1e-2  # of a distance, between two rounds: what the last one corrects changes by as little then
@@ -269,7 +269,7 @@ class LensDrive(Drive):
         distance_mm = self._distances_mm.get(zone) or self._first_order_distance(lens, film_distance_mm) or math.inf
         if math.isinf(distance_mm):
             distance_mm = FAR_FOCAL_LENGTHS * lens.first_order(self.own_camera.wavelength_nm).focal_length_mm
-        for _ in range(INVERSIONS):
+        for _ in range(_INVERSIONS):
             # by how much the sharpest place differs from that of first-order optics changes slowly with the distance
             new = self._first_order_distance(lens, film_distance_mm - self._beyond_first_order(lens, distance_mm, zone))
             if new is None or np.isinf(new) or abs(new - distance_mm) < INVERTED * new:
@@ -381,8 +381,8 @@ class WholeLens(LensDrive):
         infinity = film_distance(self.lens, np.inf, wavelength_nm=wavelength)
         focal_length = self.lens.first_order(wavelength).focal_length_mm
         least = min(infinity, best_focus.best_film_distance(self.lens, np.inf, wavelengths_nm=(wavelength,)))
-        low = least - max(BEYOND_INFINITY * focal_length, 4 * self.depth_of_focus)
-        return max(low, LEAST_DISTANCE * infinity), infinity + focal_length
+        low = least - max(_BEYOND_INFINITY * focal_length, 4 * self.depth_of_focus)
+        return max(low, _LEAST_DISTANCE * infinity), infinity + focal_length
 
     @cached_property
     def start(self) -> float:

@@ -66,19 +66,19 @@ Complex = NDArray[np.complex128]
 
 HIGHEST = 0.75  # of the Nyquist frequency: beyond it pixels alias
 BEYOND = 3.0  # displacement beyond the ends of the reach that trials go [pixels]
-TRIAL_STEP = 0.5  # displacement between trial distances [pixels]
+_TRIAL_STEP = 0.5  # displacement between trial distances [pixels]
 ROUNDS = 2  # of the refinement
 POINTS = 7  # in each
 SMOOTH = 2  # frequencies to each side
 SMALLEST = 1e-30  # keeps 0 / 0 away where both halves blur everything, and where even light has no noise
-LEAST_GAIN = 150.0  # of the misfit at the best distance against the others, in units of noise
-NEAR_GAIN = 30.0  # the same among distances near one that rays tell
-RIVAL = 0.35  # share of that gain that another distance must lack for the best to be the only one
-UNLIKELY = 4.0  # times the least misfit: then it is no rival, however good
+_LEAST_GAIN = 150.0  # of the misfit at the best distance against the others, in units of noise
+_NEAR_GAIN = 30.0  # the same among distances near one that rays tell
+_RIVAL = 0.35  # share of that gain that another distance must lack for the best to be the only one
+_UNLIKELY = 4.0  # times the least misfit: then it is no rival, however good
 APART = 1.5  # displacement from which on it is another one [pixels]
-LEAST_ALONG = 0.1  # of those changes
-LAG = 4  # pixels, over which they are taken
-LEAST_SIGNIFICANCE = 5.0  # of the contrast, in standard errors
+_LEAST_ALONG = 0.1  # of those changes
+_LAG = 4  # pixels, over which they are taken
+_LEAST_SIGNIFICANCE = 5.0  # of the contrast, in standard errors
 LEAST_CONTRAST = 0.002  # standard deviation over mean
 BINS = (1, 2, 4)  # pixels each way whose means show them
 
@@ -123,19 +123,19 @@ class Match:
     @property
     def refusal(self) -> str | None:
         """Why the distance cannot be relied on; None where it can."""
-        return self.refusal_among(LEAST_GAIN)
+        return self.refusal_among(_LEAST_GAIN)
 
     def refusal_among(self, least_gain: float) -> str | None:
         """Return the same with another gain that is enough: among few distances a smaller one."""
-        if self.significance < LEAST_SIGNIFICANCE or self.contrast < LEAST_CONTRAST:
+        if self.significance < _LEAST_SIGNIFICANCE or self.contrast < LEAST_CONTRAST:
             return "flat"
-        if self.gain < least_gain or self.along < LEAST_ALONG:
+        if self.gain < least_gain or self.along < _LEAST_ALONG:
             return "vague"
-        return "ambiguous" if self.rival > RIVAL else None
+        return "ambiguous" if self.rival > _RIVAL else None
 
     def is_promising(self, more: float) -> bool:
         """Whether so many times the samples may show what these do not: significance and gain grow with them."""
-        return more > 1 and self.significance * more > LEAST_SIGNIFICANCE and self.contrast > LEAST_CONTRAST / 2
+        return more > 1 and self.significance * more > _LEAST_SIGNIFICANCE and self.contrast > LEAST_CONTRAST / 2
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ class PhaseMatch:
     def along(self) -> float:
         """Return the share of the zone's changes over a few pixels, less those of noise, that lie along the split."""
         whole, noise = self.halves.in_zone.sum(axis=0), float(self.halves.noise.sum())
-        steps = whole[:, LAG:] - whole[:, :-LAG], whole[LAG:] - whole[:-LAG]
+        steps = whole[:, _LAG:] - whole[:, :-_LAG], whole[_LAG:] - whole[:-_LAG]
         across, down = (max(float(np.mean(step**2)) - 2 * noise, 0.0) if step.size else 0.0 for step in steps)
         return (across, down)[self.view.axis] / (across + down) if across + down > 0 else 0.5
 
@@ -259,7 +259,7 @@ class PhaseMatch:
             means = whole[: rows * side, : columns * side].reshape(rows, side, columns, side).mean(axis=(1, 3))
             variance = float(np.sum(without_trend(means[None]) ** 2)) / (means.size - TERMS) * side**2
             significance = (variance / noise - 1) * math.sqrt(means.size / 2)
-            if significance >= LEAST_SIGNIFICANCE or means.size <= 8 * TERMS:
+            if significance >= _LEAST_SIGNIFICANCE or means.size <= 8 * TERMS:
                 break
         contrast = math.sqrt(max(variance - noise, 0.0)) / side / mean
         return contrast, significance
@@ -270,7 +270,7 @@ class PhaseMatch:
             return None
         slope = abs(self.view.displacement(high) - self.view.displacement(low)) / (high - low)
         low, high = low - BEYOND / slope, min(high + BEYOND / slope, self.view.nearest)
-        trials = np.linspace(low, high, max(int((high - low) * slope / TRIAL_STEP) + 2, POINTS))
+        trials = np.linspace(low, high, max(int((high - low) * slope / _TRIAL_STEP) + 2, POINTS))
         misfits = np.array([self.misfit(trial) for trial in trials])
         vergence, error, least = self._refine(trials[int(np.argmin(misfits))], trials[1] - trials[0])
         shown = np.array([self.view.displacement(trial) for trial in trials])
@@ -353,7 +353,7 @@ def _rival(misfits: Array, shown: Array, displacement: float, level: float, leas
     inner = misfits[1:-1]
     dips = 1 + np.flatnonzero((inner <= misfits[:-2]) & (inner <= misfits[2:]))
     others = dips[np.abs(shown[dips] - displacement) > APART]
-    if not len(others) or level <= least or misfits[others].min() > UNLIKELY * least:
+    if not len(others) or level <= least or misfits[others].min() > _UNLIKELY * least:
         return 0.0
     return float(max((level - misfits[others].min()) / (level - least), 0.0))
 
@@ -373,7 +373,7 @@ def _taper(count: int, before: int, behind: int) -> Array:
 # lens stays within the zone; the next ones go through the opening of the picture, where displacements are large and
 # the distance is precise.
 
-MARGIN_STEP = 4  # margins are multiples of so many pixels, so that probes can share their buffers
+_MARGIN_STEP = 4  # margins are multiples of so many pixels, so that probes can share their buffers
 
 
 @dataclass(frozen=True)
@@ -455,7 +455,7 @@ def half_probe(
         Pixels across and down to show beyond the zone, at least.
     """
     begun = time.perf_counter()
-    across, down = (-(-pixels // MARGIN_STEP) * MARGIN_STEP for pixels in margin)
+    across, down = (-(-pixels // _MARGIN_STEP) * _MARGIN_STEP for pixels in margin)
     margins = renderer.choose_zones([zone], (across, down)).margins(zone)
     images = _render_halves(renderer, view, state, zone, samples, seed, stop)
     taken = 2 * images[0].samples * images[0].parts[0, ..., 0].size
@@ -482,24 +482,24 @@ def _render_halves(
     return before, beyond
 
 
-CAPTURE = 0.3  # of the zone's side: largest displacement that a probe is to find
-LEAST_STOP = 0.04  # share of the opening
+_CAPTURE = 0.3  # of the zone's side: largest displacement that a probe is to find
+_LEAST_STOP = 0.04  # share of the opening
 SAMPLES, MOST_SAMPLES = 64, 256  # per pixel
 NEAR_SAMPLES = 16  # the same of the first probe near a place
 _SPLITS: tuple[Split, ...] = ("x", "y")
 Light = Literal["limited", "whole"]
 _LIGHTS: tuple[Light, ...] = ("limited", "whole")
-DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepared for
+_DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepared for
 LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
 NEAR = 1.0  # depths of focus: a probe so near to the focus that it found is the last one
 SEEN = 3.0  # depths of focus: a probe so near shows where the details of a zone lie
 PRECISE, ENOUGH = 0.07, 0.125  # depths of focus: standard error aimed at, and taken
-BESIDE_NOISE = 0.1  # depths of focus that matches err by where other distances show beside the zone, whatever the noise
+_BESIDE_NOISE = 0.1  # depths of focus that matches err by where other distances show beside the zone, at any noise
 MOST_PROBES = 12
-SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
+_SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
 BLUR = 1.2  # radius of a blurred point over the displacement of its halves
 REASONS = {
-    "flat": f"its details do not come to {LEAST_SIGNIFICANCE:g} standard errors of the noise"
+    "flat": f"its details do not come to {_LEAST_SIGNIFICANCE:g} standard errors of the noise"
     f" or {LEAST_CONTRAST:.1%} of its light",
     "vague": "it looks the same in and out of focus",
     "ambiguous": "it repeats itself, and fits at more than one distance",
@@ -593,7 +593,7 @@ class PhaseSearch:
         for samples in (NEAR_SAMPLES, 4 * NEAR_SAMPLES, MOST_SAMPLES):
             for split in splits:
                 match = self._probe(start, split, min(samples, self.most), (own - away, own + away))
-                refusal = "flat" if match is None else match.refusal_among(NEAR_GAIN)
+                refusal = "flat" if match is None else match.refusal_among(_NEAR_GAIN)
                 if match is not None and refusal is None and abs(match.vergence - own) <= away:
                     return
                 if match is None or not match.is_promising(MOST_SAMPLES / samples):
@@ -656,11 +656,11 @@ class PhaseSearch:
             x0, x1, y0, y1 = self.renderer.view.shown(self.zone)
             needed = min(needed, max(DEAR // ((x1 - x0) * (y1 - y0)), NEAR_SAMPLES))
         samples = int(min(max(samples, needed), self.most))
-        reach = max(DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
+        reach = max(_DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
         least, most = self._near if self._near[0] <= match.vergence <= self._near[1] else (-math.inf, math.inf)
         within = max(match.vergence - reach, least), min(match.vergence + reach, most)
         refined = self._probe(state, probe.view.split, samples, within)
-        refusal = "flat" if refined is None else refined.refusal_among(NEAR_GAIN)
+        refusal = "flat" if refined is None else refined.refusal_among(_NEAR_GAIN)
         if refusal in ("flat", "vague"):  # the first probe has distinguished rivals
             raise no_contrast(REASONS[refusal])
         return samples
@@ -688,8 +688,8 @@ class PhaseSearch:
         view = half_view(self.renderer, state, self.zone, split)
         low, high = max(reach[0], -view.nearest), min(reach[1], view.nearest)
         largest = max(abs(view.displacement(low)), abs(view.displacement(high)))
-        room = CAPTURE * self._side(view.axis)
-        stop = min(max(room / largest, LEAST_STOP), 1.0)
+        room = _CAPTURE * self._side(view.axis)
+        stop = min(max(room / largest, _LEAST_STOP), 1.0)
         if stop < 1.0:
             view = half_view(self.renderer, state, self.zone, split, stop)
         blur = math.ceil(BLUR * min(largest * stop, room)) + 2
@@ -746,7 +746,7 @@ class PhaseSearch:
         """Standard error of that state [depths of focus]."""
         axis = self.probe.view.axis
         pixel_mm = self.renderer.view.scene.film.size_m()[axis] * 1e3 / self.renderer.view.resolution[axis]
-        per_pixel = pixel_mm / (2 * SEPARATION * circle_of_confusion(self.renderer.scene))
+        per_pixel = pixel_mm / (2 * _SEPARATION * circle_of_confusion(self.renderer.scene))
         return self.match.displacement_error * per_pixel / self.probe.stop
 
     def _displacement_of(self, probe: HalfProbe) -> tuple[float, float]:
@@ -792,7 +792,7 @@ def _end_by_phase(
     task: Task, method: str, search: PhaseSearch, zone: Zone, more: list[ProbeRecord], why: str
 ) -> FocusReport:
     """Return the focus that a search finds with as many probes as it takes; ``more`` were made beside them."""
-    state, error = search.finish(), math.hypot(search.error, BESIDE_NOISE)
+    state, error = search.finish(), math.hypot(search.error, _BESIDE_NOISE)
     sure, error_mm = probability_within(0.25, error), error * task.drive.depth_of_focus
     report = task.report(method, state, zone, error_mm, sure, search.records() + more)
     report.notes.update(search.notes() | {"finished_by": why})
@@ -845,10 +845,10 @@ def _uncertainty_of(search: PhaseSearch) -> float:
 
 NEAR_ENOUGH = 1.0  # depths of focus: uncertainty from which contrast finds the way
 REACH = 2.5  # depths of focus to either side that contrast searches
-AGREEMENT = 3.0  # standard errors that it searches in any case
-HYBRID_STEPS = 3
-PARTED = 0.25  # depths of focus from the least spot to where details are clearest: then contrast is not asked
-DISAGREE = 0.5  # depths of focus between the two from which aberrations are to blame
+_AGREEMENT = 3.0  # standard errors that it searches in any case
+_HYBRID_STEPS = 3
+_PARTED = 0.25  # depths of focus from the least spot to where details are clearest: then contrast is not asked
+_DISAGREE = 0.5  # depths of focus between the two from which aberrations are to blame
 
 
 def focus_by_hybrid(task: Task) -> FocusReport:
@@ -866,11 +866,11 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     try:
         search = _phase_search(task)
         zone = search.zone
-        for _ in range(HYBRID_STEPS):  # until contrast finds the way
+        for _ in range(_HYBRID_STEPS):  # until contrast finds the way
             if _uncertainty_of(search) <= NEAR_ENOUGH:
                 break
             search.step(search.state, SAMPLES)
-        if clearest_beside(task.renderer, search.probe.state, search.zone, search.probe.view.split) > PARTED:
+        if clearest_beside(task.renderer, search.probe.state, search.zone, search.probe.view.split) > _PARTED:
             return _end_by_phase(task, "hybrid", search, zone, [], "phase, as details are clearest elsewhere")
         search.narrow_zone()
     except NoContrast as problem:
@@ -882,16 +882,16 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     probes = replace(task, zones=(search.zone,)).probes(MEASURES[BEST])
     probes.budget = max(MOST_OF_SEARCH - search.spent, MOST_OF_SEARCH // 2)
     sharp = task.drive.depth_of_focus
-    reach = max(REACH, AGREEMENT * _uncertainty_of(search)) * sharp
+    reach = max(REACH, _AGREEMENT * _uncertainty_of(search)) * sharp
     pointed = probes.place_of(search.state)
     try:
         peak, _ = greatest_contrast(probes, Policy.CENTRE, (pointed, reach))
     except NoContrast:
         return _end_by_phase(task, "hybrid", search, zone, probes.records(0), "phase")
-    if abs(peak.place - pointed) > DISAGREE * sharp:
+    if abs(peak.place - pointed) > _DISAGREE * sharp:
         search.step(probes.state_of(peak.place), NEAR_SAMPLES)
         away = abs(peak.place - probes.place_of(search.state)) / sharp
-        if away > max(DISAGREE, AGREEMENT * search.error):
+        if away > max(_DISAGREE, _AGREEMENT * search.error):
             return _end_by_phase(
                 task, "hybrid", search, zone, probes.records(0), "phase, as contrast is greatest elsewhere"
             )

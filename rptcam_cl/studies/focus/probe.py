@@ -90,12 +90,12 @@ class ZoneImage:
         return np.asarray(self.luminance.var(axis=0, ddof=1) / len(self.parts))
 
 
-CIRCLES_PER_DIAGONAL = 1500  # circle of confusion: 0.029 mm on 36 x 24 mm, the convention of depth-of-field scales
+_CIRCLES_PER_DIAGONAL = 1500  # circle of confusion: 0.029 mm on 36 x 24 mm, the convention of depth-of-field scales
 
 
 def circle_of_confusion(scene: Scene) -> float:
     """Return the diameter of a blur that counts as sharp [mm]."""
-    return scene.film.diagonal_m() * 1e3 / CIRCLES_PER_DIAGONAL
+    return scene.film.diagonal_m() * 1e3 / _CIRCLES_PER_DIAGONAL
 
 
 class Policy(StrEnum):
@@ -162,7 +162,7 @@ def _weighted_median(zones: Sequence[Zone], places: Mapping[int, float]) -> int:
 # The luminance is divided by its mean over the zone first and a quadratic surface is taken off, so that exposure,
 # vignetting and light that falls off smoothly change nothing.
 
-TOP_BLOCKS = 3  # of the zone each way, by which tops of curves may differ
+_TOP_BLOCKS = 3  # of the zone each way, by which tops of curves may differ
 
 Array = NDArray[np.float64]
 Filters = Callable[[Array], list[Array]]
@@ -225,12 +225,12 @@ def energy(filters: Filters) -> Callable[[ZoneImage], Estimate]:
         count = len(image.parts)
         if parts is None:
             return Estimate(0.0, 0.0, np.zeros(count))
-        products = np.zeros((TOP_BLOCKS**2, count, count))
+        products = np.zeros((_TOP_BLOCKS**2, count, count))
         for output in filters(parts):
             blocks = [
                 each.reshape(count, -1)
-                for rows in np.array_split(output, TOP_BLOCKS, axis=1)
-                for each in np.array_split(rows, TOP_BLOCKS, axis=2)
+                for rows in np.array_split(output, _TOP_BLOCKS, axis=1)
+                for each in np.array_split(rows, _TOP_BLOCKS, axis=2)
             ]
             products += np.stack([flat @ flat.T for flat in blocks]) / output[0].size
         whole = products.sum(axis=0)
@@ -277,7 +277,7 @@ def _wavelet(parts: Array) -> list[Array]:
     return outputs
 
 
-SPACINGS = (1, 2, 4)  # pixels between the points of a second difference: Nayar and Nakagawa's variable step
+_SPACINGS = (1, 2, 4)  # pixels between the points of a second difference: Nayar and Nakagawa's variable step
 BLOCKS = 6  # of the zone each way, whose noise is nearly independent
 
 
@@ -296,14 +296,14 @@ def sum_modified_laplacian(image: ZoneImage) -> Estimate:
         return Estimate(0.0, 0.0, np.zeros(count))
     differences = _second_differences(parts)
     measure = jackknife(count, lambda kept: sum(float(_sizes(each[kept]).mean()) for each in differences))
-    blocks = sum(block_sums(_sizes(each), TOP_BLOCKS) / each[0].size for each in differences)
+    blocks = sum(block_sums(_sizes(each), _TOP_BLOCKS) / each[0].size for each in differences)
     return replace(measure, error=max(measure.error, _error_of_noise(differences)), blocks=np.asarray(blocks))
 
 
 def _second_differences(parts: Array) -> list[Array]:
     """Return the second differences across and down, at each step that the zone has room for."""
     outputs, smooth, side = [], parts, 1
-    for step in SPACINGS:
+    for step in _SPACINGS:
         while side < step:
             smooth = smooth[:, :, side:] + smooth[:, :, :-side]
             smooth = (smooth[:, side:] + smooth[:, :-side]) / 4
@@ -346,9 +346,9 @@ def block_sums(picture: Array, count: int = BLOCKS) -> Array:
     return np.array([block.sum() for row in rows for block in np.array_split(row, count, axis=1)])
 
 
-SEEN_BY = 2  # pixels each way that are taken together, as details of an edge are wider and noise is not
-BLOCK, MOST_BLOCKS, LEAST_BLOCKS = 8, 8, 3  # pixels; of a zone along its shorter side; of its part, each way
-MOST_OF_IT, WORTH = 0.5, 1.5  # least share of a zone's detail, and times as much of it a pixel, that its part has
+_SEEN_BY = 2  # pixels each way that are taken together, as details of an edge are wider and noise is not
+BLOCK, _MOST_BLOCKS, _LEAST_BLOCKS = 8, 8, 3  # pixels; of a zone along its shorter side; of its part, each way
+_MOST_OF_IT, WORTH = 0.5, 1.5  # least share of a zone's detail, and times as much of it a pixel, that its part has
 SURE = 3.0  # standard errors of the noise, of the zone's detail and of its part's
 
 
@@ -372,9 +372,9 @@ def rich_part(parts: Array, margin: int = 0, axes: Sequence[int] = (0, 1)) -> tu
         First column, that behind the last, first row, that behind the last.
     """
     height, width = parts.shape[1:]
-    side = max(BLOCK, SEEN_BY * -(-min(height, width) // (MOST_BLOCKS * SEEN_BY)))
+    side = max(BLOCK, _SEEN_BY * -(-min(height, width) // (_MOST_BLOCKS * _SEEN_BY)))
     rows, columns = height // side, width // side
-    if min(rows, columns) < LEAST_BLOCKS or rows * columns == LEAST_BLOCKS**2:
+    if min(rows, columns) < _LEAST_BLOCKS or rows * columns == _LEAST_BLOCKS**2:
         return None
     sums, noises = (np.pad(each.cumsum(0).cumsum(1), ((1, 0), (1, 0))) for each in _detail(parts, axes, side))
     whole, best, found = sums[-1, -1], None, 0.0
@@ -383,27 +383,27 @@ def rich_part(parts: Array, margin: int = 0, axes: Sequence[int] = (0, 1)) -> tu
     most = WORTH * whole / ((height + 2 * margin) * (width + 2 * margin))
     for top, bottom in combinations(range(rows + 1), 2):
         for left, right in combinations(range(columns + 1), 2):
-            if min(bottom - top, right - left) < LEAST_BLOCKS:
+            if min(bottom - top, right - left) < _LEAST_BLOCKS:
                 continue
             part, noise = (
                 each[bottom, right] - each[top, right] - each[bottom, left] + each[top, left] for each in (sums, noises)
             )
             worth = part / (((bottom - top) * side + 2 * margin) * ((right - left) * side + 2 * margin))
-            if part >= MOST_OF_IT * whole and part > SURE * math.sqrt(noise) and worth > most:
+            if part >= _MOST_OF_IT * whole and part > SURE * math.sqrt(noise) and worth > most:
                 most, best, found = worth, (left * side, right * side, top * side, bottom * side), part
     if best is None:
         return None
     left, right, top, bottom = best
     own, _ = _detail(parts[:, top:bottom, left:right], axes, side)  # what is as wide as the part is a trend in it
-    return best if own.sum() >= MOST_OF_IT * found else None
+    return best if own.sum() >= _MOST_OF_IT * found else None
 
 
 def _detail(parts: Array, axes: Sequence[int], side: int) -> tuple[Array, Array]:
     """Return the detail that blocks of a side show, as `energy` without that of the noise, and the noise's variance."""
     count, height, width = parts.shape
-    rows, columns, fine = height // side, width // side, side // SEEN_BY
+    rows, columns, fine = height // side, width // side, side // _SEEN_BY
     shown = without_trend(parts)[:, : rows * side, : columns * side]
-    seen = shown.reshape(count, rows * fine, SEEN_BY, columns * fine, SEEN_BY).mean(axis=(2, 4))
+    seen = shown.reshape(count, rows * fine, _SEEN_BY, columns * fine, _SEEN_BY).mean(axis=(2, 4))
     found = np.zeros((2, rows, columns))
     for axis in axes:
         step = np.zeros_like(seen)  # between neighbours but one; 0 at the ends
@@ -487,7 +487,7 @@ class Probe:
     round: int = 0
 
 
-DETAIL = 1.5  # power of the image scale by which the contrast between pixels falls: 1 to 2 for natural textures
+_DETAIL = 1.5  # power of the image scale by which the contrast between pixels falls: 1 to 2 for natural textures
 FLOOR = 0.02  # of the greatest measure: smaller ones say no more than that they are small
 
 
@@ -543,7 +543,7 @@ def peak_of(probes: Sequence[Probe], zone: int) -> Peak:
     away = np.array([probe.place for probe in probes]) - origin
     growth = _growth(away, scale) if is_scaled else 0.0
     places = away / (1 + growth * away)
-    gain = np.ones_like(scale) if is_scaled else scale**DETAIL
+    gain = np.ones_like(scale) if is_scaled else scale**_DETAIL
     values = gain * [probe.measures[zone].value for probe in probes]
     without = gain[:, None] * [probe.measures[zone].leave_one_out for probe in probes]
     top = int(values.argmax())
@@ -755,7 +755,7 @@ class FocusReport:
 
 SIZE = (8.0, 4.6)  # [inches]
 FEWEST = 3  # probes that make a curve
-FEWEST_SHIFTS = 1  # probes that show which way the halves part
+_FEWEST_SHIFTS = 1  # probes that show which way the halves part
 
 
 @styled()
@@ -775,7 +775,7 @@ def focus_plot(report: FocusReport, title: str) -> Figure:
 
     contrast = [probe for probe in report.probes if probe.quantity == "contrast"]
     shifts = [probe for probe in report.probes if probe.quantity == "displacement"]
-    if len(contrast) < FEWEST and len(shifts) < FEWEST_SHIFTS:
+    if len(contrast) < FEWEST and len(shifts) < _FEWEST_SHIFTS:
         raise InputError(f"--plot: method {report.method} has no curve to draw (it looks {len(report.probes)} times)")
     stops = sorted({probe.stop for probe in report.probes})
     colours = {stop: series(number) for number, stop in enumerate(stops)}

@@ -49,7 +49,7 @@ from rptcam_cl.studies.focus.probe import (
     rich_part,
 )
 
-SMALL_WAVE = 1 << 14  # slots, of work that may be given up: so few hold up nothing else on the device
+_SMALL_WAVE = 1 << 14  # slots, of work that may be given up: so few hold up nothing else on the device
 
 
 def _take_samples(wavefront: Wavefront, samples: int) -> None:
@@ -63,8 +63,8 @@ def _take_samples(wavefront: Wavefront, samples: int) -> None:
 
 
 PARTS = 4  # independent pictures that a probe consists of
-MOST_WHITE, MOST_NOISE = 0.5, 1.0  # share of white pixels, and noise over light, that are worth a word
-FEWEST_PIXELS = 40  # across the shorter side of a zone, if its pixels then are not smaller than
+_MOST_WHITE, _MOST_NOISE = 0.5, 1.0  # share of white pixels, and noise over light, that are worth a word
+_FEWEST_PIXELS = 40  # across the shorter side of a zone, if its pixels then are not smaller than
 ACROSS = 240  # pixels of the picture in which objects are sought
 WHOLE = Zone(0.0, 1.0, 0.0, 1.0)
 FINEST, COARSEST = 0.5, 1.5  # circles of confusion
@@ -95,7 +95,7 @@ class ZoneView:
         size_mm = tuple(side * 1e3 for side in film.size_m())
         sides = [((z.right - z.left) * size_mm[0], (z.bottom - z.top) * size_mm[1]) for z in zones]
         circle = circle_of_confusion(scene)
-        pixel = min(max(min(min(pair) for pair in sides) / FEWEST_PIXELS, FINEST * circle), COARSEST * circle)
+        pixel = min(max(min(min(pair) for pair in sides) / _FEWEST_PIXELS, FINEST * circle), COARSEST * circle)
         columns, rows = (max(round(side / pixel), 1) for side in size_mm)
         seen = change_scene(scene, film=film.whole_in((columns, rows)), render={"layers": (), "noise": None})
         # measures take the mean off anyway, so the exposure does not matter
@@ -168,8 +168,8 @@ class ZoneView:
 
 SIGHT_ACROSS = 16  # places of a zone, across and down
 ALIKE = 0.2  # depths of focus between states in which places show the same: the image grows by less than their step
-BESIDE_M = 1e-3  # between the rays whose difference tells how far away something seems to be
-BESIDE_RAD = 1e-3
+_BESIDE_M = 1e-3  # between the rays whose difference tells how far away something seems to be
+_BESIDE_RAD = 1e-3
 Follow = Callable[[NDArray[np.float64], NDArray[np.float64], Any], SeenEnds]
 
 
@@ -236,7 +236,7 @@ def _distances_apart(
     across = np.cross(ends.directions, np.where(np.abs(ends.directions[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0]))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     frame = np.stack([across, np.cross(ends.directions, across)], axis=1)
-    steps = [(shift * side, turn * side) for shift, turn in ((BESIDE_M, 0.0), (0.0, BESIDE_RAD)) for side in sides]
+    steps = [(shift * side, turn * side) for shift, turn in ((_BESIDE_M, 0.0), (0.0, _BESIDE_RAD)) for side in sides]
     starts, ways = (np.concatenate(each) for each in zip(
         *((origins + shift, directions + turn) for shift, turn in steps), strict=True))  # fmt: skip
     every = follow(starts, ways, np.tile(rays, len(steps)))
@@ -247,7 +247,7 @@ def _distances_apart(
         step = np.sum(away * ends.directions, axis=1) / np.sum(beside.directions * ends.directions, axis=1)
         moved.append(np.einsum("nij,nj->ni", frame, away - step[:, None] * beside.directions))
         alike &= (beside.panes == ends.panes) & (beside.mirrors == ends.mirrors) & np.isfinite(beside.lengths)
-    shifted, turned = np.stack(moved[:2], axis=2) / BESIDE_M, np.stack(moved[2:], axis=2) / BESIDE_RAD
+    shifted, turned = np.stack(moved[:2], axis=2) / _BESIDE_M, np.stack(moved[2:], axis=2) / _BESIDE_RAD
     alike &= np.abs(np.linalg.det(np.where(np.isfinite(turned), turned, 0.0))) > 0
     vergence = 1.0 / ends.lengths
     vergence[alike] = np.trace(np.linalg.solve(turned[alike], shifted[alike]), axis1=1, axis2=2) / 2
@@ -282,7 +282,7 @@ class ProbeRenderer:
 
     def __init__(self, scene: Scene, session: Session, *, sensor: bool = False) -> None:
         traced = _with_traced_lens(at_opening(scene))
-        self.scene = traced if sensor else change_scene(traced, render={"clamp": LIMIT})
+        self.scene = traced if sensor else change_scene(traced, render={"clamp": _LIMIT})
         self.session, self._has_sensor = session, sensor
         self.drive = focus_drive(self.scene)
         self.state = self.drive.start
@@ -438,7 +438,7 @@ class ProbeRenderer:
             pairs = [(sample(light, seed, faint), weights), (sample(light, seed + 1, faint), sample(white, seed + 1))]
             self._most[key] = most_light(*np.stack([(one / faint, other) for one, other in pairs], axis=1))
         record = camera.record.copy()
-        record["exposure"] *= LIMIT / (self._most[key] * float(weights[passed].mean()))
+        record["exposure"] *= _LIMIT / (self._most[key] * float(weights[passed].mean()))
         return replace(camera, record=record)
 
     @cached_property
@@ -468,9 +468,9 @@ class ProbeRenderer:
             off = seen[is_lit.any(axis=2)] - shown
             noise = float(np.sqrt(np.mean(off**2))) / mean if mean > 0 else math.inf
             self._most_light, self.fault = mean, None
-            if white >= MOST_WHITE:
+            if white >= _MOST_WHITE:
                 self.fault = f"{white:.0%} of it is white in this exposure"
-            elif noise > MOST_NOISE:
+            elif noise > _MOST_NOISE:
                 self.fault = f"it is dark in this exposure: the noise of a probe is {noise:.2g} times its light"
         return seen
 
@@ -549,7 +549,7 @@ class ProbeRenderer:
             view = self.view
             plan, buffers = self._white_plan(camera) if empty else (self._scene_plan(), self._scene_buffers())
             plan = replace(plan, camera=camera)
-            wave_size = SMALL_WAVE if is_cancellable() else None
+            wave_size = _SMALL_WAVE if is_cancellable() else None
             self._wavefronts[facts] = Wavefront(
                 self.session, plan, view.layout, view.scene.render, wave_size, buffers=buffers, scouts=False
             )
@@ -557,12 +557,12 @@ class ProbeRenderer:
         return self._wavefronts[facts]
 
 
-LIMIT = 1.0  # `render.clamp` of probes
+_LIMIT = 1.0  # `render.clamp` of probes
 UNLIMITED = 1e6  # times the mean light
-NOISY = 0.5  # standard deviation of a sample over its mean, from which on it is
+_NOISY = 0.5  # standard deviation of a sample over its mean, from which on it is
 LIMITED = 16  # rounds of finding it
-USUAL, LIT_SHARE = 2.0, 0.9  # times the mean of what is left; share of the samples with light that stay whole
-HELPS = 0.75  # of the standard errors by which details show in all of the light: few samples know little of rare ones
+USUAL, _LIT_SHARE = 2.0, 0.9  # times the mean of what is left; share of the samples with light that stay whole
+_HELPS = 0.75  # of the standard errors by which details show in all of the light: few samples know little of rare ones
 
 
 def most_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> float:
@@ -584,10 +584,10 @@ def most_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> floa
         return whole
     one, other = light[:, both] / weights[:, both]
     own = float(one.mean(dtype=np.float64) + other.mean(dtype=np.float64)) / 2
-    if float(np.square(one - other, dtype=np.float64).mean()) / 2 <= (NOISY * own) ** 2:
+    if float(np.square(one - other, dtype=np.float64).mean()) / 2 <= (_NOISY * own) ** 2:
         return whole
     seen = light[passed] / weights[passed]
-    most, least = whole, float(np.quantile(seen[seen > 0], LIT_SHARE))
+    most, least = whole, float(np.quantile(seen[seen > 0], _LIT_SHARE))
     for _ in range(LIMITED):
         most = max(USUAL * float(np.minimum(seen, most).mean(dtype=np.float64)), least)
     return most
@@ -612,8 +612,8 @@ def clearness(images: Sequence[ZoneImage]) -> float:
     return clear
 
 
-LEAST_PASSED = 0.05  # of the mean weight: pixels with less have hardly any rays
-WIDEST_GAP = 3  # doublings of the squares, from 3 pixels on, within which such pixels are filled from rays beside them
+_LEAST_PASSED = 0.05  # of the mean weight: pixels with less have hardly any rays
+_WIDEST_GAP = 3  # doublings of the squares, from 3 pixels on, within which such pixels are filled from rays beside them
 
 
 def mean_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -624,14 +624,14 @@ def mean_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> NDAr
     mean = float(weights.mean())
     if not mean > 0:
         return np.zeros_like(light)
-    passed = weights > LEAST_PASSED * mean
+    passed = weights > _LEAST_PASSED * mean
     share = light / np.where(passed, weights, 1.0)
-    for doubling in range(WIDEST_GAP):
+    for doubling in range(_WIDEST_GAP):
         if passed.all():
             return np.asarray(share, np.float32)
         side = (2 << doubling) + 1
         near_light, near_weights = (_sum_around(each, side) for each in (light, weights))
-        near = ~passed & (near_weights > LEAST_PASSED * mean)
+        near = ~passed & (near_weights > _LEAST_PASSED * mean)
         share = np.where(near, near_light / np.where(near, near_weights, 1.0), share)
         passed = passed | near
     return np.asarray(np.where(passed, share, float(light.mean()) / mean), np.float32)
@@ -820,7 +820,7 @@ class Probes:
         images = self.task.renderer.measure(self.state_of(place), self.task.zones, samples, self.task.seed, stop, fixed)
         if not self.made and any(image.whole is not None for image in images):
             whole = [image.in_light("whole") for image in images]
-            self.light = clearer_light(clearness(images), HELPS * clearness(whole))
+            self.light = clearer_light(clearness(images), _HELPS * clearness(whole))
         images = [image.in_light(self.light) for image in images]
         pixels = sum(image.parts.shape[1] * image.parts.shape[2] for image in images)
         measures = [self.measure.of(image) for image in images]

@@ -45,22 +45,22 @@ Found = TypeVar("Found")
 # predict, and each is corrected from what both knew. (Y. Bar-Shalom, X. Li, T. Kirubarajan, Estimation with
 # Applications to Tracking and Navigation, 2001: 8.2.3 Singer's model, 11.6.6 interacting models.)
 
-CALM = 1.5  # acceleration of a calm subject [m/s^2]
-AGILE, AGILE_S = 8.0, 0.25  # standard deviation of that of an agile one [m/s^2], and how long it lasts [s]
+_CALM = 1.5  # acceleration of a calm subject [m/s^2]
+_AGILE, _AGILE_S = 8.0, 0.25  # standard deviation of that of an agile one [m/s^2], and how long it lasts [s]
 STAYS = 0.98  # chance that a subject is as calm or agile as at the measurement before
 FAST = 10.0  # speeds that a subject has when it is first seen [m/s]
-FAR_DRIFT = 1.0  # depths of focus per second^2 that count as acceleration of whatever is far away
-LEAST_ERROR = 0.05  # depths of focus that a measurement is off at least
+_FAR_DRIFT = 1.0  # depths of focus per second^2 that count as acceleration of whatever is far away
+_LEAST_ERROR = 0.05  # depths of focus that a measurement is off at least
 NEARLY = 0.9  # of the way to the camera, as far as a prediction goes
 CERTAIN = 1.5  # standard errors of the rate at which a subject is taken to move
-JUMP, CHANCE = 0.5, 5.0  # depths of focus and standard errors beyond which another subject is measured
+_JUMP, CHANCE = 0.5, 5.0  # depths of focus and standard errors beyond which another subject is measured
 Array = NDArray[np.float64]
 
 
 def moved(state: Array, t: float) -> Array:
     """Return vergence [1/m], its rate [1/(m s)] and the acceleration [m/s^2] (3,) some seconds later."""
     vergence, rate, acceleration = state.tolist()
-    left = acceleration * math.exp(-t / AGILE_S)
+    left = acceleration * math.exp(-t / _AGILE_S)
     if vergence <= 0:
         return np.array([vergence + rate * t, rate, left])
     later = vergence / (1 - min(rate * t / vergence - acceleration * vergence * t * t / 2, NEARLY))
@@ -70,7 +70,7 @@ def moved(state: Array, t: float) -> Array:
 def slopes(state: Array, t: float) -> Array:
     """Return the derivatives (3, 3) of the moved state."""
     vergence, rate, _ = state.tolist()
-    of_distance = np.array([[1, t, t * t / 2], [0, 1, t], [0, 0, math.exp(-t / AGILE_S)]])
+    of_distance = np.array([[1, t, t * t / 2], [0, 1, t], [0, 0, math.exp(-t / _AGILE_S)]])
     if vergence <= 0:
         return np.asarray(of_distance * np.array([[1, 1, 0], [1, 1, 0], [1, 1, 1]]))
     later, later_rate, _ = moved(state, t).tolist()
@@ -104,7 +104,7 @@ class _Track:
     def start(cls, time_s: float, vergence: float, error: float) -> _Track:
         """Return the track of a subject just seen."""
         known = np.diag([error**2, (FAST * vergence**2) ** 2, 0.0])
-        agile = known + np.diag([0.0, 0.0, AGILE**2])
+        agile = known + np.diag([0.0, 0.0, _AGILE**2])
         return cls(time_s, np.array([[vergence, 0.0, 0.0]] * 2), np.stack([known, agile]), np.array([0.5, 0.5]))
 
     @property
@@ -135,8 +135,8 @@ class _Track:
             if kind == 0:
                 mean, spread = mean * [1, 1, 0], spread * np.outer([1, 1, 0], [1, 1, 0])
             state, by = moved(mean, t), slopes(mean, t)
-            pushed = np.array([t * t / 2, t, 0]) * math.hypot(CALM * max(state[0], 0.0) ** 2, FAR_DRIFT * sharp)
-            new = kind * AGILE**2 * -math.expm1(-2 * t / AGILE_S)
+            pushed = np.array([t * t / 2, t, 0]) * math.hypot(_CALM * max(state[0], 0.0) ** 2, _FAR_DRIFT * sharp)
+            new = kind * _AGILE**2 * -math.expm1(-2 * t / _AGILE_S)
             states.append(state)
             covariances.append(by @ spread @ by.T + np.outer(pushed, pushed) + np.diag([0.0, 0.0, new]))
         return _Track(time_s, np.array(states), np.array(covariances), chances)
@@ -153,7 +153,7 @@ class _Track:
         """
         expected = self.at(time_s, sharp)
         off, variances = vergence - expected.states[:, 0], expected.covariances[:, 0, 0] + error**2
-        if abs(off[1]) > JUMP * sharp + CHANCE * math.sqrt(variances[1]):
+        if abs(off[1]) > _JUMP * sharp + CHANCE * math.sqrt(variances[1]):
             return None
         gains = expected.covariances[:, :, 0] / variances[:, None]
         fit = -0.5 * (off**2 / variances + np.log(variances))
@@ -173,8 +173,8 @@ class _Track:
 # rev0.net, 2017): 0.6 focal lengths a second, reached in 50 ms, is a drive of that kind.
 FOCAL_LENGTHS_PER_S, RISE_S = 0.6, 0.05
 STEP_S = 1e-3  # of its simulation at most
-BRAKES = 0.8  # of its acceleration with which it slows down, so that steps of the simulation cannot make it overshoot
-SETTLES_S = 4e-3  # time constant with which it comes to rest
+_BRAKES = 0.8  # of its acceleration with which it slows down, so that steps of the simulation cannot make it overshoot
+_SETTLES_S = 4e-3  # time constant with which it comes to rest
 
 
 @dataclass(frozen=True)
@@ -216,10 +216,10 @@ def push(
     It brakes in time: from a distance e it comes to rest at the acceleration a if it goes no faster than sqrt(2 a e).
     """
     away = wanted - place
-    brakes = BRAKES * limits.acceleration
-    near = brakes * SETTLES_S**2
+    brakes = _BRAKES * limits.acceleration
+    near = brakes * _SETTLES_S**2
     if abs(away) <= near:
-        closing = away / SETTLES_S
+        closing = away / _SETTLES_S
     else:
         closing = math.copysign(math.sqrt(2 * brakes * (abs(away) - near / 2)), away)
     aim = min(max(wanted_speed + closing, -limits.speed), limits.speed)
@@ -333,7 +333,7 @@ class Servo:
                 self._other = None
                 continue
             vergence, sharp = self._vergence(place), self._worth(place, sharp_mm)
-            off = max(error / sharp_mm, LEAST_ERROR) * sharp
+            off = max(error / sharp_mm, _LEAST_ERROR) * sharp
             if self._track is None:
                 self._track = _Track.start(time_s, vergence, off)
                 continue
