@@ -1,5 +1,7 @@
 """What every test may ask for."""
 
+import compileall
+import contextlib
 import gc
 import os
 import sys
@@ -8,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from _pytest.assertion import rewrite
 from hypothesis import settings
 
 # For NumPy, which is imported after this: beside other processes, the threads of its linear algebra burn ten times the
@@ -25,6 +28,24 @@ settings.load_profile("repeatable")
 
 # Thousands of tests are objects that stay: to look through them again and again takes a third of their collection.
 gc.disable()
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile a share of the modules, in each worker another: in a new checkout, all of them would compile all."""
+    config = session.config
+    if (worker := getattr(config, "workerinput", None)) is None:
+        return
+    root, first = Path(__file__).resolve().parents[1], int(worker["workerid"].removeprefix("gw"))
+    modules = sorted(path for folder in ("tests", "rptcam_cl") for path in (root / folder).rglob("*.py"))
+    for path in modules[first :: worker["workercount"]]:
+        if not path.name.startswith("test_"):
+            compileall.compile_file(path, quiet=2)
+            continue
+        with contextlib.suppress(AttributeError, TypeError):  # private names of pytest, which another may not have
+            kept = rewrite.get_cache_dir(path) / f"{path.stem}{rewrite.PYC_TAIL}"
+            if rewrite._read_pyc(path, kept) is None and rewrite.try_makedirs(kept.parent):
+                source, code = rewrite._rewrite_test(path, config)
+                rewrite._write_pyc(config.stash[rewrite.assertstate_key], code, source, kept)
 
 
 def pytest_collection_finish() -> None:

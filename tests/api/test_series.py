@@ -11,10 +11,10 @@ from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.load import load_scene
 
+POSE = {"eye": [0, 0.5, 1.6], "target": [0, 0.08, 0]}
 SCENE: dict[str, Any] = {
     "camera": {
-        "kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 1.6},
-        "eye": [0, 0.5, 1.6], "target": [0, 0.08, 0],
+        "kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 1.6}, **POSE
     },
     "film": {"resolution": [24, 16], "width_mm": 30},
     "render": {"spp": 4, "max_depth": 3, "layers": ["depth", "position"]},
@@ -74,7 +74,8 @@ def test_pictures_of_the_same_kernels_share_a_wavefront_and_what_is_bound(
 
     counted("__init__")
     counted("_bind")
-    series, scene = SeriesRenderer(device), load_scene(SCENE)
+    thin = {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 2, "focus_distance_m": 1.6}
+    series, scene = SeriesRenderer(device), load_scene(SCENE | {"camera": thin | POSE})
     for changes in ({}, *CHANGES[:5]):
         scene = set_keys(scene, changes)
         series.render(scene)

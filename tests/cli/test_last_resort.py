@@ -116,6 +116,7 @@ def in_shell(line: str, folder: Path) -> subprocess.CompletedProcess[bytes]:
     return subprocess.run(["bash", "-c", line], cwd=folder, capture_output=True, check=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("streams", ["<&- >&- 2>&-", *(slow(one) for one in ("2>/dev/full", "2>&-", "2> >(true)"))])
 def test_closed_streams_hold_no_picture_up_and_nothing_is_written_into_it(streams: str, tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(SCENE, "utf-8")
@@ -128,10 +129,10 @@ def test_closed_streams_hold_no_picture_up_and_nothing_is_written_into_it(stream
 @pytest.mark.parametrize(
     ("line", "code", "said"),
     [
-        ("rptcam schema --lens >&-", 4, b"error: standard output: Bad file descriptor\n"),
+        slow("rptcam schema --lens >&-", 4, b"error: standard output: Bad file descriptor\n"),
         ("rptcam --help >&-", 4, b"error: standard output: Bad file descriptor\n"),
         slow("rptcam schema --lens >&- 2>&-", 4, b""),
-        ("rptcam render no.yaml -o a.png 2>&-", 2, b""),
+        slow("rptcam render no.yaml -o a.png 2>&-", 2, b""),
         ("rptcam render no.yaml -o a.png 2>&1 | true; exit ${PIPESTATUS[0]}", 2, b""),
     ],
 )
@@ -187,7 +188,7 @@ def test_log_of_a_compiler_has_a_name_of_its_own(tmp_path: Path, monkeypatch: py
     assert "its log could not be written" in _build_failure("source", "error: x", "0" * 64)
 
 
-@pytest.mark.parametrize(("words", "code"), [(["devices", "--json"], 0), (["render", "no.yaml", "-o", "a.png"], 2)])
+@pytest.mark.parametrize(("words", "code"), [slow(["devices", "--json"], 0), (["render", "no.yaml", "-o", "a.png"], 2)])
 def test_process_does_what_is_left_to_do_and_ends_without_taking_itself_apart(words: list[str], code: int) -> None:
     program = (
         "import atexit, sys; from rptcam_cl.__main__ import run\n"

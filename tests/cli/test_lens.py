@@ -4,6 +4,8 @@ from typing import Any
 
 import pytest
 
+from tests.support.cases import slow
+
 Command = Callable[..., Any]
 
 KEYS = {
@@ -70,7 +72,9 @@ def test_wavelength_is_part_of_the_facts(rptcam: Command) -> None:
     assert info(rptcam, "--wavelength-nm", "486.1")["wavelength_nm"] == 486.1
 
 
-@pytest.mark.parametrize(("words", "focal_length"), [(["--zoom", "194 mm"], 194), (["--focal-length-mm", "100"], 100)])
+@pytest.mark.parametrize(
+    ("words", "focal_length"), [slow(["--zoom", "194 mm"], 194), (["--focal-length-mm", "100"], 100)]
+)
 def test_zoom_is_part_of_the_facts(rptcam: Command, words: list[str], focal_length: float) -> None:
     run = rptcam("lens", "info", "zoom-70-200mm", "--json", *words)
     assert json.loads(run.out)["focal_length_mm"] == pytest.approx(focal_length, rel=2e-3)

@@ -100,6 +100,7 @@ def test_folder_without_a_scene_to_copy_is_refused(tmp_path: Path, capsys: pytes
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_render_shows_a_model_of_which_a_picture_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.mtl").write_text("newmtl w\nmap_Kd gone.png\n")
     (tmp_path / "a.obj").write_text("mtllib a.mtl\nusemtl w\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")

@@ -15,8 +15,9 @@ from tests.support.cases import slow
 from tests.support.statistics import assert_same_tiles, sampled
 
 SIZE, SPP = (48, 32), 32
-CAMERAS = {"pinhole": {}, "lens": {"camera": LENS}}
-SLOW = [slow(*pair) for pair in (("pinhole", 8), ("lens", 1), ("lens", 8))]
+FEW = [still_life()["objects"][number] for number in (0, 1, 8)]  # a chequered floor, a ball of glass and a lamp
+CAMERAS = {"few things": {"objects": FEW, "lights": []}, "pinhole": {}, "lens": {"camera": LENS}}
+SLOW = [slow(*pair) for pair in (("pinhole", 1), ("pinhole", 8), ("lens", 1), ("lens", 8))]
 
 
 def picture(camera, session, seed):
@@ -24,7 +25,7 @@ def picture(camera, session, seed):
     return np.asarray(image).astype(np.float64)
 
 
-@pytest.mark.parametrize("camera", ["pinhole", slow("lens")])
+@pytest.mark.parametrize("camera", ["few things", *map(slow, ("pinhole", "lens"))])
 def test_one_lane_and_eight_give_pictures_that_agree(camera, monkeypatch):
     session = open_session()
     eight = [picture(camera, session, seed) for seed in range(4)]
@@ -36,7 +37,7 @@ def test_one_lane_and_eight_give_pictures_that_agree(camera, monkeypatch):
     assert np.isclose(one[:4], eight, rtol=1e-5, atol=1e-6).mean() > 0.98
 
 
-@pytest.mark.parametrize(("camera", "lanes"), [("pinhole", 1), *SLOW])
+@pytest.mark.parametrize(("camera", "lanes"), [("few things", 1), *SLOW])
 def test_passes_and_stream_give_pictures_that_agree(camera, lanes, monkeypatch):
     monkeypatch.setattr(Session, "lanes", lanes)
     session = open_session()

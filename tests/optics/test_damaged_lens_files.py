@@ -82,7 +82,7 @@ def test_damaged_files_load_or_are_refused_in_one_line(tmp_path, name):
     rows = [{"radius": 50, "thickness": 3, "diameter": 9, "glass": law}, {"diameter": 9}]
     user.write_text(json.dumps({"name": "user", "surfaces": rows}))
     refused = 0
-    for _ in range(120):
+    for _ in range(60):
         path.write_bytes(damaged(SOUND[name], chance))
         try:
             lens = load_lens(user if law else path)
@@ -91,7 +91,7 @@ def test_damaged_files_load_or_are_refused_in_one_line(tmp_path, name):
             refused += 1
             continue
         assert lens.surfaces
-    assert refused > 10
+    assert refused > 5
 
 
 BASE = {

@@ -27,7 +27,7 @@ from tests.optics.truth import NAMES, truth, truth_lens
 from tests.support.cases import one_in, slow
 
 
-@pytest.mark.parametrize("name", one_in(2, NAMES))
+@pytest.mark.parametrize("name", one_in(3, NAMES))
 def test_truth_rows(name):
     lens = truth_lens(name)
     for block in truth(name)["irradiance"]:
@@ -49,7 +49,7 @@ VIGNETTING = {
 }
 
 
-@pytest.mark.parametrize("case", one_in(2, [(case,) for case in VIGNETTING]))
+@pytest.mark.parametrize("case", one_in(3, [(case,) for case in VIGNETTING]))
 def test_vignetting_of_the_assignment_lenses(case):
     name, film, stop = case
     got = film_irradiance(load_lens(name).with_stop_diameter(stop), film, np.arange(8) * 5.0)
@@ -185,7 +185,7 @@ def test_pupils_that_are_no_disk_are_refused(name: str) -> None:
     assert disk_irradiance(lens, film_distance(lens, np.inf), NM) is None
 
 
-@pytest.mark.parametrize(("section", "along"), [("y", [0.0, 1.0]), ("x", [1.0, 0.0])])
+@pytest.mark.parametrize(("section", "along"), [slow("y", [0.0, 1.0]), ("x", [1.0, 0.0])])
 def test_vignetting_of_an_anamorphic_lens_is_that_of_its_section(section, along):
     lens = load_lens("anamorphic-100mm")
     setting = in_section(spots.setting(lens), section)

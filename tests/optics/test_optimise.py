@@ -364,6 +364,7 @@ def test_blur_of_a_rendered_zone_is_that_of_whole_renders():
     assert blur(lens, -99.0).value == math.inf  # no picture at all
 
 
+@pytest.mark.slow
 def test_a_zone_that_shows_nothing_or_gets_less_light_is_no_sharper():
     problem = read_problem(PICTURE | {"zones": [[0.97, 0.985, 0.48, 0.5]]})  # the edge, where searches went astray
     merit = MeritFunction(problem, {})

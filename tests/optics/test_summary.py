@@ -31,6 +31,7 @@ def test_image_circle_of_the_assignment_lenses(name, film, radius):
     assert not fan_passes(lens, film, circle * 1.001) and fan_passes(lens, film, circle * 0.9995)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("f_number", "middle"), [slow(11.0, True), (12.5, False), slow(13.0, False)])
 def test_image_circle_of_a_mirror_lens_ends_with_its_crescents_and_not_in_a_dark_middle(f_number, middle):
     lens = load_lens("mirror-500mm")
@@ -76,7 +77,9 @@ def test_working_f_number_in_another_medium(gap):
     assert working_f_number(lens, film) == pytest.approx(20.0 / 4.0)  # 1 / (2 n' u'), n' u' = 2 mm / 20 mm
 
 
-@pytest.mark.parametrize("name", ["biconvex", "dgauss-50mm", "human-eye", "mirror-500mm", "zoom-80-200mm"])
+@pytest.mark.parametrize(
+    "name", ["human-eye", *map(slow, ("biconvex", "dgauss-50mm", "mirror-500mm")), "zoom-80-200mm"]
+)
 def test_info_is_plain_json_for_every_bundled_lens(name):
     info = lens_info(load_lens(name))
     assert json.loads(json.dumps(info, allow_nan=False)) == info

@@ -160,6 +160,7 @@ def assert_alike(made: object, wanted: object, key: str = "scene") -> None:
         assert made == wanted, key
 
 
+@pytest.mark.slow
 def test_studio_is_what_its_script_makes(tmp_path: Path) -> None:
     """Meshes to a rounding step and pictures to the coding of another Pillow; a shifted vertex or colour shows."""
     subprocess.run([sys.executable, STUDIO / "make_studio.py", tmp_path], check=True)

@@ -64,8 +64,9 @@ def test_commands_of_the_page_are_those_of_its_figures(page: str) -> None:
     commands = {line for block in blocks for line in block.replace("\\\n", "").splitlines()}
     made = [*figures(), *(drawing for drawing in drawings() if drawing.words)]
     assert commands == {figure.command().replace("\\\n", "") for figure in made}
+    parser = build_parser()
     for line in commands:
-        parsed, unknown = build_parser().parse_known_args(shlex.split(line)[1:])
+        parsed, unknown = parser.parse_known_args(shlex.split(line)[1:])
         assert unknown == [] and ("scene" not in parsed or (ROOT / parsed.scene).is_file())
 
 
@@ -138,6 +139,7 @@ def test_script_refuses_a_part_of_no_name(capsys: pytest.CaptureFixture[str]) ->
     assert "no picture has a name with 'paper_6' in it" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_keeps_its_pictures_and_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

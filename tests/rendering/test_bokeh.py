@@ -107,6 +107,7 @@ def test_aimed_rays_find_lamps_that_others_find_by_chance():
     assert aimed.variance.mean() < plain.variance.mean() / 4  # 7 to 12 times less
 
 
+@pytest.mark.slow
 def test_aimed_rays_find_the_corners_of_a_polygon():
     """Left to other rays, pixels at corners of a hexagon are as much as ten times as bright as the lamp, or dark."""
     far = ball([0.13, -0.03, -30], 0.0018)
@@ -138,7 +139,7 @@ def test_a_session_takes_the_samples_of_a_render():
     assert image.metadata["lamps_aimed_at"] == whole.metadata["lamps_aimed_at"] == 4
 
 
-@pytest.mark.parametrize("layer", ["object_id", "pupil"])
+@pytest.mark.parametrize("layer", ["object_id", slow("pupil")])
 def test_layers_of_the_first_ray_have_rays_that_aim_at_nothing(layer):
     scene = CASES["thin"] | {"render": {"max_depth": 3, "layers": [layer]}}
     assert "lamps_aimed_at" not in rptcam_cl.render(scene, spp=1).metadata

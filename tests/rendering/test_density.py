@@ -249,6 +249,7 @@ def test_openvdb_without_its_library_is_refused(monkeypatch, tmp_path):
         rptcam_cl.render(tmp_path / "scene.json", spp=1)
 
 
+@pytest.mark.slow
 def test_transmittance_is_what_media_leave_on_the_way_to_what_is_seen():
     """Through fog to a wall, or on to the sky past a ball of water in it, whose boundary the layer looks through."""
     water = {"kind": "boundary", "interior": {"absorption_per_m": [0.0, 0.5, 4.0]}}

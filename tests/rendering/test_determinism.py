@@ -107,6 +107,7 @@ def test_variance_of_independent_samples_falls_as_one_over_their_number():
     assert noise(7, 64, INDEPENDENT).var() * 64 == pytest.approx(noise(8, 1, INDEPENDENT).var(), rel=0.06)
 
 
+@pytest.mark.slow
 def test_variance_of_smooth_light_falls_far_faster_on_the_lattice():
     assert noise(7, 64).var() < noise(7, 64, INDEPENDENT).var() / 15
     assert noise(7, 1024).var() < noise(7, 1024, INDEPENDENT).var() / 150

@@ -359,6 +359,7 @@ def test_waves_bring_the_aberrations_of_what_is_in_focus_alone():
     assert (left, right) == pytest.approx((1.0, 0.0), abs=1e-5) and middle == pytest.approx(0.4, abs=0.13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flip", [True, slow(False)])
 def test_rays_go_to_the_conjugates_of_their_film_points(monkeypatch, flip):
     """A small lamp at the conjugate of a place lights that place alone, and through the lens itself others too."""
@@ -421,6 +422,7 @@ def edge_transfer(film, pixel_mm, frequencies):
     return np.abs(turned @ line) / abs(line.sum()) / np.sinc(frequencies * pixel_mm / 2) ** 2
 
 
+@pytest.mark.slow
 def test_resumed_render_has_the_same_bits(tmp_path):
     small = edge_scene("on", 12)
     whole = rptcam_cl.render(small, spp=4)
@@ -442,6 +444,7 @@ def test_parts_are_merged_with_the_diffraction_of_the_whole(tmp_path):
     assert not np.array_equal(merged, whole["direct"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radiance", [slow(1e5), 5.0])
 def test_parts_whose_film_decides_are_merged_as_the_whole(tmp_path, radiance):
     lamp = {"shape": "sphere", "center": [0, 0, -10], "radius": 0.003, "material": {"kind": "emissive"}}
@@ -835,7 +838,7 @@ def test_lamps_are_as_bright_as_their_film_and_those_half_hidden_are_left():
     assert brightness(film, (0, 0), lamps) == pytest.approx(light * [[1], [1], [0]], rel=1e-6)
 
 
-@pytest.mark.parametrize(("waves", "pixel_mm", "shown"), [(7.5, 0.01, 1), (40.0, 0.03, 0), (7.5, 0.3, 0)])
+@pytest.mark.parametrize(("waves", "pixel_mm", "shown"), [(7.5, 0.01, 1), slow(40.0, 0.03, 0), (7.5, 0.3, 0)])
 def test_lamps_on_pixels_too_large_for_their_rings_have_the_film_of_the_rays(waves, pixel_mm, shown):
     scene = load_scene(lamp_scene(waves, 32)[0] | {"film": {"width_mm": 32 * pixel_mm, "resolution": [32, 32]}})
     found = replace(diffraction_of(scene), plan=make_plan(scene))
@@ -868,6 +871,7 @@ def test_nothing_moves_and_even_light_stays_even_where_the_image_circle_ends(mon
         assert moved.max() < 0.25  # of a pixel, a node lies 24 farther
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("columns", [3, slow(10)])
 def test_a_window_in_focus_is_even_and_keeps_its_light(columns):
     pixel = 10 / 50 * 0.018  # of 18 um, at 10 m
@@ -952,6 +956,7 @@ def test_a_lamp_beside_the_picture_lights_it_as_on_a_larger_film(right_px, camer
     assert whole[:, :32].sum() > 100
 
 
+@pytest.mark.slow
 def test_a_lamp_beside_the_picture_that_is_hidden_sends_nothing():
     wall = {"shape": "disk", "center": [30.3 * 0.0036, 0, -9.9], "normal": [0, 0, 1], "radius": 0.03,
             "material": {"kind": "emissive", "radiance": 1.0}}  # fmt: skip

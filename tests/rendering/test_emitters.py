@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.rendering.pictures import MATTE, flat_mean, lamp, looking, pixels, scene_of
-from tests.support.cases import fast
+from tests.support.cases import fast, slow
 from tests.support.statistics import assert_equivalent
 
 GROUND = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": MATTE}
@@ -170,7 +170,7 @@ def test_directional_light_is_exact():
     np.testing.assert_allclose(film * math.pi, expected, rtol=2e-6)
 
 
-@pytest.mark.parametrize("light", ["point", "directional"])
+@pytest.mark.parametrize("light", ["point", slow("directional")])
 def test_light_without_a_surface_is_blocked(light):
     lights = {
         "point": {"kind": "point", "position": [0, 0, 3], "intensity": [1, 1, 1]},
@@ -189,6 +189,7 @@ def test_lamp_turned_away_is_dark_and_a_two_sided_one_is_not():
     assert_irradiance(ground_under([bright]), "two-sided", parallel_rectangle(1.3, 0.7, 0.9, 2))
 
 
+@pytest.mark.slow
 def test_emitters_of_every_kind_add_up():
     disk = {"shape": "disk", "center": [0.8, 0, 1.1], "normal": [0, 0, -1], "radius": 0.6, "material": lamp([0, 5, 0])}
     wall = {"shape": "rectangle", "corner": [0, -0.7, 0], "edge_u": [0, 0, 1.2], "edge_v": [0.8, 0, 0]}

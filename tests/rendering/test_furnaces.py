@@ -46,7 +46,7 @@ def furnace(shape, material, scale=1.0, **options):
     return scene_of(objects, camera, environment=WHITE, metres_per_unit=scale, **options)
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e4], ids=["metres", "millimetres", "ten kilometres"])
+@pytest.mark.parametrize("scale", [slow(1.0), 1e-3, 1e4], ids=["metres", "millimetres", "ten kilometres"])
 @pytest.mark.parametrize("shape", CONVEX)
 def test_white_convex_body_vanishes_in_a_white_world(shape, scale):
     film = pixels(furnace(CONVEX[shape], MATTE, scale, depth=2), seed=seed_of(shape), spp=64)
@@ -71,7 +71,7 @@ def test_mirror_shows_the_world_times_its_tint():
     np.testing.assert_allclose(film, np.broadcast_to([1, 0.5, 0.25], film.shape), rtol=ROUND_TRIP)
 
 
-@pytest.mark.parametrize("index", [0.6, 1.0, 1.5, 2.4])
+@pytest.mark.parametrize("index", [0.6, slow(1.0), 1.5, slow(2.4)])
 @pytest.mark.parametrize("shape", ["sphere", "ellipsoid", "box"])
 def test_glass_vanishes_in_a_white_world(shape, index):
     glass = {"kind": "dielectric", "index": index}
@@ -115,9 +115,7 @@ def smith_reflectance(alpha, cosine):
     return float(np.where(wo[..., 2] > 0, (1 + own) / (1 + own + other), 0).mean())
 
 
-@pytest.mark.parametrize(
-    ("alpha", "degrees"), fast([(0.05, 0), (0.3, 85), (1.0, 60)], product((0.05, 0.3, 1.0), (0, 60, 85)))
-)
+@pytest.mark.parametrize(("alpha", "degrees"), fast([(0.3, 85), (1.0, 60)], product((0.05, 0.3, 1.0), (0, 60, 85))))
 def test_rough_metal_reflects_what_single_scattering_leaves(alpha, degrees):
     metal = {"kind": "conductor", "reflectance": 1.0, "alpha": alpha}
     angle = math.radians(degrees)
@@ -238,7 +236,7 @@ def test_roulette_keeps_the_mean_of_coloured_walls():
     assert_equivalent(mean, error, series, 0.006 * series)
 
 
-@pytest.mark.parametrize("roulette", [0, 2])
+@pytest.mark.parametrize("roulette", [slow(0), 2])
 def test_lamp_in_a_cavity_gives_the_series_of_form_factors(roulette):
     # a lamp of radius a in the middle of a sphere of radius 1: seen from the wall it fills a^2 of the cosine-weighted
     # hemisphere, and what it hides is lost, since it reflects nothing

@@ -136,6 +136,7 @@ def test_a_sun_in_a_picture_has_the_ghosts_of_a_sun(tmp_path: Path) -> None:
     assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)  # from below, as that of `sun`
 
 
+@pytest.mark.slow
 def test_a_barrel_adds_its_share_of_the_mean_film() -> None:
     bare, image = (rptcam_cl.render(scene(sun(170.0), objects=(ball(0),), **own))
                    for own in ({}, {"barrel_reflectance": 0.1}))  # fmt: skip
@@ -167,6 +168,7 @@ def test_what_the_front_scatters_is_taken_from_the_direct_light() -> None:
 DUSTY = {"front_scatter": [3e-3, 1e-4, 2.0]}
 
 
+@pytest.mark.slow
 def test_the_front_scatters_a_sun_beside_the_frame_as_rays_of_the_pupil_say(session: Session) -> None:
     travels = 0.2, 0.5, 0.842615
 
@@ -253,6 +255,7 @@ def test_ghosts_are_of_what_the_camera_sees(bare: rptcam_cl.Image, session: Sess
     np.testing.assert_array_equal(behind["ghosts"], bare["ghosts"])
 
 
+@pytest.mark.slow
 def test_a_sun_outside_of_the_frame_has_ghosts_within(session: Session) -> None:
     image = ghosts_alone(session, scene(sun(20.0), lens=MANY_PAIRS))  # 18 mm from the middle of a frame 24 mm high
     total, _ = expected(image, Beam(20.0), lens=load_lens(MANY_PAIRS))
@@ -341,6 +344,7 @@ def test_layers_colour_ghosts_as_their_closed_form_says(
     assert bool(colour[2] > colour[1]) is purple  # as coated lenses are
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["dispersive", *map(slow, ("auto", "rgb"))])
 def test_ghosts_of_a_line_have_the_reflectance_at_its_wavelength(mode: str, session: Session) -> None:
     line = 589.3
@@ -396,6 +400,7 @@ def test_a_lamp_has_the_ghosts_of_its_distance(session: Session) -> None:
     assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_bright_and_a_dim_lamp_have_the_ghosts_of_both(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ghost_film, "_LEAST_RAYS", 1 << 18)
 

@@ -52,8 +52,8 @@ def spot(radius_mm, width_mm):
 
 
 APERTURES = [("dgauss50", 0), ("dgauss50", 1), ("wide22", 0), ("planar_us583336", 0)]
-# Middle, half-way and edge of the field, stopped down, and of other lenses; the other rows are slow.
-CHOSEN = {("dgauss50", 0, 0), ("dgauss50", 0, 2), ("dgauss50", 1, 0), ("wide22", 0, 3)}
+# The edge of the field, and the middle stopped down; the other rows are slow.
+CHOSEN = {("dgauss50", 0, 2), ("dgauss50", 1, 0)}
 ROWS = [
     pytest.param(
         name,

@@ -81,6 +81,7 @@ def test_the_film_keeps_its_bits(picture):
     assert np.array_equal(plain.pixels, picture.pixels)
 
 
+@pytest.mark.slow
 def test_passes_have_the_bits_of_the_stream(picture, monkeypatch):
     monkeypatch.setattr(tracer, "ORGANISATION", dict.fromkeys(tracer.ORGANISATION, "passes"))
     passes = rc.render(SCENE)

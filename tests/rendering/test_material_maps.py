@@ -28,6 +28,7 @@ def spun(turn, strength, roughness=0.4):
     return {"kind": "principled", "metallic": 1.0, "anisotropy_rotation_degrees": turn} | stretch
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roughness", [0.4, slow({"kind": "gradient", "start": 0.4, "end": 0.4})])
 def test_constant_anisotropy_map_is_as_numbers(tmp_path, monkeypatch, roughness):
     monkeypatch.chdir(tmp_path)

@@ -74,7 +74,7 @@ def assert_sound(scene: Scene) -> None:
     assert load_scene(scene.model_dump(mode="json")).content_hash() == scene.content_hash()
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @given(st.data())
 def test_mutated_scene_is_sound_or_refused(data: st.DataObject) -> None:
     mutant = copy.deepcopy(data.draw(st.sampled_from(VALID)))

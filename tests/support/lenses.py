@@ -7,10 +7,10 @@ from _pytest.mark import ParameterSet
 
 from rptcam_cl.optics.library import list_lenses
 
-# Singlets, one of them diverging; aspheres; cylinders; mirrors; an open, a wide, a long and a tiny one; a zoom.
+# A diverging singlet; cylinders; a gradient index; mirrors; an open, a wide and a tiny one of aspheres; a zoom.
 CHOSEN = {
-    "achromat-100mm", "anamorphic-100mm", "asphere-1.4mm", "ball", "biconcave", "dgauss-50mm", "double-gauss-50mm-f1.1",
-    "fisheye-10mm", "human-eye", "mirror-500mm", "phone-5.6mm", "telephoto-250mm", "zoom-70-200mm",
+    "anamorphic-100mm", "biconcave", "dgauss-50mm", "fisheye-10mm", "human-eye", "mirror-500mm", "phone-5.6mm",
+    "zoom-70-200mm",
 }  # fmt: skip
 
 

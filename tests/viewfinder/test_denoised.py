@@ -81,6 +81,7 @@ def test_what_has_no_noise_stays_as_it_is() -> None:
         np.testing.assert_allclose(denoised(session, frame), frame.pixels, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_edges_between_things_stay_where_they_are() -> None:
     """A black ball before a white world: nothing of one goes over to the other."""
     black = {"shape": "sphere", "center": [0, 0, 0], "radius": 0.15, "material": {"kind": "matte", "reflectance": 0}}
@@ -130,6 +131,7 @@ def test_noise_that_is_seen_is_that_of_most_pixels_below_white() -> None:
     assert visible_noise(clean, clean) == 0
 
 
+@pytest.mark.slow
 def test_time_to_clean_falls_with_the_square_of_the_noise() -> None:
     with RenderSession(scene()) as session:
         frame = session.take(4)
@@ -143,6 +145,7 @@ def test_time_to_clean_falls_with_the_square_of_the_noise() -> None:
         assert found["spp"] == pytest.approx(4 * (found["noise"] / CLEAN) ** 2)
 
 
+@pytest.mark.slow
 def test_the_network_cleans_the_picture_at_rest_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pyoidn")
     monkeypatch.setattr(module, "NETWORK_S", 0.0)

@@ -177,6 +177,7 @@ def test_a_sequence_of_the_file_opens_as_it_stands_and_is_shown_frame_by_frame(f
 COMING = [{"time_s": 0, "translate": [0, 0, -2]}, {"time_s": 1, "translate": [0, 0, 0]}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("continuous", [True, slow(False)])
 def test_each_frame_has_the_focus_that_frames_find_for_it(folder: Path, continuous: bool) -> None:
     scene = yaml.safe_load(SCENE)

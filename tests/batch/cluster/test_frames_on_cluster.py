@@ -41,6 +41,7 @@ def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "scene.yaml"
 
 
+@pytest.mark.slow
 def test_frames_have_the_bytes_of_one_machine_and_those_that_are_there_are_kept(
     scene: Path,
     address: str,

@@ -131,6 +131,7 @@ def test_part_after_a_measurement_of_speed_has_all_tiles(scene_file: Path, tmp_p
     np.testing.assert_array_equal(whole.pixels, rptcam_cl.render(scene, size=(640, 480), spp=1).pixels)
 
 
+@pytest.mark.slow
 def test_parts_of_a_worker_have_the_sharp_layers_of_their_tiles(scene_file: Path, tmp_path: Path) -> None:
     layers = ("sharp_depth", "sharp_object_id", "crypto_object")
     scene, settings = load_scene(scene_file), RenderOptions(size=(24, 16), spp=2, layers=layers)

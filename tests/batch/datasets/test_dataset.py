@@ -126,7 +126,11 @@ def test_two_runs_share_a_folder_of_shards(place: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "words", [("dataset", "spec.yaml"), ("dataset", "spec.yaml", "--shard", "5"), ("sweep", "scene.yaml")]
+    "words",
+    [
+        ("dataset", "spec.yaml"),
+        *(slow(one) for one in (("dataset", "spec.yaml", "--shard", "5"), ("sweep", "scene.yaml"))),
+    ],
 )
 def test_links_in_a_folder_are_replaced_and_not_written_through(place: Path, words: tuple[str, ...]) -> None:
     more = ("--over", "film.width_mm=36,40") if words[0] == "sweep" else ()

@@ -58,6 +58,7 @@ def bytes_of(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
+@pytest.mark.slow
 def test_truth_of_a_frame_is_that_of_the_picture_of_its_scene(place: Path) -> None:
     *_, frame = dataset("spec.yaml", "out")
     image = render(read_specification("spec.yaml").frame(3)[1], layers=LABELS)

@@ -245,6 +245,7 @@ def test_copies_keep_the_spectrum(light, scene):
     assert changed.lights[0].intensity == colour
 
 
+@pytest.mark.slow
 def test_schema_takes_the_forms_and_refuses_their_faults():
     schema = scene_json_schema()
     jsonschema.Draft202012Validator.check_schema(schema)

@@ -106,6 +106,7 @@ def test_pane_of_coloured_glass():
     check(ground(coloured_glass(share)), (passed + reflected) * illuminant("F11"))
 
 
+@pytest.mark.slow
 def test_solid_that_absorbs():
     coefficient = 8 * np.exp(-(((WAVELENGTHS_NM - 610) / 15) ** 2))
     check(solid(absorbing(coefficient)), np.exp(-0.5 * known(coefficient)) * illuminant("F11"))

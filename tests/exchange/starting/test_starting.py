@@ -16,6 +16,7 @@ from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.assets.pictures import write_exr
 from rptcam_cl.scene.load import load_scene
 from tests.scene.assets.gltf_writer import GltfWriter, triangle
+from tests.support.cases import slow
 
 OCTAHEDRON = "\n".join(
     ["vt 0 0"]
@@ -43,7 +44,7 @@ def home(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("lens", ["dgauss-50mm", "fisheye-10mm"])
+@pytest.mark.parametrize("lens", ["dgauss-50mm", slow("fisheye-10mm")])
 def test_model_fills_two_thirds_of_a_rendered_frame(model: Path, home: Path, lens: str) -> None:
     start = starting_scene(home, model, lens=lens)
     start.copies.write()

@@ -8,6 +8,7 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.sensor import SensorModel, binned_exposure, expose, linear_picture
 from tests.imaging.sensor.sensors import Transfer, flat, photon_transfer, sensor
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent
 
 LEVELS = (0.02, 0.1, 0.25, 0.4, 0.6)
@@ -25,7 +26,7 @@ def transfer(chosen: SensorModel, size: int = 512) -> Transfer:
 
 
 @pytest.mark.parametrize(
-    "chosen", [MONO, replace(MONO, prnu=0.03, dsnu_e=20.0)], ids=["uniform pixels", "pixels that differ"]
+    "chosen", [slow(MONO), replace(MONO, prnu=0.03, dsnu_e=20.0)], ids=["uniform pixels", "pixels that differ"]
 )
 def test_photon_transfer_gives_back_gain_read_noise_and_full_well(chosen: SensorModel) -> None:
     found = transfer(chosen)

@@ -28,6 +28,7 @@ from rptcam_cl.optics.field_measures import (
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.spots import film_spots, mtf, point_image, psf_chart, setting, spot_chart
 from rptcam_cl.studies.focus.probe import FocusReport, ProbeRecord, Zone, focus_plot
+from tests.support.cases import fast, slow
 
 TESSAR = setting(load_lens("tessar-100mm"))
 WAVES = (486.1, 587.6, 656.3)
@@ -86,7 +87,7 @@ def undrawn(axes: Axes) -> Iterator[Text]:
                     yield text
 
 
-@pytest.mark.parametrize("name", CHARTS)
+@pytest.mark.parametrize("name", fast(["spots of one field", "mtf", "vignetting", "distortion", "contrast"], CHARTS))
 def test_chart_has_title_units_and_labels_that_can_be_read(name: str) -> None:
     figure = CHARTS[name]()
     assert figure.get_size_inches()[0] <= 8
@@ -127,7 +128,7 @@ def test_long_title_and_many_curves_stay_on_the_chart() -> None:
     check_labels(figure)
 
 
-@pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])
+@pytest.mark.parametrize("suffix", [".svg", *map(slow, (".png", ".pdf"))])
 def test_same_chart_gives_the_same_file_whatever_the_users_settings(suffix: str) -> None:
     path = Path(f"chart{suffix}")
     with matplotlib.rc_context({"font.size": 30, "axes.facecolor": "black"}):

@@ -9,6 +9,7 @@ from rptcam_cl import load_lens
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam, spot
 from rptcam_cl.optics.best_focus import axial_blur, best_film_distance
+from tests.support.cases import slow
 
 THIN = {
     "name": "thin",
@@ -43,7 +44,7 @@ def test_ideal_lens_has_the_limits_of_the_formula():
         assert row["blur_mm"] < 1e-4
 
 
-@pytest.mark.parametrize(("name", "number", "focus_m"), [("dgauss-50mm", 2.8, 2.0), ("wide-22mm", 5.6, 1.5)])
+@pytest.mark.parametrize(("name", "number", "focus_m"), [("dgauss-50mm", 2.8, 2.0), slow("wide-22mm", 5.6, 1.5)])
 def test_points_at_the_limits_of_a_real_lens_blur_as_wide_as_the_circle(name, number, focus_m):
     lens = load_lens(name)
     row = lens.depth_of_field([focus_m], [number], circle_mm=0.0288).table[0]

@@ -125,7 +125,7 @@ def test_a_film_that_is_shifted_has_the_table_of_a_larger_one(lens: str, monkeyp
     assert shared(near).table is found.table
 
 
-@pytest.mark.parametrize("method", ["thick", "spot"])
+@pytest.mark.parametrize("method", ["thick", slow("spot")])
 def test_states_of_a_cell_have_one_table_and_others_their_own(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scene_of("dgauss-50mm", 30, 1.5, stop_diameter_mm=8.1, focus={"distance_m": 1.5, "method": method})
     first = shared(scene)
@@ -180,7 +180,7 @@ def test_light_on_the_axis_is_that_of_a_state_with_its_own_table(colour: Any) ->
     "lens, camera",
     [
         pytest.param("anamorphic-100mm", {}, marks=pytest.mark.slow),
-        ("mirror-500mm", {}),
+        slow("mirror-500mm", {}),
         ("dgauss-50mm", {"movements": {"tilt_degrees": 3}}),
         ("dgauss-50mm", {"focus": {"film_distance_mm": 20.0}}),
     ],

@@ -10,6 +10,7 @@ from rptcam_cl.rendering.cameras.lens_records import ENOUGH, disperses, fewest_t
 from rptcam_cl.scene.film import Film
 from tests.optics.truth import truth
 from tests.rendering.cameras.beams import ASSIGNMENT, film_beam, generator, neighbours, on_device
+from tests.support.cases import slow
 from tests.support.lenses import each_lens
 
 DISPERSIVE = [name for name in list_lenses() if disperses(load_lens(name))]
@@ -175,7 +176,7 @@ def test_colour_of_a_single_lens_on_the_axis_is_that_of_paraxial_optics():
     assert sampling < 0.005 * got
 
 
-@pytest.mark.parametrize("name", ["achromat-100mm", "petzval-51mm", "anamorphic-100mm", "zoom-35-51mm"])
+@pytest.mark.parametrize("name", ["achromat-100mm", "petzval-51mm", *map(slow, ("anamorphic-100mm", "zoom-35-51mm"))])
 def test_colour_error_stays_within_its_sampling_error_with_more_rays(name, monkeypatch):
     lens = load_lens(name)
     film = Film(resolution=(300, 200), width_mm=24)

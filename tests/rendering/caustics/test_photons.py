@@ -50,6 +50,7 @@ def difference_in_errors(one, other):
     return (a.mean - b.mean) / np.sqrt(a.variance + b.variance)
 
 
+@pytest.mark.slow
 def test_photons_bring_the_light_that_paths_find():
     name = "photons against paths"
     with_photons, by_paths = (batches(glasses(caustics=c), f"{name} {c}", 8, spp=128) for c in ("on", "off"))

@@ -16,11 +16,12 @@ from tests.rendering.layers.scenes import (
     pixel_grid,
     world,
 )
+from tests.support.cases import fast
 
 GEOMETRY = ["depth", "distance", "position", "normal", "geometric_normal", "object_id", "uv", "pupil"]
 
 
-@pytest.fixture(scope="module", params=CAMERAS)
+@pytest.fixture(scope="module", params=fast(["environment", "thin_lens", "double_gauss"], CAMERAS))
 def camera(request):
     return request.param
 

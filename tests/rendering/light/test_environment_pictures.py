@@ -14,6 +14,7 @@ from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session
 from tests.rendering.light.pictures import irradiance, rough_sky, save_exr
 from tests.rendering.pictures import MATTE, looking, scene_of, seed_of
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent, assert_same_tiles, sampled
 
 SKY = {"kind": "image", "file": "sky.exr"}
@@ -53,7 +54,7 @@ def ground(normal, **rest):
     return n, scene_of([square], camera, depth=2, resolution=(64, 64), environment={**SKY, "up": [0, 1, 0], **rest})
 
 
-@pytest.mark.parametrize("normal", [(0, 1, 0), (0, -1, 0.1), (0.6, 0.8, 0), (-1, 0.1, 0.3)])
+@pytest.mark.parametrize("normal", [(0, -1, 0.1), (0.6, 0.8, 0), *map(slow, ((0, 1, 0), (-1, 0.1, 0.3)))])
 def test_irradiance_is_that_of_quadrature(folder: Path, normal) -> None:
     n, scene = ground(normal)
     expected = irradiance(rough_sky(), n)

@@ -95,7 +95,7 @@ SLAB = {"shape": "box", "min": [-30, -30, 0.6], "max": [30, 30, 0.62], "material
 @pytest.mark.parametrize(
     ("objects", "rest", "edges", "expected"),
     [
-        (GLOBE, {}, 4, radiosity_under_globe),
+        slow(GLOBE, {}, 4, radiosity_under_globe),
         slow(PANED, {}, 3, radiosity_under_pane),
         ([DARK_FLOOR, SLAB], SUNNY, 12, lambda place: 1e-3 * radiosity_under_sun(place)),
         slow([FLOOR, ROOF], SUNNY, 3, radiosity_under_sun),

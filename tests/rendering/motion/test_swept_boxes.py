@@ -6,6 +6,7 @@ import pytest
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.motion.pictures import PINHOLE, scene_with
+from tests.support.cases import fast
 
 
 def movements_of(frames, eye=(0, 0, 0)):
@@ -38,7 +39,7 @@ WAYS = {
 }
 
 
-@pytest.mark.parametrize("name", WAYS)
+@pytest.mark.parametrize("name", fast(["part of a turn", "a screw"], WAYS))
 def test_box_holds_the_body_at_every_moment(name):
     movements, trajectory = movements_of(WAYS[name])
     rng = np.random.default_rng(3)

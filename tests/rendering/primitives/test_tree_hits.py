@@ -94,6 +94,7 @@ def test_hits_from_a_far_start_are_those_of_the_loop(session, monkeypatch, dista
     assert (np.unique(expected.primitive) >= 0).sum() > 100
 
 
+@pytest.mark.slow
 def test_hits_among_meshes_are_those_of_the_loop(session, monkeypatch):
     rng = rng_of("meshes")
     points, faces = globe(12, 16)

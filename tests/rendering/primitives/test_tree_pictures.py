@@ -95,6 +95,7 @@ def painted(objects):
     return [entry | {"material": {"kind": "matte", "reflectance": colours}} for entry in objects]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "objects",
     [slow(ROOM["objects"]), painted(ROOM["objects"][:1]) + ROOM["objects"][1:], slow(painted(ROOM["objects"]))],

@@ -74,6 +74,7 @@ def edge_width(lens, film_distance_mm, window_mm, name, wavelength_nm):
     return 4 * np.sqrt(x**2 @ steps - (x @ steps) ** 2 - pixel**2 / 12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("v", fast([3], FIGURE_4))
 def test_blur_of_figure_4(v):
     lens, film_distance_mm = load_lens(singlet(v)), SINGLET_BACK_MM[15]
@@ -190,6 +191,7 @@ def test_noise_of_one_wavelength_is_the_least_that_there_is():
     assert colour == pytest.approx(found["least"][1], rel=0.05)
 
 
+@pytest.mark.slow
 def test_light_that_meets_no_dispersive_glass_has_the_noise_of_rgb():
     pictures = {mode: pixels({**room(GLASS_BALL), "spectrum": mode}, seed=3, spp=4) for mode in ("rgb", "dispersive")}
     same = np.isclose(pictures["rgb"], pictures["dispersive"], rtol=1e-5, atol=1e-6).all(axis=-1)

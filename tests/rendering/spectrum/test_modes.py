@@ -78,6 +78,7 @@ def one_reflection():
     return scene_of(objects, camera, lights=lights, environment=WHITE, depth=2, resolution=(48, 32))
 
 
+@pytest.mark.slow
 def test_colours_that_reflect_white_light_once_are_the_same_in_spectra():
     scene = one_reflection()
     found = {mode: batches({**scene, "spectrum": mode}, f"once {mode}", 8, spp=64) for mode in ("rgb", "spectral")}

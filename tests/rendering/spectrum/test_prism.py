@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from rptcam_cl.optics.library import load_lens
 from tests.rendering.pictures import pixels, scene_of, seed_of
+from tests.support.cases import slow
 
 HALF_APEX = np.radians(20)
 LINES_NM = {"mercury": (435.83, 546.07, 578.0), "lasers": (457.9, 514.5, 632.8)}
@@ -65,7 +66,7 @@ def spectroscope(glass, lines, straight, spectrum):
     return scene_of([wedge, slit], camera, depth=3, resolution=(WIDTH, 8), spectrum=spectrum)
 
 
-@pytest.mark.parametrize(("glass", "lamp"), [("SF11", "mercury"), ("N-BK7", "lasers")])
+@pytest.mark.parametrize(("glass", "lamp"), [("SF11", "mercury"), slow("N-BK7", "lasers")])
 def test_lines_stand_at_their_angles(glass, lamp):
     lines = LINES_NM[lamp]
     straight = least_deviation(index(glass, lines[1])) / 2

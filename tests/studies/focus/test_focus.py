@@ -44,10 +44,10 @@ CASES = {
     "thin lens": (THIN | POSE, 50, 2.0, CENTRE),
     "focusing group": (lens_camera(with_group()), 250, 30.0, CENTRE),
 }
-SLOW = ("double Gauss f/2", "wide f/5.6", "telephoto f/5.6", "singlet f/10", "doublet f/8", "thick lens")
+QUICK = "double Gauss f/2.8 off axis"
 
 
-@pytest.mark.parametrize("name", [slow(name) if name in SLOW else name for name in CASES])
+@pytest.mark.parametrize("name", fast([QUICK], CASES))
 def test_contrast_is_greatest_where_the_spot_is_least(name):
     camera, focal_length, distance, zone = CASES[name]
     scene = scene_of([wall(distance, focal_length)], camera)
@@ -174,7 +174,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", fast(["flat", "too near"], REFUSED))
+@pytest.mark.parametrize("name", fast(["flat"], REFUSED))
 def test_target_without_contrast_is_refused_and_nothing_moves(name):
     objects, rest, message = REFUSED[name]
     scene = scene_of(objects, lens_camera("dgauss-50mm"), **rest)

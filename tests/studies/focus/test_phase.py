@@ -106,6 +106,7 @@ def test_even_light_without_noise_is_flat():
     assert match is None or match.refusal == "flat"
 
 
+@pytest.mark.slow
 def test_halves_of_the_probe_show_the_target_side_by_side():
     probe = probe_of(scene_of([target(4.0, 3.0, noise(100))], DGAUSS))
     state = probe.drive.state_for(4.0, CENTRE) + 4 * probe.drive.depth_of_focus

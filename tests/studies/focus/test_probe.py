@@ -277,6 +277,7 @@ def test_pixels_without_rays_show_what_lies_beside_them():
     assert not mean_light(whole, 0 * whole).any()
 
 
+@pytest.mark.slow
 def test_lamp_out_of_focus_before_a_wall_is_no_noise_of_its_zone():
     glow = {"kind": "emissive", "radiance": 1e5}
     lamp = {"shape": "sphere", "center": [0.01, 0.0, -0.9], "radius": 0.0004, "material": glow}

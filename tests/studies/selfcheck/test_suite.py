@@ -31,7 +31,10 @@ def cache_of_few_kernels(monkeypatch, tmp_path):
     monkeypatch.setattr(selfcheck_suite, "pocl_cache_folder", lambda: tmp_path)
 
 
-LONG = {"ways through a lens", "organisation", "tree of shapes", "leaks"}
+LONG = {
+    "ways through a lens", "organisation", "tree of shapes", "leaks", "real lenses", "tree of a mesh", "self-hits",
+    "light in closed rooms",
+}  # fmt: skip
 
 
 def checks_of(session, name):
@@ -219,6 +222,7 @@ def test_report_of_a_card_has_every_section_and_the_known_picture(small_report, 
     assert report["launches"]["longest of each kernel"]["value"]["stream"] > 0
 
 
+@pytest.mark.slow
 def test_speed_of_a_report_is_paths_over_the_seconds_of_their_round(session, monkeypatch):
     ticks = itertools.count()
     monkeypatch.setattr(selfcheck_suite.time, "perf_counter", lambda: float(next(ticks)))

@@ -107,6 +107,7 @@ def test_most_accurate_way_traces_in_float32_whatever_the_scene_says():
     assert most_accurate(load_scene(SCENE, ["camera.precision=double"])).scene.camera.precision == "single"
 
 
+@pytest.mark.slow
 def test_device_without_float64_is_said_not_to_compare_it(monkeypatch):
     session = Session(choose_device())
     monkeypatch.setattr(session, "info", replace(session.info, fp64=False))
@@ -324,6 +325,7 @@ def test_picture_without_light_is_refused(tmp_path, capsys):
     assert "the picture is black, so that there is nothing to compare" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_even_picture_has_no_noise_and_takes_a_sample(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
     even = {"camera": PINHOLE, "film": TINY, "environment": {"kind": "constant", "radiance": 0.5}}

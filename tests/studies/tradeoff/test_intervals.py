@@ -92,6 +92,7 @@ def test_light_that_no_two_pictures_miss_in_the_same_pixel_is_missing_all_the_sa
     assert found.bias.value == pytest.approx(missing**2, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fall", [slow(1.0), 1.5])
 def test_fall_of_noise_is_found(fall):
     rng, trials = np.random.default_rng(8), 20

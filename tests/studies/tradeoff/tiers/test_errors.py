@@ -7,9 +7,10 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.studies.tier_models import TIERS, equivalent, first_order_camera
 from rptcam_cl.studies.tiers import choose_camera
 from tests.studies.tradeoff.tiers.cases import LENSES, errors_of, scene_of, stop_mm, truth_of
+from tests.support.cases import one_in
 
 
-@pytest.mark.parametrize("lens", LENSES)
+@pytest.mark.parametrize("lens", one_in(2, LENSES))
 def test_tiers_agree_with_the_traced_lens_to_first_order(lens):
     """On a film of 1 mm behind a twentieth of the aperture, what is left is of third order."""
     scene = scene_of(

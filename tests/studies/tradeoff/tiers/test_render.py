@@ -26,6 +26,7 @@ def test_picture_is_that_of_the_chosen_camera_and_says_so():
     assert np.array_equal(np.asarray(image), np.asarray(other))
 
 
+@pytest.mark.slow
 def test_chosen_camera_shows_what_the_traced_lens_does():
     """A lamp's middle and brightness agree within what the choice allows."""
     film = {"resolution": [64, 64], "width_mm": 10}
