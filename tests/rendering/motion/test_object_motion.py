@@ -180,7 +180,6 @@ def test_no_light_is_lost_in_a_white_world(session, item):
     np.testing.assert_allclose(picture, 1, rtol=2e-5)
 
 
-@pytest.mark.slow
 def test_tree_over_primitives_changes_no_bit(session, monkeypatch):
     rng = np.random.default_rng(7)
     kinds = [name for name in SHAPES if name != "mesh"]
