@@ -104,6 +104,8 @@ def test_edges_between_things_stay_where_they_are() -> None:
 def test_page_sees_denoised_pictures_and_files_and_the_last_one_are_as_they_are(tmp_path: Path) -> None:
     file = tmp_path / "ball.yaml"
     file.write_text(SCENE.replace("spp: 8", "spp: 64"))
+    with RenderSession(load_scene(file)) as session:  # so that the kernels are there before the picture is done
+        denoised(session, session.take(2))
     with serving(file) as (_, server), page(server) as client:
         client.frame(lambda header: header["denoised"])
         last = client.frame(lambda header: header["spp"] == 64)
