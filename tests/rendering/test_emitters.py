@@ -189,7 +189,6 @@ def test_lamp_turned_away_is_dark_and_a_two_sided_one_is_not():
     assert_irradiance(ground_under([bright]), "two-sided", parallel_rectangle(1.3, 0.7, 0.9, 2))
 
 
-@pytest.mark.slow
 def test_emitters_of_every_kind_add_up():
     disk = {"shape": "disk", "center": [0.8, 0, 1.1], "normal": [0, 0, -1], "radius": 0.6, "material": lamp([0, 5, 0])}
     wall = {"shape": "rectangle", "corner": [0, -0.7, 0], "edge_u": [0, 0, 1.2], "edge_v": [0.8, 0, 0]}

@@ -55,12 +55,14 @@ LOSSES = {
 # Each loss once, and each kind of lens with those that it could get wrong; all pairs are slow.
 CHOSEN = [
     *(("dgauss-50mm", losses) for losses in LOSSES),
+    ("planar-1897", "glass"),
     ("asphere-1.4mm", "mgf2"),
+    ("split dioptre", "bare"),
     ("split dioptre", "glass"),
     ("human-eye", "glass"),
 ]
 CHOSEN_OF_MANY = [
-    ("dgauss-50mm", "three layers"),
+    ("dgauss-50mm", "mgf2"),
     ("planar-1897", "measured"),
     ("split dioptre", "glass"),
 ]

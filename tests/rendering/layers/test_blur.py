@@ -125,7 +125,6 @@ TILTED = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("place", [(0.15, 0.15), *map(slow, ((0.85, 0.15), (0.15, 0.85)))])
 def test_tilted_lens_blurs_each_corner_in_its_own_way(place):
     width_mm, columns, rows, depth = 18.0, 360, 240, 1.2

@@ -22,7 +22,7 @@ def rng_of(name: str) -> np.random.Generator:
     return np.random.default_rng(list(name.encode()))
 
 
-@pytest.mark.parametrize("place", [slow((0, 0, 0)), slow((1000, -2000, 500)), (148376, 1234, -223423)])
+@pytest.mark.parametrize("place", [slow((0, 0, 0)), (1000, -2000, 500), slow((148376, 1234, -223423))])
 def test_no_ray_leaks_through_edges_or_vertices(session, place):
     assert leaks(session, place, rng_of(f"leaks {place}"), 200_000, 100) == 0
 

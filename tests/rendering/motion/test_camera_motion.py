@@ -69,7 +69,6 @@ def test_exposure_is_the_mean_of_still_pictures(session, camera):
         assert_same_tiles(blurred, exposures(still(1), session, "middle", **options))
 
 
-@pytest.mark.slow
 def test_part_of_the_way_is_the_mean_of_that_part(session):
     part = exposures(moving(open_s=0.8, time_s=0.7), session, "part", spp=64)
 

@@ -41,8 +41,7 @@ def near(moment, still):
 SHARE = 0.2  # of the exposure, after which all paths fall on the film in a copy of the kernels
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("t", [0.4, 1.7])
+@pytest.mark.parametrize("t", [slow(0.4), 1.7])
 @pytest.mark.parametrize("group", [slow("coated"), slow("bent"), "open"])
 def test_exposure_at_one_time_is_the_still_picture(session, group, t):
     items = [

@@ -191,7 +191,6 @@ def test_noise_of_one_wavelength_is_the_least_that_there_is():
     assert colour == pytest.approx(found["least"][1], rel=0.05)
 
 
-@pytest.mark.slow
 def test_light_that_meets_no_dispersive_glass_has_the_noise_of_rgb():
     pictures = {mode: pixels({**room(GLASS_BALL), "spectrum": mode}, seed=3, spp=4) for mode in ("rgb", "dispersive")}
     same = np.isclose(pictures["rgb"], pictures["dispersive"], rtol=1e-5, atol=1e-6).all(axis=-1)
