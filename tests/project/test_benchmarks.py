@@ -313,6 +313,15 @@ def test_features_look_alike_in_both_renderers(checkout: Path, tmp_path: Path) -
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba (extra `bench`) is not installed")
+@pytest.mark.skipif(find_llvm() is None, reason="no LLVM library for mitsuba's llvm variants")
+def test_caustics_look_alike_in_both_renderers(checkout: Path, tmp_path: Path) -> None:
+    _, results = quick(checkout, tmp_path, "mitsuba_photons")
+    for found in results:
+        assert abs(found["differs"]) < 0.003 + 4 * found["error"], found["scene"]
+
+
+@pytest.mark.slow
 def test_lens_for_mitsuba_aims_at_all_that_passes() -> None:
     found, lens = prescription(reference_scene("A_lens")), load_lens("dgauss-50mm")
     rng, count = np.random.default_rng(1), 4000
