@@ -22,18 +22,59 @@ def run() -> int:
     Its end does not take apart what the process has in memory, which the system takes back sooner.
     """
     _open_closed_streams()
+    command = None
+    if os.environ.get("RPTCAM_RESIDENT") and sys.argv[1:2] != ["resident"]:
+        from rptcam_cl.core.errors import InputError
+        from rptcam_cl.core.resident import Command
+
+        try:
+            command = Command.begun()
+        except InputError as problem:
+            print(f"error: {problem}", file=sys.stderr)
+            return problem.exit_code
+        if command is not None and (code := command.run_there()) is not None:
+            return code
     python_interrupt = signal.getsignal(signal.SIGINT)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    ended_with = _prepare()
+    from rptcam_cl.cli import main
+
+    signal.signal(signal.SIGINT, python_interrupt)
+    code = main()
+    if command is not None:
+        command.leave_resident()
+    ended_with.append(code)
+    return code
+
+
+def stay(minutes: float) -> int:
+    """Be the resident process; in each that it forks for a command, return that one's exit code."""
+    from rptcam_cl.core.resident import Resident
+
+    resident = Resident()
+    ended_with = _prepare()
+    from rptcam_cl.api import job  # noqa: F401 -- what most commands import
+    from rptcam_cl.cli import main, render  # noqa: F401
+    from rptcam_cl.core.files import example_scenes
+    from rptcam_cl.device.drivers import import_binding
+    from rptcam_cl.rendering.plan.plan import make_plan
+    from rptcam_cl.scene.load import load_scene
+
+    import_binding()
+    make_plan(load_scene(example_scenes()["colour_chart"]))  # so that the schema of scenes is there, and much else
+    resident.serve(minutes)
+    ended_with.append(main())
+    return ended_with[0]
+
+
+def _prepare() -> list[int]:
+    """Set what is to be set before anything else is imported; return the list that the exit code goes into."""
     ended_with: list[int] = []
     atexit.register(_leave, ended_with)  # the first, so that it comes last
     gc.set_threshold(LITTER, 20, 20)
     for name, value in QUICK_TO_START.items():
         os.environ.setdefault(name, value)
-    from rptcam_cl.cli import main
-
-    signal.signal(signal.SIGINT, python_interrupt)
-    ended_with.append(main())
-    return ended_with[0]
+    return ended_with
 
 
 def _open_closed_streams() -> None:

@@ -47,6 +47,7 @@ COMMANDS = {
     "camera": ("camera", "the camera for computer vision: intrinsics, distortion, pose"),
     "devices": ("first_steps", "list the OpenCL devices"),
     "doctor": ("first_steps", "report on versions, devices and caches; check the devices"),
+    "resident": ("first_steps", "say which processes stay for quick starts, or end them"),
     "schema": ("first_steps", "print the JSON schema of scene or lens files"),
 }
 

@@ -1,5 +1,5 @@
 """First steps: ``rptcam examples`` and ``rptcam view``; ``rptcam settle``, ``convert`` and ``new``, which make scene
-files; ``devices``, ``doctor`` and ``schema``."""
+files; ``devices``, ``doctor``, ``resident`` and ``schema``."""
 
 import argparse
 import contextlib
@@ -7,6 +7,7 @@ import importlib.util
 import io
 import os
 import shlex
+import signal
 import sys
 import tempfile
 import threading
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options, size
 from rptcam_cl.cli.output import SCENE_SUFFIXES, add_device, add_scene, as_bytes, as_json, loaded_scene, port, positive
-from rptcam_cl.core import files
+from rptcam_cl.core import files, resident
 from rptcam_cl.core.errors import DeviceError, InputError, NumericError
 
 if TYPE_CHECKING:
@@ -508,6 +509,33 @@ def run_doctor(arguments: argparse.Namespace) -> int:
     if failed:
         what = "1 check" if failed == 1 else f"{failed} checks"
         raise NumericError(f"{what} failed; please send the report above to the authors")
+    return 0
+
+
+# ``rptcam resident``: the processes that stay after commands.
+
+
+def add_resident(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("--stop", action="store_true", help="end them; commands that they have begun go on")
+
+
+def run_resident(arguments: argparse.Namespace) -> int:
+    """Say which processes stay after commands, so that the next ones start sooner, and what memory they hold. They do
+    while the environment variable RPTCAM_RESIDENT holds a number of minutes, on Linux.
+    """
+    if sys.platform != "linux":
+        raise InputError("rptcam resident: is for Linux alone; here every command runs by itself")
+    there = list(resident.residents())
+    for process in there:
+        pages = int(Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1])
+        if arguments.stop:
+            os.kill(process, signal.SIGTERM)
+        ends = "ended" if arguments.stop else "stays"
+        print(f"process {process} {ends}: {pages * os.sysconf('SC_PAGE_SIZE') >> 20} MiB")
+    if not there:
+        minutes = resident.minutes_to_stay()
+        print(f"none stays; {resident.VARIABLE} {f'is {minutes:g} minutes' if minutes else 'is not set: none will'}")
     return 0
 
 

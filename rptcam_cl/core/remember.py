@@ -344,11 +344,16 @@ def code_digest() -> str:
 
     Of files that have changed since this process began it is one that no other has: what runs is not what lies there.
     """
-    files = sorted([*_code(package_dir(), ""), *_code(kernels_dir(), "kernels/")])
+    files = code_files()
     stats = [(path, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns) for _, path, stat in files]
     digest = Disk("code").find_or_make(stats, lambda: _digest([each[:2] for each in files]))
     changed = any(stat.st_mtime > STARTED for _, _, stat in files)
     return content_name(digest, STARTED, platform.node(), os.getpid())[:16] if changed else digest
+
+
+def code_files() -> list[tuple[str, str, os.stat_result]]:
+    """List the files that decide a picture: their names, their paths, and what the system says of them."""
+    return sorted([*_code(package_dir(), ""), *_code(kernels_dir(), "kernels/")])
 
 
 def _code(folder: str | Path, place: str) -> Iterator[tuple[str, str, os.stat_result]]:

@@ -486,14 +486,26 @@ def load_opencl() -> Any:
     DeviceError
         When it cannot be imported.
     """
-    os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
     for name in AS_BEFORE_POCL_7:
         os.environ.setdefault(name, "0")
     if sys.platform.startswith("linux"):
         make_pocl_cache_usable()
         _show_intel_runtime()
+    return import_binding()
+
+
+def import_binding() -> Any:
+    """Return the module ``pyopencl``, without a look at drivers; only to be imported by a process that forks others.
+
+    Raises
+    ------
+    DeviceError
+        When it cannot be imported.
+    """
+    os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
     try:
         import pyopencl
+        import pyopencl.characterize  # wanted by the first build
     except Exception as error:  # a missing library, or a cache folder that a user has set
         raise DeviceError(f"pyopencl cannot be imported ({error}); {to_install()}") from error
     return pyopencl
