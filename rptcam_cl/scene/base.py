@@ -143,6 +143,10 @@ def read_number(value: Any) -> float:
     return number
 
 
+# pydantic asks for it for each of the 444 fields that are checked so, and else finds it anew
+read_number.__signature__ = inspect.signature(read_number)  # type: ignore[attr-defined]
+
+
 def number_at(value: Any, path: tuple[int, ...]) -> float:
     """Return a finite float that float32 can hold, from the given place inside a value."""
     try:
@@ -409,15 +413,28 @@ def file_references(
 @lru_cache(maxsize=256)
 def _fields_with_files(model: type[SceneModel]) -> tuple[str, ...]:
     """Return the fields of a model below which its types allow a part that names a file."""
-    return tuple(name for name, field in model.model_fields.items() if _may_name_files(field.annotation, set()))
+    return tuple(name for name, parts in _parts_of(model).items() if _may_name_files(parts))
 
 
-def _may_name_files(annotation: Any, seen: set[type]) -> bool:
-    """Return whether a type allows a part that names a file, in types that were not seen before."""
-    if isinstance(annotation, type) and issubclass(annotation, SceneModel):
-        if annotation in seen:
-            return False
-        seen.add(annotation)
-        fields = annotation.model_fields.values()
-        return issubclass(annotation, FileReference) or any(_may_name_files(each.annotation, seen) for each in fields)
-    return annotation is Any or any(_may_name_files(part, seen) for part in get_args(annotation))
+def _may_name_files(parts: frozenset[Any]) -> bool:
+    """Return whether parts, or what is below them, name a file or may be anything."""
+    ahead, seen = set(parts), set()
+    while ahead:
+        if Any in ahead or any(issubclass(part, FileReference) for part in ahead):
+            return True
+        seen |= ahead
+        ahead = set().union(*(below for part in ahead for below in _parts_of(part).values())) - seen
+    return False
+
+
+@lru_cache(maxsize=256)
+def _parts_of(model: type[SceneModel]) -> dict[str, frozenset[Any]]:
+    """Return the models that the type of each field has in it, and Any where it has that."""
+
+    def parts(annotation: Any) -> Iterator[Any]:
+        if annotation is Any or (isinstance(annotation, type) and issubclass(annotation, SceneModel)):
+            yield annotation
+        for part in get_args(annotation):
+            yield from parts(part)
+
+    return {name: frozenset(parts(field.annotation)) for name, field in model.model_fields.items()}
