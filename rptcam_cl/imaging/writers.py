@@ -271,8 +271,8 @@ def save_truth(
     _write_mask(written[2], layers["sharp_class_id"])
     if "pupil_depth" in layers:
         written.append(depth)
-        with files.replacing(depth) as temporary, temporary.open("xb") as stream:
-            np.save(stream, layers["pupil_depth"])
+        with files.replacing(depth) as temporary:
+            formats.write_npy(temporary, layers["pupil_depth"])
     rays = {name: layers[name] for name in ("ray_origin", "ray_direction") if name in layers}
     if rays:
         written.append(files.resolve_links(folder / f"{prefix}rays.npz"))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.beams import ChiefRays, aimed_rays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.charts import add_key, new_chart, series, styled
-from rptcam_cl.optics.irradiance import on_axis_irradiance
+from rptcam_cl.optics.irradiance import t_number
 from rptcam_cl.optics.lens import Lens, film_distance, focus_reach_mm, nearest_object_distance, shift_of
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission
 from rptcam_cl.rendering.cameras.pupil import FilmGrid, by_content
@@ -343,7 +343,7 @@ def breathing_table(
             tangent = film_width_mm / 2 * abs(thick.slope[0])
             first = tangent if first is None else first
             ahead = 1000 * distance - state.film_z(film_distance_mm)  # of the first vertex
-            speeds = (_f_number(state, film_distance_mm, wavelength_nm, losses) for losses in (IDEAL, transmission))
+            speeds = (t_number(state, film_distance_mm, wavelength_nm, losses) for losses in (IDEAL, transmission))
             row: Row = {
                 "zoom": name,
                 "focus_distance_m": distance if math.isfinite(distance) else None,
@@ -355,10 +355,6 @@ def breathing_table(
             }
             rows.append(row | dict(zip(("working_f_number", "t_number"), speeds, strict=True)))
     return rows
-
-
-def _f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
-    return math.sqrt(math.pi / (4 * on_axis_irradiance(lens, film_distance_mm, wavelength_nm, losses)))
 
 
 def breathing_csv(rows: Sequence[Row]) -> str:

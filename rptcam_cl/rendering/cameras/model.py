@@ -765,7 +765,7 @@ def values_per_irradiance(time_s: float, iso: float) -> float:
     return LUMENS_PER_WATT * time_s * iso / _SATURATION_LX_S
 
 
-def working_f_number(on_axis_irradiance: float) -> float:
+def f_number_by_light(on_axis_irradiance: float) -> float:
     """Return the f-number of the aplanatic lens that lights the film's centre as much: 1 / (2 sin u')."""
     return math.sqrt(math.pi / (4.0 * on_axis_irradiance))
 
@@ -797,8 +797,8 @@ def exposed(model: CameraModel, scene: Scene) -> CameraModel:
         per_value = on_axis * scale
     per_value *= exposure.factor
     if on_axis is not None:
-        metadata["working_f_number"] = working_f_number(on_axis / model.passed)
-        metadata["t_number"] = working_f_number(on_axis)
+        metadata["working_f_number"] = f_number_by_light(on_axis / model.passed)
+        metadata["t_number"] = f_number_by_light(on_axis)
         metadata["values_per_irradiance"] = per_value / on_axis
     record = model.record.copy()
     record["exposure"] = _in_float32(per_value / model.axial_weight)
@@ -812,7 +812,7 @@ def _photographic(scene: Scene, on_axis: float) -> CameraMetadata:
         **({} if exposure.f_number is None else {"f_number": exposure.f_number}),
         "exposure_time_s": time_s,
         "iso": exposure.iso,
-        "ev100": math.log2(working_f_number(on_axis) ** 2 / time_s * 100.0 / exposure.iso),
+        "ev100": math.log2(f_number_by_light(on_axis) ** 2 / time_s * 100.0 / exposure.iso),
         "exposure_ev": exposure.ev,
         "neutral_density_stops": exposure.neutral_density_stops,
     }

@@ -350,11 +350,9 @@ def _brushed_shares(
     return tables, means
 
 
-def _pack_table(table: NDArray[np.float32]) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
-    return {"table": table}, {}
-
-
-_DISK = Disk("facets", ("core", "rendering/plan"), pack=_pack_table, unpack=lambda arrays, _: arrays["table"])
+_DISK = Disk(
+    "facets", ("core", "rendering/plan"), pack=lambda own: ({"table": own}, {}), unpack=lambda held, _: held["table"]
+)
 
 
 @remember(most=1, disk=_DISK)
