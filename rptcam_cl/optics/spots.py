@@ -777,8 +777,7 @@ def _wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
 
 def _steepest(wave: PupilFunction) -> float:
     """Return by how much a wavefront on its sphere differs at most from one cell in the pupil to the next [waves]."""
-    waves = np.where(wave.coverage >= 0.5, wave.waves_on_sphere, np.nan)
-    return float(np.nanmax([np.nanmax(np.abs(np.diff(waves, axis=axis))) for axis in (0, 1)]))
+    return wave_optics.largest_step(np.where(wave.coverage >= 0.5, wave.waves_on_sphere, np.nan))
 
 
 def _rms(wave: PupilFunction) -> list[float]:

@@ -160,7 +160,7 @@ def pupil_function(
     if across is not None:
         return exit_rays.on_grid(across)
     pupil = exit_rays.on_grid(ACROSS)
-    steepest = _steepest(pupil)
+    steepest = largest_step(np.where(pupil.coverage > 0, pupil.waves, np.nan))
     if steepest <= STEP:
         return pupil
     return exit_rays.on_grid(min(int(np.ceil(ACROSS * steepest / STEP)), MOST_ACROSS))
@@ -176,10 +176,9 @@ def check_wavefront(lens: Lens, beam: Beam) -> None:
         raise InputError(f"{lens.name}: a half lens has no single wavefront, so its diffraction is not known")
 
 
-def _steepest(pupil: PupilFunction) -> float:
-    """Return the largest difference of path between neighbouring cells of the pupil [waves]."""
-    waves = np.where(pupil.coverage > 0, pupil.waves, np.nan)
-    steps = np.concatenate([np.abs(np.diff(waves, axis=axis)).ravel() for axis in (0, 1)])
+def largest_step(path: Array) -> float:
+    """Return the largest difference between neighbouring cells (rows, columns) that have a number; 0 without any."""
+    steps = np.concatenate([np.abs(np.diff(path, axis=axis)).ravel() for axis in (0, 1)])
     return float(np.max(steps, where=np.isfinite(steps), initial=0.0))
 
 
@@ -363,7 +362,7 @@ class ExitRays:
         finite = np.isfinite(points).all(axis=-1) & _near(of)
         passes = np.zeros(shape, dtype=bool)
         passes[finite] = self._passes(points[finite])
-        edge: Mask = finite & _by_an_edge(passes)
+        edge: Mask = finite & by_an_edge(passes)
         if any(isinstance(surface.stop_shape, StopMask) for surface in self.lens.surfaces):
             edge = np.asarray(finite)  # the holes of a mask may be smaller than a cell
         coverage = passes.astype(np.float64)
@@ -386,7 +385,7 @@ def _coverage_by_places(limits: Sequence[tuple[Surface, Array, Array]], shape: t
     passing = [surface.clears(x, y) for surface, x, y in limits]
     passes = np.logical_and.reduce(passing) if limits else np.ones(shape, dtype=bool)
     has_mask = any(isinstance(surface.stop_shape, StopMask) for surface, _, _ in limits)
-    edge = np.ones(shape, dtype=bool) if has_mask else _by_an_edge(passes)  # holes may be smaller than a cell
+    edge = np.ones(shape, dtype=bool) if has_mask else by_an_edge(passes)  # holes may be smaller than a cell
     parts = np.ones((int(edge.sum()), FINER**2), dtype=bool)
     within = (np.arange(FINER) + 0.5) / FINER - 0.5
     moves = np.stack(np.meshgrid(within, within), axis=-1).reshape(-1, 2)
@@ -417,7 +416,7 @@ def _mirrored_nodes(right: _Nodes, nodes: int) -> _Nodes:
     return both(points, odd), (both(plane), both(sphere)), np.stack([both(each, odd) for each in places]), known
 
 
-def _by_an_edge(passes: Mask) -> Mask:
+def by_an_edge(passes: Mask) -> Mask:
     """Return which cells touch one that differs."""
     return _near(passes) & _near(~passes)
 

@@ -14,6 +14,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.device.session import Session
+from rptcam_cl.optics.waves import largest_step
 from rptcam_cl.rendering import point_spread
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays
 from rptcam_cl.rendering.cameras.film_pupil import Arrivals, FilmPupil, FilmPupils, by_an_edge
@@ -279,9 +280,7 @@ class PointOpening:
         InputError
             When its path changes too fast over the opening.
         """
-        path = np.where(self.inside, self.rays(*self.axes)[0], np.nan)
-        steps = [np.abs(np.diff(path, axis=axis)).ravel() for axis in (0, 1)]
-        steepest = float(np.nanmax(np.concatenate(steps))) / (self.nm * 1e-6)
+        steepest = largest_step(np.where(self.inside, self.rays(*self.axes)[0], np.nan)) / (self.nm * 1e-6)
         parts = int(np.ceil(max(steepest / STEEP, CLEAR * units / COARSE, 1.0)))
         if parts * COARSE > MOST_ACROSS:
             raise InputError("camera.diffraction: the wavefront of a lamp is too steep")
@@ -624,8 +623,7 @@ def cells_for(wave: PointWave, nm: float) -> int:
 
 def _steepest(wave: PointWave) -> float:
     """Return how much the path of a wavefront changes from one cell to the next at most [mm]."""
-    path = np.where(wave.flux > 0, wave.path_mm, np.nan)
-    return float(np.nanmax(np.concatenate([np.abs(np.diff(path, axis=axis)).ravel() for axis in (0, 1)])))
+    return largest_step(np.where(wave.flux > 0, wave.path_mm, np.nan))
 
 
 def source_of(point: Array, film_z: float) -> Array:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import waves as wave_optics
 from rptcam_cl.optics.beams import without_rims
 from rptcam_cl.optics.film_probe import cells, grid, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ghosts import with_wider_stop
@@ -536,10 +537,7 @@ def _axes(box: Array, count: int) -> tuple[Array, Array]:
 
 def by_an_edge(inside: Mask) -> Mask:
     """Return which cells touch one that differs; outside of the grid nothing is open."""
-    wide = np.pad(inside, 1)
-    count = len(inside)
-    near = [wide[i : i + count, j : j + count] for i in range(3) for j in range(3)]
-    return np.asarray(np.logical_or.reduce(near) & ~np.logical_and.reduce(near))
+    return wave_optics.by_an_edge(np.pad(inside, 1))[1:-1, 1:-1]
 
 
 # Half pupils: the line that parts the pupil into two halves of equal light, as a zone of the picture sees it.
