@@ -34,19 +34,14 @@ _NUMPY_TYPE: dict[str, tuple[str, tuple[int, ...]]] = {
 class Record:
     """A struct of the device: name and ``(type, member)`` pairs in order; of a union the members lie upon each other.
 
-    A type is one of OpenCL C or a record that stands before; where it is declared, several members may share it.
-    ``facts`` are pairs of a fact that kernels are compiled for and the member that it follows from: it is 1 where some
-    record has an index there, which is not negative.
+    A type is one of OpenCL C or a record that stands before. ``facts`` are pairs of a fact that kernels are compiled
+    for and the member that it follows from: it is 1 where some record has an index there, which is not negative.
     """
 
     name: str
     members: tuple[tuple[str | Record, str], ...]
     is_union: bool = False
     facts: tuple[tuple[str, str], ...] = ()
-
-    def __post_init__(self) -> None:
-        pairs = ((kind, member) for kind, names in self.members for member in names.split())
-        object.__setattr__(self, "members", tuple(pairs))
 
     @cache  # noqa: B019 -- records are declared once
     def dtype_of(self, real: str) -> np.dtype[np.void]:
@@ -91,6 +86,13 @@ class Record:
         return {fact: int(np.any(records[member] >= 0)) for fact, member in self.facts}
 
 
+def declare(
+    name: str, *members: tuple[str | Record, str], is_union: bool = False, facts: tuple[tuple[str, str], ...] = ()
+) -> Record:
+    """Return a record of types and members, as in C: members of one type that belong together may share it."""
+    return Record(name, tuple((kind, each) for kind, names in members for each in names.split()), is_union, facts)
+
+
 def fill(records: NDArray[np.void] | np.void, **values: Any) -> None:
     """Write members of a record, or of all of an array, by their names; short vectors fill the first numbers."""
     for name, value in values.items():
@@ -118,165 +120,146 @@ ODD_TERMS = 12
 LOSS_TABLE_NM, LOSS_TABLE_LENGTH = 380, 401  # one number per nm
 MOST_LAYERS = 12  # of a stack on a surface
 
-SURFACE = Record(
+SURFACE = declare(
     "Surface",
-    (
-        # All in the frame of travel: millimetres, z along the direction of travel.
-        ("real", "curvature"),  # positive when the centre lies ahead
-        ("real", "gap"),  # from the previous vertex
-        ("real", "semi_diameter2"),
-        ("real", "eta"),  # index before over index after
-        ("real", "conic"),
-        ("real", "weight_x weight_y"),  # 1, or 0 where a cylinder is straight
-        ("real", "half_width half_height edge edge_x edge_y"),  # region
-        ("real", "centre_x centre_y"),  # of the rectangle and the circles of the region
-        ("real", "radius2 inner_radius2"),
-        ("real", "stop_radius"),  # half the side of a mask
-        ("real", "refracts"),  # 0 where the media before and after are the same, -1 where a mirror turns z round
-        ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
-        ("real", f"odd[{ODD_TERMS}]"),  # coefficients of r, r^3, ...
-        ("real", "offset[4]"),  # pose
-        ("real", "rotation[12]"),  # rows of a 3x3 matrix
-        ("real", f"dispersion[{DISPERSION_TERMS}]"),  # eta over the inverse wavelength, constant first
-        ("real", "layer"),  # index of a quarter-wave layer, 0 without one; these are for kernels/lens/coating.h
-        ("real", "layer_turns"),  # turns of its phase at a right angle; with tables times the wavelength [nm]
-        ("real", f"stack[{2 * MOST_LAYERS}]"),  # of layers from behind: index, turns of the phase as above, halved
-        ("real", f"extinction[{MOST_LAYERS}]"),  # of the same layers
-        ("real", "index"),  # before the surface
-        ("real", "gain"),  # of the transmittance over that of the bare surface
-        ("real", "attenuation"),  # before the surface [1/mm], 0 before the first one
-        ("real", "inner_semi_diameter2"),
-        ("real", "own[4]"),  # what a kind with numbers of its own writes in its `fill`
-        ("int", "kind even_terms odd_terms posed region inverted"),
-        ("int", "stop_count"),  # edges of the outline, or cells along a side of the mask, that shape the stop
-        ("int", "stop_shape"),
-        ("int", "index_table"),  # where tables over the wavelength stand behind the shape of the stop, -1 without one
-        ("int", "gain_table attenuation_table"),
-        ("int", "stacked"),  # layers of the stack
-    ),
+    # All in the frame of travel: millimetres, z along the direction of travel.
+    ("real", "curvature"),  # positive when the centre lies ahead
+    ("real", "gap"),  # from the previous vertex
+    ("real", "semi_diameter2"),
+    ("real", "eta"),  # index before over index after
+    ("real", "conic"),
+    ("real", "weight_x weight_y"),  # 1, or 0 where a cylinder is straight
+    ("real", "half_width half_height edge edge_x edge_y"),  # region
+    ("real", "centre_x centre_y"),  # of the rectangle and the circles of the region
+    ("real", "radius2 inner_radius2"),
+    ("real", "stop_radius"),  # half the side of a mask
+    ("real", "refracts"),  # 0 where the media before and after are the same, -1 where a mirror turns z round
+    ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
+    ("real", f"odd[{ODD_TERMS}]"),  # coefficients of r, r^3, ...
+    ("real", "offset[4]"),  # pose
+    ("real", "rotation[12]"),  # rows of a 3x3 matrix
+    ("real", f"dispersion[{DISPERSION_TERMS}]"),  # eta over the inverse wavelength, constant first
+    ("real", "layer"),  # index of a quarter-wave layer, 0 without one; these are for kernels/lens/coating.h
+    ("real", "layer_turns"),  # turns of its phase at a right angle; with tables times the wavelength [nm]
+    ("real", f"stack[{2 * MOST_LAYERS}]"),  # of layers from behind: index, turns of the phase as above, halved
+    ("real", f"extinction[{MOST_LAYERS}]"),  # of the same layers
+    ("real", "index"),  # before the surface
+    ("real", "gain"),  # of the transmittance over that of the bare surface
+    ("real", "attenuation"),  # before the surface [1/mm], 0 before the first one
+    ("real", "inner_semi_diameter2"),
+    ("real", "own[4]"),  # what a kind with numbers of its own writes in its `fill`
+    ("int", "kind even_terms odd_terms posed region inverted"),
+    ("int", "stop_count"),  # edges of the outline, or cells along a side of the mask, that shape the stop
+    ("int", "stop_shape"),
+    ("int", "index_table"),  # where tables over the wavelength stand behind the shape of the stop, -1 without one
+    ("int", "gain_table attenuation_table"),
+    ("int", "stacked"),  # layers of the stack
 )
 
-PINHOLE_CAMERA = Record(
+PINHOLE_CAMERA = declare(
     "PinholeCamera",
-    (
-        ("float", "half_width"),  # tangents of half the field of view; of a parallel view its half widths [m]
-        ("float", "half_height"),
-        ("float", "near_distance"),  # [m]
-    ),
+    ("float", "half_width half_height"),  # tangents of half the field; of a parallel view half widths [m]
+    ("float", "near_distance"),  # [m]
 )
 
-THIN_LENS_CAMERA = Record(
+THIN_LENS_CAMERA = declare(
     "ThinLensCamera",
-    (
-        ("float", "half_width half_height"),  # tangents of half the field of view
-        ("float", "focus_distance"),  # of the plane of focus [m]
-        ("float", "aperture_radius"),  # [m]
-    ),
+    ("float", "half_width half_height"),  # tangents of half the field of view
+    ("float", "focus_distance"),  # of the plane of focus [m]
+    ("float", "aperture_radius"),  # [m]
 )
 
-THICK_LENS_CAMERA = Record(
+THICK_LENS_CAMERA = declare(
     "ThickLensCamera",
-    (
-        ("float", "film_half_width film_half_height"),  # [mm]
-        ("float", "weight"),  # of a ray along the axis
-        ("float", "metres_per_mm"),
-        ("float", "first_vertex_z"),  # in the camera's frame [m]
-        ("float", "film_slope_per_film"),  # slope at the film per mm of the film point
-        ("float", "film_slope_per_pupil"),  # and per radius of the pupil
-        ("float", "height_per_film"),  # height in the plane of the first vertex [mm], likewise
-        ("float", "height_per_pupil"),
-        ("float", "slope_per_film"),  # slope in the scene, likewise
-        ("float", "slope_per_pupil"),
-    ),
+    ("float", "film_half_width film_half_height"),  # [mm]
+    ("float", "weight"),  # of a ray along the axis
+    ("float", "metres_per_mm"),
+    ("float", "first_vertex_z"),  # in the camera's frame [m]
+    ("float", "film_slope_per_film"),  # slope at the film per mm of the film point
+    ("float", "film_slope_per_pupil"),  # and per radius of the pupil
+    ("float", "height_per_film"),  # height in the plane of the first vertex [mm], likewise
+    ("float", "height_per_pupil"),
+    ("float", "slope_per_film"),  # slope in the scene, likewise
+    ("float", "slope_per_pupil"),
 )
 
-PUPIL_CIRCLE = Record(
+PUPIL_CIRCLE = declare(
     "PupilCircle",
-    (
-        ("float", "shift"),  # of its centre per mm of the film point
-        ("float", "radius"),  # [mm]
-    ),
+    ("float", "shift"),  # of its centre per mm of the film point
+    ("float", "radius"),  # [mm]
 )
 
-PUPIL_GRID = Record(
+PUPIL_GRID = declare(
     "PupilGrid",  # cells of boxes, or outlines along a film radius, whole numbers of them
-    (("float", "per_mm_across per_mm_down across down"),),
+    ("float", "per_mm_across per_mm_down across down"),
 )
 
-PUPIL_LINES = Record(
+PUPIL_LINES = declare(
     "PupilLines",  # outlines along lines from the axis outwards, whole numbers of them
-    (
-        ("float", "per_quarter"),  # lines in a quarter of a turn
-        ("float", "nodes"),  # of a line
-        ("float", "lines"),
-    ),
+    ("float", "per_quarter"),  # lines in a quarter of a turn
+    ("float", "nodes"),  # of a line
+    ("float", "lines"),
 )
 
-PUPIL = Record(
+PUPIL = declare(
     "Pupil",  # see kernels/lens/pupil.h
-    ((PUPIL_CIRCLE, "circle"), (PUPIL_GRID, "grid"), (PUPIL_LINES, "lines")),
+    (PUPIL_CIRCLE, "circle"),
+    (PUPIL_GRID, "grid"),
+    (PUPIL_LINES, "lines"),
     is_union=True,
 )
 
-REALISTIC_CAMERA = Record(
+REALISTIC_CAMERA = declare(
     "RealisticCamera",
-    (
-        ("float", "film_half_width film_half_height"),  # [mm]
-        ("float", "film_distance"),  # from the film to the last vertex [mm]
-        ("float", "gain"),  # of every ray's weight
-        ("float", "metres_per_mm"),
-        ("float", "first_vertex_z"),  # in the camera's frame [m]
-        ("int", "surfaces"),
-        ("int", "first_polynomial"),  # where they stand behind the pupil's table
-        (PUPIL, "pupil"),
-    ),
+    ("float", "film_half_width film_half_height"),  # [mm]
+    ("float", "film_distance"),  # from the film to the last vertex [mm]
+    ("float", "gain"),  # of every ray's weight
+    ("float", "metres_per_mm"),
+    ("float", "first_vertex_z"),  # in the camera's frame [m]
+    ("int", "surfaces"),
+    ("int", "first_polynomial"),  # where they stand behind the pupil's table
+    (PUPIL, "pupil"),
 )
 
-OWN_CAMERA = Record(
+OWN_CAMERA = declare(
     "OwnCamera",  # what a camera of each kind has of its own; an environment camera has nothing
-    (
-        (PINHOLE_CAMERA, "pinhole"),
-        (THIN_LENS_CAMERA, "thin_lens"),
-        (THICK_LENS_CAMERA, "thick_lens"),
-        (REALISTIC_CAMERA, "realistic"),
-    ),
+    (PINHOLE_CAMERA, "pinhole"),
+    (THIN_LENS_CAMERA, "thin_lens"),
+    (THICK_LENS_CAMERA, "thick_lens"),
+    (REALISTIC_CAMERA, "realistic"),
     is_union=True,
 )
 
-HALF_PUPIL = Record(
+HALF_PUPIL = declare(
     "HalfPupil",  # see kernels/lens/half_pupil.h
-    (
-        ("float", "normal_x normal_y"),  # of the line that parts the pupil
-        ("float", "offset"),  # of the line along its normal
-        ("float", "share"),  # of the film point by which the line moves
-        ("int", "beyond"),  # whether the half beyond the line is meant
-    ),
+    ("float", "normal_x normal_y"),  # of the line that parts the pupil
+    ("float", "offset"),  # of the line along its normal
+    ("float", "share"),  # of the film point by which the line moves
+    ("int", "beyond"),  # whether the half beyond the line is meant
 )
 
-CAMERA = Record(
+CAMERA = declare(
     "Camera",
-    (
-        ("float4", "right up back"),
-        # Of a film that is moved (cameras/setting.py), x to the right, y up, z away from the lens: [mm], or in
-        # film distances of a camera without a lens of surfaces.
-        ("float4", "film_centre"),  # w: 1 / film distance [1/m]
-        ("float4", "film_across"),  # half the film
-        ("float4", "film_up"),
-        ("float4", "film_normal"),  # unit
-        # Of a lens whose axis is folded: rows of scene_from_lens, w: the origin of the lens [mm]
-        ("float4", "fold_x fold_y fold_z"),
-        ("float", "width"),  # [pixels]
-        ("float", "height"),
-        ("float", "per_width per_height"),  # 1 / width, negative where the picture is shown as it lies on the film
-        ("float", "exposure"),  # factor of every ray's weight
-        ("float", "wavelength"),  # of all rays, where they have one [nm]
-        (HALF_PUPIL, "half_pupil"),
-        (OWN_CAMERA, "own"),
-        ("int", "lamp_table"),  # see kernels/lens/lamp_aim.h: where it stands among the tables
-        ("int", "lamp_across lamp_down"),  # blocks of pixels
-        ("int", "lamp_shift"),  # log2 of their side
-        ("int", "conjugates"),  # see kernels/lens/stigmatic.h: where they stand among the tables
-    ),
+    ("float4", "right up back"),
+    # Of a film that is moved (cameras/setting.py), x to the right, y up, z away from the lens: [mm], or in
+    # film distances of a camera without a lens of surfaces.
+    ("float4", "film_centre"),  # w: 1 / film distance [1/m]
+    ("float4", "film_across"),  # half the film
+    ("float4", "film_up"),
+    ("float4", "film_normal"),  # unit
+    # Of a lens whose axis is folded: rows of scene_from_lens, w: the origin of the lens [mm]
+    ("float4", "fold_x fold_y fold_z"),
+    ("float", "width"),  # [pixels]
+    ("float", "height"),
+    ("float", "per_width per_height"),  # 1 / width, negative where the picture is shown as it lies on the film
+    ("float", "exposure"),  # factor of every ray's weight
+    ("float", "wavelength"),  # of all rays, where they have one [nm]
+    (HALF_PUPIL, "half_pupil"),
+    (OWN_CAMERA, "own"),
+    ("int", "lamp_table"),  # see kernels/lens/lamp_aim.h: where it stands among the tables
+    ("int", "lamp_across lamp_down"),  # blocks of pixels
+    ("int", "lamp_shift"),  # log2 of their side
+    ("int", "conjugates"),  # see kernels/lens/stigmatic.h: where they stand among the tables
 )
 
 
@@ -522,104 +505,96 @@ def kind_constants() -> list[str]:
     return [f"#define {prefix}_{kind.name} {kind.value}" for prefix, kinds in _PREFIXES.items() for kind in kinds]
 
 
-PRIMITIVE = Record(
+PRIMITIVE = declare(
     "Primitive",
-    (
-        # rows of object_from_world; of a sphere: centre and radius, x axis and handedness, z axis; of curves see
-        # kernels/geometry/cubic_curve.h, and for the last three members too
-        ("float4", "row_x row_y row_z"),
-        ("int", "material"),
-        ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
-        # of a mesh; of rectangles and disks how many share its plane, rendering/plan/geometry.py
-        ("int", "instance first_triangle"),
-    ),
+    # rows of object_from_world; of a sphere: centre and radius, x axis and handedness, z axis; of curves see
+    # kernels/geometry/cubic_curve.h, and for the last three members too
+    ("float4", "row_x row_y row_z"),
+    ("int", "material"),
+    ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
+    # of a mesh; of rectangles and disks how many share its plane, rendering/plan/geometry.py
+    ("int", "instance first_triangle"),
 )
 
-INSTANCE = Record(
+INSTANCE = declare(
     "Instance",
-    (
-        ("float4", "row_x row_y row_z"),  # rows of mesh_from_world
-        ("float4", "world_x world_y world_z"),  # rows of world_from_mesh
-        ("int", "root"),  # of its tree
-        ("int", "first_primitive primitives reserved_0"),
-    ),
+    ("float4", "row_x row_y row_z"),  # rows of mesh_from_world
+    ("float4", "world_x world_y world_z"),  # rows of world_from_mesh
+    ("int", "root"),  # of its tree
+    ("int", "first_primitive primitives reserved_0"),
 )
 
-SEGMENT = Record(
+SEGMENT = declare(
     "Segment",  # of the way of an object that moves, see kernels/geometry/movement.h
-    (
-        ("float4", "pivot"),  # of its turns, at rest [m]; w: when the segment begins [s]
-        ("float4", "shift"),  # at the beginning [m]; w: 1 / duration [1/s]
-        ("float4", "travel"),  # during the segment [m]; w: turns
-        ("float4", "axis"),
-        ("float4", "turn"),  # at the beginning: quaternion x, y, z, w
-    ),
+    ("float4", "pivot"),  # of its turns, at rest [m]; w: when the segment begins [s]
+    ("float4", "shift"),  # at the beginning [m]; w: 1 / duration [1/s]
+    ("float4", "travel"),  # during the segment [m]; w: turns
+    ("float4", "axis"),
+    ("float4", "turn"),  # at the beginning: quaternion x, y, z, w
 )
 
 ONCE_TERMS = 8
 SHARE_SIDES = {"ALPHAS": 16, "COSINES": 32, "TURNS": 12}  # of the tables of kernels/material/facet_shares.h
 
-MATERIAL = Record(
+MATERIAL = declare(
     "Material",
+    # w of a colour, here and elsewhere: its number among the spectra of the scene, from 1; 0 where it has none
+    ("float4", "color"),  # reflectance, base colour, or radiance of an emissive material
+    ("float4", "metal_n metal_k"),  # refractive index n + i k of a metal
+    ("float4", "cover"),  # of rough plastic: share of light that its cover reflects, as a quartic in 1 - cos
+    ("float4", "absorption"),  # [1/m] behind the surface; of thin glass the optical depth
+    ("float4", "specular_color"),  # of the dielectric's reflectance at normal incidence
+    ("float4", "sheen"),  # colour of light that the fibres of a cloth send back
+    # logarithm of the share of light that a white sheen sends back: a quartic in root cos
+    ("float4", "sheen_cover"),
+    ("float4", "glow"),  # radiance emitted by a surface that also scatters
     (
-        # w of a colour, here and elsewhere: its number among the spectra of the scene, from 1; 0 where it has none
-        ("float4", "color"),  # reflectance, base colour, or radiance of an emissive material
-        ("float4", "metal_n metal_k"),  # refractive index n + i k of a metal
-        ("float4", "cover"),  # of rough plastic: share of light that its cover reflects, as a quartic in 1 - cos
-        ("float4", "absorption"),  # [1/m] behind the surface; of thin glass the optical depth
-        ("float4", "specular_color"),  # of the dielectric's reflectance at normal incidence
-        ("float4", "sheen"),  # colour of light that the fibres of a cloth send back
-        # logarithm of the share of light that a white sheen sends back: a quartic in root cos
-        ("float4", "sheen_cover"),
-        ("float4", "glow"),  # radiance emitted by a surface that also scatters
-        (
-            "float4",
-            "passed",
-        ),  # of glass the factor on what it refracts, of a leaf the share that it passes
-        ("float4", "inside"),  # colour of the medium that light enters, where a texture gives it
-        ("float4", "hair"),  # variance along a fibre, scale round it, sine of the tilt, depth of its colour
-        ("int", "kind"),
-        ("int", "textured"),  # whether texture coordinates are wanted
-        ("float", "parameter"),  # index of refraction; of matte the variance of slopes; 1 where a lamp's back shines
-        ("float", "alpha"),  # GGX alpha along u; with a roughness texture what it is multiplied by
-        ("float", "alpha_across"),
-        ("float", "internal"),  # of plastic: share of diffuse light that the cover sends back down
-        ("float", "cover_last metallic specular transmission coat"),
-        ("float", "coat_alpha"),  # with a texture what it is multiplied by
-        ("float", "sheen_last"),  # of `sheen_cover`
-        ("float", "sheen_alpha"),
-        ("float", "sheen_peak"),  # density of normals in the surface
-        ("float", "sheen_half"),  # logarithm of Lambda at 60 degrees
-        ("float", "opacity"),
-        ("float", "cutoff"),  # of an opacity mask; 0 where rays pass with a probability
-        ("float", "factor"),  # of a mix: share of the second material; of a measured one of facets in sampling
-        # of a mix: the two materials; of a measured one the word where its table starts, of a film 1 more
-        ("int", "first second"),
-        ("int", "texture"),  # indices of the textures that replace values, or -1: of the colour
-        ("int", "glow_texture roughness_texture metallic_texture coat_texture coat_roughness_texture"),
-        ("int", "sheen_texture opacity_texture factor_texture normal_texture anisotropy_texture"),
-        ("float", "normal_strength anisotropy_strength"),
-        ("int", "dispersion_terms"),  # of the polynomial of the index over the inverse wavelength; 0: `parameter`
-        ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
-        ("float", "dispersion_high"),
-        ("float", f"dispersion[{DISPERSION_TERMS}]"),
-        ("float", f"once_outside[{ONCE_TERMS}]"),  # of rough glass: the light that facets scatter once, by the cosine
-        ("float", f"once_inside[{ONCE_TERMS}]"),
-        ("float", "anisotropy_turn"),  # of the direction of `alpha`, from u towards v [turns]
-        ("int", "specular_texture specular_color_texture coat_normal_texture"),
-        ("float", "coat_normal_strength"),
-        ("int", "coat_flat"),  # whether the coat has the normals of the shape, and not those of `normal_texture`
-        ("int", "transmission_texture passed_texture inside_texture bump_texture"),
-        ("float", "bump_height"),  # of a texture of 1 [m]; of bumps over u and v in scene units [scene units]
-        ("int", "bump_lengths"),
-        ("int", "interior"),  # number of the medium in a solid that light enters, in a scene with media; else -1
-        ("int", "share_table"),  # of rough glass: where its table starts, kernels/material/facet_shares.h
-        ("int", "share_levels"),  # of the alphas of a texture, 1 without one; 0 without a table
-        ("int", "share_turns"),
-        ("int", "brushed_table"),  # of brushed facets: where their tables start,
-        ("int", "brushed_alphas"),  # and for how many alphas each way: 1 of its own, 0 without a table
-        ("int", "reserved_0"),
-    ),
+        "float4",
+        "passed",
+    ),  # of glass the factor on what it refracts, of a leaf the share that it passes
+    ("float4", "inside"),  # colour of the medium that light enters, where a texture gives it
+    ("float4", "hair"),  # variance along a fibre, scale round it, sine of the tilt, depth of its colour
+    ("int", "kind"),
+    ("int", "textured"),  # whether texture coordinates are wanted
+    ("float", "parameter"),  # index of refraction; of matte the variance of slopes; 1 where a lamp's back shines
+    ("float", "alpha"),  # GGX alpha along u; with a roughness texture what it is multiplied by
+    ("float", "alpha_across"),
+    ("float", "internal"),  # of plastic: share of diffuse light that the cover sends back down
+    ("float", "cover_last metallic specular transmission coat"),
+    ("float", "coat_alpha"),  # with a texture what it is multiplied by
+    ("float", "sheen_last"),  # of `sheen_cover`
+    ("float", "sheen_alpha"),
+    ("float", "sheen_peak"),  # density of normals in the surface
+    ("float", "sheen_half"),  # logarithm of Lambda at 60 degrees
+    ("float", "opacity"),
+    ("float", "cutoff"),  # of an opacity mask; 0 where rays pass with a probability
+    ("float", "factor"),  # of a mix: share of the second material; of a measured one of facets in sampling
+    # of a mix: the two materials; of a measured one the word where its table starts, of a film 1 more
+    ("int", "first second"),
+    ("int", "texture"),  # indices of the textures that replace values, or -1: of the colour
+    ("int", "glow_texture roughness_texture metallic_texture coat_texture coat_roughness_texture"),
+    ("int", "sheen_texture opacity_texture factor_texture normal_texture anisotropy_texture"),
+    ("float", "normal_strength anisotropy_strength"),
+    ("int", "dispersion_terms"),  # of the polynomial of the index over the inverse wavelength; 0: `parameter`
+    ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
+    ("float", "dispersion_high"),
+    ("float", f"dispersion[{DISPERSION_TERMS}]"),
+    ("float", f"once_outside[{ONCE_TERMS}]"),  # of rough glass: the light that facets scatter once, by the cosine
+    ("float", f"once_inside[{ONCE_TERMS}]"),
+    ("float", "anisotropy_turn"),  # of the direction of `alpha`, from u towards v [turns]
+    ("int", "specular_texture specular_color_texture coat_normal_texture"),
+    ("float", "coat_normal_strength"),
+    ("int", "coat_flat"),  # whether the coat has the normals of the shape, and not those of `normal_texture`
+    ("int", "transmission_texture passed_texture inside_texture bump_texture"),
+    ("float", "bump_height"),  # of a texture of 1 [m]; of bumps over u and v in scene units [scene units]
+    ("int", "bump_lengths"),
+    ("int", "interior"),  # number of the medium in a solid that light enters, in a scene with media; else -1
+    ("int", "share_table"),  # of rough glass: where its table starts, kernels/material/facet_shares.h
+    ("int", "share_levels"),  # of the alphas of a texture, 1 without one; 0 without a table
+    ("int", "share_turns"),
+    ("int", "brushed_table"),  # of brushed facets: where their tables start,
+    ("int", "brushed_alphas"),  # and for how many alphas each way: 1 of its own, 0 without a table
+    ("int", "reserved_0"),
     facts=(
         ("HAS_ROUGHNESS_TEXTURE", "roughness_texture"),
         ("HAS_METALLIC_TEXTURE", "metallic_texture"),
@@ -639,161 +614,141 @@ MATERIAL = Record(
 MATERIAL_TEXTURES = tuple(name for _, name in MATERIAL.members if name.endswith("texture"))
 """Members of a material that hold the index of a texture, or -1."""
 
-MEDIUM = Record(
+MEDIUM = declare(
     "Medium",
-    (
-        ("float4", "absorption"),  # [1/m]
-        ("float4", "scattering"),  # [1/m]
-        ("float4", "emission"),  # radiance per metre
-        ("float4", "layer"),  # up, and the height of the base above the eye; both over the scale height [1/m, 1]
-        ("float4", "droplets"),  # of fog: g and alpha of Draine's phase function, and its share
-        ("float4", "row_x row_y row_z"),  # of a grid of densities: from about the eye [m] to voxels
-        ("float", "asymmetry"),  # mean cosine of scattering; with droplets of the rest of it
-        ("float", "glow_rate"),  # of a grid: places where it shines per column, at least
-        ("int", "by_entry"),  # whether the path's entry says what of the extinction is scattering
-        ("int", "voxels"),  # of a grid: where its densities start, x first; else -1
-        ("int", "blocks"),  # and the least, greatest and mean density of blocks of them
-        ("int", "size_x size_y size_z blocks_x blocks_y blocks_z"),
-        ("int", "in_shade"),  # whether glass keeps all light samples out, so that none are made
-    ),
+    ("float4", "absorption"),  # [1/m]
+    ("float4", "scattering"),  # [1/m]
+    ("float4", "emission"),  # radiance per metre
+    ("float4", "layer"),  # up, and the height of the base above the eye; both over the scale height [1/m, 1]
+    ("float4", "droplets"),  # of fog: g and alpha of Draine's phase function, and its share
+    ("float4", "row_x row_y row_z"),  # of a grid of densities: from about the eye [m] to voxels
+    ("float", "asymmetry"),  # mean cosine of scattering; with droplets of the rest of it
+    ("float", "glow_rate"),  # of a grid: places where it shines per column, at least
+    ("int", "by_entry"),  # whether the path's entry says what of the extinction is scattering
+    ("int", "voxels"),  # of a grid: where its densities start, x first; else -1
+    ("int", "blocks"),  # and the least, greatest and mean density of blocks of them
+    ("int", "size_x size_y size_z blocks_x blocks_y blocks_z"),
+    ("int", "in_shade"),  # whether glass keeps all light samples out, so that none are made
 )
 DENSITY_BLOCK = 8  # voxels along a side of a block of a grid of densities
 
-TEXTURE = Record(
+TEXTURE = declare(
     "Texture",
-    (
-        ("float4", "a"),  # first colour; of an image its gain
-        ("float4", "b"),  # second colour
-        ("float4", "row_u"),  # coordinates on the pattern: x u + y v + z
-        ("float4", "row_v"),
-        ("float4", "row_x row_y row_z"),  # of a mapping: from the world to the frame of the texture
-        ("int", "kind"),
-        ("float", "parameter"),  # width of a grid's line; amplitude of an octave of noise relative to the last
-        ("float", "contrast"),  # of noise
-        ("int", "octaves seed"),
-        ("float", "limit"),  # largest value of an image, a mixture, or marble that goes on
-        ("uint", "first"),  # word of the texels where an image starts; of a mixture its first part
-        ("int", "width height format nearest wrap_u wrap_v mapping"),
-        ("int", "form"),  # of Perlin's noise; of marble the last of its cubic pieces
-        ("float", "variation"),  # of marble
-    ),
+    ("float4", "a"),  # first colour; of an image its gain
+    ("float4", "b"),  # second colour
+    ("float4", "row_u"),  # coordinates on the pattern: x u + y v + z
+    ("float4", "row_v"),
+    ("float4", "row_x row_y row_z"),  # of a mapping: from the world to the frame of the texture
+    ("int", "kind"),
+    ("float", "parameter"),  # width of a grid's line; amplitude of an octave of noise relative to the last
+    ("float", "contrast"),  # of noise
+    ("int", "octaves seed"),
+    ("float", "limit"),  # largest value of an image, a mixture, or marble that goes on
+    ("uint", "first"),  # word of the texels where an image starts; of a mixture its first part
+    ("int", "width height format nearest wrap_u wrap_v mapping"),
+    ("int", "form"),  # of Perlin's noise; of marble the last of its cubic pieces
+    ("float", "variation"),  # of marble
 )
 
-EMITTER = Record(
+EMITTER = declare(
     "Emitter",
-    (
-        # corner, centre or position; w: area, radius of a sphere, squared sine of a sun's radius, size of a solid
-        ("float4", "a"),
-        ("float4", "u"),  # edge, or axis of a disk, profile or solid; w: cone of a spot, see kernels/light/point.h
-        ("float4", "v"),
-        # or the direction towards a light at infinity, or of the axis of a spot or profile; third axis of a solid
-        ("float4", "normal"),
-        ("float4", "radiance"),  # radiance, intensity or irradiance
-        # texture coordinates at the corner; z: handedness of a sphere, whose u and v are axes x and z; of a solid this
-        # and the next two are the rows of object_from_world
-        ("float4", "uv"),
-        ("float4", "uv_x uv_y"),  # and how they change along u and v
-        ("int", "kind primitive two_sided"),
-        # probability of being picked; of an emitter at infinity in a scene with a light tree: its irradiance, in the
-        # units of the tree's estimates
-        ("float", "pick"),
-        ("int", "triangle"),  # of the primitive, or -1
-        ("int", "texture"),  # index of the texture of the radiance or of a profile's intensities, or -1
-        ("int", "leaf"),  # of the light tree
-        ("int", "hidden"),  # sum of `Hidden`
-    ),
+    # corner, centre or position; w: area, radius of a sphere, squared sine of a sun's radius, size of a solid
+    ("float4", "a"),
+    ("float4", "u"),  # edge, or axis of a disk, profile or solid; w: cone of a spot, see kernels/light/point.h
+    ("float4", "v"),
+    # or the direction towards a light at infinity, or of the axis of a spot or profile; third axis of a solid
+    ("float4", "normal"),
+    ("float4", "radiance"),  # radiance, intensity or irradiance
+    # texture coordinates at the corner; z: handedness of a sphere, whose u and v are axes x and z; of a solid this
+    # and the next two are the rows of object_from_world
+    ("float4", "uv"),
+    ("float4", "uv_x uv_y"),  # and how they change along u and v
+    ("int", "kind primitive two_sided"),
+    # probability of being picked; of an emitter at infinity in a scene with a light tree: its irradiance, in the
+    # units of the tree's estimates
+    ("float", "pick"),
+    ("int", "triangle"),  # of the primitive, or -1
+    ("int", "texture"),  # index of the texture of the radiance or of a profile's intensities, or -1
+    ("int", "leaf"),  # of the light tree
+    ("int", "hidden"),  # sum of `Hidden`
 )
 
-ENVIRONMENT = Record(
+ENVIRONMENT = declare(
     "Environment",
-    (
-        ("float4", "bottom"),  # radiance from below or from everywhere
-        ("float4", "top up"),
-        ("float4", "right"),  # of a picture's middle
-        ("float4", "forward"),
-        ("int", "texture"),  # index of the picture
-        ("int", "rows"),  # cells that light sampling tells apart
-        ("int", "columns"),
-        ("int", "emitter"),  # that stands for a picture
-        ("int", "first_sun"),  # suns are emitters first_sun to first_sun + suns - 1
-        ("int", "suns"),
-        ("int", "lamps"),  # emitters of the light tree; those at infinity follow
-        ("int", "light_levels"),  # of the light tree, above its leaves
-    ),
+    ("float4", "bottom"),  # radiance from below or from everywhere
+    ("float4", "top up"),
+    ("float4", "right"),  # of a picture's middle
+    ("float4", "forward"),
+    ("int", "texture"),  # index of the picture
+    ("int", "rows"),  # cells that light sampling tells apart
+    ("int", "columns"),
+    ("int", "emitter"),  # that stands for a picture
+    ("int", "first_sun"),  # suns are emitters first_sun to first_sun + suns - 1
+    ("int", "suns"),
+    ("int", "lamps"),  # emitters of the light tree; those at infinity follow
+    ("int", "light_levels"),  # of the light tree, above its leaves
 )
 
-WAVE = Record(
+WAVE = declare(
     "Wave",
-    (
-        ("uint2", "seed"),
-        ("uint", "first_pixel"),  # in the list of tiles
-        ("uint", "pixels"),  # of the wave, a multiple of 16
-        ("uint", "first_sample"),
-        ("uint", "samples"),  # per pixel in this wave
-        ("uint", "tiles_across"),
-        ("int", "width"),  # of the cropped film
-        ("int", "height full_width crop_x crop_y"),
-        ("int", "tiles_skipped"),  # of the film, behind each in a row and behind each row
-        ("int", "reserved_0"),
-    ),
+    ("uint2", "seed"),
+    ("uint", "first_pixel"),  # in the list of tiles
+    ("uint", "pixels"),  # of the wave, a multiple of 16
+    ("uint", "first_sample"),
+    ("uint", "samples"),  # per pixel in this wave
+    ("uint", "tiles_across"),
+    ("int", "width"),  # of the cropped film
+    ("int", "height full_width crop_x crop_y"),
+    ("int", "tiles_skipped"),  # of the film, behind each in a row and behind each row
+    ("int", "reserved_0"),
 )
 
-LIMITS = Record(
+LIMITS = declare(
     "Limits",
-    (
-        ("uint", "max_depth"),  # longest path [edges], the camera's included
-        ("uint", "roulette_depth"),  # from which on Russian roulette may end a path; 0: never
-        ("uint", "cell_shift"),  # binary logarithm of the pixels across a cell of the film
-        ("int", "cells_across cells_down"),
-    ),
+    ("uint", "max_depth"),  # longest path [edges], the camera's included
+    ("uint", "roulette_depth"),  # from which on Russian roulette may end a path; 0: never
+    ("uint", "cell_shift"),  # binary logarithm of the pixels across a cell of the film
+    ("int", "cells_across cells_down"),
 )
 
-VIEW = Record(
+VIEW = declare(
     "View",  # what the auxiliary layers need to know of the camera
-    (
-        ("float", "blur_focus"),  # [1/m]
-        ("float", "blur_scale"),  # of the denominator
-        ("float", "blur_shift"),
-        ("float", "blur_origin_z"),  # of distances [m]
-        ("float", "pupil_z"),  # of the entrance pupil in the camera's frame [m]
-        ("float", "per_pupil_radius"),  # 1 / its radius [1/m]; 0 for a point
-        ("int", "columns"),  # of the table of the blur
-        ("int", "rows"),
-        ("int", "by_depth"),  # whether the blur's distances are depths
-        ("int", "from_eye"),  # whether rays start ahead of the eye, that distances count from
-        ("int", "reserved_0 reserved_1"),
-    ),
+    ("float", "blur_focus"),  # [1/m]
+    ("float", "blur_scale"),  # of the denominator
+    ("float", "blur_shift"),
+    ("float", "blur_origin_z"),  # of distances [m]
+    ("float", "pupil_z"),  # of the entrance pupil in the camera's frame [m]
+    ("float", "per_pupil_radius"),  # 1 / its radius [1/m]; 0 for a point
+    ("int", "columns"),  # of the table of the blur
+    ("int", "rows"),
+    ("int", "by_depth"),  # whether the blur's distances are depths
+    ("int", "from_eye"),  # whether rays start ahead of the eye, that distances count from
+    ("int", "reserved_0 reserved_1"),
 )
 
-CAUSTIC_SURFACE = Record(
+CAUSTIC_SURFACE = declare(
     "CausticSurface",  # where photons start, kernels/caustics/surface.h
-    (
-        ("float4", "row_x row_y row_z"),  # rows of world_from_object; of a triangle nothing
-        ("int", "kind primitive"),
-        ("int", "triangle"),  # of a mesh, else -1
-        ("float", "area"),  # of the canonical shape; of a triangle in the world [m²]
-    ),
+    ("float4", "row_x row_y row_z"),  # rows of world_from_object; of a triangle nothing
+    ("int", "kind primitive"),
+    ("int", "triangle"),  # of a mesh, else -1
+    ("float", "area"),  # of the canonical shape; of a triangle in the world [m²]
 )
 
-PHOTON_GRID = Record(
+PHOTON_GRID = declare(
     "PhotonGrid",  # how photons lie in memory, kernels/caustics/gather.h
-    (
-        ("float4", "low"),  # bounds of the photons, a radius wider [m]; w: 1 / width of a cell [1/m]
-        ("float4", "high"),  # w: radius [m]
-        ("int", "mask_x mask_y mask_z"),  # periods of the cells, less one
-        ("uint", "mask_sample"),  # period of the samples that see photons of their own, less one
-    ),
+    ("float4", "low"),  # bounds of the photons, a radius wider [m]; w: 1 / width of a cell [1/m]
+    ("float4", "high"),  # w: radius [m]
+    ("int", "mask_x mask_y mask_z"),  # periods of the cells, less one
+    ("uint", "mask_sample"),  # period of the samples that see photons of their own, less one
 )
 
-PHOTON_PASS = Record(
+PHOTON_PASS = declare(
     "PhotonPass",
-    (
-        ("uint2", "seed"),
-        ("uint", "number"),
-        ("uint", "max_edges"),  # of a photon
-        ("int", "surfaces"),
-        ("float", "per_photon"),  # 1 / photons
-    ),
+    ("uint2", "seed"),
+    ("uint", "number"),
+    ("uint", "max_edges"),  # of a photon
+    ("int", "surfaces"),
+    ("float", "per_photon"),  # 1 / photons
 )
 
 RECORDS = (

@@ -453,13 +453,8 @@ def _enter_rays(lens: Lens, origins: Array, directions: Array, wavelength_nm: fl
     shift = np.array([0.0, 0.0, first.thickness])
     rays = rest.trace(met - shift, bent.T, wavelength_nm, start="scene")
     status = np.where(good & through & (bent[2] > 0), rays.status, np.int32(Status.missed))
-    return Rays(
-        rays.origins + shift,
-        rays.directions,
-        status,
-        np.where(rays.surface < 0, -1, rays.surface + 1),
-        rays.optical_path,
-    )
+    surface = np.where(rays.surface < 0, -1, rays.surface + 1)
+    return Rays(rays.origins + shift, rays.directions, status, surface, rays.optical_path)
 
 
 def takes_steep_light(lens: Lens) -> bool:

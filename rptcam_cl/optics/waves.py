@@ -109,13 +109,9 @@ class PupilFunction:
         By every other one, half of a symmetric pupil would be the mirror image of the other half and agree with it.
         """
         names = ("cosines_x", "cosines_y", "coverage", "density", "waves", "waves_on_sphere")
-        return [
-            replace(
-                self,
-                **{name: getattr(self, name)[(slice(first, None, 3),) * getattr(self, name).ndim] for name in names},
-            )
-            for first in range(3)
-        ]
+        every = {name: getattr(self, name) for name in names}
+        return [replace(self, **{name: own[(slice(first, None, 3),) * own.ndim] for name, own in every.items()})
+                for first in range(3)]  # fmt: skip
 
     def without_aberrations(self) -> PupilFunction:
         """Return the same pupil with a perfect wavefront."""

@@ -182,12 +182,8 @@ def _of_shape(record: np.void, kind: Kind) -> tuple[Array, Bend, Outline, Array]
     if kind in (Kind.SPHERE, Kind.ELLIPSOID):
         return _globe(), Bend.SPHERE, Outline.TRIANGLE, placement
     if kind in (Kind.CYLINDER, Kind.CONE):
-        return (
-            _drum(kind is Kind.CONE),
-            Bend.CONE if kind is Kind.CONE else Bend.CYLINDER,
-            Outline.TRIANGLE,
-            placement,
-        )
+        bend = Bend.CONE if kind is Kind.CONE else Bend.CYLINDER
+        return _drum(kind is Kind.CONE), bend, Outline.TRIANGLE, placement
     canonical = _BOX if kind is Kind.BOX else _SQUARE * 2.0 - [1.0, 1.0, 0.0] if kind is Kind.DISK else _SQUARE
     outline = {Kind.DISK: Outline.DISK, Kind.PLANE: Outline.ENDLESS}.get(kind, Outline.SQUARE)
     return canonical @ placement[:, :3].T + placement[:, 3], Bend.FLAT, outline, placement

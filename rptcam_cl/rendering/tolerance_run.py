@@ -289,16 +289,11 @@ def spot_of_copies(problem: Problem) -> Callable[[Lens, float], float]:
             if heat is not None:
                 lens, film_distance_mm = heat.lens(lens), heat.film(film_distance_mm)
             within = limits(lens, given)
-            copies = Copies(
-                lens, tuple(limit.deviation for limit in within), draw_values(within, COPIES, given.tolerances.seed)
-            )
-            rays = [
-                one
-                for degrees in problem.fields_degrees
-                for one in tolerancing.sample_field(lens, degrees, problem.object_distance_mm, merit.wavelengths_nm[0])(
-                    4, 8
-                )
-            ]
+            values = draw_values(within, COPIES, given.tolerances.seed)
+            copies = Copies(lens, tuple(limit.deviation for limit in within), values)
+            distance, nm = problem.object_distance_mm, merit.wavelengths_nm[0]
+            fields = [tolerancing.sample_field(lens, degrees, distance, nm)(4, 8) for degrees in problem.fields_degrees]
+            rays = [one for field in fields for one in field]
             judge = Judge(lens, rays, merit, film_distance_mm, limits(lens, given, "compensators"))
             refocus = given.tolerances.refocus
             scores = judge.scores(judge.adjusted(copies, refocus), refocus)
@@ -483,16 +478,9 @@ def chosen_copy(lens: Lens, spec: Specification, percent: float) -> ChosenCopy:
     """
     limits(lens, spec)  # whose errors name the place in the specification
     run = _tolerance_run(lens, spec.tolerances)
-    number = run.copy_at(percent)
-    return ChosenCopy(
-        percent,
-        number,
-        run.copies.deviations,
-        run.copies.values[number : number + 1],
-        float(run.scores.shifts_mm[number]),
-        float(run.scores.spot_um[number]),
-        float(run.scores.modulation[number]),
-    )
+    number, scores = run.copy_at(percent), run.scores
+    own = (float(each[number]) for each in (scores.shifts_mm, scores.spot_um, scores.modulation))
+    return ChosenCopy(percent, number, run.copies.deviations, run.copies.values[number : number + 1], *own)
 
 
 def _key(lens: Lens, tolerances: Tolerances) -> Hashable:

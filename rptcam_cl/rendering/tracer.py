@@ -281,12 +281,8 @@ class Wavefront(RenderedFilm):
         session, layout, capacity = self.session, self.layout, self.capacity
         clamped = self.settings.clamp is not None
         stream = self.organisation == "stream"
-        state = max(
-            passes.bytes_of_state(each, capacity, stream=stream)
-            if passes.keeps_rays(each, self.settings, stream=stream)
-            else 0
-            for each in plan.steps or (plan,)
-        )
+        keeping = [each for each in plan.steps or (plan,) if passes.keeps_rays(each, self.settings, stream=stream)]
+        state = max((passes.bytes_of_state(each, capacity, stream=stream) for each in keeping), default=0)
         groups = plan.facts["LIGHT_GROUPS"]
         bytes_of_planes = 4 * films.planes_of(clamped, groups), LayerPlanes(self.settings.layers).bytes_per_pixel
         film = [each * layout.pixels for each in bytes_of_planes]
@@ -602,7 +598,7 @@ def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderS
         return None
     light = replace(
         plan,
-        camera=replace(plan.camera, view=CameraView(), reach=None),  # which hold functions
+        camera=replace(plan.camera, view=CameraView(), reach=None, shares=None),  # which hold functions, or much
         meshes=None,
         textures=replace(plan.textures, texels=plan.textures.texels[:1]),
         surroundings=replace(plan.surroundings, distribution=plan.surroundings.distribution[:1]),

@@ -561,12 +561,8 @@ def _film_shift(gaps: dict[int, str], distances: dict[str, list[str]], column: i
     backs = [_value(distances.get("Bf", []), k) for k in (far, column)]
     if None in backs:
         return None
-    changes = [
-        (new or 0.0) - (old or 0.0)
-        for new, old in zip(
-            _gaps_of(gaps, distances, column).values(), _gaps_of(gaps, distances, far).values(), strict=True
-        )
-    ]
+    ends = (_gaps_of(gaps, distances, at).values() for at in (column, far))
+    changes = [(new or 0.0) - (old or 0.0) for new, old in zip(*ends, strict=True)]
     longer, most = sum(changes), max(map(abs, changes))
     computed = float(backs[1] or 0.0) - float(backs[0] or 0.0)
     lengths = [_value(distances.get("Total Length", []), k) for k in (far, column)]

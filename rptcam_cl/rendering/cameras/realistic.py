@@ -370,12 +370,8 @@ def _loses_light(
 ) -> bool:
     """Return whether rays of some state pass that lie well outside of the table."""
     half_film_mm = radius_mm / math.sqrt(2.0), radius_mm / math.sqrt(2.0)
-    return any(
-        pupil_grid.loses_light(
-            _move_pupil(shared, film_distance_mm), FilmProbe(state, film_distance_mm, wavelength_nm), half_film_mm
-        )
-        for state, film_distance_mm in states
-    )
+    pupils = ((_move_pupil(shared, film), FilmProbe(state, film, wavelength_nm)) for state, film in states)
+    return any(pupil_grid.loses_light(pupil, probe, half_film_mm) for pupil, probe in pupils)
 
 
 SHOWS_PX = 0.5  # colour error that a picture shows, of all but a tenth of the light [pixels]

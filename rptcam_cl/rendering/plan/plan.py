@@ -99,13 +99,8 @@ def wavelength_table(spectra: Array, density: Array, low_nm: float, high_nm: flo
     low_nm, high_nm
         Wavelengths that paths may have [nm]; the spectra are cut there and keep their sums.
     """
-    grid = np.concatenate(
-        [
-            [low_nm],
-            colour.WAVELENGTHS_NM[(low_nm < colour.WAVELENGTHS_NM) & (high_nm > colour.WAVELENGTHS_NM)],
-            [high_nm],
-        ]
-    )
+    inside = (low_nm < colour.WAVELENGTHS_NM) & (high_nm > colour.WAVELENGTHS_NM)
+    grid = np.concatenate([[low_nm], colour.WAVELENGTHS_NM[inside], [high_nm]])
     columns = np.stack([np.interp(grid, colour.WAVELENGTHS_NM, values) for values in (*spectra.T, density)])
     pieces = (columns[:, 1:] + columns[:, :-1]) / 2 * np.diff(grid)
     sums = np.concatenate([np.zeros((4, 1)), np.cumsum(pieces, axis=1)], axis=1)
