@@ -22,8 +22,8 @@ from rptcam_cl.core.files import response_curves_dir, spectra_dir
 
 Spectrum = NDArray[np.float64]
 
-SHORTEST_NM, LONGEST_NM = 380, 780
-WAVELENGTHS_NM: Spectrum = np.arange(SHORTEST_NM, LONGEST_NM + 1, dtype=np.float64)
+_SHORTEST_NM, _LONGEST_NM = 380, 780
+WAVELENGTHS_NM: Spectrum = np.arange(_SHORTEST_NM, _LONGEST_NM + 1, dtype=np.float64)
 WAVELENGTHS_NM.setflags(write=False)
 
 
@@ -42,7 +42,7 @@ def on_grid(wavelengths_nm: ArrayLike, values: ArrayLike, *, beyond: float | Non
     x, y = np.asarray(wavelengths_nm, np.float64), np.asarray(values, np.float64)
     if np.min(np.diff(x), initial=np.inf) >= 1:
         return np.asarray(np.interp(WAVELENGTHS_NM, x, y, left=beyond, right=beyond))
-    edges = np.arange(SHORTEST_NM - 0.5, LONGEST_NM + 1)
+    edges = np.arange(_SHORTEST_NM - 0.5, _LONGEST_NM + 1)
     # The table stays what it is when it is cut at the edges of the cells; only then are sums over cells exact.
     cuts = np.union1d(x, edges)
     heights = np.interp(cuts, x, y, left=beyond, right=beyond)
@@ -57,10 +57,10 @@ def lines_on_grid(lines: ArrayLike) -> Spectrum:
     """
     spectrum = np.zeros_like(WAVELENGTHS_NM)
     for wavelength, amount in np.asarray(lines, np.float64).reshape(-1, 2):
-        below = min(int(wavelength), LONGEST_NM - 1)
+        below = min(int(wavelength), _LONGEST_NM - 1)
         share = wavelength - below
-        spectrum[below - SHORTEST_NM] += amount * (1 - share)
-        spectrum[below - SHORTEST_NM + 1] += amount * share
+        spectrum[below - _SHORTEST_NM] += amount * (1 - share)
+        spectrum[below - _SHORTEST_NM + 1] += amount * share
     return spectrum
 
 
@@ -393,7 +393,7 @@ RESPONSES = ("nikon_d5100", "canon_eos_5d_mark_ii", "sigma_sd_merrill")
 
 # Wavelengths that stand for the channels where no curves are given [nm]: near sRGB's primaries, and near
 # those at which data sheets give the efficiencies of colour sensors.
-CHANNEL_NM = np.array([610.0, 545.0, 465.0])
+_CHANNEL_NM = np.array([610.0, 545.0, 465.0])
 
 
 @cache
@@ -436,7 +436,7 @@ def electrons_per_joule(name: str | None, quantum_efficiency: tuple[float, float
     """Return the electrons [1/J] in each channel of a sensor for light in each channel of the film, (film, sensor).
 
     With curves, light of a colour is the basis of reflectances of that colour under D65, and every curve sees it;
-    without, each channel of the film is light of one of `CHANNEL_NM`, and its own channel of the sensor sees it.
+    without, each channel of the film is light of one of `_CHANNEL_NM`, and its own channel of the sensor sees it.
 
     Parameters
     ----------
@@ -446,7 +446,7 @@ def electrons_per_joule(name: str | None, quantum_efficiency: tuple[float, float
         Electrons per photon in red, green and blue, with curves where each of these is highest.
     """
     if name is None:
-        return np.diag(photons_per_joule(CHANNEL_NM) * quantum_efficiency)
+        return np.diag(photons_per_joule(_CHANNEL_NM) * quantum_efficiency)
     efficiency = response(name) / photons_per_joule(WAVELENGTHS_NM)[:, None]
     electrons = response(name) * quantum_efficiency / efficiency.max(axis=0)
     return np.asarray((rgb_basis() * daylight_65()[:, None]).T @ electrons)

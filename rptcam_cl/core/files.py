@@ -330,7 +330,7 @@ def digest(path: Path, most: int) -> str:
 
 # Files that are either the old one or the whole new one, whatever happens while they are written.
 
-STRAY_SECONDS = 7 * 24 * 3600  # after which a file that is still being written has been left behind
+_STRAY_SECONDS = 7 * 24 * 3600  # after which a file that is still being written has been left behind
 
 
 def _process_space() -> str:
@@ -399,7 +399,7 @@ def remove_strays(folder: Path) -> None:
         with contextlib.suppress(OSError):
             is_here = bool(_SPACE) and space == _SPACE and pid.isdecimal()
             is_dead = is_here and not _is_alive(int(pid))
-            is_old = stray.lstat().st_mtime < time.time() - STRAY_SECONDS
+            is_old = stray.lstat().st_mtime < time.time() - _STRAY_SECONDS
             if stray.is_dir() and not stray.is_symlink():
                 if is_dead or (is_old and not is_here):
                     shutil.rmtree(stray, ignore_errors=True)

@@ -162,8 +162,8 @@ def forget(*kinds: str) -> None:
 # On disk: arrays and what JSON holds, behind their hash, in a file that is the old one or the whole new one.
 
 MOST_BYTES = 256 << 20  # of each kind
-HASH_BYTES = 32
-STRAY_S = 3600  # after which a file that is still being written has been left behind
+_HASH_BYTES = 32
+_STRAY_S = 3600  # after which a file that is still being written has been left behind
 
 Arrays = dict[str, "NDArray[Any]"]
 Facts = dict[str, Any]
@@ -209,7 +209,7 @@ class Disk:
             content = path.read_bytes()
         except OSError:
             return default
-        if hashlib.sha256(memoryview(content)[HASH_BYTES:]).digest() != content[:HASH_BYTES]:
+        if hashlib.sha256(memoryview(content)[_HASH_BYTES:]).digest() != content[:_HASH_BYTES]:
             return default
         with contextlib.suppress(OSError):
             os.utime(path)
@@ -263,8 +263,8 @@ def _content_pieces(arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]
 
 
 def _read_content(content: bytes) -> tuple[Arrays, Facts]:
-    place = content.index(b"\n", HASH_BYTES) + 1
-    head = json.loads(content[HASH_BYTES:place])
+    place = content.index(b"\n", _HASH_BYTES) + 1
+    head = json.loads(content[_HASH_BYTES:place])
     arrays = {}
     for name, dtype, shape in head["arrays"]:
         import numpy as np
@@ -278,7 +278,7 @@ def _read_content(content: bytes) -> tuple[Arrays, Facts]:
 def _make_room(folder: Path, most_bytes: int) -> None:
     """Remove what has not been used for longest until the rest is small enough, and the remains of killed runs."""
     for stray in folder.glob(".*.tmp"):
-        if stray.stat().st_mtime < time.time() - STRAY_S:
+        if stray.stat().st_mtime < time.time() - _STRAY_S:
             stray.unlink(missing_ok=True)
     files = sorted((path.stat().st_mtime, path.stat().st_size, path) for path in folder.iterdir())
     excess = sum(size for _, size, _ in files) - most_bytes

@@ -23,8 +23,8 @@ from rptcam_cl.core.files import References, name_errors, read_whole
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 32
-MAX_NODES = 50_000
-MAX_DIGITS = 40
+_MAX_NODES = 50_000
+_MAX_DIGITS = 40
 
 KeyPath = tuple[str | int, ...]
 Position = tuple[int, int]
@@ -96,7 +96,7 @@ def dotted(path: KeyPath) -> str:
 
 
 def read_yaml(
-    source: str | bytes | Path, name: str | None = None, *, most_bytes: int = MAX_BYTES, most_values: int = MAX_NODES
+    source: str | bytes | Path, name: str | None = None, *, most_bytes: int = MAX_BYTES, most_values: int = _MAX_NODES
 ) -> Document:
     """Return the one document of a YAML text or file.
 
@@ -127,12 +127,12 @@ def parse_scalar(text: str) -> Any:
     if text in _WORDS:
         return _WORDS[text]
     if _INTEGER.fullmatch(text):
-        if len(text) > MAX_DIGITS:
-            raise ValueError(f"a number of {len(text)} digits (at most {MAX_DIGITS})")
+        if len(text) > _MAX_DIGITS:
+            raise ValueError(f"a number of {len(text)} digits (at most {_MAX_DIGITS})")
         return int(text, 10)
     if _OCTAL.fullmatch(text) or _HEXADECIMAL.fullmatch(text):
-        if len(text) > MAX_DIGITS:
-            raise ValueError(f"a number of {len(text)} digits (at most {MAX_DIGITS})")
+        if len(text) > _MAX_DIGITS:
+            raise ValueError(f"a number of {len(text)} digits (at most {_MAX_DIGITS})")
         return int(text, 0)
     if _FLOAT.fullmatch(text):
         return _finite(text)
@@ -144,7 +144,7 @@ def parse_scalar(text: str) -> Any:
 def _finite(text: str) -> float:
     value = float(text)
     if value in (float("inf"), float("-inf")):
-        raise ValueError(f"{text[:MAX_DIGITS]} is beyond the range of numbers (about 1.8e308)")
+        raise ValueError(f"{text[:_MAX_DIGITS]} is beyond the range of numbers (about 1.8e308)")
     return value
 
 

@@ -26,7 +26,7 @@ from rptcam_cl.scene.film import Gamut, PictureSettings, ToneCurve, WhiteBalance
 Pixels = NDArray[np.float32]
 
 GUIDES = ("albedo", "normal")
-MARGIN_PX = 16  # with 8 or 32 the error is the same within a tenth
+_MARGIN_PX = 16  # with 8 or 32 the error is the same within a tenth
 
 
 def check_denoiser() -> None:
@@ -62,12 +62,12 @@ def denoise(pixels: Pixels, albedo: Pixels, normal: Pixels, quality: str = "high
     try:
         import pyoidn
 
-        margins = ((MARGIN_PX,) * 2, (MARGIN_PX,) * 2, (0, 0))  # mirrored: the network takes what is beyond for black
+        margins = ((_MARGIN_PX,) * 2, (_MARGIN_PX,) * 2, (0, 0))  # mirrored: the network takes what is beyond for black
         wide, guide, facing = (np.pad(values, margins, mode="symmetric") for values in (pixels, albedo, normal))
         clean = _within_channels(partial(pyoidn.denoise, normal=facing, hdr=True, quality=quality), wide, guide)
     except (ImportError, OSError, RuntimeError) as error:
         raise InputError(f"denoising failed: {error}") from error
-    inside = slice(MARGIN_PX, -MARGIN_PX)
+    inside = slice(_MARGIN_PX, -_MARGIN_PX)
     return np.ascontiguousarray(
         clean[inside, inside], np.float32
     ), f"Open Image Denoise (pyoidn {version('pyoidn')}), biased"
@@ -88,7 +88,7 @@ def _within_channels(remove_noise: Callable[..., Pixels], pixels: Pixels, albedo
 
 # Tone curves: from linear light without an upper limit to the linear light of a display, and sRGB's encoding of it.
 
-ACES_WHITE = 7.25  # from here on the fit is above 1
+_ACES_WHITE = 7.25  # from here on the fit is above 1
 
 # T. Sobotka, AgX, config.ocio at github.com/sobotka/AgX. The published rows sum to 1 within 1.4e-4; divided by their
 # sums they leave grey exactly grey.
@@ -99,8 +99,8 @@ _PUBLISHED_INSET = np.array(
         [0.0423756549057051, 0.0784336, 0.879142973793104],
     ]
 )
-INSET = _PUBLISHED_INSET / _PUBLISHED_INSET.sum(axis=1, keepdims=True)
-OUTSET = np.linalg.inv(INSET)
+_INSET = _PUBLISHED_INSET / _PUBLISHED_INSET.sum(axis=1, keepdims=True)
+_OUTSET = np.linalg.inv(_INSET)
 LEAST_LOG2, MOST_LOG2 = -12.47393, 4.026069  # 10 stops below a grey of 0.18, 6.5 above it
 _PIVOT, _PIVOT_SHOWN, _SLOPE = 10 / 16.5, 0.5, 2.0  # the grey in the range, what it becomes, and the slope there
 _TOE, _SHOULDER = 3.0, 3.25  # powers
@@ -136,7 +136,7 @@ def reinhard(linear: Pixels, white: float) -> Pixels:
 
 def aces(linear: Pixels) -> Pixels:
     """K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016: his fit of the ACES reference rendering, per channel."""
-    x = np.minimum(linear, np.float32(ACES_WHITE))
+    x = np.minimum(linear, np.float32(_ACES_WHITE))
     fit: Pixels = x * (np.float32(2.51) * x + np.float32(0.03))
     fit /= x * (np.float32(2.43) * x + np.float32(0.59)) + np.float32(0.14)
     return np.minimum(fit, np.float32(1))
@@ -149,11 +149,11 @@ def agx(linear: Pixels) -> Pixels:
     towards white and do not turn to the nearest primary. The result is the light of a display of power 2.2, as AgX
     means it; it may leave 0..1 a little.
     """
-    mixed = linear @ INSET.T.astype(np.float32)
+    mixed = linear @ _INSET.T.astype(np.float32)
     with np.errstate(divide="ignore"):
         stops = np.log2(mixed)
     share = (stops - np.float32(LEAST_LOG2)) / np.float32(MOST_LOG2 - LEAST_LOG2)
-    encoded = agx_contrast(np.clip(share, 0, 1)) @ OUTSET.T.astype(np.float32)
+    encoded = agx_contrast(np.clip(share, 0, 1)) @ _OUTSET.T.astype(np.float32)
     # Below 0 there is no power: the sign is kept, and the gamut deals with it.
     light: Pixels = np.copysign(np.abs(encoded) ** np.float32(_DISPLAY_POWER), encoded)
     return light

@@ -461,7 +461,7 @@ def _strips(codes: NDArray[np.unsignedinteger[Any]], rows: int) -> Iterator[byte
 # Types of TIFF fields, as tifffile numbers them.
 _BYTE, _DNG_ASCII, _DNG_SHORT, _DNG_LONG, _DNG_RATIONAL, _SRATIONAL = 1, 2, 3, 4, 5, 10
 
-CFA, LINEAR_RAW = 32803, 34892  # photometric interpretations
+_CFA, _LINEAR_RAW = 32803, 34892  # photometric interpretations
 _D65 = 21  # illuminant, by EXIF
 _DNG_VERSION, _OLDEST_READER = (1, 4, 0, 0), (1, 2, 0, 0)
 _DNG_LARGEST = 2**31 - 1
@@ -471,7 +471,7 @@ Tag = tuple[int, int, int, Any, bool]
 
 def _photometric_of(raw: RawImage) -> int:
     """The meaning of the numbers: a mosaic, or linear values of whole pixels."""
-    return LINEAR_RAW if raw.numbers.ndim == 3 or raw.sensor.pattern == "monochrome" else CFA
+    return _LINEAR_RAW if raw.numbers.ndim == 3 or raw.sensor.pattern == "monochrome" else _CFA
 
 
 def _dng_tags(raw: RawImage) -> list[Tag]:
@@ -491,7 +491,7 @@ def _dng_tags(raw: RawImage) -> list[Tag]:
     ]
     if sensor.pattern != "monochrome":
         tags += _colour_tags(sensor)
-    if _photometric_of(raw) == CFA:
+    if _photometric_of(raw) == _CFA:
         tags += [
             (33421, _DNG_SHORT, 2, (2, 2), True),  # size of the pattern
             _bytes(33422, tuple(CHANNELS[colour] for colour in sensor.pattern)),
@@ -614,11 +614,11 @@ def _write_dng(path: Path, raw: RawImage) -> None:
     import tifffile
 
     photometric = _photometric_of(raw)
-    one_plane = photometric == LINEAR_RAW and raw.numbers.ndim == 2
+    one_plane = photometric == _LINEAR_RAW and raw.numbers.ndim == 2
     _write_tags(path, raw, "minisblack" if one_plane else photometric, _dng_tags(raw))
     if one_plane:  # which tifffile takes for a mistake, though DNG allows it
         with tifffile.TiffFile(path, mode="r+") as file:
-            file.pages.first.tags["PhotometricInterpretation"].overwrite(LINEAR_RAW)
+            file.pages.first.tags["PhotometricInterpretation"].overwrite(_LINEAR_RAW)
 
 
 def _write_tags(path: Path, raw: RawImage, photometric: str | int, tags: list[Tag]) -> None:

@@ -367,7 +367,7 @@ def _matrix_of(chromaticities: Any) -> NDArray[np.float64] | None:
 # the picture stays, and a film that is even across stays so.
 
 LEAST, MOST = 1.0, 4.0
-OF_PIXELS = ("window", "resolution", "intrinsics", SENSOR)  # metadata of the pixels as they were
+_OF_PIXELS = ("window", "resolution", "intrinsics", SENSOR)  # metadata of the pixels as they were
 
 
 def desqueezed(image: Image, factor: float) -> Image:
@@ -390,7 +390,7 @@ def desqueezed(image: Image, factor: float) -> Image:
     if "desqueezed" in image.metadata:
         raise InputError("desqueeze: the film was desqueezed before (allowed: once)")
     width = max(round(image.width * factor), 1)
-    metadata = {key: value for key, value in image.metadata.items() if key not in OF_PIXELS}
+    metadata = {key: value for key, value in image.metadata.items() if key not in _OF_PIXELS}
     pixels = _resample(image.seen, width)  # a sensor counts the pixels that are squeezed
     alpha = writers.alpha_of(image.metadata, image.layers)
     layers = {} if alpha is None else {"coverage": _resample(alpha[..., None], width)[..., 0]}
@@ -462,7 +462,7 @@ def folders_of_film(film: str | os.PathLike[str]) -> files.Folders:
     return files.Folders(allowed=(Path(film).absolute().parent,), owner="film")
 
 
-RELIT = "relit"  # where metadata keep the factors on the light of groups of lamps
+_RELIT = "relit"  # where metadata keep the factors on the light of groups of lamps
 _MOST_FACTOR = 1e6
 
 
@@ -482,7 +482,7 @@ def relit(image: Image, factors: Mapping[str, float | Sequence[float]]) -> Image
     InputError
         There is no such group, or a factor is out of range.
     """
-    before = image.metadata.get(RELIT, {})
+    before = image.metadata.get(_RELIT, {})
     known = [name.removeprefix(LIGHT_LAYER) for name in image.layers if name.startswith(LIGHT_LAYER)]
     if not known:
         raise InputError("lights: the film does not keep the light of its lamps apart (render it with --layers lights)")
@@ -496,7 +496,7 @@ def relit(image: Image, factors: Mapping[str, float | Sequence[float]]) -> Image
             )
     pixels = mixed(image.pixels, image.layers, factors, before)
     kept = {name: np.asarray(factor, np.float64).tolist() for name, factor in factors.items()}
-    return replace(image, pixels=pixels, metadata=image.metadata | {RELIT: before | kept})
+    return replace(image, pixels=pixels, metadata=image.metadata | {_RELIT: before | kept})
 
 
 def mixed(

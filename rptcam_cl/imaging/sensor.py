@@ -126,7 +126,7 @@ PATTERNS: tuple[str, ...] = get_args(Bayer)
 _AMOUNTS = ("full_well_e", "read_noise_e", "system_gain_dn_per_e", "black_level_dn", "dark_e", "prnu", "dsnu_e")
 
 # ISO 12232, saturation-based speed: S = 78 / H, where H [lx s] is the exposure that just saturates.
-SATURATION_LUX_SECONDS = 78.0
+_SATURATION_LUX_SECONDS = 78.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +269,7 @@ def white_electrons_at_iso(white_per_joule: float, pixel_area_m2: float, iso: fl
         Area on which a pixel gathers light [m²].
     iso : float
     """
-    joules_per_m2 = SATURATION_LUX_SECONDS / iso / LUMENS_PER_WATT
+    joules_per_m2 = _SATURATION_LUX_SECONDS / iso / LUMENS_PER_WATT
     return white_per_joule * pixel_area_m2 * joules_per_m2
 
 
@@ -293,7 +293,7 @@ def camera_from_xyz(sensor: SensorModel) -> NDArray[np.float64]:
 
 # What a sensor puts out: light of the film becomes electrons and numbers (EMVA 1288), and a linear picture again.
 
-MOST_ELECTRONS = 1e15  # of a pixel; beyond any well, and within what random numbers of a Poisson law are made for
+_MOST_ELECTRONS = 1e15  # of a pixel; beyond any well, and within what random numbers of a Poisson law are made for
 _PHOTONS, _READING, _SENSITIVITY, _OFFSET = range(4)
 
 
@@ -314,7 +314,7 @@ def expose(film: NDArray[np.floating], sensor: SensorModel) -> NDArray[np.uint16
         The picture is too small for a Bayer mosaic.
     """
     mean = _mean_electrons(film, sensor) * (1.0 + sensor.prnu * _pattern(_SENSITIVITY, film.shape, sensor))
-    light = np.clip(mean + sensor.dark_e, 0.0, MOST_ELECTRONS)
+    light = np.clip(mean + sensor.dark_e, 0.0, _MOST_ELECTRONS)
     charge = _generator(_PHOTONS, sensor.seed).poisson(light).astype(np.float64)
     charge += sensor.dsnu_e * _pattern(_OFFSET, film.shape, sensor)
     np.minimum(charge, sensor.full_well_e, out=charge)
@@ -395,9 +395,9 @@ def binned_exposure(film: NDArray[np.floating], sensor: SensorModel, pixels: flo
         count = pixels * np.array([sensor.bayer.count(colour) / len(sensor.bayer) for colour in CHANNELS])
     if plain.bayer == "monochrome":
         count = count[0]
-    light = np.clip(_mean_electrons(film, plain) + sensor.dark_e, 0.0, MOST_ELECTRONS)
+    light = np.clip(_mean_electrons(film, plain) + sensor.dark_e, 0.0, _MOST_ELECTRONS)
     random = _generator(_PHOTONS, seed)
-    charge = np.minimum(random.poisson(np.minimum(light * count, MOST_ELECTRONS)) / count, sensor.full_well_e)
+    charge = np.minimum(random.poisson(np.minimum(light * count, _MOST_ELECTRONS)) / count, sensor.full_well_e)
     rounded_e = 1 / (math.sqrt(12) * sensor.system_gain_dn_per_e)
     charge += np.hypot(sensor.read_noise_e, rounded_e) / np.sqrt(count) * random.standard_normal(charge.shape)
     numbers = sensor.black_level_dn + sensor.system_gain_dn_per_e * charge
@@ -406,7 +406,7 @@ def binned_exposure(film: NDArray[np.floating], sensor: SensorModel, pixels: flo
 
 # The sensor that a scene describes, behind the film that a render made.
 
-WELL_E_PER_UM2 = 2000.0  # a usual density; of the presets, from 720 (kac-12040) to 3400 (imx477)
+_WELL_E_PER_UM2 = 2000.0  # a usual density; of the presets, from 720 (kac-12040) to 3400 (imx477)
 
 
 def sensor_of(scene: Scene, metadata: Mapping[str, Any]) -> SensorModel | None:
@@ -428,7 +428,7 @@ def sensor_of(scene: Scene, metadata: Mapping[str, Any]) -> SensorModel | None:
     per_joule = electrons_per_joule(settings.response, settings.quantum_efficiency)
     white_per_joule = float(_electrons_of_white(per_joule, settings.bayer).max())
     area = pixel_area_m2(scene)
-    well = settings.full_well_e or max(1.0, WELL_E_PER_UM2 * area * 1e12)
+    well = settings.full_well_e or max(1.0, _WELL_E_PER_UM2 * area * 1e12)
     saturation = well
     if (iso := metadata.get("iso")) is not None:
         saturation = min(well, white_electrons_at_iso(white_per_joule, area, float(iso)))

@@ -35,17 +35,17 @@ from rptcam_cl.scene.film import LIGHT_LAYER, PictureSettings
 # posters) and the specification 1.2.0 of Psyop: names become 32-bit floats by MurmurHash3, pairs of these and of
 # coverages lie in channels by rank, and a manifest in the header says which name is which.
 
-RANKS = 6  # of a pixel, those with most coverage
+_RANKS = 6  # of a pixel, those with most coverage
 NAMES = {"crypto_object": "object_names", "crypto_material": "material_names"}  # metadata with the names of each layer
-KEY_DIGITS = 7  # of a layer's hash, in the keys of the header
+_KEY_DIGITS = 7  # of a layer's hash, in the keys of the header
 EXPONENT, LOWEST_OF_EXPONENT = 0x7F800000, 1 << 23
-WORD = 0xFFFFFFFF
+_WORD = 0xFFFFFFFF
 
 
 def _rank_channels(layer: str) -> tuple[str, ...]:
     """Return the EXR channels of a layer: identifier and coverage of two ranks in each group of four."""
-    groups = range(-(-RANKS // 2))
-    return tuple(f"{layer}{group:02d}.{channel}" for group in groups for channel in "RGBA")[: 2 * RANKS]
+    groups = range(-(-_RANKS // 2))
+    return tuple(f"{layer}{group:02d}.{channel}" for group in groups for channel in "RGBA")[: 2 * _RANKS]
 
 
 def murmur3_32(data: bytes, seed: int = 0) -> int:
@@ -53,21 +53,21 @@ def murmur3_32(data: bytes, seed: int = 0) -> int:
     state, whole = seed, len(data) & ~3
     for start in range(0, whole, 4):
         state ^= _scramble(int.from_bytes(data[start : start + 4], "little"))
-        state = (_rotate(state, 13) * 5 + 0xE6546B64) & WORD
+        state = (_rotate(state, 13) * 5 + 0xE6546B64) & _WORD
     if tail := data[whole:]:
         state ^= _scramble(int.from_bytes(tail, "little"))
     state ^= len(data)
-    state = ((state ^ state >> 16) * 0x85EBCA6B) & WORD
-    state = ((state ^ state >> 13) * 0xC2B2AE35) & WORD
+    state = ((state ^ state >> 16) * 0x85EBCA6B) & _WORD
+    state = ((state ^ state >> 13) * 0xC2B2AE35) & _WORD
     return state ^ state >> 16
 
 
 def _scramble(word: int) -> int:
-    return (_rotate((word * 0xCC9E2D51) & WORD, 15) * 0x1B873593) & WORD
+    return (_rotate((word * 0xCC9E2D51) & _WORD, 15) * 0x1B873593) & _WORD
 
 
 def _rotate(word: int, places: int) -> int:
-    return (word << places | word >> (32 - places)) & WORD
+    return (word << places | word >> (32 - places)) & _WORD
 
 
 def name_hash(name: str) -> int:
@@ -82,7 +82,7 @@ def identifier(name: str) -> np.float32:
 
 
 def ranked(owners: NDArray[np.float64], names: Sequence[str]) -> NDArray[np.float32]:
-    """Return identifiers and coverages in turn (height, width, 2 * `RANKS`), most coverage first.
+    """Return identifiers and coverages in turn (height, width, 2 * `_RANKS`), most coverage first.
 
     Things of one name are one thing.
 
@@ -103,13 +103,13 @@ def ranked(owners: NDArray[np.float64], names: Sequence[str]) -> NDArray[np.floa
             same = (index[:, slot] == index[:, before]) & (cover[:, before] > 0)
             cover[same, before] += cover[same, slot]
             cover[same, slot] = 0.0
-    order = np.lexsort((index, -cover), axis=1)[:, :RANKS]
+    order = np.lexsort((index, -cover), axis=1)[:, :_RANKS]
     cover, index = np.take_along_axis(cover, order, axis=1), np.take_along_axis(index, order, axis=1)
     hashes = np.array([identifier(name) for name in names] or [np.float32(0)], np.float32)
-    ranks = np.zeros((len(pairs), 2 * RANKS), np.float32)
+    ranks = np.zeros((len(pairs), 2 * _RANKS), np.float32)
     ranks[:, 0 : 2 * cover.shape[1] : 2] = np.where(cover > 0, hashes[index], np.float32(0.0))
     ranks[:, 1 : 2 * cover.shape[1] : 2] = cover
-    return ranks.reshape(height, width, 2 * RANKS)
+    return ranks.reshape(height, width, 2 * _RANKS)
 
 
 def header_of(layers: Mapping[str, Any], metadata: Mapping[str, Any]) -> dict[str, str]:
@@ -117,7 +117,7 @@ def header_of(layers: Mapping[str, Any], metadata: Mapping[str, Any]) -> dict[st
     header: dict[str, str] = {}
     for layer, key in NAMES.items():
         if layer in layers:
-            prefix = f"cryptomatte/{name_hash(layer):08x}"[: len("cryptomatte/") + KEY_DIGITS]
+            prefix = f"cryptomatte/{name_hash(layer):08x}"[: len("cryptomatte/") + _KEY_DIGITS]
             manifest = {name: f"{name_hash(name):08x}" for name in metadata.get(key, ())}
             header |= {
                 f"{prefix}/name": layer,
@@ -128,11 +128,11 @@ def header_of(layers: Mapping[str, Any], metadata: Mapping[str, Any]) -> dict[st
     return header
 
 
-NEEDS = ("sharp_object_id", "sharp_class_id")
-LABELS = (*NEEDS, "occlusion", "pupil_depth")  # layers of masks, annotations and depth
+_NEEDS = ("sharp_object_id", "sharp_class_id")
+LABELS = (*_NEEDS, "occlusion", "pupil_depth")  # layers of masks, annotations and depth
 TRUTH_FILES = ("coco.json", "instances.png", "classes.png", "depth.npy")  # the last with its layer alone
 MOST_INSTANCES = 65535  # of a mask of 16 bits
-UNLABELLED = "object"  # category of what has no label, the last one
+_UNLABELLED = "object"  # category of what has no label, the last one
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
@@ -188,7 +188,7 @@ def coco(
         annotations.append(
             {
                 "id": before + index + 1, "image_id": picture,
-                "category_id": of_object[index] or number_of[UNLABELLED], "iscrowd": 0,
+                "category_id": of_object[index] or number_of[_UNLABELLED], "iscrowd": 0,
                 "segmentation": {"size": [height, width], "counts": run_text(run_lengths(mask))},
                 "area": int(mask.sum()), "bbox": [float(value) for value in box], "name": names[index],
                 **({} if hidden is None else {"occlusion": hidden[index]}),
@@ -200,7 +200,7 @@ def coco(
 
 def categories_of(classes: Sequence[str]) -> list[dict[str, Any]]:
     """Return the categories of class names, of which the first stands for what has none: by their index, it last."""
-    named = classes if UNLABELLED in classes else [*classes, UNLABELLED]
+    named = classes if _UNLABELLED in classes else [*classes, _UNLABELLED]
     return [{"id": number, "name": name} for number, name in enumerate(named) if number]
 
 
@@ -216,8 +216,8 @@ def with_classes(
 
 def _check_layers_of_truth(layers: Mapping[str, NDArray[Any]]) -> None:
     """Refuse a picture without the layers of instances and classes."""
-    if missing := [name for name in NEEDS if name not in layers]:
-        raise InputError(f"annotations need the layers {' and '.join(NEEDS)} (missing: {', '.join(missing)})")
+    if missing := [name for name in _NEEDS if name not in layers]:
+        raise InputError(f"annotations need the layers {' and '.join(_NEEDS)} (missing: {', '.join(missing)})")
 
 
 def _check_names(layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> None:
@@ -368,7 +368,7 @@ def _is_colour(layer: str) -> bool:
 Codes = NDArray[np.unsignedinteger[Any]]
 
 MARKED = "marked_zones"  # in the metadata: rectangles [left, right, top, bottom] in fractions of the whole film
-LINES_PER_SIDE = 400  # a line is as thick as the shorter side over this, at least a pixel
+_LINES_PER_SIDE = 400  # a line is as thick as the shorter side over this, at least a pixel
 
 
 def _with_rectangles(codes: Codes, rectangles: Sequence[Sequence[float]], part: Part) -> Codes:
@@ -383,7 +383,7 @@ def _with_rectangles(codes: Codes, rectangles: Sequence[Sequence[float]], part: 
     """
     drawn = codes.copy()
     height, width = codes.shape[:2]
-    thick = max(round(min(height, width) / LINES_PER_SIDE), 1)
+    thick = max(round(min(height, width) / _LINES_PER_SIDE), 1)
     x0, x1, y0, y1 = part
     for left, right, top, bottom in rectangles:
         columns = [round((x - x0) / (x1 - x0) * width) for x in (left, right)]
@@ -416,12 +416,12 @@ _EXR_COLOUR_SPACES: dict[Primaries, str] = {
     "rec2020": "lin_rec2020_scene",
     "acescg": "lin_ap1_scene",
 }
-MOST_MARKS = 1000
+_MOST_MARKS = 1000
 PNG_BITS, TIFF_BITS = 8, 16  # unless the picture says otherwise
-JPEG_BITS = 8  # whatever the picture says: the format has no other
-JPEG_FULL_COLOUR = 90  # quality from which on colour has the full resolution
-JPEG_COMMENT = 65_533  # bytes that a comment holds at most
-JPEG_SIDE = 65_500  # pixels along a side that libjpeg writes at most
+_JPEG_BITS = 8  # whatever the picture says: the format has no other
+_JPEG_FULL_COLOUR = 90  # quality from which on colour has the full resolution
+_JPEG_COMMENT = 65_533  # bytes that a comment holds at most
+_JPEG_SIDE = 65_500  # pixels along a side that libjpeg writes at most
 
 
 def _text(value: Any) -> str:
@@ -465,7 +465,7 @@ def _are_counts(value: Any, length: int) -> TypeGuard[Sequence[int]]:
 def _rectangles(value: Any) -> list[Sequence[float]]:
     """Return the rectangles of a piece of metadata, which may come from a file of another program."""
     rows = value if isinstance(value, (list, tuple)) else []
-    return [row for row in rows[:MOST_MARKS] if isinstance(row, (list, tuple)) and len(row) == 4 and _are_shares(row)]
+    return [row for row in rows[:_MOST_MARKS] if isinstance(row, (list, tuple)) and len(row) == 4 and _are_shares(row)]
 
 
 def _are_shares(values: Sequence[Any]) -> bool:
@@ -529,15 +529,16 @@ def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, picture: Picture
     """Write the developed picture with its EXIF data, and all metadata as JSON in comments of the file."""
     import PIL.Image
 
-    if max(pixels.shape) > JPEG_SIDE:
+    if max(pixels.shape) > _JPEG_SIDE:
         height, width = pixels.shape[:2]
-        raise StateError(f"the picture is {width} x {height}, and JPEG files have at most {JPEG_SIDE} a side; use .png")
+        most = f"JPEG files have at most {_JPEG_SIDE} a side"
+        raise StateError(f"the picture is {width} x {height}, and {most}; use .png")
 
     encoded = picture.is_encoded
-    encoder = PIL.Image.fromarray(_codes_with_marks(pixels, metadata, picture, JPEG_BITS))
+    encoder = PIL.Image.fromarray(_codes_with_marks(pixels, metadata, picture, _JPEG_BITS))
     quality = picture.jpeg_quality
     options = {
-        "quality": quality, "subsampling": 0 if quality >= JPEG_FULL_COLOUR else 2,
+        "quality": quality, "subsampling": 0 if quality >= _JPEG_FULL_COLOUR else 2,
         "icc_profile": None if encoded is None else formats.profile(encoded=encoded),
         "extra": _jpeg_comments({**metadata, "ev": picture.ev}),
     }  # fmt: skip
@@ -548,7 +549,7 @@ def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, picture: Picture
 def _jpeg_comments(metadata: Metadata) -> bytes:
     """Return metadata as JSON text in as many comment segments as it takes (ISO/IEC 10918-1, B.2.4.5)."""
     text = json.dumps(dict(metadata), default=_text).encode()  # ASCII, so that any cut is between characters
-    parts = [text[start : start + JPEG_COMMENT] for start in range(0, len(text), JPEG_COMMENT)]
+    parts = [text[start : start + _JPEG_COMMENT] for start in range(0, len(text), _JPEG_COMMENT)]
     return b"".join(b"\xff\xfe" + (len(part) + 2).to_bytes(2, "big") + part for part in parts)
 
 

@@ -98,7 +98,7 @@ def ray_fan(
     return result_of(setting, "ray fans", rows, lambda: _fan_chart(f"{setting.lens.name}: ray fans", rows))
 
 
-FAN_PANELS = (
+_FAN_PANELS = (
     ("tangential off [µm]", "off_um", 1.0), ("sagittal off [µm]", "off_um", 0.0),
     ("tangential path [waves]", "ahead_waves", 1.0), ("sagittal path [waves]", "ahead_waves", 0.0),
 )  # fmt: skip
@@ -112,7 +112,7 @@ def _fan_chart(title: str, rows: Sequence[Row]) -> Figure:
     figure = charts.new_figure(title, (1.35 * charts.SIZE[0], PANEL * len(fields) + ABOVE))
     panels = figure.subplots(len(fields), 4, squeeze=False, sharex=True)
     for line, degrees in zip(panels, fields, strict=True):
-        for axes, (head, name, which) in zip(line, FAN_PANELS, strict=True):
+        for axes, (head, name, which) in zip(line, _FAN_PANELS, strict=True):
             axes.axhline(0.0, color=charts.INK, linewidth=0.8)
             own = [row for row in rows if row["field_degrees"] == degrees and row["tangential"] == which]
             for nm in dict.fromkeys(row["wavelength_nm"] for row in own):
@@ -428,10 +428,10 @@ def fields_of(setting: Setting, fields: Sequence[float] | None, shares: Sequence
 
 SEIDEL = ("spherical", "coma", "astigmatism", "petzval", "distortion", "axial_colour", "lateral_colour")
 WAVES = np.array([1 / 8, 1 / 2, 1 / 2, 1 / 4, 1 / 2, 1 / 2, 1.0])  # W040, W131, W222, W220P, W311, W020, W111 of sums
-ACROSS_FILM = np.array([1 / 2, 3 / 2, 1.0, 1 / 2, 1 / 2, 1.0, 1.0])  # of the marginal ray on the film, times n'u'
+_ACROSS_FILM = np.array([1 / 2, 3 / 2, 1.0, 1 / 2, 1 / 2, 1.0, 1.0])  # of the marginal ray on the film, times n'u'
 
 # Of a lens that is not alike from every azimuth rays of one section know S_III and S_IV as 3 S_III + S_IV alone.
-IN_SECTION = (
+_IN_SECTION = (
     ("spherical", "coma", "tangential", "distortion", "axial_colour", "lateral_colour"),
     (np.array([1 / 8, 1 / 2, 1 / 4, 1 / 2, 1 / 2, 1.0]), np.array([1 / 2, 3 / 2, 1 / 2, 1 / 2, 1.0, 1.0])),
     np.array([[1, 0, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0, 0], [0, 0, 3, 1, 0, 0, 0], [0, 0, 0, 0, 1, 0, 0],
@@ -453,7 +453,7 @@ def seidel(
     if lens.fold is not None or lens.is_split or any(surface.pose for surface in lens.surfaces):
         raise InputError(f"{lens.name}: has no Seidel sums, as surfaces stand beside the axis or tilted (see ray-fan)")
     lens.refuse_phases("Seidel sums are of lenses that refract and reflect alone (see ray-fan)")
-    names, unit_factors, mixed = (SEIDEL, (WAVES, ACROSS_FILM), np.eye(7)) if lens.is_rotational else IN_SECTION
+    names, unit_factors, mixed = (SEIDEL, (WAVES, _ACROSS_FILM), np.eye(7)) if lens.is_rotational else _IN_SECTION
     marginal, chief = paraxial_rays(setting, degrees)
     indices = lens.senses * lens.indices(nm)
     colour = lens.senses * (lens.indices(min(wavelengths_nm)) - lens.indices(max(wavelengths_nm))) / indices

@@ -219,7 +219,7 @@ class Deviation:
         return self.kind in PAIRS
 
 
-ONE_PLACE_MM = 1e-6  # how near each other the vertices of one surface lie that a lens has twice
+_ONE_PLACE_MM = 1e-6  # how near each other the vertices of one surface lie that a lens has twice
 _NEARLY = 1e-3  # of the length of the lens, within which two alike are neither one surface nor clearly two
 
 
@@ -239,7 +239,7 @@ def first_met(lens: Lens) -> tuple[int, ...]:
             of_other = (other.curvature, other.conic, other.aspheric, other.cylinder, other.form, other.pose)
             if numbers[j] != j or alike != of_other or apart > _NEARLY * float(np.ptp(lens.vertices)):
                 continue
-            if apart > ONE_PLACE_MM:
+            if apart > _ONE_PLACE_MM:
                 raise InputError(
                     f"{lens.name}: surfaces {j} and {k} have one shape and lie {apart:.3g} mm apart: are they one"
                     " surface, whose errors are the same both times? (give thicknesses by which it lies in one place)"

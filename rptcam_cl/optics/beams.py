@@ -72,7 +72,7 @@ Mask = NDArray[np.bool_]
 ROUNDS = 12  # of Newton's method, which needs three to five
 STEP = 1e-6  # of the derivatives, over the aperture's size
 HIT = 1e-10  # distance from the centre of the stop that counts as none, over the same
-RETRIES = 4  # from neighbours, where the first guess led nowhere
+_RETRIES = 4  # from neighbours, where the first guess led nowhere
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def film_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE_
     depth = lens.sense * (points[:, 2] - lens.length)
     share = -pupil / (depth - pupil) if np.isfinite(pupil) else np.ones(len(points))
     aims, reached = _aim(rear, lens, points, points[:, :2] * share[:, None], wavelength_nm, size)
-    for _ in range(RETRIES):
+    for _ in range(_RETRIES):
         lost = np.flatnonzero(~reached)
         if not reached.any() or not len(lost):
             break
@@ -213,11 +213,11 @@ def _aim(
 NODES = (20, 40)  # of a fan, where the first are too few
 EXACT = 1e-12  # share of a quantity that its last polynomials may have
 ROUNDING = 3e-15  # share that is left out
-STEPS_OF_TANGENT = 8  # widths of fans while the tangent at the stop doubles
+_STEPS_OF_TANGENT = 8  # widths of fans while the tangent at the stop doubles
 WIDER = 12  # steps by which a fan may have to be wider than first-order optics says
 PLACES = 65  # at which a search begins
-FAN_ROUNDS = 2  # of Newton's method, from within 1e-5
-TELLS_APART = 10  # decimals of millimetres by which distances of film points from the axis differ
+_FAN_ROUNDS = 2  # of Newton's method, from within 1e-5
+_TELLS_APART = 10  # decimals of millimetres by which distances of film points from the axis differ
 REMEMBERED = 128  # lenses whose fans are kept
 
 
@@ -226,7 +226,7 @@ def round_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE
     if (by_fan := fan_chief_rays(lens, film_points, wavelength_nm)) is not None:
         return by_fan
     distances, turns = np.hypot(*film_points[:, :2].T), np.arctan2(film_points[:, 1], film_points[:, 0])
-    _, first, which = np.unique(np.round(distances, TELLS_APART), return_index=True, return_inverse=True)
+    _, first, which = np.unique(np.round(distances, _TELLS_APART), return_index=True, return_inverse=True)
     on_x = np.column_stack([distances[first], np.zeros(len(first)), film_points[first, 2]])
     rays, cosine, sine = film_chief_rays(lens, on_x, wavelength_nm), np.cos(turns), np.sin(turns)
 
@@ -252,10 +252,10 @@ def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> Chie
     tangent = float(radii.max()) / max(abs(height + film_distance_mm * slope), 1e-300)
     if not tangent > 0:
         return None
-    step = math.ceil(STEPS_OF_TANGENT * math.log2(tangent))
+    step = math.ceil(_STEPS_OF_TANGENT * math.log2(tangent))
     for width in range(step, step + WIDER):
         if width not in fans:
-            tangent = 2.0 ** (width / STEPS_OF_TANGENT)
+            tangent = 2.0 ** (width / _STEPS_OF_TANGENT)
             tried = (_with_nodes(lens, stop, wavelength_nm, tangent, count) for count in NODES)
             fans[width] = next((fan for fan in tried if fan is not None), None)
         fan = fans[width]
@@ -367,7 +367,7 @@ class _Fan:
             [self.polynomials[:, :2] @ (1.0, film_distance_mm), self._changes @ (1.0, film_distance_mm)]
         )
         tangents = np.interp(radii, reached, places)
-        for _ in range(FAN_ROUNDS):
+        for _ in range(_FAN_ROUNDS):
             scale, change = (self._terms(tangents) @ by).T
             tangents = tangents - (tangents * scale - radii) / (scale + 2 * tangents**2 * change)
         values = self._terms(tangents) @ self.polynomials

@@ -23,15 +23,15 @@ ZONES = 48
 ACROSS = 128  # rays that span an oblique beam each way
 AIMS = (48, 48)  # rays that seek where a film point looks
 ROUNDS = 60
-RING_STEPS = 512  # rays that seek the edges of an obstructed beam
-RING_ROUNDS = 4
+_RING_STEPS = 512  # rays that seek the edges of an obstructed beam
+_RING_ROUNDS = 4
 AIMED = 4  # rounds after which the direction of the object point stays
 CONVERGED = 1e-11  # of the film distance, between two rounds
 CONVERGED_AT_A_POINT = 1e-6  # the same where the rays that pass are counted, not integrated
-MOST_ROUNDS, FEW_ROUNDS = 8, 3  # in each of which the marginal ray is found 128 times as well
+_MOST_ROUNDS, _FEW_ROUNDS = 8, 3  # in each of which the marginal ray is found 128 times as well
 FEW_ACROSS, FEW_COARSE, FEW_AIMS = 48, 32, 24  # rays for a place that need not be exact: off by 0.004 of 2 N c, at most
-FEW_AIMED = 2  # by 0.035 (27 points of 9 lenses, the most where aberrations are many times that)
-AIMED_WITHIN = 10.0  # times as near as is enough: a direction aimed at from farther off is not that of the place itself
+_FEW_AIMED = 2  # by 0.035 (27 points of 9 lenses, the most where aberrations are many times that)
+_AIMED_WITHIN = 10.0  # times as near as is enough: a direction aimed at from farther off is not the place's own
 
 
 def best_film_distance(
@@ -63,7 +63,7 @@ def best_film_distance(
     paraxial = film_distance(lens, object_distance_mm, measured_from, wavelengths_nm[0])
     if measured_from == "front" or np.isinf(object_distance_mm):
         return _best(lens, object_distance_mm, wavelengths_nm, field_degrees, paraxial)
-    film_distance_mm, rounds = start_mm or paraxial, FEW_ROUNDS if within_mm > 0 else MOST_ROUNDS
+    film_distance_mm, rounds = start_mm or paraxial, _FEW_ROUNDS if within_mm > 0 else _MOST_ROUNDS
     for _ in range(ROUNDS):
         front = _front_mm(lens, object_distance_mm, measured_from, film_distance_mm)
         new = _best(lens, front, wavelengths_nm, field_degrees, film_distance_mm, rounds)
@@ -105,11 +105,11 @@ def best_film_distance_at(
     """
     film_distance_mm = start_mm or film_distance(lens, object_distance_mm, measured_from, wavelength_nm)
     beam, few, shift = Beam(), within_mm > 0, 0.0
-    across, coarse, aimed = (FEW_ACROSS, FEW_COARSE, FEW_AIMED) if few else (ACROSS, COARSE, AIMED)
+    across, coarse, aimed = (FEW_ACROSS, FEW_COARSE, _FEW_AIMED) if few else (ACROSS, COARSE, AIMED)
     for number in range(ROUNDS):
         front = _front_mm(lens, object_distance_mm, measured_from, film_distance_mm)
         beam = replace(beam, object_distance_mm=front)
-        if number < aimed or (few and abs(shift) > AIMED_WITHIN * within_mm):
+        if number < aimed or (few and abs(shift) > _AIMED_WITHIN * within_mm):
             beam = _beam_to(lens, film_point_mm, film_distance_mm, front, wavelength_nm, few=few)
         shift = spot(lens, film_distance_mm, beam, wavelength_nm, across, coarse).best_shift
         film_distance_mm += shift
@@ -166,7 +166,7 @@ def _best(
     wavelengths_nm: Sequence[float],
     field_degrees: float,
     start: float,
-    rounds: int = MOST_ROUNDS,
+    rounds: int = _MOST_ROUNDS,
 ) -> float:
     if field_degrees or not lens.is_rotational:
         return start + spot(lens, start, Beam(field_degrees, front_mm), wavelengths_nm[0]).best_shift
@@ -194,7 +194,7 @@ def axial_blur(lens: Lens, film_distance_mm: float, front_mm: float, wavelength_
     return float(np.sqrt(np.sum(weights * (heights + film_distance_mm * slopes) ** 2)))
 
 
-def _zones(lens: Lens, front_mm: float, wavelength_nm: float, rounds: int = MOST_ROUNDS) -> tuple[Array, Array, Array]:
+def _zones(lens: Lens, front_mm: float, wavelength_nm: float, rounds: int = _MOST_ROUNDS) -> tuple[Array, Array, Array]:
     """Return height at the last vertex, slope along the light and weight of meridional rays.
 
     They are spread evenly over the entrance pupil, from the edge of what obstructs its middle.
@@ -229,14 +229,14 @@ def _pupil_plane(lens: Lens, front_mm: float, wavelength_nm: float) -> tuple[flo
 
 def _ring(lens: Lens, front_mm: float, plane: float, limit: float, wavelength_nm: float) -> tuple[float, float]:
     """Return the least and the largest height in a plane at which rays from the axial object point pass [mm]."""
-    heights = np.linspace(0.0, limit, RING_STEPS)
-    for _ in range(RING_ROUNDS):
+    heights = np.linspace(0.0, limit, _RING_STEPS)
+    for _ in range(_RING_ROUNDS):
         passed = lens.trace(*_meridional(front_mm, plane, heights), wavelength_nm, start="scene").passed
         if not passed.any():
             raise InputError(f"{lens.name}: no ray from a point on the axis comes through")
         first, last = int(np.argmax(passed)), len(passed) - 1 - int(np.argmax(passed[::-1]))
-        inner = np.linspace(heights[max(first - 1, 0)], heights[first], RING_STEPS // 2)
-        outer = np.linspace(heights[last], heights[min(last + 1, len(heights) - 1)], RING_STEPS // 2)
+        inner = np.linspace(heights[max(first - 1, 0)], heights[first], _RING_STEPS // 2)
+        outer = np.linspace(heights[last], heights[min(last + 1, len(heights) - 1)], _RING_STEPS // 2)
         heights = np.concatenate([inner, outer])
     return float(inner[-1]), float(outer[0])
 
@@ -276,8 +276,8 @@ def _meridional(front_mm: float, plane: float, heights: Array) -> tuple[Array, A
 
 Mask = NDArray[np.bool_]
 
-BLUR_ACROSS = 24  # rays across a beam
-NARROWING = (16, 16)  # rays that find it
+_BLUR_ACROSS = 24  # rays across a beam
+_NARROWING = (16, 16)  # rays that find it
 SMALLEST = 1e-300  # keeps sums over no rays from dividing by zero
 WIDENED = 1.6  # the beam from a point near the lens meets the front elsewhere than that from the film point
 
@@ -316,10 +316,10 @@ class _SceneBeams:
     def variances(self, vergence: float) -> Array:
         """Return the variances (n, 2) in x and y of where light of a point meets the film [mm2]; nan without light."""
         boxes = film_probe.boxes_of(-self.reach, self.reach)
-        steps = film_probe.grid(boxes, *NARROWING)
+        steps = film_probe.grid(boxes, *_NARROWING)
         _, passed = self._on_film(steps, vergence)
-        boxes, _ = film_probe.boxes_round(steps, passed, film_probe.cells(boxes, *NARROWING), boxes)
-        film, passed = self._on_film(film_probe.grid(boxes, BLUR_ACROSS, BLUR_ACROSS), vergence)
+        boxes, _ = film_probe.boxes_round(steps, passed, film_probe.cells(boxes, *_NARROWING), boxes)
+        film, passed = self._on_film(film_probe.grid(boxes, _BLUR_ACROSS, _BLUR_ACROSS), vergence)
         count = np.sum(passed, axis=1)[:, None]
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.sum(np.where(passed[..., None], film, 0.0), axis=1) / count
@@ -374,7 +374,7 @@ def _scene_beams(
     lens: Lens, film_distance_mm: float, film: Array, boxes: Array, wavelength_nm: float, frame: film_probe.FilmFrame
 ) -> _SceneBeams:
     """Return the beams that film points see through boxes of the rear plane."""
-    rear = film_probe.grid(boxes, *NARROWING)
+    rear = film_probe.grid(boxes, *_NARROWING)
     count, rays_each = rear.shape[:2]
     distances = np.broadcast_to((film_distance_mm + frame.depth(film))[:, None, None], (count, rays_each, 1))
     away = np.concatenate([rear - film[:, None], -lens.sense * distances], axis=-1)

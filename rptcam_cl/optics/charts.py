@@ -174,11 +174,11 @@ def _number(value: float) -> str:
 SUFFIXES = (".svg", ".png", ".pdf")
 DRAWN = (".svg",)  # what a drawing of a lens writes by itself
 SIZE = (8.0, 5.0)  # of a chart [inches]: 800 pixels wide where it is shown at 100 a inch
-INCH = 100.0  # pixels of a drawing
-POINT = 72.0 / INCH  # of a pixel of a drawing
+_INCH = 100.0  # pixels of a drawing
+POINT = 72.0 / _INCH  # of a pixel of a drawing
 LINE = 80  # letters of a title
-KEY_LINE = 96  # letters of a line of the key
-STYLE: dict[str, Any] = {
+_KEY_LINE = 96  # letters of a line of the key
+_STYLE: dict[str, Any] = {
     "font.size": 10,
     "figure.titlesize": 12,
     "axes.titlesize": 10,
@@ -233,7 +233,7 @@ def styled() -> Iterator[None]:
     _check_charts()
     from matplotlib import style
 
-    with style.context(["default", {**STYLE}], after_reset=True):
+    with style.context(["default", {**_STYLE}], after_reset=True):
         yield
 
 
@@ -261,7 +261,7 @@ def new_chart(
 def add_key(figure: Any, handles: Sequence[Artist]) -> None:
     """Write the key of a figure, or of a part of it, below its charts, in as many lines as it takes."""
     longest = max((len(str(handle.get_label())) for handle in handles), default=1)
-    columns = max(1, min(len(handles), KEY_LINE // (longest + 7)))
+    columns = max(1, min(len(handles), _KEY_LINE // (longest + 7)))
     rows = math.ceil(len(handles) / columns)
     figure.legend(handles=handles, loc="outside lower center", ncols=math.ceil(len(handles) / max(rows, 1)))
 
@@ -306,7 +306,7 @@ def _figure_of(picture: Drawing) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.patches import Polygon
 
-    figure = Figure((picture.width / INCH, picture.height / INCH))
+    figure = Figure((picture.width / _INCH, picture.height / _INCH))
     figure.set_layout_engine("none")
     axes = figure.add_axes((0, 0, 1, 1), xlim=(0, picture.width), ylim=(picture.height, 0))
     axes.set_axis_off()

@@ -32,7 +32,7 @@ from rptcam_cl.optics.spots import default_fields, setting
 # Radii are signed here, positive when the centre lies on the film side; the paper writes magnitudes for biconvex and
 # biconcave lenses. Its eq. 12 lacks a minus sign: an achromat needs P1 / V1 + P2 / V2 = 0.
 
-CONSTRAINTS = ("r1", "r1=r2", "flat r3", "r2=r3")
+_CONSTRAINTS = ("r1", "r1=r2", "flat r3", "r2=r3")
 
 
 @dataclass(frozen=True)
@@ -120,8 +120,8 @@ def doublet_radii(
     r1 : float
         First radius when the constraint is "r1".
     """
-    if constraint not in CONSTRAINTS:
-        raise InputError(f"unknown constraint {constraint!r}; allowed: {', '.join(CONSTRAINTS)}")
+    if constraint not in _CONSTRAINTS:
+        raise InputError(f"unknown constraint {constraint!r}; allowed: {', '.join(_CONSTRAINTS)}")
     if crown.abbe == flint.abbe:
         raise InputError(f"an achromat needs two Abbe numbers that differ (got {crown.abbe:g} twice)")
     p1 = crown.abbe / ((crown.abbe - flint.abbe) * focal_length)
@@ -217,7 +217,7 @@ _TOP = (
 _SHARED = ("curvature", "thickness", "conic")
 BOARD = "board"  # the scene that is built in
 NO_DETAIL = 1e3  # blur [%] of a zone in which nothing is seen even sharp: less would draw a search there
-MOST_EVALUATIONS = 100_000
+_MOST_EVALUATIONS = 100_000
 THIN = 0.02  # of the focal length: how thin glass may become where nothing is said
 
 
@@ -399,7 +399,7 @@ class _Reader:
             top.positive("object_distance_mm", math.inf), held, fields, self._weights("field_weights", len(fields)),
             wavelengths, self._weights("wavelength_weights", len(wavelengths)), tuple(variables), followers,
             solves, film, self._bounds(), terms, glasses, self._hunt(),
-            self._count("evaluations", 400, MOST_EVALUATIONS), self._count("rings", 4, 40), self._count("arms", 4, 90),
+            self._count("evaluations", 400, _MOST_EVALUATIONS), self._count("rings", 4, 40), self._count("arms", 4, 90),
             top.flag("vignetting") if "vignetting" in top else True,
             tolerances, self._scene(), self._zones(), hashlib.sha256(text.encode()).hexdigest(),
         )  # fmt: skip

@@ -219,7 +219,7 @@ def _chosen_points(setting: Setting, degrees: float, view: View) -> Array:
 # Points are (z, height) in millimetres of the frame of the lens.
 
 SAMPLES = 97
-BLADE = 0.35  # length of a stop's blade over its semi-diameter, where no neighbour's rim says more
+_BLADE = 0.35  # length of a stop's blade over its semi-diameter, where no neighbour's rim says more
 
 
 def profile(lens: Lens, k: int, section: str) -> Array:
@@ -285,7 +285,7 @@ def blades(lens: Lens, section: str) -> list[Array]:
     semi = lens.surfaces[k].semi_diameter
     near = [lens.surfaces[i] for i in (k - 1, k + 1) if 0 <= i < len(lens.surfaces)]
     wide = [surface.semi_diameter for surface in near if np.isfinite(surface.semi_diameter) and surface.region is None]
-    length = max(BLADE * semi, 1.1 * max(wide, default=0.0) - semi)
+    length = max(_BLADE * semi, 1.1 * max(wide, default=0.0) - semi)
     along = edge[-1] - edge[0]
     outwards = along / np.hypot(*along) * length if np.any(along) else np.array([0.0, length])
     return [np.array([edge[0], edge[0] - outwards]), np.array([edge[-1], edge[-1] + outwards])]
@@ -306,10 +306,10 @@ def _edge(start: Array, end: Array) -> Array:
 
 
 WIDTH, MARGIN, HEAD, FOOT = 960.0, 20.0, 40.0, 54.0
-FOOT_LINE = 32.0  # of the key, above the lower edge
-LEAST_HEIGHT, MOST_HEIGHT = 60.0, 700.0
-BLOCKED = "#c00000"
-MARK = 3.0  # half width of the mark on a blocked ray [pixels]
+_FOOT_LINE = 32.0  # of the key, above the lower edge
+_LEAST_HEIGHT, _MOST_HEIGHT = 60.0, 700.0
+_BLOCKED = "#c00000"
+_MARK = 3.0  # half width of the mark on a blocked ray [pixels]
 
 
 def draw_lens(setting: Setting, view: View | None = None, tracer: Tracer = reference) -> charts.Drawing:
@@ -379,8 +379,8 @@ class PixelFrame:
             left = max(left, -APPROACH * size - 0.5 * size)
         else:
             below, above = -float(points[:, 1].min()), float(points[:, 1].max())
-        scale = min((WIDTH - 2 * MARGIN) / (right - left), MOST_HEIGHT / (above + below))
-        tall = max((above + below) * scale, LEAST_HEIGHT)
+        scale = min((WIDTH - 2 * MARGIN) / (right - left), _MOST_HEIGHT / (above + below))
+        tall = max((above + below) * scale, _LEAST_HEIGHT)
         spare = (WIDTH - 2 * MARGIN) / scale - (right - left)
         middle = HEAD + tall / 2 + (above - below) / 2 * scale
         return PixelFrame(scale, left - spare / 2, middle, HEAD + tall + FOOT)
@@ -467,8 +467,8 @@ def _draw_ray(picture: charts.Drawing, frame: PixelFrame, beam: Bundle, ray: int
     what = f"{status.name.replace('_', ' ')} at surface {beam.paths.last.surface[ray]}"
     picture.add(charts.Path(places, beam.colour, 0.5, dash=(3, 3), note=what))
     x, y = places[-1]
-    for tilt in (-MARK, MARK):
-        picture.add(charts.Path([(x - MARK, y - tilt), (x + MARK, y + tilt)], BLOCKED, 1.3, note=what))
+    for tilt in (-_MARK, _MARK):
+        picture.add(charts.Path([(x - _MARK, y - tilt), (x + _MARK, y + tilt)], _BLOCKED, 1.3, note=what))
 
 
 def _draw_numbers(picture: charts.Drawing, frame: PixelFrame, lines: Sequence[tuple[Bundle, int, Array]]) -> None:
@@ -480,22 +480,22 @@ def _draw_numbers(picture: charts.Drawing, frame: PixelFrame, lines: Sequence[tu
         if surface >= 0 and (surface not in marks or place[1] < marks[surface][1]):
             marks[surface] = place
     for surface, (x, y) in marks.items():
-        picture.add(charts.Text((x + MARK, y - MARK - 1), str(surface), 10, colour=BLOCKED))
+        picture.add(charts.Text((x + _MARK, y - _MARK - 1), str(surface), 10, colour=_BLOCKED))
 
 
 def _draw_words(picture: charts.Drawing, setting: Setting, beams: Sequence[Bundle], view: View) -> None:
     picture.add(charts.Text((MARGIN, 24), picture.title, 15))
     draw_key(picture, dict.fromkeys((beam.colour, _label(beam, view)) for beam in beams))
     if view.blocked:
-        picture.add(charts.Text((MARGIN, picture.height - 12), _blocked_text(beams), 11, colour=BLOCKED))
+        picture.add(charts.Text((MARGIN, picture.height - 12), _blocked_text(beams), 11, colour=_BLOCKED))
     if setting.film_distance_mm is not None:
         text = f"last surface to film {setting.film_distance_mm:.4g} mm"
-        picture.add(charts.Text((WIDTH - MARGIN, picture.height - FOOT_LINE), text, 11, "end", charts.FAINT))
+        picture.add(charts.Text((WIDTH - MARGIN, picture.height - _FOOT_LINE), text, 11, "end", charts.FAINT))
 
 
 def draw_key(picture: charts.Drawing, entries: Iterable[tuple[str, str]]) -> None:
     """Draw what colours mean: a line of each, with its label."""
-    place, below = MARGIN, picture.height - FOOT_LINE
+    place, below = MARGIN, picture.height - _FOOT_LINE
     for colour, label in entries:
         picture.add(
             charts.Path([(place, below - 4), (place + 22, below - 4)], colour, 2.5),

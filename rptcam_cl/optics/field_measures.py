@@ -31,7 +31,7 @@ Row = dict[str, float | None]
 # Where chief rays meet the film, against an ideal projection: distortion, and between wavelengths lateral colour.
 
 # Film height per focal length at an angle, and in words (Kingslake, A History of the Photographic Lens; ISO 17850).
-PROJECTIONS: dict[str, tuple[Callable[[float], float], str]] = {
+_PROJECTIONS: dict[str, tuple[Callable[[float], float], str]] = {
     "tan": (math.tan, "f tan(angle)"),
     "theta": (lambda angle: angle, "f angle"),
     "stereographic": (lambda angle: 2 * math.tan(angle / 2), "2 f tan(angle / 2)"),
@@ -39,9 +39,9 @@ PROJECTIONS: dict[str, tuple[Callable[[float], float], str]] = {
     "orthographic": (math.sin, "f sin(angle)"),
 }
 NARROW = 30.0  # degrees up to which all projections are alike, and f tan(angle) is what is meant
-RECTILINEAR = 0.1  # largest distortion of a lens that counts as keeping lines straight, as a share of the height
-DISTORTION_ACROSS = 48  # rays across a beam whose middle is sought
-BARREL = 90.0  # degrees at which f tan(angle) has no height
+_RECTILINEAR = 0.1  # largest distortion of a lens that counts as keeping lines straight, as a share of the height
+_DISTORTION_ACROSS = 48  # rays across a beam whose middle is sought
+_BARREL = 90.0  # degrees at which f tan(angle) has no height
 
 
 def followed_projection(setting: Setting, fields: Sequence[float]) -> str:
@@ -57,14 +57,14 @@ def followed_projection(setting: Setting, fields: Sequence[float]) -> str:
     if not seen or max(map(abs, seen)) <= NARROW:
         return "tan"
     off = {}
-    for name in PROJECTIONS:
+    for name in _PROJECTIONS:
         ideals = {degrees: ideal_height(setting, degrees, name) for degrees in seen}
         errors = [
             math.inf if (ideal := ideals[degrees]) is None else abs(height / ideal - 1)
             for degrees, height in seen.items()
         ]
         off[name] = max(errors)
-    return "tan" if off["tan"] <= RECTILINEAR else min(off, key=lambda name: off[name])
+    return "tan" if off["tan"] <= _RECTILINEAR else min(off, key=lambda name: off[name])
 
 
 def ideal_height(setting: Setting, field_degrees: float, projection: str) -> float | None:
@@ -72,15 +72,15 @@ def ideal_height(setting: Setting, field_degrees: float, projection: str) -> flo
 
     None where it gives none: f tan(angle) from 90 degrees on, f sin(angle) beyond.
     """
-    if projection not in PROJECTIONS:
-        raise InputError(f"projection must be one of {', '.join(PROJECTIONS)} (got {projection!r})")
+    if projection not in _PROJECTIONS:
+        raise InputError(f"projection must be one of {', '.join(_PROJECTIONS)} (got {projection!r})")
     first = setting.lens.first_order(setting.wavelength_nm)
     angle = math.radians(field_degrees)
-    if (projection == "tan" and abs(field_degrees) >= BARREL) or (
-        projection == "orthographic" and abs(field_degrees) > BARREL
+    if (projection == "tan" and abs(field_degrees) >= _BARREL) or (
+        projection == "orthographic" and abs(field_degrees) > _BARREL
     ):
         return None
-    spread = PROJECTIONS[projection][0](angle)
+    spread = _PROJECTIONS[projection][0](angle)
     if math.isinf(setting.object_distance_mm):
         return first.front_focal_length_mm * spread
     # Newton: magnification f / x, x from the object plane to the front focal point
@@ -99,7 +99,7 @@ def film_height(setting: Setting, field_degrees: float, wavelength_nm: float) ->
     except InputError:
         beam = Beam(field_degrees, setting.object_distance_mm)
         try:
-            _, rays, _ = passing_beam(setting.lens, beam, wavelength_nm, DISTORTION_ACROSS)
+            _, rays, _ = passing_beam(setting.lens, beam, wavelength_nm, _DISTORTION_ACROSS)
         except InputError:
             return None
     if not rays.passed[0]:
@@ -146,7 +146,7 @@ def distortion_table(
 def distortion_chart(setting: Setting, rows: Sequence[Row], projection: str) -> Figure:
     """Return distortion over the field, a curve for each wavelength."""
     fields = [row["field_degrees"] or 0.0 for row in rows]
-    title = f"{setting.lens.name}: distortion against {PROJECTIONS[projection][1]}"
+    title = f"{setting.lens.name}: distortion against {_PROJECTIONS[projection][1]}"
     labels = ("angle from the axis [degrees]", "distortion [%]")
     figure, axes = charts.new_chart(title, labels, (min(*fields, 0.0), max(*fields, 1e-3)))
     axes.axhline(0.0, color=charts.INK, linewidth=0.8)
@@ -172,7 +172,7 @@ def distortion(
     film, fields = setting.film, fields_of(setting, fields, FINE)
     name = projection or followed_projection(setting, fields)
     rows = distortion_table(setting, fields, wavelengths_nm, name)
-    meant = PROJECTIONS[name][1] + ("" if projection else ", which it follows best")
+    meant = _PROJECTIONS[name][1] + ("" if projection else ", which it follows best")
     return result_of(
         setting, "distortion", rows, lambda: distortion_chart(setting, rows, name),
         f"{setting.lens.name}, film at {film:.6g} mm, against {meant}", projection=name,
@@ -191,7 +191,7 @@ def film_radii(setting: Setting, steps: int, film_radius_mm: float | None = None
     return np.linspace(0.0, film_radius_mm, steps + 1)
 
 
-BISECTED = 1e-9  # of the light: how exactly the ends of what passes are found
+_BISECTED = 1e-9  # of the light: how exactly the ends of what passes are found
 
 
 def vignetting_table(setting: Setting, radii_mm: Array) -> list[Row]:
@@ -217,7 +217,7 @@ def vignetting_table(setting: Setting, radii_mm: Array) -> list[Row]:
                 "film_radius_mm": radius,
                 "irradiance": value,
                 "relative": relative,
-                "relative_error": (error + relative * float(errors[0])) / float(values[0]) + BISECTED,
+                "relative_error": (error + relative * float(errors[0])) / float(values[0]) + _BISECTED,
                 "stops": math.log2(relative) if relative > 0 else None,
                 "angle_degrees": math.degrees(angle),
                 "cos4": math.cos(angle) ** 4,
@@ -334,12 +334,12 @@ def glare(
 # Depth of field on the axis: by the blur of traced rays, and by the thin-lens formula beside it.
 
 STOPS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 22.0)
-ENGRAVED_M = (
+_ENGRAVED_M = (
     0.03, 0.04, 0.05, 0.07, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0,
     30.0, 50.0, 70.0, 100.0, 150.0, 200.0, 300.0, 500.0,
 )  # fmt: skip
 CHOSEN = (10.0, 20.0, 40.0, 80.0, 160.0)  # focal lengths, whose nearest engraved distances are looked at
-OF_A_DISK = 2 * math.sqrt(2)  # diameter over root mean square distance from the middle
+_OF_A_DISK = 2 * math.sqrt(2)  # diameter over root mean square distance from the middle
 ROUNDS = 60
 CLOSE = 1e-4  # of the circle of confusion, within which the blur is found
 
@@ -362,7 +362,7 @@ def _thin_limits(focal_mm: float, f_number: float, focus_mm: float, circle_mm: f
 def _blur(at: Setting, vergence: float) -> float:
     """Return the diameter of the disk that spreads as much as the picture of a point of a vergence [1/mm] [mm]."""
     away = 1 / vergence if vergence > 0 else math.inf
-    return OF_A_DISK * axial_blur(at.lens, at.film, away, at.wavelength_nm)
+    return _OF_A_DISK * axial_blur(at.lens, at.film, away, at.wavelength_nm)
 
 
 def _focus_lens(lens: Lens, focus_mm: float, wavelength_nm: float) -> Setting:
@@ -448,7 +448,7 @@ def depth_of_field(
         own = 1e-3 * (setting.object_distance_mm + lens.length + lens.sense * setting.film)
         distances_m = distances_m or [own]
     if distances_m is None:
-        engraved = {min(ENGRAVED_M, key=lambda d: abs(math.log(d / (lengths * focal_m)))) for lengths in CHOSEN}
+        engraved = {min(_ENGRAVED_M, key=lambda d: abs(math.log(d / (lengths * focal_m)))) for lengths in CHOSEN}
         distances_m = [*sorted(engraved), math.inf]
     rows: list[Row] = []
     for stopped in _stop_down(lens, f_numbers, wavelength_nm):
@@ -554,15 +554,15 @@ def _draw_scale(axes: Axes, lens: Lens, rows: Sequence[Row], focus_m: float, wav
     ends = [place(float(row[end] or 0)) for row in own for end in ("near_m", "far_m")]
     reach = 1.25 * max([abs(end - middle) for end in ends], default=0.5 * middle)
     beside = [min(side, key=lambda at: abs(at - focus_m), default=focus_m) for side in (
-        [at for at in ENGRAVED_M if at < 0.99 * focus_m and at > 4.2e-3 * focal_mm],
-        [at for at in ENGRAVED_M if at > 1.01 * focus_m])]  # fmt: skip
+        [at for at in _ENGRAVED_M if at < 0.99 * focus_m and at > 4.2e-3 * focal_mm],
+        [at for at in _ENGRAVED_M if at > 1.01 * focus_m])]  # fmt: skip
     reach = max(reach, *(1.05 * abs(place(at) - middle) for at in beside))
     axes.set_xlim(middle - reach, middle + reach)
     axes.set_ylim(-1.0, 1.0)
     axes.set_axis_off()
     axes.axhline(0.0, color=charts.INK, linewidth=1.0)
     last = -math.inf
-    for distance in (math.inf, *reversed(ENGRAVED_M)):
+    for distance in (math.inf, *reversed(_ENGRAVED_M)):
         if distance < 4.2e-3 * focal_mm:
             break
         at = place(distance)

@@ -116,10 +116,10 @@ UNMOVED = FilmFrame()
 # A ray is named by its film point (x, y on the film) and the point (u, v) where it crosses the plane of the last
 # vertex.
 
-PATCH_AZIMUTHS = 32
+_PATCH_AZIMUTHS = 32
 PATCH_RADII = 257  # so many that the outline of a bulging surface, which lies between two, is met within 1e-4
 BULGE = 1e-4
-LEAST_GAP = 1e-3  # of the film distance, between the last surface and points whose windows are sought
+_LEAST_GAP = 1e-3  # of the film distance, between the last surface and points whose windows are sought
 
 Mask = NDArray[np.bool_]
 Wavelengths = float | tuple[float, ...]
@@ -183,7 +183,7 @@ class FilmProbe:
     def windows(self, film: Array) -> Array:
         """Return boxes (m, 4) u0, u1, v0, v1 [mm] that hold every ray from film points (m, 2) to the last surface."""
         points = film[:1] if self.frame.is_flat else film
-        distances = np.maximum(self.distances(points), LEAST_GAP * self.distance + self.patch[:, 2].max())[:, None]
+        distances = np.maximum(self.distances(points), _LEAST_GAP * self.distance + self.patch[:, 2].max())[:, None]
         scale = distances / (distances - self.patch[:, 2])
         crossing = film[:, None, :] * (1.0 - scale)[..., None] + self.patch[:, :2] * scale[..., None]
         low, high = crossing.min(axis=1), crossing.max(axis=1)
@@ -192,7 +192,7 @@ class FilmProbe:
             middle, half = (low + high) / 2, (high - low) / 2 * (1.0 + BULGE)
             low, high = middle - half, middle + half
         if not self.lens.surfaces[-1].is_rotational:  # the rim bulges between the azimuths that were taken
-            middle, half = (low + high) / 2, (high - low) / 2 / np.cos(np.pi / PATCH_AZIMUTHS)
+            middle, half = (low + high) / 2, (high - low) / 2 / np.cos(np.pi / _PATCH_AZIMUTHS)
             low, high = middle - half, middle + half
         return boxes_of(low, high)
 
@@ -228,7 +228,7 @@ class FilmProbe:
 
 def _patch(surface: Surface, sense: float) -> Array:
     """Return points (n, 3) spread over the clear area of the last surface about its vertex, z towards the film."""
-    azimuths = 4 if surface.is_rotational else PATCH_AZIMUTHS
+    azimuths = 4 if surface.is_rotational else _PATCH_AZIMUTHS
     angles = np.arange(azimuths) * 2 * np.pi / azimuths
     radii = np.linspace(0.0, surface.semi_diameter * (1 - 1e-12), PATCH_RADII)
     x, y = (np.outer(radii, turn(angles)).ravel() for turn in (np.cos, np.sin))

@@ -261,7 +261,7 @@ def _power(jones: Amplitude) -> Array:
 Way = tuple[int, ...]
 
 ORDERS = (2, 4)
-LEAST_SCALE = 1e-9  # of heights in an image of the source, over those before the lens
+_LEAST_SCALE = 1e-9  # of heights in an image of the source, over those before the lens
 
 
 class Step(NamedTuple):
@@ -295,12 +295,12 @@ def with_wider_stop(lens: Lens, factor: float) -> Lens:
     return lens.with_changes({lens.stop_index: {"semi_diameter": wider}})
 
 
-CLOSING = 4.0  # how far a wider stop is closed at a time
+_CLOSING = 4.0  # how far a wider stop is closed at a time
 
 
 def with_wider_stops(lens: Lens, factor: float) -> list[Lens]:
     """Return the lens with its stop wider by a factor above 1, and closed from there, widest first."""
-    return [with_wider_stop(lens, factor / CLOSING**k) for k in range(int(np.log(factor) / np.log(CLOSING)) + 1)]
+    return [with_wider_stop(lens, factor / _CLOSING**k) for k in range(int(np.log(factor) / np.log(_CLOSING)) + 1)]
 
 
 def steps(way: Way, surfaces: int) -> Iterator[Step]:
@@ -400,7 +400,7 @@ def light_by_paraxial_rays(
     low, high = np.full(shape, -np.inf), np.full(shape, np.inf)
     for step in paraxial_steps(lens, turns, film_mm[0]):
         scale = step.heights[0] + step.heights[1] / distance_mm
-        scale = np.where(np.abs(scale) < LEAST_SCALE, LEAST_SCALE, scale)
+        scale = np.where(np.abs(scale) < _LEAST_SCALE, _LEAST_SCALE, scale)
         middle, half = -np.outer(slopes, step.heights[1] / scale), rims[step.surface] / np.abs(scale)
         low[:, step.ways] = np.maximum(low[:, step.ways], middle - half)
         high[:, step.ways] = np.minimum(high[:, step.ways], middle + half)
@@ -867,7 +867,7 @@ def together(lit: Lit, front: Arrival, turns: Numbers) -> PolarisedBeam:
 
 # Four times as many move the light of all ghosts by at most 0.44 % (fisheye-10mm, of seven lenses).
 OWN_RAYS, LEAST, MOST = 60_000, 256, 12_000  # of all ways, and of each one
-IMAGE_RAYS = 20_000  # of the image itself
+_IMAGE_RAYS = 20_000  # of the image itself
 PART = 0.3  # of a way's rays; where fewer meet the frame, those get rays of their own
 WIDE = 0.1  # what light beside the frame counts where rays are shared out
 SURE = 100  # rays that form the image; where fewer do, a wider stop says where light enters
@@ -991,7 +991,7 @@ def _own_light(landed: dict[Way, Landed], stops: list[Lit], share: float) -> dic
     weights = {way: float(np.sqrt(rays.light @ (rays.inside + WIDE))) for way, rays in landed.items()}
     total = sum(weight for way, weight in weights.items() if way) or 1.0
     counts = {way: int(share * np.clip(OWN_RAYS * weight / total, LEAST, MOST)) for way, weight in weights.items()}
-    counts[()], whole = int(share * IMAGE_RAYS), landed
+    counts[()], whole = int(share * _IMAGE_RAYS), landed
     for stage in stops:
         whole = follow(stage, whole, counts)
     parts = {way: rays for way, rays in whole.items() if rays.inside.any() and rays.inside.mean() < PART}

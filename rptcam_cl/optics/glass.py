@@ -128,9 +128,9 @@ def interpolate(
 Range = tuple[float, float]
 
 NO_DISPERSION = 1e6  # V_d by which files say that an index is the same at every wavelength
-VISIBLE_NM = (400.0, 700.0)  # within which laws that end are continued
-MARGIN_NM = 50.0  # by at most so much
-FIT_POINTS = 8  # of a table, from its end, by which it is continued
+_VISIBLE_NM = (400.0, 700.0)  # within which laws that end are continued
+_MARGIN_NM = 50.0  # by at most so much
+_FIT_POINTS = 8  # of a table, from its end, by which it is continued
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,7 +259,7 @@ class TabulatedIndex(Medium):
         value = np.asarray(np.interp(wavelength, self.wavelengths_nm, self.values), dtype=np.float64)
         for end, outside in ((0, wavelength < limits[0]), (-1, wavelength > limits[1])):
             if np.any(outside):
-                places = slice(None, FIT_POINTS) if end == 0 else slice(-FIT_POINTS, None)
+                places = slice(None, _FIT_POINTS) if end == 0 else slice(-_FIT_POINTS, None)
                 known, values = self.wavelengths_nm[places], self.values[places]
                 curve = np.polynomial.Polynomial.fit(_inverse_square(known), values, min(2, len(known) - 1))
                 beyond = self.values[end] + curve(_inverse_square(wavelength)) - curve(_inverse_square(limits[end]))
@@ -352,14 +352,14 @@ def stated_range(medium: Medium) -> Range | None:
 def known_range(medium: Medium) -> Range | None:
     """Return the shortest and longest wavelength at which an index is given [nm], None where it is everywhere.
 
-    A law that ends inside of `VISIBLE_NM` is continued towards its end, by `MARGIN_NM` at most.
+    A law that ends inside of `_VISIBLE_NM` is continued towards its end, by `_MARGIN_NM` at most.
     """
     stated = stated_range(medium)
     return None if stated is None else _extend_range(stated)
 
 
 def continued_words(medium: Medium) -> str | None:
-    """Return a warning about a medium whose law is continued within `VISIBLE_NM`; None for others."""
+    """Return a warning about a medium whose law is continued within `_VISIBLE_NM`; None for others."""
     stated, known = stated_range(medium), known_range(medium)
     if stated is None or stated == known or known is None:
         return None
@@ -369,11 +369,11 @@ def continued_words(medium: Medium) -> str | None:
 
 
 def _extend_range(stated: Range) -> Range:
-    (low, high), (blue, red) = stated, VISIBLE_NM
+    (low, high), (blue, red) = stated, _VISIBLE_NM
     if blue < low <= red:
-        low = max(blue, low - MARGIN_NM)
+        low = max(blue, low - _MARGIN_NM)
     if blue <= high < red:
-        high = min(red, high + MARGIN_NM)
+        high = min(red, high + _MARGIN_NM)
     return low, high
 
 
@@ -454,7 +454,7 @@ _SELLMEIER: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, f
     ),
 }
 
-THICKNESS_MM = 25.0
+_THICKNESS_MM = 25.0
 
 _PER_TEN_THOUSAND = """
 nm        300  310  320  334  350  365  370  380  390  400  405  420  436  460  500  546  580  620  660  700 1060
@@ -491,7 +491,7 @@ def _absorptions() -> dict[str, Absorption]:
     for name, *values in rows:
         known = [(float(nm), int(value) / 1e4) for nm, value in zip(head[1:], values, strict=True) if value != "-"]
         wavelengths, transmittances = zip(*known, strict=True)
-        result[name] = Absorption.from_transmittance(wavelengths, transmittances, THICKNESS_MM)
+        result[name] = Absorption.from_transmittance(wavelengths, transmittances, _THICKNESS_MM)
     return result
 
 

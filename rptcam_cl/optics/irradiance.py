@@ -32,20 +32,20 @@ from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_tr
 Array = NDArray[np.float64]
 
 GRID = (40, 40)
-DENSE_GRID = (200, 200)  # finds the slivers of pupil that remain near the edge of the image circle
+_DENSE_GRID = (200, 200)  # finds the slivers of pupil that remain near the edge of the image circle
 AZIMUTHS, MOST_AZIMUTHS = 256, 4096
 STAYS = 0.005  # share of an integral by which half of its azimuths may differ from all
 STEPS = 48
 WIDENED = 6  # times that a box grows where it cut a pupil off
-MANY_STEPS = 1024  # along an azimuth, where the pupil has parts besides the main one
-STRAYS = 4096  # rays of a film point over the whole rear window, in search of such parts
+_MANY_STEPS = 1024  # along an azimuth, where the pupil has parts besides the main one
+_STRAYS = 4096  # rays of a film point over the whole rear window, in search of such parts
 LEAST_SHARE = 1e-7  # of the window's radius, from which a pupil on the axis is found
 BISECTIONS = 24
-AXIAL_ROUNDS = 3  # each finds the rim of the pupil 128 times as exactly
-BUNDLE = 128  # rays, up to which tracing more takes no longer
+_AXIAL_ROUNDS = 3  # each finds the rim of the pupil 128 times as exactly
+_BUNDLE = 128  # rays, up to which tracing more takes no longer
 NEAR = 0.04  # share of a pupil's radius within which that of another wavelength is sought
-LOSS_RAYS = 4096  # of a film point, that say how much of its light is lost
-GOLDEN_TURN = np.pi * (3 - np.sqrt(5))
+_LOSS_RAYS = 4096  # of a film point, that say how much of its light is lost
+_GOLDEN_TURN = np.pi * (3 - np.sqrt(5))
 
 
 def film_irradiance(
@@ -150,7 +150,7 @@ def axial_irradiance(
         That of another wavelength: the rim is sought about where it is there, with a third of the rays, and the result
         is within 7e-4. None where it is not there.
     """
-    probe, film, rounds = film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm), np.zeros(2), AXIAL_ROUNDS
+    probe, film, rounds = film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm), np.zeros(2), _AXIAL_ROUNDS
     if not _is_alike(probe, film) or (near is not None and lens.is_obstructed):
         return None
     indices = lens.indices(wavelength_nm)
@@ -159,12 +159,12 @@ def axial_irradiance(
         middle, rounds = film_distance_mm * np.sqrt(near / max(bend - near, 1e-300)), 1
         low, high = (1.0 - NEAR) * middle, min((1.0 + NEAR) * middle, high)
     for _ in range(rounds):
-        radii = np.linspace(low, high, BUNDLE + 1)
+        radii = np.linspace(low, high, _BUNDLE + 1)
         hits = probe.passes(film, np.stack([radii, np.zeros(len(radii))], axis=1))
         last = int(np.count_nonzero(hits)) - 1
-        if last < 1 or not hits[: last + 1].all() or (near is not None and last == BUNDLE):
+        if last < 1 or not hits[: last + 1].all() or (near is not None and last == _BUNDLE):
             return None
-        low, high = radii[last], radii[min(last + 1, BUNDLE)]
+        low, high = radii[last], radii[min(last + 1, _BUNDLE)]
     square = ((low + high) / 2) ** 2
     return float(bend * square / (film_distance_mm**2 + square))
 
@@ -179,7 +179,7 @@ def _pupil_boxes(probe: film_probe.FilmProbe, film: Array) -> tuple[Array, NDArr
     dark = np.flatnonzero(~is_lit)
     for k in dark:
         boxes[k : k + 1], is_lit[k : k + 1] = film_probe.narrow_boxes(
-            probe, film[k : k + 1], probe.windows(film[k : k + 1]), DENSE_GRID
+            probe, film[k : k + 1], probe.windows(film[k : k + 1]), _DENSE_GRID
         )
     dark = np.flatnonzero(~is_lit)
     if len(dark):
@@ -214,8 +214,8 @@ def _is_alike(probe: film_probe.FilmProbe, film: Array) -> bool:
 
 def _axial_radii(reach: float) -> Array:
     """Return distances from the axis, evenly and by their logarithms, at which parts of a pupil are sought."""
-    even = np.linspace(0.0, reach, MANY_STEPS).tolist()
-    logarithmic = np.geomspace(LEAST_SHARE * reach, reach, MANY_STEPS).tolist()
+    even = np.linspace(0.0, reach, _MANY_STEPS).tolist()
+    logarithmic = np.geomspace(LEAST_SHARE * reach, reach, _MANY_STEPS).tolist()
     return np.array(sorted({*even, *logarithmic}))
 
 
@@ -227,7 +227,7 @@ def _axial_box(probe: film_probe.FilmProbe) -> Array | None:
     if not hits.any():
         return None
     last = int(np.flatnonzero(hits)[-1])
-    if hits[: last + 1].all() and radii[last] > radii[-1] / DENSE_GRID[0]:
+    if hits[: last + 1].all() and radii[last] > radii[-1] / _DENSE_GRID[0]:
         return None
     outermost = radii[min(last + 1, len(radii) - 1)]
     return np.asarray(outermost * np.array([-1.0, 1.0, -1.0, 1.0]), dtype=np.float64)
@@ -236,12 +236,12 @@ def _axial_box(probe: film_probe.FilmProbe) -> Array | None:
 def _with_strays(probe: film_probe.FilmProbe, film: Array, box: Array, lit: bool) -> Array | None:
     """Return a box that holds the rays outside of a box as well; None when there are none."""
     window = probe.windows(film[None])
-    points, hits = film_probe.spread_points(window, STRAYS)[0], np.zeros(STRAYS, dtype=bool)
-    apart = np.any((points < box[::2]) | (points > box[1::2]), axis=1) if lit else np.ones(STRAYS, dtype=bool)
+    points, hits = film_probe.spread_points(window, _STRAYS)[0], np.zeros(_STRAYS, dtype=bool)
+    apart = np.any((points < box[::2]) | (points > box[1::2]), axis=1) if lit else np.ones(_STRAYS, dtype=bool)
     hits[apart] = probe.passes(film, points[apart])
     if not hits.any():
         return None
-    margin = (window[0, 1::2] - window[0, ::2]) / np.sqrt(STRAYS)
+    margin = (window[0, 1::2] - window[0, ::2]) / np.sqrt(_STRAYS)
     low, high = points[hits].min(axis=0) - margin, points[hits].max(axis=0) + margin
     if lit:
         low, high = np.minimum(low, box[::2]), np.maximum(high, box[1::2])
@@ -263,7 +263,7 @@ def _integrate(
     """
     centre = np.array([box[0] + box[1], box[2] + box[3]]) / 2
     reach = np.hypot(box[1] - box[0], box[3] - box[2]) / 2
-    steps = np.linspace(0.0, reach, MANY_STEPS if parted else STEPS)
+    steps = np.linspace(0.0, reach, _MANY_STEPS if parted else STEPS)
     if _is_alike(probe, film):
         centre, azimuths = film, 1
         if parted:
@@ -304,9 +304,9 @@ def _mean_transmittance(
     With it comes by how much it would change with every other ray.
     """
     centre, reach = box.reshape(2, 2).mean(axis=1), np.hypot(box[1] - box[0], box[3] - box[2]) / 2
-    number = np.arange(LOSS_RAYS)
-    radii = reach * np.sqrt((number + 0.5) / LOSS_RAYS)
-    points = centre + radii[:, None] * np.stack([np.cos(number * GOLDEN_TURN), np.sin(number * GOLDEN_TURN)], axis=1)
+    number = np.arange(_LOSS_RAYS)
+    radii = reach * np.sqrt((number + 0.5) / _LOSS_RAYS)
+    points = centre + radii[:, None] * np.stack([np.cos(number * _GOLDEN_TURN), np.sin(number * _GOLDEN_TURN)], axis=1)
     origin = np.array([*film, probe.lens.film_z(probe.distance)])
     across = points - film
     directions = np.column_stack([across, np.full(len(points), -probe.lens.sense * probe.distance)])
@@ -334,7 +334,7 @@ def _bisect(
     left = BISECTIONS
     while left:
         # All middles that the next few bisections may come to are traced together where the bundle is small.
-        depth = min(left, max(int(np.log2(BUNDLE / max(len(low), 1))), 1))
+        depth = min(left, max(int(np.log2(_BUNDLE / max(len(low), 1))), 1))
         places = np.stack([low, high], axis=1)
         for _ in range(depth):
             finer = np.empty((len(places), 2 * places.shape[1] - 1))
@@ -356,10 +356,10 @@ def _bisect(
 # the height of the ray. They say which rim stops rays first, and at which height: the pupil is a disk of that radius.
 
 FILM_NODES = 6  # in a cell of film distances
-HEIGHT_NODES = (16, 32)  # of a beam, where the first are too few
+_HEIGHT_NODES = (16, 32)  # of a beam, where the first are too few
 EXACT = 1e-12  # share of a quantity that its last polynomials may have
-CELLS_OF_DISTANCE = 16  # while it doubles
-STEPS_OF_HEIGHT = 8  # widths of beams while they double
+_CELLS_OF_DISTANCE = 16  # while it doubles
+_STEPS_OF_HEIGHT = 8  # widths of beams while they double
 WIDER = 8  # steps by which a beam may have to be wider than first-order optics says
 PLACES = 65  # at which a search begins
 ROUNDS = 4  # of Newton's method
@@ -379,12 +379,12 @@ def disk_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = 
     if not (math.isfinite(away) and away != 0):
         return None
     height = abs(pupil.diameter_mm / 2 * film_distance_mm / away)
-    cell = math.floor(CELLS_OF_DISTANCE * math.log2(film_distance_mm))
-    step = math.ceil(STEPS_OF_HEIGHT * math.log2(height))
+    cell = math.floor(_CELLS_OF_DISTANCE * math.log2(film_distance_mm))
+    step = math.ceil(_STEPS_OF_HEIGHT * math.log2(height))
     beams = _beams_of(lens, stop, wavelength_nm)
     for width in range(step, step + WIDER):
         if (cell, width) not in beams:
-            beams[cell, width] = _trace_beam(lens, wavelength_nm, cell, 2.0 ** (width / STEPS_OF_HEIGHT))
+            beams[cell, width] = _trace_beam(lens, wavelength_nm, cell, 2.0 ** (width / _STEPS_OF_HEIGHT))
         beam = beams[cell, width]
         if beam is None:
             return None
@@ -402,11 +402,11 @@ def _beams_of(lens: Lens, stop: int, wavelength_nm: float) -> dict[tuple[int, in
 
 def _trace_beam(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _AxialRays | None:
     """Return the beam of a cell; None where a ray is lost or polynomials of so low a degree leave errors."""
-    ends = 2.0 ** (cell / CELLS_OF_DISTANCE), 2.0 ** ((cell + 1) / CELLS_OF_DISTANCE)
+    ends = 2.0 ** (cell / _CELLS_OF_DISTANCE), 2.0 ** ((cell + 1) / _CELLS_OF_DISTANCE)
     order = range(len(lens.surfaces) - 1, -1, -1)
     at_film, to_film = chebyshev_nodes(FILM_NODES)
     distances = np.mean(ends) + np.ptp(ends) / 2 * at_film
-    for count in HEIGHT_NODES:
+    for count in _HEIGHT_NODES:
         at_height, to_height = chebyshev_nodes(count)
         heights = height * np.sqrt((1.0 + at_height) / 2)
         far, across = (values.ravel() for values in np.meshgrid(distances, heights, indexing="ij"))
@@ -490,7 +490,7 @@ class _AxialRays:
 # back to the film, and what rims behind the stop catch, is light that a film or a barrel that is not black would add.
 
 GLARE_RAYS = 12_000  # over the rear surface
-SKY_MM = 1e5  # from the front to a plane that all light towards the scene meets
+_SKY_MM = 1e5  # from the front to a plane that all light towards the scene meets
 
 
 @dataclass(frozen=True)
@@ -549,7 +549,7 @@ def veiling_glare(
             raise InputError(f"the {name} reflects a share from 0 to below 1 (got {share:g})")
     check_lens(lens)
     point = Beam(0.0, film_distance_mm, is_diffuse=True)
-    tree = Tree(Lit(_reversed_lens(lens), SKY_MM, point, wavelength_nm, (np.inf, np.inf), transmission), 2, rays)
+    tree = Tree(Lit(_reversed_lens(lens), _SKY_MM, point, wavelength_nm, (np.inf, np.inf), transmission), 2, rays)
     account, image = tree.account, tree.account.image
     if not image > 0:
         raise InputError(f"{lens.name}: no light reaches the middle of the film")
@@ -585,14 +585,14 @@ def _reversed_lens(lens: Lens) -> Lens:
 
 # What a lens does in one state: the numbers of `lens info`, image circle, field of view and T-number.
 
-LARGEST_FIELD = 8.0  # image circles are searched up to this many focal lengths from the axis
-HALF_STEPS, HALF_NODES, HALF_RAYS = 7, 33, (72, 72)
+_LARGEST_FIELD = 8.0  # image circles are searched up to this many focal lengths from the axis
+_HALF_STEPS, _HALF_NODES, _HALF_RAYS = 7, 33, (72, 72)
 INSIDE = 0.997  # of the image circle, where more than a sliver of the pupil is left
 QUICK = (40, 40)
 FAN = (4096, 1)
-BESIDE_AXIS = np.geomspace(5e-4, 1.0, 64)  # of that, where light is sought if none reaches the axis
+_BESIDE_AXIS = np.geomspace(5e-4, 1.0, 64)  # of that, where light is sought if none reaches the axis
 SEARCH = (160, 160)
-CRESCENTS, CRESCENT_STEP = (640, 320), 0.02
+_CRESCENTS, _CRESCENT_STEP = (640, 320), 0.02
 
 
 def lens_info(
@@ -690,7 +690,7 @@ def image_circle(
     radii = limit * np.geomspace(0.02, 1.0, 24)
     low, high = 0.0, 0.0
     if between_mm is None:
-        beside = limit * BESIDE_AXIS if not lit(0.0) else ()  # of a ring that the middle of a mirror lens leaves dark
+        beside = limit * _BESIDE_AXIS if not lit(0.0) else ()  # of a ring that the middle of a mirror lens leaves dark
         low = next((float(radius) for radius in beside if lit(float(radius))), 0.0)
         radii = radii[radii > low] if low > 0 or not len(beside) else radii[:0]
     else:
@@ -713,9 +713,9 @@ def image_circle(
 
 def _end_of_crescents(probe: film_probe.FilmProbe, radius: float) -> float:
     """Return how far [mm] from a radius with light the ends of a cut ring reach, which slip through a wide grid."""
-    film, step = np.array([[radius, 0.0]]), np.array([CRESCENT_STEP * radius, 0.0])
+    film, step = np.array([[radius, 0.0]]), np.array([_CRESCENT_STEP * radius, 0.0])
     box = film_probe.narrow_boxes(
-        probe, film, film_probe.upper(probe.windows(film), probe.lens.is_rotational), CRESCENTS
+        probe, film, film_probe.upper(probe.windows(film), probe.lens.is_rotational), _CRESCENTS
     )[0][0]
     while step[0] > 2e-5 * radius:
         there, hit = film_probe.box_near(probe, film + step, box, radial=False, shape=SEARCH)
@@ -729,7 +729,7 @@ def _end_of_crescents(probe: film_probe.FilmProbe, radius: float) -> float:
 def farthest(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
     """Return the film radius [mm] up to which image circles are searched."""
     length = abs(lens.first_order(wavelength_nm).focal_length_mm)
-    return LARGEST_FIELD * (length if np.isfinite(length) else film_distance_mm)
+    return _LARGEST_FIELD * (length if np.isfinite(length) else film_distance_mm)
 
 
 def _half_light_radius(
@@ -744,19 +744,19 @@ def _half_light_radius(
     """
 
     probes = film_probe.narrowing_probes(lens, film_distance_mm, wavelength_nm)
-    nodes = np.linspace(0.0, circle_mm, HALF_NODES)
-    node_boxes, _ = film_probe.pupil_boxes(probes, np.column_stack([nodes, np.zeros(HALF_NODES)]), in_order=True)
+    nodes = np.linspace(0.0, circle_mm, _HALF_NODES)
+    node_boxes, _ = film_probe.pupil_boxes(probes, np.column_stack([nodes, np.zeros(_HALF_NODES)]), in_order=True)
 
     def light(radius: float) -> float:  # D^2 / (D^2 + rho^2)^2 over what passes of a plane through the last vertex
         film = np.array([[radius, 0.0]])
         near, _ = film_probe.box_near(probes[-1], film, node_boxes[np.abs(nodes - radius).argmin()], radial=False)
-        boxes, lit = film_probe.narrow_boxes(probes[-1], film, near[None], HALF_RAYS)
-        points = film_probe.grid(boxes, *HALF_RAYS)[0]
+        boxes, lit = film_probe.narrow_boxes(probes[-1], film, near[None], _HALF_RAYS)
+        points = film_probe.grid(boxes, *_HALF_RAYS)[0]
         targets = np.column_stack([points, np.full(len(points), lens.length)])
         start = np.array([radius, 0.0, lens.film_z(film_distance_mm)])
         passed = lens.trace(np.broadcast_to(start, targets.shape), targets - start, wavelength_nm).passed
         square = np.sum((targets - start) ** 2, axis=1)
-        sides = np.ptp(points, axis=0) / (np.array(HALF_RAYS) - 1)
+        sides = np.ptp(points, axis=0) / (np.array(_HALF_RAYS) - 1)
         return float(lit[0] * np.prod(sides) * np.sum(passed / square**2))
 
     def share(radius: float) -> float:
@@ -764,7 +764,7 @@ def _half_light_radius(
 
     on_axis = light(0.0)
     low, more = 0.0, 0.5  # light above the half
-    for radius in circle_mm * np.geomspace(0.05, 1.0, HALF_STEPS):
+    for radius in circle_mm * np.geomspace(0.05, 1.0, _HALF_STEPS):
         if (excess := share(float(radius)) - 0.5) < 0:
             high, less = float(radius), excess
             break

@@ -26,7 +26,7 @@ from rptcam_cl.optics.surface import FocusState, Prescription, Region, StopMask,
 
 Array = NDArray[np.float64]
 
-AFOCAL = 1e-13  # power of the whole below this share of the curvatures' sum is rounding
+_AFOCAL = 1e-13  # power of the whole below this share of the curvatures' sum is rounding
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def focal_length_mm(lens: Prescription, wavelength_nm: float = LINE_D_NM) -> flo
 
 def _focal_lengths(lens: Prescription, c: float, wavelength_nm: float, section: str) -> tuple[float, float]:
     """Return the front and the rear focal length [mm] of a lens whose system matrix has `c` below on the left."""
-    if abs(c) <= AFOCAL * sum(abs(surface.paraxial_curvature(section)) for surface in lens.surfaces):
+    if abs(c) <= _AFOCAL * sum(abs(surface.paraxial_curvature(section)) for surface in lens.surfaces):
         return np.inf, np.inf
     indices = lens.indices(wavelength_nm)
     return -float(indices[0]) / c, -float(indices[-1]) / c
@@ -210,7 +210,7 @@ def _pupils(lens: Prescription, wavelength_nm: float, section: str) -> tuple[Pup
 
 # A lens, and what is most used of it: first-order data, rays through it, its stop set. Millimetres, float64.
 
-WORTH_A_WORD = 0.995  # a marked f-number nearer than this to the true one is that
+_WORTH_A_WORD = 0.995  # a marked f-number nearer than this to the true one is that
 
 
 @dataclass(frozen=True)
@@ -290,7 +290,7 @@ class Lens(Prescription):
     def speed_note(self, f_number: float, wavelength_nm: float = LINE_D_NM) -> tuple[str, ...]:
         """Return a note on a marked f-number that the lens does not reach; else nothing."""
         widest, marked = self.first_order(wavelength_nm).f_number, self.marked_f_number
-        if self.stop is None or marked is None or not marked <= f_number < WORTH_A_WORD * widest:
+        if self.stop is None or marked is None or not marked <= f_number < _WORTH_A_WORD * widest:
             return ()
         return (f"{self.name}: is marked f/{marked:g} and opens to f/{widest:.4g}, which is taken",)
 

@@ -20,11 +20,11 @@ from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.files.sequential import read_codev, read_zemax
 from rptcam_cl.optics.lens import Lens
 
-NATIVE_SUFFIXES = (".yaml", ".yml", ".json")
-NAMING: dict[str, Callable[[str, str, tuple[str, ...]], Lens]] = {".zmx": read_zemax, ".seq": read_codev}
+_NATIVE_SUFFIXES = (".yaml", ".yml", ".json")
+_NAMING: dict[str, Callable[[str, str, tuple[str, ...]], Lens]] = {".zmx": read_zemax, ".seq": read_codev}
 READERS: dict[str, Callable[[str, str], Lens]] = {".dat": tables.read_pbrt, ".zmx": read_zemax, ".seq": read_codev}
-SUFFIXES = (*NATIVE_SUFFIXES, *READERS, ".txt")
-STRANGE = {
+SUFFIXES = (*_NATIVE_SUFFIXES, *READERS, ".txt")
+_STRANGE = {
     ".zar": "a Zemax archive", ".zos": "a binary file of OpticStudio", ".zmf": "a catalogue of lenses of Zemax",
     ".len": "a lens of OSLO or an older CODE V", ".roa": "a model of ray-optics", ".agf": "a catalogue of glasses",
 }  # fmt: skip
@@ -113,11 +113,11 @@ def load_lens(
 def _read(path: Path, files: References | None, makers: tuple[str, ...]) -> Lens:
     """Return the lens of a file, whosever form it has."""
     suffix = path.suffix.lower()
-    if suffix in NATIVE_SUFFIXES:
+    if suffix in _NATIVE_SUFFIXES:
         document = replace(read_yaml(path), files=files or References(Folders(path.parent, owner="lens")))
         return _of_document(document, makers)
-    if suffix in NAMING:
-        return NAMING[suffix](_read_text(path), str(path), makers)
+    if suffix in _NAMING:
+        return _NAMING[suffix](_read_text(path), str(path), makers)
     if suffix in READERS:
         return READERS[suffix](_read_text(path), str(path))
     if suffix == ".txt":
@@ -127,7 +127,7 @@ def _read(path: Path, files: References | None, makers: tuple[str, ...]) -> Lens
             if tables.is_optical_bench(text)
             else tables.read_pbrt(text, str(path))
         )
-    what = f"is {STRANGE[suffix]}, which cannot be read" if suffix in STRANGE else "unknown kind of lens file"
+    what = f"is {_STRANGE[suffix]}, which cannot be read" if suffix in _STRANGE else "unknown kind of lens file"
     raise InputError(f"{path}: {what}; known: {', '.join(SUFFIXES)}")
 
 

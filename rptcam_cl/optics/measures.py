@@ -256,7 +256,7 @@ PSF = Measurement(
     ),
     {}, "psf", ("field_degrees", "wavelengths_nm"), is_single=True, has_best_focus=True, array="shares",
 )  # fmt: skip
-WAVEFRONT = Measurement(
+_WAVEFRONT = Measurement(
     "wavefront", "wavefront", "spots",
     "wavefront at the exit pupil: path differences in wavelengths, and Strehl ratios",
     "Return the rms and the range of the wavefront of each field and wavelength, and its Strehl ratios.",
@@ -297,7 +297,7 @@ PARAXIAL = Measurement(
     },
     "paraxial", ("field_degrees",), facts=("field_degrees",),
 )  # fmt: skip
-ZERNIKE = Measurement(
+_ZERNIKE = Measurement(
     "zernike", "zernike", "aberrations",
     "Zernike coefficients of the wavefront over the field, by their fringe numbers and by Noll's",
     "Return the Zernike coefficients of the wavefront of each field and wavelength.",
@@ -328,7 +328,7 @@ VIGNETTING = Measurement(
     },
     "vignetting", ("film_radius_mm", "steps"), has_wavelength=True,
 )  # fmt: skip
-DISTORTION = Measurement(
+_DISTORTION = Measurement(
     "distortion", "distortion", "field_measures",
     "where chief rays meet the film against an ideal projection, and lateral colour",
     "Return film heights against an ideal projection, and lateral colour.",
@@ -359,7 +359,7 @@ RAY_FAN = Measurement(
                                           "ahead_waves": "ahead [waves]"},
     "ray_fans", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
-FIELD_CURVATURE = Measurement(
+_FIELD_CURVATURE = Measurement(
     "field-curvature", "field_curvature", "aberrations",
     "where thin tangential and sagittal pencils are sharp, and astigmatism",
     "Return where thin tangential and sagittal pencils are sharp, from the film away from the lens [mm].",
@@ -369,7 +369,7 @@ FIELD_CURVATURE = Measurement(
     },
     "field_curvature", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
-FOCAL_SHIFT = Measurement(
+_FOCAL_SHIFT = Measurement(
     "focal-shift", "focal_shift", "aberrations",
     "where light of each wavelength meets the axis, paraxial and by zones of the pupil",
     "Return where light of each wavelength and zone meets the axis, from the film away from the lens [mm].",
@@ -377,7 +377,7 @@ FOCAL_SHIFT = Measurement(
     _WAVELENGTH_COLUMN | {"zone": "zone", "shift_mm": "shift [mm]"},
     "focal_shift", ("wavelengths_nm",), has_best_focus=True,
 )  # fmt: skip
-THROUGH_FOCUS = Measurement(
+_THROUGH_FOCUS = Measurement(
     "through-focus", "through_focus", "aberrations",
     "rms spot of each field over shifts of the film",
     "Return the rms spot of each field over shifts of the film up to a range either way.\n\n"
@@ -393,7 +393,7 @@ THROUGH_FOCUS = Measurement(
     },
     "through_focus", ("range_mm", "fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
-DEPTH_OF_FIELD = Measurement(
+_DEPTH_OF_FIELD = Measurement(
     "dof", "depth_of_field", "field_measures",
     "depth of field and hyperfocal distance by traced rays and by the thin-lens formula, and the scale of the lens",
     "Return the depth of field on the axis, by traced rays and by the thin-lens formula, from the object to the film.",
@@ -439,8 +439,8 @@ GLARE = Measurement(
 )  # fmt: skip
 
 MEASUREMENTS = (
-    SPOT, MTF, PSF, WAVEFRONT, PARAXIAL, SEIDEL, ZERNIKE, RAY_FAN, FIELD_CURVATURE, FOCAL_SHIFT,
-    THROUGH_FOCUS, DEPTH_OF_FIELD, VIGNETTING, DISTORTION, TRANSMITTANCE, GLARE,
+    SPOT, MTF, PSF, _WAVEFRONT, PARAXIAL, SEIDEL, _ZERNIKE, RAY_FAN, _FIELD_CURVATURE, _FOCAL_SHIFT,
+    _THROUGH_FOCUS, _DEPTH_OF_FIELD, VIGNETTING, _DISTORTION, TRANSMITTANCE, GLARE,
 )  # fmt: skip
 
 
@@ -477,17 +477,17 @@ class Measurable:
     spot = _method(SPOT)
     mtf = _method(MTF)
     psf = _method(PSF)
-    wavefront = _method(WAVEFRONT)
+    wavefront = _method(_WAVEFRONT)
     paraxial = _method(PARAXIAL)
     seidel = _method(SEIDEL)
-    zernike = _method(ZERNIKE)
+    zernike = _method(_ZERNIKE)
     ray_fan = _method(RAY_FAN)
-    field_curvature = _method(FIELD_CURVATURE)
-    focal_shift = _method(FOCAL_SHIFT)
-    through_focus = _method(THROUGH_FOCUS)
-    depth_of_field = _method(DEPTH_OF_FIELD)
+    field_curvature = _method(_FIELD_CURVATURE)
+    focal_shift = _method(_FOCAL_SHIFT)
+    through_focus = _method(_THROUGH_FOCUS)
+    depth_of_field = _method(_DEPTH_OF_FIELD)
     vignetting = _method(VIGNETTING)
-    distortion = _method(DISTORTION)
+    distortion = _method(_DISTORTION)
     transmittance = _method(TRANSMITTANCE)
     glare = _method(GLARE)
 

@@ -30,9 +30,9 @@ from rptcam_cl.optics.ray_trace import Status, trace
 Array = NDArray[np.float64]
 
 LOST = 0.02  # of the focal length: the spot that a lost ray counts as
-HOLD = 1e-3  # of the focal length: by how much a bound may be overstepped for ten times the merit
-KEEP_MM = 1e-4  # by how far inside bounds the search aims, so that it ends within them
-HOLD_SHARE = 1e-5  # of the focal length: how exactly it is held
+_HOLD = 1e-3  # of the focal length: by how much a bound may be overstepped for ten times the merit
+_KEEP_MM = 1e-4  # by how far inside bounds the search aims, so that it ends within them
+_HOLD_SHARE = 1e-5  # of the focal length: how exactly it is held
 
 
 @dataclass(frozen=True)
@@ -332,7 +332,7 @@ class MeritFunction:
         result = {}
         for label, key, value, _ in self.measures(self.state(self.x0, False)):
             if key in customary and key not in self.given.bounds:
-                result[label] = min(customary[key], value - 2 * KEEP_MM) if math.isfinite(value) else -math.inf
+                result[label] = min(customary[key], value - 2 * _KEEP_MM) if math.isfinite(value) else -math.inf
         return result
 
     def overstepped(self, state: State) -> list[tuple[str, float, Array, float]]:
@@ -343,14 +343,14 @@ class MeritFunction:
             for over, sign, bound in ((low - value, -1.0, low), (value - high, 1.0, high)):
                 if math.isfinite(bound):
                     words = f"{key}: {label} must be {'at least' if sign < 0 else 'at most'} {bound:g} mm"
-                    result.append((words, over + KEEP_MM, sign * by, KEEP_MM))
+                    result.append((words, over + _KEEP_MM, sign * by, _KEEP_MM))
         if self.given.holds_focal_length:
             length, by_length = state.paraxial.focal_lengths()
             ref, wanted = self.given.reference, self.given.focal_length_mm
             words = f"focal_length_mm: must be {wanted:g} mm"
             for sign in (1.0, -1.0):
                 over = sign * (float(length[ref]) - wanted)
-                result.append((words, over, sign * by_length[:, ref], HOLD_SHARE * abs(wanted)))
+                result.append((words, over, sign * by_length[:, ref], _HOLD_SHARE * abs(wanted)))
         return result
 
     def finished(self, state: State) -> tuple[Lens, float]:
@@ -421,7 +421,7 @@ class MeritFunction:
 
     def set_hold(self, merit: float) -> None:
         """Set how much bounds weigh by the merit at hand, and forget how far they were overstepped."""
-        self.weight, self.shifts = 10 * max(merit, 1e-3) / (HOLD * abs(self.given.focal_length_mm)), None
+        self.weight, self.shifts = 10 * max(merit, 1e-3) / (_HOLD * abs(self.given.focal_length_mm)), None
         self._last = None
 
     def tighten(self, x: Array) -> float:
@@ -578,12 +578,12 @@ class MeritFunction:
 
 # The search: descents in stages that a file remembers, hops between minima, other glasses.
 
-STAGE = 30  # evaluations between two states on disk
+_STAGE = 30  # evaluations between two states on disk
 ROUNDS = 400
 MORE = 8  # stages after the evaluations are used up, in which bounds come to hold
-FTOL = 1e-6
+_FTOL = 1e-6
 OPENINGS = (0.2, 0.4, 0.6, 0.8)  # of pupil and field, for starts that lose rays
-OPENING_EVALUATIONS = 60
+_OPENING_EVALUATIONS = 60
 
 Progress = Callable[[str], object]
 
@@ -700,14 +700,14 @@ class _Search:
             return found
         for opening in OPENINGS:
             part = MeritFunction(self.given, {}, opening)
-            x, _ = self.local(part, x, f"pupil and field opened to {opening:g}", OPENING_EVALUATIONS)
+            x, _ = self.local(part, x, f"pupil and field opened to {opening:g}", _OPENING_EVALUATIONS)
         x, _ = self.local(merit, x, "fully open")
         return min(x, found, key=lambda v: self._comparable_merit(merit, v))
 
     def _stage(self, merit: MeritFunction, x: Array) -> dict[str, Any]:
         found = self.library.least_squares(
             lambda v: merit.evaluate(v, False)[0], x, jac=lambda v: merit.evaluate(v, True)[1], x_scale="jac",
-            ftol=FTOL, xtol=1e-12, gtol=1e-15, max_nfev=STAGE,
+            ftol=_FTOL, xtol=1e-12, gtol=1e-15, max_nfev=_STAGE,
         )  # fmt: skip
         return {"x": found.x.tolist(), "evaluations": int(found.nfev), "converged": bool(found.status != 0)}
 

@@ -32,15 +32,15 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 DIRECTIONS = 64  # of the table, all round
-RING_SCAN = 40  # points along a direction where the middle is obstructed, beside which slivers of light may pass
-SLIVER_SCAN = 8  # as many points beside each of them
-LIT_SCAN = 14  # film points
-LIT_BISECTIONS = 8
-EDGE_NODES = 2  # nearest to the edge of the light, where the pupil closes faster than nodes follow
-EDGE_MARGIN = 0.15
-LINE_EDGE_MARGIN = 0.03  # the same on lines, whose nodes are dense there
-HOLE_MARGIN = 0.004  # share of the pupil's radius by which its hole is taken smaller than it was traced
-BEYOND_LIT = 0.0005  # share of the way to the edge of the light by which lines of a lens that is not round go on
+_RING_SCAN = 40  # points along a direction where the middle is obstructed, beside which slivers of light may pass
+_SLIVER_SCAN = 8  # as many points beside each of them
+_LIT_SCAN = 14  # film points
+_LIT_BISECTIONS = 8
+_EDGE_NODES = 2  # nearest to the edge of the light, where the pupil closes faster than nodes follow
+_EDGE_MARGIN = 0.15
+_LINE_EDGE_MARGIN = 0.03  # the same on lines, whose nodes are dense there
+_HOLE_MARGIN = 0.004  # share of the pupil's radius by which its hole is taken smaller than it was traced
+_BEYOND_LIT = 0.0005  # share of the way to the edge of the light by which lines of a lens that is not round go on
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ def _one_line(
     if fineness is FINEST_OUTLINES:
         radii = _from_neighbours(radii, radii == 0.0)
     if lit < radius_mm:
-        radii[:, -EDGE_NODES:] *= 1.0 + EDGE_MARGIN
+        radii[:, -_EDGE_NODES:] *= 1.0 + _EDGE_MARGIN
     return PupilShapes(np.array([lit]), centres[None], axes[None], radii)
 
 
@@ -224,19 +224,19 @@ def _one_line(
 # Pupils of a round lens that something in the middle obstructs: rings, farther out crescents. Seen in the frame of the
 # stop's rim, their outer edge, even thin ones are smooth.
 
-RING_FARTHEST = 1.1  # in that frame
-RING_OUTLINES = replace(FINE_OUTLINES, bisections=9, margin=0.001, farthest=RING_FARTHEST)
-COARSE_RINGS = replace(RING_OUTLINES, radial_nodes=11, bisections=6, margin=0.004)
-RING_NODES = 20, 161  # as many as a ring moves by its radius over the film, at most
-RIM_STEPS = 4  # of a secant towards the rim
-TIP_SCAN, TIP_BISECTIONS = 16, 5  # points along a direction by which it is seen whether a crescent reaches it
-TIP_ROOM = 0.01  # of its radius, to both sides of where light passes in the next direction
-TIP_MARGIN = 2e-4  # turns
+_RING_FARTHEST = 1.1  # in that frame
+_RING_OUTLINES = replace(FINE_OUTLINES, bisections=9, margin=0.001, farthest=_RING_FARTHEST)
+_COARSE_RINGS = replace(_RING_OUTLINES, radial_nodes=11, bisections=6, margin=0.004)
+_RING_NODES = 20, 161  # as many as a ring moves by its radius over the film, at most
+_RIM_STEPS = 4  # of a secant towards the rim
+_TIP_SCAN, _TIP_BISECTIONS = 16, 5  # points along a direction by which it is seen whether a crescent reaches it
+_TIP_ROOM = 0.01  # of its radius, to both sides of where light passes in the next direction
+_TIP_MARGIN = 2e-4  # turns
 STRAIGHT = 6  # directions beside a crescent, to which its edges go on
 
 
 def _of_rings(fineness: Fineness) -> Fineness:
-    return COARSE_RINGS if fineness is COARSE_OUTLINES else RING_OUTLINES
+    return _COARSE_RINGS if fineness is COARSE_OUTLINES else _RING_OUTLINES
 
 
 def _ring_line(
@@ -255,19 +255,19 @@ def _ring_line(
         edges = [_edges(of, scale * film, frames, fineness, mirrored=True, holed=True) for of, scale in states]
         return *frames, np.max([reach for reach, _ in edges], axis=0), np.min([hole for _, hole in edges], axis=0)
 
-    radii = np.linspace(0.0, radius_mm, LIT_SCAN)
-    film = np.stack([radii, np.zeros(LIT_SCAN)], axis=1)
+    radii = np.linspace(0.0, radius_mm, _LIT_SCAN)
+    film = np.stack([radii, np.zeros(_LIT_SCAN)], axis=1)
     lit = np.flatnonzero(seen(film)[2].any(axis=1))
     if not len(lit):
         return None
     low = high = radii[lit[-1]]
-    for k in range(1, LIT_BISECTIONS + 1) if low < radius_mm else ():
-        high = low + radius_mm / (LIT_SCAN - 1) / 2**k
+    for k in range(1, _LIT_BISECTIONS + 1) if low < radius_mm else ():
+        high = low + radius_mm / (_LIT_SCAN - 1) / 2**k
         low = high if seen(np.array([[high, 0.0]]))[2].any() else low
     (centres,), (axes,) = _stop_frames(states[0][0], np.array([[high, 0.0]]))
     if not np.isfinite([centres, axes]).all():
         return None
-    nodes = int(np.clip(RING_NODES[0] * abs(centres[0]) / axes[0], fineness.radial_nodes, RING_NODES[1]))
+    nodes = int(np.clip(_RING_NODES[0] * abs(centres[0]) / axes[0], fineness.radial_nodes, _RING_NODES[1]))
     film = _film_line(high, nodes)
     centres, axes, reach, holes = seen(film)
     if not reach.any():
@@ -297,9 +297,10 @@ def _tips(
         low, high, near = first[:, None] + 0.0, first[:, None] + out * ~ends[:, None], (first - out) % count
         far, hole = reach[rows, first], np.where(np.isfinite(holes[rows, first]), holes[rows, first], 0.0)
         other = holes[rows, near]
-        bend = np.where(np.isfinite(other), 1.5 * np.abs(hole - other), 0.0) + TIP_ROOM
-        rho = hole[:, None] - bend[:, None] + np.linspace(0.0, 1.0, TIP_SCAN) * (far - hole + bend + TIP_ROOM)[:, None]
-        for _ in range(TIP_BISECTIONS):
+        bend = np.where(np.isfinite(other), 1.5 * np.abs(hole - other), 0.0) + _TIP_ROOM
+        shares = np.linspace(0.0, 1.0, _TIP_SCAN)
+        rho = hole[:, None] - bend[:, None] + shares * (far - hole + bend + _TIP_ROOM)[:, None]
+        for _ in range(_TIP_BISECTIONS):
             turns = (low + high) / 2 * (2 * np.pi / count)
             points = (
                 frames[0][:, None] + frames[1][:, None] * np.stack([np.cos(turns), np.sin(turns)], -1) * rho[..., None]
@@ -322,7 +323,7 @@ def _held_tips(tips: Array) -> Array:
     short[wide >= [0.0, 0.5]] = 0.5  # a ring becomes a crescent at once
     for padded in (np.pad(short, ((1, 0), (0, 0)))[:-1], np.pad(short, ((0, 1), (0, 0)))[1:]):
         nodes += padded[::2]
-    nodes[nodes[:, 0] < 0, 0] += TIP_MARGIN
+    nodes[nodes[:, 0] < 0, 0] += _TIP_MARGIN
     return np.asarray(np.clip(nodes * [-1.0, 1.0], 0.0, 0.5))
 
 
@@ -335,7 +336,7 @@ def _stop_frames(probe: film_probe.FilmProbe, film: Array) -> tuple[Array, Array
     size = np.abs(pupil.diameter_mm / 2 * away / (away - pupil.distance_mm))
     reach = np.repeat(size, 3).reshape(-1, 3, 1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        for _ in range(RIM_STEPS):
+        for _ in range(_RIM_STEPS):
             points = chief.aims[:, None, :2] + reach * turns
             heights = _stop_heights(lens, np.repeat(away, 3), np.repeat(film[:, 0], 3), points.reshape(-1, 2), nm)
             reach *= lens.surfaces[stop].semi_diameter / heights.reshape(reach.shape)
@@ -350,14 +351,14 @@ def _held(values: Array, lit: Mask) -> Array:
     Parameters
     ----------
     values, lit
-        (points, directions) as of `RING_OUTLINES`, and where any ray passes; beside those they go on straight.
+        (points, directions) as of `_RING_OUTLINES`, and where any ray passes; beside those they go on straight.
     """
     whole = _continued(values, lit)
     nodes = whole[::2, ::2]
     fine = between(nodes)
     fine = np.stack([fine, (fine + np.roll(fine, -1, axis=1)) / 2], axis=2).reshape(values.shape)
     short = np.where(lit, np.maximum(whole - fine, 0.0), 0.0)
-    return np.asarray(nodes + _envelope(short[None], RING_OUTLINES.directions)[0])
+    return np.asarray(nodes + _envelope(short[None], _RING_OUTLINES.directions)[0])
 
 
 def _continued(values: Array, lit: Mask) -> Array:
@@ -385,7 +386,7 @@ def _inner(holes: Array, radii: Array, fineness: Fineness, closes: Mask, margin:
     held = _envelope(-holes, fineness.directions)
     held = -_from_neighbours(held, np.isinf(held))
     inner = np.maximum(np.where(np.isfinite(held), held, 0.0) - margin * radii, 0.0)
-    inner[closes, -EDGE_NODES:] = 0.0
+    inner[closes, -_EDGE_NODES:] = 0.0
     return inner
 
 
@@ -412,7 +413,7 @@ def _lines(
     ends = _film_ends(frame, half_film_mm, turns)
     lit_radii = {k: _lit_radius(probe, float(ends[k])) if ends[k] > 0 else 0.0 for k, probe in probes.items()}
     lit = np.array([lit_radii[k] for k, _ in like])
-    reach = _lengthen(np.where(lit < ends, (1.0 + BEYOND_LIT) * lit, ends))
+    reach = _lengthen(np.where(lit < ends, (1.0 + _BEYOND_LIT) * lit, ends))
     nodes = fineness.line_nodes
     centres, axes = np.zeros((count, 2 * nodes - 1, 2)), np.zeros((count, 2 * nodes - 1, 2))
     for k in range(0, count, 2):
@@ -438,8 +439,8 @@ def _lines(
     radii = _envelope(edges, fineness.directions) * (1.0 + margin)
     if lens.is_obstructed or fineness is FINEST_OUTLINES:
         radii = _from_neighbours(radii, radii == 0.0)
-    radii[(lit < ends)[::2], -EDGE_NODES:] *= 1.0 + LINE_EDGE_MARGIN
-    margin = margin if ring else HOLE_MARGIN
+    radii[(lit < ends)[::2], -_EDGE_NODES:] *= 1.0 + _LINE_EDGE_MARGIN
+    margin = margin if ring else _HOLE_MARGIN
     inner = _inner(holes, radii, fineness, (lit < ends)[::2], margin) if np.isfinite(holes).any() else None
     return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii, inner)
 
@@ -500,14 +501,14 @@ def _closing_line(reach: float, nodes: int) -> Array:
 
 def _lit_radius(probes: list[film_probe.FilmProbe], film_radius: float, *, radial: bool = False) -> float:
     """Return the film radius up to which light arrives, at most `film_radius`: by a scan and by following the pupil."""
-    radii = np.linspace(0.0, film_radius, LIT_SCAN)
-    film = np.stack([radii, np.zeros(LIT_SCAN)], axis=1)
+    radii = np.linspace(0.0, film_radius, _LIT_SCAN)
+    film = np.stack([radii, np.zeros(_LIT_SCAN)], axis=1)
     boxes, lit = film_probe.pupil_boxes(probes, film, radial=radial, in_order=True)
     last = int(np.flatnonzero(lit)[-1]) if lit.any() else 0
-    if last == LIT_SCAN - 1 or not lit[last]:
+    if last == _LIT_SCAN - 1 or not lit[last]:
         return float(film_radius)
     low, high, box = radii[last], radii[last + 1], boxes[last]
-    for _ in range(LIT_BISECTIONS):
+    for _ in range(_LIT_BISECTIONS):
         middle = (low + high) / 2
         there, hit = film_probe.box_near(probes[-1], np.array([[middle, 0.0]]), box, radial=radial)
         low, high, box = (middle, high, there) if hit else (low, middle, box)
@@ -582,7 +583,7 @@ def _edges(
     angles = np.arange(count) * 2 * np.pi / directions
     across = frames[1][:, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     points, origins = (np.broadcast_to(values[:, None, :], across.shape) for values in (film, frames[0]))
-    scan = RING_SCAN if probe.lens.is_obstructed else fineness.scan
+    scan = _RING_SCAN if probe.lens.is_obstructed else fineness.scan
     step = fineness.farthest / scan
     parted = probe.lens.is_obstructed or fineness is FINEST_OUTLINES  # whether directions in which nothing passes count
 
@@ -594,9 +595,9 @@ def _edges(
         return reach, np.inf + reach
 
     low, steps = np.zeros((len(film), count)), np.full((len(film), count), step)
-    for parts in (1, SLIVER_SCAN) if parted else (1,):  # slivers in single directions
+    for parts in (1, _SLIVER_SCAN) if parted else (1,):  # slivers in single directions
         dark = low == 0.0
-        if parts > 1 and fineness.farthest > RING_FARTHEST:
+        if parts > 1 and fineness.farthest > _RING_FARTHEST:
             dark &= np.any(low > 0, axis=1, keepdims=True)
         steps[dark] = step / parts
         for k in range(parts * scan, parts - 1, -1):
@@ -618,14 +619,14 @@ def _all_round(half: Array, mirrored: bool) -> Array:
     return np.concatenate([half, half[:, -2:0:-1]], axis=1) if mirrored else half
 
 
-PIECES = 4  # in which an edge is sought at once
+_PIECES = 4  # in which an edge is sought at once
 
 
 def _reach_at_once(probe: film_probe.FilmProbe, film: Array, centres: Array, across: Array, fine: Fineness) -> Array:
     """Return the reach (film points, directions) as `_edges` does, in three calls: of few rays, they take the time."""
     low, lit = np.zeros(across.shape[:2]), np.ones(across.shape[:2], dtype=bool)
-    steps = fine.farthest / fine.scan / np.array([1, PIECES, PIECES**2])
-    for step, pieces in zip(steps, (fine.scan + 1, PIECES, PIECES), strict=True):
+    steps = fine.farthest / fine.scan / np.array([1, _PIECES, _PIECES**2])
+    for step, pieces in zip(steps, (fine.scan + 1, _PIECES, _PIECES), strict=True):
         places = low + step * np.arange(1, pieces)[:, None, None]
         hits = lit & probe.passes(film, centres + across * places[..., None])
         low = np.max(np.where(hits, places, low), axis=0)
@@ -645,9 +646,9 @@ def _hole_of(
     def passing(rho: Array) -> Mask:
         return probe.passes(film[:, None], centres[:, None] + across * rho[..., None])
 
-    tried = [passing(inside * (k / RING_SCAN)) for k in range(RING_SCAN)]
-    first = np.where(np.any(tried, axis=0), np.argmax(tried, axis=0), RING_SCAN)
-    low, high = inside * (np.maximum(first - 1, 0) / RING_SCAN), inside * (first / RING_SCAN)
+    tried = [passing(inside * (k / _RING_SCAN)) for k in range(_RING_SCAN)]
+    first = np.where(np.any(tried, axis=0), np.argmax(tried, axis=0), _RING_SCAN)
+    low, high = inside * (np.maximum(first - 1, 0) / _RING_SCAN), inside * (first / _RING_SCAN)
     for _ in range(fineness.bisections):
         middle = (low + high) / 2
         bright = passing(middle)
@@ -693,7 +694,7 @@ def _from_neighbours(values: Array, closed: Mask) -> Array:
 # they pass with the stop wide open, and at which height each crosses the stop. Along each direction a narrower stop
 # lets rays through up to the height of its rim, or as far as other rims let them.
 
-FINENESS = replace(FINE_OUTLINES, scan=10, bisections=8, margin=0.005)
+_FINENESS = replace(FINE_OUTLINES, scan=10, bisections=8, margin=0.005)
 LEVELS = 8  # of rays between the middle and the farthest that passes
 WIDEST = 0.95  # first-order radii of the pupil, of which rays are sought up to `farthest` times as far
 
@@ -738,7 +739,7 @@ class StoppedPupils:
         pairs = zip(turns.reshape(-1, len(angles)), radii.reshape(-1, len(angles)), strict=True)
         even = np.array([np.interp(angles, turn, radius) for turn, radius in pairs]).reshape(reach.shape).max(axis=0)
         outline = np.concatenate([even, even[:, -2:0:-1]], axis=1)
-        wider = _envelope(outline[None], FINENESS.directions) * (1.0 + FINENESS.margin)
+        wider = _envelope(outline[None], _FINENESS.directions) * (1.0 + _FINENESS.margin)
         return PupilShapes(np.array([self.radius_mm]), centres[None], axes[None], wider)
 
     def _reach(self, height: float) -> Array:
@@ -765,7 +766,7 @@ def stopped_pupils(
     states
         The lens, and its last vertex to film [mm].
     """
-    first_mm, line = states[0][1], _film_line(radius_mm, FINENESS.radial_nodes)
+    first_mm, line = states[0][1], _film_line(radius_mm, _FINENESS.radial_nodes)
     clear = np.logical_and.reduce([
         _chief(lens, film_distance_mm, line * (film_distance_mm / first_mm), nm).clear
         for lens, film_distance_mm in states for nm in wavelengths_nm
@@ -774,7 +775,7 @@ def stopped_pupils(
         radius_mm = float(line[max(int(np.argmin(clear)) - 1, 0), 0])
     if not radius_mm > 0:
         return None
-    film = _film_line(radius_mm, FINENESS.radial_nodes)
+    film = _film_line(radius_mm, _FINENESS.radial_nodes)
     traced = []
     for lens, film_distance_mm in states:
         for wavelength_nm in wavelengths_nm:
@@ -802,10 +803,10 @@ def _trace_state(
         return None
     centres, axes = chief.aims, np.full(film.shape, size)
     half = reach_of(
-        film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm), film, centres, axes, FINENESS, mirrored=True
+        film_probe.FilmProbe(lens, film_distance_mm, wavelength_nm), film, centres, axes, _FINENESS, mirrored=True
     )
     reach = half[:, : half.shape[1] // 2 + 1] * size
-    if not (reach.all() and reach.max() < (1.0 - 1.0 / FINENESS.scan) * FINENESS.farthest * size):
+    if not (reach.all() and reach.max() < (1.0 - 1.0 / _FINENESS.scan) * _FINENESS.farthest * size):
         return None
     angles = np.linspace(0.0, np.pi, reach.shape[1])
     away = np.arange(1, LEVELS + 1)[:, None, None] / LEVELS * reach

@@ -19,7 +19,7 @@ from rptcam_cl.optics.surface import Prescription, Surface
 
 Array = NDArray[np.float64]
 
-LEAST_SQUARE = 1e-24  # [mm^2]; a ray on the axis, where odd powers of r have no second derivative
+_LEAST_SQUARE = 1e-24  # [mm^2]; a ray on the axis, where odd powers of r have no second derivative
 STEEP = 1.0  # how fast the penalty of a lost ray grows, so that it leads back
 REACH = 0.9  # of the square of the height that a conic reaches
 KINDS = (SurfaceKind.SPHERE, SurfaceKind.CONIC_KIND, SurfaceKind.ASPHERE)
@@ -80,7 +80,7 @@ class _ProfileDerivatives:
         for power, a in surface.aspheric:
             half = power / 2
             if half != 1:
-                self.bend = self.bend + a * half * (half - 1) * np.maximum(s, LEAST_SQUARE) ** (half - 2)
+                self.bend = self.bend + a * half * (half - 1) * np.maximum(s, _LEAST_SQUARE) ** (half - 2)
 
     def by_curvature(self) -> tuple[Array, Array]:
         """Return the derivatives of z and z' by the curvature."""
@@ -94,7 +94,7 @@ class _ProfileDerivatives:
     def by_power(self, power: int) -> tuple[Array, Array]:
         """Return the derivatives of z and z' by the coefficient of a power of r."""
         half = power / 2
-        return self.s**half, half * np.maximum(self.s, LEAST_SQUARE) ** (half - 1)
+        return self.s**half, half * np.maximum(self.s, _LEAST_SQUARE) ** (half - 1)
 
     def seeded(self, seeds: Seeds, k: int, count: int) -> list[tuple[Array, Array, Array]]:
         """Return (seed, dz, dz') of each number of surface k that depends on one of the first `count` variables."""

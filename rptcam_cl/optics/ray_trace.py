@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 L = TypeVar("L", bound=Prescription)
 
-AIR_LIKE = 1e-3  # a medium whose index is nearer to 1 takes a lens's own coating like air
+_AIR_LIKE = 1e-3  # a medium whose index is nearer to 1 takes a lens's own coating like air
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ BY_NAME = {"ideal": IDEAL, "bare": UNCOATED, "coated": COATED}
 
 def meets_air(before: glass.Medium, after: glass.Medium) -> bool:
     """Return whether a surface between two media lies between glass and air: where a coating of a whole lens goes."""
-    close = [abs(float(medium.index(LINE_D_NM)) - 1.0) < AIR_LIKE for medium in (before, after)]
+    close = [abs(float(medium.index(LINE_D_NM)) - 1.0) < _AIR_LIKE for medium in (before, after)]
     return any(close) and not all(close)
 
 

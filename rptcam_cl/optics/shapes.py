@@ -577,7 +577,7 @@ FORMS: tuple[type[Form], ...] = (Biconic, Toroid)
 # for light that comes from the film.
 
 MM_PER_NM = 1e-6
-INTEGER = {"type": "integer"}
+_INTEGER = {"type": "integer"}
 
 
 class Phase(ABC):
@@ -674,7 +674,7 @@ class Grating(_Diffracting):
     key = "grating"
     keys: ClassVar = {
         "lines_per_mm": Key("Lines per millimetre, whatever the unit of the file.", POSITIVE),
-        "order": Key("Of diffraction; a positive one turns light towards towards_degrees. 1 by default.", INTEGER),
+        "order": Key("Of diffraction; a positive one turns light towards towards_degrees. 1 by default.", _INTEGER),
         "towards_degrees": Key("Direction across the lines, from +x towards +y; 90 by default.", NUMBER),
     }
     needs = ("lines_per_mm",)
@@ -725,7 +725,7 @@ class Diffractive(_Diffracting):
         "path": Key("Even powers of r and the coefficients of the path that it adds [unit^(1 - power)].",
                     by_number(NUMBER, minProperties=1)),
         "wavelength_nm": Key("For which these coefficients are [nm]; 587.5618 by default.", POSITIVE),
-        "order": Key("Of diffraction; 1 by default.", INTEGER),
+        "order": Key("Of diffraction; 1 by default.", _INTEGER),
     }  # fmt: skip
     needs = ("path",)
 

@@ -114,8 +114,8 @@ def result_of(
 Array = NDArray[np.float64]
 
 SHARES = (0.0, 0.7, 1.0)
-LEFT_OPEN = 0.5  # share of the axial fan that the widest field keeps
-LARGEST_SPOT = 0.02  # rms of its fan on the film, in focal lengths, unless that on the axis is larger
+_LEFT_OPEN = 0.5  # share of the axial fan that the widest field keeps
+_LARGEST_SPOT = 0.02  # rms of its fan on the film, in focal lengths, unless that on the axis is larger
 STEEPEST = 85.0  # degrees
 FAN = 401
 
@@ -144,11 +144,11 @@ def widest_by(
         By which the interval up to the steepest field is halved.
     """
     low, high, (axis, blur) = 0.0, steepest, see(0.0)
-    largest = max(LARGEST_SPOT * abs(focal_length_mm), 2 * blur)
+    largest = max(_LARGEST_SPOT * abs(focal_length_mm), 2 * blur)
     for _ in range(rounds):
         middle = (low + high) / 2
         width, spread = see(middle)
-        low, high = (middle, high) if width >= LEFT_OPEN * axis and spread <= largest else (low, middle)
+        low, high = (middle, high) if width >= _LEFT_OPEN * axis and spread <= largest else (low, middle)
     return low
 
 
@@ -218,12 +218,12 @@ def _measure_fan(setting: Setting, field_degrees: float, section: str) -> tuple[
 
 ACROSS, MOST_ACROSS = 64, 1024  # rays that span a beam each way: at first, and at most
 STAYS = 0.005  # share of a figure by which twice as many rays across may change it
-SMALL_PART = 0.05  # of a spot's rms, below which that across or down counts by as much
+_SMALL_PART = 0.05  # of a spot's rms, below which that across or down counts by as much
 NOTHING = 1e-9  # [mm], of no account
 FACTS = ("centroid_x_mm", "centroid_y_mm", "rms_um", "rms_x_um", "rms_y_um", "largest_um")
-PANELS = 3  # side by side
+_PANELS = 3  # side by side
 PANEL, TITLE, TITLE_AND_KEY = 2.9, 0.6, 0.9  # heights: of a row of panels, and of what stands beside them [inches]
-MOST_DOTS = 700  # of each colour in a panel
+_MOST_DOTS = 700  # of each colour in a panel
 FILL = 0.45  # half width of the largest spot, in widths of a panel
 
 
@@ -322,7 +322,7 @@ def _rms_moves(few: Array, many: Array) -> float:
     if not len(many) or not len(few):
         return 0.0 if len(many) == len(few) else math.inf
     one, other = np.std(few, axis=0), np.std(many, axis=0)
-    return float(np.max(np.abs(one - other) / (STAYS * np.maximum(other, SMALL_PART * np.hypot(*other)) + NOTHING)))
+    return float(np.max(np.abs(one - other) / (STAYS * np.maximum(other, _SMALL_PART * np.hypot(*other)) + NOTHING)))
 
 
 def fewer(group: Sequence[FilmSpot]) -> list[FilmSpot]:
@@ -412,9 +412,9 @@ def _row(degrees: float, wavelength_nm: float | None, group: Sequence[FilmSpot],
 
 def _panels_of(title: str, count: int, rest: float, **shared: Any) -> tuple[Figure, NDArray[Any]]:
     """Return a figure of so many charts in rows, with room for the rest [inches], and the charts (rows, columns)."""
-    rows = math.ceil(count / PANELS)
+    rows = math.ceil(count / _PANELS)
     figure = charts.new_figure(title, (charts.SIZE[0], rows * PANEL + rest))
-    panels = figure.subplots(rows, min(count, PANELS), squeeze=False, **shared)
+    panels = figure.subplots(rows, min(count, _PANELS), squeeze=False, **shared)
     for axes in panels.flat[count:]:
         axes.set_visible(False)
     return figure, panels
@@ -438,7 +438,7 @@ def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
         axes.set_title(f"{degrees:g}°, y = {round(centres[degrees][1], 4) + 0.0:g} mm\nrms {rms:.3g} µm")
         axes.set(xlabel="x [µm]", xlim=(-half, half), ylim=(-half, half), aspect="equal")
         for spot in group:
-            shown = np.random.default_rng(0).permutation(len(spot.points))[:MOST_DOTS]
+            shown = np.random.default_rng(0).permutation(len(spot.points))[:_MOST_DOTS]
             off = (spot.points[shown] - centres[degrees]) * 1e3
             colour = charts.wavelength_colour(spot.wavelength_nm)
             axes.plot(*off.T, "o", color=colour, markersize=1.3, markeredgewidth=0, rasterized=True)

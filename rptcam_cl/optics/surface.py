@@ -24,9 +24,9 @@ from rptcam_cl.optics.shapes import Form, Hits, Phase, Shape, shape_of_profile
 
 Array = NDArray[np.float64]
 
-ARC_STEPS = 16  # straight pieces of a curved blade edge
-MOST_VERTICES = 1024
-SMALLEST_VIEW = 1e-6  # area that sees all of a shape, below which rounding might place its middle outside
+_ARC_STEPS = 16  # straight pieces of a curved blade edge
+_MOST_VERTICES = 1024
+_SMALLEST_VIEW = 1e-6  # area that sees all of a shape, below which rounding might place its middle outside
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class StopShape:
 
     def __post_init__(self) -> None:
         points = np.array(self.vertices, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 2 or not 3 <= len(points) <= MOST_VERTICES:
-            raise InputError(f"a stop shape needs 3 to {MOST_VERTICES} points [x, y]")
+        if points.ndim != 2 or points.shape[1] != 2 or not 3 <= len(points) <= _MOST_VERTICES:
+            raise InputError(f"a stop shape needs 3 to {_MOST_VERTICES} points [x, y]")
         if not np.all(np.isfinite(points)) or np.max(np.hypot(*points.T)) > 1 + 1e-9:
             raise InputError("the points of a stop shape must lie inside the unit circle")
         if not self.area > 0:
@@ -177,7 +177,7 @@ def _sees_all(vertices: Array) -> Array | None:
         seen = cut_polygon(seen, along[0] * (seen[:, 1] - start[1]) - along[1] * (seen[:, 0] - start[0]))
         if len(seen) < 3:
             return None
-    return np.asarray(seen.mean(axis=0)) if _signed_area(seen) > SMALLEST_VIEW else None
+    return np.asarray(seen.mean(axis=0)) if _signed_area(seen) > _SMALLEST_VIEW else None
 
 
 def _crosses_itself(vertices: Array) -> bool:
@@ -212,7 +212,7 @@ def blades(count: int, rotation_degrees: float = 0.0, curvature: float = 0.0) ->
         raise InputError(f"an iris has 3 to 64 blades (got {count})")
     if not 0 <= curvature <= 1:
         raise InputError(f"the curvature of blades lies between 0 and 1 (got {curvature:g})")
-    steps = 1 if curvature == 0 else ARC_STEPS
+    steps = 1 if curvature == 0 else _ARC_STEPS
     angles = np.arange(count * steps) * 2 * np.pi / (count * steps)
     within = np.mod(angles, 2 * np.pi / count) - np.pi / count
     straight = np.cos(np.pi / count) / np.cos(within)
@@ -257,7 +257,7 @@ def _shape(angles: Array, radii: Array, rotation_degrees: float) -> StopShape:
 
 # Decentre and tilt of a surface against its nominal place in the lens.
 
-RIGHT_ANGLE = 1e-8  # cosine of a turn below which it is one
+_RIGHT_ANGLE = 1e-8  # cosine of a turn below which it is one
 
 
 @dataclass(frozen=True)
@@ -324,7 +324,7 @@ def tilt_of(rotation: Array) -> tuple[float, float, float]:
     y = np.arctan2(-r[2, 0], across)
     x, z = (
         (np.arctan2(-r[1, 2], r[1, 1]), 0.0)
-        if across < RIGHT_ANGLE
+        if across < _RIGHT_ANGLE
         else (np.arctan2(r[2, 1], r[2, 2]), np.arctan2(r[1, 0], r[0, 0]))
     )
     return float(np.degrees(x)), float(np.degrees(y)), float(np.degrees(z))

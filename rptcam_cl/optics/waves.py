@@ -31,19 +31,19 @@ Mask = NDArray[np.bool_]
 
 ACROSS = 160  # cells across the pupil
 MOST_ACROSS = 640
-FEWEST_ACROSS = 16
+_FEWEST_ACROSS = 16
 STEP = 0.25  # waves that the path may change between two cells, before more are taken
-FIT_ACROSS = 48  # rays across the beam that the inverse of the ray map is fitted to
+_FIT_ACROSS = 48  # rays across the beam that the inverse of the ray map is fitted to
 POWERS = 10  # of that fit
 ROOM = 1.06  # width of the grid in widths of the pupil
 NEWTON = 8
 EXACT = 1e-10  # direction cosines to which a ray meets its place on the grid: 1e-7 waves where it is 1 mm off
 FINER = 8  # rays across a cell that the edge of the pupil runs through
 NODES = (48, 96)  # traced each way, of which the cells are interpolated
-STENCIL = 10  # nodes each way that a cell takes
+_STENCIL = 10  # nodes each way that a cell takes
 SAMPLE = 200  # cells that are traced, too
-SAME_WAVES = 1e-6  # by which these may differ
-NEVER_0 = float(np.finfo(np.float64).tiny)
+_SAME_WAVES = 1e-6  # by which these may differ
+_NEVER_0 = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True)
@@ -150,8 +150,8 @@ def pupil_function(
     """
     beam = beam or Beam()
     check_wavefront(lens, beam)
-    if across is not None and across < FEWEST_ACROSS:
-        raise InputError(f"a wavefront needs at least {FEWEST_ACROSS} rays across the beam (got {across})")
+    if across is not None and across < _FEWEST_ACROSS:
+        raise InputError(f"a wavefront needs at least {_FEWEST_ACROSS} rays across the beam (got {across})")
     exit_rays = ExitRays(lens, beam, wavelength_nm, lens.film_z(film_distance_mm), sphere_z)
     if across is not None:
         return exit_rays.on_grid(across)
@@ -192,7 +192,7 @@ class ExitRays:
         indices = lens.indices(wavelength_nm)
         self.first_index, self.index = float(indices[0]), float(indices[-1])
         pupil_z = lens.film_z(lens.first_order().exit_pupil.distance_mm) if sphere_z is None else sphere_z
-        points, rays, _ = passing_beam(lens, beam, wavelength_nm, FIT_ACROSS)
+        points, rays, _ = passing_beam(lens, beam, wavelength_nm, _FIT_ACROSS)
         if len(points) < 12:
             raise InputError(f"{lens.name}: too little of a beam at {beam.field_degrees:g} degrees comes through")
         cosines = rays.directions[:, :2]
@@ -312,7 +312,7 @@ class ExitRays:
         some = np.unique(np.linspace(0, len(rows) - 1, min(SAMPLE, len(rows))).astype(int))
         chosen = rows[some], columns[some]
         found, rays, good = self._find_rays(targets[chosen])
-        return bool(good.all() and np.abs(self.waves(found, rays)[0] - plane[chosen]).max(initial=0.0) <= SAME_WAVES)
+        return bool(good.all() and np.abs(self.waves(found, rays)[0] - plane[chosen]).max(initial=0.0) <= _SAME_WAVES)
 
     def waves(self, points: Array, rays: Rays) -> tuple[Array, Array]:
         """Return by how much paths are shorter than the chief ray's: to the foot from C, and to the sphere."""
@@ -322,7 +322,7 @@ class ExitRays:
         foot = np.einsum("ij,ij->i", to_chief, rays.directions)
         miss = np.sum(to_chief * to_chief, axis=1) - foot * foot
         root = np.sqrt(np.maximum(self.sphere_radius**2 - miss, 0.0))
-        depth = -np.minimum(miss, self.sphere_radius**2) / np.maximum(root + self.sphere_radius, NEVER_0)
+        depth = -np.minimum(miss, self.sphere_radius**2) / np.maximum(root + self.sphere_radius, _NEVER_0)
         return plane, plane + self.index * self.sphere_sense * depth / length
 
     def _find_rays(self, targets: Array) -> tuple[Array, Rays, Mask]:
@@ -438,7 +438,7 @@ def _about(values: Array, cells: Mask, moves: Array) -> Array:
 
 def _between(nodes: Array, places: Array) -> Array:
     """Return the weights (places, nodes) of values at even nodes for values between, by Lagrange's polynomials."""
-    count = min(STENCIL, len(nodes))
+    count = min(_STENCIL, len(nodes))
     step = nodes[1] - nodes[0]
     first = np.clip(np.rint((places - nodes[0]) / step - (count - 1) / 2).astype(int), 0, len(nodes) - count)
     weights = np.zeros((len(places), len(nodes)))
@@ -479,8 +479,8 @@ def _fit(box: Array, cosines: Array, points: Array) -> Callable[[Array], Array]:
 Waves = NDArray[np.complex128]
 
 AIRY = 1.2196698912665045  # radius of the first dark ring of a round pupil, in wavelength times f-number
-PADDED = 2  # the transform's room in widths of the pupil: none of its correlation wraps round
-BESSEL_STEPS = 2048
+_PADDED = 2  # the transform's room in widths of the pupil: none of its correlation wraps round
+_BESSEL_STEPS = 2048
 FAR = 25.0  # argument from which Hankel's expansion of J1 is exact enough
 WINDOW = 21  # points across the search of the peak
 
@@ -590,7 +590,7 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
 
 def _transform_size(pupil: PupilFunction) -> int:
     """Return how many cells a transform has, a number that it is quick for."""
-    return -(-PADDED * len(pupil.coverage) // 64) * 64
+    return -(-_PADDED * len(pupil.coverage) // 64) * 64
 
 
 def encircled_function(pupil: PupilFunction, about: tuple[float, float]) -> Callable[[Array], Array]:
@@ -599,7 +599,7 @@ def encircled_function(pupil: PupilFunction, about: tuple[float, float]) -> Call
     The integral over a circle of the transform of the light: 2 pi r J1(2 pi f r) / (2 pi f), over all frequencies f;
     those of one length, in whole cells, count together.
     """
-    size = 1 << int(np.ceil(np.log2(PADDED * len(pupil.coverage))))
+    size = 1 << int(np.ceil(np.log2(_PADDED * len(pupil.coverage))))
     correlation = np.fft.ifft2(np.abs(np.fft.fft2(pupil.field, (size, size))) ** 2)
     cells = np.rint(np.fft.fftfreq(size) * size).astype(np.int64)
     unit = pupil.step / pupil.length_mm
@@ -623,7 +623,7 @@ def _near_bessel_1() -> tuple[Array, Array]:
     """J1 up to ``FAR``, from its integral by the trapezoidal rule."""
     steps = int(FAR) + 64
     t = (np.arange(steps) + 0.5) * np.pi / steps
-    known = np.linspace(0.0, FAR, BESSEL_STEPS)
+    known = np.linspace(0.0, FAR, _BESSEL_STEPS)
     return known, np.cos(t - known[:, None] * np.sin(t)).mean(axis=1)
 
 
@@ -658,7 +658,7 @@ def radius_of_share(shares_within: Callable[[Array], Array], share: float, most_
         k = int(np.argmax(shares >= share))
         low, below = (radii[k - 1], shares[k - 1]) if k else (low, below)
         high, above = float(radii[k]), float(shares[k])
-    return float(low + (high - low) * (share - below) / max(above - below, NEVER_0))
+    return float(low + (high - low) * (share - below) / max(above - below, _NEVER_0))
 
 
 def diffraction_mtf(frequencies_per_mm: ArrayLike, aperture: float, wavelength_nm: float) -> Array:

@@ -444,13 +444,13 @@ def _render(wavefront: AnyWavefront, first: int) -> int:
 
 # Exposure `auto`: a small render through the same camera is metered, and the settings follow from it.
 
-METERED_SIDE = 96  # pixels
-METERED_SAMPLES = 1 << 15  # of each metered frame
+_METERED_SIDE = 96  # pixels
+_METERED_SAMPLES = 1 << 15  # of each metered frame
 METER_SEED = 0  # whatever the picture's, so that pictures with other noise have the same exposure
 _CENTRE_SHARE = 0.75  # of the weight, in a disk half as wide as the frame's shorter side: 12 mm of 24 x 36 mm
 SPOT_AREA = 0.02  # of the frame
 _PARTS_A_SIDE = 8  # of a pixel's side, that lie within a disk or without
-METER_ERROR = 0.02  # share of a reading that its standard error may be: 0.03 stops
+_METER_ERROR = 0.02  # share of a reading that its standard error may be: 0.03 stops
 _METERED_FRAMES, _MOST_METERED = 4, 64  # that are rendered: at first, and at most
 
 
@@ -518,7 +518,7 @@ def metered_cd_m2(scene: Scene, session: Session, held: dict[str, int] | None = 
             rendering = render_plan(wavefront, spp=render.spp, seconds=None, has_lens=plan.camera.has_lens)
             readings = np.append(readings, reading_cd_m2(rendering.pixels, scene.exposure, small.film))
         reading, error = float(readings.mean()), float(readings.std(ddof=1)) / math.sqrt(len(readings))
-        if error <= METER_ERROR * reading or len(readings) >= _MOST_METERED:
+        if error <= _METER_ERROR * reading or len(readings) >= _MOST_METERED:
             break
     if not LEAST_CD_M2 <= reading <= MOST_CD_M2:
         raise InputError(
@@ -563,7 +563,7 @@ def _relative(scene: Scene, *, small: bool = False) -> Scene:
     update: dict[str, Any] = {"exposure": Exposure()}
     if small:
         columns, rows = scene.film.resolution
-        factor = min(1.0, METERED_SIDE / max(columns, rows))
+        factor = min(1.0, _METERED_SIDE / max(columns, rows))
         down = max(round(rows * factor), 1)
         across = 2 * down if scene.camera.sees_all_around else max(round(columns * factor), 1)
         film = {"resolution": (across, down), "size_mm": tuple(side * 1e3 for side in scene.film.size_m())}
@@ -571,7 +571,7 @@ def _relative(scene: Scene, *, small: bool = False) -> Scene:
         clamped = scene.render.clamp is not None and scene.render.caustics == "auto"
         kept["caustics"] = "off" if clamped else scene.render.caustics
         update["film"] = Film.model_validate(film | {"filter": FilmFilter()})
-        update["render"] = RenderSettings(spp=max(METERED_SAMPLES // (across * down), 1), seed=METER_SEED, **kept)
+        update["render"] = RenderSettings(spp=max(_METERED_SAMPLES // (across * down), 1), seed=METER_SEED, **kept)
     return scene.model_copy(update=update)
 
 
@@ -622,12 +622,12 @@ def _check_range(what: str, value: float, least: float, most: float) -> None:
 
 BOARD_PIXELS, BOARD_SQUARE = 1800, 10  # across the film of the built-in board; of one of its squares
 ZONE = 1 / 40  # of the film's width: side of a zone where none is given
-CLOSED = 0.02  # of the stop's diameter: blur is that much smaller in the picture that others are compared with
+_CLOSED = 0.02  # of the stop's diameter: blur is that much smaller in the picture that others are compared with
 PICTURES = 4  # independent pictures of each zone
 ZONE_SAMPLES = 256  # per pixel: with 64 a search makes the noise of one zone its own, 9.6 for 11.9 %
 FAR_LENGTHS = 1e4  # focal lengths, in which the image moves by a ten-thousandth of one
 TURN = math.atan(1 / 7)  # of the board: edges along rows of pixels blur by where between them they lie, 10 or 20 %
-LEAST_SIDE = 8  # of a zone [pixels]
+_LEAST_SIDE = 8  # of a zone [pixels]
 LEAST_DETAIL = 0.2  # of the squares of one picture, noise among them: the noise of a zone without detail is no detail
 
 
@@ -701,7 +701,7 @@ def blur_of_zones(
         nothing = ZoneBlur(math.inf, np.full(2 * len(pictures.layouts), math.inf), 0.0, [])
         if not film_mm > 0:
             return nothing
-        closed = lens.with_stop_diameter(2 * CLOSED * lens.surfaces[lens.stop_index or 0].semi_diameter)
+        closed = lens.with_stop_diameter(2 * _CLOSED * lens.surfaces[lens.stop_index or 0].semi_diameter)
         try:
             (shown, light), (sharp, _) = pictures.take(lens, film_mm, "on"), pictures.take(closed, film_mm, "off")
         except (InputError, ArithmeticError):  # no light, or no lens at all
@@ -726,7 +726,7 @@ class _ZonePictures:
     ) -> None:
         (width, height), self._camera = scene.film.resolution, lens_settings.lens_camera(scene)
         corners = np.round(np.reshape(zones, (-1, 2, 2)).swapaxes(1, 2) * (width, height)).astype(int)
-        corners[:, 1] = np.maximum(corners[:, 1] - corners[:, 0], LEAST_SIDE)
+        corners[:, 1] = np.maximum(corners[:, 1] - corners[:, 0], _LEAST_SIDE)
         self.layouts = [FilmLayout(width, height, *each.ravel().tolist()) for each in corners]
         self._windows = [_window(scene, self._camera, zone) for zone in zones]
         self._scene, self._count, self._seed = scene, -(-samples // PICTURES), seed

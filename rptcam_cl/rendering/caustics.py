@@ -414,8 +414,8 @@ _MOST_SHARES = 8  # of a pass: a vertex that looks through fewer photons costs l
 _PHOTONS_PER_SAMPLE = 0.125  # and pixel of the whole film
 _LEAST_PHOTONS, MOST_PHOTONS = 1 << 12, 1 << 18  # of a pass; a lattice is good for so many
 # Cells repeat after so many for a photon, so that few of those that a vertex looks into hold photons of elsewhere.
-CELL_BITS_MORE = 3
-MOST_CELLS = MOST_PHOTONS << CELL_BITS_MORE
+_CELL_BITS_MORE = 3
+MOST_CELLS = MOST_PHOTONS << _CELL_BITS_MORE
 MOST_CELL_WORDS = MOST_CELLS + 1 + MOST_CELLS // 4  # where they begin, and bytes that say where photons are
 PHOTON_BYTES = 2 * 4 * 8 * MOST_PHOTONS + 4 * MOST_CELL_WORDS  # as traced and as sorted, and the cells
 # The radius shrinks with samples to this power: with the bias of a disk, radius², and the variance,
@@ -607,7 +607,7 @@ def sorted_by_cell(
     places = photons[:, :3]
     low, high = places.min(axis=0), places.max(axis=0)
     per_cell = np.float32(0.5 / radius)
-    most = min(len(photons).bit_length() + CELL_BITS_MORE, MOST_CELLS.bit_length() - 1)
+    most = min(len(photons).bit_length() + _CELL_BITS_MORE, MOST_CELLS.bit_length() - 1)
     bits = _periods((high - low) * per_cell, max(most - share_bits, 3))
     mask_x, mask_y, mask_z = masks = (1 << bits) - 1
     grid = PHOTON_GRID.one(

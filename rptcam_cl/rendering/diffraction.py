@@ -45,7 +45,7 @@ LOST_CONTRAST = 0.25  # of lines of two pixels in the film's middle, at 550 nm
 SEEN_STAR = 0.03  # light of lamps some pixels away, over the mean of the pixels that are none
 _STAR_FROM, _STAR_TO = 3, 16  # pixels from a lamp that it is looked for
 _DARK = 1e-4  # of the film's mean, below which it is black
-WORTH_A_LINE = 1e-3  # of the light, from which a line says that it falls beside the film
+_WORTH_A_LINE = 1e-3  # of the light, from which a line says that it falls beside the film
 LAMP = 16.0  # times the mean of the film, from which a pixel counts as a lamp
 _ACROSS_A_DISK = 0.87  # of its diameter: sides of a square of the same spread
 _PER_OCTAVE = 4.0  # widths of an edge
@@ -53,7 +53,7 @@ _WIDE_PX = 2.0  # length of a lamp's straight edges, from which its far light is
 NODES, MORE_NODES = (5, 3), (9, 7)  # along the longer and the shorter side of the film: openings, and wavefronts
 _BETWEEN, _MOST_PARTS = 0.01, 4  # modulation that the mean of two kernels may be off, and finer nodes for it, each way
 GOOD = 0.9  # Strehl ratio at all nodes from which the few are enough
-ALL_CELLS = 144  # across an opening whose kernels reach 64 wavelengths over twice its aperture
+_ALL_CELLS = 144  # across an opening whose kernels reach 64 wavelengths over twice its aperture
 _NODE_PX = 16  # least distance between nodes
 _MOST_OPENINGS = 12  # of lamps, beside those that are one turned and drawn out
 _ALIKE = 0.005  # of its radius (rms), within which two openings are one
@@ -497,7 +497,7 @@ class FilmOpenings:
     def _opening_at(self, point: Array) -> FilmPupil | None:
         checkpoint()
         try:
-            return self.pupils(point, ALL_CELLS if self.edges is None else NEAR_CELLS)
+            return self.pupils(point, _ALL_CELLS if self.edges is None else NEAR_CELLS)
         except InputError:
             return None
 
@@ -677,7 +677,7 @@ def _says(known: Mapping[str, Any]) -> str:
     if star is not None:
         says += f"; {_STAR_FROM} pixels from a lamp its light is {star:.2g} of the mean, and shows from {SEEN_STAR:g}"
     beside = known.get("share_beside", 0.0)
-    return says if beside < WORTH_A_LINE else f"{says}; {beside:.2g} of the light falls beside the film"
+    return says if beside < _WORTH_A_LINE else f"{says}; {beside:.2g} of the light falls beside the film"
 
 
 def describe_film(metadata: Mapping[str, Any], said: Mapping[str, Any]) -> dict[str, Any]:

@@ -255,11 +255,11 @@ def _is_clear(record: np.void, share: float, coat: bool) -> bool:
 
 
 # Planes of each layer: means over the rays, and values of the first ray.
-MEANS: dict[LayerName, int] = {
+_MEANS: dict[LayerName, int] = {
     "depth": 1, "distance": 1, "position": 3, "normal": 3, "geometric_normal": 3, "albedo": 3, "coc": 1,
     "transmittance": 3,
 }  # fmt: skip
-FIRSTS: dict[LayerName, int] = {"object_id": 1, "material_id": 1, "uv": 2, "pupil": 2}
+_FIRSTS: dict[LayerName, int] = {"object_id": 1, "material_id": 1, "uv": 2, "pupil": 2}
 _OWNERS: tuple[LayerName, ...] = ("crypto_object", "crypto_material")  # weights of each object or material apart
 OWNER_SLOTS = 8  # of them in a pixel
 SLOT_PLANES = 3  # identifier, weight and compensation
@@ -282,12 +282,12 @@ class LayerPlanes:
         self.places: dict[LayerName, int] = {}
         self.sums, self.firsts = WEIGHTS, 0
         for name in self.names:
-            if name in MEANS:
+            if name in _MEANS:
                 self.places[name] = self.sums
-                self.sums += MEANS[name]
-            elif name in FIRSTS:
+                self.sums += _MEANS[name]
+            elif name in _FIRSTS:
                 self.places[name] = self.firsts
-                self.firsts += FIRSTS[name]
+                self.firsts += _FIRSTS[name]
             elif name in _OWNERS:
                 self.places[name] = self.firsts
                 self.firsts += OWNER_SLOTS * SLOT_PLANES
@@ -442,12 +442,12 @@ def layer_arrays(planes: LayerPlanes, values: NDArray[np.float32], eye_m: Array)
 
     def mean(name: LayerName, weight: Array, background: float) -> Array:
         place = planes.places[name]
-        ratio = sums[place : place + MEANS[name]] / _divisor(weight)
+        ratio = sums[place : place + _MEANS[name]] / _divisor(weight)
         return np.moveaxis(np.where(weight > 0, ratio, background), 0, -1)
 
     def first(name: LayerName) -> NDArray[np.float32]:
         place = planes.places[name]
-        return np.ascontiguousarray(np.moveaxis(firsts[place : place + FIRSTS[name]], 0, -1))
+        return np.ascontiguousarray(np.moveaxis(firsts[place : place + _FIRSTS[name]], 0, -1))
 
     def layer(name: LayerName) -> NDArray[Any]:
         match name:

@@ -411,7 +411,7 @@ def ray_picture(wave: PointWave, x_mm: Array, y_mm: Array) -> Array:
 #
 # The kernel of a lens with its aberrations, as the wavefront of a point in focus has them.
 
-_STEEPEST, STILL_STEEP = 0.35, 0.5  # waves that its path should, and may, change between two cells
+_STEEPEST, _STILL_STEEP = 0.35, 0.5  # waves that its path should, and may, change between two cells
 
 
 def kernel_of_waves(wave: Callable[[float], PointWave], pixel_mm: tuple[float, float], reach: int) -> Array:
@@ -429,7 +429,7 @@ def kernel_of_waves(wave: Callable[[float], PointWave], pixel_mm: tuple[float, f
         Pixels on each side of the middle one.
     """
     first = wave(WAVES_NM[0])
-    is_steep = _steepest(first) > STILL_STEEP * WAVES_NM[0] * 1e-6
+    is_steep = _steepest(first) > _STILL_STEEP * WAVES_NM[0] * 1e-6
     wide = max(wave(nm).radius_mm for nm in WAVES_NM[:: len(WAVES_NM) // 2]) / min(map(abs, pixel_mm))
     if not is_steep:
         return point_spread.near_kernel(first.pupil, pixel_mm, reach, lambda nm: wave(nm).amplitude(nm), wide)
@@ -448,9 +448,9 @@ def kernel_of_waves(wave: Callable[[float], PointWave], pixel_mm: tuple[float, f
 # and with what weight the lens lets them out. So they bring the blur of what is out of focus, and no aberration. Waves
 # of the conjugates bring that, and diffraction with it. docs/diffraction.md has the errors.
 
-KNOWN_NM = (440.0, 670.0)  # whose paths are traced beside the camera's; others lie between
+_KNOWN_NM = (440.0, 670.0)  # whose paths are traced beside the camera's; others lie between
 FIT = 31, 13  # directions each way that rays are traced of, and powers of polynomials between them
-ROOMIER = 1.05  # of a square of directions, for the openings of mirrored places as well
+_ROOMIER = 1.05  # of a square of directions, for the openings of mirrored places as well
 ACROSS = 129  # nodes of the table of conjugates each way: within 0.01 pixels of 2000, for 5 % of distortion
 FARTHEST_M = 1e5  # of a point of the scene, beyond which focus is as at infinity
 _LINES = np.array([1 / 8, 1 / 4, 1 / 2, 1])  # of the finest lines that are looked at: of four pixels, or of
@@ -459,8 +459,8 @@ AS_GOOD = 0.01  # modulation that a wavefront's rays, spread by a perfect one, m
 NEAR_CELLS, MOST_CELLS = 72, 432  # across an opening, as many as its wavefront takes
 # Beside the image circle a sliver of the pupil may show a point of the scene far from where its chief ray leads, which
 # would crowd even light between two nodes, or too few rays say how its wavefront goes on.
-MOST_MOVED = 0.004  # of the way to the next node, up to which waves may move the image
-WIDEST_SPOT = 40.0  # wavelengths over twice the aperture: rays of no wavefront that waves bring are farther apart
+_MOST_MOVED = 0.004  # of the way to the next node, up to which waves may move the image
+_WIDEST_SPOT = 40.0  # wavelengths over twice the aperture: rays of no wavefront that waves bring are farther apart
 
 
 @dataclass(frozen=True)
@@ -539,7 +539,7 @@ class Conjugates:
         key = (*np.round(point * turn, 6).tolist(), nm)
         if key not in self._rays:
             source = self.source(place) * np.append(turn, 1.0)
-            roomier = [axis.mean() + ROOMIER * (axis - axis.mean()) for axis in own]
+            roomier = [axis.mean() + _ROOMIER * (axis - axis.mean()) for axis in own]
             self._rays[key] = rays_of(self.pupils, roomier, point * turn, source, nm, FIT)
         path, density, places, _ = self._rays[key](*own)
         return PointWave(pupil, path, density, places * turn)
@@ -560,7 +560,7 @@ class Conjugates:
             Whether the lens refracts each wavelength in its own way; otherwise all go as the camera's.
         """
         known: dict[float, PointWave] = {}
-        for nm in (self.nm, *(KNOWN_NM if splits else ())):
+        for nm in (self.nm, *(_KNOWN_NM if splits else ())):
             with suppress(InputError):  # the glass is not known there, or the rays are not: others say what it is
                 known[nm] = self.wave_at(place, point, pupil, nm)
         return _by_inverse_square(known) if self.nm in known else None
@@ -689,11 +689,11 @@ def conjugates_of(
             wave = found.wave_at(place, points[number], pupil, nm)
         except InputError:
             continue
-        is_wide = wave.spot_mm > WIDEST_SPOT * nm * 1e-6 / (2 * pupil.index * pupil.aperture)
+        is_wide = wave.spot_mm > _WIDEST_SPOT * nm * 1e-6 / (2 * pupil.index * pupil.aperture)
         if is_wide or cells_for(wave, nm) > MOST_CELLS:
             continue
         waves[number] = wave
-        moved = np.clip(2 - float(np.linalg.norm(wave.middle_mm)) / next_mm / MOST_MOVED, 0.0, 1.0)
+        moved = np.clip(2 - float(np.linalg.norm(wave.middle_mm)) / next_mm / _MOST_MOVED, 0.0, 1.0)
         shares[number] = moved * (worth_waves(wave, nm, pixel_mm) > AS_GOOD)
     if not shares.any():
         return None
@@ -727,7 +727,7 @@ def _between_nodes(values: Array, nodes: tuple[Array, Array], places: Array) -> 
 # A kernel of waves holds the aberrations for the plane of focus alone. What lies before or behind it is sharper or
 # softer than that, as curvature of field and spherical aberration have it, and rays know this.
 
-SHARP_WAVES, BLURRED_WAVES = 0.25, 0.5  # out of focus, at the rim of the pupil: up to which waves, and from which rays
+_SHARP_WAVES, _BLURRED_WAVES = 0.25, 0.5  # out of focus, at the pupil's rim: up to which waves, and from which rays
 _STEPS = 16  # of a share, so that rounding on another device changes none
 
 
@@ -755,7 +755,7 @@ def defocus(conjugates: Conjugates, session: Session, plan: Plan, buffers: Scene
 
 def _is_sharp(waves: Array) -> Array:
     """Return the share of each place, by the sharpest of those about it."""
-    share = np.clip((BLURRED_WAVES - np.abs(waves)) / (BLURRED_WAVES - SHARP_WAVES), 0.0, 1.0)
+    share = np.clip((_BLURRED_WAVES - np.abs(waves)) / (_BLURRED_WAVES - _SHARP_WAVES), 0.0, 1.0)
     wide = np.pad(np.nan_to_num(share), 1, mode="edge")
     near = [wide[i : i + ACROSS, j : j + ACROSS] for i in range(3) for j in range(3)]
     return np.asarray(np.rint(np.max(near, axis=0) * _STEPS) / _STEPS)

@@ -503,7 +503,7 @@ def _edges(
 
 _POINTS_TOGETHER = 2**20  # on the films of some copies, which are held at a time
 ROUNDS = 3  # in which compensators are set
-SWEEPS = 60  # of the columns in each: they are few, and seldom alike
+_SWEEPS = 60  # of the columns in each: they are few, and seldom alike
 
 
 @dataclass(frozen=True)
@@ -768,7 +768,7 @@ def _settle(square: Array, toward: Array, place: Array) -> Array:
         The half derivative of the sum at the place.
     """
     ends = place.copy()
-    for _ in range(SWEEPS):
+    for _ in range(_SWEEPS):
         for k in range(len(square)):
             if square[k, k] > 0:
                 slope = toward[:, k] + (ends - place) @ square[:, k]

@@ -179,7 +179,7 @@ def _sequence_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
 # A lens as a CODE V sequence, which our reader, optiland and ray-optics read back.
 
 POWERS = dict(zip(range(4, 22, 2), "ABCDEFGHJ", strict=True))
-PRIVATE_NM = (404.66, 435.83, LINE_F_NM, 546.07, LINE_D_NM, 632.8, LINE_C_NM, 706.52)  # of private glasses
+_PRIVATE_NM = (404.66, 435.83, LINE_F_NM, 546.07, LINE_D_NM, 632.8, LINE_C_NM, 706.52)  # of private glasses
 
 
 def codev_text(lens: Lens) -> str:
@@ -201,7 +201,7 @@ def codev_text(lens: Lens) -> str:
     lines += [f"REF {len(WAVELENGTHS_NM) - WAVELENGTHS_NM.index(LINE_D_NM)}", "WTW 1 1 1"]
     lines += [f"XAN {numbers([0] * len(fields))}", f"YAN {numbers(fields)}"]
     if private:
-        lines += ["PRV", f"  PWL {numbers(PRIVATE_NM)}"]
+        lines += ["PRV", f"  PWL {numbers(_PRIVATE_NM)}"]
         lines += [f"  '{name}' {numbers(_indices(medium))}" for medium, name in private.items()]
         lines.append("END")
     lines.append("SO 0.0 1.0E+13")
@@ -279,8 +279,8 @@ def _codev_glass(medium: Medium, private: dict[Medium, str]) -> str:
 
 def _indices(medium: Medium) -> list[float]:
     if isinstance(medium, media.ConstantIndex):
-        return [medium.value] * len(PRIVATE_NM)
-    return list(media.held_index(medium, np.array(PRIVATE_NM)))
+        return [medium.value] * len(_PRIVATE_NM)
+    return list(media.held_index(medium, np.array(_PRIVATE_NM)))
 
 
 def _codev_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
@@ -535,8 +535,8 @@ def _surface_reasons(surface: Surface, before: float, after: float) -> Iterator[
 
 # A lens as text of our own form, which reads back as the same lens. Lengths in millimetres.
 
-WRITTEN_THICKNESS_MM = 10.0
-SCHOTT_POWERS = (0.0, 2.0, -2.0, -4.0, -6.0, -8.0)
+_WRITTEN_THICKNESS_MM = 10.0
+_SCHOTT_POWERS = (0.0, 2.0, -2.0, -4.0, -6.0, -8.0)
 
 
 def lens_text(lens: Lens, comments: Sequence[str] = ()) -> str:
@@ -692,8 +692,8 @@ def _medium(medium: Medium) -> Any:
     entry = _glass_keys(medium)
     thermal = {} if medium.thermal is None else _thermal(medium.thermal)
     if medium.absorption is not None:  # what is left behind 10 mm
-        shares = np.exp(-WRITTEN_THICKNESS_MM * np.asarray(medium.absorption.per_mm)).tolist()
-        at = {"thickness_mm": WRITTEN_THICKNESS_MM, "wavelengths_nm": list(medium.absorption.wavelengths_nm)}
+        shares = np.exp(-_WRITTEN_THICKNESS_MM * np.asarray(medium.absorption.per_mm)).tolist()
+        at = {"thickness_mm": _WRITTEN_THICKNESS_MM, "wavelengths_nm": list(medium.absorption.wavelengths_nm)}
         entry |= {"transmittance": at | {"values": shares}}
     return entry | thermal
 
@@ -723,7 +723,7 @@ def _glass_keys(medium: Medium) -> dict[str, Any]:
             entry = {"sellmeier": law | ({"c0": medium.c0} if medium.c0 else {})}
         case media.PowerSeries():
             powers, values = zip(*medium.terms, strict=True)
-            if medium.squared and powers == SCHOTT_POWERS:
+            if medium.squared and powers == _SCHOTT_POWERS:
                 entry = {"schott": list(values)}
             elif not medium.squared and powers == tuple(-2.0 * i for i in range(len(powers))):
                 entry = {"cauchy": list(values)}

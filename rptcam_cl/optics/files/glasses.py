@@ -519,7 +519,7 @@ def _successor(plain: str, makers: Sequence[str]) -> Named | None:
 WORDS: dict[str, Coating] = dict(
     zip(keys.COATING_WORDS, (media.BARE, media.MAGNESIUM_FLUORIDE, media.MULTILAYER), strict=True)
 )
-COATING_FORMS = f"{', '.join(keys.COATING_WORDS)}, {{quarter_wave: …}}, {{layers: …}} or {{reflectance: …}}"
+_COATING_FORMS = f"{', '.join(keys.COATING_WORDS)}, {{quarter_wave: …}}, {{layers: …}} or {{reflectance: …}}"
 
 
 def apply_coatings(document: Document, surfaces: tuple[Surface, ...], object_medium: Medium) -> tuple[Surface, ...]:
@@ -564,10 +564,10 @@ def _read_coating(document: Document, path: KeyPath) -> Coating:
     value = value_at(document, path)
     if isinstance(value, str):
         if value not in WORDS:
-            raise problem(document, path, f"unknown coating; allowed: {COATING_FORMS}", value)
+            raise problem(document, path, f"unknown coating; allowed: {_COATING_FORMS}", value)
         return WORDS[value]
     if not isinstance(value, dict):
-        raise problem(document, path, f"allowed: {COATING_FORMS}", value)
+        raise problem(document, path, f"allowed: {_COATING_FORMS}", value)
     fields = Fields(document, path, keys.COATING)
     if len(value) != 1:
         raise fields.fail(None, f"needs exactly one of {', '.join(keys.COATING)}")

@@ -22,8 +22,8 @@ SHORTEST_MM, LONGEST_MM = 1e-9, 1e15  # beyond these, squares and reciprocals le
 
 
 INDEX = {"type": "number", "minimum": LOWEST_INDEX, "maximum": HIGHEST_INDEX}
-SPAN = {"type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 2, "maxItems": 2}
-GLASS_VALUE = {"$ref": "#/$defs/Glass"}
+_SPAN = {"type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 2, "maxItems": 2}
+_GLASS_VALUE = {"$ref": "#/$defs/Glass"}
 GAPS = by_number({"type": "number", "minimum": 0}, minProperties=1)
 
 LINEAR_ABBE = {
@@ -91,7 +91,7 @@ COATING = {
     ),
 }  # fmt: skip
 COATING_WORDS = ("bare", "mgf2", "multi")
-COATING_VALUE = {"$ref": "#/$defs/Coating"}
+_COATING_VALUE = {"$ref": "#/$defs/Coating"}
 
 THERMAL = {
     "d": Key("Schott's D0, D1, D2 of dn/dT [1/K, 1/K^2, 1/K^3].", numbers(3, 3)),
@@ -140,7 +140,7 @@ POSE = {
     "tilt_degrees": Key("Turns about x, then y, then z, right handed.", numbers(2, 3)),
 }
 
-SHAPED = {
+_SHAPED = {
     "shape": Key(
         "Shape of the stop: heart, or one of blades, star and polygon.",
         {"oneOf": [{"const": "heart"}, *(mapping(SHAPE, (kind,)) for kind in ("blades", "star", "polygon"))]},
@@ -164,17 +164,17 @@ SURFACE = {
         "To the next vertex [unit], negative where a mirror has sent the light back; required but on the last surface.",
         NUMBER,
     ),
-    "glass": Key("What fills the space behind the surface; air by default.", GLASS_VALUE),
+    "glass": Key("What fills the space behind the surface; air by default.", _GLASS_VALUE),
     "mirror": Key("Whether the surface reflects; the light stays in the medium it comes from.", {"type": "boolean"}),
     "body_expansion_per_k": Key("Linear expansion of the body that carries a mirror in air [1/K].", NUMBER),
     "diameter": Key("Full clear diameter [unit].", POSITIVE),
     "inner_diameter": Key("Of a hole or an obstruction in the middle, which stops light [unit].", POSITIVE),
     "stop": Key("Whether this is the aperture stop; at most one is.", {"type": "boolean"}),
-    "coating": Key("What lies on the surface; as the lens says by default.", COATING_VALUE),
-    **SHAPED,
+    "coating": Key("What lies on the surface; as the lens says by default.", _COATING_VALUE),
+    **_SHAPED,
 }
 
-GROUP = {"surfaces": Key("First and last surface, counted from 0.", SPAN), **POSE}
+GROUP = {"surfaces": Key("First and last surface, counted from 0.", _SPAN), **POSE}
 
 FLOATING = {
     "distance": Key("From the object plane to the film [unit].", POSITIVE),
@@ -195,7 +195,7 @@ CONFIGURATION = {
 }
 
 FOCUSING = {
-    "surfaces": Key("First and last surface of the group that moves, counted from 0.", SPAN),
+    "surfaces": Key("First and last surface of the group that moves, counted from 0.", _SPAN),
     "travel": Key("Least and greatest shift towards the film [unit].", numbers(2, 2)),
 }
 
@@ -220,8 +220,8 @@ LENS = {
         " the film.",
         mapping(POSE, minProperties=1),
     ),
-    "object_medium": Key("Glass in front of the lens; air by default.", GLASS_VALUE),
-    "coating": Key("Of every surface between glass and air that has none of its own; bare by default.", COATING_VALUE),
+    "object_medium": Key("Glass in front of the lens; air by default.", _GLASS_VALUE),
+    "coating": Key("Of every surface between glass and air that has none of its own; bare by default.", _COATING_VALUE),
     "surfaces": Key(
         "The surfaces, scene side first.", {"type": "array", "items": {"$ref": "#/$defs/Surface"}, "minItems": 1}
     ),

@@ -110,9 +110,9 @@ class AxisFrame:
 
 
 STEEPEST = math.tan(math.radians(60))  # field that diameters are chosen for
-LEAST_GLASS = 0.3  # of a six-digit code: 003283 means n_d = 2.003
-UNKNOWN_DIAMETER = 1e-6  # small enough for every shape while first-order data are computed
-LEAST_LEFT = 0.1  # of a diameter that is shrunk so that surfaces do not cross
+_LEAST_GLASS = 0.3  # of a six-digit code: 003283 means n_d = 2.003
+_UNKNOWN_DIAMETER = 1e-6  # small enough for every shape while first-order data are computed
+_LEAST_LEFT = 0.1  # of a diameter that is shrunk so that surfaces do not cross
 ROUNDED = 1.005  # by which diameters of a file may differ without a word
 ROUNDING = 1e-9
 FLATTEST = 0.2  # cosine of the light on a tilted surface, at least, for the choice of its diameter
@@ -367,7 +367,7 @@ class LensTable:
 
     def _tiny_lens(self) -> Lens:
         """Return the lens with diameters that every shape reaches, for first-order data [unit]."""
-        tiny = [{**row, "diameter": UNKNOWN_DIAMETER, "inner_diameter": None} for row in self.rows]
+        tiny = [{**row, "diameter": _UNKNOWN_DIAMETER, "inner_diameter": None} for row in self.rows]
         tiny = [{k: v for k, v in row.items() if v is not None} for row in tiny]
         whole = ("object_medium", "fold", "configurations")
         before: dict[str, Any] = {key: self.keys[key] for key in whole if key in self.keys}
@@ -403,7 +403,7 @@ class LensTable:
             row, height = self.rows[k], float(widest[k])
             if row.get("radius") and not row.get("conic") and not row.get("aspheric"):
                 height = min(height, 0.95 * abs(row["radius"]))
-            row["diameter"] = 2 * max(height, UNKNOWN_DIAMETER)
+            row["diameter"] = 2 * max(height, _UNKNOWN_DIAMETER)
         for k in missing if not lens.has_mirrors else ():
             for one, other in ((k - 1, k), (k, k + 1)):
                 if one >= 0 and other < len(self.rows):
@@ -430,7 +430,7 @@ class LensTable:
     def _slope(self, lens: Lens, pupil_distance: float) -> float:
         """Return the tangent of the widest field that the file says."""
         if self.object_height and np.isfinite(self.object_distance):
-            return abs(self.object_height) / max(abs(self.object_distance + pupil_distance), UNKNOWN_DIAMETER)
+            return abs(self.object_height) / max(abs(self.object_distance + pupil_distance), _UNKNOWN_DIAMETER)
         if self.image_height:
             length = abs(lens.first_order().front_focal_length_mm)
             return min(abs(self.image_height) / length, STEEPEST) if np.isfinite(length) and length else 0.0
@@ -442,7 +442,7 @@ class LensTable:
         if first.get("stop") or second.get("stop"):
             return
         whole = chosen["diameter"]
-        while chosen["diameter"] > LEAST_LEFT * whole:
+        while chosen["diameter"] > _LEAST_LEFT * whole:
             height = min(first["diameter"], second["diameter"]) / 2
             if first["thickness"] + _sag(second, height) - _sag(first, height) >= 0:
                 return
@@ -512,7 +512,7 @@ def model_glass(text: str) -> Any:
     """
     if match := re.fullmatch(r"(\d{3})(\d{3})", text) or re.fullmatch(r"(\d{3,6})\.(\d{3,6})", text):
         above, vd = int(match[1]) / 10 ** len(match[1]), int(match[2]) / 10 ** (len(match[2]) - 2)
-        nd = 1 + above if above >= LEAST_GLASS else 2 + above
+        nd = 1 + above if above >= _LEAST_GLASS else 2 + above
     elif match := re.fullmatch(r"([1-4](?:\.\d*)?)[:/](\d+(?:\.\d*)?)", text):
         nd, vd = float(match[1]), float(match[2])
     else:

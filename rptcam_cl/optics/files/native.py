@@ -32,9 +32,9 @@ from rptcam_cl.optics.surface import Configuration, FocusState, Region, Surface,
 
 Array = NDArray[np.float64]
 
-FIRST_POWER = 4
-BFS_POWERS = 11  # r^2 to r^22, as many as a device takes
-BFS_NODES = 64
+_FIRST_POWER = 4
+_BFS_POWERS = 11  # r^2 to r^22, as many as a device takes
+_BFS_NODES = 64
 SHIFT = 4  # the second index of the Jacobi polynomials
 
 
@@ -52,7 +52,7 @@ def even_powers(coefficients: tuple[float, ...], radius: float) -> dict[int, flo
     result = {}
     for k in range(len(coefficients)):
         value = fsum(a * table[order][k] for order, a in enumerate(coefficients) if order >= k)
-        result[FIRST_POWER + 2 * k] = value / radius ** (FIRST_POWER + 2 * k)
+        result[_FIRST_POWER + 2 * k] = value / radius ** (_FIRST_POWER + 2 * k)
     return result
 
 
@@ -71,9 +71,9 @@ def bfs_powers(
         return np.asarray((1 - x) * steep * _bfs_sum(coefficients, x) / radius**2)
 
     domain = (0.0, rim * rim)
-    curve = np.polynomial.Chebyshev.interpolate(added, BFS_POWERS - 1, domain=domain)
+    curve = np.polynomial.Chebyshev.interpolate(added, _BFS_POWERS - 1, domain=domain)
     values = curve.convert(kind=np.polynomial.Polynomial).coef
-    nodes = np.linspace(*domain, BFS_NODES)
+    nodes = np.linspace(*domain, _BFS_NODES)
     error = float(np.max(nodes * np.abs(np.polynomial.Polynomial(values)(nodes) - added(nodes))))
     return {2 * k + 2: float(value) for k, value in enumerate(values) if value}, error
 
@@ -96,11 +96,11 @@ def _bfs_sum(coefficients: tuple[float, ...], x: Array) -> Array:
 Report = Callable[[int, str, str], InputError]
 
 LONGEST_PLAUSIBLE_MM = 10_000.0
-DENSER_THAN_AIR = 1e-3
-ROUNDING_MM = 1e-6  # of a thickness that is meant to be 0
-FASTEST = 0.25  # f-number below which something is wrong with the numbers: a lens in air ends at f/0.5
-THINNEST = 1 - 1e-6
-INSIDE_THE_RIM = 1 - 1e-9  # where a surface that is a whole hemisphere still has a sag
+_DENSER_THAN_AIR = 1e-3
+_ROUNDING_MM = 1e-6  # of a thickness that is meant to be 0
+_FASTEST = 0.25  # f-number below which something is wrong with the numbers: a lens in air ends at f/0.5
+_THINNEST = 1 - 1e-6
+_INSIDE_THE_RIM = 1 - 1e-9  # where a surface that is a whole hemisphere still has a sag
 
 
 def check_lens(lens: Lens, report: Report) -> Lens:
@@ -114,7 +114,7 @@ def check_lens(lens: Lens, report: Report) -> Lens:
 
 def _check_reach(surface: Surface, index: int, report: Report) -> None:
     """Refuse a surface that ends before its rim."""
-    rim = surface.semi_diameter * INSIDE_THE_RIM
+    rim = surface.semi_diameter * _INSIDE_THE_RIM
     angles = np.linspace(0.0, np.pi, 9)
     if np.all(np.isfinite(surface.sag(rim * np.cos(angles), rim * np.sin(angles)))) or not np.isfinite(rim):
         return
@@ -155,7 +155,7 @@ def _backward_gaps(lens: Lens) -> tuple[str, ...]:
         f"the thickness behind surface {index} is negative ({surface.thickness:g} mm): surface {index + 1} stands in "
         f"front of it, and rays meet surface {index} first all the same"
         for index, surface in enumerate(lens.surfaces)
-        if lens.senses[index + 1] * surface.thickness < -ROUNDING_MM
+        if lens.senses[index + 1] * surface.thickness < -_ROUNDING_MM
         and not (surface.is_stop or lens.surfaces[index + 1].is_stop)
     )
 
@@ -174,13 +174,13 @@ def crossed_surfaces(lens: Lens) -> tuple[str, ...]:
         sense = lens.senses[index + 1]
         if sense * first.thickness < 0 or not np.isfinite(first.semi_diameter + second.semi_diameter):
             continue
-        height = min(first.semi_diameter, second.semi_diameter) * INSIDE_THE_RIM
+        height = min(first.semi_diameter, second.semi_diameter) * _INSIDE_THE_RIM
         gap = sense * (first.thickness + second.rim_sag(height) - first.rim_sag(height))
         if gap < -1e-6 * max(1.0, height):
             where = f"they overlap by {-gap:.4g} mm at {height:g} mm from the axis"
             doubts.append(f"surfaces {index} and {index + 1} cross: {where}; rays meet them in their order")
-        elif abs(indices[index + 1] - 1) >= DENSER_THAN_AIR:
-            front, rear = (part.rim_sag(part.semi_diameter * INSIDE_THE_RIM) for part in (first, second))
+        elif abs(indices[index + 1] - 1) >= _DENSER_THAN_AIR:
+            front, rear = (part.rim_sag(part.semi_diameter * _INSIDE_THE_RIM) for part in (first, second))
             edge = sense * (first.thickness + rear - front)
             if edge < -1e-6 * max(first.semi_diameter, second.semi_diameter):
                 doubts.append(f"the rims of the glass between surfaces {index} and {index + 1} cross by {-edge:.4g} mm")
@@ -196,7 +196,7 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
     length = abs(data.focal_length_mm)
     if LONGEST_PLAUSIBLE_MM < length < np.inf:
         doubts.append(f"focal length {data.focal_length_mm:.6g} mm: are the lengths in metres or micrometres?")
-    if data.f_number < FASTEST and max(surface.semi_diameter for surface in lens.surfaces) > length:
+    if data.f_number < _FASTEST and max(surface.semi_diameter for surface in lens.surfaces) > length:
         doubts.append(
             f"focal length {data.focal_length_mm:.4g} mm behind an opening of "
             f"{data.entrance_pupil.diameter_mm:.4g} mm, f/{data.f_number:.2g}, cannot be (f/0.5 is the limit): "
@@ -208,7 +208,7 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
     doubts += [*_backward_gaps(lens), *crossed_surfaces(lens), *_in_the_way(lens), *_turned_too_far(lens)]
     doubts += filter(None, dict.fromkeys(continued_words(medium) for medium in lens.media))
     for place, value in enumerate(lens.indices(LINE_D_NM)):
-        if value < THINNEST:
+        if value < _THINNEST:
             where = f"behind surface {place - 1}" if place else "in front of the lens"
             doubts.append(
                 f"the medium {where} has the index {value:g}, below 1, which no glass has: indices count from air, "
@@ -367,7 +367,7 @@ def _with_qcon(fields: Fields, scale: float, terms: tuple[tuple[int, float], ...
     if "qcon" in fields:
         inner = fields.inner("qcon", keys.QCON)
         radius, coefficients = inner.positive("radius"), inner.numbers("coefficients")
-        most = (keys.HIGHEST_POWER - FIRST_POWER) // 2 + 1
+        most = (keys.HIGHEST_POWER - _FIRST_POWER) // 2 + 1
         if len(coefficients) > most:
             raise inner.fail("coefficients", f"at most {most}, which reach r^{keys.HIGHEST_POWER}")
         for power, value in even_powers(tuple(scale * a for a in coefficients), radius * scale).items():

@@ -24,18 +24,18 @@ from rptcam_cl.optics.shapes import PHASES
 
 # Zemax: spheres, aspheres, toroids, gratings, ideal lenses and coordinate breaks.
 
-ZMX_UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
+_ZMX_UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
 TYPES = ("STANDARD", "EVENASPH", "ODDASPHE", "TOROIDAL", "BICONICX", "XASPHERE", "COORDBRK", "QED_TYPE", "PARAXIAL",
          "DGRATING", "BINARY_2")  # fmt: skip
-ZMX_SENSES = (1.0, 1.0, 1.0)  # tilts turn right handed: OpticStudio help, «Tilt/Decenter»
-MOST_TERMS = 240  # of an extended asphere, to r^480
-PLACEHOLDER = (1.5, 40.0)  # what Zemax writes beside the name of a catalogue glass
-MOST_FORBES = 18
-FORBES_ERROR = 1e-6  # of a sag by powers of r [unit], which no ray notices
+_ZMX_SENSES = (1.0, 1.0, 1.0)  # tilts turn right handed: OpticStudio help, «Tilt/Decenter»
+_MOST_TERMS = 240  # of an extended asphere, to r^480
+_PLACEHOLDER = (1.5, 40.0)  # what Zemax writes beside the name of a catalogue glass
+_MOST_FORBES = 18
+_FORBES_ERROR = 1e-6  # of a sag by powers of r [unit], which no ray notices
 NEARLY = 1 + 1e-9
 # What changes the rays and is not read; everything else that is not read has no optical meaning.
-MEANT_WORDS = "OBSC ELAP UDAP UDAD USAP UOBS ROBS SQOB ELOB SPID XDAT NSCS GRIN TEMP"
-MEANT = frozenset(MEANT_WORDS.split())
+_MEANT_WORDS = "OBSC ELAP UDAP UDAD USAP UOBS ROBS SQOB ELOB SPID XDAT NSCS GRIN TEMP"
+MEANT = frozenset(_MEANT_WORDS.split())
 
 
 @dataclass
@@ -86,7 +86,7 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     if surfaces[0].glass and not surfaces[0].is_mirror:
         table.keys["object_medium"] = _glass(surfaces[0], table)
     _drop_collimator(surfaces, table)
-    frame = AxisFrame(ZMX_SENSES)
+    frame = AxisFrame(_ZMX_SENSES)
     body = surfaces[1:-1]
     openings: list[bool] = []
     parts: list[list[_ZmxSurface]] = []
@@ -143,7 +143,7 @@ def _parse_zmx(text: str, table: LensTable, spaces: dict[int, dict[int, float]])
         elif key == "APER" and table.zoom.count > 1 and table.pupil_diameter:
             _, position, value = numbers(rest[:3], table.path, line, 3)
             table.zoom.pupils[int(position)] = value
-        elif key in OF_CONFIGURATIONS and table.zoom.count > 1:
+        elif key in _OF_CONFIGURATIONS and table.zoom.count > 1:
             if rest[1:2] == ["1"]:
                 table.note(line, f"{key} of configurations is ignored: spaces, object and pupil alone may differ")
         elif surfaces and key not in _ZMX_HEADER:
@@ -155,16 +155,16 @@ def _parse_zmx(text: str, table: LensTable, spaces: dict[int, dict[int, float]])
 
 _ZMX_HEADER = frozenset(("MODE", "UNIT"))
 # What configurations may differ in beside spaces (OpticStudio help, «Multi-Configuration Operands»).
-OF_CONFIGURATIONS = frozenset(("APER", "CRVT", "GLSS", "CONN", "PRAM", "SDIA", "STPS", "IGNR", "PRES"))
+_OF_CONFIGURATIONS = frozenset(("APER", "CRVT", "GLSS", "CONN", "PRAM", "SDIA", "STPS", "IGNR", "PRES"))
 
 
 def _zmx_header(key: str, rest: list[str], line: int, table: LensTable) -> None:
     if key == "NAME":
         table.name = " ".join(rest)
     elif key == "UNIT" and rest:
-        if rest[0].upper() not in ZMX_UNITS:
-            raise InputError(f"{table.path}:{line}: unit {rest[0]!r} is unknown; known: {', '.join(ZMX_UNITS)}")
-        table.unit = ZMX_UNITS[rest[0].upper()]
+        if rest[0].upper() not in _ZMX_UNITS:
+            raise InputError(f"{table.path}:{line}: unit {rest[0]!r} is unknown; known: {', '.join(_ZMX_UNITS)}")
+        table.unit = _ZMX_UNITS[rest[0].upper()]
     elif key == "MODE" and rest and rest[0].upper() != "SEQ":
         raise InputError(f"{table.path}:{line}: only sequential files can be read (MODE {rest[0]})")
     elif key == "ENPD":
@@ -306,7 +306,7 @@ def _glass(surface: _ZmxSurface, table: LensTable) -> Any:
         if nd <= 0:
             raise InputError(f"{table.path}:{surface.line}: a model glass needs an index and an Abbe number")
         return model(nd, vd)
-    if (nd, vd) == PLACEHOLDER:
+    if (nd, vd) == _PLACEHOLDER:
         nd, vd = 0.0, 0.0
     return table.glass(name, surface.line, nd, vd)
 
@@ -314,9 +314,9 @@ def _glass(surface: _ZmxSurface, table: LensTable) -> Any:
 def _extended_terms(surface: _ZmxSurface, table: LensTable) -> dict[int, float]:
     """Return the powers of r of an extended asphere: extra data are their number, the norm radius, r^2, r^4, ..."""
     count, norm = surface.extra.get(1, 0.0), surface.extra.get(2, 1.0)
-    if not norm > 0 or not 0 <= count <= MOST_TERMS:
+    if not norm > 0 or not 0 <= count <= _MOST_TERMS:
         raise InputError(
-            f"{table.path}:{surface.line}: an extended asphere needs up to {MOST_TERMS} terms (XDAT 1, got {count:g})"
+            f"{table.path}:{surface.line}: an extended asphere needs up to {_MOST_TERMS} terms (XDAT 1, got {count:g})"
             f" and a norm radius above 0 (XDAT 2, got {norm:g})"
         )
     terms = {2 * i: surface.extra.get(i + 2, 0.0) / norm ** (2 * i) for i in range(1, int(count) + 1)}
@@ -327,10 +327,10 @@ def _forbes(surface: _ZmxSurface, table: LensTable) -> dict[str, Any]:
     """Return the keys of a Q-type asphere: extra data are its type (0 Qbfs, 1 Qcon), the number of its terms, the norm
     radius and the coefficients from a_0."""
     kind, count, norm = (surface.extra.get(k, 0.0) for k in (1, 2, 3))
-    if kind not in (0, 1) or not norm > 0 or not 0 <= count <= MOST_FORBES:
+    if kind not in (0, 1) or not norm > 0 or not 0 <= count <= _MOST_FORBES:
         raise InputError(
             f"{table.path}:{surface.line}: a Q-type asphere needs the type 0 or 1 (XDAT 1, got {kind:g}), up to"
-            f" {MOST_FORBES} terms (XDAT 2, got {count:g}) and a norm radius above 0 (XDAT 3, got {norm:g})"
+            f" {_MOST_FORBES} terms (XDAT 2, got {count:g}) and a norm radius above 0 (XDAT 3, got {norm:g})"
         )
     terms = tuple(surface.extra.get(k + 4, 0.0) for k in range(int(count)))
     if not any(terms):
@@ -342,7 +342,7 @@ def _forbes(surface: _ZmxSurface, table: LensTable) -> dict[str, Any]:
     if rim > norm * NEARLY or not (1 + shape[1]) * (shape[0] * rim) ** 2 < 1:
         raise InputError(f"{table.path}:{surface.line}: a Q-type asphere ends before its rim of {rim:g}")
     powers, error = bfs_powers(terms, norm, rim, *shape)
-    if error > FORBES_ERROR:
+    if error > _FORBES_ERROR:
         table.note(surface.line, f"the Q-type asphere is read as powers of r, which leave it by up to {error:.2g}")
     return {"aspheric": powers}
 
@@ -402,7 +402,7 @@ def _trim(table: LensTable, openings: list[bool]) -> None:
 #
 # Private glasses: PRV, wavelengths behind PWL, indices or a law behind each name, END.
 
-OF_THE_MODEL = 1e-9  # by which indices follow the n_d and V_d of their name
+_OF_THE_MODEL = 1e-9  # by which indices follow the n_d and V_d of their name
 
 
 def _private_glasses(statements: list[tuple[int, list[str]]], path: str) -> dict[str, Any]:
@@ -443,17 +443,17 @@ def _private_glass(name: str, rest: list[str], wavelengths: list[float], path: s
     known = model_glass(name) if ":" in name else None
     if known and "vd" in known:
         law = AbbeCauchy(**known).index([w for w, _ in rows])
-        if max(abs(n - fit) for (_, n), fit in zip(rows, law, strict=True)) < OF_THE_MODEL:
+        if max(abs(n - fit) for (_, n), fit in zip(rows, law, strict=True)) < _OF_THE_MODEL:
             return dict(known)  # what it is called says it exactly
     return {"table": {"wavelengths_nm": [w for w, _ in rows], "values": [n for _, n in rows]}, "name": name}
 
 
-SEQ_UNITS = {"M": "mm", "C": "cm", "I": "in"}
+_SEQ_UNITS = {"M": "mm", "C": "cm", "I": "in"}
 POWERS = dict(zip("ABCDEFGHJ", range(4, 22, 2), strict=True))
 
 # ADE and BDE turn left handed, CDE right handed: the convention of optical design, as ray-optics has it (misc_math.py).
-SEQ_SENSES = (-1.0, -1.0, 1.0)
-TILTS = ("XDE", "YDE", "ZDE", "ADE", "BDE", "CDE")
+_SEQ_SENSES = (-1.0, -1.0, 1.0)
+_TILTS = ("XDE", "YDE", "ZDE", "ADE", "BDE", "CDE")
 INFINITE = ("inf", "+inf", "infinity", "+infinity")
 _PARTS = re.compile(r"'[^']*'|\"[^\"]*\"|!|[^!'\"]+|['\"]")
 _SPLIT = re.compile(r""";(?=(?:[^'"]|'[^']*'|"[^"]*")*$)""")
@@ -461,18 +461,18 @@ _QUALIFIER = re.compile(r"S(\d{1,4}|[OISA])(-\d{1,4})?(?:\.\.S?(\d{1,4}|[OIS])(-
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
 _POSITION = re.compile(r"Z\d+", re.ASCII | re.IGNORECASE)
 _SEQ_HEADER = frozenset(("EPD", "FNO", "NA", "NAO", "YAN", "YOB", "YIM", "YRI", "DIM"))
-OFFSETS = ("ADX", "ADY")
-_NUMBERED = frozenset(("K", *POWERS, *TILTS, *OFFSETS, "THI", "RDY", "CUY", "CUX", "RDX", "REX", "REY"))
+_OFFSETS = ("ADX", "ADY")
+_NUMBERED = frozenset(("K", *POWERS, *_TILTS, *_OFFSETS, "THI", "RDY", "CUY", "CUX", "RDX", "REX", "REY"))
 _OF_SURFACES = frozenset((*_NUMBERED, "STO", "CIR", "CYL", "YTO", "GLA", "GL1", "DAR", "REV", "BEN"))
-THICKEST = 4.0  # of an element, in radii of its surfaces
-RADIUS_NEEDS = 1.0  # a curvature times the half beam above this is no curvature
-QUIET_WORDS = """
+_THICKEST = 4.0  # of an element, in radii of its surfaces
+_RADIUS_NEEDS = 1.0  # a curvature times the half beam above this is no curvature
+_QUIET_WORDS = """
 LEN GO INI REF WTW WL WTF VUX VLX VUY VLY XAN XOB XIM CCY THC CCX KC AC BC CC DC EC FC GC HC PIM DER DAR REV SPH ASP CON
 SLB CUM THM REX REY TIT TEM PRE CA RMD VUP TEL GLC CUF CUC HWL HCT HOR HCC HCO PWL END AFI
 MOD MRD DLF DLR DLT TRX TRY BTX BTY LAB PHY MSF WTA POL AFP XDC YDC ZDC ADC BDC CDC STP SAV OUT WRX WTX FCO SUR IN NXT
 CLS PIK
 """
-QUIET = frozenset(QUIET_WORDS.split())
+_QUIET = frozenset(_QUIET_WORDS.split())
 NOT_READ = {"HOE": "a holographic surface", "GRT": "a grating", "SPS": "a special surface", "XTO": "a toroid about x",
             "AAS": "an anamorphic asphere", "ZRN": "a Zernike surface", "UDS": "a surface of its own",
             "SPL": "a spline", "GRN": "a gradient index", "FRN": "a Fresnel surface"}  # fmt: skip
@@ -511,10 +511,10 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     private = _private_glasses(statements, path)
     surfaces = _parse_seq(statements, table, private)
     _choose_radii(surfaces, table)
-    frame = AxisFrame(SEQ_SENSES)
+    frame = AxisFrame(_SEQ_SENSES)
     for place, surface in enumerate(surfaces):
         before = frame.place, frame.turn
-        decentre, tilt = _three(surface.bend, TILTS[:3]), _three(surface.bend, TILTS[3:])
+        decentre, tilt = _three(surface.bend, _TILTS[:3]), _three(surface.bend, _TILTS[3:])
         if surface.way != "REV":
             frame.bend(decentre, tilt)
         row = _seq_row(surface, table, private)
@@ -633,7 +633,7 @@ def _read_zoom(words: list[str], surfaces: list[_SeqSurface], line: int, table: 
         for target in _targets(qualifier, surfaces):
             _take_of_positions(target.positions, rest[1:], line, table)
             target.thickness = target.positions.get(1, target.thickness)
-    elif key not in QUIET:
+    elif key not in _QUIET:
         table.note(line, f"{key} of the positions of a zoom is ignored: spaces, object and pupil alone may differ")
 
 
@@ -663,8 +663,8 @@ def _choose_radii(surfaces: list[_SeqSurface], table: LensTable) -> None:
     heights = [surface.diameter / 2 for surface in open_ones if surface.diameter]
     half = max([*heights, (table.pupil_diameter or 0.0) / 2])
     if not half:  # no element is that much thicker than it is curved
-        half = max((abs(s.thickness) for s in open_ones if s.glass), default=0.0) / THICKEST
-    radii = any(abs(surface.value) * half > RADIUS_NEEDS for surface in open_ones)
+        half = max((abs(s.thickness) for s in open_ones if s.glass), default=0.0) / _THICKEST
+    radii = any(abs(surface.value) * half > _RADIUS_NEEDS for surface in open_ones)
     for surface in open_ones:
         surface.radius_mode = radii
     if radii:
@@ -677,9 +677,9 @@ def _seq_header(key: str, rest: list[str], line: int, table: LensTable) -> None:
     if key.startswith("TIT"):
         table.name = " ".join(rest).strip("'\"").strip()
     elif key == "DIM" and rest:
-        if rest[0].upper()[0] not in SEQ_UNITS:
+        if rest[0].upper()[0] not in _SEQ_UNITS:
             raise InputError(f"{table.path}:{line}: dimension {rest[0]!r} is unknown; known: M, C, I")
-        table.unit = SEQ_UNITS[rest[0].upper()[0]]
+        table.unit = _SEQ_UNITS[rest[0].upper()[0]]
     elif key == "EPD":
         table.pupil_diameter = table.number(rest, line)
     elif key == "FNO":
@@ -692,7 +692,7 @@ def _seq_header(key: str, rest: list[str], line: int, table: LensTable) -> None:
     elif key in ("YAN", "YOB", "YIM", "YRI"):
         table.field_kind = ("YAN", "YOB", "YIM", "YRI").index(key)
         table.set_field(max(map(abs, numbers(rest, table.path, line)), default=0.0))
-    elif key not in QUIET:
+    elif key not in _QUIET:
         table.note(line, f"{key} is ignored")
 
 
@@ -700,7 +700,7 @@ def _take_seq(surface: _SeqSurface, key: str, rest: list[str], line: int, table:
     if rest and _POSITION.fullmatch(rest[0]):  # of a zoom
         if key == "THI":
             surface.positions[int(rest[0][1:])] = table.number(rest[1:], line)
-        elif rest[0].upper() != "Z1" and key not in QUIET:
+        elif rest[0].upper() != "Z1" and key not in _QUIET:
             table.note(line, f"{key} of position {rest[0]} is ignored: spaces, object and pupil alone may differ")
         if rest[0].upper() != "Z1":
             return
@@ -742,7 +742,7 @@ def _take_seq(surface: _SeqSurface, key: str, rest: list[str], line: int, table:
     elif key in NOT_READ or key == "DIF" or (key == "HCT" and rest[:1] != ["R"]):
         what = NOT_READ.get(key, "a diffractive surface")
         raise InputError(f"{table.path}:{line}: {what} ({' '.join([key, *rest])}) cannot be read")
-    elif key not in QUIET:
+    elif key not in _QUIET:
         table.note(line, f"{key} is ignored")
 
 
@@ -758,7 +758,7 @@ def _set(surface: _SeqSurface, key: str, value: float) -> None:
         surface.conic = value
     elif key in POWERS:
         surface.aspheric[POWERS[key]] = value
-    elif key in (*TILTS, *OFFSETS):
+    elif key in (*_TILTS, *_OFFSETS):
         surface.bend[key] = value
     elif key == "THI":
         surface.thickness = value
@@ -794,7 +794,7 @@ def _seq_row(surface: _SeqSurface, table: LensTable, private: Mapping[str, Any])
     if "REX" in surface.clear and "REY" in surface.clear:
         row["clear"] = {"rectangle": [2 * abs(surface.clear["REX"]), 2 * abs(surface.clear["REY"])]}
         row.setdefault("diameter", 2 * math.hypot(surface.clear["REX"], surface.clear["REY"]))
-    x, y = (surface.bend.get(key, 0.0) for key in OFFSETS)
+    x, y = (surface.bend.get(key, 0.0) for key in _OFFSETS)
     if (x or y) and {"diameter", "clear", "inner_diameter"} & row.keys():
         opening_beside_the_axis(row, (x, y), surface.diameter or 0.0, row.pop("inner_diameter", 0.0))
     if surface.glass.upper() == "REFL":

@@ -216,7 +216,7 @@ MATERIALS = {
     "coc": (1.5337, 56.22), "okp4": (1.6328, 23.34), "okp4ht": (1.6328, 23.34), "apl5014cl": (1.5445, 55.99),
     "hk51": (1.5501, 58.64), "flint": (1.62, 36.37),
 }  # fmt: skip
-LONGEST_RADIUS = 1e12
+_LONGEST_RADIUS = 1e12
 
 
 def is_deeplens(document: Document) -> bool:
@@ -298,7 +298,7 @@ def _curvature(values: _Values) -> float:
     """Return 1 / roc, which has more digits than c in some files, else c."""
     if "roc" in values.row:
         radius = values.number("roc")
-        return 1 / radius if 0 < abs(radius) < LONGEST_RADIUS else 0.0
+        return 1 / radius if 0 < abs(radius) < _LONGEST_RADIUS else 0.0
     return values.number("c", 0.0)
 
 
@@ -318,8 +318,8 @@ def _asphere(values: _Values) -> dict[str, Any]:
 
 # Lens files of the Photons to Photos Optical Bench (.txt): tab-separated sections, zoom states in columns.
 
-ROUNDED_MM = 0.003  # of a sum of gaps
-OF_CALCULATION = 0.05  # of the gap that changes most: by so much a back focus may be beside that which stays
+_ROUNDED_MM = 0.003  # of a sum of gaps
+_OF_CALCULATION = 0.05  # of the gap that changes most: by so much a back focus may be beside that which stays
 SHARP = 0.1  # of the way of the image from infinity: by so much a near state may be beside the film
 SECTIONS = ("descriptive data", "constants", "variable distances", "lens data", "aspherical data")
 
@@ -567,9 +567,9 @@ def _film_shift(gaps: dict[int, str], distances: dict[str, list[str]], column: i
     computed = float(backs[1] or 0.0) - float(backs[0] or 0.0)
     lengths = [_value(distances.get("Total Length", []), k) for k in (far, column)]
     said = None if None in lengths else float(lengths[1] or 0.0) - float(lengths[0] or 0.0) - longer
-    if said is None and abs(longer) <= ROUNDED_MM:
+    if said is None and abs(longer) <= _ROUNDED_MM:
         said = 0.0
-    return said if said is not None and abs(said - computed) <= OF_CALCULATION * most else computed
+    return said if said is not None and abs(said - computed) <= _OF_CALCULATION * most else computed
 
 
 def _is_near(distances: dict[str, list[str]], column: int) -> bool:

@@ -598,7 +598,7 @@ def halved(model: CameraModel, line: PupilLine, *, beyond: bool) -> CameraModel:
 
 # What the halves of a pupil do to the picture of a plane at any distance, by exact rays.
 
-CLEAREST_TRIALS, CLEAREST_ROUNDS = 17, 3  # of the search for the greatest contrast
+_CLEAREST_TRIALS, _CLEAREST_ROUNDS = 17, 3  # of the search for the greatest contrast
 STEP = 12.0  # pixels to the places round the middle of a zone that tell the plane's scale
 
 
@@ -691,11 +691,11 @@ class HalfView:
         defocused = (self.offsets(middle + 1e-3) - aberrated) / 1e-3
         blur, per_vergence = (float(np.sqrt(weights @ np.sum(each**2, axis=1))) for each in (aberrated, defocused))
         reach = 2.0 * max(1.0 / cycles, blur) / per_vergence
-        trials = middle + reach * np.linspace(-1, 1, CLEAREST_TRIALS)
-        for _ in range(CLEAREST_ROUNDS):
+        trials = middle + reach * np.linspace(-1, 1, _CLEAREST_TRIALS)
+        for _ in range(_CLEAREST_ROUNDS):
             best = trials[int(np.argmin([lost(trial) for trial in trials]))]
             step = trials[1] - trials[0]
-            trials = best + step * np.linspace(-1, 1, CLEAREST_TRIALS)
+            trials = best + step * np.linspace(-1, 1, _CLEAREST_TRIALS)
         return float(best)
 
     def sharpest_along(self) -> tuple[float, float]:

@@ -57,8 +57,8 @@ Window = tuple[float, float, float, float]
 
 
 REMEMBERED = 256  # cells whose tables are kept, of 30 to 150 kB each; states of a lens whose numbers are
-NEAR_FILM, NEAR_HALF = 0.01, 0.02  # cells of film distances and of sizes of films, in natural logarithms
-NEAR_SPREAD = 0.01  # share of its size that a box is widened by, for the other films of its cell
+_NEAR_FILM, _NEAR_HALF = 0.01, 0.02  # cells of film distances and of sizes of films, in natural logarithms
+_NEAR_SPREAD = 0.01  # share of its size that a box is widened by, for the other films of its cell
 
 
 def _pupil_near_windows(
@@ -66,8 +66,8 @@ def _pupil_near_windows(
     windows: Sequence[Window], frame: FilmFrame,
 ) -> PupilSampling:  # fmt: skip
     """Return boxes round the pupils seen from some windows at least, which films near each other have in common."""
-    film = math.exp(NEAR_FILM * round(math.log(film_distance_mm) / NEAR_FILM))
-    across, down = (math.exp(NEAR_HALF * math.ceil(math.log(side) / NEAR_HALF)) for side in half_film_mm)
+    film = math.exp(_NEAR_FILM * round(math.log(film_distance_mm) / _NEAR_FILM))
+    across, down = (math.exp(_NEAR_HALF * math.ceil(math.log(side) / _NEAR_HALF)) for side in half_film_mm)
     cell = np.repeat(2 * np.array([across, down]) / FINE, 2)
     ends = np.array(windows) / cell
     whole = np.where([True, False] * 2, np.floor(ends), np.ceil(ends)) * cell
@@ -99,7 +99,7 @@ def _pupil_in_windows(
             held = slice(y0, y1 + 1), slice(x0, x1 + 1)
             corner, sides = np.split(_between(tile, boxes[around], lit[around], held, size, half), 2, axis=-1)
             low[held], high[held] = np.minimum(low[held], corner), np.maximum(high[held], corner + sides)
-    more = NEAR_SPREAD * (high - low)
+    more = _NEAR_SPREAD * (high - low)
     table = np.where(low[..., :1] < np.inf, np.concatenate([low - more, high - low + 2 * more], axis=2), 0.0)
     parameters = PupilGrid(1 / size[0], 1 / size[1], FINE, FINE)
     return PupilSampling("windows", PupilKind.BOXES, parameters, table.astype(np.float32).ravel())
@@ -374,7 +374,7 @@ def _loses_light(
     return any(pupil_grid.loses_light(pupil, probe, half_film_mm) for pupil, probe in pupils)
 
 
-SHOWS_PX = 0.5  # colour error that a picture shows, of all but a tenth of the light [pixels]
+_SHOWS_PX = 0.5  # colour error that a picture shows, of all but a tenth of the light [pixels]
 _SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
 _TINTS_NM = (450.0, 545.0, 610.0)  # about what blue, green and red see
 _AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
@@ -571,10 +571,10 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour, coarse: bool
         return True, {}
     error_px, sampling_px = _colour_error(
         setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm,
-        settings.film_frame(scene.camera), SHOWS_PX,
+        settings.film_frame(scene.camera), _SHOWS_PX,
     )  # fmt: skip
     tint = lens_tint(scene, setting)
-    shows = error_px > SHOWS_PX or tint > _SHOWS_TINT
+    shows = error_px > _SHOWS_PX or tint > _SHOWS_TINT
     metadata: CameraMetadata = {
         "lens_colour_px": round(error_px, 4),
         "lens_colour_sampling_px": round(sampling_px, 4),

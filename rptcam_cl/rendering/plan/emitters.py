@@ -367,7 +367,7 @@ def triangle_emitters(
 
 # Groups of lamps, whose light the layer `lights` keeps apart.
 
-MOST_GROUPS = 16  # a film each, and sums of each in every path
+_MOST_GROUPS = 16  # a film each, and sums of each in every path
 
 
 @dataclass(frozen=True, eq=False)
@@ -399,7 +399,7 @@ def light_groups(scene: Scene, primitives: Primitives, *, has_glow: bool) -> Lig
     Raises
     ------
     InputError
-        There are more than `MOST_GROUPS`.
+        There are more than `_MOST_GROUPS`.
     """
     if "lights" not in scene.render.layers:
         return LightGroups()
@@ -413,10 +413,10 @@ def light_groups(scene: Scene, primitives: Primitives, *, has_glow: bool) -> Lig
     names = tuple(dict.fromkeys((*objects.values(), *lights, *sky, *(("media",) if has_glow else ()))))
     if has_glow:
         names = (*(name for name in names if name != "media"), "media")
-    if len(names) > MOST_GROUPS:
+    if len(names) > _MOST_GROUPS:
         raise InputError(
             f"render.layers: lights keeps the light of each lamp apart, of which there are {len(names)} (allowed:"
-            f" at most {MOST_GROUPS} groups; give lamps that belong together the same `group`)"
+            f" at most {_MOST_GROUPS} groups; give lamps that belong together the same `group`)"
         )
     number = {name: place for place, name in enumerate(names or ("none",))}
     of_objects = np.array([number[objects[index]] if index in objects else 0 for index in range(len(scene.objects))])

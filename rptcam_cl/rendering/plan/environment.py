@@ -124,7 +124,7 @@ def _sun_spectrum(zenith_angle: float, turbidity: float) -> Spectrum:
 
 MOST_CELLS = (1024, 2048)  # rows and columns that light sampling tells apart: 24 MB of tables
 LARGEST_SECOND_MOMENT = 1.08  # of light samples by cells that are joined, over that by cells of a texel
-MOST_UNSAMPLED = 1e-3  # of their squares, in cells that light samples leave to the BSDF
+_MOST_UNSAMPLED = 1e-3  # of their squares, in cells that light samples leave to the BSDF
 LEAST_CONTRAST = 1e-6  # share of a picture's light above its mean: less is rounding
 
 
@@ -292,7 +292,7 @@ def joined_cells(shares: Array) -> Array:
         squares, coarse = both[0], compensate(both[1])
         lit = coarse > 0
         second_moment = size**2 * (squares[lit] / coarse[lit]).sum() * coarse.sum() / fine.sum() ** 2
-        if second_moment > LARGEST_SECOND_MOMENT or squares[~lit].sum() > MOST_UNSAMPLED * squares.sum():
+        if second_moment > LARGEST_SECOND_MOMENT or squares[~lit].sum() > _MOST_UNSAMPLED * squares.sum():
             break
         shares = both[1]
     return shares

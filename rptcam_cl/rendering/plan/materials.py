@@ -490,7 +490,7 @@ def internal_reflectance(outside: float, index: float) -> float:
 
 _SMOOTH_ALPHA = 0.05  # GGX's alpha of what counts as polished
 SPREADING_ALPHA = 0.002  # from which what it spreads counts
-COAT_REFLECTANCE = 0.04
+_COAT_REFLECTANCE = 0.04
 _PAINTED = ("roughness", "metallic", "coat", "anisotropy", "specular", "specular_color")  # what a texture may replace
 _COVERS = (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PLASTIC, MaterialKind.ROUGH_PLASTIC)
 
@@ -591,7 +591,7 @@ def _schlick(cosine: Array) -> Array:
 
 
 def _coat(cosine: Array) -> Array:
-    return COAT_REFLECTANCE + (1.0 - COAT_REFLECTANCE) * _schlick(cosine)
+    return _COAT_REFLECTANCE + (1.0 - _COAT_REFLECTANCE) * _schlick(cosine)
 
 
 def _of_principled(record: np.void, cosine: Array) -> Array:
