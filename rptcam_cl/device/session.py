@@ -23,7 +23,7 @@ from rptcam_cl.core.remember import Disk, Memory, content_name
 from rptcam_cl.device import devices
 from rptcam_cl.device import programs as building
 from rptcam_cl.device.drivers import instead, is_code_noted, load_opencl, note_code, unfinished_work
-from rptcam_cl.device.programs import Parameters, Program
+from rptcam_cl.device.programs import Parameters, Program, assemble
 
 # A chosen device with its context, queue and built programs.
 
@@ -245,7 +245,7 @@ class Session:
             known: Program | None = self._programs.find(each)
             if known is not None:
                 return known
-        source = building.assemble(files, facts, declarations, library_arch=self._library_arch)
+        source = assemble(files, facts, declarations, library_arch=self._library_arch)
         if (self._takes_built_only or self.is_quick) and not is_code_noted(
             building.program_name(self.info.handle, source)
         ):

@@ -12,10 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import charts, drawing, irradiance
-from rptcam_cl.optics.aberrations import FINE, fields_of
-from rptcam_cl.optics.beams import Beam, chief_ray, passing_beam
-from rptcam_cl.optics.best_focus import axial_blur, best_film_distance
+from rptcam_cl.optics import aberrations, beams, best_focus, charts, drawing, irradiance
 from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfold, with_film
 from rptcam_cl.optics.lens import Lens, brought_to_focus, exchange_axes, film_distance
 from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, at_plane, axial_transmittance, has_coatings
@@ -95,11 +92,11 @@ def film_height(setting: Setting, field_degrees: float, wavelength_nm: float) ->
     what passes.
     """
     try:
-        _, rays = chief_ray(setting.lens, field_degrees, wavelength_nm, setting.object_distance_mm)
+        _, rays = beams.chief_ray(setting.lens, field_degrees, wavelength_nm, setting.object_distance_mm)
     except InputError:
-        beam = Beam(field_degrees, setting.object_distance_mm)
+        beam = beams.Beam(field_degrees, setting.object_distance_mm)
         try:
-            _, rays, _ = passing_beam(setting.lens, beam, wavelength_nm, _DISTORTION_ACROSS)
+            _, rays, _ = beams.passing_beam(setting.lens, beam, wavelength_nm, _DISTORTION_ACROSS)
         except InputError:
             return None
     if not rays.passed[0]:
@@ -138,7 +135,7 @@ def distortion_table(
                 }
             )
     if fields and all(row["height_mm"] is None for row in rows):  # then say why
-        chief_ray(setting.lens, fields[0], setting.wavelength_nm, setting.object_distance_mm)
+        beams.chief_ray(setting.lens, fields[0], setting.wavelength_nm, setting.object_distance_mm)
     return rows
 
 
@@ -169,7 +166,7 @@ def distortion(
     setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], projection: str | None
 ) -> charts.Measured:
     """Return film heights against a projection, by default the one that the lens follows best."""
-    film, fields = setting.film, fields_of(setting, fields, FINE)
+    film, fields = setting.film, aberrations.fields_of(setting, fields, aberrations.FINE)
     name = projection or followed_projection(setting, fields)
     rows = distortion_table(setting, fields, wavelengths_nm, name)
     meant = _PROJECTIONS[name][1] + ("" if projection else ", which it follows best")
@@ -362,7 +359,7 @@ def _thin_limits(focal_mm: float, f_number: float, focus_mm: float, circle_mm: f
 def _blur(at: Setting, vergence: float) -> float:
     """Return the diameter of the disk that spreads as much as the picture of a point of a vergence [1/mm] [mm]."""
     away = 1 / vergence if vergence > 0 else math.inf
-    return _OF_A_DISK * axial_blur(at.lens, at.film, away, at.wavelength_nm)
+    return _OF_A_DISK * best_focus.axial_blur(at.lens, at.film, away, at.wavelength_nm)
 
 
 def _focus_lens(lens: Lens, focus_mm: float, wavelength_nm: float) -> Setting:
@@ -371,7 +368,7 @@ def _focus_lens(lens: Lens, focus_mm: float, wavelength_nm: float) -> Setting:
     front = focus_mm - lens.length - lens.sense * film
     if front <= 0:
         raise InputError(f"{lens.name}: cannot be focused at {focus_mm:g} mm from the film, within the lens")
-    return Setting(lens, best_film_distance(lens, front, "front", (wavelength_nm,)), front, wavelength_nm)
+    return Setting(lens, best_focus.best_film_distance(lens, front, "front", (wavelength_nm,)), front, wavelength_nm)
 
 
 def _crossing(excess: Callable[[float], float], inside: float, outside: float) -> float:

@@ -21,9 +21,8 @@ from rptcam_cl.optics.design import BOARD, NO_DETAIL, Problem
 from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays
+from rptcam_cl.rendering.cameras import ideal, kinds
 from rptcam_cl.rendering.cameras import setting as lens_settings
-from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_of
-from rptcam_cl.rendering.cameras.kinds import camera_model, camera_of
 from rptcam_cl.rendering.cameras.model import camera_geometry, camera_irradiance, exposed, values_per_irradiance
 from rptcam_cl.rendering.cameras.setting import half_film_mm
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout
@@ -70,7 +69,7 @@ def lens_margin(scene: Scene, session: Session) -> _LensMargin | None:
     from rptcam_cl.rendering.traceable_lens import trace_on_device
 
     setting = lens_settings.lens_setting(scene)
-    lens, wavelength_nm = shaped(scene, setting).lens, camera.wavelength_nm
+    lens, wavelength_nm = ideal.shaped(scene, setting).lens, camera.wavelength_nm
     frame = lens_settings.film_frame(camera)
     origins, directions = film_rays(lens, setting.film_distance_mm, half_film_mm(scene), wavelength_nm, frame=frame)
     exact = lens.trace(origins, directions, wavelength_nm)
@@ -109,7 +108,7 @@ def film_rays(
 def _pixels_per_radian(scene: Scene, setting: lens_settings.LensSetting) -> float | None:
     """Return the scale of the picture at its centre, None for a lens that has none."""
     try:
-        thick = thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
+        thick = ideal.thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
     except InputError:
         return None
     return scene.film.resolution[0] / (scene.film.size_m()[0] * 1e3) / abs(float(thick.slope[0]))
@@ -487,7 +486,7 @@ def resolve_exposure(
     if (reading := exposure.lock_cd_m2 or known_cd_m2) is None:
         reading, metadata["metered_error_cd_m2"] = metered_cd_m2(scene, session, held)
     metadata |= {"metered_cd_m2": reading, "metering": "locked" if exposure.lock_cd_m2 else exposure.metering}
-    on_axis = camera_irradiance(camera_model(_relative(scene), coarse=True), exposure)
+    on_axis = camera_irradiance(kinds.camera_model(_relative(scene), coarse=True), exposure)
     keys = (
         _compensation(exposure, reading) if on_axis is None else _settings(scene, reading / LUMENS_PER_WATT * on_axis)
     )
@@ -736,7 +735,7 @@ class _ZonePictures:
         """Return of each zone what differs from light that varies slowly, (`PICTURES`, height, width), over its mean
         light; and the mean light of each."""
         use = lens_settings.LensSetting(lens, film_mm, None, self._camera)
-        model = camera_of(self._scene, use).model(colour, windows=self._windows)
+        model = kinds.camera_of(self._scene, use).model(colour, windows=self._windows)
         plan = make_plan(self._scene, exposed(model, self._scene), parts=self._parts)
         buffers, shown, means = self._pool.upload(plan), [], []
         for number, layout in enumerate(self.layouts):

@@ -13,10 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import WAVE, MaterialKind, device_declarations
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.cameras.chief_rays import CameraRays, seen_places
-from rptcam_cl.rendering.cameras.kinds import camera_of
-from rptcam_cl.rendering.cameras.model import exposure_timing
-from rptcam_cl.rendering.cameras.setting import on_film
+from rptcam_cl.rendering.cameras import chief_rays, kinds, model, setting
 from rptcam_cl.rendering.film import FilmLayout, array_of_text, text_of_array
 from rptcam_cl.rendering.plan.materials import lobes_of
 from rptcam_cl.rendering.plan.plan import Plan
@@ -514,9 +511,9 @@ class Moments:
     scene: Scene
 
     @cached_property
-    def chief(self) -> CameraRays:
+    def chief(self) -> chief_rays.CameraRays:
         """The chief rays of its camera."""
-        return camera_of(self.scene).chief_rays()
+        return kinds.camera_of(self.scene).chief_rays()
 
     @property
     def rolls(self) -> bool:
@@ -525,7 +522,7 @@ class Moments:
 
     def middles(self, places: Array) -> Array:
         """Return the middle of the exposure (n,) of places (n, 2) of the film, on the clock of keyframes [s]."""
-        open_s, start, per_column, per_row = exposure_timing(self.scene.shutter, self.scene.film.resolution)
+        open_s, start, per_column, per_row = model.exposure_timing(self.scene.shutter, self.scene.film.resolution)
         columns, rows = np.clip(np.nan_to_num(places), 0.5, np.array(self.scene.film.resolution) - 0.5).T - 0.5
         middle = self.scene.shutter.open_s + start + open_s / 2
         return np.asarray(middle + per_column * columns + per_row * rows)
@@ -536,7 +533,7 @@ class Moments:
 
     @cached_property
     def _on_film(self) -> Scene:
-        return on_film(self.scene)
+        return setting.on_film(self.scene)
 
     def _pose(self, time_s: float) -> Array:
         matrix = pose_matrix(self._on_film.camera.pose_at(time_s))
@@ -759,7 +756,7 @@ class GroundTruth:
         new = np.einsum("nij,njk,nk->ni", other.frames(objects, times[on]), own, scaled)
         points[on] = new * np.array([there, there, there, 1.0])
         in_camera = np.einsum("nij,nj->ni", np.linalg.inv(other.poses(times)), points)
-        places = seen_places(other.chief, in_camera, guess)
+        places = chief_rays.seen_places(other.chief, in_camera, guess)
         places[lost] = np.nan
         return places
 

@@ -20,13 +20,10 @@ from rptcam_cl.optics.irradiance import axial_irradiance, disk_irradiance, on_ax
 from rptcam_cl.optics.lens import Lens, zoom_range_mm
 from rptcam_cl.optics.pupils import PupilShapes, StoppedPupils, shared_shapes, stopped_pupils
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance, is_tinted
-from rptcam_cl.rendering.cameras import model
+from rptcam_cl.rendering.cameras import ideal, lens_records, model, ray_map
 from rptcam_cl.rendering.cameras import pupil as pupil_grid
 from rptcam_cl.rendering.cameras import setting as settings
-from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_intrinsics, thick_lens_of
-from rptcam_cl.rendering.cameras.lens_records import colour_error_px, disperses, usable_nm
 from rptcam_cl.rendering.cameras.pupil import PupilGrid, PupilSampling, by_content, on_disk, pupil_sampling
-from rptcam_cl.rendering.cameras.ray_map import LensRays, allowed_px, fitted_rays, traced_rays
 from rptcam_cl.rendering.cameras.setting import (
     CameraMetadata,
     LensSetting,
@@ -401,9 +398,9 @@ def realistic_model(
     camera, losses = scene.camera.traced_camera, setting.transmission
     assert camera is not None
     settings.check_film(setting.lens, setting.film_distance_mm, scene)
-    lens, film_distance_mm = shaped(scene, setting).lens, setting.film_distance_mm
+    lens, film_distance_mm = ideal.shaped(scene, setting).lens, setting.film_distance_mm
     dispersive, colour = _colour(scene, setting, lens_colour, coarse)
-    low, high = usable_nm(lens, losses if dispersive else IDEAL)
+    low, high = lens_records.usable_nm(lens, losses if dispersive else IDEAL)
     sampled_nm = (camera.wavelength_nm, low, high) if dispersive else (camera.wavelength_nm,)
     shares = camera.pupil == "shared" and not (windows or coarse)
     shared = shared_sampling(scene, setting, sampled_nm) if shares else None
@@ -449,22 +446,24 @@ def _irradiance_of_colours(pupil: PupilSampling) -> Callable[..., float]:
     return partial(axis_irradiance, soon=None if pupil.tier == "rear" or pupil.ring else disk_irradiance)
 
 
-def _rays_through(scene: Scene, setting: LensSetting, lens: Lens, range_nm: tuple[float, float] | None) -> LensRays:
+def _rays_through(
+    scene: Scene, setting: LensSetting, lens: Lens, range_nm: tuple[float, float] | None
+) -> ray_map.LensRays:
     """Choose how camera rays cross the lens, fitted or traced; of one colour where there is no range of wavelengths."""
     camera = scene.camera.traced_camera
     assert camera is not None
     if camera.rays == "fitted":
-        return fitted_rays(lens, setting, scene.film, range_nm, allowed_px(camera.accuracy))
-    return traced_rays(lens, setting, camera.precision, dispersive=range_nm is not None)
+        return ray_map.fitted_rays(lens, setting, scene.film, range_nm, ray_map.allowed_px(camera.accuracy))
+    return ray_map.traced_rays(lens, setting, camera.precision, dispersive=range_nm is not None)
 
 
 def _perspective(scene: Scene, setting: LensSetting) -> CameraMetadata:
     """Find the intrinsics for the metadata; none where no thick lens stands for the lens."""
     try:
-        thick = thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
+        thick = ideal.thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
     except InputError:
         return {}
-    return {"intrinsics": thick_lens_intrinsics(scene, thick, "traced lens")}
+    return {"intrinsics": ideal.thick_lens_intrinsics(scene, thick, "traced lens")}
 
 
 def _irradiance(
@@ -506,7 +505,7 @@ def _pupil(
 _axial = remember(most=REMEMBERED, by=by_content)(axial_irradiance)
 _with_losses = remember(most=REMEMBERED, by=by_content)(on_axis_irradiance)
 _without_losses = remember(most=REMEMBERED, by=by_content, disk=on_disk())(on_axis_irradiance)
-_colour_error = remember(most=REMEMBERED, by=by_content)(colour_error_px)
+_colour_error = remember(most=REMEMBERED, by=by_content)(lens_records.colour_error_px)
 
 
 def axis_irradiance(
@@ -565,7 +564,7 @@ def _record(scene: Scene, setting: LensSetting, lens: Lens, pupil: PupilSampling
 
 def _colour(scene: Scene, setting: LensSetting, wanted: LensColour, coarse: bool) -> tuple[bool, CameraMetadata]:
     """Return whether the lens refracts each wavelength separately, and what metadata say of that."""
-    if wanted == "off" or not (disperses(setting.lens) or is_tinted(setting.lens, setting.transmission)):
+    if wanted == "off" or not (lens_records.disperses(setting.lens) or is_tinted(setting.lens, setting.transmission)):
         return False, {}
     if wanted == "on" and coarse:
         return True, {}
@@ -591,7 +590,7 @@ def shows_losses(scene: Scene) -> bool:
 
 def lens_tint(scene: Scene, setting: LensSetting) -> float:
     """Return how much more of one colour than of another the lens takes, where a picture shows it."""
-    low, high = usable_nm(setting.lens, setting.transmission)
+    low, high = lens_records.usable_nm(setting.lens, setting.transmission)
     passed = axial_transmittance(setting.lens, np.clip(_TINTS_NM, low, high), setting.transmission)
     return float(np.ptp(passed) / passed.max()) if shows_losses(scene) else 0.0
 
