@@ -5,7 +5,6 @@ import subprocess
 import sys
 import threading
 import weakref
-from types import SimpleNamespace
 
 import pytest
 
@@ -75,15 +74,10 @@ def built(monkeypatch):
     return found
 
 
-def assemble_as(monkeypatch, source):
-    """Have sessions make this text of whatever they are asked for."""
-    monkeypatch.setattr(sessions, "building", SimpleNamespace(**vars(program) | {"assemble": lambda *_, **__: source}))
-
-
 def request(session, monkeypatch, sources):
     """Request programs as passes do, by what they are made of."""
     for source in sources:
-        assemble_as(monkeypatch, source)
+        monkeypatch.setattr(sessions, "assemble", lambda *_, source=source, **__: source)
         session.bind(session.program([source], {}, ""), SOURCES[source], out=session.allocate(4))
 
 
@@ -185,7 +179,7 @@ def test_programs_of_many_scenes_make_room(monkeypatch: pytest.MonkeyPatch) -> N
         return program
 
     monkeypatch.setattr(Session, "_built", build)
-    assemble_as(monkeypatch, source)
+    monkeypatch.setattr(sessions, "assemble", lambda files, facts, declarations, library_arch: source)
     device = Session(open_session().info)
     for number in range(12):
         device.program(["one.cl"], {"NUMBER": number}, "")
