@@ -59,7 +59,7 @@ KINDS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, int]]] = {
     "light": ({}, {"materials.lamp.radiance": {"uniform": [[9, 6, 6], [16, 11, 12]]}}, {"materials": FRAMES}),
     "material": ({}, {"materials.red.reflectance": {"uniform": [[0, 0, 0], [0.8, 0.8, 0.8]]}}, {"materials": FRAMES}),
     "lens seen before": ({}, {"camera.lens": {"grid": ["dgauss-50mm", "dgauss-100mm"]}}, {"cameras": FRAMES}),
-    "f-number": ({}, {"camera.f_number": {"uniform": [3.0, 3.1]}}, LENS),
+    "f-number": ({}, {"camera.f_number": {"uniform": [3.0, 3.1]}}, LENS | {"pupil tables": 1}),
     "focus": ({}, {"camera.focus.distance_m": {"uniform": [4.0, 4.1]}}, LENS | {"camera models": FRAMES}),
     "film": ({}, {"film.width_mm": {"uniform": [29.5, 30]}}, LENS | {"camera models": FRAMES, "lamps in the lens": 0}),
     "rise": ({}, {"camera.movements.rise_mm": {"uniform": [-0.2, 0.2]}}, {"cameras": FRAMES, "camera models": FRAMES}),
