@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -46,8 +47,11 @@ def direction(cosine, turns=0.0):
 
 
 @cache
-def pack(material: str) -> tuple[Any, NDArray[Any]]:
-    """Return the record of a material, given as JSON, with its facts, and the texels of its textures."""
+def pack(material: str, folder: Path) -> tuple[Any, NDArray[Any]]:
+    """Return the record of a material, given as JSON, with its facts, and the texels of its textures.
+
+    Files that it names lie in ``folder``, where one of the same name as in another is another.
+    """
     scene = load_scene(still_life() | {"materials": {"tested": json.loads(material)}})
     textures = TextureTable(scene)
     packed = pack_materials([scene.materials["tested"]], textures, KnownSpectra())
@@ -68,7 +72,7 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
     table[2], table[5] = -1, 1
     for first, part in ((0, -wi), (3, np.asarray(wo)), (6, np.asarray(numbers))):
         table[first : first + 3, :count] = np.broadcast_to(np.atleast_2d(part), (count, 3)).T
-    packed, texels = pack(json.dumps(material))
+    packed, texels = pack(json.dumps(material), Path.cwd())
     records, base = packed.records, packed.facts["HAS_BRUSHED_BASE"]
     shared = int((again or base) and packed.facts["FACET_SHARES"])
     tables = facet_shares(records) if shared else np.zeros(1, np.float32)
