@@ -44,6 +44,7 @@ READS_LATER = {"tls"}  # files of the reader's own
 # Why a block may stay on paper; what else it says is checked all the same.
 REASONS = {
     "downloads wheels",
+    "leaves a process behind",
     "takes several machines",
     "takes several devices",
     "takes docker",
