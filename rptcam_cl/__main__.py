@@ -35,7 +35,8 @@ def run() -> int:
         if command is not None and (code := command.run_there()) is not None:
             return code
     python_interrupt = signal.getsignal(signal.SIGINT)
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if python_interrupt is signal.default_int_handler:  # else the caller ignores it, as a shell for what ends with `&`
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     ended_with = _prepare()
     from rptcam_cl.cli import main
 

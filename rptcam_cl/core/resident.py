@@ -226,21 +226,19 @@ class Command:
 
     def _wait(self, link: socket.socket) -> int:
         """Hand signals on until the command has ended, and end as it has."""
+        import select
 
-        def hand_on(number: int, _: object) -> None:
-            try:
-                link.send(bytes([number]))
-            except OSError:  # it has just ended
-                pass
-            if number == signal.SIGTSTP:
-                signal.signal(number, signal.SIG_DFL)
-                os.kill(os.getpid(), number)
-                signal.signal(number, hand_on)
-
+        # Signals are read from a pipe: one that comes just before a blocking call would wait for that call's end.
+        caught, catching = os.pipe()
+        os.set_blocking(catching, False)
+        signal.set_wakeup_fd(catching)
         for number in _PASSED_ON:
             if number not in self._ignored:
-                signal.signal(number, hand_on)
+                signal.signal(number, _go_on)
         link.settimeout(None)
+        while caught in select.select([link.fileno(), caught], [], [])[0]:
+            for number in os.read(caught, 64):
+                _hand_on(link, number)
         try:
             said = link.recv(4)
         except OSError:
@@ -268,6 +266,22 @@ class Command:
             )  # fmt: skip
         except OSError:
             pass
+
+
+def _go_on(number: int, frame: object) -> None:
+    """Heed a signal, so that it is told to the pipe of `signal.set_wakeup_fd`, and do nothing else."""
+
+
+def _hand_on(link: socket.socket, number: int) -> None:
+    """Send a signal to the process that runs the command, and stop with it where it is to stop."""
+    try:
+        link.send(bytes([number]))
+    except OSError:  # it has just ended
+        pass
+    if number == signal.SIGTSTP:
+        signal.signal(number, signal.SIG_DFL)
+        os.kill(os.getpid(), number)
+        signal.signal(number, _go_on)
 
 
 class Resident:
@@ -370,7 +384,7 @@ def _fork_worker(link: socket.socket) -> None:
     ended, ending = os.pipe()
     os.set_blocking(ending, False)
     signal.set_wakeup_fd(ending)
-    signal.signal(signal.SIGCHLD, lambda *_: None)
+    signal.signal(signal.SIGCHLD, _go_on)
     keeper, worker = os.getpid(), os.fork()
     if worker == 0:
         signal.set_wakeup_fd(-1)

@@ -682,7 +682,7 @@ class RealisticCamera(LensCamera):
 
     @model_validator(mode="after")
     def _check_ghosts(self) -> Self:
-        fault = "" if self.transmission.fresnel else "needs surfaces that reflect, and those of transmission: ideal do not"
+        fault = "" if self.transmission.fresnel else "needs surfaces that reflect, and transmission: ideal has none"
         if self.movements != NO_MOVEMENTS:
             fault = "are known of a film in its place alone"
         for key in ("ghost_order", "barrel_reflectance", "front_scatter", "sensor_grating"):

@@ -89,7 +89,9 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     checkout = str(Path(resident.__file__).parents[2])
     own = {"PYTHONPATH": checkout, "PYTHONDONTWRITEBYTECODE": "1", resident.VARIABLE: "1"}
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # tests in the background of a shell ignore it
     yield Place(tmp_path, os.environ | own)
+    signal.signal(signal.SIGINT, before)
     for process in resident.residents():
         os.kill(process, signal.SIGKILL)
 
