@@ -269,7 +269,7 @@ class Command:
 
 
 def _go_on(number: int, frame: object) -> None:
-    """Heed a signal, so that it is told to the pipe of `signal.set_wakeup_fd`, and do nothing else."""
+    """Heed a signal, so that it stands in the pipe of `signal.set_wakeup_fd`, and do nothing else."""
 
 
 def _hand_on(link: socket.socket, number: int) -> None:
