@@ -11,7 +11,7 @@ import re
 from html import escape
 from pathlib import Path
 
-from benchmarks.size import PACKAGE, ROOT, TOP, parsed, room_of, rooms
+from benchmarks.size import PACKAGE, ROOT, TOP, nodes_of, room_of, rooms
 
 KERNELS = ROOT / "kernels"
 PICTURE = ROOT / "docs" / "images" / "architecture.svg"
@@ -40,7 +40,7 @@ def imports() -> dict[str, set[str]]:
     for path in PACKAGE.rglob("*.py"):
         if (room := room_of(path)) not in found:
             continue
-        for node in ast.walk(parsed(path.read_text("utf-8"))):
+        for node in nodes_of(path.read_text("utf-8")):
             if isinstance(node, ast.ImportFrom) and str(node.module).startswith("rptcam_cl."):
                 found[room].add(str(node.module).split(".")[1])
     return {room: (named & found.keys()) - {room} for room, named in found.items()}

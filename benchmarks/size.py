@@ -55,10 +55,15 @@ def parsed(source: str) -> ast.Module:
     return tree
 
 
+@cache
+def nodes_of(source: str) -> tuple[ast.AST, ...]:
+    """All nodes of the syntax tree of a file; of the same text once."""
+    return tuple(ast.walk(parsed(source)))
+
+
 def size_of(source: str) -> Size:
     """Count what one file has."""
-    tree = parsed(source)
-    nodes = list(ast.walk(tree))
+    tree, nodes = parsed(source), nodes_of(source)
     docstrings = {line for node in nodes for line in _docstring_lines(node)}
     code = {number for number, line in enumerate(source.splitlines(), 1) if line.strip() and line.strip()[0] != "#"}
     code |= {  # texts keep their blank lines

@@ -37,7 +37,7 @@ def test_every_package_stands_in_the_map(checkout: Path, page: str) -> None:
 
 
 def test_rooms_of_the_map_are_packages_in_the_order_of_the_import_table(page: str) -> None:
-    from tests.project.test_imports import ROOMS
+    from tests.project.test_rooms import ROOMS
 
     rooms = page.partition("### The rooms")[2].partition("\n###")[0]
     assert re.findall(r"^\| `(\w+)` \|", rooms, re.MULTILINE) == [name for name in ROOMS if not name.startswith("_")]
@@ -61,7 +61,7 @@ def test_names_that_the_page_gives_with_a_file_are_defined_in_it(checkout: Path,
 
 
 def test_folders_of_tests_are_named_like_the_rooms(checkout: Path) -> None:
-    from tests.project.test_imports import ROOMS
+    from tests.project.test_rooms import ROOMS
 
     about_no_room = {"benchmarks", "data", "integrations", "project", "support"}
     folders = {path.parent.relative_to(checkout / "tests").parts[0] for path in (checkout / "tests").glob("*/**/*.py")}

@@ -31,13 +31,20 @@ def words(name: str) -> set[str]:
     return {word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)}
 
 
+@cache
 def is_retired(name: str) -> bool:
     return name in CLASSES or (name not in STANDARD and bool(words(name) & RETIRED))
 
 
 @cache
 def read_python(path: Path) -> tuple[set[str], list[tuple[int, str]]]:
-    """The names of a file; its comments and texts of several lines, with the lines that they begin at."""
+    """The retired names of a file; its comments and texts of several lines, with the lines that they begin at.
+
+    Tokens take long, so that a file is taken apart only where a word could be wrong, in whatever it stands.
+    """
+    text = path.read_text("utf-8")
+    if not any(map(is_retired, set(re.findall(r"[A-Za-z_]\w*", text)))) and not RETIRED_IN_PROSE.search(text):
+        return set(), []
     names, texts = set(), []
     with path.open("rb") as stream:
         for token in tokenize.tokenize(stream.readline):
@@ -45,7 +52,7 @@ def read_python(path: Path) -> tuple[set[str], list[tuple[int, str]]]:
                 names.add(token.string)
             elif token.type == tokenize.COMMENT or (token.type == tokenize.STRING and '"""' in token.string):
                 texts.append((token.start[0], token.string))
-    return names, texts
+    return set(filter(is_retired, names)), texts
 
 
 def names_of_kernel(text: str) -> list[str]:
@@ -55,13 +62,12 @@ def names_of_kernel(text: str) -> list[str]:
 
 def found(checkout: Path) -> dict[str, set[str]]:
     """Retired names by the file they stand in."""
-    names = {path: read_python(path)[0] for path in (checkout / "rptcam_cl").rglob("*.py")}
+    retired = {str(path.relative_to(checkout)): read_python(path)[0] for path in (checkout / "rptcam_cl").rglob("*.py")}
     kernels = [path for path in (checkout / "kernels").rglob("*") if path.suffix in (".h", ".cl")]
-    names |= {path: set(names_of_kernel(path.read_text("utf-8"))) for path in kernels}
-    retired = {str(path.relative_to(checkout)): set(filter(is_retired, all_)) for path, all_ in names.items()}
     for path in kernels:
-        if path.parent.name in FOLDERS:
-            retired[str(path.relative_to(checkout))] |= names[path] & RETIRED_IN_KERNELS
+        names = set(names_of_kernel(path.read_text("utf-8")))
+        wrong = RETIRED_IN_KERNELS if path.parent.name in FOLDERS else set()
+        retired[str(path.relative_to(checkout))] = set(filter(is_retired, names)) | (names & wrong)
     return {file: those for file, those in sorted(retired.items()) if those}
 
 

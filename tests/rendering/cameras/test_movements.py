@@ -213,10 +213,10 @@ def test_intrinsics_project_what_rays_see(session, kind):
 
 
 def test_metadata_say_how_the_film_stands():
-    said = camera_model(scene_with("tilted")).metadata["movements"]
+    said = camera_model(scene_with("tilted", pupil="rear")).metadata["movements"]
     assert said["tilt_degrees"] == 8
     assert said["film_normal"] == pytest.approx([0, -np.sin(np.radians(8)), np.cos(np.radians(8))])
-    risen = camera_model(scene_with("risen")).metadata
+    risen = camera_model(scene_with("risen", pupil="rear")).metadata
     assert risen["movements"]["film_centre_mm"] == [4.0, -9.0, 0.0]
     assert (risen["intrinsics"]["cx"], risen["intrinsics"]["cy"]) == pytest.approx((9 + 4 / 2, 6 + 9 / 2))
 

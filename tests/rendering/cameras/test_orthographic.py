@@ -35,7 +35,7 @@ def test_things_are_as_large_at_any_distance():
 
 
 def test_nothing_is_seen_before_the_near_plane():
-    image = render(scene_of(panel(-3, 3, -3, 3, 1), near_m=1.5))
+    image = render(scene_of(panel(-3, 3, -3, 3, 1), panel(-3, 3, -3, 3, 1.2), near_m=1.5))
     assert not image.pixels.any()
 
 

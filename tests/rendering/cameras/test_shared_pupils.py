@@ -101,6 +101,7 @@ def test_a_cell_of_zoom_holds_the_pupils_of_all_its_states(
         assert passing > 0.8
 
 
+@pytest.mark.slow
 def test_focal_lengths_of_a_cell_have_one_table(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scene_of("zoom-70-200mm", 24, 5, focal_length_mm=101.0, stop_diameter_mm=12.1)
     first = shared(scene)
@@ -111,6 +112,7 @@ def test_focal_lengths_of_a_cell_have_one_table(monkeypatch: pytest.MonkeyPatch)
         shared(set_keys(scene, {"camera.focal_length_mm": 106.0}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lens", ["dgauss-50mm", slow("retrofocus-35mm")])
 def test_a_film_that_is_shifted_has_the_table_of_a_larger_one(lens: str, monkeypatch: pytest.MonkeyPatch) -> None:
     base = scene_of(lens, 16, 4, f_number=4.1, movements={"rise_mm": 3.0, "shift_mm": -2.0})

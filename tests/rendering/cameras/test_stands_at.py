@@ -61,6 +61,7 @@ def test_what_it_is_focused_on_is_as_far_from_the_pupil_as_in_the_scene(name):
     assert setting.focus_distance_mm * 1e-3 - ahead_m == pytest.approx((point - EYE) @ forward, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_picture_is_that_of_a_film_so_far_behind():
     """And the layers: the way back is taken from the lens of a camera on its film, whose distance sets the same."""
     camera = LENSES["whole lens"]

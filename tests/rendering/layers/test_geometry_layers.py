@@ -87,7 +87,7 @@ def test_pinhole_sees_each_point_where_its_intrinsics_say():
 
 def test_near_plane_does_not_shorten_distances():
     scene = world("pinhole") | {"camera": world("pinhole")["camera"] | {"near_m": 2.0}}
-    near, whole = (one_sample(mapping, ["distance"], seed=4) for mapping in (scene, world("pinhole")))
+    near, whole = (one_sample(mapping, GEOMETRY, seed=4) for mapping in (scene, world("pinhole")))
     np.testing.assert_allclose(near["distance"], whole["distance"], rtol=2e-6)
 
 

@@ -44,7 +44,7 @@ def tilted():
 
 
 def sky():
-    blur.test_sky_is_blurred_as_what_is_infinitely_far()
+    blur.test_thin_lens_blurs_a_panel_and_the_sky_behind_it_by_the_closed_form()
 
 
 MUTANTS = [

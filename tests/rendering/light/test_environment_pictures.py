@@ -54,7 +54,7 @@ def ground(normal, **rest):
     return n, scene_of([square], camera, depth=2, resolution=(64, 64), environment={**SKY, "up": [0, 1, 0], **rest})
 
 
-@pytest.mark.parametrize("normal", [(0, -1, 0.1), (0.6, 0.8, 0), *map(slow, ((0, 1, 0), (-1, 0.1, 0.3)))])
+@pytest.mark.parametrize("normal", [(0.6, 0.8, 0), *map(slow, ((0, -1, 0.1), (0, 1, 0), (-1, 0.1, 0.3)))])
 def test_irradiance_is_that_of_quadrature(folder: Path, normal) -> None:
     n, scene = ground(normal)
     expected = irradiance(rough_sky(), n)

@@ -15,7 +15,6 @@ from rptcam_cl.scene.load import load_scene
 from tests.device.probes import run
 from tests.rendering.light.test_environment_pictures import batches
 from tests.rendering.pictures import MATTE, flat_mean, lamp, looking, scene_of
-from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent, assert_same_tiles
 
 GROUND = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": MATTE}
@@ -134,7 +133,8 @@ def test_facets_that_mirror_a_lamp_take_their_light_from_it(session) -> None:
         assert chances[0] > 4 * chances[1]
 
 
-@pytest.mark.parametrize("lanes", [1, slow(16)])
+@pytest.mark.slow
+@pytest.mark.parametrize("lanes", [1, 16])
 def test_picks_are_the_same_in_any_width(session, lanes) -> None:
     plan = planned(AFAR)
     points, normals = some_places(512, 9)
@@ -197,6 +197,7 @@ def test_the_number_zero_picks_no_lamp_where_all_light_comes_from_afar(session) 
     assert pick[0] == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_light_from_infinity_may_be_1e40_times_that_of_the_lamps() -> None:
     rows = [(x, y, 2) for x in (-20, 0, 20) for y in (-20, 0, 20)]
     faint = [{"shape": "sphere", "center": place, "radius": 0.1, "material": lamp(1e-20)} for place in rows]

@@ -131,6 +131,7 @@ def test_camera_sees_the_disk_of_the_sun() -> None:
     assert film[..., 0].mean() / radiance[0] == pytest.approx(share, rel=0.01)
 
 
+@pytest.mark.slow
 def test_mirror_shows_the_sun_and_glossy_metal_weighs_it() -> None:
     # light sampling and BSDF sampling both find a wide sun; a white rough metal shows the same irradiance either way
     sun = SUN | {"direction": [0, 0, -1], "diameter_degrees": 60, "irradiance": 1.0}

@@ -223,6 +223,7 @@ def hung(shape):
     return {**SHAPES[shape], "transform": turn}
 
 
+@pytest.mark.slow
 def test_light_of_solids_is_that_of_their_cells() -> None:
     # E = sum of L cos cos dA / d^2; from below they do not hide one another
     shine = {"box": [8, 1, 1], "ellipsoid": [1, 2, 1], "cone": [1, 1, 40]}

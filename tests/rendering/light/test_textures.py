@@ -20,10 +20,26 @@ COUNT = 1 << 13
 PLACES = RNG.uniform(-3, 4, (2, COUNT)).astype(np.float32)
 
 
+def every_kind():
+    """A texture of each kind, so that one program does for all."""
+    image, ends = (
+        {"kind": "image", "file": "speck.exr"},
+        {"checker": "even odd", "gradient": "start end", "noise": "low high"},
+    )
+    plain = [{"kind": kind} | dict.fromkeys(keys.split(), 0.5) for kind, keys in ends.items()]
+    in_space = [{"kind": kind, "mapping": {"kind": "round"}} for kind in ("perlin", "marble")]
+    mixed = {"kind": "mixture", "first": 0.2, "second": image, "amount": image}
+    for _ in range(2):
+        mixed = {"kind": "mixture", "first": mixed, "second": mixed}
+    return [*plain, *in_space, image, {"kind": "dots", "inside": 1, "outside": 0}, mixed]
+
+
 def looked_up(session, texture, folder, places=PLACES, lanes=8):
     """Return the colours (n, 3) that the device finds at places (2, n)."""
+    save_exr(folder / "speck.exr", np.ones((2, 2, 3)))
     ball = {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": {"kind": "matte", "reflectance": texture}}
-    plan = make_plan(load_scene({"camera": CAMERA, "objects": [ball]}, base_dir=folder))
+    others = [ball | {"material": {"kind": "matte", "reflectance": each}} for each in every_kind()]
+    plan = make_plan(load_scene({"camera": CAMERA, "objects": [*others, ball]}, base_dir=folder))
     count = places.shape[1]
     out = session.allocate(4 * 3 * count)
     run(session, "probe_texture", plan.facts | {"VW": lanes}, count // lanes, **SceneBuffers(session, plan).scene,
@@ -118,7 +134,7 @@ def test_single_channels_are_linear_greys(session, tmp_path) -> None:
 
 def test_alpha_of_an_opaque_picture_is_refused(folder) -> None:
     texture = {"kind": "image", "file": "codes.png", "channel": "a"}
-    with pytest.raises(InputError, match=r"^objects\[0\]\.material\.reflectance\.file: has no alpha channel"):
+    with pytest.raises(InputError, match=r"^objects\[8\]\.material\.reflectance\.file: has no alpha channel"):
         looked_up(None, texture, folder)
 
 
@@ -189,6 +205,7 @@ def test_noise_is_smooth_where_an_octave_is_and_other_for_other_seeds(session, f
     assert np.abs(line - other).max() > 0.1
 
 
+@pytest.mark.slow
 def test_picture_stands_upright_on_a_sphere(session, tmp_path) -> None:
     from tests.rendering.pictures import pixels
 

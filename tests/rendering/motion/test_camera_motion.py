@@ -56,6 +56,7 @@ def test_camera_holds_before_the_first_keyframe_and_after_the_last(session, open
     assert held.tobytes() == film(scene_with(camera=PINHOLE | pose_at(moment)), session).tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("camera", [slow(PINHOLE), LENS])
 def test_exposure_is_the_mean_of_still_pictures(session, camera):
     options = {"spp": 64}

@@ -80,6 +80,7 @@ def test_physical_exposure_gathers_the_light_of_the_whole_time():
         assert step.camera.record["exposure"][0] == pytest.approx(still.camera.record["exposure"][0], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_layers_are_the_mean_over_the_steps():
     closer = {"camera.eye": [{"time_s": 0, "value": [0, 0, 4]}, {"time_s": 1, "value": [0, 0, 8]}]}
     image = rptcam_cl.render(moving(closer), spp=64, layers=["depth"])

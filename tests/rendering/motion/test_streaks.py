@@ -64,6 +64,7 @@ def test_rolling_shutter_slants_a_bar_by_its_way_from_row_to_row(session, direct
     np.testing.assert_allclose(found[inside], expected[inside], atol=0.15)  # of a pixel
 
 
+@pytest.mark.slow
 def test_bar_that_spins_by_whole_turns_leaves_what_it_covers_of_each_circle(session):
     """In the mean a circle of radius r is covered by 2 asin(w / 2r) / pi, w the width of the bar."""
     bar = {"shape": "rectangle", "corner": [-1.5, -0.15, 0], "edge_u": [3, 0, 0], "edge_v": [0, 0.3, 0]}

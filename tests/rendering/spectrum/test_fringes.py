@@ -88,6 +88,7 @@ def test_blur_of_figure_4(v):
         assert width == pytest.approx(thin, rel=0.05, abs=0.03 * PAPER_PIXEL_MM)
 
 
+@pytest.mark.slow  # that edges are blurred as the float64 rays say, in white light below
 @pytest.mark.parametrize("name", fast(["doublet"], FIGURE_7))
 def test_blur_of_figure_7(name):
     prescription, film_distance_mm = FIGURE_7[name]

@@ -26,14 +26,18 @@ def edge_of_white():
     fringes.test_edge_in_white_light_has_its_fringes(3, "dispersive")
 
 
+def glass_ball():
+    modes.test_white_furnace_is_white("spectral", SF11, "pinhole")
+
+
 MUTANTS = [
     Mutant("three wavelengths through glass that parts them", "F3 one = f3(3.0f * path->beta.x, ZERO, ZERO);",
-           "F3 one = scale(path->beta, 3.0f);", lambda: modes.test_white_furnace_is_white("spectral", SF11)),
+           "F3 one = scale(path->beta, 3.0f);", glass_ball),
     Mutant("one wavelength stands for one", "F3 one = f3(3.0f * path->beta.x, ZERO, ZERO);",
-           "F3 one = f3(path->beta.x, ZERO, ZERO);", lambda: modes.test_white_furnace_is_white("spectral", SF11)),
+           "F3 one = f3(path->beta.x, ZERO, ZERO);", glass_ball),
     Mutant("split at every vertex", "wavelength_sample = splits ? AS_F(AS_I(path->wavelength_sample) | SIGN_BIT)",
            "wavelength_sample = FALSE ? path->wavelength_sample",
-           lambda: modes.test_white_furnace_is_white("spectral", SF11)),
+           glass_ball),
     Mutant("wavelengths counted from the other end", "return start + (place - TO_F(cell)) * (end - start);",
            "return 1160.0f - (start + (place - TO_F(cell)) * (end - start));", lines),
     Mutant("glass of one index", "parameter = index_at(material, scene.inverse);",

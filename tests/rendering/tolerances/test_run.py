@@ -36,6 +36,7 @@ TRIPLET = load_lens("cooke-triplet-50mm")
 D_NM = 587.5618
 WAVES = (486.13, 587.56, 656.27)
 FIELDS = {"fields_degrees": [0, 14, 20], "wavelengths_nm": [D_NM]}
+FEW_RAYS = FIELDS | {"rings": 3, "arms": 6}  # where the figures themselves are not the subject
 
 # Change of the rms spot [µm] at ± each tolerance, film fixed, computed with optiland 0.6.3 (MIT): the triplet with its
 # indices at the d line, surfaces moved by their coordinate systems, traced with the rays of fields 0, 14, 20 degrees.
@@ -170,17 +171,21 @@ def test_film_of_the_design_stands_where_its_spots_are_least(run: ToleranceRun) 
 
 def test_zero_tolerance_leaves_every_copy_the_design() -> None:
     zero = [{"radius_percent": 0}, {"index": 0}, {"abbe_percent": 0}, {"wedge_um": 0}, {"tilt_arcmin": 0}]
-    run = tolerance(TRIPLET, {"copies": 10, "tolerances": zero})
+    run = tolerance(TRIPLET, {"copies": 10, "merit": FEW_RAYS, "tolerances": zero})
     assert np.all(run.scores.spots_um == run.design.spots_um)
     assert np.all(run.scores.mtf == run.design.mtf)
     assert not run.scores.shifts_mm.any()
     assert all(run.lens_of(number) == TRIPLET for number in range(10))
 
 
-def test_refocusing_makes_up_for_what_the_film_can(run: ToleranceRun) -> None:
-    focused = tolerance(TRIPLET, {"copies": 50, "merit": FIELDS, "tolerances": TOLERANCES})
-    assert np.all(focused.scores.spot_um <= run.scores.spot_um[:50] + 1e-9)
-    assert focused.scores.spot_um.mean() < 0.8 * run.scores.spot_um[:50].mean()
+def test_refocusing_makes_up_for_what_the_film_can() -> None:
+    given = {"copies": 20, "merit": FEW_RAYS, "tolerances": TOLERANCES}
+    focused, still = (
+        tolerance(TRIPLET, given | {"refocus": refocus}, with_sensitivities=False).scores.spot_um
+        for refocus in (True, False)
+    )
+    assert np.all(focused <= still + 1e-9)
+    assert focused.mean() < 0.8 * still.mean()
     only = tolerance(
         TRIPLET,
         {
@@ -215,7 +220,7 @@ def test_percentiles_are_of_the_copies(run: ToleranceRun) -> None:
 
 
 def test_copies_ranked_by_modulation_have_the_best_first() -> None:
-    merit = FIELDS | {"rank_by": "mtf"}
+    merit = FEW_RAYS | {"rank_by": "mtf"}
     run = tolerance(TRIPLET, {"copies": 40, "merit": merit, "tolerances": [{"decentre_mm": 0.1}]})
     ordered = run.scores.modulation[run.order]
     assert np.all(np.diff(ordered) <= 0)
@@ -225,11 +230,14 @@ def test_copies_ranked_by_modulation_have_the_best_first() -> None:
     assert run.yield_at(1.1).value == 0
 
 
-def test_same_seed_makes_the_same_copies(run: ToleranceRun) -> None:
-    again = tolerance(run.lens, run.tolerances, copies=20, with_sensitivities=False)
-    assert np.array_equal(again.scores.spots_um, run.scores.spots_um[:20])
-    other = tolerance(run.lens, run.tolerances, copies=20, seed=1, with_sensitivities=False)
-    assert not np.array_equal(other.scores.spots_um, again.scores.spots_um)
+def test_same_seed_makes_the_same_copies() -> None:
+    given = {"refocus": False, "merit": FEW_RAYS, "tolerances": TOLERANCES}
+    more, again, other = (
+        tolerance(TRIPLET, given, copies=copies, seed=seed, with_sensitivities=False).scores.spots_um
+        for copies, seed in ((20, 0), (10, 0), (10, 1))
+    )
+    assert np.array_equal(again, more[:10])
+    assert not np.array_equal(other, again)
 
 
 def test_copies_are_judged_in_the_state_of_the_specification() -> None:
@@ -245,7 +253,8 @@ def test_copies_are_judged_in_the_state_of_the_specification() -> None:
 
 
 def test_default_fields_are_parts_of_the_widest() -> None:
-    run = tolerance(TRIPLET, {"copies": 10, "tolerances": [{"index": 0.001}]})
+    given = {"copies": 10, "merit": {"rings": 3}, "tolerances": [{"index": 0.001}]}
+    run = tolerance(TRIPLET, given, with_sensitivities=False)
     assert run.fields_degrees == (0.0, 15.0, 21.0)
     assert run.design.spots_um.shape == (1, 9)
 
@@ -369,7 +378,7 @@ def test_loosest_set_costs_less_than_one_factor_for_all_and_other_copies_reach_i
 
 @pytest.mark.parametrize("refocus", [True, slow(False)])
 def test_compensators_stand_where_no_neighbour_is_better(refocus: bool) -> None:
-    given = {"copies": 12, "refocus": refocus, "merit": FIELDS | {"rings": 4, "arms": 8}, "tolerances": [
+    given = {"copies": 12, "refocus": refocus, "merit": FEW_RAYS, "tolerances": [
         {"radius_percent": 0.2}, {"spacing_mm": 0.05}, {"wedge_um": 50}, {"decentre_mm": 0.05}, {"index": 0.001},
     ]}  # fmt: skip
     adjust = [{"spacing_mm": 0.1, "surfaces": [1]}, {"decentre_mm": 0.2, "elements": [1]}]
@@ -396,7 +405,7 @@ def test_compensators_stand_where_no_neighbour_is_better(refocus: bool) -> None:
 
 
 def test_copies_that_are_adjusted_are_lenses_too() -> None:
-    given = {"copies": 10, "merit": FIELDS, "tolerances": [{"decentre_mm": 0.1}],
+    given = {"copies": 10, "merit": FEW_RAYS, "tolerances": [{"decentre_mm": 0.1}],
              "compensators": [{"decentre_mm": 0.5, "elements": [1]}]}  # fmt: skip
     run = tolerance(TRIPLET, given, with_sensitivities=False)
     (of_element,) = run.copies.values[:1, len(run.limits)]

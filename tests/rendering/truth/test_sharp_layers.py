@@ -26,11 +26,21 @@ def panel(z: float, half: float, x: float = 0.0, **rest: Any) -> dict[str, Any]:
     return {"shape": "rectangle", "material": GREY} | edges | rest
 
 
+CHECKS = {"kind": "checker", "even": 0.3, "odd": 0.8, "scale": [4, 4]}
+# Behind the camera, so that one program does for all worlds.
+SPECKS = [
+    {"shape": "sphere", "center": [0, 0, 9], "radius": 0.1, "material": GREY | {"opacity": CHECKS}},
+    {"shape": "mesh", "vertices": [[0, 0, 9], [1, 0, 9], [0, 1, 9]], "faces": [[0, 1, 2]], "material": GREY},
+    panel(9.0, 0.1),
+]
+
+
 def world(camera: dict[str, Any], *objects: dict[str, Any], **rest: Any) -> dict[str, Any]:
-    return {"film": {"resolution": [48, 32]}, "camera": camera, "objects": list(objects), "environment": SKY} | rest
+    shown = {"film": {"resolution": [48, 32]}, "camera": camera, "objects": [*objects, *SPECKS], "environment": SKY}
+    return shown | rest
 
 
-@pytest.mark.parametrize("camera", [PINHOLE, GLASS], ids=["pinhole", "lens"])
+@pytest.mark.parametrize("camera", [PINHOLE, slow(GLASS)], ids=["pinhole", "lens"])
 def test_depth_of_a_flat_wall_is_flat_to_1e_minus_5(camera: dict[str, Any]) -> None:
     wall = panel(-5.0, 9.0)
     image = rptcam_cl.render(world(camera, wall), spp=1, layers=["sharp_depth", "sharp_position", "sharp_normal"])
@@ -62,8 +72,7 @@ def test_surfaces_with_holes_are_there_from_an_opacity_of_one_half_on(kind: str)
 
 
 def test_textured_holes_end_where_opacity_is_one_half() -> None:
-    checks = {"kind": "checker", "even": 0.3, "odd": 0.8, "scale": [4, 4]}
-    veil = panel(-2.0, 0.4) | {"material": GREY | {"opacity": checks}}
+    veil = panel(-2.0, 0.4) | {"material": GREY | {"opacity": CHECKS}}
     image = rptcam_cl.render(world(PINHOLE, veil, panel(-6.0, 9.0)), spp=1, layers=["sharp_object_id"])
     tangent = np.tan(np.radians(20)) / 24
     x, y = np.meshgrid((np.arange(48) - 23.5) * tangent, (15.5 - np.arange(32)) * tangent)
@@ -85,13 +94,13 @@ def test_sharp_layers_of_a_pinhole_are_those_of_the_middles_of_its_pixels() -> N
     np.testing.assert_array_equal(image["sharp_object_id"], ids)
     np.testing.assert_array_equal(image["sharp_class_id"], np.where(in_near, 1, 0))
     assert image.metadata["class_names"] == ["", "card"]
-    assert image.metadata["object_classes"] == [1, 0]
+    assert image.metadata["object_classes"][:2] == [1, 0]
     np.testing.assert_allclose(image["sharp_depth"], np.select([in_near, in_far], [3.0, 6.0], np.inf), rtol=1e-6)
     away = np.stack([x, y, -np.ones_like(x)], axis=-1)
     np.testing.assert_allclose(image["ray_direction"], away / np.linalg.norm(away, axis=-1, keepdims=True), atol=1e-12)
     assert not image["ray_origin"].any()
     hidden = (in_near & in_far).sum() / in_far.sum()
-    assert image.metadata["occlusion"] == [0.0, pytest.approx(hidden)]
+    assert image.metadata["occlusion"][:2] == [0.0, pytest.approx(hidden)]
     np.testing.assert_allclose(image["occlusion"], np.select([in_near, in_far], [0.0, hidden], np.nan), rtol=1e-6)
 
 
@@ -114,9 +123,10 @@ def test_occlusion_counts_whole_solids_once_and_says_none_of_what_is_out_of_the_
     behind = panel(-9.0, 0.2, name="behind the ball")
     beside = panel(-5.0, 0.2, x=50.0)
     image = rptcam_cl.render(world(PINHOLE, ball, behind, beside), spp=1, layers=["occlusion"])
-    assert image.metadata["occlusion"] == [0.0, 1.0, None]
+    assert image.metadata["occlusion"][:3] == [0.0, 1.0, None]
 
 
+@pytest.mark.slow
 def test_sharp_places_are_where_the_lens_draws_small_lamps() -> None:
     # A lens stopped down draws them at the place of the chief ray; the picture is lit by nothing else.
     camera = GLASS | {"f_number": 16}
@@ -168,6 +178,7 @@ def test_parts_by_tiles_have_the_layers_of_one_run_to_the_byte(tmp_path: Path) -
         np.testing.assert_array_equal(again[name], layer)
 
 
+@pytest.mark.slow
 def test_ranges_of_samples_add_up_the_coverage_of_each_object(tmp_path: Path) -> None:
     scene = world(PINHOLE, *(panel(-4.0 - k, 0.2 * (k + 1)) for k in range(3)))
     options: dict[str, Any] = {"size": (21, 13), "layers": ["crypto_object", "sharp_depth"]}

@@ -1,6 +1,7 @@
-"""The rooms of the house: which may import which, nothing private, and no import leads back; read from the trees."""
+"""The rooms of the house: which may import which, nothing private, no import leads back; their budgets of code."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -9,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.size import parsed
+from benchmarks.architecture import PICTURE, imports, shortest
+from benchmarks.size import TOP, Size, budget, nodes_of, rooms, size_of
+from rptcam_cl.scene.camera import CAMERA_KINDS
 
 # From the ground up; each may import rooms that stand above it in this list, those that it names.
 ROOMS: dict[str, set[str]] = {
@@ -50,7 +53,7 @@ def room_of(path: Path, package: Path) -> str:
 @cache
 def statements(source: str) -> list[ast.Import | ast.ImportFrom]:
     """The imports of a module, wherever in the file."""
-    return [node for node in ast.walk(parsed(source)) if isinstance(node, (ast.Import, ast.ImportFrom))]
+    return [node for node in nodes_of(source) if isinstance(node, (ast.Import, ast.ImportFrom))]
 
 
 def imported(source: str) -> Iterator[str]:
@@ -93,8 +96,8 @@ def modules(checkout: Path) -> list[Path]:
 
 
 def test_every_room_has_its_place_in_the_table(checkout: Path) -> None:
-    rooms = {room_of(path, checkout / "rptcam_cl") for path in modules(checkout)}
-    assert rooms == ROOMS.keys() | FACES
+    found = {room_of(path, checkout / "rptcam_cl") for path in modules(checkout)}
+    assert found == ROOMS.keys() | FACES
 
 
 def test_no_module_imports_upwards_or_past_a_face(checkout: Path) -> None:
@@ -168,9 +171,9 @@ def test_a_wrong_import_is_found(room: str, line: str) -> None:
 
 
 def test_rooms_are_usable_without_opencl(checkout: Path) -> None:
-    rooms = {"core", "optics", "scene", "imaging", "cli", "exchange"}
+    without = {"core", "optics", "scene", "imaging", "cli", "exchange"}
     names = [
-        module_name(path, checkout) for path in modules(checkout) if room_of(path, checkout / "rptcam_cl") in rooms
+        module_name(path, checkout) for path in modules(checkout) if room_of(path, checkout / "rptcam_cl") in without
     ]
     program = f"import sys, importlib; sys.modules['pyopencl'] = None; [importlib.import_module(n) for n in {names}]"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
@@ -214,3 +217,54 @@ def test_render_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
     assert {name for name in found if name.split(".")[:1] == ["rptcam_cl"] and name.split(".")[1:2]} & {
         f"rptcam_cl.{room}" for room in ROOMS_NOT_FOR_A_RENDER
     } == set()
+
+
+MOST_FILES, MOST_ROOMS = 191, 12
+# Keys of each kind of camera; its optics; the drive of an ideal lens, whose state is its plane of focus.
+FILES_OF_CAMERA_KINDS = {"scene/camera.py", "rendering/cameras/kinds.py", "studies/focus/drives.py"}
+
+
+def test_rooms_keep_to_budgets_that_are_what_they_need() -> None:
+    sizes, most = rooms(), budget()
+    assert {*sizes} - {TOP} == {*most}
+    assert {room: size.code for room, size in sizes.items() if room != TOP and size.code > most[room]} == {}
+
+    # A budget far above what there is bounds nothing.
+    assert {room: size for room, size in most.items() if size > 1.05 * sizes[room].code + 50} == {}
+    assert len(sizes) - 1 <= MOST_ROOMS
+    assert sum(sizes.values(), Size()).files <= MOST_FILES
+
+
+def test_drawing_of_the_house_has_its_rooms_and_their_imports() -> None:
+    edges, drawn = imports(), re.findall(r"<path id='(\w+)-(\w+)'", PICTURE.read_text("utf-8"))
+    assert {*drawn} - {("rendering", "kernels")} == {(a, b) for a, named in shortest(edges).items() for b in named}
+    assert {*re.findall(r">(\w+)</text>", PICTURE.read_text("utf-8"))} >= {*edges}
+
+
+def test_code_is_what_is_neither_blank_nor_comment_nor_docstring() -> None:
+    head = '"""A\nmodule."""\n\nimport math  # why\n# a comment\n\n\n'
+    source = head + 'class A:\n    """One."""\n\n    b = """not\n    one"""\n_c = 1\n'
+    assert size_of(source) == Size(files=1, code=5, imports=1, classes=1, public=1)
+
+
+def test_nine_of_ten_functions_have_at_most_40_lines(checkout: Path, tracked: list[str]) -> None:
+    sizes = [
+        (node.end_lineno or node.lineno) - node.lineno + 1
+        for name in tracked
+        if name.startswith("rptcam_cl/") and name.endswith(".py")
+        for node in nodes_of((checkout / name).read_text("utf-8"))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
+    assert sum(size <= 40 for size in sizes) >= 0.9 * len(sizes)
+
+
+def test_a_kind_of_camera_is_named_where_it_is_made_alone(checkout: Path, tracked: list[str]) -> None:
+    kinds = {kind.__name__ for kind in CAMERA_KINDS}
+    naming = {
+        name.removeprefix("rptcam_cl/")
+        for name in tracked
+        if name.startswith("rptcam_cl/") and name.endswith(".py")
+        for node in nodes_of((checkout / name).read_text("utf-8"))
+        if (isinstance(node, ast.Name) and node.id in kinds) or (isinstance(node, ast.Attribute) and node.attr in kinds)
+    }
+    assert naming == FILES_OF_CAMERA_KINDS
