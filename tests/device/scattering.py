@@ -46,15 +46,19 @@ def direction(cosine, turns=0.0):
     return np.stack([sine * np.cos(2 * np.pi * turns), sine * np.sin(2 * np.pi * turns), cosine], axis=-1)
 
 
+METAL = {"kind": "conductor", "reflectance": 1.0, "alpha": 0.3}
+
+
 @cache
-def pack(material: str, folder: Path) -> tuple[Any, NDArray[Any]]:
+def pack(material: str, folder: Path, beside_metal: bool) -> tuple[Any, NDArray[Any]]:
     """Return the record of a material, given as JSON, with its facts, and the texels of its textures.
 
-    Files that it names lie in ``folder``, where one of the same name as in another is another.
+    Files that it names lie in ``folder``, where one of the same name as in another is another. ``beside_metal`` adds a
+    second material, for which there are tables of facets.
     """
-    scene = load_scene(still_life() | {"materials": {"tested": json.loads(material)}})
+    scene = load_scene(still_life() | {"materials": {"tested": json.loads(material), "metal": METAL}})
     textures = TextureTable(scene)
-    packed = pack_materials([scene.materials["tested"]], textures, KnownSpectra())
+    packed = pack_materials(list(scene.materials.values())[: 1 + beside_metal], textures, KnownSpectra())
     return packed, textures.pack().texels
 
 
@@ -72,8 +76,10 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
     table[2], table[5] = -1, 1
     for first, part in ((0, -wi), (3, np.asarray(wo)), (6, np.asarray(numbers))):
         table[first : first + 3, :count] = np.broadcast_to(np.atleast_2d(part), (count, 3)).T
-    packed, texels = pack(json.dumps(material), Path.cwd())
+    packed, texels = pack(json.dumps(material), Path.cwd(), again)
     records, base = packed.records, packed.facts["HAS_BRUSHED_BASE"]
+    if again and packed.facts["HAS_ANISOTROPY"]:
+        base = 1  # a program that knows of brushed bases does for all that is brushed
     shared = int((again or base) and packed.facts["FACET_SHARES"])
     tables = facet_shares(records) if shared else np.zeros(1, np.float32)
     facts = FACTS | {"FACET_ENERGY": int(again), "FACET_SHARES": shared, "HAS_BRUSHED_BASE": base}

@@ -189,6 +189,7 @@ def compiled(*groups):
     return pytest.mark.parametrize("files", [*together, *map(slow, alone)], ids=" ".join)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("short", [slow(0), 1])
 @compiled("intersect shade")
 def test_meshes_compile_for_trees_of_four(session, files, short):
@@ -243,6 +244,7 @@ def test_walks_side_by_side_compile_without_a_warning(session, files):
     without_warnings(session, files, facts | {"HAS_INSTANCES": 0, "HAS_OPACITY": 0})
 
 
+@pytest.mark.slow
 @compiled("shade film", "stream")
 def test_passes_compile_for_red_green_and_blue_of_one_wavelength(session, files):
     rgb = {"SPECTRUM": 1, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "VW": 8}

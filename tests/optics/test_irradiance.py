@@ -27,7 +27,7 @@ from tests.optics.truth import NAMES, truth, truth_lens
 from tests.support.cases import one_in, slow
 
 
-@pytest.mark.parametrize("name", one_in(3, NAMES))
+@pytest.mark.parametrize("name", one_in(6, NAMES))
 def test_truth_rows(name):
     lens = truth_lens(name)
     for block in truth(name)["irradiance"]:

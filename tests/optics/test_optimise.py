@@ -233,10 +233,9 @@ def test_a_search_taken_up_again_ends_with_the_same_bits(tmp_path):
     given = {**TRIPLET, "search": {"count": 1, "step": 0.05}, "evaluations": 40, "rings": 2, "arms": 2}
     whole = optimise(given, state=tmp_path / "whole.json")
     state = json.loads((tmp_path / "whole.json").read_text())
-    for stages in (1, len(state["stages"]) // 2):
-        (tmp_path / "cut.json").write_text(json.dumps({**state, "stages": state["stages"][:stages]}))
-        again = optimise(given, state=tmp_path / "cut.json")
-        assert again.lens == whole.lens and again.film_mm == whole.film_mm and again.evaluations == whole.evaluations
+    (tmp_path / "cut.json").write_text(json.dumps({**state, "stages": state["stages"][: len(state["stages"]) // 2]}))
+    again = optimise(given, state=tmp_path / "cut.json")
+    assert again.lens == whole.lens and again.film_mm == whole.film_mm and again.evaluations == whole.evaluations
     with pytest.raises(StateError, match="another problem"):
         optimise({**given, "f_number": 6}, state=tmp_path / "cut.json")
 

@@ -63,7 +63,7 @@ def test_blind_scene_is_shown_with_its_error_and_focused_again_once_it_is_mended
         assert "distance_m: 0.95" in client.ask(3, "scene").header["yaml"]
 
 
-@pytest.mark.parametrize(("text", "by_hand"), [(BLIND, "distance_m: 1"), (DARK, "exposure: relative")])
+@pytest.mark.parametrize(("text", "by_hand"), [slow(BLIND, "distance_m: 1"), (DARK, "exposure: relative")])
 def test_scene_that_stays_blind_is_shown_as_it_is_edited(tmp_path: Path, text: str, by_hand: str) -> None:
     path = tmp_path / "even.yaml"
     path.write_text(text)

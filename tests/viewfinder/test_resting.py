@@ -15,6 +15,7 @@ from rptcam_cl.viewfinder.dials import meter_needle, turn_dial
 from rptcam_cl.viewfinder.messages import MOST_UNACKNOWLEDGED, Client, ClientSettings, codes_of
 from rptcam_cl.viewfinder.panel import Panel
 from rptcam_cl.viewfinder.slot import Slot
+from tests.support.cases import slow
 from tests.viewfinder.page_client import SCENE
 
 SPP = 8
@@ -178,7 +179,7 @@ def test_the_needle_moves_by_the_stops_that_a_dial_turns(slots: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("still", "dial", "value"), [(True, "shutter_s", 0.02), (True, "ev", 1), (False, "shutter_s", 0.02)]
+    ("still", "dial", "value"), [(True, "shutter_s", 0.02), (True, "ev", 1), slow(False, "shutter_s", 0.02)]
 )
 def test_another_exposure_is_developed_at_once_where_nothing_moves(
     slots: Any, still: bool, dial: str, value: float

@@ -162,7 +162,7 @@ def test_unexpected_error_in_a_message_is_told_to_its_page_and_the_server_lives(
     assert "f_number: 8" in client.ask(7, "scene").header["yaml"]
 
 
-@pytest.mark.parametrize("zones", [None, [[0.4, 0.6, 0.4, 0.6]]])
+@pytest.mark.parametrize("zones", [pytest.param(None, marks=pytest.mark.slow), [[0.4, 0.6, 0.4, 0.6]]])
 def test_autofocus_is_at_the_zones_of_the_message(client: Page, zones: Any) -> None:
     client.ask(5, "dial", name="focus_m", value=3)
     found = client.ask(6, "autofocus", method="depth", zones=zones)

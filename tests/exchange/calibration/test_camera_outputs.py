@@ -6,7 +6,6 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import StateError
-from tests.support.cases import slow
 
 SMALL = ["dgauss-50mm", "--size", "96x64"]
 MOVING = {
@@ -128,9 +127,8 @@ def test_model_that_fits_badly_is_a_warning_that_names_what_fits(capsys):
     assert "largest error [px]   0.15229" in said.out
 
 
-@pytest.mark.parametrize(
-    "words", [["--max-residual-px", "0.2"], slow(["--model", "rational"]), slow(["--size", "256x192"])]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [["--max-residual-px", "0.2"], ["--model", "rational"], ["--size", "256x192"]])
 def test_model_that_is_good_enough_or_chosen_is_no_warning(words, capsys):
     assert main(["camera", "phone-5.6mm", *words]) == 0
     assert capsys.readouterr().err == ""

@@ -149,6 +149,7 @@ def test_thin_lens_falls_off_by_cos4_alone() -> None:
     assert pass_areas(state.lens, state.film, np.array([0.0]))[0] == pytest.approx(np.pi * 100, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_vignetting_ends_at_the_image_circle() -> None:
     state = setting(load_lens("dgauss-50mm"))
     rows = vignetting_table(state, film_radii(state, 8))
@@ -208,7 +209,7 @@ def test_a_field_that_nothing_reaches_is_an_empty_row_among_others() -> None:
 @pytest.mark.parametrize(
     "name", ["tessar-100mm", "microscope-20x", *map(slow, ("fisheye-10mm", "dgauss-50mm", "telephoto-400mm"))]
 )
-@pytest.mark.parametrize("f_number", [None, 16.0])
+@pytest.mark.parametrize("f_number", [None, slow(16.0)])
 def test_modulation_is_never_above_the_limit_of_diffraction(name: str, f_number: float | None) -> None:
     state = setting(load_lens(name), f_number=f_number)
     frequencies = [5.0, 20.0, 50.0, 100.0, 300.0, 1000.0]
@@ -270,6 +271,7 @@ def perfect_wave(behind_mm: float) -> PupilFunction:
     return field_waves(replace(state, film_distance_mm=state.film + behind_mm), [0.0], [550.0])[0]
 
 
+@pytest.mark.slow
 def test_radii_of_a_large_blur_are_those_of_its_disc() -> None:
     facts = wave_point_image([perfect_wave(4.5)], 4).facts
     radius = 1e3 * 4.5 / 16  # more than 48 Airy radii, by similar triangles
@@ -387,8 +389,8 @@ def test_sampling_errors_of_light_hold_what_twice_the_rays_change(monkeypatch):
     ("spot", "rms_um", "rms_error_um", {"fields": [14]}),
     slow("spot", "rms_um", "rms_error_um", {"fields": [0, 14, 20]}),
     ("wavefront", "rms_waves", "rms_error_waves", {"fields": [14]}),
-    ("zernike", "fringe_waves", "error_waves", {"fields": [14], "order": 4}),
-    ("through_focus", "rms_um", "rms_error_um", {"fields": [14], "steps": 3}),
+    slow("zernike", "fringe_waves", "error_waves", {"fields": [14], "order": 4}),
+    slow("through_focus", "rms_um", "rms_error_um", {"fields": [14], "steps": 3}),
 ])  # fmt: skip
 def test_sampling_errors_hold_what_many_more_rays_change_of_spots(method, value, error, options):
     lens = rptcam_cl.load_lens("cooke-triplet-50mm")

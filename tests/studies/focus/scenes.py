@@ -32,11 +32,15 @@ def lens_camera(lens: Any, kind: str = "realistic", **options: Any) -> dict[str,
     return {"kind": kind, "lens": lens, "focus": {"distance_m": 5}, **pose, **options}
 
 
+# Behind the camera, so that one program does for targets of every texture.
+SPECKS = [target(-50.0, 0.1, material) for material in (noise(1), checker(1))]
+
+
 def scene_of(objects: list[Any], camera: dict[str, Any], base_dir: Any = None, **rest: Any) -> rptcam_cl.Scene:
     """Return a scene under an even sky, on a film of 36 x 24 mm."""
     film = {"resolution": [360, 240], "size_mm": [36, 24], **rest.pop("film", {})}
     light = {"environment": {"kind": "constant", "radiance": 1.0}}
-    parts = {"film": film, "camera": camera, "render": {"max_depth": 2}, "objects": objects}
+    parts = {"film": film, "camera": camera, "render": {"max_depth": 2}, "objects": [*objects, *SPECKS]}
     return rptcam_cl.load_scene(parts | light | rest, base_dir=base_dir)
 
 

@@ -55,6 +55,7 @@ def test_subjects_that_come_are_sharp_in_19_of_20_frames(speed, start, noise):
     assert share(errors) >= 0.95
 
 
+@pytest.mark.slow
 def test_subjects_that_speed_up_brake_and_turn_are_sharp_in_19_of_20_frames():
     motions = (
         (lambda t: 20 - 3 * t * t, 2.4),  # 6 m/s^2

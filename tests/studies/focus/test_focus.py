@@ -130,7 +130,8 @@ def test_walk_of_the_paper_ends_on_the_slope_towards_the_focus():
     assert found.value == max(values)
 
 
-@pytest.mark.parametrize("method", ["contrast", slow("laplacian"), slow("phase"), slow("hybrid")])
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["contrast", "laplacian", "phase", "hybrid"])
 def test_even_ball_is_found_by_its_edge(method):
     # The front of the ball is 24.5 units away, its rim, which bounds it in the picture, 24.99.
     report = rptcam_cl.autofocus(ROOT / "examples" / "paper" / "autofocus.yaml", method)

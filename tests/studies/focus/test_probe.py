@@ -96,7 +96,7 @@ def test_states_and_distances_invert_each_other(name):
     assert probe.drive.nearer * (near - far) > 0
 
 
-@pytest.mark.parametrize("name", fast(["thick"], CAMERAS))
+@pytest.mark.parametrize("name", fast(["realistic"], CAMERAS))
 def test_smaller_stop_deepens_the_focus(name):
     probe = probe_of(scene_of([target(4.0, 4.0, checker(800))], CAMERAS[name]))
     drive = probe.drive
@@ -288,6 +288,7 @@ def test_lamp_out_of_focus_before_a_wall_is_no_noise_of_its_zone():
     assert shown[0] < 0.3 * shown[1]
 
 
+@pytest.mark.slow
 def test_all_of_the_light_is_that_of_a_probe_without_a_limit(monkeypatch):
     # Grey light, as what the limit takes is known as the mean of the channels.
     glow = {"kind": "emissive", "radiance": 1e3}

@@ -290,12 +290,12 @@ sys.exit(main(["doctor", "--gpu", "-o", sys.argv[1]]))
 
 
 def test_report_is_written_whole_or_not_at_all(small_report, monkeypatch, tmp_path, capsys):
-    def stopped(_):
+    def stopped(*_):
         raise KeyboardInterrupt
 
     file = tmp_path / "card.json"
     file.write_text("before")
-    monkeypatch.setattr(CardReport, "_kernels", stopped)
+    monkeypatch.setattr(CardReport, "_trial", stopped)
     assert main(["doctor", "--gpu", "-o", str(file)]) != 0
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("card.json", "before")]
     capsys.readouterr()

@@ -339,6 +339,7 @@ def test_even_picture_has_no_noise_and_takes_a_sample(tmp_path, capsys):
     assert "below the chart: all" in plot.read_text()
 
 
+@pytest.mark.slow
 def test_files_are_written_though_nobody_reads_the_text(tmp_path, monkeypatch):
     scene, written = tmp_path / "scene.yaml", tmp_path / "out.md"
     scene.write_text(

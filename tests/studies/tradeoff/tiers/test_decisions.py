@@ -47,6 +47,7 @@ def test_colour_within_the_bound_leaves_the_cheaper_model():
     assert "one wavelength stands for all" in said(found)
 
 
+@pytest.mark.slow
 def test_bound_of_the_colour_is_that_of_the_scene_and_not_half_a_pixel():
     """Distortion keeps the traced lens; whether it disperses goes by the bound."""
     film = {"resolution": [300, 200], "width_mm": 36}
@@ -59,7 +60,7 @@ def test_bound_of_the_colour_is_that_of_the_scene_and_not_half_a_pixel():
     assert by_bound == {0.02: "on", 0.3: "off"}
 
 
-@pytest.mark.parametrize("spectrum", ["rgb", {"mode": "auto", "lens": "off"}])
+@pytest.mark.parametrize("spectrum", ["rgb", slow({"mode": "auto", "lens": "off"})])
 def test_colour_that_the_scene_leaves_out_decides_nothing(spectrum):
     found = coloured(0.3, spectrum=spectrum)
     assert found.tier != "realistic"
@@ -72,7 +73,7 @@ def test_colour_that_the_scene_asks_for_stays_with_the_traced_lens():
     assert found.scene.spectrum.lens_colour == "on"
 
 
-@pytest.mark.parametrize("near_m", [0.075, slow(0.09), slow(0.11), 4.0])
+@pytest.mark.parametrize("near_m", [0.075, *map(slow, (0.09, 0.11, 4.0))])
 def test_errors_are_measured_from_the_nearest_object_on_even_close_before_the_lens(near_m):
     """The first surface is 68.7 mm from the film."""
     close = BALL | {"center": [0, 0, -near_m - 0.002], "radius": 0.002}
@@ -109,6 +110,7 @@ def test_shape_that_shows_goes_with_a_thin_lens():
     assert "its shape does not show" in said(starry(12.0))
 
 
+@pytest.mark.slow
 def test_shape_that_shows_keeps_the_traced_lens_where_no_thin_lens_has_it():
     """With the film nearer than any image no plane is in focus, so that a thin lens cannot stand in."""
     blurred = {"focus": {"film_distance_mm": 90}}
