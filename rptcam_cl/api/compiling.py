@@ -122,7 +122,8 @@ def _plan_for_glances(before: SceneState, scene: Scene, resolved: Scene, parts: 
     ):
         return with_exposure(before.plan, resolved)
     same_time = earlier.shutter == resolved.shutter or _is_still(earlier, resolved)
-    if same_time and parts_changed <= _OF_THE_LENS:
+    far = [(each.environment, each.lights, each.medium) for each in (earlier, resolved)]  # some go by the camera's up
+    if same_time and parts_changed <= _OF_THE_LENS and far[0] == far[1]:
         if _moves_alone(before, scene, resolved):
             return with_pose(before.plan, resolved, parts)
         same_lens = earlier.lens_source() == resolved.lens_source()

@@ -270,6 +270,13 @@ def test_glance_is_the_same_view_in_fewer_pixels(session: RenderSession) -> None
         session.glance(0)
 
 
+def test_glance_of_a_rolled_camera_has_surroundings_that_stand_as_it_does(session: RenderSession) -> None:
+    session.change({"exposure": {"mode": "relative"}})
+    session.change({"camera.up": [0.5, 0, 1]})  # which counts as above in the environment, too
+    small = rptcam_cl.render(session.scene, size=(25, 15), spp=1)
+    np.testing.assert_array_equal(session.glance(0.5).pixels, small.pixels)
+
+
 def cancel_after_each_wave(session: RenderSession, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cancel whatever is under way when its first wave is on the device, and make waves far shorter than a sample."""
     count_waves = QueueLimit.count_waves
