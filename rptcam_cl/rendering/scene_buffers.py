@@ -817,7 +817,8 @@ class SceneBuffers:
         self.scene["vertices"] = self._buffer("vertices", placed_vertices(own.meshes), in_place=True)
         given = self.scene["vertices"], self.scene["triangles"]
         self.scene["blocks"] = placed_blocks(self._session, own, *given)
-        self._uploaded["blocks"] = self._before["blocks"][0], self.scene["blocks"]
+        # Not the array that was uploaded, in whose shape later ones would be taken for it.
+        self._uploaded["blocks"] = self._before["blocks"][0].reshape(1, -1), self.scene["blocks"]
 
 
 def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:

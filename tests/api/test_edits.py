@@ -13,6 +13,7 @@ from rptcam_cl.api.session import RenderSession
 from rptcam_cl.device.session import open_session
 from rptcam_cl.rendering import tree_build
 from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.scene import scene as scene_module
 from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.load import load_scene
@@ -164,6 +165,20 @@ def test_leaf_blocks_made_on_the_device_have_the_bits_of_the_host(fp64: bool) ->
             some = tree.blocks[~tree.children[row, block]]
             points = second.vertices[faces[some[some >= 0]].ravel(), :3]
             np.testing.assert_array_equal(tree.bounds[row, :, block], [*points.min(axis=0), *points.max(axis=0)])
+
+
+def test_leaf_blocks_that_were_moved_on_the_device_are_not_taken_for_those_that_were_uploaded() -> None:
+    device, scene, parts = open_session(None), load_scene(SCENE), PlanParts()
+    first = trees.SceneBuffers(device, make_plan(scene, parts=parts))
+    parts.rough = True  # as a glance has it
+    moved = trees.SceneBuffers(device, make_plan(set_keys(scene, EDITS["mesh in the world"]), parts=parts), first)
+    parts.drop_rough()
+    again = trees.SceneBuffers(device, make_plan(scene, parts=parts), moved)
+    fresh, count = trees.SceneBuffers(device, make_plan(scene)), first._uploaded["blocks"][0].size
+    found, before, expected = (
+        device.read(each.scene["blocks"], np.float32, count).tobytes() for each in (again, moved, fresh)
+    )
+    assert found == expected and before != expected
 
 
 @pytest.mark.parametrize("leaf_size", [1, 4])
