@@ -566,7 +566,8 @@ def _relative(scene: Scene, *, small: bool = False) -> Scene:
         down = max(round(rows * factor), 1)
         across = 2 * down if scene.camera.sees_all_around else max(round(columns * factor), 1)
         film = {"resolution": (across, down), "size_mm": tuple(side * 1e3 for side in scene.film.size_m())}
-        kept = {name: getattr(scene.render, name) for name in ("max_depth", "roulette_depth", "sampler")}
+        names = ("max_depth", "multiple_scattering", "roulette_depth", "sampler")
+        kept = {name: getattr(scene.render, name) for name in names}
         clamped = scene.render.clamp is not None and scene.render.caustics == "auto"
         kept["caustics"] = "off" if clamped else scene.render.caustics
         update["film"] = Film.model_validate(film | {"filter": FilmFilter()})

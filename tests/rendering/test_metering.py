@@ -68,6 +68,13 @@ def test_mean_luminance_comes_to_the_target_through_every_camera(kind):
         )
 
 
+def test_mean_luminance_comes_to_the_target_where_facets_lose_what_they_scatter_twice():
+    metal = {"kind": "conductor", "reflectance": 1.0, "alpha": 1.0}
+    wall = {"shape": "plane", "point": [0, 0, -3], "normal": [0, 0, 1], "material": metal}
+    scene = world(PINHOLE, objects=[wall], render={"max_depth": 2, "multiple_scattering": False})
+    assert luminance(rptcam_cl.render(scene, spp=16)) == pytest.approx(0.18, rel=0.02)
+
+
 def test_settings_that_were_chosen_give_the_same_picture_as_physical_exposure():
     image = rptcam_cl.render(world(REAL), spp=4)
     told = image.metadata
