@@ -645,10 +645,12 @@ def _sum_around(picture: NDArray[np.float32], side: int) -> NDArray[np.float64]:
 
 
 def _white_world(scene: Scene) -> Scene:
-    """Return a scene without objects, white all round, that takes the same camera rays."""
+    """Return a scene of nothing but white all round, seen by the camera and not through fog, with its camera rays."""
     white = ConstantEnvironment(kind="constant", radiance=(1.0, 1.0, 1.0))
+    empty = {"objects": (), "lights": (), "environment": white, "medium": None}
     settings = scene.render.model_copy(update={"clamp": None, "caustics": "off"})
-    return scene.model_copy(update={"objects": (), "lights": (), "environment": white, "render": settings})
+    film = scene.film.model_copy(update={"transparent": False})
+    return scene.model_copy(update=empty | {"render": settings, "film": film})
 
 
 def _with_traced_lens(scene: Scene) -> Scene:

@@ -44,6 +44,12 @@ CAMERAS = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize("more", [{"medium": {"visibility_m": 30}}, {"film": {"transparent": True}}])
+def test_white_that_probes_are_divided_by_is_white_in_fog_and_where_pictures_have_no_background(more):
+    white = renderer._white_world(scene_of([target(4.0, 4.0, noise(100))], CAMERAS["thin"], **more))
+    np.testing.assert_allclose(rptcam_cl.render(white, size=(24, 16), spp=1).pixels, 1.0, rtol=1e-5)
+
+
 @pytest.mark.parametrize("name", fast(["realistic"], CAMERAS))
 def test_probe_sees_what_the_picture_shows(name):
     scene = scene_of([target(4.0, 4.0, noise(100))], CAMERAS[name])
