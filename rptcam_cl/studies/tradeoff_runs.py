@@ -26,6 +26,7 @@ from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.scene import film, load
+from rptcam_cl.scene.camera import NO_MOVEMENTS
 from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies import tradeoff_errors
@@ -138,7 +139,8 @@ def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None
     skipped : dict
         Why a configuration is missing, by its name.
     decision : Decision or None
-        What `camera.accuracy: auto` would choose; None for a camera without a lens of surfaces.
+        What `camera.accuracy: auto` would choose; None for a camera without a lens of surfaces, and where the film is
+        moved.
     """
     reference = most_accurate(scene)
     full, camera = reference.scene, reference.scene.camera
@@ -158,9 +160,10 @@ def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None
 
     add(tradeoff_errors.AS_IT_IS, "scene", partial(_without_layers, scene))
     if camera.traced_camera is not None:
-        decision = choose_camera(change_scene(full, camera={"accuracy": "auto"}))
-        for tier in reversed(TIERS[:-1]):
-            add(name_of(tier), "camera", partial(equivalent, full, tier), tier=tier)
+        if camera.film_movements == NO_MOVEMENTS:  # what takes the place of a lens has a film across its axis
+            decision = choose_camera(change_scene(full, camera={"accuracy": "auto"}))
+            for tier in reversed(TIERS[:-1]):
+                add(name_of(tier), "camera", partial(equivalent, full, tier), tier=tier)
         add("lens: float64", "precision", partial(change_scene, full, camera={"precision": "double"}))
         for pupil in PUPILS:
             add(f"pupil: {pupil}", "pupil", partial(change_scene, full, camera={"pupil": pupil}), unbiased=True)
@@ -206,7 +209,7 @@ def _without_layers(scene: Scene) -> Scene:
 
 def _without_lens(scene: Scene) -> Scene:
     """Return a scene with a pinhole in place of its thin lens."""
-    names = ("eye", "target", "up", "flip", "motion", "fov_degrees", "fov_axis")
+    names = ("eye", "target", "up", "flip", "motion", "fov_degrees", "fov_axis", "movements")
     return with_camera(scene, {name: getattr(scene.camera, name) for name in names} | {"kind": "pinhole"})
 
 

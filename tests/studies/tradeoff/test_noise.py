@@ -98,6 +98,17 @@ def test_same_way_is_asked_for_by_what_is_shorter():
     assert by_name["thick lens"].settings == ("camera.kind=thick_lens", "spectrum.lens=on")
 
 
+@pytest.mark.parametrize(("camera", "names"), [
+    ({"kind": "thin_lens", "fov_degrees": 40, "f_number": 4, "focus_distance_m": 3}, {"pinhole"}),
+    ({"kind": "realistic", "lens": "achromat-100mm", "focus": {"distance_m": 3}}, {"lens: float64", "pupil: rear"}),
+])  # fmt: skip
+def test_configurations_of_a_view_camera_keep_the_film_where_it_is(camera, names):
+    moved = camera | {"eye": [0, 0, 3], "target": [0, 0, 0], "movements": {"rise_mm": 5}}
+    found, _, decision = ladder(load_scene({"camera": moved, "environment": {"kind": "constant", "radiance": 1}}))
+    assert names < {each.name for each in found} and decision is None
+    assert {each.scene.camera.film_movements.rise_mm for each in found} == {5.0}
+
+
 def test_full_traces_every_surface_whatever_the_scene_leaves_out():
     cheap = [
         "camera.rays=fitted",
