@@ -206,7 +206,7 @@ def test_outcomes_of_the_lens_have_the_shares_of_rays_traced_in_float64(session)
     assert (np.abs(shares - expected) < 0.001 + Z * error).all()
 
 
-@pytest.mark.parametrize("f_number", [2.8, 8])
+@pytest.mark.parametrize("f_number", [2.8, slow(8)])
 def test_a_pupil_of_less_than_a_square_millimetre_clips_no_more(session, f_number):
     film = {"size_mm": [0.4, 0.3]}
     lens = {"lens": "asphere-1.4mm", "focus": {"distance_m": 20.0}, "f_number": f_number}

@@ -50,7 +50,7 @@ def test_conditions_and_macros_decide_which_parameters_a_kernel_has():
     assert kernel_parameters(SOURCE) == {"one": ("first", "second", "out", "wave", "last"), "two": ("in",)}
 
 
-@pytest.mark.parametrize(("spectrum", "motion", "tree", "mesh"), one_in(3, itertools.product((0, 1), repeat=4)))
+@pytest.mark.parametrize(("spectrum", "motion", "tree", "mesh"), one_in(5, itertools.product((0, 1), repeat=4)))
 def test_the_driver_reads_the_list_of_the_scene_alike(session, tmp_path, spectrum, motion, tree, mesh):
     import pyopencl as cl
 

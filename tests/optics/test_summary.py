@@ -19,9 +19,9 @@ from tests.support.cases import slow
     ("name", "film", "radius"),
     [
         ("dgauss-50mm", 36.77, 28.30),
-        ("wide-22mm", 14.54, 25.38),
+        slow("wide-22mm", 14.54, 25.38),
         ("fisheye-10mm", 23.192, 13.45),
-        ("telephoto-250mm", 123.7439, 80.4),
+        slow("telephoto-250mm", 123.7439, 80.4),
     ],
 )
 def test_image_circle_of_the_assignment_lenses(name, film, radius):

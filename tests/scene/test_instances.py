@@ -113,7 +113,7 @@ def test_the_eye_in_one_of_many_places_is_warned_of(tmp_path: Path) -> None:
 
 
 def test_the_depths_of_many_places_are_those_of_each(tmp_path: Path) -> None:
-    places = some_places(200)
+    places = some_places(60)
     np.save(tmp_path / "t.npy", places)
     view = VisibleWorld(1.0, np.array([0.1, 0.1]), np.array([0.3, 0.2]))
     listed = [BALL | {"transform": {"matrix": place.tolist()}} for place in places]

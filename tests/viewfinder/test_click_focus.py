@@ -15,6 +15,7 @@ from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import autofocus
 from rptcam_cl.studies.focus.probe import NoContrast
 from rptcam_cl.viewfinder.requests import check_search, describe_focus, focus_at, state_changes
+from tests.support.cases import slow
 
 CHECKER = {
     "kind": "matte",
@@ -48,7 +49,7 @@ def command(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> di
     return found
 
 
-@pytest.mark.parametrize("x", [0.25, 0.75])
+@pytest.mark.parametrize("x", [slow(0.25), 0.75])
 def test_click_focus_is_the_answer_of_the_command(
     scene: Scene, x: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -183,7 +183,7 @@ def test_breathing_is_how_much_larger_a_near_focus_draws(lens: str, share: float
     assert found["breathing"] == pytest.approx(share, abs=0.06)  # of exact rays at 10 degrees
 
 
-@pytest.mark.parametrize("lens", ["dgauss-50mm", "fisheye-10mm", "wide-22mm"])
+@pytest.mark.parametrize("lens", ["dgauss-50mm", *map(slow, ("fisheye-10mm", "wide-22mm"))])
 def test_image_circle_is_where_light_ends(panel: LensPanel, lens: str) -> None:
     resolved = scene(lens)
     setting = lens_setting(resolved)

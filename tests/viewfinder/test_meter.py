@@ -48,7 +48,7 @@ def pictures() -> dict[str, Any]:
     return {name: (item, rptcam_cl.render(item, spp=64).pixels) for name, item in scenes.items()}
 
 
-@pytest.mark.parametrize("kind", ["relative", slow("irradiance"), "physical"])
+@pytest.mark.parametrize("kind", ["relative", *map(slow, ("irradiance", "physical"))])
 @pytest.mark.parametrize("metering", METERINGS, ids=lambda value: str(value["metering"]))
 def test_meter_agrees_with_automatic_exposure(pictures: dict[str, Any], kind: str, metering: dict[str, Any]) -> None:
     resolved, pixels = pictures[kind]

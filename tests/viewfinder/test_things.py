@@ -224,6 +224,7 @@ def test_in_the_dark_the_camera_goes_on_without_its_meter(client: Page, server: 
     client.frame(lambda header: header["kind"] == "picture" and header["scale"] == 1 and header["spp"] >= 1)
 
 
+@pytest.mark.slow
 def test_a_lamp_is_added_selected_and_undone(client: Page) -> None:
     client.ask(40, "add", what="lamp")
     state = client.wait(lambda m: m.type == "state" and m.header["things"]["selected"] == "objects.3").header

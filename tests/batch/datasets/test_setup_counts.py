@@ -11,6 +11,7 @@ import pytest
 from rptcam_cl.batch.dataset import dataset
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.remember import forget
+from tests.support.cases import fast
 
 FIRST, FRAMES = 3, 4  # frames that find what all share, and frames whose work is counted
 MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n"
@@ -88,9 +89,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"rptcam_cl.{module}.{attribute}", count)
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind in ("pose", "rise", "zoom"))) for kind in KINDS]
-)
+@pytest.mark.parametrize("kind", fast(KINDS.keys() - {"film", "pose", "rise", "zoom"}, KINDS))
 def test_frames_make_anew_what_is_drawn_alone(
     kind: str, work: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -349,6 +349,7 @@ def test_point_images_past_85_degrees_lie_on_their_chief_rays():
     assert np.abs(closed.centroids).max() < 0.05 < np.abs(wide.centroids[:, 0, ..., 0]).min()  # coma [20 microns]
 
 
+@pytest.mark.slow
 def test_both_ways_of_spreading_rays_make_the_same_point_images(monkeypatch):
     seen = wide_fisheye()
     plane = point_images(seen, STEEP_CELLS, (), AWAY_M, 9, across=96)

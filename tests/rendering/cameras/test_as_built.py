@@ -70,6 +70,7 @@ def test_design_written_out_is_the_lens_alone(folder: Path) -> None:
     assert (one.lens, one.film_distance_mm, one.metadata) == (other.lens, other.film_distance_mm, other.metadata)
 
 
+@pytest.mark.slow
 def test_device_follows_float64_through_a_copy(folder: Path, session: Any) -> None:
     lens = lens_setting(scene(folder, built("90%"))).lens
     assert not lens.is_rotational

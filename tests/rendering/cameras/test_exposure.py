@@ -12,7 +12,7 @@ from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.cameras.marginal import LENSES, axial_irradiance
 from tests.rendering.pictures import WHITE, flat_mean, pixels, scene_of
-from tests.support.cases import fast
+from tests.support.cases import fast, slow
 from tests.support.statistics import assert_equivalent
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -149,7 +149,7 @@ def test_modes_differ_by_known_factors(kind):
     assert told["values_per_irradiance"] == pytest.approx(683 * 0.25 * 100 / 78)
 
 
-@pytest.mark.parametrize(("reflectance", "value"), [(0.18, 0.18), (1.0, 1.0)])
+@pytest.mark.parametrize(("reflectance", "value"), [(0.18, 0.18), slow(1.0, 1.0)])
 def test_full_sun_at_f_16_and_the_time_of_the_iso_exposes_a_card_rightly(reflectance, value):
     """Sunny 16: 80 000 lx make 80 000 / pi cd/m² of a white card, and pi / (4 * 16²) of that lights the film."""
     card = {"shape": "rectangle", "corner": [-50, -50, -20], "edge_u": [100, 0, 0], "edge_v": [0, 100, 0]}

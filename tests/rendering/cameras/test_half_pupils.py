@@ -52,7 +52,7 @@ def rays_round(scene):
     return camera_of(scene).pupil_rays(PLACE + steps)
 
 
-@pytest.mark.parametrize("split", ["x", "y"])
+@pytest.mark.parametrize("split", ["x", slow("y")])
 @pytest.mark.parametrize("name", fast(["tight", "heart"], [*CAMERAS, *MORE_CAMERAS]))
 def test_every_ray_belongs_to_exactly_one_half(session, name, split):
     scene = scene_through(name)

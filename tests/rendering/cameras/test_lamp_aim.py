@@ -14,6 +14,7 @@ from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays
+from tests.support.cases import slow
 from tests.support.statistics import Z, moment_scores
 
 LAMP = 18  # floats of a lamp in a block
@@ -110,7 +111,7 @@ def test_shares_stay_below_one_however_many_lamps_a_pixel_sees():
 
 
 @pytest.mark.parametrize(
-    ("camera", "radius"), [(THIN, 0.0125), (THIN | {"aperture": {"shape": "polygon", "blades": 5}}, 0.0125)],
+    ("camera", "radius"), [(THIN, 0.0125), slow(THIN | {"aperture": {"shape": "polygon", "blades": 5}}, 0.0125)],
     ids=["round", "polygon"],
 )  # fmt: skip
 def test_rays_that_aim_at_lamps_weigh_as_if_all_filled_the_pupil_evenly(session, camera, radius):

@@ -28,7 +28,7 @@ def test_no_ray_leaks_through_edges_or_vertices(session, place):
 
 
 @pytest.mark.parametrize("width", [16, *map(slow, (4, 8))])
-@pytest.mark.parametrize("kind", ["random", "axis", "denormal"])
+@pytest.mark.parametrize("kind", [slow("random"), "axis", "denormal"])
 @pytest.mark.parametrize("shape", ["globe", "flat grid"])
 def test_tree_finds_what_every_triangle_finds(session, monkeypatch, shape, kind, width):
     monkeypatch.setattr(scene_buffers, "WIDTH", {"cpu": width, "gpu": width})

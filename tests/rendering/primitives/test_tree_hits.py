@@ -38,7 +38,7 @@ def both(session, monkeypatch, objects, **keys):
     return pair
 
 
-@pytest.mark.parametrize(("rays", "lanes"), [*((rays, 8) for rays in RAYS), slow("axis", 1)])
+@pytest.mark.parametrize(("rays", "lanes"), [("random", 8), *map(slow, ("axis", "slanting", "axis"), (8, 8, 1))])
 def test_hits_are_those_of_the_loop(session, monkeypatch, rays, lanes):
     rng = rng_of(f"hits {rays}")
     tree, loop = both(session, monkeypatch, crowd(rng, 150))
@@ -108,6 +108,7 @@ def test_hits_among_meshes_are_those_of_the_loop(session, monkeypatch):
     assert len(objects) - 1 in expected.primitive  # the mesh stands last
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [5, *map(slow, (1, 2))])
 def test_few_primitives_make_a_sound_tree(session, monkeypatch, count):
     rng = rng_of(f"few {count}")

@@ -10,6 +10,7 @@ from rptcam_cl.rendering import tree_build
 from rptcam_cl.rendering.tree_build import BINS, MAX_STACK, SWEEP, Builder, binary_tree, build_bvh, reinsert, widen
 from tests.rendering.trees.meshes import boxes_of, hall, knot, soup
 from tests.rendering.trees.trees import quality
+from tests.support.cases import slow
 
 WIDTH, LEAF = 8, 8
 
@@ -193,7 +194,7 @@ def levels_of_halves(count, leaf):
     return int(np.ceil(np.log2(-(-count // leaf))))
 
 
-@pytest.mark.parametrize("leaf", [1, 4])
+@pytest.mark.parametrize("leaf", [slow(1), 4])
 @pytest.mark.parametrize("are_halves", [False, True])
 def test_splits_of_subtrees_are_those_that_their_sizes_ask_for(session: Session, leaf, are_halves) -> None:
     random = np.random.default_rng(5)

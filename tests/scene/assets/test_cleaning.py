@@ -67,7 +67,7 @@ def test_bent_quad_is_cut_inside(first: int) -> None:
     assert [area(corners) > 0 for corners in triangles] == [True, True]
 
 
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(st.lists(st.floats(0.2, 1), min_size=5, max_size=40), st.integers(0, 2), st.booleans())
 def test_triangles_of_any_simple_polygon_cover_it_once(radii: list[float], axis: int, turned: bool) -> None:
     angles = 2 * np.pi * np.arange(len(radii)) / len(radii)
@@ -81,8 +81,8 @@ def test_triangles_of_any_simple_polygon_cover_it_once(radii: list[float], axis:
     assert areas.sum() == pytest.approx(shoelace(flat))
 
 
-def test_polygon_of_a_million_corners_is_a_fan() -> None:
-    angles = 2 * np.pi * np.arange(1_000_000) / 1_000_000
+def test_polygon_of_many_corners_is_a_fan() -> None:
+    angles = 2 * np.pi * np.arange(200_000) / 200_000
     circle = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)
     triangles = as_triangles(circle, [Polygons(np.array([0]), np.arange(len(circle))[None])], "face")
     assert area(circle[triangles]) == pytest.approx(np.pi)

@@ -180,7 +180,7 @@ def test_probes_of_halves_differ_in_noise():
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("method", ["phase", "contrast"])
+@pytest.mark.parametrize("method", ["phase", slow("contrast")])
 def test_zone_of_a_pixel_is_refused_in_a_sentence(method):
     scene = scene_of([target(2.0, 2.0, noise(400))], lens_camera("dgauss-50mm"))
     with pytest.raises(NoContrast, match="standard errors of the noise"):

@@ -36,7 +36,8 @@ def test_most_of_26_targets_are_found(method):
     assert [row["reason"] for row in found if row["reason"]] == []
 
 
-@pytest.mark.parametrize("number", [40, slow(178)])
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [40, 178])
 def test_hybrid_goes_by_the_halves_where_aberrations_move_the_contrast(number):
     """Behind a wide open single lens details are clearest half a depth of focus and more from the least spot.
 
