@@ -715,7 +715,7 @@ def _keys(scene: Scene, resolved: Resolved) -> dict[str, Any]:
     if "accuracy" in resolved.metadata:
         chosen, spectrum = resolved.scene.camera, resolved.scene.spectrum
         if chosen.kind != scene.camera.kind:
-            changes = {"camera": chosen.model_dump(mode="json", exclude_unset=True) | {"kind": chosen.kind}}
+            changes = {"camera": chosen.model_dump(mode="json", exclude_defaults=True) | {"kind": chosen.kind}}
         else:
             changes["camera.accuracy"] = None
             if getattr(chosen, "rays", "") == "fitted":

@@ -49,6 +49,18 @@ def test_lens_that_stays_traced_has_no_accuracy_left_to_be_found(tmp_path):
     np.testing.assert_array_equal(one.pixels, other.pixels)
 
 
+def test_thin_lens_that_stands_for_a_lens_is_written_as_a_scene_has_it():
+    camera = CAMERA | {"lens": "achromat-100mm", "eye": [0, 1, 3], "f_number": 6, "focus": {"distance_m": 3}}
+    camera |= {"accuracy": {"max_error_px": 0.5, "max_illumination_error": 0.9}}
+    ball = {"shape": "sphere", "center": [0, 0.5, 0], "radius": 0.5, "material": {"kind": "matte", "reflectance": 0.5}}
+    light = {"environment": {"kind": "constant", "radiance": 1}, "spectrum": "rgb"}
+    given = {"camera": camera, "film": {"resolution": [24, 16]}, "objects": [ball]} | light
+    settled = rptcam_cl.settle(given)
+    assert settled.found == ("camera model: thin_lens",)
+    one, other = (rptcam_cl.render(each, spp=1) for each in (given, settled.scene))
+    np.testing.assert_array_equal(one.pixels, other.pixels)
+
+
 def test_scene_that_leaves_nothing_open_is_written_as_it_is(tmp_path):
     found = rptcam_cl.settle(still_life(), tmp_path / "a.yaml")
     assert found.found == ()
