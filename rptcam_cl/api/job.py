@@ -687,7 +687,7 @@ def settle(scene: SceneSource, path: str | Path | None = None, *, device: Wanted
     sessions, _ = open_sessions(device)
     resolved = resolve(given, sessions[0])
     data = plain_data(set_keys(given, _keys(given, resolved)))
-    notes = _notes(resolved)
+    notes = _notes(given, resolved)
     if path is not None:
         with replacing(path) as temporary:
             temporary.write_text(scene_text(data, ("Resolved by rptcam settle.", *notes)), encoding="utf-8")
@@ -712,7 +712,7 @@ def _keys(scene: Scene, resolved: Resolved) -> dict[str, Any]:
     changes: dict[str, Any] = {}
     if resolved.focus is not None:
         changes |= focus_keys(scene, resolved.focus["camera"])
-    if "accuracy" in resolved.metadata:
+    if "accuracy" in resolved.metadata and not _goes_by_lens(scene, resolved):
         chosen, spectrum = resolved.scene.camera, resolved.scene.spectrum
         if chosen.kind != scene.camera.kind:
             changes = {"camera": chosen.model_dump(mode="json", exclude_defaults=True) | {"kind": chosen.kind}}
@@ -727,14 +727,21 @@ def _keys(scene: Scene, resolved: Resolved) -> dict[str, Any]:
     return changes
 
 
-def _notes(resolved: Resolved) -> tuple[str, ...]:
+def _goes_by_lens(scene: Scene, resolved: Resolved) -> bool:
+    """Whether ghosts or diffraction are those of a lens in whose place rays have another camera model."""
+    effects = any(resolved.metadata.get(what, {}).get("on") for what in ("diffraction", "ghosts"))
+    return effects and resolved.scene.camera.kind != scene.camera.kind
+
+
+def _notes(scene: Scene, resolved: Resolved) -> tuple[str, ...]:
     notes = []
     if resolved.focus is not None:
         distance = resolved.metadata.get("focus_distance_m")
         notes.append("focus: " + ("found" if distance is None else f"at {distance:.4g} m"))
         notes += [f"autofocus: {line}" for line in resolved.metadata.get("autofocus", {}).get("warnings", ())]
     if "accuracy" in resolved.metadata:
-        notes.append(f"camera model: {resolved.scene.camera.kind}")
+        left = ", left to each render: ghosts and diffraction are the lens's" * _goes_by_lens(scene, resolved)
+        notes.append(f"camera model: {resolved.scene.camera.kind}{left}")
     if resolved.metered_cd_m2 is not None:
         notes.append(f"exposure: {resolved.metered_cd_m2:.6g} cd/m²")
     return tuple(notes)
