@@ -177,7 +177,7 @@ def plan_smaller_film(state: SceneState, scale: float, reading: float | None) ->
 
 def reading_of(pixels: NDArray[np.float32], plan: Plan, state: SceneState, film: Film) -> float | None:
     """The reading of the exposure meter for a glance; None where it has seen a part of the film, or hardly light."""
-    if film.crop is not None or state.scene.exposure.lock_cd_m2:
+    if film.crop is not None or film.transparent or state.scene.exposure.lock_cd_m2:
         return None
     reading = reading_cd_m2(pixels, state.scene.exposure, film) / plan.camera.value
     return reading if LEAST_CD_M2 <= reading <= MOST_CD_M2 else None

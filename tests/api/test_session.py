@@ -195,6 +195,13 @@ def test_glances_of_a_part_of_the_film_and_of_a_locked_exposure_leave_the_meter_
     np.testing.assert_allclose(first, session.take().pixels, rtol=1e-5)
 
 
+def test_glances_without_a_background_are_as_bright_as_the_film(session: RenderSession) -> None:
+    session.change({"film.transparent": True})  # which the meter sees all the same
+    film = session.take().pixels
+    for _ in range(2):
+        np.testing.assert_allclose(session.glance(1).pixels, film, rtol=1e-5)
+
+
 def test_panorama_keeps_its_shape_in_glances(session: RenderSession) -> None:
     camera = {"kind": "environment", **POSE}
     session.replace(WORLD | {"camera": camera, "film": {"resolution": [50, 25]}})
