@@ -662,6 +662,7 @@ def t_number(
     return float(np.sqrt(np.pi / (4.0 * on_axis_irradiance(lens, film_distance_mm, wavelength_nm, transmission))))
 
 
+@remember(most=16)
 def image_circle(
     lens: Lens,
     film_distance_mm: float,
@@ -687,8 +688,7 @@ def image_circle(
         film = np.array([[radius, 0.0]])
         return any(film_probe.narrow_boxes(probe, film, probe.windows(film), shape)[1][0] for shape in (FAN, SEARCH))
 
-    radii = limit * np.geomspace(0.02, 1.0, 24)
-    low, high = 0.0, 0.0
+    radii, low, high = limit * np.geomspace(0.02, 1.0, 24), 0.0, 0.0
     if between_mm is None:
         beside = limit * _BESIDE_AXIS if not lit(0.0) else ()  # of a ring that the middle of a mirror lens leaves dark
         low = next((float(radius) for radius in beside if lit(float(radius))), 0.0)

@@ -61,7 +61,7 @@ def _names_in(folder: Path, modified_ns: int) -> frozenset[str]:
     return frozenset(file.name for file in folder.iterdir())
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)  # the whole library
 def _read_at(path: Path, modified_ns: int) -> Lens:
     """Return the lens of a file of the library as it was modified last."""
     return read_native(read_yaml(path))
