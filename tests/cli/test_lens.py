@@ -77,7 +77,7 @@ def test_wavelength_is_part_of_the_facts(rptcam: Command) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "focal_length"), [slow(["--zoom", "194 mm"], 194), (["--focal-length-mm", "100"], 100)]
+    ("words", "focal_length"), [slow(["--zoom", "194 mm"], 194), slow(["--focal-length-mm", "100"], 100)]
 )
 def test_zoom_is_part_of_the_facts(rptcam: Command, words: list[str], focal_length: float) -> None:
     run = rptcam("lens", "info", "zoom-70-200mm", "--json", *words)

@@ -73,6 +73,7 @@ def test_wrong_specification_is_one_line_with_its_place(spec: Path, capsys: pyte
     assert f"{spec}:6:6: tolerances[1].decenter_mm: unknown key; did you mean decentre_mm?" in error[0]
 
 
+@pytest.mark.slow
 def test_lens_is_measured_at_a_temperature(capsys: pytest.CaptureFixture[str]) -> None:
     lengths = []
     for celsius in ("20", "80"):

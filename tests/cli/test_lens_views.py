@@ -64,6 +64,7 @@ def test_measure_prints_a_table_and_json_and_writes_a_plot(rptcam: Command, tmp_
     assert all(row.keys() >= {"rms_um", "centroid_y_mm"} for row in document["spots"])
 
 
+@pytest.mark.slow
 def test_plots_are_written_as_png_too(rptcam: Command, tmp_path: Path) -> None:
     from PIL import Image
 

@@ -169,6 +169,7 @@ def test_dual_pixels_part_what_is_out_of_focus_by_the_middles_of_half_disks(rptc
     assert masked.pixels[0] == pytest.approx((left.pixels[0] + right.pixels[0]) / 2)
 
 
+@pytest.mark.slow
 def test_split_image_is_parted_by_the_cone_of_its_wedges_and_goes_dark_when_stopped_down():
     screen = focusing_screen(STRIP).luminance
     middle = slice(165, 195)  # columns within the circle of 3 mm

@@ -25,11 +25,13 @@ def picture(camera, session, seed):
     return np.asarray(image).astype(np.float64)
 
 
+@pytest.mark.parametrize("organisation", ["passes", slow("stream")])
 @pytest.mark.parametrize("camera", ["few things", *map(slow, ("pinhole", "lens"))])
-def test_one_lane_and_eight_give_pictures_that_agree(camera, monkeypatch):
+def test_one_lane_and_eight_give_pictures_that_agree(camera, organisation, monkeypatch):
     session = open_session()
     eight = [picture(camera, session, seed) for seed in range(4)]
     monkeypatch.setattr(Session, "lanes", 1)
+    monkeypatch.setattr(tracer, "ORGANISATION", {"cpu": organisation, "gpu": organisation})
     session = open_session()
     one = [picture(camera, session, seed) for seed in range(8)]
     assert_same_tiles(sampled(eight), sampled(one[4:]))
@@ -37,7 +39,7 @@ def test_one_lane_and_eight_give_pictures_that_agree(camera, monkeypatch):
     assert np.isclose(one[:4], eight, rtol=1e-5, atol=1e-6).mean() > 0.98
 
 
-@pytest.mark.parametrize(("camera", "lanes"), [("few things", 1), *SLOW])
+@pytest.mark.parametrize(("camera", "lanes"), [slow("few things", 1), *SLOW])
 def test_passes_and_stream_give_pictures_that_agree(camera, lanes, monkeypatch):
     monkeypatch.setattr(Session, "lanes", lanes)
     session = open_session()

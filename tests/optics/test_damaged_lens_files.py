@@ -132,7 +132,7 @@ KEYS = (
 )
 
 
-@settings(max_examples=50, database=None)
+@settings(max_examples=30, database=None)
 @seed(4)
 @given(st.lists(st.tuples(st.integers(0, 3), st.sampled_from(KEYS), VALUES), min_size=1, max_size=4))
 def test_mutated_lenses_load_or_are_refused(changes):

@@ -96,7 +96,7 @@ def test_a_lens_stopped_down_has_the_light_of_first_order_optics(name):
     assert all(b < a * 1.001 for a, b in pairwise(values))
 
 
-@pytest.mark.parametrize("name", ["dgauss-50mm", slow("biotar-58mm"), slow("telephoto-250mm")])
+@pytest.mark.parametrize("name", [slow("dgauss-50mm"), slow("biotar-58mm"), slow("telephoto-250mm")])
 def test_a_cover_glass_before_the_film_takes_no_light(name):
     bare, covered = load_lens(name), behind_glass(name)
     for f_number, value in lights(bare, film_distance(bare, np.inf)).items():

@@ -179,6 +179,7 @@ def test_full_disk_leaves_nothing_of_the_frame_under_way(
     assert bytes_of(place / "out") == bytes_of(place / "other")
 
 
+@pytest.mark.slow
 def test_states_drawn_from_a_continuum_share_pupils_and_frames_stay_what_they_are_alone(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -322,6 +322,7 @@ def test_spots_through_focus_have_as_many_rays_as_they_need() -> None:
         assert row["rms_um"] == pytest.approx(expected["rms_um"], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_slivers_of_pupil_have_as_many_azimuths_as_they_need() -> None:  # once 4.7 % off, near the edge of the light
     state = setting(load_lens("telephoto-400mm"), 8.0)
     circle = film_radii(state, 1)[-1]

@@ -255,6 +255,7 @@ def test_focus_by_spot_counts_the_depth_of_the_tilted_film():
     assert flat - tilted == pytest.approx(6 * np.sin(np.radians(5.0)), rel=0.02)
 
 
+@pytest.mark.slow
 def test_focus_by_spot_near_natural_size_is_for_the_distance_from_the_middle_of_the_tilted_film():
     scene = scene_of(
         lens="dgauss-50mm",

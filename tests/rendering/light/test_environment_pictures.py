@@ -66,6 +66,7 @@ def test_irradiance_is_that_of_quadrature(folder: Path, normal) -> None:
     assert_equivalent(film.mean(axis=0), film.std(axis=0) / 64, expected, 0.01 * expected)
 
 
+@pytest.mark.slow
 def test_turned_environment_turns_its_light(folder: Path) -> None:
     n, scene = ground((0.6, 0.5, 0.2), rotation_degrees=70)
     angle = np.deg2rad(-70)  # what the surface sees if it turns the other way

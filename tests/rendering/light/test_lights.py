@@ -13,6 +13,7 @@ from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.lights import read_luminaire
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import MATTE, flat_mean, looking, pixels, scene_of, seed_of
+from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent
 
 GROUND = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": MATTE}
@@ -110,7 +111,7 @@ def test_luminaire_has_the_colour_and_gain_of_the_light() -> None:
 SUN = {"kind": "sun", "direction": [-3, 0, -4], "irradiance": [1, 2, 3]}
 
 
-@pytest.mark.parametrize("diameter", [0.53, 0.05, 40.0])
+@pytest.mark.parametrize("diameter", [0.53, *map(slow, (0.05, 40.0))])
 def test_irradiance_of_a_sun_is_that_of_its_cosine(diameter) -> None:
     # a disk that is whole above the horizon has the irradiance pi L sin² radius cos, exactly
     scene = ground_under([SUN | {"diameter_degrees": diameter}])

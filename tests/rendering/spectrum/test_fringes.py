@@ -173,6 +173,7 @@ def test_three_wavelengths_of_white_leave_little_noise():
     assert colour < 0.25  # 11 with one wavelength
 
 
+@pytest.mark.slow
 def test_noise_of_one_wavelength_is_the_least_that_there_is():
     spectra = primary_spectra()
     found = {}

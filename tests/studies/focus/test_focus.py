@@ -143,7 +143,7 @@ LEFT_AND_RIGHT = [[0.24, 0.29, 0.42, 0.495], [0.7, 0.75, 0.42, 0.495]]
 
 
 @pytest.mark.parametrize("method", ["contrast", slow("depth")])
-@pytest.mark.parametrize(("policy", "distance"), [slow("closest", 1.0), ("farthest", 3.0)])
+@pytest.mark.parametrize(("policy", "distance"), [slow("closest", 1.0), slow("farthest", 3.0)])
 def test_two_objects_and_two_zones(policy, distance, method):
     auto = {"method": method, "zones": LEFT_AND_RIGHT, "policy": policy}
     scene = scene_of(NEAR_AND_FAR, lens_camera("dgauss-50mm", focus={"auto": auto}))

@@ -45,6 +45,7 @@ def test_thin_lens_of_known_field_obeys_the_lens_equation_in_the_zone():
     assert 1 / (1 / focal_length - 1 / (film + behind(UPPER))) == pytest.approx(3000, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_thin_lens_says_how_far_it_can_focus_in_the_zone():
     farthest = 1 / (1 / 50 - 1 / (50 + behind(LOWER)))
     with pytest.raises(

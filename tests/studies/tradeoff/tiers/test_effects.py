@@ -21,6 +21,7 @@ def test_light_of_the_probed_points_is_that_of_the_dense_quadrature(lens):
     assert [field.light[0] for field in truth.fields] == pytest.approx(expected, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_light_through_a_shaped_stop_is_that_of_the_dense_quadrature():
     scene = scene_of("telephoto-250mm", aperture=STAR)
     truth = truth_of(scene)
