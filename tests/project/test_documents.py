@@ -2,6 +2,7 @@
 
 import re
 import subprocess
+from functools import cache
 from pathlib import Path
 
 from tests.support.pages import all_blocks
@@ -29,6 +30,7 @@ def links(document: Path) -> list[tuple[Path, str]]:
     ]
 
 
+@cache
 def anchors(document: Path) -> set[str]:
     """Return the names that headings have as targets of links: those that stand twice are numbered."""
     text = re.sub(r"^```.*?^```", "", document.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
