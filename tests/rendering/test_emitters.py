@@ -9,6 +9,9 @@ import math
 import numpy as np
 import pytest
 
+from rptcam_cl.core.records import EmitterKind
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import MATTE, flat_mean, lamp, looking, pixels, scene_of
 from tests.support.cases import fast, slow
 from tests.support.statistics import assert_equivalent
@@ -202,3 +205,22 @@ def test_emitters_of_every_kind_add_up():
     green = 5 * math.pi * offset_disk(0.8, 1.1, 0.6)
     both = 0.5 * math.pi * 0.25 / 4 * 0.8
     assert_irradiance(scene, "all", np.array([red, green, 0.8]) + both, 0.012, spp=2048)
+
+
+@pytest.mark.parametrize("unit_m", [1.0, 0.001, 1000.0])
+@pytest.mark.parametrize("flat", ["rectangle", "disk"])
+def test_lamp_beside_a_sky_is_sampled_as_often_whatever_the_unit_of_the_scene(flat, unit_m):
+    def length(*metres):
+        return [each / unit_m for each in metres]
+
+    sides = {"corner": length(-0.1, -0.1, 0), "edge_u": length(0.2, 0, 0), "edge_v": length(0, 0.2, 0)}
+    disk = {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 0.1 / unit_m}
+    table = {"shape": flat, "material": MATTE, **(sides if flat == "rectangle" else disk)}
+    light = {"kind": "point", "position": length(0, 0, 0.2), "intensity": 1.0}
+    camera = {"kind": "pinhole", "eye": length(0, 0, 0.3), "target": [0, 0, 0], "up": [0, 1, 0], "fov_degrees": 40}
+    scene = {"metres_per_unit": unit_m, "camera": camera, "objects": [table], "lights": [light]}
+    plan = make_plan(load_scene(scene | {"environment": {"kind": "sky", "sun": False}}))
+    (share,) = plan.emitters.records["pick"][plan.emitters.records["kind"] == EmitterKind.POINT]
+    # The power of the lamp, beside what of the sky passes a disk about the eye of once to twice the table's distance.
+    least, most = (4 / (4 + plan.surroundings.flux * reach**2) for reach in (0.6, 0.3))
+    assert least <= share <= most

@@ -556,9 +556,11 @@ def _scene_reach(primitives: Primitives, eye: NDArray[np.float64]) -> float:
     """Return a radius about the eye that holds all bounded primitives [m]."""
     reach = 0.0
     for kind, (runs, _) in primitives.by_kind().items():
-        if kind is not Kind.PLANE:
-            sizes = (np.linalg.norm(some[:, :3], ord=2, axis=(1, 2)) for *_, some in primitives.places.blocks(runs))
-            reach = max(reach, *(float(each.max()) for each in sizes))
+        for *_, some in primitives.places.blocks(runs) if kind is not Kind.PLANE else ():
+            rows, size = some[:, :3].copy(), np.linalg.norm(some[:, :3], axis=1)
+            if kind in (Kind.RECTANGLE, Kind.DISK):  # the normal of a flat one, a unit of the scene, is no length of it
+                rows[:, :, 2] *= np.minimum(size[:, [0, 1, 3]].max(axis=1) / size[:, 2], 1.0)[:, None]
+            reach = max(reach, float(np.linalg.norm(rows, ord=2, axis=(1, 2)).max()))
     placed = primitives.of_meshes()
     meshes, mesh_of = placed.meshes()
     boxes = np.array([mesh.bounds() for mesh in meshes])
