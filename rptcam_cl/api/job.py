@@ -106,19 +106,24 @@ def resolve(
         sharp = in_focus(scene, session, focus)[0]
     sharp = on_film(sharp)
     diffraction, in_focus_with_lens = diffraction_of(sharp), sharp
-    described_choice: dict[str, Any] = {}
-    traced = sharp.camera.traced_camera
-    if traced is not None and traced.accuracy is not None:
-        from rptcam_cl.studies.tiers import choose_camera  # few scenes have a choice, and its room takes long to import
-
-        choice = choose_camera(sharp)
-        sharp, described_choice = choice.scene, choice.metadata
+    sharp, described_choice = _choose_camera(sharp)
     exposed, metered_cd_m2, metadata = resolve_exposure(sharp, session, metered_cd_m2, held)
     metadata |= described_choice | ({} if focus is None else focus["metadata"])
     metadata |= {} if diffraction is None else {"diffraction": diffraction.metadata}
     ghosts = in_focus_with_lens if has_ghosts(in_focus_with_lens) else None
     metadata |= {} if ghosts is None else {"ghosts": {"on": True}}
     return Resolved(exposed, metadata, focus, metered_cd_m2, diffraction, ghosts)
+
+
+def _choose_camera(scene: Scene) -> tuple[Scene, dict[str, Any]]:
+    """Return a scene in focus with the camera model that its accuracy asks for, and what metadata say of the choice."""
+    traced = scene.camera.traced_camera
+    if traced is None or traced.accuracy is None:
+        return scene, {}
+    from rptcam_cl.studies.tiers import choose_camera  # few scenes have a choice, and its room takes long to import
+
+    choice = choose_camera(scene)
+    return choice.scene, choice.metadata
 
 
 def check_divisible(scene: Scene) -> None:
@@ -475,11 +480,11 @@ class RenderJob:
             if frame is None:
                 return None
             applied = self.options.apply_to(read_scene(frame))
-            if applied.requested_autofocus is None:
-                return applied
-            from rptcam_cl.studies.focus.controller import in_focus  # few scenes have it, and it takes long to import
+            if applied.requested_autofocus is not None:
+                from rptcam_cl.studies.focus.controller import in_focus  # few scenes have it, and it takes long to import
 
-            return in_focus(applied, session, None)[0]
+                applied = in_focus(applied, session, None)[0]
+            return _choose_camera(on_film(applied))[0]
 
         flows = self.options.neighbours if {"flow_forward", "flow_backward"} & set(self.layers) else None
         neighbours = None if flows is None else (as_rendered(flows[0]), as_rendered(flows[1]))

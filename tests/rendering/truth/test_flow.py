@@ -182,3 +182,13 @@ def test_flow_follows_keys_that_change_and_ends_where_an_object_is_no_more() -> 
     )
     assert np.isnan(gone["flow_forward"][on]).all()
     assert np.abs(gone["flow_forward"][~on]).max() < 1e-9
+
+
+def test_nothing_flows_between_equal_frames_where_a_camera_model_takes_the_place_of_the_lens() -> None:
+    lens = {"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 3}, "f_number": 16}
+    loose = {"accuracy": {"max_error_px": 5, "max_illumination_error": 100}, "eye": [0, 0, 0], "target": [0, 0, -1]}
+    wall = panel(-6.0, 20.0, name="wall")
+    scene = load_scene({"film": FINE, "camera": lens | loose, "objects": [wall], "environment": SKY})
+    image = rptcam_cl.render(scene, spp=1, layers=["flow_forward"], neighbours=(scene, scene))
+    assert image.metadata["camera"] == "pinhole"
+    np.testing.assert_allclose(image["flow_forward"], 0.0, atol=1e-6)
