@@ -481,7 +481,7 @@ class RenderJob:
                 return None
             applied = self.options.apply_to(read_scene(frame))
             if applied.requested_autofocus is not None:
-                from rptcam_cl.studies.focus.controller import in_focus  # few scenes have it, and it takes long to import
+                from rptcam_cl.studies.focus.controller import in_focus  # few scenes have it, and it imports much
 
                 applied = in_focus(applied, session, None)[0]
             return _choose_camera(on_film(applied))[0]
