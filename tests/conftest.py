@@ -5,7 +5,7 @@ import contextlib
 import gc
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +59,23 @@ def checkout() -> Path:
     return Path(__file__).resolve().parents[1]
 
 
+# What kernels of the fast tests of rendering know of, whether a scene has it or not: they do for both to the bit
+# (`serve` of `rendering/plan/plan.py`), and scenes that differ in these alone take one program. Slow tests have kernels
+# of their own, and so have all other rooms.
+_SHAPES = ("SPHERE", "ELLIPSOID", "RECTANGLE", "PLANE", "DISK", "BOX", "CYLINDER", "CONE", "AFFINE")
+_MATERIALS = ("MATTE", "MIRROR", "EMISSIVE", "DIELECTRIC", "PLASTIC", "TEXTURE", "CHECKER", "GRID", "GRADIENT")
+KNOWN = [f"HAS_{each}" for each in (*_SHAPES, *_MATERIALS)]
+LAMPS = [f"EMITTER_{each}" for each in ("SIZELESS", "POINTS", "DIRECTIONS", "FLATS", "DISKS", "SPHERES")]
+
+
+def known_of(files: list[str], facts: Mapping[str, int | str]) -> Mapping[str, int | str]:
+    """Return the facts of kernels that know of `KNOWN`, and of `LAMPS` where there are any; not those of probes."""
+    if "HAS_MATTE" not in facts or Path(files[0]).is_absolute():
+        return facts
+    lamps = dict.fromkeys(LAMPS, 1) | {"ONE_EMITTER": 0} if facts["HAS_EMITTERS"] else {}
+    return {**facts, **dict.fromkeys(KNOWN, 1), **lamps}
+
+
 @pytest.fixture(scope="session", autouse=True)
 def kernels_that_compile_soonest() -> Iterator[list[tuple[type, str, Any]]]:
     """All sessions have the kernels that compile soonest, as first pictures of a process do; their bits are the same.
@@ -82,8 +99,36 @@ def kernels_that_compile_soonest() -> Iterator[list[tuple[type, str, Any]]]:
         yield before
 
 
+@pytest.fixture(scope="module", autouse=True)
+def kernels_that_know_of_more(request: pytest.FixtureRequest) -> Iterator[tuple[type, str, Any]]:
+    """Kernels of the fast tests of rendering know of `KNOWN` and `LAMPS`; what stood in the place of that is returned.
+
+    They are compared with those that know of no more than a scene has in `rendering/test_serving.py`.
+    """
+    from rptcam_cl.device.session import Session
+
+    take = Session.program
+
+    def program(self: Session, files: list[str], facts: Mapping[str, int | str], declarations: str) -> Any:
+        return take(self, files, known_of(files, facts), declarations)
+
+    is_fast = request.config.getoption("markexpr") == "not slow"
+    with pytest.MonkeyPatch.context() as patch:
+        if is_fast and Path(__file__).parent / "rendering" in request.path.parents:
+            patch.setattr(Session, "program", program)
+        yield Session, "program", take
+
+
 @pytest.fixture
-def full_kernels(kernels_that_compile_soonest: list[tuple[type, str, Any]], monkeypatch: pytest.MonkeyPatch) -> None:
+def own_kernels(kernels_that_know_of_more: tuple[type, str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels know of what their scene has, and of no more, as without the tests."""
+    monkeypatch.setattr(*kernels_that_know_of_more)
+
+
+@pytest.fixture
+def full_kernels(
+    kernels_that_compile_soonest: list[tuple[type, str, Any]], own_kernels: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Sessions choose their kernels, and processes apart compile them, as without the tests."""
     for place in kernels_that_compile_soonest:
         monkeypatch.setattr(*place)

@@ -73,7 +73,7 @@ def test_margin_of_the_lens_is_that_of_float64():
 
 def test_state_of_a_render_is_of_one_precision(tmp_path, capsys):
     scene, out, state = (str(tmp_path / name) for name in ("scene.yaml", "out.npy", "out.rpck"))
-    (tmp_path / "scene.yaml").write_text(json.dumps(SCENES["moving"]))
+    (tmp_path / "scene.yaml").write_text(json.dumps(still_life() | {"camera": LENS}))
     command = ["render", scene, "-o", out, "--size", "16x16", "--spp", "4", "--resume", "--quiet"]
     assert main(command) == 0
     assert (tmp_path / state).exists()

@@ -87,10 +87,13 @@ SUN = np.array([0.5, -0.6, 0.9]) / np.linalg.norm([0.5, -0.6, 0.9])
 STEP = 1e-5
 
 
-def bumpy(bodies, lengths="surface"):
-    """One ray per pixel to bodies with the bumps of `height_of`, under one sun."""
-    texture = {"kind": "perlin", "octaves": 2, "gain": 0.4, "scale": [3, 2], "rotation_degrees": 20, "offset": [0.2, 0]}
-    return under_sun(bodies, {"bump": {"texture": texture, "height": 0.15, "lengths": lengths}}), None
+PERLIN = {"kind": "perlin", "octaves": 2, "gain": 0.4, "scale": [3, 2], "rotation_degrees": 20, "offset": [0.2, 0]}
+BUMPS = {"bump": {"texture": PERLIN, "height": 0.15}}
+LEAN = {"normal_map": {"file": "lean.png"}}
+ALONG_U = {"kind": "gradient", "start": 0, "end": 1}
+PRODUCT = {"kind": "mixture", "first": 0.25, "second": ALONG_U, "amount": ALONG_U | {"rotation_degrees": -90}}
+SHEET = {"shape": "rectangle", "corner": [-2, 10, 5], "edge_u": [4, 0, 0], "edge_v": [0, 0, -4],
+         "material": MATTE | {"bump": {"texture": PRODUCT, "height": 1.5}}}  # fmt: skip
 
 
 def height_of(u, v):
@@ -102,42 +105,43 @@ def height_of(u, v):
     return 0.15 * (perlin(places) + 0.4 * perlin(1.99 * places))
 
 
-def under_sun(bodies, normals):
-    material = MATTE | normals
-    sun = {"kind": "directional", "direction": (-SUN).tolist(), "irradiance": [np.pi] * 3}
-    camera = looking(EYE, [0, -1, 0], fov=78)
-    scene = scene_of([body | {"material": material} for body in bodies], camera, depth=2, lights=[sun],
-                     resolution=(640, 256))  # fmt: skip
-    return one_sample(scene, ["position", "geometric_normal", "uv", "object_id"], seed=seed_of("maps"))
-
-
-def pictured(bodies):
-    """One ray per pixel to bodies that wear a constant map, under one sun; and the normal that the map's bytes hold."""
-    code = np.round((np.array(MAP) + 1) / 2 * 255).astype(np.uint8)
-    Image.fromarray(np.broadcast_to(code, (4, 4, 3)).copy()).save("lean.png")
-    held = code / 255 * 2 - 1
-    return under_sun(bodies, {"normal_map": {"file": "lean.png"}}), held / np.linalg.norm(held)
-
-
 @pytest.fixture(scope="module")
-def everything(tmp_path_factory):
-    """Every body in every placement, side by side."""
+def pictures(tmp_path_factory):
+    """One ray per pixel to every body in every placement, side by side under one sun, and to `SHEET`.
+
+    They wear a constant map in the one picture, and the bumps of `height_of` in the other; with them comes the normal
+    that the map's bytes hold.
+    """
     bodies = [
         BODIES[name] | {"transform": [*PLACED[placed], {"translate": place.tolist()}]}
         for (name, placed), place in PLACES.items()
     ]
+    specks = [BODIES["disk"] | {"transform": [{"scale": 1e-4}, {"translate": [0, 0, 90]}], "material": MATTE | worn}
+              for worn in (LEAN, BUMPS)]  # so that one program renders both  # fmt: skip
+    sun = {"kind": "directional", "direction": (-SUN).tolist(), "irradiance": [np.pi] * 3}
+    code = np.round((np.array(MAP) + 1) / 2 * 255).astype(np.uint8)
+    held, found = code / 255 * 2 - 1, []
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("maps"))
-        return pictured(bodies)
+        Image.fromarray(np.broadcast_to(code, (4, 4, 3)).copy()).save("lean.png")
+        for worn in (LEAN, BUMPS):
+            objects = [*(body | {"material": MATTE | worn} for body in bodies), SHEET, *specks]
+            scene = scene_of(objects, looking(EYE, [0, -1, 0], fov=78), depth=2, lights=[sun], resolution=(640, 256))
+            layers = ["position", "geometric_normal", "uv", "object_id"]
+            found.append(one_sample(scene, layers, seed=seed_of("maps")))
+    return *found, held / np.linalg.norm(held)
 
 
 @pytest.fixture(scope="module")
-def uneven():
-    """The same with bumps."""
-    return bumpy([
-        BODIES[name] | {"transform": [*PLACED[placed], {"translate": place.tolist()}]}
-        for (name, placed), place in PLACES.items()
-    ])  # fmt: skip
+def everything(pictures):
+    """The picture of the map, and its normal."""
+    return pictures[0], pictures[2]
+
+
+@pytest.fixture(scope="module")
+def uneven(pictures):
+    """The picture of the bumps."""
+    return pictures[1], None
 
 
 def of(everything, name, placed):
@@ -310,18 +314,15 @@ def test_bumps_of_instances_have_the_lengths_of_their_places():
     np.testing.assert_allclose(*pictures, atol=3e-3)
 
 
-def test_bumps_of_a_product_lean_by_the_rule_of_products():
-    along_u = {"kind": "gradient", "start": 0, "end": 1}
-    along_v = along_u | {"rotation_degrees": -90}
-    sheet = {"shape": "rectangle", "corner": [-2, -1, 2], "edge_u": [4, 0, 0], "edge_v": [0, 0, -4]}
-    bump = {"texture": {"kind": "mixture", "first": 0.25, "second": along_u, "amount": along_v}, "height": 1.5}
-    image = under_sun([sheet], {"bump": bump})
-    seen = image["object_id"] == 0
+def test_bumps_of_a_product_lean_by_the_rule_of_products(uneven):
+    image = uneven[0]
+    seen = image["object_id"] == len(PLACES)
     u, v = (image["uv"][seen][:, k].astype(np.float64) for k in range(2))
     # heights 1.5 (0.25 (1 - v) + u v), over 4 units along x and along -z
     normals = np.stack([-1.5 * v / 4, np.ones_like(u), 1.5 * (u - 0.25) / 4], axis=1)
     within = np.zeros_like(seen)
     within[seen] = np.maximum(np.abs(u - 0.5), np.abs(v - 0.5)) < 0.49  # beyond 0 and 1 a gradient stays
     bent = (normals / np.linalg.norm(normals, axis=1, keepdims=True))[within[seen]]
+    assert len(bent) > 500
     towards = EYE - image["position"][within]
     assert_lit(image, within, towards, bent, np.broadcast_to([0.0, 1.0, 0.0], bent.shape))

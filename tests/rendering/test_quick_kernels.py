@@ -21,6 +21,7 @@ from tests.rendering.test_world import still_life
 from tests.support.cases import slow
 
 SIZE = (48, 32)
+SCENE = still_life() | {"camera": LENS}
 EXAMPLES = [pytest.param(path, marks=pytest.mark.slow, id=name) for name, path in example_scenes().items()]
 
 
@@ -42,7 +43,7 @@ def kinds(session: Session) -> set[bool]:
     return {program.is_quick for program in session.programs}
 
 
-@pytest.mark.parametrize("scene", [slow(still_life()), still_life() | {"camera": LENS}, *EXAMPLES])
+@pytest.mark.parametrize("scene", [slow(still_life()), SCENE, *EXAMPLES])
 def test_quick_kernels_have_the_bits_of_full_ones(scene: dict[str, Any] | Path, opened: Callable[..., Session]) -> None:
     try:
         given = load_scene(scene)
@@ -60,7 +61,7 @@ def test_quick_kernels_have_the_bits_of_full_ones(scene: dict[str, Any] | Path, 
 def test_many_samples_are_worth_full_kernels(opened: Callable[..., Session], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sessions, "FEW_SAMPLES", 3 * 48 * 32)
     session = opened(noted=False)
-    rptcam_cl.render(still_life(), size=SIZE, spp=4, device=session)
+    rptcam_cl.render(SCENE, size=SIZE, spp=4, device=session)
     assert kinds(session) == {False}
 
 
@@ -69,9 +70,9 @@ def test_many_pictures_of_few_samples_are_worth_full_kernels(
 ) -> None:
     monkeypatch.setattr(sessions, "FEW_SAMPLES", 3 * 48 * 32)
     session = opened(noted=False)
-    rptcam_cl.render(still_life(), size=SIZE, spp=2, device=session)
+    rptcam_cl.render(SCENE, size=SIZE, spp=2, device=session)
     assert kinds(session) == {True}
-    rptcam_cl.render(still_life(), size=SIZE, spp=2, device=session)
+    rptcam_cl.render(SCENE, size=SIZE, spp=2, device=session)
     assert kinds(session) == {True, False}
 
 

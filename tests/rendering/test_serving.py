@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import rptcam_cl
+from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import Plan, make_plan, serve
@@ -15,6 +17,10 @@ from rptcam_cl.rendering.tracer import WavefrontPool
 from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
+from tests.conftest import KNOWN, LAMPS, known_of
+from tests.rendering.pictures import MATTE, WHITE, bits, lamp, looking, scene_of
+from tests.rendering.test_world import still_life
+from tests.support.cases import fast
 from tests.support.statistics import assert_same_tiles, sampled
 
 SCENE: dict[str, Any] = {
@@ -109,3 +115,67 @@ def test_kernels_do_not_serve_what_they_do_not_know() -> None:
     assert serve(make_plan(scene_with({})), facts) is None
     assert served(scene_with({}), facts) is None
     assert served(scene_with({"spectrum": {"mode": "spectral"}}), facts) is None
+
+
+def body(shape: str, **material: Any) -> dict[str, Any]:
+    return {"environment": WHITE, "objects": [BODIES[shape] | {"material": MATTE | material}]}
+
+
+def lit_by(kind: str | None = None, shape: str = "", **light: Any) -> dict[str, Any]:
+    floor = BODIES["plane"] | {"material": MATTE}
+    if kind is None:
+        return {"objects": [floor, BODIES[shape] | {"material": lamp(2.0)}]}
+    return {"objects": [floor], "lights": [{"kind": kind, **light}]}
+
+
+BODIES = {
+    "sphere": {"shape": "sphere", "center": [0, 0, 0], "radius": 1},
+    "ellipsoid": {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "transform": [{"scale": [1, 0.5, 0.7]}]},
+    "rectangle": {"shape": "rectangle", "corner": [-1, 0, -1], "edge_u": [2, 0.5, 0], "edge_v": [0, 0.5, 2]},
+    "plane": {"shape": "plane", "point": [0, 0, -1], "normal": [0.1, 0.2, 1]},
+    "disk": {"shape": "disk", "center": [0, 0, 0], "normal": [0.3, -1, 0.5], "radius": 1},
+    "box": {"shape": "box", "min": [-0.7, -0.6, -0.5], "max": [0.6, 0.5, 0.4]},
+    "cylinder": {"shape": "cylinder", "base": [0, 0, -0.7], "top": [0.1, 0.2, 0.6], "radius": 0.6, "capped": False},
+    "cone": {"shape": "cone", "base": [0, 0, -0.7], "apex": [0.1, 0.2, 0.8], "radius": 0.7, "capped": False},
+}
+PATTERNS = {
+    "checker": {"even": 0.8, "odd": 0.2},
+    "grid": {"background": 0.8, "line": 0.2, "line_width": 0.1},
+    "gradient": {"start": 0.8, "end": 0.2},
+}
+# Scenes with one of the kinds that all kernels of the fast tests know of, and their facts of `KNOWN` and `LAMPS`.
+ALONE = {
+    **{shape: (body(shape), f"MATTE {shape.upper()} {'AFFINE' if shape != 'sphere' else ''}") for shape in BODIES},
+    **{kind: (body("sphere", kind=kind, reflectance=1), f"{kind.upper()} SPHERE") for kind in ("mirror", "plastic")},
+    "dielectric": (body("sphere", kind="dielectric") , "DIELECTRIC SPHERE"),
+    **{kind: (body("sphere", reflectance={"kind": kind} | keys), f"MATTE SPHERE TEXTURE {kind.upper()}")
+       for kind, keys in PATTERNS.items()},
+    **{f"lamp of a {shape}": (lit_by(shape=shape), f"MATTE PLANE AFFINE EMISSIVE {shape.upper()} {kinds}")
+       for shape, kinds in (("sphere", "SPHERES"), ("rectangle", "FLATS"), ("disk", "DISKS FLATS"))},
+    "point": (lit_by("point", position=[0, -2, 3], intensity=9), "MATTE PLANE AFFINE POINTS SIZELESS"),
+    "sun": (lit_by("directional", direction=[0, 1, -1], irradiance=1), "MATTE PLANE AFFINE DIRECTIONS"),
+}  # fmt: skip
+
+
+def alone(name: str) -> dict[str, Any]:
+    return scene_of([], looking([0.4, -3, 0.8], [0, 0, 0]), depth=3) | ALONE[name][0]
+
+
+@pytest.mark.parametrize("name", ALONE)
+def test_a_plan_knows_of_the_kinds_that_its_scene_has_and_of_no_others(name: str) -> None:
+    facts = make_plan(load_scene(alone(name))).facts
+    assert {each.partition("_")[2] for each in (*KNOWN, *LAMPS) if facts[each]} == set(ALONE[name][1].split())
+
+
+@pytest.mark.parametrize("name", fast(["box", "lamp of a sphere"], [*ALONE, "everything"]))
+def test_kernels_that_know_of_more_have_the_bits_of_those_that_know_of_no_more(
+    name: str, own_kernels: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, films, take = still_life() if name == "everything" else alone(name), [], Session.program
+    for _ in range(2):
+        session = Session(choose_device())
+        films.append(bits(rptcam_cl.render(scene, spp=2, device=session)))
+        monkeypatch.setattr(
+            Session, "program", lambda self, files, facts, more: take(self, files, known_of(files, facts), more)
+        )
+    assert films[0] == films[1]

@@ -78,19 +78,18 @@ def test_what_nothing_meets_changes_nothing(name):
 def test_each_kind_of_ray_passes_by_itself(name):
     """Of one pixel that sees the object, one that sees its shadow, and one that sees it in the mirror."""
     black = {"kind": "matte", "reflectance": [0, 0, 0]}  # what it sends on would reach other pixels
-    things, depth = (
-        [each | {"material": black} for each in THINGS[name]],
-        {"render": {"max_depth": 3, "caustics": "off"}},
-    )
-    lamp = {"lights": [{"kind": "point", "position": [-0.5, 2, 1.5], "intensity": [9, 9, 9]}]}
-    made = scene(*things, **depth, **lamp)
+    things = [each | {"material": black} for each in THINGS[name]]
+    away = THINGS["rectangle"][0] | {"transform": [{"translate": [0, 0, 99]}], "visible": {"camera": False}}
+    lights = [{"kind": "point", "position": [-0.5, 2, 1.5], "intensity": [9, 9, 9]}]
+    # What is hidden behind the camera has the same kernels see all pictures.
+    made = scene(away, *things, render={"max_depth": 3, "caustics": "off"}, lights=lights)
     made["objects"].remove(LAMP)
     image = rptcam_cl.render(made, size=(64, 48), spp=1, layers=["object_id"])
     index = len(made["objects"]) - 1
     bare = copy.deepcopy(made)
-    bare["objects"][index]["transform"] = [{"translate": [0, 0, 99]}]  # behind the camera: for the same kernels
+    bare["objects"][index]["transform"] = [{"translate": [0, 0, 99]}]
     seen = image["object_id"] == index
-    without, whole = np.asarray(rptcam_cl.render(bare, size=(64, 48), spp=1)), np.asarray(image)
+    without, whole = (np.asarray(each) for each in (rptcam_cl.render(bare, size=(64, 48), spp=1), image))
     in_mirror = (image["object_id"] == 1) & (np.abs(whole - without).max(axis=2) > 1e-4)
     on_floor = (image["object_id"] == 0) & (np.abs(whole - without).max(axis=2) > 1e-2)
     assert min(seen.sum(), in_mirror.sum(), on_floor.sum()) > 4
