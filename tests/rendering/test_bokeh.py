@@ -9,7 +9,7 @@ import rptcam_cl
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.device.session import open_session
 from rptcam_cl.rendering import lamps
-from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.plan.plan import make_plan, may_aim
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import lamp, seed_of
 from tests.support.cases import slow
@@ -139,7 +139,14 @@ def test_a_session_takes_the_samples_of_a_render():
     assert image.metadata["lamps_aimed_at"] == whole.metadata["lamps_aimed_at"] == 4
 
 
-@pytest.mark.parametrize("layer", ["object_id", slow("pupil")])
+@pytest.mark.parametrize("layer", ["object_id", "pupil"])
+def test_layers_of_the_first_ray_may_not_aim(layer):
+    plan = make_plan(load_scene(CASES["thin"]))
+    assert may_aim(plan, ["depth"]) and not may_aim(plan, ["depth", layer])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("layer", ["object_id", "pupil"])
 def test_layers_of_the_first_ray_have_rays_that_aim_at_nothing(layer):
     scene = CASES["thin"] | {"render": {"max_depth": 3, "layers": [layer]}}
     assert "lamps_aimed_at" not in rptcam_cl.render(scene, spp=1).metadata

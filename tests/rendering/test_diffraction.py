@@ -72,6 +72,12 @@ def found_of(width_mm: float = 0.2, resolution: tuple[int, int] = (64, 48), **ca
     return diffraction_of(load_scene(scene))
 
 
+@cache
+def found_at_22():
+    """Diffraction by a round opening that many pixels show."""
+    return found_of(f_number=22, width_mm=0.3, resolution=(96, 96))
+
+
 def perfect_mtf(share):
     inside = np.minimum(share, 1.0)
     return 2 / np.pi * (np.arccos(inside) - inside * np.sqrt(1 - inside**2))
@@ -133,7 +139,7 @@ def test_spikes_stand_across_the_blades_and_keep_their_handedness():
 
 
 def test_light_of_a_lamp_is_where_its_closed_form_has_it_and_comes_back_from_no_border():
-    found = found_of(f_number=22, width_mm=0.3, resolution=(96, 96))
+    found = found_at_22()
     assert found.spread.edges is not None
     film = np.full((96, 96, 3), 1e-3, np.float32)
     film[48, 48] = 1e9
@@ -197,7 +203,7 @@ def test_auto_takes_it_where_stars_of_lamps_show():
 
 
 def test_light_that_falls_beside_the_film_is_told():
-    found, film = found_of(f_number=22, width_mm=0.3, resolution=(96, 96)), np.zeros((96, 96, 3), np.float32)
+    found, film = found_at_22(), np.zeros((96, 96, 3), np.float32)
     film[48, 48] = 1.0
     spread, said = found.over(film)
     assert said["share_beside"] == pytest.approx(1 - spread.sum(dtype=float) / 3, abs=1e-5)

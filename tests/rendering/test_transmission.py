@@ -30,7 +30,7 @@ def white_through(lens, transmission=None, *, exposure="irradiance", kind="reali
 
 @pytest.mark.parametrize(
     ("transmission", "coated", "losses"),
-    [("bare", False, UNCOATED), (MGF2, True, COATED), ({"coating": "mgf2", "coatings": True}, True, COATED)],
+    [slow("bare", False, UNCOATED), (MGF2, True, COATED), slow({"coating": "mgf2", "coatings": True}, True, COATED)],
 )
 def test_lossy_lens_gives_the_irradiance_of_the_reference(transmission, coated, losses):
     lens = load_lens("planar-1897")
