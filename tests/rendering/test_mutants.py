@@ -162,7 +162,7 @@ MUTANTS = [
     Mutant("pixels xor samples", "h.a = pixel * 1664525u", "h.a = (pixel ^ sample) * 1664525u",
            lambda: random.test_device_computes_the_published_permutation(open_session(), 8)),
     Mutant("unit float reaches one", "TO_F(AS_I(x >> 8)) * 5.9604644775390625e-8f",
-           "(convert_float(as_uint(x)) * 2.3283064365386963e-10f)",
+           "TO_F(AS_I(x >> 8)) * 5.9604651880817983e-8f",
            lambda: random.test_unit_float_is_below_one_and_hits_zero(open_session())),
     Mutant("absolute epsilon", CLOSER, CLOSER.replace("closer = met & (t > 0.0f)", "closer = met & (t > 1e-4f)"),
            lambda: furnaces.test_every_sample_in_a_cavity_is_the_truncated_series(1e-3, 0.8, 5)),
