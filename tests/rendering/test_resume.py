@@ -31,7 +31,7 @@ def until(count):
 
 @pytest.mark.parametrize("name", ["pinhole", "lens"])
 def test_render_in_parts_has_the_bits_and_counts_of_the_whole(name, tmp_path):
-    options = {"size": SIZE, "seed": 3, "layers": ["depth", "object_id", "samples"]}
+    options = {"size": SIZE, "seed": 3, "layers": ["depth", "object_id", "samples", "position"]}
     whole = rptcam_cl.render(scene(name), spp=41, **options)
     state = tmp_path / "a.rpck"
     for spp, wave_size in ((1, None), (20, 1024), (41, 1 << 18)):
