@@ -53,11 +53,8 @@ static SurfacePoint point_on_flat(const __global Primitive *primitive, F3 p)
 {
     SurfacePoint s;
     F3 o = object_point(primitive, p);
-    float4 up = primitive->row_z;
-    float inverse = 1.0f / (up.x * up.x + up.y * up.y + up.z * up.z);
-    float unit = sqrt(inverse);
-    s.p = along(p, f3_of(up), o.z * -inverse);
-    s.n = f3((F)(up.x * unit), (F)(up.y * unit), (F)(up.z * unit));
+    s.n = f3_of(primitive->row_z);
+    s.p = along(p, s.n, -o.z);
     s.u = o.x;
     s.v = o.y;
     return s;

@@ -8,7 +8,14 @@
 #include "material/closure.h"
 
 #define HAS_FLAT (HAS_RECTANGLE || HAS_DISK || HAS_PLANE)
-#if FEW_PRIMITIVES && VW == 16 && defined CLANG_AVX512 && (HAS_SPHERE || HAS_FLAT || HAS_BOX) \
+#if VW == 16 && defined(CLANG_AVX512)
+#define PERMUTED (HAS_SPHERE || HAS_FLAT || HAS_BOX)
+#elif VW == 8 && defined(CLANG_AVX2)
+#define PERMUTED HAS_BOX    // two registers a row: without boxes that gains nothing
+#else
+#define PERMUTED 0
+#endif
+#if FEW_PRIMITIVES && PERMUTED \
     && !(HAS_MESH || HAS_MOTION || HAS_CLOSURE || HAS_MIX || HAS_NORMAL_MAP || HAS_TANGENT || HAS_MAPPING || HAS_DISPERSION \
          || SPECTRAL_COLOURS || HUGE_SPHERES)
 #define FLAT_TABLES 1
@@ -18,7 +25,7 @@ enum { BY_ITSELF, ON_FLAT, ON_SPHERE, ON_BOX };
 
 // Rows of the tables, an entry per primitive. Of a sphere `up` is centre and radius. The rows of x and y are those of boxes.
 enum {
-    FLAT_WAY, FLAT_UP_X, FLAT_UP_Y, FLAT_UP_Z, FLAT_UP_W, FLAT_STEP, FLAT_N_X, FLAT_N_Y, FLAT_N_Z,
+    FLAT_WAY, FLAT_UP_X, FLAT_UP_Y, FLAT_UP_Z, FLAT_UP_W,
     FLAT_RED, FLAT_GREEN, FLAT_BLUE, FLAT_PARAMETER, FLAT_KIND, FLAT_EMITTER,
 #if HAS_TEXTURE
     FLAT_TEXTURE,
@@ -29,7 +36,25 @@ enum {
     FLAT_ROWS
 };
 
-typedef struct FlatTables { F row[FLAT_ROWS]; } FlatTables;
+#define ENTRIES     16              // of a row, the primitives of a scene of few
+#define REGISTERS   (ENTRIES / VW)  // that hold it
+#if VW == 16
+#define LOAD_ENTRIES(k, from)   vload16(k, from)
+#else
+#define LOAD_ENTRIES(k, from)   vload8(k, from)
+#endif
+
+typedef struct FlatTables { F row[FLAT_ROWS][REGISTERS]; } FlatTables;
+
+// The entries of a row that the primitives `index` have.
+static inline F of_row(const F *row, I index)
+{
+#if VW == 16
+    return __builtin_ia32_permvarsf512(row[0], index);
+#else
+    return index >= VW ? __builtin_ia32_permvarsf256(row[1], index) : __builtin_ia32_permvarsf256(row[0], index);
+#endif
+}
 
 static inline int way_of(int i, int texture, const __global int *kind_end)
 {
@@ -44,26 +69,20 @@ static inline int way_of(int i, int texture, const __global int *kind_end)
 
 static FlatTables flat_tables(Scene scene)
 {
-    float entries[FLAT_ROWS][16];
+    float entries[FLAT_ROWS][ENTRIES];
     for (int row = 0; row < FLAT_ROWS; ++row)
-        for (int i = 0; i < 16; ++i)
+        for (int i = 0; i < ENTRIES; ++i)
             entries[row][i] = 0.0f;
     for (int i = 0; i < scene.kind_end[KIND_BOX]; ++i) {
         const __global Primitive *primitive = scene.primitives + i;
         const __global Material *material = scene.materials + primitive->material;
         int way = way_of(i, material->texture, scene.kind_end);
         float4 up = way == ON_SPHERE ? primitive->row_x : primitive->row_z;
-        float inverse = 1.0f / (up.x * up.x + up.y * up.y + up.z * up.z);
-        float unit = sqrt(inverse);
         entries[FLAT_WAY][i] = as_float(way);
         entries[FLAT_UP_X][i] = up.x;
         entries[FLAT_UP_Y][i] = up.y;
         entries[FLAT_UP_Z][i] = up.z;
         entries[FLAT_UP_W][i] = up.w;
-        entries[FLAT_STEP][i] = -inverse;
-        entries[FLAT_N_X][i] = up.x * unit;
-        entries[FLAT_N_Y][i] = up.y * unit;
-        entries[FLAT_N_Z][i] = up.z * unit;
         entries[FLAT_RED][i] = material->color.x;
         entries[FLAT_GREEN][i] = material->color.y;
         entries[FLAT_BLUE][i] = material->color.z;
@@ -84,11 +103,12 @@ static FlatTables flat_tables(Scene scene)
     }
     FlatTables tables;
     for (int row = 0; row < FLAT_ROWS; ++row)
-        tables.row[row] = vload16(0, entries[row]);
+        for (int k = 0; k < REGISTERS; ++k)
+            tables.row[row][k] = LOAD_ENTRIES(k, entries[row]);
     return tables;
 }
 
-#define OF_FLAT(row_name) __builtin_ia32_permvarsf512(tables->row[row_name], index)
+#define OF_FLAT(row_name) of_row(tables->row[row_name], index)
 #define THREE_OF_FLAT(row_name) f3(OF_FLAT(row_name##_X), OF_FLAT(row_name##_Y), OF_FLAT(row_name##_Z))
 #define TAKE_FLAT(member, value) member = mine ? (value) : member
 
@@ -100,8 +120,8 @@ static void take_place(Vertex *vertex, I index, I way, F3 p, const FlatTables *t
 #if HAS_FLAT
     I flat = way == ON_FLAT;
     F height = dot3(up, p) + shift;
-    vertex->p = select3(flat, along(p, up, height * OF_FLAT(FLAT_STEP)), vertex->p);
-    vertex->n = select3(flat, THREE_OF_FLAT(FLAT_N), vertex->n);
+    vertex->p = select3(flat, along(p, up, -height), vertex->p);
+    vertex->n = select3(flat, up, vertex->n);
 #endif
 #if HAS_SPHERE
     I sphere = way == ON_SPHERE;

@@ -316,7 +316,7 @@ def test_merit_of_copies_falls_and_is_what_their_judge_says_of_the_lens():
     found = optimise(problem, judge=judge)
     assert found.after["as_built"] < found.before["as_built"]
     assert found.after["as_built"] == pytest.approx(judge(found.lens, found.film_mm), rel=1e-6)
-    with pytest.raises(InputError, match="needs a judge of copies"):
+    with pytest.raises(InputError, match="as_built needs a judge"):
         optimise(problem)
     with pytest.raises(InputError, match=r"merit.as_built needs tolerances"):
         read_problem(TRIPLET | {"merit": {"as_built": 1}})

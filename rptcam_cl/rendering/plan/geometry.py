@@ -85,7 +85,10 @@ def _rows(kind: Kind, placements: Matrix) -> NDArray[np.float32]:
     if kind is Kind.CURVE:
         return placements[:, :3].astype(np.float32)
     if kind is not Kind.SPHERE:
-        return np.asarray(np.linalg.inv(placements)[:, :3].astype(np.float32) + 0.0)  # no -0: kernels test bits
+        rows = np.linalg.inv(placements)[:, :3]
+        if kind in (Kind.RECTANGLE, Kind.DISK, Kind.PLANE):  # their normal, so that kernels need not divide
+            rows[:, 2] /= np.linalg.norm(rows[:, 2, :3], axis=1, keepdims=True)
+        return np.asarray(rows.astype(np.float32) + 0.0)  # no -0: kernels test bits
     centers, radii, powers = _spheres_of(placements)
     axes = placements[:, :3, :3] / radii[:, None, None]
     columns = (
