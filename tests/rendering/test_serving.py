@@ -19,6 +19,7 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from tests.conftest import KNOWN, LAMPS, known_of
 from tests.rendering.pictures import MATTE, WHITE, bits, lamp, looking, scene_of
+from tests.rendering.test_furnaces import CONVEX
 from tests.rendering.test_world import still_life
 from tests.support.cases import fast
 from tests.support.statistics import assert_same_tiles, sampled
@@ -118,26 +119,16 @@ def test_kernels_do_not_serve_what_they_do_not_know() -> None:
 
 
 def body(shape: str, **material: Any) -> dict[str, Any]:
-    return {"environment": WHITE, "objects": [BODIES[shape] | {"material": MATTE | material}]}
+    return {"environment": WHITE, "objects": [CONVEX[shape] | {"material": MATTE | material}]}
 
 
 def lit_by(kind: str | None = None, shape: str = "", **light: Any) -> dict[str, Any]:
-    floor = BODIES["plane"] | {"material": MATTE}
+    floor = CONVEX["plane"] | {"material": MATTE}
     if kind is None:
-        return {"objects": [floor, BODIES[shape] | {"material": lamp(2.0)}]}
+        return {"objects": [floor, CONVEX[shape] | {"material": lamp(2.0)}]}
     return {"objects": [floor], "lights": [{"kind": kind, **light}]}
 
 
-BODIES = {
-    "sphere": {"shape": "sphere", "center": [0, 0, 0], "radius": 1},
-    "ellipsoid": {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "transform": [{"scale": [1, 0.5, 0.7]}]},
-    "rectangle": {"shape": "rectangle", "corner": [-1, 0, -1], "edge_u": [2, 0.5, 0], "edge_v": [0, 0.5, 2]},
-    "plane": {"shape": "plane", "point": [0, 0, -1], "normal": [0.1, 0.2, 1]},
-    "disk": {"shape": "disk", "center": [0, 0, 0], "normal": [0.3, -1, 0.5], "radius": 1},
-    "box": {"shape": "box", "min": [-0.7, -0.6, -0.5], "max": [0.6, 0.5, 0.4]},
-    "cylinder": {"shape": "cylinder", "base": [0, 0, -0.7], "top": [0.1, 0.2, 0.6], "radius": 0.6, "capped": False},
-    "cone": {"shape": "cone", "base": [0, 0, -0.7], "apex": [0.1, 0.2, 0.8], "radius": 0.7, "capped": False},
-}
 PATTERNS = {
     "checker": {"even": 0.8, "odd": 0.2},
     "grid": {"background": 0.8, "line": 0.2, "line_width": 0.1},
@@ -145,7 +136,9 @@ PATTERNS = {
 }
 # Scenes with one of the kinds that all kernels of the fast tests know of, and their facts of `KNOWN` and `LAMPS`.
 ALONE = {
-    **{shape: (body(shape), f"MATTE {shape.upper()} {'AFFINE' if shape != 'sphere' else ''}") for shape in BODIES},
+    "sphere": (body("sphere"), "MATTE SPHERE"),
+    **{shape: (body(shape), f"MATTE AFFINE {shape.upper()} {'DISK' if 'capped' in CONVEX[shape] else ''}")
+       for shape in CONVEX if shape != "sphere"},
     **{kind: (body("sphere", kind=kind), f"{kind.upper()} SPHERE") for kind in ("mirror", "dielectric")},
     **{kind: (body("sphere", reflectance={"kind": kind} | keys), f"MATTE SPHERE TEXTURE {kind.upper()}")
        for kind, keys in PATTERNS.items()},
