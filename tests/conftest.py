@@ -59,21 +59,21 @@ def checkout() -> Path:
     return Path(__file__).resolve().parents[1]
 
 
-# What kernels of the fast tests of rendering know of, whether a scene has it or not: they do for both to the bit
-# (`serve` of `rendering/plan/plan.py`), and scenes that differ in these alone take one program. Not among them is what
-# has code of its own where it is not. Slow tests have kernels of their own, and so have all other rooms.
+# What kernels of a module's fast tests may know of, whether a scene has it or not, so that scenes which differ in it
+# take one program: they do for both to the bit (`serve` of `rendering/plan/plan.py`). It takes a third to a half longer
+# to compile, so that it pays where there are many such scenes. Not among them is what has code of its own where it is
+# not.
 _SHAPES = ("SPHERE", "ELLIPSOID", "RECTANGLE", "PLANE", "DISK", "BOX", "CYLINDER", "CONE", "AFFINE")
 _MATERIALS = ("MATTE", "MIRROR", "DIELECTRIC", "TEXTURE", "CHECKER", "GRID", "GRADIENT")
-KNOWN = [f"HAS_{each}" for each in (*_SHAPES, *_MATERIALS)]
-LAMPS = [f"EMITTER_{each}" for each in ("SIZELESS", "POINTS", "DIRECTIONS", "FLATS", "DISKS", "SPHERES")]
+_LAMPS = ("SIZELESS", "POINTS", "DIRECTIONS", "FLATS", "DISKS", "SPHERES")
+PLAIN_KINDS = [f"HAS_{each}" for each in (*_SHAPES, *_MATERIALS)] + [f"EMITTER_{each}" for each in _LAMPS]
 
 
-def known_of(files: list[str], facts: Mapping[str, int | str], more: Iterable[str] = ()) -> Mapping[str, int | str]:
-    """Return the facts of kernels that know of `KNOWN` and ``more``, and of `LAMPS` if any; not those of probes."""
+def known_of(files: list[str], facts: Mapping[str, int | str], more: Iterable[str]) -> Mapping[str, int | str]:
+    """Return the facts of kernels that know of ``more``, of emitters if there are any; not those of probes."""
     if "HAS_MATTE" not in facts or Path(files[0]).is_absolute():
         return facts
-    lamps = LAMPS if facts["HAS_EMITTERS"] else ()
-    return {**facts, **dict.fromkeys((*KNOWN, *more, *lamps), 1)}
+    return {**facts, **{each: 1 for each in more if facts["HAS_EMITTERS"] or not each.startswith("EMITTER")}}
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -101,7 +101,7 @@ def kernels_that_compile_soonest() -> Iterator[list[tuple[type, str, Any]]]:
 
 @pytest.fixture(scope="module", autouse=True)
 def kernels_that_know_of_more(request: pytest.FixtureRequest) -> Iterator[tuple[type, str, Any]]:
-    """Kernels of the fast tests of rendering know of `KNOWN` and `LAMPS`, and of a module's ``KERNELS_KNOW_OF``.
+    """Kernels of the fast tests of a module know of what it names as ``KERNELS_KNOW_OF``; slow ones have their own.
 
     They are compared with those that know of no more than a scene has in `rendering/test_serving.py`. What stood in the
     place of what is changed is returned.
@@ -113,9 +113,8 @@ def kernels_that_know_of_more(request: pytest.FixtureRequest) -> Iterator[tuple[
     def program(self: Session, files: list[str], facts: Mapping[str, int | str], declarations: str) -> Any:
         return take(self, files, known_of(files, facts, more), declarations)
 
-    is_fast = request.config.getoption("markexpr") == "not slow"
     with pytest.MonkeyPatch.context() as patch:
-        if is_fast and Path(__file__).parent / "rendering" in request.path.parents:
+        if more and request.config.getoption("markexpr") == "not slow":
             patch.setattr(Session, "program", program)
         yield Session, "program", take
 

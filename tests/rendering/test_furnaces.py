@@ -11,10 +11,12 @@ from itertools import product
 import numpy as np
 import pytest
 
+from tests.conftest import PLAIN_KINDS
 from tests.rendering.pictures import MATTE, WHITE, flat_mean, looking, pixels, scene_of, seed_of
 from tests.support.cases import fast, slow
 from tests.support.statistics import assert_equivalent
 
+KERNELS_KNOW_OF = PLAIN_KINDS
 SQUASH = [{"scale": [1.0, 0.5, 0.7]}, {"rotate": {"axis": [1, 2, 3], "degrees": 40}}]
 CONVEX = {
     "sphere": {"shape": "sphere", "center": [0, 0, 0], "radius": 1},

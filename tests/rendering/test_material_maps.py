@@ -11,9 +11,6 @@ from tests.rendering.test_materials import TABLES_APART, ball, normal_picture, s
 from tests.support.cases import slow
 from tests.support.statistics import assert_same_tiles
 
-KERNELS_KNOW_OF = [f"HAS_{each}" for each in (
-    "ANISOTROPY_MAP", "BITANGENT", "COAT_NORMAL", "IMAGE", "NORMAL_MAP", "SHADING_NORMAL", "TANGENT")]  # fmt: skip
-
 
 def brushed_picture(path, *texels):
     """Write a picture of directions and strengths, one column each; return each angle [degrees] and strength."""

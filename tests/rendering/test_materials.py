@@ -22,9 +22,6 @@ def constant(value):
     return {"kind": "gradient", "start": value, "end": value}
 
 
-KERNELS_KNOW_OF = [f"HAS_{each}" for each in (
-    "ANISOTROPY_TURN", "BITANGENT", "CONDUCTOR", "PRINCIPLED", "ROUGH_DIELECTRIC", "TANGENT", "THIN_GLASS",
-    "TRANSMISSION")]  # fmt: skip
 SPECK = {"shape": "sphere", "center": [0, 500, 0], "radius": 1e-3}  # that no ray finds
 LAYERS = ("roughness", "metallic", "clearcoat", "clearcoat_roughness", "sheen", "specular", "specular_color",
           "transmission")  # fmt: skip

@@ -17,7 +17,7 @@ from rptcam_cl.rendering.tracer import WavefrontPool
 from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
-from tests.conftest import KNOWN, LAMPS, known_of
+from tests.conftest import PLAIN_KINDS, known_of
 from tests.rendering.pictures import MATTE, WHITE, bits, lamp, looking, scene_of
 from tests.rendering.test_furnaces import CONVEX
 from tests.rendering.test_world import still_life
@@ -134,7 +134,7 @@ PATTERNS = {
     "grid": {"background": 0.8, "line": 0.2, "line_width": 0.1},
     "gradient": {"start": 0.8, "end": 0.2},
 }
-# Scenes with one of the kinds that all kernels of the fast tests know of, and their facts of `KNOWN` and `LAMPS`.
+# Scenes with one of the kinds that kernels of fast tests may know of, and their facts of `PLAIN_KINDS`.
 ALONE = {
     "sphere": (body("sphere"), "MATTE SPHERE"),
     **{shape: (body(shape), f"MATTE AFFINE {shape.upper()} {'DISK' if 'capped' in CONVEX[shape] else ''}")
@@ -156,7 +156,7 @@ def alone(name: str) -> dict[str, Any]:
 @pytest.mark.parametrize("name", ALONE)
 def test_a_plan_knows_of_the_kinds_that_its_scene_has_and_of_no_others(name: str) -> None:
     facts = make_plan(load_scene(alone(name))).facts
-    assert {each.partition("_")[2] for each in (*KNOWN, *LAMPS) if facts[each]} == set(ALONE[name][1].split())
+    assert {each.partition("_")[2] for each in PLAIN_KINDS if facts[each]} == set(ALONE[name][1].split())
 
 
 @pytest.mark.parametrize("name", fast(["lamp of a sphere"], [*ALONE, "everything"]))
@@ -168,6 +168,8 @@ def test_kernels_that_know_of_more_have_the_bits_of_those_that_know_of_no_more(
         session = Session(choose_device())
         films.append(bits(rptcam_cl.render(scene, spp=2, device=session)))
         monkeypatch.setattr(
-            Session, "program", lambda self, files, facts, more: take(self, files, known_of(files, facts), more)
+            Session,
+            "program",
+            lambda self, files, facts, more: take(self, files, known_of(files, facts, PLAIN_KINDS), more),
         )
     assert films[0] == films[1]

@@ -12,9 +12,11 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.records import seed_words
 from rptcam_cl.scene.load import load_scene
+from tests.conftest import PLAIN_KINDS
 from tests.device.probes import camera_rays, open_session
 from tests.rendering.pictures import looking, pixels, scene_of
 
+KERNELS_KNOW_OF = PLAIN_KINDS
 SKY = {"kind": "gradient", "bottom": [0.0, 1.0, 0.3], "top": [1.0, 0.0, 0.6], "up": [1, 2, 2]}
 MIRROR = {"kind": "mirror", "reflectance": 1.0}
 UP = np.array([1, 2, 2]) / 3

@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from tests.conftest import PLAIN_KINDS
 from tests.rendering.pictures import MATTE, WHITE, flat_mean, lamp, looking, pixels, scene_of, seed_of
 from tests.support.statistics import Z, assert_equivalent
 
+KERNELS_KNOW_OF = PLAIN_KINDS
 GRADIENT = {"kind": "gradient", "bottom": [0.2, 1.0, 0.5], "top": [2.0, 0.1, 0.5], "up": [0, 0, 1]}
 BOTTOM, TOP = np.array(GRADIENT["bottom"]), np.array(GRADIENT["top"])
 
