@@ -576,6 +576,8 @@ class SeriesRenderer:
     ----------
     plan : Plan or None
         That of the last picture.
+    resolved : Scene or None
+        That of the last picture, with its focus, camera model and exposure.
     pool, parts
         Wavefronts with their buffers, and parts of the plan, to be used again.
     """
@@ -583,12 +585,13 @@ class SeriesRenderer:
     def __init__(self, device: Session) -> None:
         self.device = device
         self.plan: Plan | None = None
+        self.resolved: Scene | None = None
         self.pool, self.parts = WavefrontPool(device), PlanParts()
 
     def render(self, scene: Scene) -> Image:
         """Take the picture of the camera of a scene."""
         job = RenderJob.prepare(scene, RenderOptions(device=self.device), self)
-        self.plan = job.plan
+        self.plan, self.resolved = job.plan, job.resolved.scene
         return job.report(job.run())
 
 

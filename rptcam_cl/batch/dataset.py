@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.api.job import SeriesRenderer, settle
+from rptcam_cl.api.job import SeriesRenderer
 from rptcam_cl.core import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError, out_of_range
@@ -821,8 +821,6 @@ def _frames(
             if place is not None:
                 place.join([renderer.device.info.driver])
         with name_errors(f"frame {index}"):
-            if scene.requested_autofocus is not None:
-                scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
             shown = scene
             if wanted.truth:  # masks and annotations need layers beside those that files of a frame hold
                 layers = tuple(dict.fromkeys((*scene.render.layers, *LABELS)))
@@ -839,7 +837,7 @@ def _frames(
                 "seed": scene.render.seed,
                 **{key: image.metadata[key] for key in SAMPLES if key in image.metadata},
                 "values": values,
-                "camera": cameras.describe(scene, image, renderer),
+                "camera": cameras.describe(image, renderer),
             }
             if wanted.truth and "boards" in image.metadata:
                 record["boards"] = image.metadata["boards"]
@@ -860,11 +858,13 @@ class _Cameras:
         self._known: Memory[dict[str, Any]] = Memory(REMEMBERED)
         self._lit: Memory[dict[str, Any]] = Memory(REMEMBERED)  # where the whole picture has light, by all but the stop
 
-    def describe(self, scene: Scene, image: Image, renderer: SeriesRenderer) -> dict[str, Any]:
-        """The pose, pupil, film, lens, and the camera model with its residual."""
+    def describe(self, image: Image, renderer: SeriesRenderer) -> dict[str, Any]:
+        """The pose, pupil, film, lens, and the camera model with its residual, of the camera that took the picture."""
+        scene, plan = renderer.resolved, renderer.plan
+        assert scene is not None and plan is not None, "of the image"
         if scene.camera.sees_all_around:
             return {"camera": scene.camera.kind, "world_from_camera": image.metadata["world_from_camera"]}
-        seen = view(scene, camera=None if renderer.plan is None else renderer.plan.camera)
+        seen = view(scene, camera=plan.camera)
         known = {name: image.metadata[name] for name in ("lens", "f_number") if name in image.metadata}
         return seen.facts() | known | ({} if self._model == "none" else self._fit(seen))
 

@@ -275,6 +275,12 @@ def run_camera(arguments: argparse.Namespace) -> int:
             f" {scene.shutter.open_s:g} s (--set shutter.open_s=T takes another moment)",
             file=sys.stderr,
         )
+    if getattr(scene.camera, "accuracy", None) is not None:
+        print(
+            "note: this is the lens, in whose place camera.accuracy may let renders have a simpler camera (rptcam settle"
+            " writes the scene with theirs)",
+            file=sys.stderr,
+        )
     if seen.setting is not None:
         output.print_warnings(seen.setting.lens.warnings)
     chosen = _choose_model(arguments, seen)

@@ -344,13 +344,27 @@ def test_a_focus_that_a_lens_does_not_reach_is_said_with_the_number_of_the_frame
         list(dataset(wanted, only=[near]))
 
 
+def test_records_describe_the_camera_model_that_took_the_picture(place: Path) -> None:
+    loose = {"max_error_px": 9, "max_illumination_error": 9}
+    wall = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": {"kind": "emissive", "radiance": 1}}
+    fixed = {"camera.accuracy": loose, "objects": [wall], "film.resolution": [48, 32], "render.layers": ["position"]}
+    vary = {"camera.f_number": {"choice": [16]}}
+    [frame] = dataset({"scene": "scene.yaml", "frames": 1, "set": fixed, "vary": vary})
+    assert frame.image is not None and frame.image.metadata["camera"] == "pinhole"
+    known = frame.record["camera"]
+    assert known["model"] == "pinhole"
+    seen = np.linalg.inv(known["world_from_camera"]) @ np.append(frame.image["position"][0, 0], 1.0)
+    at = np.array(known["matrix"]) @ seen[:3] / seen[2]
+    assert np.abs(at[:2] - 0.5).max() < 0.5  # in the pixel at the corner, from which the lens is half a pixel off
+
+
 def test_autofocus_that_fails_is_said_with_the_number_of_the_frame(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(*given: Any, **named: Any) -> None:
         raise NumericError("no light", "the picture")
 
-    monkeypatch.setattr(frames, "settle", fails)
+    monkeypatch.setattr("rptcam_cl.studies.focus.controller.in_focus", fails)
     vary = {"camera.focus": {"choice": [{"auto": {"method": "contrast"}}]}}
     with pytest.raises(NumericError, match=r"^frame 3: no light") as found:
         list(dataset({"scene": "scene.yaml", "frames": 5, "vary": vary}, only=[3]))

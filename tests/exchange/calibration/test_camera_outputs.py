@@ -103,6 +103,16 @@ def test_camera_that_changes_in_the_exposure_is_that_of_its_opening_and_says_so(
     assert [line.startswith(note) for line in said] == ([True] if says else [])
 
 
+def test_camera_in_whose_place_renders_may_have_another_says_so(tmp_path, capsys):
+    scene = tmp_path / "scene.json"
+    lens = {"kind": "realistic", "lens": "dgauss-50mm", "eye": [0, 0, 2], "target": [0, 0, 0], "accuracy": "auto"}
+    scene.write_text(json.dumps({"camera": lens | {"focus": {"distance_m": 2}}}))
+    assert main(["camera", str(scene), "--model", "brown_conrady"]) == 0
+    said = capsys.readouterr()
+    assert "Double Gauss" in said.out
+    assert "note: this is the lens, in whose place camera.accuracy may let renders have a simpler camera" in said.err
+
+
 def test_another_moment_is_had_by_the_opening(tmp_path, capsys):
     scene = tmp_path / "scene.json"
     keys = {"time_s": 0.5, "keys": ZOOM}
