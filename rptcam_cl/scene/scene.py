@@ -152,6 +152,9 @@ def _sequence_warnings(sequence: FrameSequence | None, exposure: Exposure, autof
     return warnings
 
 
+_STAND = ("camera.eye", "camera.target")  # keys of where a camera is, which camera.motion moves as well
+
+
 def _check_keys_of_shutter(shutter: Shutter, camera: Camera, render: RenderSettings) -> None:
     """Refuse what cannot follow keys that move while the shutter is open."""
     if not shutter.keys:
@@ -161,6 +164,7 @@ def _check_keys_of_shutter(shutter: Shutter, camera: Camera, render: RenderSetti
         ("camera", "ghosts"): getattr(camera, "ghosts", "off") != "off",
         ("camera", "accuracy"): getattr(camera, "accuracy", None) is not None,
         ("camera", "precision"): getattr(camera, "precision", "single") != "single",
+        ("camera", "stands_at"): camera.stands_by_pupil and any(key.startswith(_STAND) for key in shutter.keys),
         ("render", "caustics"): render.caustics == "on",
         ("render", "layers"): bool({"position", *SHARP_LAYERS} & set(render.layers)),
     }

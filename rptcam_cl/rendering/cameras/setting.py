@@ -28,7 +28,7 @@ from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.ray_trace import LensTransmission, axis_points, has_coatings, known_nm, with_coating
 from rptcam_cl.rendering.cameras.pupil import SamplingMetadata, by_content, on_disk, without_shape
 from rptcam_cl.scene.camera import NO_MOVEMENTS, NOT_FOUND_YET, CameraKind, LensCamera, pose_matrix
-from rptcam_cl.scene.changes import at_opening
+from rptcam_cl.scene.changes import at_opening, set_keys
 from rptcam_cl.scene.lens_settings import CoatingLayers, Focus
 from rptcam_cl.scene.placement import CameraKeyframe
 from rptcam_cl.scene.scene import Scene
@@ -675,6 +675,8 @@ def on_film(scene: Scene) -> Scene:
     eye, target, _ = _set_back(np.array([camera.eye, camera.target, camera.up]), behind)
     motion = _motion_set_back(camera, behind, scene.shutter.span_s)
     update = {"eye": eye, "target": target, "motion": motion, "stands_at": "film"} | found
+    if scene.shutter.keys:  # which make the scene anew of its keys
+        return set_keys(scene, {f"camera.{name}": value for name, value in update.items()})
     return scene.model_copy(update={"camera": camera.model_copy(update=update)})
 
 

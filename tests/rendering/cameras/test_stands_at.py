@@ -7,6 +7,7 @@ import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.camera_models import view
 from rptcam_cl.rendering.cameras.setting import entrance_pupil, lens_setting, on_film, pupil_in_world
+from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies.focus.drives import focus_drive
@@ -96,6 +97,19 @@ def test_film_goes_along_an_arc_while_the_camera_turns():
     assert len(placed.camera.motion) > 100
 
 
+@pytest.mark.parametrize("name", ["whole lens", "to an object"])
+def test_film_stays_where_it_is_in_the_steps_of_an_exposure(name):
+    opened = [{"time_s": time_s, "value": value} for time_s, value in ((0.0, 2.8), (1.0, 8.0))]
+    given = scene(LENSES[name], shutter={"time_s": 1.0, "steps": 2, "keys": {"camera.f_number": opened}})
+    still = on_film(scene(LENSES[name]))
+    plan = make_plan(given)
+    assert len(plan.steps) == 2
+    for step, f_number in zip(plan.steps, (4.1, 6.7), strict=True):
+        assert step.eye_m == pytest.approx(still.camera.eye, abs=1e-12)
+        assert step.camera.setting.film_distance_mm == pytest.approx(lens_setting(still).film_distance_mm, abs=1e-9)
+        assert step.camera.setting.metadata["f_number"] == pytest.approx(f_number)
+
+
 @pytest.mark.slow
 def test_session_stays_at_the_pupil_while_the_focus_is_pulled():
     given = scene(LENSES["whole lens"])
@@ -118,6 +132,9 @@ def test_cheaper_models_stand_in_the_same_pupil(tier):
 def test_what_cannot_be_is_refused():
     with pytest.raises(InputError, match=r"camera\.stands_at: moves the film, which autofocus has in its place"):
         scene({"lens": "dgauss-50mm", "focus": {"auto": "contrast"}})
+    moved = {"camera.eye": [{"time_s": 0.0, "value": EYE.tolist()}, {"time_s": 1.0, "value": TARGET.tolist()}]}
+    with pytest.raises(InputError, match=r"camera\.stands_at: does not go with keys that move"):
+        scene(LENSES["whole lens"], shutter={"time_s": 1.0, "keys": moved})
     with pytest.raises(InputError, match=r"camera\.stands_at: .*allowed: film"):
         focus_drive(scene(LENSES["whole lens"]))
     telecentric = {
