@@ -364,7 +364,7 @@ _METER_CONSTANT = 12.5  # K [cd s/m²], ISO 2720
 def film_reading(pixels: Film, resolved: Scene, settings: exposure.Exposure | None = None) -> float | None:
     """Return the mean luminance [cd/m²] of the metered part of the frame, as `exposure: auto` would find it.
 
-    None where there is no light to go by.
+    None where there is no light to go by, or the film lacks its background, which `exposure: auto` sees.
 
     Parameters
     ----------
@@ -376,7 +376,7 @@ def film_reading(pixels: Film, resolved: Scene, settings: exposure.Exposure | No
         Whose metering counts; by default that of the scene. With a crop, what is left of the metered part counts.
     """
     counts = _shares(pixels, resolved, settings or resolved.exposure)
-    if not counts.any():
+    if resolved.film.transparent or not counts.any():
         return None
     value = float(np.sum(luminance(pixels) * counts) / counts.sum())
     return value / value_per_radiance(resolved) * LUMENS_PER_WATT if value > 0 else None

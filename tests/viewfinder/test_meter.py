@@ -58,6 +58,11 @@ def test_meter_agrees_with_automatic_exposure(pictures: dict[str, Any], kind: st
     assert abs(math.log2(film_reading(pixels, resolved, settings) / metered_cd_m2)) < AGREEMENT_EV
 
 
+def test_meter_that_would_see_no_background_reads_nothing(pictures: dict[str, Any]) -> None:
+    bare = scene(film={"resolution": [48, 32], "transparent": True}, shutter={"time_s": 1 / 30})
+    assert film_reading(pictures["relative"][1] / 20, bare) is None
+
+
 def test_spot_meter_agrees_with_automatic_exposure_at_the_spot(pictures: dict[str, Any]) -> None:
     metered = scene(exposure={"mode": "auto", **METERINGS[2]})
     auto, metered_cd_m2, _ = resolve_exposure(metered, open_session(None))
