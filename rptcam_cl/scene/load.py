@@ -201,6 +201,8 @@ def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _F
         expected = str(context.get("expected", context.get("expected_tags")))
         names = _QUOTED.findall(expected) or re.findall(r"\d+", expected)
         choices = [name for name in names if name != textures.CONSTANT]
+        if value in choices and value not in _QUOTED.findall(expected):
+            return _Finding("is text, not a number (write it without quotes)", got, listed(choices))
         return _Finding(f"is not a known choice{near_name(value, choices)}", got, listed(choices))
     if kind in _TOO_LONG:
         return _Finding("is too long", got, f"at most {context['max_length']} {_TOO_LONG[kind]}")

@@ -116,6 +116,7 @@ VALUES = [
     ("camera.up=[0, 19, -4.6]", "camera.up: is parallel to the viewing direction"),
     ("camera.up=[0, 0, 0]", "camera.up: must not be the zero vector"),
     ("camera.target=[0, -9.5, 3.2]", "camera.target: equals the eye"),
+    ('picture.bits="8"', "picture.bits: is text, not a number (write it without quotes) (got '8'; allowed: 8, 16)"),
     ("camera.kind=pinehole", "camera.kind: is not a known choice; did you mean pinhole?"),
     ("camera.f_number=0", "camera.f_number: is out of range"),
     ("camera.f_number=-4", "camera.f_number: is out of range"),
