@@ -277,8 +277,8 @@ def run_camera(arguments: argparse.Namespace) -> int:
         )
     if getattr(scene.camera, "accuracy", None) is not None:
         print(
-            "note: this is the lens, in whose place camera.accuracy may let renders have a simpler camera (rptcam settle"
-            " writes the scene with theirs)",
+            "note: this is the lens, in whose place camera.accuracy may let renders have a simpler camera (rptcam"
+            " settle writes the scene with theirs)",
             file=sys.stderr,
         )
     if seen.setting is not None:
