@@ -119,7 +119,7 @@ WITH_SHAPES: frozenset[Tier] = frozenset({"thin_lens", "fitted", "realistic"})  
 WITH_COLOURS: frozenset[Tier] = frozenset({"fitted", "realistic"})
 
 # Keys of a traced camera that a thick lens has too; pinhole and thin lens share the pose alone.
-_POSE = ("target", "up", "flip")
+_POSE = ("target", "up", "flip", "movements")
 _TRACED_ONLY = (
     "pupil", "rays", "precision", "aperture", "accuracy", "ghosts", "ghost_order", "barrel_reflectance",
     "front_scatter", "sensor_grating",
@@ -199,6 +199,8 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
         return with_camera(scene, _thick_lens(scene))
     if tier == "pinhole" and camera.ghosts == "on":
         raise InputError("camera.ghosts: add the light that comes through an opening, and a pinhole has none")
+    if camera.movements.turns:
+        raise InputError("camera.movements: a film that is turned keeps its lens, whose pupils are apart")
     first = first_order_camera(scene)
     back = camera.world_from_camera()[:3, 2]
     eye = np.array(camera.eye) - back * first.pupil_mm * 1e-3 / scene.metres_per_unit

@@ -523,7 +523,7 @@ def as_model(scene: Scene, resolved: Scene, kind: str) -> dict[str, Any]:
 def _pinhole(scene: Scene) -> dict[str, Any]:
     """Return the keys of a pinhole in the place of a thin lens."""
     camera = scene.camera
-    pose = {name: getattr(camera, name) for name in ("eye", "target", "up", "flip", "motion")}
+    pose = {name: getattr(camera, name) for name in ("eye", "target", "up", "flip", "motion", "movements")}
     if camera.field_of_view is not None:
         return pose | {"kind": "pinhole"} | dict(zip(("fov_degrees", "fov_axis"), camera.field_of_view, strict=True))
     focal_mm = focal_length_mm(scene)

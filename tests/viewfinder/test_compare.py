@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.exchange.camera_models import view
 from rptcam_cl.scene.camera import PinholeCamera
 from rptcam_cl.scene.load import apply_overrides, load_scene
 from rptcam_cl.scene.scene import Scene
@@ -55,6 +56,24 @@ def test_view_and_brightness_stay(camera: dict[str, Any], kind: str, exposure: d
         assert isinstance(simple.camera, PinholeCamera)
         tangent = math.tan(math.radians(simple.camera.fov_degrees) / 2)
         assert width_mm / 2 / tangent == pytest.approx(before.per_tangent_mm, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("camera", "kind"), [(LENS, "thin_lens"), (LENS | {"kind": "thick_lens"}, "pinhole"), (THIN, "pinhole")]
+)
+def test_film_that_is_risen_stays_so(camera: dict[str, Any], kind: str) -> None:
+    scene, simple = changed(camera | {"movements": {"rise_mm": 5}}, kind, {"mode": "relative"})
+    before = perspective(scene)
+    assert before is not None
+    for each in (scene, simple):
+        [seen], _ = view(each).directions(np.array([[18.0, 12.0]]))
+        assert -seen[1] / seen[2] == pytest.approx(5 / before.per_tangent_mm, rel=2e-3)  # less what a lens distorts
+
+
+def test_film_that_is_turned_has_no_simpler_lens() -> None:
+    scene = load_scene({"camera": LENS | {"movements": {"tilt_degrees": 2}}})
+    with pytest.raises(InputError, match=r"camera\.movements: a film that is turned"):
+        as_model(scene, scene, "pinhole")
 
 
 def test_same_kind_changes_nothing_and_a_better_one_is_refused() -> None:
