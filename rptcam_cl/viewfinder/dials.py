@@ -645,7 +645,8 @@ def _keys_behind(panel: Panel, lens: str, focus: dict[str, Any]) -> dict[str, An
     """Return the keys of the scene's camera behind another lens, wide open."""
     camera = panel.scene.camera
     pose = {name: getattr(camera, name) for name in ("eye", "target", "up", "flip", "motion")}
-    kept = {}
+    moved = camera.film_movements.model_dump(exclude_defaults=True)
+    kept: dict[str, Any] = {"movements": moved} if moved else {}
     if camera.lens_camera is not None:
         own = ("lens", "zoom", "focal_length_mm", "stop_diameter_mm", "f_number", "focus", "kind")
         kept = {name: getattr(camera, name) for name in camera.model_fields_set if name not in own}

@@ -17,6 +17,7 @@ from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.device.session import open_sessions
 from rptcam_cl.optics.lens import in_configuration
 from rptcam_cl.optics.library import list_lenses, load_lens
+from rptcam_cl.scene.camera import Movements
 from rptcam_cl.scene.load import apply_overrides, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder import dials as lens_choice
@@ -265,6 +266,12 @@ def test_a_lens_on_an_ideal_camera_keeps_its_place_and_focus(camera: str) -> Non
     body = Body(camera).turn("lens", "dgauss-50mm")
     assert (body.scene.camera.kind, body.scene.camera.target) == ("realistic", (0, 0, -2))
     assert body.listed("focus_m")["value"] == pytest.approx(2)
+
+
+def test_a_lens_on_a_view_camera_leaves_its_film_where_it_stands() -> None:
+    body = Body(CAMERAS["thin"] | {"movements": {"rise_mm": 4, "tilt_degrees": 2}}).turn("lens", "dgauss-50mm")
+    assert body.scene.camera.kind == "realistic"
+    assert body.scene.camera.film_movements == Movements(rise_mm=4, tilt_degrees=2)
 
 
 def test_lens_files_are_those_of_the_scenes_folder(tmp_path: Path) -> None:
