@@ -78,7 +78,7 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
         table[first : first + 3, :count] = np.broadcast_to(np.atleast_2d(part), (count, 3)).T
     packed, texels = pack(json.dumps(material), Path.cwd(), again)
     records, base = packed.records, packed.facts["HAS_BRUSHED_BASE"]
-    if again and packed.facts["HAS_ANISOTROPY"]:
+    if again and packed.facts["HAS_ANISOTROPY"] and packed.facts["FACET_SHARES"]:
         base = 1  # a program that knows of brushed bases does for all that is brushed
     shared = int((again or base) and packed.facts["FACET_SHARES"])
     tables = facet_shares(records) if shared else np.zeros(1, np.float32)
