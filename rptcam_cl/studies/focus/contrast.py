@@ -359,6 +359,7 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
     for number in range(rounds):
         stop = 1.0 if number == rounds - 1 else stop * factor
         zones = _still_possible(policy, probes, peaks, zones, step)
+        _leave_out_others(probes, zones)
         before, step = step, _next_step(probes, peaks, zones, stop, factor)
         if start is not None:  # a lopsided curve pulls the top of wide steps to a side
             step = min(step, WIDEST / 2 * probes.drive.depth_of_focus)
@@ -407,6 +408,7 @@ def _round(
     if not seen:
         raise no_contrast(_why_unseen(probes, made, zones, samples), is_flat=True)
     zones[:] = seen
+    _leave_out_others(probes, zones)
     return made, samples
 
 
@@ -522,6 +524,14 @@ def _narrow_zones(probes: Probes, made: Sequence[Probe], zones: list[int]) -> No
     probes.task = replace(probes.task, zones=tuple(parts))
 
 
+def _leave_out_others(probes: Probes, zones: list[int]) -> None:
+    """Have the probes to come show those of some zones alone, which then have all samples that are left."""
+    parts = probes.task.zones
+    if len(zones) < len(parts):
+        left = tuple(part if k in zones else parts[zones[0]] for k, part in enumerate(parts))
+        probes.task = replace(probes.task, zones=left)
+
+
 def _centre(peaks: dict[int, Peak], zones: list[int]) -> float:
     places = [peaks[zone].place for zone in zones]
     return (min(places) + max(places)) / 2
@@ -606,6 +616,7 @@ def focus_by_laplacian(task: Task) -> FocusReport:
 def _focus_by_measure(method: str, measure: str, task: Task) -> FocusReport:
     probes = task.probes(MEASURES[measure])
     probes.most = MOST_SAMPLES if task.near is None else _MOST_NEAR
+    probes.budget *= len(task.zones)
     peak, zone = greatest_contrast(probes, task.policy, task.near_place(probes))
     task.note_state(probes.state_of(peak.place))
     state = probes.state_of(peak.place)

@@ -197,3 +197,13 @@ def test_adjustment_goes_so_many_depths_of_focus_farther_away():
     depth_mm = 2 * 2 * math.hypot(36, 24) / 1500
     assert right.focus_distance_m == pytest.approx(2.0, rel=1e-3)
     assert film_mm[0] - film_mm[1] == pytest.approx(1.5 * depth_mm, rel=0.1)
+
+
+def test_a_zone_among_others_is_found_as_it_is_alone():
+    figure, beside = (0.5, 0.6, 0.4, 0.6), (0.1, 0.2, 0.4, 0.6)
+    found = rptcam_cl.autofocus(
+        "examples/first_light.yaml", "contrast", zones=[figure, beside], policy="closest", seed=1
+    )
+    by_rays = rptcam_cl.autofocus("examples/first_light.yaml", "depth", zones=[figure])
+    assert astuple(found.zone) == figure
+    assert found.focus_distance_m == pytest.approx(by_rays.focus_distance_m, rel=0.02)
