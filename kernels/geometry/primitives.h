@@ -1,6 +1,6 @@
 // Ray against every primitive of the scene, kind by kind; only the kinds that the scene holds are compiled.
-// A primitive's rows map world to object space and keep the ray parameter t; row_z of a flat one has unit length. Primitives are sorted by kind; kind_end[k] is
-// the index after the last one of kind k (KIND_… from records.py).
+// A primitive's rows map world to object space and keep the ray parameter t; row_z of a flat one has unit length.
+// Primitives are sorted by kind; kind_end[k] is the index after the last one of kind k (KIND_… from records.py).
 //
 // No epsilons: a ray that starts on a primitive has the root t = 0 there, known exactly, so only the other root counts.
 // A flat primitive has no other root.

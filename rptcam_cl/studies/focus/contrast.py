@@ -358,8 +358,7 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
     factor = stop ** (-1 / rounds) if rounds else 1.0
     for number in range(rounds):
         stop = 1.0 if number == rounds - 1 else stop * factor
-        zones = _still_possible(policy, probes, peaks, zones, step)
-        _leave_out_others(probes, zones)
+        zones = _leave_out_others(probes, _still_possible(policy, probes, peaks, zones, step))
         before, step = step, _next_step(probes, peaks, zones, stop, factor)
         if start is not None:  # a lopsided curve pulls the top of wide steps to a side
             step = min(step, WIDEST / 2 * probes.drive.depth_of_focus)
@@ -407,8 +406,7 @@ def _round(
         samples = min(4 * samples, most)
     if not seen:
         raise no_contrast(_why_unseen(probes, made, zones, samples), is_flat=True)
-    zones[:] = seen
-    _leave_out_others(probes, zones)
+    zones[:] = _leave_out_others(probes, seen)
     return made, samples
 
 
@@ -524,12 +522,13 @@ def _narrow_zones(probes: Probes, made: Sequence[Probe], zones: list[int]) -> No
     probes.task = replace(probes.task, zones=tuple(parts))
 
 
-def _leave_out_others(probes: Probes, zones: list[int]) -> None:
-    """Have the probes to come show those of some zones alone, which then have all samples that are left."""
+def _leave_out_others(probes: Probes, zones: list[int]) -> list[int]:
+    """Return some zones, and have the probes to come show these alone: they get all samples that are left."""
     parts = probes.task.zones
     if len(zones) < len(parts):
         left = tuple(part if k in zones else parts[zones[0]] for k, part in enumerate(parts))
         probes.task = replace(probes.task, zones=left)
+    return zones
 
 
 def _centre(peaks: dict[int, Peak], zones: list[int]) -> float:
