@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import replacing
-from rptcam_cl.scene.assets.mesh import distinct_rows
+from rptcam_cl.scene.assets.mesh import as_triangles, distinct_rows, group_lists
 from rptcam_cl.scene.load import load_scene, scene_text
 from rptcam_cl.scene.placement import SMALLEST_STRETCH_RATIO
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE
@@ -782,12 +782,13 @@ class PolygonMesh:
         return np.stack(parts, axis=1).reshape(-1, values.shape[1])
 
     def triangles(self, faces: Faces | None = None, *, smooth: bool = False) -> MeshData:
-        """Return some faces, or all, as triangles about their first corners."""
+        """Return some faces, or all, as triangles."""
         chosen = np.arange(len(self.counts)) if faces is None else faces
-        starts, fans = self.starts[chosen], np.maximum(self.counts[chosen] - 2, 0)
-        first = np.repeat(starts, fans)
-        step = np.arange(fans.sum()) - np.repeat(np.cumsum(fans) - fans, fans)
-        corners = np.stack([first, first + step + 1, first + step + 2], axis=1)
+        chosen = chosen[self.counts[chosen] > 2]
+        places = group_lists(self.counts[chosen], self.starts[chosen], np.arange(len(self.corners)))
+        corners = np.zeros((0, 3), np.int64)
+        if places:
+            corners = as_triangles(self.points[self.corners], places, "face").astype(np.int64)
         normals = self.normals
         if smooth:
             mesh = MeshData(self.points, self.corners[corners])

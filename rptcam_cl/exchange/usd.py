@@ -29,6 +29,7 @@ _MOST_FACES = (400_000, 400_000, 10_000, 10_000)  # that each division of a subd
 _CAMERA_STEPS = 8  # keyframes of a camera go straight
 _SHARP = 10.0  # a crease of so much is one of every division (UsdGeomMesh, SHARPNESS_INFINITE)
 _MOST_PIXEL_ASPECT = 20.0
+_WHOLE_SKIES = ("automatic", "latlong")
 _MOST_DISPLACED, _MOST_STEPS = 1_000_000, 256  # triangles of a displaced mesh, parts of each edge
 
 
@@ -79,6 +80,7 @@ class Stage:
 
     def add_all(self) -> None:
         """Add everything that is shown."""
+        self.camera = self._choose_camera()
         self._open_shutter()
         self._add_below(self.stage.GetPseudoRoot(), None, None)
 
@@ -95,19 +97,33 @@ class Stage:
                 continue
             if prim.IsA(self.geom.PointInstancer):
                 self._add_instancer(prim, frame)
-            elif prim.IsA(self.geom.Camera):
-                self.camera = self.camera or prim
             elif prim.HasAPI(self.lux.LightAPI):
                 self._add_light(prim, frame, table)
             elif prim.IsA(self.geom.Gprim):
                 self._add_shape(prim, self._placement(prim, frame), table)
 
+    def _choose_camera(self) -> Any:
+        """Return the camera that the stage's render settings name, else the first that is shown; None without one."""
+        usd, render = pxr("Usd"), pxr("UsdRender")
+        cameras = []
+        walk = iter(usd.PrimRange(self.stage.GetPseudoRoot(), usd.TraverseInstanceProxies()))
+        for prim in walk:
+            if not prim.IsPseudoRoot() and (not self._is_shown(prim) or prim.IsA(self.geom.PointInstancer)):
+                walk.PruneChildren()
+            elif prim.IsA(self.geom.Camera):
+                cameras.append(prim)
+        settings = render.Settings.GetStageRenderSettings(self.stage)
+        named = settings.GetCameraRel().GetForwardedTargets() if settings else []
+        cameras.sort(key=lambda prim: prim.GetPath() not in named)
+        for prim in cameras[1:]:
+            self.report.say("ignored", f"all cameras but {cameras[0].GetPath()}", prim)
+        return next(iter(cameras), None)
+
     def _open_shutter(self) -> None:
-        """Note from when to when the first camera's shutter is open, which it says in time codes about the moment."""
-        camera = next((prim for prim in self.stage.Traverse() if prim.IsA(self.geom.Camera)), None)
-        if camera is None or not self.time.IsNumeric():
+        """Note from when to when the camera's shutter is open, which it says in time codes about the moment."""
+        if self.camera is None or not self.time.IsNumeric():
             return
-        shutter = self.geom.Camera(camera)
+        shutter = self.geom.Camera(self.camera)
         opens, closes = (float(each.Get(self.time) or 0.0) for each in (
             shutter.GetShutterOpenAttr(), shutter.GetShutterCloseAttr()))  # fmt: skip
         if closes > opens:
@@ -316,6 +332,8 @@ class Stage:
             return None
         if material:
             self.report.say("approximated", "a material with the colours of a mesh by matte ones", prim)
+        elif (share := self.shading.primvar("displayOpacity", prim)) is not None and share.min() < 1:
+            self.report.say("ignored", "the opacity of a mesh with colours of its own", prim)
         return values, primvar.GetInterpolation()
 
     def _write_mesh(self, prim: Any) -> list[tuple[str, Any]]:
@@ -327,24 +345,26 @@ class Stage:
             (str(subset.GetPrim().GetName()), _numbers(subset.GetIndicesAttr().Get(self.time), 1, np.int64))
             for subset in self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
         ]
+        holes = _numbers(mesh.GetHoleIndicesAttr().Get(self.time), 1, np.int64)
         # what is copied about a stage without being instanced is written once
-        content = content_name(caged, str(mesh.GetSubdivisionSchemeAttr().Get()), subsets)
+        content = content_name(caged, str(mesh.GetSubdivisionSchemeAttr().Get()), subsets, holes)
         if content not in self._contents:
-            self._contents[content] = self._write_parts(prim, mesh, caged, subsets)
+            self._contents[content] = self._write_parts(prim, mesh, caged, subsets, holes)
         return self._contents[content]
 
     def _write_parts(
-        self, prim: Any, mesh: Any, caged: conversion.PolygonMesh, subsets: list[tuple[str, Faces]]
+        self, prim: Any, mesh: Any, caged: conversion.PolygonMesh, subsets: list[tuple[str, Faces]], holes: Faces
     ) -> list[tuple[str, Any]]:
         polygons, begins, smooth = self._smooth(prim, mesh, caged)
         parts: list[tuple[str, Faces | None]] = []
         taken = np.zeros(len(polygons.counts), bool)
-        for name, own in subsets:
+        for name, own in (("", holes), *subsets):
             own = own[(own >= 0) & (own < len(begins) - 1)]
             spans = zip(begins[own], begins[own + 1], strict=True)
             faces = np.concatenate([own[:0], *(np.arange(begin, end) for begin, end in spans)])
+            if name:
+                parts.append((name, faces[~taken[faces]]))
             taken[faces] = True
-            parts.append((name, faces))
         parts.append(("", np.flatnonzero(~taken)))
         written = []
         for name, chosen in parts:
@@ -448,11 +468,19 @@ class Stage:
         return np.asarray(values[index])
 
     def _uv_primvar(self, prim: Any) -> Any:
-        primvars = self.geom.PrimvarsAPI(prim)
-        for primvar in sorted(primvars.FindPrimvarsWithInheritance(), key=lambda each: each.GetPrimvarName() != "st"):
-            if "texCoord2" in str(primvar.GetTypeName()) or (
-                primvar.GetPrimvarName() in ("st", "uv", "st0", "UVMap") and "2" in str(primvar.GetTypeName())
-            ):
+        """Return the texture coordinates that the materials of a mesh read, else st or the first."""
+        primvars = self.geom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
+        bound = [prim, *(each.GetPrim() for each in self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets())]
+        materials = filter(None, map(self._bound_material, bound))
+        requested = dict.fromkeys(name for material in materials for name in self.shading.coordinates(material))
+        there = [name for name in requested if any(each.GetPrimvarName() == name for each in primvars)]
+        if len(there) > 1:
+            what = f"all texture coordinates but {there[0]}, which place all pictures"
+            self.report.say("ignored", what, prim)
+        first = next(iter(there), "st")
+        for primvar in sorted(primvars, key=lambda each: each.GetPrimvarName() != first):
+            named = primvar.GetPrimvarName() in (first, "st", "uv", "st0", "UVMap")
+            if "texCoord2" in str(primvar.GetTypeName()) or (named and "2" in str(primvar.GetTypeName())):
                 return primvar.ComputeFlattened(self.time), primvar.GetInterpolation()
         return None
 
@@ -528,11 +556,13 @@ class Stage:
     def _display_colour(self, prim: Any) -> Keys:
         primvar = self.geom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
         values = primvar.ComputeFlattened(self.time) if primvar and primvar.HasValue() else None
+        share = self.shading.primvar("displayOpacity", prim)
+        holes = {} if share is None or share.mean() >= 1 else {"opacity": float(np.clip(share.mean(), 0, 1))}
         if values is None or not len(values):
-            return {"kind": "matte", "reflectance": [0.18] * 3}
-        if len(values) > 1:
+            return {"kind": "matte", "reflectance": [0.18] * 3, **holes}
+        if len(values) > 1 or (share is not None and np.ptp(share) > 0):
             self.report.say("approximated", "colours of vertices or faces as their mean", prim)
-        return {"kind": "matte", "reflectance": np.clip(np.mean(values, axis=0), 0, 1).tolist()}
+        return {"kind": "matte", "reflectance": np.clip(np.mean(values, axis=0), 0, 1).tolist(), **holes}
 
     def _add_light(self, prim: Any, frame: Any, table: str | None) -> None:
         api = self.lux.LightAPI(prim)
@@ -548,6 +578,7 @@ class Stage:
         strength = number("intensity", 50000.0 if kind == "DistantLight" else 1.0) * 2 ** number("exposure", 0.0)
         radiance = np.maximum(colour * strength, 0)
         normalize = bool(api.GetNormalizeAttr().Get(self.time))
+        self._say_of_lamp(prim, number)
         if kind in ("DistantLight", "DomeLight", "DomeLight_1"):
             if self._moves(prim):
                 self.report.say("approximated", "a sun or sky that turns while the shutter is open stays", prim)
@@ -558,6 +589,15 @@ class Stage:
             self._add_distant(placement, radiance, number("angle", 0.53), normalize)
         elif kind in ("DomeLight", "DomeLight_1"):
             self._add_dome(prim, placement, radiance)
+        elif kind == "SphereLight" and number("radius", 0.5) == 0:
+            if table or not normalize:
+                self.report.say("ignored", "a lamp without a size, as an instance or not normalized", prim)
+                return
+            if self._moves(prim):
+                self.report.say("approximated", "a lamp without a size stays while the shutter is open", prim)
+            # the light of a ball goes by its cross section, a quarter of its surface
+            position = conversion.tidy(placement[:3, 3])
+            self.lights.append({"kind": "point", "position": position, "intensity": (radiance / 4).tolist()})
         elif (shape := _lamp_shape(kind, number)) is None or not _usable(placement):
             self.report.say("ignored", f"a lamp of the kind {kind}", prim)
         else:
@@ -566,12 +606,24 @@ class Stage:
                 radiance = radiance / area(placement[:3, :3])
             if prim.GetAttribute("inputs:texture:file").Get(self.time):
                 self.report.say("ignored", "the picture that a lamp shines with", prim)
-            if number("shaping:cone:angle", 90.0) < 90:
-                self.report.say("ignored", "the cone that a lamp is shaped to", prim)
             material = {"kind": "emissive", "radiance": radiance.tolist()}
             transform = {"transform": {"matrix": conversion.tidy(placement[:3])}}
             moving = {"instances": {"file": table}} if table else self._motion(prim)
             self.objects.append({**keys, **transform, **moving, "name": str(prim.GetPath()), "material": material})
+
+    def _say_of_lamp(self, prim: Any, number: Any) -> None:
+        """Report what a lamp says of its beam, and of what it lights, which has no counterpart."""
+        excluded = prim.GetRelationship("collection:lightLink:excludes")
+        root = prim.GetAttribute("collection:lightLink:includeRoot").Get()
+        for what, there in (
+            ("the cone that a lamp is shaped to", number("shaping:cone:angle", 90.0) < 90),
+            ("the focus of a lamp", number("shaping:focus", 0.0) != 0),
+            ("the IES profile of a lamp", bool(prim.GetAttribute("inputs:shaping:ies:file").Get(self.time))),
+            ("a lamp's factors on gloss and on the rest", (number("diffuse", 1.0), number("specular", 1.0)) != (1, 1)),
+            ("links of a lamp to what it lights", root is False or (excluded and excluded.HasAuthoredTargets())),
+        ):
+            if there:
+                self.report.say("ignored", what, prim)
 
     def _add_distant(self, placement: Array, radiance: Array, degrees: float, normalize: bool) -> None:
         sine = math.sin(math.radians(degrees) / 2)
@@ -593,8 +645,13 @@ class Stage:
             return
         if np.ptp(radiance) > 0:
             self.report.say("approximated", "the colour of a dome with a picture as its mean", prim)
+        if (form := str(prim.GetAttribute("inputs:texture:format").Get() or "automatic")) not in _WHOLE_SKIES:
+            self.report.say("approximated", f"a picture of a sky ({form}) as one in longitude and latitude", prim)
         # OpenEXR: +y is up, the middle of the picture looks along +z, its left half towards +x
-        up, forward = (placement[:3, k] / np.linalg.norm(placement[:3, k]) for k in (1, 2))
+        pole = str(prim.GetAttribute("poleAxis").Get() or "Y")
+        pole = str(self.geom.GetStageUpAxis(self.stage)) if pole == "scene" else pole
+        up, forward = (placement[:3, 2], -placement[:3, 1]) if pole == "Z" else (placement[:3, 1], placement[:3, 2])
+        up, forward = (axis / np.linalg.norm(axis) for axis in (up, forward))
         right_at_0, _, forward_at_0 = axes(up.tolist(), 0.0)
         turn = math.degrees(math.atan2(-(forward @ right_at_0), forward @ forward_at_0))
         self.environment = {"kind": "image", "file": file, "up": conversion.tidy(up),
@@ -625,6 +682,19 @@ class Stage:
         if any(offset.values()):
             keys["movements"] = offset
         return keys, film
+
+    def picture_keys(self) -> Keys:
+        """Return the keys of a picture that the camera makes brighter or darker than its film, nothing of another."""
+        if self.camera is None:
+            return {}
+        number = partial(self._number, self.camera)
+        factor = 2 ** number("exposure", 0.0) * number("exposure:time", 1.0) * number("exposure:iso", 100.0) / 100
+        factor *= number("exposure:responsivity", 1.0) / number("exposure:fStop", 1.0) ** 2
+        if factor == 1 or not factor > 0:
+            return {}
+        what = f"the camera's exposure, a factor of {factor:g}, goes to picture.ev; the linear film is not scaled"
+        self.report.say("approximated", what, self.camera)
+        return {"picture": {"ev": math.log2(factor)}}
 
     def _camera_motion(self) -> Keys:
         """Return the keyframes of a camera that moves while the shutter is open, nothing for one at rest."""
@@ -833,10 +903,13 @@ def convert_stage(source: Path, target: Path, *, time_s: float | None = None) ->
         report.say("note", "has no camera: one that sees everything", opened.GetPseudoRoot())
     scene: Keys = {"metres_per_unit": unit} if unit != 1 else {}
     scene |= {"film": film, "camera": camera, "materials": stage.materials, "objects": stage.objects}
-    scene |= stage.shutter_keys()
+    scene |= stage.picture_keys() | stage.shutter_keys()
     if stage.lights:
         scene["lights"] = stage.lights
-    lit = stage.lights or any(isinstance(item.get("material"), dict) for item in stage.objects)
+    glowing = {name for name, keys in stage.materials.items() if np.any(keys.get("emission", 0.0))}
+    lit = stage.lights or any(
+        isinstance(item.get("material"), dict) or item.get("material") in glowing for item in stage.objects
+    )
     if stage.environment is None and not lit:
         report.say("note", "has no lights: an even sky", opened.GetPseudoRoot())
         stage.environment = {"kind": "constant", "radiance": [1.0, 1.0, 1.0]}

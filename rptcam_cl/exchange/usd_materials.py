@@ -137,6 +137,14 @@ class Shading:
         reader = self.shade.Shader(source.GetPrim()) if source is not None else None
         return bool(reader) and _Inputs(self, reader).primvar_name() == "displayColor"
 
+    def coordinates(self, material: Any) -> list[str]:
+        """Return the names of the primvars that place the pictures of a material."""
+        usd = pxr("Usd")
+        prims = usd.PrimRange(material.GetPrim(), usd.TraverseInstanceProxies())
+        shaders = [self.shade.Shader(prim) for prim in prims if prim.IsA(self.shade.Shader)]
+        pairs = [each for each in shaders if str(each.GetIdAttr().Get() or "").endswith(("_float2", "_vector2"))]
+        return [name for each in pairs if (name := _Inputs(self, each).primvar_name())]
+
     def primvar(self, name: str, prim: Any) -> Any:
         """Return the values of a primvar as an array of floats; None where a prim has none of that name."""
         given = pxr("UsdGeom").PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if prim else None
@@ -506,12 +514,19 @@ class _Inputs:
             keys["color_space"] = space
         if kind.startswith("ND_"):
             return keys
-        gain = np.array(self.plain("scale", (1, 1, 1, 1)), np.float64).ravel()[:3]
-        if wanted != "normal" and len(gain) == 3 and not np.all(gain == 1):
-            keys["gain"] = np.maximum(gain, 0).tolist()
-        bias = np.array(self.plain("bias", (0, 0, 0, 0)), np.float64).ravel()
+        gain, bias = (np.resize(np.array(self.plain(name, default), np.float64), 4) for name, default in (
+            ("scale", (1, 1, 1, 1)), ("bias", (0, 0, 0, 0))))  # fmt: skip
+        gain, bias = (each[["rgba".index(output)] * 3 if len(output) == 1 else [0, 1, 2]] for each in (gain, bias))
         self.bias = float(bias[0])
-        if wanted not in ("normal", "displacement") and bias.any():
+        if wanted == "normal":
+            usual = ((1, 0), (2, -1))  # of a picture whose bytes are the components' halves about 0.5
+            if not any(np.all(gain == factor) and np.all(bias == shift) for factor, shift in usual):
+                what = "the scale and bias of a picture of normals, which are read as 2 v - 1"
+                self.shading.report.say("ignored", what, self.shader.GetPrim())
+            return keys
+        if not np.all(gain == 1):
+            keys["gain"] = np.maximum(gain, 0).tolist()
+        if wanted != "displacement" and bias.any():
             self.shading.report.say("ignored", "the bias of a texture", self.shader.GetPrim())
         return keys
 
@@ -526,8 +541,14 @@ class _Inputs:
 
     def _layout(self, kind: str) -> Keys:
         """Return how a picture lies on the surface."""
-        wraps = [str(self.plain(name, "")) for name in ("wrapS", "wrapT", "uaddressmode", "vaddressmode")]
-        keys: Keys = next(({"wrap": _WRAPS[wrap]} for wrap in wraps if wrap in _WRAPS), {})
+        names = ("uaddressmode", "vaddressmode") if kind.startswith("ND_") else ("wrapS", "wrapT")
+        wraps = [str(self.plain(name, "")) for name in names]
+        ours = [_WRAPS.get(wrap, "repeat") for wrap in wraps]
+        keys: Keys = next(({"wrap": wrap} for wrap in ours if wrap != "repeat"), {})
+        for what, there in ((f"{' and '.join(names)} that differ as {keys.get('wrap')}", ours[0] != ours[1]),
+                            ("black beyond a picture as its edge", {"black", "constant"} & {*wraps})):  # fmt: skip
+            if there:
+                self.shading.report.say("approximated", what, self.shader.GetPrim())
         if kind.startswith("ND_tiledimage"):
             tiles, shift, own, tile = (np.array(self.plain(name, default), np.float64) for name, default in (
                 ("uvtiling", (1, 1)), ("uvoffset", (0, 0)), ("realworldimagesize", (1, 1)),

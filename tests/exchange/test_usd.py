@@ -498,3 +498,129 @@ def test_a_material_that_shows_the_colours_of_a_mesh_leaves_them_to_it(tmp_path:
     done, _ = convert(tmp_path, sheet + "\n" + shader)
     assert "material" not in done.scene["objects"][0]
     assert any("a material with the colours of a mesh by matte ones" in line for line in done.report)
+
+
+SQUARES = """def Mesh "m" { int[] faceVertexCounts = [4, 4] int[] faceVertexIndices = [0, 1, 2, 3, 4, 5, 6, 7]
+    rel material:binding = </a> uniform token subdivisionScheme = "none"
+    point3f[] points = [(0,0,0),(1,0,0),(1,1,0),(0,1,0),(0,0,1),(2,0,1),(2,2,1),(0,2,1)]
+    texCoord2f[] primvars:st = [(0,0),(1,0),(1,1),(0,1),(0,0),(1,0),(1,1),(0,1)] (interpolation = "vertex")
+    texCoord2f[] primvars:half = [(0,0),(.5,0),(.5,.5),(0,.5),(0,0),(.5,0),(.5,.5),(0,.5)] (interpolation = "vertex")
+    MORE }
+def Material "a" { token outputs:surface.connect = </a/s.outputs:surface>
+    def Shader "s" { uniform token info:id = "UsdPreviewSurface" token outputs:surface
+        color3f inputs:diffuseColor.connect = </a/t.outputs:rgb> float inputs:opacity.connect = </a/t.outputs:a> }
+    def Shader "t" { uniform token info:id = "UsdUVTexture" asset inputs:file = @a.png@ float3 outputs:rgb
+        float outputs:a float2 inputs:st.connect = </a/r.outputs:result> OWN }
+    def Shader "r" { uniform token info:id = "UsdPrimvarReader_float2" token inputs:varname = "half"
+        float2 outputs:result } }
+"""
+
+
+def convert_squares(folder: Path, more: str = "", own: str = "") -> tuple[Any, Any]:
+    PIL.Image.new("RGBA", (4, 4), (255, 0, 0, 128)).save(folder / "a.png")
+    return convert(folder, SQUARES.replace("MORE", more).replace("OWN", own))
+
+
+def test_pictures_are_placed_by_the_coordinates_that_their_material_reads(tmp_path: Path) -> None:
+    _, scene = convert_squares(tmp_path)
+    (part,) = scene.load_mesh(scene.objects[0]).contents.parts
+    assert part.mesh.uvs is not None and part.mesh.uvs.max() == 0.5
+
+
+@pytest.mark.parametrize("scheme", ["none", "catmullClark"])
+def test_faces_that_are_holes_are_left_out(tmp_path: Path, scheme: str) -> None:
+    text = SQUARES.replace("MORE", "int[] holeIndices = [1]").replace('"none"', f'"{scheme}"')
+    _, scene = convert(tmp_path, text.replace("rel material:binding = </a>", "").replace("OWN", ""))
+    _, high = scene.solids()[0].bounds()
+    assert high[2] < 0.5  # the second square lies at a height of 1
+
+
+def test_polygons_that_are_not_convex_keep_their_outline(tmp_path: Path) -> None:
+    text = """def Mesh "m" { int[] faceVertexCounts = [6, 3] int[] faceVertexIndices = [0, 1, 2, 3, 4, 5, 0, 6, 7]
+        uniform token subdivisionScheme = "none"
+        point3f[] points = [(2,0,0),(2,1,0),(1,1,0),(1,2,0),(0,2,0),(0,0,0),(3,0,0),(3,-1,0)] }"""
+    _, scene = convert(tmp_path, text)
+    (part,) = scene.load_mesh(scene.objects[0]).contents.parts
+    corners = part.mesh.positions[part.mesh.faces].astype(float)
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    np.testing.assert_allclose(np.sort(np.sign(crosses)), [-1, 1, 1, 1, 1])
+    np.testing.assert_allclose(np.abs(crosses).sum() / 2, 3 + 0.5)  # an L, and a triangle that faces the other way
+
+
+def test_wraps_and_scales_that_have_no_counterpart_are_named(tmp_path: Path) -> None:
+    own = """token inputs:wrapS = "repeat" token inputs:wrapT = "black" float4 inputs:scale = (1, 1, 1, 0.5)"""
+    done, _ = convert_squares(tmp_path, own=own)
+    assert done.scene["materials"]["a"]["opacity"]["gain"] == [0.5, 0.5, 0.5]
+    assert "gain" not in done.scene["materials"]["a"]["base_color"]
+    said = [item["message"] for item in done.report.described()]
+    assert "wrapS and wrapT that differ as clamp" in said
+    assert "black beyond a picture as its edge" in said
+
+
+@pytest.mark.parametrize(("stage", "axis", "up"), [("Z", "", 2), ("Y", "", 1), ("Y", "Z", 2), ("Z", "Y", 1)])
+def test_the_pole_of_a_dome_goes_by_its_axis(tmp_path: Path, stage: str, axis: str, up: int) -> None:
+    PIL.Image.new("RGB", (4, 2)).save(tmp_path / "a.png")
+    own = f'uniform token poleAxis = "{axis}"' if axis else ""
+    text = BALL + f'def DomeLight_1 "d" {{ asset inputs:texture:file = @a.png@ {own} }}'
+    (tmp_path / "in.usda").write_text(HEAD.replace('"Y"', f'"{stage}"') + STATEMENT.sub("\n", text))
+    done = convert_stage(tmp_path / "in.usda", tmp_path / "out.yaml")
+    assert done.scene["environment"]["up"] == np.eye(3)[up].tolist()
+
+
+OF_LAMPS = {
+    "float inputs:shaping:focus = 2": "the focus of a lamp",
+    "asset inputs:shaping:ies:file = @a.ies@": "the IES profile of a lamp",
+    "float inputs:diffuse = 0.5": "a lamp's factors on gloss and on the rest",
+    "rel collection:lightLink:excludes = </ball>": "links of a lamp to what it lights",
+}
+
+
+@pytest.mark.parametrize("own", OF_LAMPS)
+def test_what_a_lamp_says_in_vain_is_named(tmp_path: Path, own: str) -> None:
+    done, _ = convert(tmp_path, BALL + f'def DiskLight "l" {{ {own} }}')
+    assert [item["message"] for item in done.report.described() if item["effect"] == "ignored"] == [OF_LAMPS[own]]
+
+
+def test_a_sky_of_another_format_is_named(tmp_path: Path) -> None:
+    PIL.Image.new("RGB", (4, 4)).save(tmp_path / "a.png")
+    own = 'asset inputs:texture:file = @a.png@ token inputs:texture:format = "angular"'
+    done, _ = convert(tmp_path, BALL + f'def DomeLight "l" {{ {own} }}')
+    assert any("a picture of a sky (angular) as one in longitude and latitude" in line for line in done.report)
+
+
+def test_a_lamp_without_a_size_shines_as_a_small_one(tmp_path: Path) -> None:
+    """A ball of radius r and radiance L has the intensity pi r^2 L far away."""
+    text = 'def SphereLight "l" { float inputs:intensity = 8 bool inputs:normalize = 1 float inputs:radius = RADIUS }'
+    small, _ = convert(tmp_path, BALL + text.replace("RADIUS", "0.01"))
+    point, _ = convert(tmp_path, BALL + text.replace("RADIUS", "0"))
+    radiance = np.array(small.scene["objects"][1]["material"]["radiance"])
+    np.testing.assert_allclose(point.scene["lights"][0]["intensity"], math.pi * 0.01**2 * radiance, rtol=1e-6)
+
+
+VIEWS = """def Camera "first" { }
+    def Camera "second" { float exposure = 1.5 float exposure:iso = 200 double3 xformOp:translate = (0, 0, 50)
+        uniform token[] xformOpOrder = ["xformOp:translate"] }
+    def Scope "Render" { def RenderSettings "s" { rel camera = </second> } }
+"""
+
+
+def test_the_camera_is_that_of_the_render_settings_with_its_exposure(tmp_path: Path) -> None:
+    done, scene = convert(tmp_path, BALL + VIEWS)
+    assert scene.camera.eye == (0, 0, 0)
+    assert any("/second: ignored: all cameras but /first" in line for line in done.report)
+    chosen = HEAD.replace("metersPerUnit", 'renderSettingsPrimPath = "/Render/s"\n    metersPerUnit')
+    (tmp_path / "in.usda").write_text(chosen + STATEMENT.sub("\n", BALL + VIEWS))
+    done = convert_stage(tmp_path / "in.usda", tmp_path / "out.yaml")
+    assert done.scene["camera"]["eye"] == [0, 0, 50]
+    assert done.scene["picture"]["ev"] == pytest.approx(2.5)
+
+
+def test_a_colour_of_a_prim_may_be_transparent_and_what_glows_is_a_light(tmp_path: Path) -> None:
+    ball = BALL.replace("double radius", "float[] primvars:displayOpacity = [0.25] double radius")
+    glowing = """def Sphere "b" { rel material:binding = </g> }
+        def Material "g" { token outputs:surface.connect = </g/s.outputs:surface>
+            def Shader "s" { uniform token info:id = "UsdPreviewSurface" token outputs:surface
+                color3f inputs:emissiveColor = (2, 2, 2) } }"""
+    done, _ = convert(tmp_path, ball + glowing)
+    assert done.scene["materials"]["color"]["opacity"] == 0.25
+    assert "environment" not in done.scene
