@@ -41,6 +41,7 @@ from rptcam_cl.rendering.point_waves import Conjugates
 from rptcam_cl.rendering.progressive import Progress, Rendering, SavedState, render_plan, render_state, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
+from rptcam_cl.scene.camera import plain_keys
 from rptcam_cl.scene.changes import at_rest, change_scene, exposure_steps, focus_keys, set_keys
 from rptcam_cl.scene.film import LIGHT_LAYER, SHARP_LAYERS, LayerName
 from rptcam_cl.scene.load import SceneSource, load_scene, plain_data, read_scene, scene_text
@@ -723,7 +724,7 @@ def _keys(scene: Scene, resolved: Resolved) -> dict[str, Any]:
     if "accuracy" in resolved.metadata and not _goes_by_lens(scene, resolved):
         chosen, spectrum = resolved.scene.camera, resolved.scene.spectrum
         if chosen.kind != scene.camera.kind:
-            changes = {"camera": chosen.model_dump(mode="json", exclude_defaults=True) | {"kind": chosen.kind}}
+            changes = {"camera": plain_keys(chosen)}
         else:
             changes["camera.accuracy"] = None
             if getattr(chosen, "rays", "") == "fitted":

@@ -31,6 +31,7 @@ from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.exchange.camera_models import COEFFICIENTS, CameraView, calibrate, calibrate_best, view
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import LABELS, MOST_INSTANCES, TRUTH_FILES, categories_of, with_classes
+from rptcam_cl.scene.camera import KEY_GROUPS
 from rptcam_cl.scene.changes import change_scene, set_keys
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
@@ -697,10 +698,8 @@ class DatasetFolder:
 
 # The frames of a dataset, one after the other: rendered, described, written, and kept when they are there.
 
-POSE = {"eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso"}
 REMEMBERED = 512  # camera models
 SAMPLES = ("spp", "spp_min", "spp_mean")
-STOP = ("f_number", "stop_diameter_mm")
 
 
 @dataclass(frozen=True, eq=False)
@@ -892,8 +891,8 @@ class _Cameras:
 
 def _content(seen: CameraView) -> tuple[str, str]:
     """Keys of the optics that a camera model is fitted to, and of the stop."""
-    optics = seen.scene.camera.model_dump(mode="json", exclude=POSE)
-    stop = [optics.pop(key, None) for key in STOP]
+    optics = seen.scene.camera.model_dump(mode="json", exclude=KEY_GROUPS["pose"])
+    stop = [optics.pop(key, None) for key in sorted(KEY_GROUPS["opening"])]
     facts = [optics, seen.scene.film.model_dump(mode="json"), seen.distance_m, seen.scene.metres_per_unit]
     if seen.setting is not None:
         facts += [seen.setting.film_distance_mm, seen.setting.lens.vertices.tobytes()]

@@ -36,7 +36,7 @@ from rptcam_cl.rendering.tracer import MemoryNeeds, Wavefront, WavefrontPool
 from rptcam_cl.scene.camera import LensCamera
 from rptcam_cl.scene.changes import at_rest, change_scene, set_keys
 from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO, MOST_STOPS, Exposure
-from rptcam_cl.scene.film import Film, FilmFilter, LensColour, RenderSettings
+from rptcam_cl.scene.film import Film, FilmFilter, LensColour
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.quantities import LONGEST_S, SHORTEST_S
 from rptcam_cl.scene.scene import Scene
@@ -565,13 +565,12 @@ def _relative(scene: Scene, *, small: bool = False) -> Scene:
         factor = min(1.0, _METERED_SIDE / max(columns, rows))
         down = max(round(rows * factor), 1)
         across = 2 * down if scene.camera.sees_all_around else max(round(columns * factor), 1)
-        film = {"resolution": (across, down), "size_mm": tuple(side * 1e3 for side in scene.film.size_m())}
-        names = ("max_depth", "multiple_scattering", "roulette_depth", "sampler")
-        kept = {name: getattr(scene.render, name) for name in names}
+        whole = scene.film.whole_in((across, down)) | {"filter": FilmFilter(), "transparent": False}
         clamped = scene.render.clamp is not None and scene.render.caustics == "auto"
-        kept["caustics"] = "off" if clamped else scene.render.caustics
-        update["film"] = Film.model_validate(film | {"filter": FilmFilter()})
-        update["render"] = RenderSettings(spp=max(_METERED_SAMPLES // (across * down), 1), seed=METER_SEED, **kept)
+        samples = {"spp": max(_METERED_SAMPLES // (across * down), 1), "seed": METER_SEED, "noise": None, "layers": ()}
+        light = {"clamp": None, "caustics": "off" if clamped else scene.render.caustics}
+        update["film"] = scene.film.model_copy(update=whole)
+        update["render"] = scene.render.model_copy(update=samples | light)
     return scene.model_copy(update=update)
 
 

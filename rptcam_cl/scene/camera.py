@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
@@ -720,3 +720,52 @@ CAMERA_KINDS: tuple[type[CameraKind], ...] = get_args(get_args(Camera)[0])
 def kinds_where(has: Callable[[type[CameraKind]], bool]) -> list[str]:
     """Return the names of the kinds that have something."""
     return [get_args(kind.model_fields["kind"].annotation)[0] for kind in CAMERA_KINDS if has(kind)]
+
+
+# Cameras made of others. What each key belongs to says what goes with it; a key that belongs to nothing fails a test.
+
+KEY_GROUPS: dict[str, set[str]] = {
+    "kind": {"kind"},
+    "pose": {"eye", "target", "up", "motion"},
+    "reference": {"stands_at"},
+    "film": {"flip", "movements"},
+    "near": {"near_m"},
+    "view": {"fov_degrees", "fov_axis", "width_m", "focal_length_mm", "zoom", "lens"},
+    "focus": {"focus", "focus_distance_m"},
+    "opening": {"aperture_radius_m", "f_number", "stop_diameter_mm"},
+    "outline": {"aperture"},
+    "diffraction": {"diffraction", "stop"},
+    "glass": {"wavelength_nm", "transmission"},
+    "rays": {"pupil", "rays", "precision", "accuracy"},
+    "ghosts": {"ghosts", "ghost_order", "barrel_reflectance", "front_scatter", "sensor_grating"},
+}
+FOLLOWS_THE_FILM = KEY_GROUPS["diffraction"] | KEY_GROUPS["ghosts"]
+
+
+def keys_as(camera: CameraKind, own: Keys, *, without: Iterable[str] = ()) -> tuple[Keys, tuple[str, ...]]:
+    """Return the keys of a camera of another kind, or with another lens, and the names of those that it leaves out.
+
+    It keeps every key that was given and that its kind has, but for those of an opening where it has none.
+
+    Parameters
+    ----------
+    camera
+        The camera in whose place it stands.
+    own
+        Its `kind`, and the keys that are its own.
+    without
+        Names of `KEY_GROUPS` that its own keys replace.
+    """
+    kind = next(each for each in CAMERA_KINDS if get_args(each.model_fields["kind"].annotation)[0] == own["kind"])
+    replaced = set[str]().union(*(KEY_GROUPS[group] for group in ("kind", *without)))
+    unknown = set[str]() if kind.opens else KEY_GROUPS["diffraction"]
+    given = {name: getattr(camera, name) for name in camera.model_fields_set if name not in own.keys() | replaced}
+    kept = {name: value for name, value in given.items() if name in kind.model_fields and name not in unknown}
+    fields = type(camera).model_fields
+    left_out = [name for name in fields if name in given.keys() - kept and given[name] != fields[name].default]
+    return kept | own, tuple(left_out)
+
+
+def plain_keys(camera: CameraKind) -> Keys:
+    """Return the keys of a camera as a scene file has them, without those that are as by default."""
+    return camera.model_dump(mode="json", exclude_none=True, exclude_defaults=True) | {"kind": camera.kind}

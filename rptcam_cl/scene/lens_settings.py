@@ -606,6 +606,11 @@ class RealLens(base.SceneModel):
         """What it is exposed to; None at 20 degrees and standard pressure."""
         return _heat(self.temperature_c, self.pressure_hpa, self.barrel)
 
+    @property
+    def air(self) -> dict[str, float]:
+        """The keys of the air around it, which another lens in its place has too."""
+        return self.model_dump(include={"temperature_c", "pressure_hpa"}, exclude_defaults=True)
+
 
 def _form(value: Any) -> str:
     return REAL if isinstance(value, RealLens) or (isinstance(value, dict) and "design" in value) else DESIGN

@@ -33,7 +33,7 @@ from rptcam_cl.optics.library import digests_of_lens, load_lens, named_lens, nam
 from rptcam_cl.scene import lens_settings, media
 from rptcam_cl.scene.assets.mesh import LAMPS_LEFT_OUT
 from rptcam_cl.scene.base import FileReference, SceneModel, file_references, refuse, unknown_name
-from rptcam_cl.scene.camera import Camera
+from rptcam_cl.scene.camera import FOLLOWS_THE_FILM, Camera
 from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, FrameSequence, Shutter, check_exposure
 from rptcam_cl.scene.film import SHARP_LAYERS, Film, PictureSettings, RenderSettings, Sensor, SpectrumSettings
 from rptcam_cl.scene.lights import WITH_UP, Environment, Light
@@ -285,11 +285,6 @@ def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
             "camera.motion: ghosts stand where they are when the shutter opens, and what makes them moves on"
         )
     return warnings
-
-
-_FOLLOWS_THE_FILM = {  # keys of the camera
-    "diffraction", "ghosts", "ghost_order", "barrel_reflectance", "front_scatter", "sensor_grating", "stop"
-}  # fmt: skip
 
 
 class Scene(SceneModel):
@@ -637,7 +632,7 @@ class Scene(SceneModel):
         content = self.model_dump(
             mode="json",
             exclude={
-                "picture": True, "sequence": True, "sensor": True, "camera": _FOLLOWS_THE_FILM,
+                "picture": True, "sequence": True, "sensor": True, "camera": FOLLOWS_THE_FILM,
                 "materials": True, "meshes": True,
                 "render": {"spp", "layers", "layers_spp"}, "objects": {"__all__": left_out},
             },
@@ -680,7 +675,7 @@ class Scene(SceneModel):
         That is what changes the film (`content_hash`, which may be given), and what follows it: diffraction, ghosts,
         the sensor, and how the picture is shown.
         """
-        followed: Any = {"camera": _FOLLOWS_THE_FILM, "sensor": True, "picture": True}
+        followed: Any = {"camera": FOLLOWS_THE_FILM, "sensor": True, "picture": True}
         said = self.model_dump(mode="json", include=followed)
         return _hash([content_hash or self.content_hash(), said, *self.picture.content_digests()])
 

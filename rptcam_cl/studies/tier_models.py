@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import product
 from typing import Any, Literal
 
@@ -14,11 +15,13 @@ from rptcam_cl.optics.film_probe import FINE, FilmProbe, narrowing_probes, pupil
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.surface import StopMask, StopShape, cut_polygon
 from rptcam_cl.rendering.cameras.ideal import ThickLens, stop_shape, thick_lens_of
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.lens_records import FAR_MM, disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap, allowed_px, fitted_map
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_camera, lens_setting, lens_to_focus, on_film
 from rptcam_cl.scene.assets.mesh import MeshPlacement
-from rptcam_cl.scene.changes import change_scene, with_camera
+from rptcam_cl.scene.camera import keys_as
+from rptcam_cl.scene.changes import at_opening, change_scene, with_camera
 from rptcam_cl.scene.materials import Emissive, Material, Matte, Mix, Translucent
 from rptcam_cl.scene.meshes import LoadedMesh
 from rptcam_cl.scene.scene import Scene, Solid
@@ -118,13 +121,6 @@ WITH_SHAPES: frozenset[Tier] = frozenset({"thin_lens", "fitted", "realistic"})  
 # Bring light of every wavelength to its own place, less what the lens takes of each.
 WITH_COLOURS: frozenset[Tier] = frozenset({"fitted", "realistic"})
 
-# Keys of a traced camera that a thick lens has too; pinhole and thin lens share the pose alone.
-_POSE = ("target", "up", "flip", "movements")
-_TRACED_ONLY = (
-    "pupil", "rays", "precision", "aperture", "accuracy", "ghosts", "ghost_order", "barrel_reflectance",
-    "front_scatter", "sensor_grating",
-)  # fmt: skip
-
 
 @dataclass(frozen=True)
 class FirstOrderCamera:
@@ -205,7 +201,7 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     back = camera.world_from_camera()[:3, 2]
     eye = np.array(camera.eye) - back * first.pupil_mm * 1e-3 / scene.metres_per_unit
     half_film_mm = scene.film.size_m()[0] / 2 * 1e3
-    keys = {name: getattr(camera, name) for name in _POSE} | {
+    keys: dict[str, Any] = {
         "kind": tier,
         "eye": eye.tolist(),
         "target": (eye - back).tolist(),
@@ -215,18 +211,25 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     if tier == "thin_lens":
         if first.plane_mm is None or first.plane_mm <= 0:
             raise InputError(f"{first.setting.lens.name}: no plane of the scene is in focus")
-        keys |= {
-            "aperture_radius_m": first.radius_mm * 1e-3,
-            "focus_distance_m": min(first.plane_mm * 1e-3, 1e12),
-            "aperture": camera.aperture,
-        }
-    return with_camera(scene, keys)
+        keys |= {"aperture_radius_m": first.radius_mm * 1e-3, "focus_distance_m": min(first.plane_mm * 1e-3, 1e12)}
+    return with_camera(scene, keys_as(camera, keys, without=("view", "focus", "opening"))[0])
+
+
+def without_lens(scene: Scene) -> Scene:
+    """Return a scene with a pinhole in place of its thin lens, that sees as much."""
+    camera, keys = scene.camera, dict[str, Any](kind="pinhole")
+    if camera.field_of_view is None:
+        focal_mm, focused = camera_of(scene).focal_length_mm(), at_opening(scene).camera.ideal_lens
+        assert focal_mm is not None and focused is not None
+        image_mm = 1 / (1 / focal_mm - 1 / (focused.plane_m * 1e3))
+        keys["fov_degrees"] = math.degrees(2 * math.atan(scene.film.size_m()[0] * 1e3 / 2 / image_mm))
+    return with_camera(scene, keys_as(camera, keys)[0])
 
 
 def _thick_lens(scene: Scene) -> dict[str, Any]:
     """Return the keys of the thick lens in place of a traced one."""
     camera = lens_camera(scene)
-    keys = {name: getattr(camera, name) for name in camera.model_fields_set if name not in _TRACED_ONLY}
+    keys, _ = keys_as(camera, {"kind": "thick_lens"})
     shape = stop_shape(scene, camera.outline)
     if shape is not None:
         stop = lens_to_focus(scene, camera).stop
@@ -234,7 +237,7 @@ def _thick_lens(scene: Scene) -> dict[str, Any]:
             raise InputError("camera.aperture: the lens has no stop to shape")
         keys.pop("f_number", None)
         keys["stop_diameter_mm"] = 2 * stop.semi_diameter * round_stop(shape)[0]
-    return keys | {"kind": "thick_lens"}
+    return keys
 
 
 #

@@ -27,11 +27,11 @@ from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.scene import film, load
 from rptcam_cl.scene.camera import NO_MOVEMENTS
-from rptcam_cl.scene.changes import change_scene, with_camera
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies import tradeoff_errors
 from rptcam_cl.studies.focus.controller import in_focus
-from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent
+from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent, without_lens
 from rptcam_cl.studies.tiers import Decision, choose_camera
 from rptcam_cl.studies.tradeoff import TradeoffReport, advise_for_error, advise_for_time
 
@@ -167,8 +167,8 @@ def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None
         add("lens: float64", "precision", partial(change_scene, full, camera={"precision": "double"}))
         for pupil in PUPILS:
             add(f"pupil: {pupil}", "pupil", partial(change_scene, full, camera={"pupil": pupil}), unbiased=True)
-    if camera.ideal_lens is not None and camera.field_of_view is not None:
-        add("pinhole", "camera", partial(_without_lens, full))
+    if camera.ideal_lens is not None:
+        add("pinhole", "camera", partial(without_lens, full))
     for mode in ("dispersive", "rgb"):
         add(f"spectrum: {mode}", "spectrum", partial(_with_mode, full, mode))
     for depth in _SHORT_DEPTHS:
@@ -205,12 +205,6 @@ def most_accurate(scene: Scene) -> Variant:
 
 def _without_layers(scene: Scene) -> Scene:
     return change_scene(scene, render={"noise": None, "layers": ()})
-
-
-def _without_lens(scene: Scene) -> Scene:
-    """Return a scene with a pinhole in place of its thin lens."""
-    names = ("eye", "target", "up", "flip", "motion", "fov_degrees", "fov_axis", "movements")
-    return with_camera(scene, {name: getattr(scene.camera, name) for name in names} | {"kind": "pinhole"})
 
 
 def _with_mode(scene: Scene, mode: str) -> Scene:

@@ -20,7 +20,7 @@ from rptcam_cl.optics.lens import Lens, in_configuration
 from rptcam_cl.optics.library import list_lenses, load_lens, named_lens
 from rptcam_cl.rendering.cameras import model, setting
 from rptcam_cl.scene import base, lens_settings
-from rptcam_cl.scene.camera import LensCamera
+from rptcam_cl.scene.camera import KEY_GROUPS, keys_as, plain_keys
 from rptcam_cl.scene.changes import change_scene, with_camera
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2, MOST_STOPS, Exposure
 from rptcam_cl.scene.film import COOLEST, HOTTEST, LIGHTS, NO_BALANCE, SIDES_MM, TONES
@@ -608,57 +608,42 @@ def _turn_lens(panel: Panel, value: Any) -> Turn:
     if value == current_name(scene):
         return panel.same()
     entry = _chosen_lens(scene, value)
-    changed = with_camera(scene, _keys_behind(panel, entry.name, {"distance_m": INFINITY_M}))
-    messages: tuple[str, ...] = ()
-    keys: dict[str, Any] = {"camera.lens": entry.name}
+    lens = scene.camera.lens_camera
+    air = {} if lens is None or isinstance(lens.lens, str | dict) else lens.lens.air
+    own = {
+        "kind": "realistic" if lens is None else scene.camera.kind,
+        "lens": {"design": entry.name, **air} if air else entry.name,
+        "focus": {"distance_m": INFINITY_M},
+    }
+    behind, left_out = keys_as(scene.camera, own, without=("view", "focus", "opening"))
+    changed = with_camera(scene, behind)
+    messages = tuple(f"a camera with a lens has no {name}: left out" for name in left_out)
+    if air:
+        try:
+            setting.lens_setting(changed)
+        except InputError as problem:
+            messages = (*messages, f"at 20 degrees: {problem}")
+            own["lens"] = entry.name
+            changed = with_camera(scene, behind | own)
+    keys: dict[str, Any] = {"camera.lens": own["lens"]}
     f_number, (widest, narrowest) = f_number_of_camera(panel.view), f_numbers(changed)
     if f_number is not None and widest < narrowest:
         keys["camera.f_number"] = min(max(f_number, widest), narrowest)
         if f_number < widest * (1 - 1e-9):
-            messages = (f"{entry.title} opens to f/{widest:.3g}",)
+            messages = (*messages, f"{entry.title} opens to f/{widest:.3g}")
     nearest, metres = nearest_focus_m(changed), _focus_m(panel.view)
     if nearest is not None and metres < nearest:
         messages, metres = (*messages, f"its nearest focus is {nearest:.3g} m"), nearest
     keys["camera.focus"] = {"distance_m": metres}
-    shape, lens = scene.camera.outline.shape, scene.camera.lens_camera
-    if lens is not None and shape != "circle" and changed.load_lens().stop is None:
+    if scene.camera.outline.shape != "circle" and changed.load_lens().stop is None:
         keys["camera.aperture"] = {"shape": "circle"}
         messages = (*messages, f"{entry.title} has no stop to shape: its rims are round")
     if lens is None:
-        camera = _keys_behind(panel, entry.name, keys["camera.focus"])
-        f_keys = {"f_number": keys["camera.f_number"]} if "camera.f_number" in keys else {}
-        return Turn(panel.dials, {"camera": _plain(camera | f_keys)}, messages)
-    return Turn(panel.dials, keys | _without(lens, keys), messages)
-
-
-def _without(camera: LensCamera, keys: dict[str, Any]) -> dict[str, Any]:
-    """Return the removals of keys that belong to the lens that was taken off."""
-    gone = [name for name in ("zoom", "focal_length_mm") if getattr(camera, name) is not None]
-    if camera.stop_diameter_mm is not None and "camera.f_number" not in keys:
-        gone.append("stop_diameter_mm")
-    if camera.f_number is not None and "camera.f_number" not in keys:
-        gone.append("f_number")
-    return {f"camera.{name}": None for name in gone}
-
-
-def _keys_behind(panel: Panel, lens: str, focus: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys of the scene's camera behind another lens, wide open."""
-    camera = panel.scene.camera
-    pose = {name: getattr(camera, name) for name in ("eye", "target", "up", "flip", "motion")}
-    moved = camera.film_movements.model_dump(exclude_defaults=True)
-    kept: dict[str, Any] = {"movements": moved} if moved else {}
-    if camera.lens_camera is not None:
-        own = ("lens", "zoom", "focal_length_mm", "stop_diameter_mm", "f_number", "focus", "kind")
-        kept = {name: getattr(camera, name) for name in camera.model_fields_set if name not in own}
-    kind = "realistic" if camera.lens_camera is None else camera.kind
-    return pose | kept | {"kind": kind, "lens": lens, "focus": focus}
-
-
-def _plain(keys: dict[str, Any]) -> dict[str, Any]:
-    """Return keys of a camera as plain values of YAML, without a motion that is none."""
-    plain = {name: list(value) if isinstance(value, tuple) else value for name, value in keys.items()}
-    motion = [frame.model_dump(mode="json", exclude_none=True) for frame in plain.pop("motion")]
-    return plain | ({"motion": motion} if motion else {})
+        mounted = change_scene(changed, camera={name.removeprefix("camera."): key for name, key in keys.items()})
+        return Turn(panel.dials, {"camera": plain_keys(mounted.camera)}, messages)
+    gone = sorted(KEY_GROUPS["view"] | (set() if "camera.f_number" in keys else KEY_GROUPS["opening"]))
+    of_lens = [f"camera.{name}" for name in gone if getattr(lens, name, None) is not None]
+    return Turn(panel.dials, dict.fromkeys(of_lens) | keys, messages)
 
 
 def _focus_m(scene: Scene) -> float:

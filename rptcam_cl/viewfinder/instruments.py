@@ -17,11 +17,11 @@ from rptcam_cl.imaging import development, formats
 from rptcam_cl.rendering.account import SPOT_AREA, weights, window
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
 from rptcam_cl.scene import base, exposure
-from rptcam_cl.scene.camera import Camera
-from rptcam_cl.scene.changes import at_opening, with_camera
+from rptcam_cl.scene.camera import keys_as, plain_keys
+from rptcam_cl.scene.changes import with_camera
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.tier_models import equivalent
-from rptcam_cl.viewfinder.panel import focal_length_mm, irradiance_per_radiance, value_per_radiance
+from rptcam_cl.studies.tier_models import equivalent, without_lens
+from rptcam_cl.viewfinder.panel import irradiance_per_radiance, value_per_radiance
 
 #
 # Histograms and clipping counts.
@@ -506,38 +506,17 @@ def as_model(scene: Scene, resolved: Scene, kind: str) -> dict[str, Any]:
         raise InputError(f"model: no {kind} stands for a camera of kind {camera.kind}")
     plain = view.model_copy(update={"exposure": exposure.Exposure()})
     if camera.ideal_lens is not None:
-        simple = with_camera(plain, _pinhole(plain))
+        simple = without_lens(plain)
     else:
         if camera.traced_camera is None:
-            own = {name: getattr(camera, name) for name in camera.model_fields_set}
-            plain = with_camera(plain, own | {"kind": "realistic"})
+            plain = with_camera(plain, keys_as(camera, {"kind": "realistic"})[0])
         simple = equivalent(plain, next(known for known in KINDS if known == kind))
-    changes: dict[str, Any] = {"camera": _said(simple.camera)}
+    changes: dict[str, Any] = {"camera": plain_keys(simple.camera)}
     if kind == "pinhole" and view.camera.has_opening and scene.exposure.mode != "relative":
         light = irradiance_per_radiance(view)
         assert light is not None
         changes["exposure.f_number"] = math.sqrt(math.pi / (4.0 * light))
     return changes
-
-
-def _pinhole(scene: Scene) -> dict[str, Any]:
-    """Return the keys of a pinhole in the place of a thin lens."""
-    camera = scene.camera
-    pose = {name: getattr(camera, name) for name in ("eye", "target", "up", "flip", "motion", "movements")}
-    if camera.field_of_view is not None:
-        return pose | {"kind": "pinhole"} | dict(zip(("fov_degrees", "fov_axis"), camera.field_of_view, strict=True))
-    focal_mm = focal_length_mm(scene)
-    assert focal_mm is not None
-    focused = at_opening(scene).camera.ideal_lens
-    assert focused is not None
-    image_mm = 1 / (1 / focal_mm - 1 / (focused.plane_m * 1e3))
-    width_mm = scene.film.size_m()[0] * 1e3
-    return pose | {"kind": "pinhole", "fov_degrees": math.degrees(2 * math.atan(width_mm / 2 / image_mm))}
-
-
-def _said(camera: Camera) -> dict[str, Any]:
-    """Return a camera as a scene file says it."""
-    return camera.model_dump(mode="json", exclude_none=True, exclude_defaults=True) | {"kind": camera.kind}
 
 
 #

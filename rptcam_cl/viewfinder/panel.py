@@ -13,6 +13,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
+from rptcam_cl.scene.camera import KEY_GROUPS
 from rptcam_cl.scene.changes import at_opening, change_scene
 from rptcam_cl.scene.exposure import MOST_FRAMES, Exposure, FrameSequence
 from rptcam_cl.scene.lens_settings import ImageAperture
@@ -26,11 +27,9 @@ KEPT = 48  # lens states
 def optics_key(scene: Scene) -> Hashable:
     """The key of what the optics of a scene depend on; a file counts by its place and the time of its last change."""
     camera = at_opening(scene).camera
-    pose: set[str] = {"eye", "target", "up", "motion"}
-    if camera.lens_camera is not None and camera.lens_camera.focus.point is not None:
-        pose = set()
+    stands = camera.lens_camera is not None and camera.lens_camera.focus.point is not None
     return (
-        camera.model_dump_json(exclude=pose),
+        camera.model_dump_json(exclude=None if stands else KEY_GROUPS["pose"]),
         scene.film.size_m(),
         scene.exposure.f_number,
         scene.metres_per_unit,

@@ -18,6 +18,7 @@ from rptcam_cl.device.session import open_sessions
 from rptcam_cl.optics.lens import in_configuration
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.scene.camera import Movements
+from rptcam_cl.scene.lens_settings import RealLens
 from rptcam_cl.scene.load import apply_overrides, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder import dials as lens_choice
@@ -272,6 +273,27 @@ def test_a_lens_on_a_view_camera_leaves_its_film_where_it_stands() -> None:
     body = Body(CAMERAS["thin"] | {"movements": {"rise_mm": 4, "tilt_degrees": 2}}).turn("lens", "dgauss-50mm")
     assert body.scene.camera.kind == "realistic"
     assert body.scene.camera.film_movements == Movements(rise_mm=4, tilt_degrees=2)
+
+
+def test_a_lens_on_a_thin_lens_has_its_diffraction_stop_and_blades() -> None:
+    own = {"diffraction": "on", "stop": {"dirt": {}}, "aperture": {"shape": "polygon", "blades": 5}}
+    before = Body(CAMERAS["thin"] | own)
+    body = Body(CAMERAS["thin"] | own).turn("lens", "dgauss-50mm")
+    assert body.messages == ()
+    for name in own:
+        assert getattr(body.scene.camera, name) == getattr(before.scene.camera, name), name
+    body = Body(CAMERAS["pinhole"] | {"near_m": 1}).turn("lens", "dgauss-50mm")
+    assert body.messages == ("a camera with a lens has no near_m: left out",)
+
+
+def test_another_lens_is_in_the_same_air_where_it_takes_heat() -> None:
+    heated = {"design": "cooke-triplet-50mm", "temperature_c": 60, "as_built": "90%"}
+    body = Body(LENS | {"lens": heated, "f_number": 8})
+    lens = body.turn("lens", "tessar-102mm").scene.camera.lens_camera
+    assert lens is not None and isinstance(lens.lens, RealLens)
+    assert (lens.design, lens.lens.temperature_c, lens.as_built) == ("tessar-102mm", 60, None)
+    assert body.turn("lens", "dgauss-50mm").scene.camera.lens == "dgauss-50mm"  # type: ignore[union-attr]
+    assert body.messages[0].startswith("at 20 degrees: camera.lens.temperature_c: Double Gauss 50 mm f/2: surfaces[0]:")
 
 
 def test_lens_files_are_those_of_the_scenes_folder(tmp_path: Path) -> None:
