@@ -73,24 +73,33 @@ def lamp_pixels(context: Context, path: Path, place: Place) -> Pixels:
     return _decode_srgb(texels) if context.scene.version == 4 else np.asarray(texels / np.float32(255))
 
 
-def _mean_colour(path: Path, place: Place, *, linear: bool) -> NDArray[np.float64]:
-    """Return the mean of a picture's linear colours; bytes are sRGB unless they are linear."""
-    texels = _texels(path, place)
+def _mean_colour(path: Path, place: Place, channels: slice, *, linear: bool) -> NDArray[np.float64]:
+    """Return the mean of a picture's linear colours, or of its alpha; bytes are sRGB unless they are linear."""
+    texels = _texels(path, place, channels)
     if texels.dtype != np.uint8:
         return np.asarray(texels.mean(axis=(0, 1), dtype=np.float64))
     return np.asarray((texels / 255 if linear else _decode_srgb(texels)).mean(axis=(0, 1), dtype=np.float64))
 
 
-def _texels(path: Path, place: Place) -> NDArray[Any]:
-    """Return the colours of a picture as it stores them, (height, width, 3)."""
+def _texels(path: Path, place: Place, channels: slice = slice(3)) -> NDArray[Any]:
+    """Return the colours of a picture, or other channels, as it stores them, (height, width, n)."""
     if path.suffix.lower() == ".pfm":
-        return _pfm(path, place)
+        return _pfm(path, place)[..., channels]
     if path.suffix.lower() == ".tga":
-        return _tga(path, place)[..., :3]
+        return _tga(path, place)[..., channels]
     try:
-        return read_picture(path).texels[..., :3]
+        return read_picture(path).texels[..., channels]
     except InputError as problem:
         raise place.error(f"{path.name}: {problem}") from None
+
+
+def _has_holes(path: Path, place: Place) -> bool:
+    """Return whether a picture has an alpha that is not opaque all over.
+
+    It is then the value of pbrt-v4's textures of numbers (``MIPMap::Bilerp``), and decoded as colours are.
+    """
+    alpha = _texels(path, place, slice(3, 4))
+    return bool((alpha < (255 if alpha.dtype == np.uint8 else 1)).any())
 
 
 def _decode_srgb(texels: NDArray[Any]) -> Pixels:
@@ -581,7 +590,11 @@ def _image(context: Context, texture: Entity, depth: int) -> Shade:
         keys["gain"] = gain
     linear = keys.get("color_space") == "linear"
     keys |= _mapping(context, texture)
-    return Shade(lambda: np.clip(gain * _mean_colour(path, place, linear=linear), 0, 1), keys)
+    channels = slice(3)
+    if context.scene.version == 4 and texture.what.endswith('"float" "imagemap"') and _has_holes(path, place):
+        keys |= {"channel": "a", "color_space": keys.get("color_space", "srgb")}
+        channels = slice(3, 4)
+    return Shade(lambda: np.clip(gain * _mean_colour(path, place, channels, linear=linear), 0, 1), keys)
 
 
 def _encoding(context: Context, texture: Entity) -> Keys:

@@ -1,9 +1,11 @@
 """Colours of textures: tints, means and coordinates."""
 
+import io
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
 
 from rptcam_cl.scene.assets.pictures import read_picture
@@ -43,3 +45,18 @@ def test_texture_coordinates_as_colours(convert: Convert, tmp_path: Any) -> None
     height, width = texels.shape[:2]
     u, v = 3.5 / width, 1 - 10.5 / height  # the centre of the texel in column 3 and row 10 from the top
     np.testing.assert_allclose(texels[10, 3, :3], [u, v, 0], atol=1e-7)
+
+
+def test_a_number_by_a_picture_with_alpha_is_the_alpha_in_pbrt_v4(convert: Convert) -> None:
+    leaf = io.BytesIO()
+    PIL.Image.new("RGBA", (2, 2), (0, 90, 0, 128)).save(leaf, format="PNG")
+    texture = 'Texture "p" "float" "imagemap" "string filename" "a.png" '
+    shape = 'Shape "sphere" "texture alpha" "p"'
+    done = convert(texture + shape, HEAD, **{"a.png": leaf.getvalue()})
+    assert done.material()["opacity"] == {"kind": "image", "file": "a.png", "channel": "a", "color_space": "srgb"}
+    rough = 'Material "dielectric" "texture roughness" "p" "bool remaproughness" false '
+    done = convert(texture + rough + BALL, HEAD, **{"a.png": leaf.getvalue()})
+    assert done.material()["alpha"] == near(((128 / 255 + 0.055) / 1.055) ** 2.4)
+    for text, picture in ((texture + shape + " WorldEnd", leaf.getvalue()), (texture + shape, png())):
+        done = convert(text, HEAD, **{"a.png": picture})  # pbrt-v3, and a picture without alpha
+        assert "channel" not in done.material()["opacity"]
