@@ -89,6 +89,7 @@ def resolve(
     focus: dict[str, Any] | None = None,
     metered_cd_m2: float | None = None,
     held: dict[str, int] | None = None,
+    spp: int | None = None,
 ) -> Resolved:
     """Find the focus, the camera model and the exposure that a scene leaves open.
 
@@ -98,6 +99,8 @@ def resolve(
         Those of an earlier part of the render, to be kept.
     held
         Facts of kernels by which the exposure is metered where they do; see `PlanParts`.
+    spp
+        Samples per pixel by which the camera model is chosen; by default the scene's.
     """
     sharp, still = scene, at_rest(scene)
     if still.requested_autofocus is not None:
@@ -107,7 +110,7 @@ def resolve(
         sharp = in_focus(scene, session, focus)[0]
     sharp = on_film(sharp)
     diffraction, in_focus_with_lens = diffraction_of(sharp), sharp
-    sharp, described_choice = _choose_camera(sharp)
+    sharp, described_choice = _choose_camera(sharp, spp)
     exposed, metered_cd_m2, metadata = resolve_exposure(sharp, session, metered_cd_m2, held)
     metadata |= described_choice | ({} if focus is None else focus["metadata"])
     metadata |= {} if diffraction is None else {"diffraction": diffraction.metadata}
@@ -116,15 +119,15 @@ def resolve(
     return Resolved(exposed, metadata, focus, metered_cd_m2, diffraction, ghosts)
 
 
-def _choose_camera(scene: Scene) -> tuple[Scene, dict[str, Any]]:
+def _choose_camera(scene: Scene, spp: int | None = None) -> tuple[Scene, dict[str, Any]]:
     """Return a scene in focus with the camera model that its accuracy asks for, and what metadata say of the choice."""
     traced = scene.camera.traced_camera
     if traced is None or traced.accuracy is None:
         return scene, {}
     from rptcam_cl.studies.tiers import choose_camera  # few scenes have a choice, and its room takes long to import
 
-    choice = choose_camera(scene)
-    return choice.scene, choice.metadata
+    choice = choose_camera(change_scene(scene, render={"spp": spp or scene.render.spp}))
+    return change_scene(choice.scene, render={"spp": scene.render.spp}), choice.metadata
 
 
 def check_divisible(scene: Scene) -> None:
@@ -485,7 +488,7 @@ class RenderJob:
                 from rptcam_cl.studies.focus.controller import in_focus  # few scenes have it, and it imports much
 
                 applied = in_focus(applied, session, None)[0]
-            return _choose_camera(on_film(applied))[0]
+            return _choose_camera(on_film(applied), None if self.saver is None else self.saver.spp)[0]
 
         flows = self.options.neighbours if {"flow_forward", "flow_backward"} & set(self.layers) else None
         neighbours = None if flows is None else (as_rendered(flows[0]), as_rendered(flows[1]))
@@ -526,7 +529,7 @@ def _resolve_for(
         resolved = resolve(scene, session)
     else:
         known = measured or {"focus": saver.focus, "metered_cd_m2": saver.metered_cd_m2}
-        resolved = resolve(scene, session, **known)
+        resolved = resolve(scene, session, **known, spp=saver.spp)
         saver.metered_cd_m2, saver.focus = resolved.metered_cd_m2, resolved.focus
     if "lights" in scene.render.layers:
         for what in ("diffraction", "ghosts"):

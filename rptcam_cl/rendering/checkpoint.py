@@ -230,6 +230,8 @@ class Saver:
         """What the exposure follows from; that of the saved render once it is loaded."""
         self.focus: dict[str, Any] | None = None
         """What autofocus found, likewise."""
+        self.spp: int = scene.render.spp
+        """The samples by which the camera's accuracy chose its model, likewise."""
         self.of_picture: dict[str, Any] = {}
         """What the picture is made of without the scene, beside the arrays."""
         self.beside: Callable[[], Mapping[str, NDArray[Any]]] = dict
@@ -256,6 +258,7 @@ class Saver:
         self._devices = list(dict.fromkeys([*saved.facts["devices"], *self._devices]))
         self.metered_cd_m2 = saved.facts.get("metered_cd_m2")
         self.focus = saved.facts.get("focus")
+        self.spp = saved.facts.get("spp", self.spp)
         self.parts = list(saved.facts.get("work", []))
         _warn_of_not_finite(saved)
         return saved.done, self.part.unpack(saved.arrays, self._layout.tiles, self._layout.pixels)
@@ -329,7 +332,7 @@ class Saver:
 
     def _contents(self, state: SavedState, part: FilmPart) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Return the facts and the arrays of a state."""
-        resolved = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
+        resolved = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus, "spp": self.spp}
         done, arrays = state
         work = join_parts(self.parts, self.parts_since(done))
         facts = {**self._facts, **resolved, "done": done, "devices": self._devices, "work": work}
@@ -390,6 +393,7 @@ def check_facts(path: Path, facts: dict[str, Any]) -> None:
         "devices": _is_list(str, facts.get("devices")),
         "metered_cd_m2": light is None or (type(light) in (int, float) and 0 < light < math.inf),
         "focus": focus is None or (_has_dicts(focus, "camera") and _has_dicts(focus, "metadata")),
+        "spp": type(facts.get("spp", 1)) is int,
         "work": _is_list(dict, work) and all(map(_is_work, work)),
         "part": _is_part(facts.get("part")),
         "picture": isinstance(facts.get("picture", {}), dict),

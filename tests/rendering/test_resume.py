@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
+from rptcam_cl.api.job import RenderJob
+from rptcam_cl.api.options import RenderOptions
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering import checkpoint as saving
 from rptcam_cl.scene.load import load_scene
@@ -243,3 +245,16 @@ def test_layers_of_so_many_samples_are_not_gone_on_with_by_others(tmp_path):
         rptcam_cl.render(scene("pinhole") | {"render": {"layers_spp": 3}}, spp=2, **options)
     again = rptcam_cl.render(scene("pinhole") | {"render": {"layers_spp": 2}}, spp=2, **options)
     assert again.stats["resumed_from"] == 1
+
+
+@pytest.mark.slow  # it fits no polynomials, but bounds the errors of the lens: 2 s
+def test_a_render_that_goes_on_keeps_the_camera_that_its_accuracy_chose(tmp_path):
+    """Of 40 000 samples polynomials are worth their fit (2.1e9 surfaces), of two they are not."""
+    lens = {"kind": "realistic", "lens": "dgauss-50mm", "f_number": 2.8, "eye": [0, -4, 1], "target": [0, 0, 1],
+            "up": [0, 0, 1], "focus": {"distance_m": 4}, "accuracy": "auto"}  # fmt: skip
+    options = {"size": (64, 48), "checkpoint": tmp_path / "a.rpck", "resume": True}
+    first = RenderJob.prepare(still_life() | {"camera": lens}, RenderOptions(spp=2, **options))
+    assert first.resolved.scene.camera.rays == "traced"
+    first.report(first.run())
+    later = RenderJob.prepare(still_life() | {"camera": lens}, RenderOptions(spp=40_000, **options))
+    assert (later.first, later.resolved.scene.camera.rays) == (2, "traced")
