@@ -49,6 +49,8 @@ class BlenderLamp:
         Whether a point lamp fades where it touches things.
     group : str
         Blender's light group, or nothing.
+    hidden_from : tuple of str
+        Kinds of rays that do not meet it: ``diffuse``, ``glossy``, ``transmission``.
     """
 
     name: str
@@ -66,6 +68,7 @@ class BlenderLamp:
     normalized: bool = True
     soft: bool = False
     group: str = ""
+    hidden_from: tuple[str, ...] = ()
 
 
 def lamp_keys(lamp: BlenderLamp, report: Report, metres_per_unit: float = 1.0) -> tuple[str, dict[str, Any]] | None:
@@ -78,6 +81,11 @@ def lamp_keys(lamp: BlenderLamp, report: Report, metres_per_unit: float = 1.0) -
     if any(channel < 0 for channel in lamp.power):
         report.add(f"Lamp {lamp.name}: negative light is left out.")
         return None
+    if len(lamp.hidden_from) == 3:
+        report.add(f"Lamp {lamp.name}: hidden from all that it would light, left out.")
+        return None
+    if "diffuse" in lamp.hidden_from:
+        report.add(f"Lamp {lamp.name}: it lights matte surfaces, too, from which Blender hides it.")
     made = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[lamp.kind](lamp, report)
     if made is not None and "intensity" in made[1]:
         made[1]["intensity"] = [channel * metres_per_unit**2 for channel in made[1]["intensity"]]
@@ -133,13 +141,14 @@ def _spot(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]]:
     _sees_without_size(lamp, report)
     scales = np.linalg.norm(np.asarray(lamp.matrix)[:3, :3], axis=0)
     half = lamp.spot_size / 2
-    if not np.allclose(scales[:2] / scales[2], 1, atol=1e-3):
-        # Cycles stretches the cone by the scale across over that along
-        half = math.atan(math.tan(min(half, 1.5)) * float(scales[:2].mean() / scales[2]))
-        if not np.isclose(scales[0], scales[1], rtol=1e-3):
-            report.add(f"Lamp {lamp.name}: the oval cone of a spot with unequal scale is round here.")
     outer = math.cos(half)
     inner = math.acos(min(outer + (1 - outer) * lamp.spot_blend, 1.0))
+    if not np.allclose(scales[:2] / scales[2], 1, atol=1e-3):
+        # Cycles stretches the cone, with where it fades, by the scale across over that along
+        stretch = float(scales[:2].mean() / scales[2])
+        half, inner = (math.atan(math.tan(min(angle, 1.5)) * stretch) for angle in (half, inner))
+        if not np.isclose(scales[0], scales[1], rtol=1e-3):
+            report.add(f"Lamp {lamp.name}: the oval cone of a spot with unequal scale is round here.")
     keys: dict[str, Any] = {
         "kind": "spot",
         "position": _place(lamp),
@@ -172,6 +181,9 @@ def _area(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]] | Non
     if area < SMALLEST_RADIUS**2:
         report.add(f"Lamp {lamp.name}: an area lamp without area is left out.")
         return None
+    normal = np.cross(u, v) / max(np.linalg.norm(np.cross(u, v)), 1e-30)
+    if abs(float(normal @ _forward(lamp))) < 0.999:
+        report.add(f"Lamp {lamp.name}: sheared by its parent; it shines at right angles to its surface here.")
     if lamp.spread < math.pi - 1e-3:
         report.add(
             f"Lamp {lamp.name}: it shines to all sides here; a spread of {math.degrees(lamp.spread):.0f} degrees is "

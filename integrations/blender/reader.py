@@ -583,6 +583,7 @@ def lamp_of(item: Any, matrix: NDArray[np.float64], reader: Reader, report: Repo
         normalized=getattr(lamp, "normalize", True),
         soft=getattr(lamp, "use_soft_falloff", False),
         group=getattr(item, "lightgroup", ""),
+        hidden_from=tuple(name for name in RAYS[2:] if not getattr(item, f"visible_{name}", True)),
     )
 
 
@@ -614,6 +615,9 @@ def frame_of(scene: Any) -> Frame:
 
 def camera_of(scene: Any, report: Report) -> BlenderCamera:
     """The record of the scene's camera."""
+    brightened = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
+    if brightened != 1:
+        report.add(f"Film: Cycles multiplies its light by {brightened:g} (Exposure, in its render properties).")
     if scene.camera is None:
         report.add("The scene has no camera; it is seen from where Blender puts a new one.")
         return BlenderCamera(matrix_of(((1, 0, 0, 0), (0, 0, -1, -10), (0, 1, 0, 0), (0, 0, 0, 1))))

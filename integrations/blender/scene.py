@@ -277,6 +277,9 @@ class Builder:
             **self._grouped(item.group),
         }
         hidden = {key: False for key, seen in item.visible.items() if not seen}
+        made = self._materials[material].keys
+        if "reflection" in hidden and (made["kind"] == "emissive" or "emission" in made):
+            self._report.add(f"Object {item.name}: its light falls on all others, where Blender hides it from them.")
         keys |= ({"visible": hidden} if hidden else {}) | ({"motion": motion} if motion else {})
         self._places.setdefault(item.name, []).append(len(self._objects))
         self._objects.append(keys)

@@ -199,6 +199,13 @@ def test_focus_is_on_a_bone_and_a_mirrored_camera_is_reported(room, tmp_path):
     ]  # fmt: skip
 
 
+def test_the_exposure_of_cycles_is_named(room, tmp_path):
+    _, scene = room
+    scene.cycles.film_exposure = 2.0
+    films(tmp_path, 1)
+    assert "Film: Cycles multiplies its light by 2 (Exposure, in its render properties)." in said()
+
+
 def test_lamps_mirrored_portals_and_linked_light(room, tmp_path):
     import bpy
 

@@ -191,6 +191,44 @@ def test_what_a_lamp_has_not_is_reported():
     assert len(report.sentences) == 2
 
 
+def test_a_lamp_that_lights_nothing_is_left_out_and_one_that_lights_a_part_is_named():
+    """Cycles lights no surface of a kind whose rays do not meet the lamp."""
+    report, lamp = Report(), BlenderLamp("l", "AREA", EYE, (1, 1, 1))
+    assert lamp_keys(replace(lamp, hidden_from=("diffuse", "glossy", "transmission")), report) is None
+    assert lamp_keys(replace(lamp, hidden_from=("diffuse",)), report) is not None
+    assert lamp_keys(replace(lamp, hidden_from=("glossy",)), report) is not None
+    assert report.sentences == [
+        "Lamp l: hidden from all that it would light, left out.",
+        "Lamp l: it lights matte surfaces, too, from which Blender hides it.",
+    ]
+
+
+def test_a_sheared_lamp_is_named():
+    sheared = np.eye(4)
+    sheared[0, 2] = 0.3
+    report = Report()
+    lamp_keys(BlenderLamp("l", "AREA", sheared, (1, 1, 1)), report)
+    assert report.sentences == ["Lamp l: sheared by its parent; it shines at right angles to its surface here."]
+
+
+def test_a_stretched_spot_fades_where_its_stretched_cone_does():
+    lamp = BlenderLamp("s", "SPOT", EYE, (1.0, 1.0, 1.0), spot_size=math.radians(60), spot_blend=0.5)
+    _, plain = lamp_keys(lamp, Report())
+    _, wide = lamp_keys(replace(lamp, matrix=np.diag([2.0, 2.0, 1.0, 1.0])), Report())
+    for end in ("outer_degrees", "inner_degrees"):
+        plain_tangent, wide_tangent = (math.tan(math.radians(spot[end])) for spot in (plain, wide))
+        assert wide_tangent == pytest.approx(2 * plain_tangent, rel=1e-5), end
+
+
+def test_an_object_that_shines_unseen_by_others_is_named():
+    report, parts = Report(), Parts()
+    parts.put("a", quad())
+    builder = Builder(parts, 1.0, report, Shutter(0.02))
+    builder.add_material(BlenderMaterial("m", Node("EMISSION", "e", {"Color": (1.0, 1.0, 1.0), "Strength": 2.0})))
+    builder.place(Placed("sign", "a", EYE, ("m",), {"reflection": False}))
+    assert "Object sign: its light falls on all others, where Blender hides it from them." in report.sentences
+
+
 def test_principled_material_is_a_principled_one():
     keys, said = surface_of(principled(Base_Color=(0.5, 0.25, 0.125), Metallic=1.0, Roughness=0.25))
     assert keys["kind"] == "principled" and keys["base_color"] == pytest.approx([0.5, 0.25, 0.125])
