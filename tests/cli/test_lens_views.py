@@ -261,9 +261,11 @@ def test_ghosts_are_printed_from_the_brightest_with_their_sums(rptcam: Command) 
     assert lines[0].endswith("source at 5°, 550 nm; shares of the image's light")
     assert len(rows) == lens_measures.SHOWN and not any(row.startswith("and ") for row in rows)
     assert lines[2 + lens_measures.SHOWN] == f"and {len(shares) - lens_measures.SHOWN} fainter ones (--all shows them)"
-    assert f"all ghosts: {part['ghosts_in_frame']:.4g} in the frame, {part['ghosts']:.4g} on its plane" in lines
+    sums = f"all ghosts: {part['ghosts_in_frame']:.4g} in the frame, {part['ghosts']:.4g} on its plane"
+    assert f"{sums}, ± {part['ghosts_error']:.2g}" in lines
     assert len(rptcam(*words, "--all").out.splitlines()) == len(lines) - 1 + len(shares) - lens_measures.SHOWN
-    goes = lines[-1].removeprefix("of the light that enters: ").split(", ")
+    *goes, error = lines[-1].removeprefix("of the light that enters: ").split(", ")
+    assert error == f"± {part['account_error']:.2g}"
     assert sum(float(each.rsplit(" ", 1)[1]) for each in goes) == pytest.approx(1, abs=2e-3)
 
 
