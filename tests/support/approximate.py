@@ -7,6 +7,8 @@ hash of its bits, so that a quotient is up to 1.5 units off, a root as much, and
 
 import re
 
+from rptcam_cl.device.programs import expand
+
 FLUSHED = "-cl-denorms-are-zero"
 _HEAD = "#define OVERLOADED static __attribute__((overloadable, always_inline))\n" + "".join(
     f"OVERLOADED {kind}{width} off({kind}{width} x) {{ return x; }}\n"
@@ -24,6 +26,7 @@ OVERLOADED float{n} off(float{n} x)
 }}
 """
 _ROOTS = "#define near_sqrt(x) off(sqrt(x))\n#define near_rsqrt(x) off(rsqrt(x))\n"
+_DECLARATIONS = "common/builtins.h"  # of the built-in functions, before all else in a program
 _QUIET = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
 _NAME = re.compile(r"\w+")
 
@@ -34,10 +37,12 @@ def approximate(source: str) -> str:
         "(fabs(x) > 1e-30f) & (fabs(x) < 1e30f)", "fabs(x) > 1e-30f && fabs(x) < 1e30f"
     )
     wide = "".join(_FLOATS.format(n=n) for n in (2, 3, 4, 8, 16))
-    text = re.sub(r"\b(r?sqrt)\(", r"near_\1(", _QUIET.sub(" ", source))
+    declared = expand([_DECLARATIONS], {})
+    program = source.removeprefix(declared)
+    text = re.sub(r"\b(r?sqrt)\(", r"near_\1(", _QUIET.sub(" ", program))
     lines = text.split("\n")
     kept = [line if re.match(r"\s*#\s*(line|if|elif)", line) else _divisors_off(line) for line in lines]
-    return _HEAD + scalar + wide + _ROOTS + "\n".join(kept)
+    return source[: len(source) - len(program)] + _HEAD + scalar + wide + _ROOTS + "\n".join(kept)
 
 
 def _divisors_off(line: str) -> str:
