@@ -330,28 +330,14 @@ def ways_of_four(lens: Lens) -> NDArray[np.intp]:
     return np.array([(*one, *two) for one in pairs for two in pairs if two[0] > one[1]], np.intp).reshape(-1, 4)
 
 
-class ParaxialStep(NamedTuple):
-    """A surface, or the film behind the last, that ways meet by paraxial rays.
-
-    Attributes
-    ----------
-    surface : int
-    ways : (m,) array
-        Numbers of those that meet it.
-    reflects : (m,) array
-        Which of them it reflects.
-    heights : (2, m) array
-        What the height there has of the height and the slope before the lens.
-    """
-
-    surface: int
-    ways: NDArray[np.intp]
-    reflects: Mask
-    heights: Array
+ParaxialStep = tuple[int, NDArray[np.intp], Mask, Array]
 
 
 def paraxial_steps(lens: Lens, turns: NDArray[np.intp], film_distance_mm: float) -> Iterator[ParaxialStep]:
     """Yield the surfaces that many ways (n, reflections) meet, all of them together, in the y-z section.
+
+    With each, or the film behind the last: the numbers of the m ways that meet it, which of them it reflects (m,), and
+    what the height there has of the height and the slope before the lens (2, m).
 
     Slopes are per length of the way and times the index, so that light on its way back needs no signs of its own.
     """
@@ -370,7 +356,7 @@ def paraxial_steps(lens: Lens, turns: NDArray[np.intp], film_distance_mm: float)
             w = slope[:, ways]
             h = height[:, ways] + gap / index[medium] * w
             reflects = (ends[ways] == k) & (k < film)
-            yield ParaxialStep(k, ways, reflects, h)
+            yield k, ways, reflects, h
             if k < film:
                 mirror = 2.0 * index[medium] * (1.0 if forward or lens.surfaces[k].is_mirror else -1.0)
                 passing = mirror if lens.surfaces[k].is_mirror else index[k] - index[k + 1]
@@ -398,15 +384,14 @@ def light_by_paraxial_rays(
     rims, film = [*(surface.semi_diameter for surface in lens.surfaces), film_mm[1]], len(lens.surfaces)
     shape, light = (len(slopes), len(turns)), np.ones((len(turns), passed.shape[1]))
     low, high = np.full(shape, -np.inf), np.full(shape, np.inf)
-    for step in paraxial_steps(lens, turns, film_mm[0]):
-        scale = step.heights[0] + step.heights[1] / distance_mm
+    for surface, ways, reflects, heights in paraxial_steps(lens, turns, film_mm[0]):
+        scale = heights[0] + heights[1] / distance_mm
         scale = np.where(np.abs(scale) < _LEAST_SCALE, _LEAST_SCALE, scale)
-        middle, half = -np.outer(slopes, step.heights[1] / scale), rims[step.surface] / np.abs(scale)
-        low[:, step.ways] = np.maximum(low[:, step.ways], middle - half)
-        high[:, step.ways] = np.minimum(high[:, step.ways], middle + half)
-        if step.surface < film and not lens.surfaces[step.surface].is_mirror:
-            through = passed[step.surface]
-            light[step.ways] *= np.where(step.reflects[:, None], 1.0 - through, through)
+        middle, half = -np.outer(slopes, heights[1] / scale), rims[surface] / np.abs(scale)
+        low[:, ways] = np.maximum(low[:, ways], middle - half)
+        high[:, ways] = np.minimum(high[:, ways], middle + half)
+        if surface < film and not lens.surfaces[surface].is_mirror:
+            light[ways] *= np.where(reflects[:, None], 1.0 - passed[surface], passed[surface])
     return np.asarray(light.sum(axis=1) * np.maximum(high - low, 0.0) ** 2)
 
 

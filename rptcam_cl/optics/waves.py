@@ -491,7 +491,6 @@ class Strehl:
 
     at_chief_ray: float
     at_peak: float
-    peak: tuple[float, float]  # x, y from the chief ray's point [mm]
 
 
 def rms_waves(pupil: PupilFunction, waves: Array, without_tilt: bool = False) -> float:
@@ -553,7 +552,7 @@ def strehl(pupil: PupilFunction) -> Strehl:
         x, y, half = float(xs[column]), float(ys[row]), half / 8
     at_chief_ray = float(np.abs(pupil.field.sum()) ** 2)
     at_peak = max(float(near.max()), at_chief_ray)  # which may be the same point, summed in another order
-    return Strehl(at_chief_ray / perfect, at_peak / perfect, (x, y))
+    return Strehl(at_chief_ray / perfect, at_peak / perfect)
 
 
 def transfer(

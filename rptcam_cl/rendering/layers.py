@@ -41,9 +41,9 @@ class SharpHits(Rows):
 
     Attributes
     ----------
-    points, normals, own_normals : (n, 3) arrays
-        Position about the eye when the shutter opens [m]; normal for shading, and of the surface itself, both towards
-        where the ray comes from. Nothing where nothing is met.
+    points, normals : (n, 3) arrays
+        Position about the eye when the shutter opens [m]; normal for shading, towards where the ray comes from. Nothing
+        where nothing is met.
     primitives, triangles, objects, materials : (n,) arrays
         Identifiers; -1 for none.
     departures : (n, 3) array
@@ -52,7 +52,6 @@ class SharpHits(Rows):
 
     points: Array
     normals: Array
-    own_normals: Array
     primitives: Indices
     triangles: Indices
     objects: Indices
@@ -138,9 +137,8 @@ def _facing(values: Array, owners: Indices, directions: Array) -> SharpHits:
     turn = np.where(along > 0, -1.0, 1.0)[:, None]
     departure = point + np.copysign(values[9], along)[:, None] * own
     met = (owners[0] >= 0)[:, None]
-    normal, own = (np.where(met, turn * each, 0.0) for each in (normal, own))
     primitives, triangles, objects, materials = owners
-    return SharpHits(point, normal, own, primitives, triangles, objects, materials, departure)
+    return SharpHits(point, np.where(met, turn * normal, 0.0), primitives, triangles, objects, materials, departure)
 
 
 # What rays lead to behind panes and by way of mirrors: the surface that a picture shows there.

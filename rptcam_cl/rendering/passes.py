@@ -17,7 +17,7 @@ from rptcam_cl.core.remember import Disk, checkpoint, is_cancellable
 from rptcam_cl.device.devices import driver_name, refuse
 from rptcam_cl.device.programs import Program
 from rptcam_cl.device.session import Launch, Session
-from rptcam_cl.rendering.cameras.model import CameraModel
+from rptcam_cl.rendering.cameras.model import CELLS, CameraModel
 from rptcam_cl.rendering.film import ALIKE, QUARTER, FilmBuffers, FilmLayout
 from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
@@ -430,7 +430,7 @@ def _camera_facts(plan: Plan) -> dict[str, int | str]:
         **{name: plan.facts[name] for name in names},
         "CAMERA_FILE": plan.camera.kernel,
         "CAMERA_HAS_LENS": int(plan.camera.has_lens),
-        "FILTER": plan.camera_filter.cells,
+        "FILTER": CELLS if len(plan.camera_filter) > 1 else 0,
     }
 
 
@@ -447,7 +447,7 @@ def signature(plan: Plan, scene: SceneBuffers, layout: FilmLayout, settings: Ren
     facts = (plan.facts, camera.facts, scene.tree_facts, plan.spectrum.facts)
     compiled = tuple(tuple(sorted(each.items())) for each in facts)
     film = layout, settings.layers, settings.clamp is None, settings.max_depth == 0
-    return compiled, camera.kernel, camera.has_lens, plan.camera_filter.cells, film
+    return compiled, camera.kernel, camera.has_lens, len(plan.camera_filter), film
 
 
 #

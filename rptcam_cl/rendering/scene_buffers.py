@@ -717,7 +717,7 @@ class SceneBuffers:
         self.photons = PhotonBuffers(session, plan.caustics) if plan.caustics.active else None
         self.scene |= {} if self.photons is None else self.photons.arguments
         self.trajectory = {"trajectory": self._buffer("trajectory", plan.trajectory)} if plan.facts["MOVES"] else {}
-        self.filter = self._buffer("filter", plan.camera_filter.table)
+        self.filter = self._buffer("filter", plan.camera_filter)
         self.camera = {name: self._buffer(name, array) for name, array in _camera_arrays(plan.camera).items()}
         self._before = {}
 

@@ -431,11 +431,6 @@ class SharedWavefront(RenderedFilm):
         return self._live()[0].wavefront.session
 
     @property
-    def sessions(self) -> list[Session]:
-        """Of all devices that have worked."""
-        return [worker.wavefront.session for worker in self._workers]
-
-    @property
     def capacity(self) -> int:
         """Slots of the path state, of all devices."""
         return sum(worker.wavefront.capacity for worker in self._workers)

@@ -348,22 +348,6 @@ CELLS = 1024  # of the table: places between its entries are off by less than 1e
 STEPS = 1 << 16  # of the quadrature over the radius
 
 
-@dataclass(frozen=True)
-class FilterTable:
-    """A filter for ``kernels/camera/filter.h``.
-
-    Attributes
-    ----------
-    cells : int
-        Cells of the table; 0 for a box of one pixel, which needs none.
-    table : float32 array
-        Where the filter changes its sign [pixels], the ratio of the integrals of |f| and f, and ``cells + 1`` places.
-    """
-
-    cells: int
-    table: NDArray[np.float32]
-
-
 def _filter_value(kind: str, x: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
     """Return a filter at a distance ``x`` from the centre [pixels], 0 beyond its radius; its scale is arbitrary."""
     t = np.abs(x) / radius
@@ -389,11 +373,15 @@ def _mitchell(x: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(x < 1, near, far)
 
 
-def filter_table(film_filter: FilmFilter) -> FilterTable:
-    """Return the table of a filter: the inverse of the integral of its magnitude."""
+def filter_table(film_filter: FilmFilter) -> NDArray[np.float32]:
+    """Return the table of a filter for ``kernels/camera/filter.h``: the inverse of the integral of its magnitude.
+
+    First where it changes its sign [pixels] and the ratio of the integrals of |f| and f, then `CELLS` + 1 places. A box
+    of one pixel needs none of them.
+    """
     kind, radius = film_filter.kind, film_filter.radius
     if kind == "box" and radius == 0.5:
-        return FilterTable(0, np.zeros(1, np.float32))
+        return np.zeros(1, np.float32)
     edges = np.linspace(0, radius, STEPS + 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
     value = _filter_value(kind, middles, radius)
@@ -402,7 +390,7 @@ def filter_table(film_filter: FilmFilter) -> FilterTable:
     changes = middles[value < 0]
     head = [changes[0] if len(changes) else 2 * radius, np.abs(value).sum() / value.sum()]
     table = np.concatenate([head, -places[:0:-1], places])
-    return FilterTable(CELLS, table.astype(np.float32))
+    return table.astype(np.float32)
 
 
 # The geometry of a camera for programs that measure in its pictures: pose, film and intrinsics.

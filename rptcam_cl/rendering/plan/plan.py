@@ -15,7 +15,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import EnvironmentKind, Kind, MaterialKind, SpectrumKind
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import Shows, Sights, aimed_at_lamps
-from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, exposed, filter_table, turned
+from rptcam_cl.rendering.cameras.model import CameraModel, camera_trajectory, exposed, filter_table, turned
 from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.caustics import Caustics, pack_caustics, stand_behind_glass, without_caustics
 from rptcam_cl.rendering.plan import geometry
@@ -340,7 +340,7 @@ class Plan:
     facts: dict[str, int]
     camera: CameraModel
     spectrum: PathSpectrum
-    camera_filter: FilterTable
+    camera_filter: NDArray[np.float32]
     trajectory: NDArray[np.float32]
     primitives: NDArray[np.void]
     movements: geometry.ObjectMovements

@@ -105,8 +105,6 @@ class Match:
         Of that contrast, in standard errors.
     along : float
         Share of the target's changes that lie along the split; those across it say nothing.
-    trials : (n, 2) array
-        Trial displacements [pixels] and their misfits.
     """
 
     vergence: float
@@ -118,7 +116,6 @@ class Match:
     contrast: float
     significance: float
     along: float
-    trials: Array
 
     @property
     def refusal(self) -> str | None:
@@ -287,7 +284,6 @@ class PhaseMatch:
             contrast=contrast,
             significance=significance,
             along=self.along(),
-            trials=np.stack([shown, misfits / self._degrees], axis=1),
         )
 
     @property
