@@ -52,6 +52,8 @@ class _GltfMaterials:
     ----------
     materials : list of FileMaterial
         The last one is for primitives that have none.
+    opaque : list of bool
+        Whether alpha does not count on each.
     uv_sets : list of int
         Which set of texture coordinates each uses.
     notes : list of str
@@ -66,6 +68,7 @@ class _GltfMaterials:
         self._contents: dict[str, Path | bytes] = {}
         self._count = len(document.parts("materials"))
         self.materials: list[FileMaterial] = []
+        self.opaque: list[bool] = []
         self.uv_sets: list[int] = []
         self.notes: list[str] = []
         for part in [*document.parts("materials"), JsonNode({}, "the default material")]:
@@ -76,6 +79,7 @@ class _GltfMaterials:
                 if other != uv_set:
                     self.notes.append(f"{part.place}: {key} is shown by the texture coordinates of the first texture")
             self.materials.append(material)
+            self.opaque.append(part.text("alphaMode", "OPAQUE") == "OPAQUE")
             self.uv_sets.append(uv_set)
 
     def index(self, primitive: JsonNode) -> int:
@@ -508,9 +512,11 @@ def _skin(surface: MeshSurface, matrices: NDArray[np.float64]) -> MeshSurface:
 
 # Extensions that a file may require. What others do not require and are not listed here is left out.
 _LIGHTS, _VARIANTS, _INSTANCES = "KHR_lights_punctual", "KHR_materials_variants", "EXT_mesh_gpu_instancing"
+_VISIBILITY = "KHR_node_visibility"
 Pose = tuple[str, tuple[float, ...], str | None]  # of a mesh: the weights of its morph targets, and its skin
 _KNOWN_EXTENSIONS = (
     *_FOLLOWED, DRACO, *MESHOPT, _INSTANCES, _VARIANTS, WEBP, _LIGHTS, "KHR_mesh_quantization", "KHR_texture_transform",
+    _VISIBILITY,
 )  # fmt: skip
 
 
@@ -574,6 +580,7 @@ def _left_out(document: JsonNode) -> list[str]:
             for name in target.names()
         ),
         "variants of materials are left out; the default materials show": _VARIANTS in document.texts("extensionsUsed"),
+        "points and lines are left out": any(part.whole("mode", TRIANGLES) < TRIANGLES for part in primitives),
     }
     return [f"{document.place}: {text}" for text, there in omissions.items() if there]
 
@@ -601,6 +608,8 @@ def _surface(
         return None
     check_corners(Polygons(np.arange(len(corners)), corners), len(positions), f"{primitive.place}: face")
     colours = vertices.rows("COLOR_0", ("VEC3", "VEC4"))
+    if colours is not None and not materials.opaque[material] and (colours[:, 3:] < 1).any():
+        materials.notes.append(f"{primitive.place}: the alpha of its colours is left out")
     normals = vertices.rows("NORMAL", ("VEC3",))
     surface = MeshSurface(
         _morph(positions, "POSITION", primitive, weights, data),
@@ -619,7 +628,7 @@ def _placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[JsonNode, N
 
     A mesh with a skin is where its joints put it, and not where its node is (glTF 2.0, 3.7.3.3).
     """
-    for node, parent in _placed_nodes(document):
+    for node, parent in _placed_nodes(document, hidden=False):
         if not node.has("mesh"):
             continue
         for placement in [np.eye(4)] if node.has("skin") else [parent @ each for each in _instances(node, data)]:
@@ -647,8 +656,8 @@ def _instances(node: JsonNode, data: Data) -> list[NDArray[np.float64]]:
     return [np.eye(4)]
 
 
-def _placed_nodes(document: JsonNode) -> Iterator[tuple[JsonNode, NDArray[np.float64]]]:
-    """Yield the nodes of the default scene and where each is in the file, parents before children."""
+def _placed_nodes(document: JsonNode, *, hidden: bool = True) -> Iterator[tuple[JsonNode, NDArray[np.float64]]]:
+    """Yield the nodes of the default scene and where each is in the file, parents before children; hidden ones, too."""
     nodes = document.parts("nodes")
     waiting = [(index, np.eye(4)) for index in reversed(_roots(document, nodes))]
     seen: set[int] = set()
@@ -658,6 +667,10 @@ def _placed_nodes(document: JsonNode) -> Iterator[tuple[JsonNode, NDArray[np.flo
         if index in seen:
             raise InputError(f"{node.place}: is reached twice (allowed: a tree of nodes)")
         seen.add(index)
+        if not hidden and any(
+            part.has("visible") and not part.flag("visible") for part in node.extensions(_VISIBILITY)
+        ):
+            continue
         with np.errstate(over="ignore", invalid="ignore"):  # refused where a mesh is shown
             placement = parent @ _matrix(node)
         waiting += [(child, placement) for child in reversed(node.wholes("children", below=len(nodes)))]
@@ -761,7 +774,7 @@ def read_gltf_world(
     cameras: list[GltfCamera] = []
     lights: list[dict[str, Any]] = []
     notes: list[str] = []
-    for node, placement in _placed_nodes(document):
+    for node, placement in _placed_nodes(document, hidden=False):
         if node.has("camera"):
             part = all_cameras[node.whole("camera", below=len(all_cameras))]
             name = node.text("name") or part.text("name") or f"camera {len(cameras) + 1}"

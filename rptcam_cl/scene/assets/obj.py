@@ -34,6 +34,10 @@ _OPTIONS = {
 _UP_TO = {"-o", "-s", "-t"}  # these take one to three numbers
 _PHYSICAL = {"pr", "pm", "map_pr", "map_pm"}
 GLASS = (4, 6, 7, 9)  # illumination models with transparency by refraction
+# What has no counterpart; numbers of 0 among them do nothing, nor do options of their usual values.
+_LEFT_OUT = ("map_ks", "map_ns", "refl", "map_refl", "pc", "map_pc", "pcr", "map_pcr", "ps", "map_ps", "aniso", "decal",
+             "map_tf", "map_ni")  # fmt: skip
+_USUAL = {"-mm": ("0 1",), "-imfchan": ("m", "l"), "-cc": ("off",), "-t": ("0 0 0",)}
 
 Lines = dict[str, tuple[int, list[str]]]
 
@@ -61,7 +65,20 @@ def _read_mtl(path: Path) -> dict[str, FileMaterial]:
             raise InputError(f"{path}:{number}: is not in a material (got {line.strip()[:60]!r}; allowed: newmtl NAME)")
         else:
             current[words[0].lower()] = (number, words[1:])
+    for what in sorted({what for lines in materials.values() for what in _idle_words(lines)}):
+        warnings.warn(f"{path}: {what} is left out", stacklevel=2)
     return {name: _Material(path, lines).material(name) for name, lines in materials.items()}
+
+
+def _idle_words(lines: Lines) -> Iterator[str]:
+    """Yield the keys and the options of textures of a material that count for nothing here and would elsewhere."""
+    for key, (_, words) in lines.items():
+        if key in _LEFT_OUT and words and not (_is_number(words[0]) and float(words[0]) == 0):
+            yield key
+        for place, word in enumerate(words):
+            given = " ".join(words[place + 1 : place + 1 + _OPTIONS.get(word, 0)])
+            if word in _USUAL and given not in _USUAL[word]:
+                yield f"{word} of {key}"
 
 
 class _Material:

@@ -148,6 +148,34 @@ def test_what_changes_the_looks_and_is_left_out_is_noted(read: Read) -> None:
     ]
 
 
+def test_alpha_of_colours_counts_for_nothing_and_is_noted_where_it_would(read: Read) -> None:
+    writer = triangle(material=0)
+    attributes = writer.json["meshes"][0]["primitives"][0]["attributes"]
+    attributes["COLOR_0"] = writer.array([[1, 1, 1, 0.5]] * 3)
+    for mode, noted in (("OPAQUE", False), ("BLEND", True), ("MASK", True)):
+        writer.json["materials"] = [{"alphaMode": mode}]
+        notes = read("a.glb", writer.glb()).notes
+        assert any("primitives[0]: the alpha of its colours is left out" in note for note in notes) is noted
+
+
+def test_points_and_lines_are_noted(read: Read) -> None:
+    writer = triangle()
+    position = writer.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
+    writer.json["meshes"][0]["primitives"].append({"attributes": {"POSITION": position}, "mode": 1})
+    contents = read("a.glb", writer.glb())
+    assert len(contents.parts) == 1
+    assert any("points and lines are left out" in note for note in contents.notes)
+
+
+def test_nodes_that_are_not_visible_show_nothing_nor_do_those_below_them(read: Read) -> None:
+    writer = triangle()
+    hidden = {"extensions": {"KHR_node_visibility": {"visible": False}}, "children": [1]}
+    shown = {"mesh": 0, "name": "shown", "extensions": {"KHR_node_visibility": {"visible": True}}}
+    writer.json["nodes"] = [hidden, {"mesh": 0, "name": "below"}, shown]
+    writer.json |= {"scenes": [{"nodes": [0, 2]}], "extensionsRequired": ["KHR_node_visibility"]}
+    assert [part.name for part in read("a.glb", writer.glb()).parts] == ["shown"]
+
+
 def test_instances_of_a_node_are_placed_below_it(read: Read) -> None:
     writer = triangle()
     attributes = {

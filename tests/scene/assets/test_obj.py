@@ -136,6 +136,24 @@ def test_displacement_of_a_material_is_shown_as_bumps(read: Read, tmp_path: Path
     assert (material.bumps.name, material.bumps_height) == ("a.png", 2.0)
 
 
+@pytest.mark.parametrize(
+    "line", ["map_Ks a.png", "Pc 0.5", "refl -type sphere a.png", "map_Kd -mm 0.2 0.5 a.png", "map_d -imfchan g a.png"]
+)
+def test_what_counts_for_nothing_is_named(read: Read, tmp_path: Path, line: str) -> None:
+    (tmp_path / "a.mtl").write_text(f"newmtl w\n{line}\n")
+    key, _, rest = line.partition(" ")
+    what = f"{rest.split()[0]} of {key.lower()}" if key in ("map_Kd", "map_d") else key.lower()
+    with pytest.warns(UserWarning, match=rf"a\.mtl: {what} is left out"):
+        read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n")
+
+
+def test_keys_that_do_nothing_are_no_matter(read: Read, tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    text = "newmtl w\nKa 1 1 1\nPc 0\nPs 0\naniso 0\nmap_Kd -mm 0 1 -imfchan l a.png\n"
+    (tmp_path / "a.mtl").write_text(text)
+    read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n")
+    assert not recwarn.list
+
+
 def test_picture_of_another_machines_path_is_found_beside_the_file(read: Read, tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_text("newmtl w\nmap_Kd C:\\work\\wood.png\nmap_d /work/gone.png\n")
     (tmp_path / "wood.png").write_bytes(b"")
