@@ -487,8 +487,34 @@ class _Translator(ValueReader):
             base = np.broadcast_to(np.array(other["reflectance"], np.float64), 3) * (1 - share.number)
             return {"kind": "principled", "base_color": base.tolist(), "specular": 0.0, "emission": light}
         if other["kind"] == "principled":
-            return other | {"emission": light}
+            return self._principled_beside(other, light, share.number)
+        self.say("what its emission is mixed with is left out")
         return lamp | {"radiance": light}
+
+    def _principled_beside(self, keys: dict[str, Any], light: list[float], share: float) -> dict[str, Any]:
+        """A principled surface beside a light that takes its share: as much darker, its holes closed by as much."""
+        left, opacity = 1 - share, keys.get("opacity", 1.0)
+        whole = left * opacity + share if isinstance(opacity, float) else 1.0
+        left = left * opacity / whole if isinstance(opacity, float) else left
+
+        def dim(value: Any) -> Any:
+            if isinstance(value, dict):
+                return {"kind": "mixture", "second": value, "amount": [left] * 3}
+            return (np.asarray(value) * left).tolist()
+
+        layers = {key: dim(keys[key]) for key in ("base_color", "clearcoat", "sheen") if key in keys}
+        layers["specular"] = dim(keys.get("specular", 1.0))
+        own = {"opacity": whole} if whole < 1 else {}
+        kept = {key: value for key, value in keys.items() if key != "opacity" or isinstance(value, dict)}
+        return kept | layers | own | {"emission": self._joined(keys, [c / whole for c in light], left)}
+
+    def _joined(self, keys: dict[str, Any], light: list[float], left: float = 1.0) -> list[float]:
+        """A light and what is left of that of a surface; one by a texture is left out, which is said."""
+        own = keys.get("emission", [0.0, 0.0, 0.0])
+        if isinstance(own, dict):
+            self.say("of two emissions the one by a texture is left out")
+            return light
+        return [left * one + other for one, other in zip(own, light, strict=True)]
 
     def add(self, node: Node) -> dict[str, Any]:
         """Add Shader: emission over a surface; of two surfaces a mix of twice the light is not possible."""
@@ -513,7 +539,10 @@ class _Translator(ValueReader):
             base = {"kind": "principled", "base_color": other["reflectance"], "specular": 0.0}
             return base | kept | {"emission": lamp["radiance"]}
         if other["kind"] == "principled":
-            return other | {"emission": lamp["radiance"]}
+            textured = isinstance(lamp["radiance"], dict)
+            if textured and "emission" in other:
+                self.say("of two emissions that of the principled surface is left out")
+            return other | {"emission": lamp["radiance"] if textured else self._joined(other, lamp["radiance"])}
         self.say("what it is added to is left out")
         return lamp
 

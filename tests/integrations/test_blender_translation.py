@@ -235,6 +235,32 @@ def test_principled_material_is_a_principled_one():
     assert (keys["metallic"], keys["roughness"], keys["index"]) == (1.0, 0.25, 1.5) and not said
 
 
+def test_a_principled_surface_beside_a_light_keeps_its_share_and_its_own_light():
+    """Of light and of what is reflected each surface gives its share, and its holes are closed by that of the light."""
+    own = principled(Emission_Color=(1.0, 0.5, 0.25), Emission_Strength=2.0, Coat_Weight=0.8, Alpha=0.5)
+    lamp = Node("EMISSION", "e", {"Color": (1.0, 1.0, 1.0), "Strength": 4.0})
+    mix = Node("MIX_SHADER", "m", {"Fac": 0.25, "Shader": Link(own, "BSDF"), "Shader_001": Link(lamp, "Emission")})
+    keys, _ = surface_of(mix)
+    opacity = 0.75 * 0.5 + 0.25
+    left = 0.75 * 0.5 / opacity
+    assert keys["opacity"] == pytest.approx(opacity)
+    assert keys["base_color"] == pytest.approx([0.8 * left] * 3)
+    assert (keys["specular"], keys["clearcoat"]) == (pytest.approx(left), pytest.approx(0.8 * left))
+    assert np.multiply(keys["emission"], opacity) == pytest.approx(
+        [0.25 * 4 + 0.75 * 0.5 * 2 * channel for channel in (1.0, 0.5, 0.25)]
+    )
+    both = Node("ADD_SHADER", "a", {"Shader": Link(own, "BSDF"), "Shader_001": Link(lamp, "Emission")})
+    assert surface_of(both)[0]["emission"] == pytest.approx([6.0, 5.0, 4.5])
+
+
+def test_glass_beside_a_light_is_left_out_with_a_word():
+    glass = principled(Transmission_Weight=1.0, Roughness=0.0)
+    lamp = Node("EMISSION", "e", {"Color": (1.0, 1.0, 1.0), "Strength": 4.0})
+    mix = Node("MIX_SHADER", "m", {"Fac": 0.25, "Shader": Link(glass, "BSDF"), "Shader_001": Link(lamp, "Emission")})
+    keys, said = surface_of(mix)
+    assert keys["kind"] == "emissive" and any("is mixed with is left out" in sentence for sentence in said)
+
+
 def test_specular_level_changes_the_index_by_its_reflectance():
     keys, _ = surface_of(principled(Specular_IOR_Level=1.0))
     assert ((keys["index"] - 1) / (keys["index"] + 1)) ** 2 == pytest.approx(0.08)
