@@ -29,6 +29,13 @@
 #define HIDDEN_PARTS(EACH)
 #endif
 
+#if ALIGNED_FLATS || ALIGNED_BOXES
+#define ALIGNED_PARTS(EACH) \
+    EACH(const __global Aligned *, aligned)             /* of primitives, kernels/geometry/aligned.h */
+#else
+#define ALIGNED_PARTS(EACH)
+#endif
+
 #if HAS_PRIMITIVE_TREE
 #define TREE_PARTS(EACH) \
     EACH(const __global float4 *, primitive_nodes)      /* kernels/geometry/primitive_tree.h */ \
@@ -109,8 +116,8 @@
     EACH(const __global Environment *, environment) \
     EACH(const __global float *, distribution)          /* curves of how light sampling picks, common/curve.h */ \
     EACH(int, emitter_count) \
-    LIGHT_TREE_PARTS(EACH) CAUSTIC_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) HIDDEN_PARTS(EACH) TREE_PARTS(EACH) \
-    MESH_PARTS(EACH) MEDIA_PARTS(EACH) DENSITY_PARTS(EACH) FACET_PARTS(EACH) GROUP_PARTS(EACH)
+    LIGHT_TREE_PARTS(EACH) CAUSTIC_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) HIDDEN_PARTS(EACH) ALIGNED_PARTS(EACH) \
+    TREE_PARTS(EACH) MESH_PARTS(EACH) MEDIA_PARTS(EACH) DENSITY_PARTS(EACH) FACET_PARTS(EACH) GROUP_PARTS(EACH)
 
 #define AS_MEMBER(type, name) type name;
 #define AS_PARAMETER(type, name) type name,

@@ -98,9 +98,11 @@ static Hit hit_before(Ray ray, F reach, Scene scene)
 {
     const __global Primitive *primitives = scene.primitives;
     const __global int *kind_end = scene.kind_end;
+    enum { within = 0 };
     F best = reach;
     I index = (I)(NO_PRIMITIVE);
     PLACE_ON_CURVE
+    AXES_OF(ray)
 #if HAS_HIDDEN
     I kind = KIND_OF_RAY(I, ray.origin);
 #endif
@@ -141,14 +143,15 @@ static Hit hit_before(Ray ray, F reach, Scene scene)
 static inline Hit nearest_hit(Ray ray, Scene scene) { return hit_before(ray, (F)(NEVER), scene); }
 
 // Lanes whose ray meets anything before `reach`, but not `target` (of a mesh its triangle `target_triangle` alone) nor what
-// lies in its plane. Lanes of reach 0 do not matter. `passed`: lanes that pass what a path would meet, where LIGHT_PASSES.
-static I blocked_before(Ray ray, F reach, I target, I target_triangle, I *passed, Scene scene)
+// lies in its plane. Lanes of reach 0 do not matter. `within`: whether all rays go from surfaces of the scene to its lamps. `passed`: lanes that pass what a path would meet, where LIGHT_PASSES.
+static I blocked_before(Ray ray, F reach, I target, I target_triangle, int within, I *passed, Scene scene)
 {
     const __global Primitive *primitives = scene.primitives;
     const __global int *kind_end = scene.kind_end;
     I blocked = FALSE;
     *passed = FALSE;
     PLACE_ON_CURVE
+    AXES_OF(ray)
 #if HAS_HIDDEN
     I kind = (I)(KIND_OF_SHADOW);
 #endif
@@ -175,7 +178,7 @@ static I blocked_before(Ray ray, F reach, I target, I target_triangle, I *passed
 static inline I any_hit(Ray ray, F reach, I target, I target_triangle, Scene scene)
 {
     I passed;
-    return blocked_before(ray, reach, target, target_triangle, &passed, scene);
+    return blocked_before(ray, reach, target, target_triangle, 0, &passed, scene);
 }
 
 #endif

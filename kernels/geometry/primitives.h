@@ -9,6 +9,12 @@
 #include "common/scene.h"
 #include "geometry/hit.h"
 #include "geometry/movement.h"
+#if ALIGNED_FLATS || ALIGNED_BOXES
+#include "geometry/aligned.h"
+#define AXES_OF(ray)    Axes axes = axes_of(ray);
+#else
+#define AXES_OF(ray)
+#endif
 
 // The smaller positive root of a t^2 - 2 b t + c = 0 (and the larger through *far); negative when there is none. Stable:
 // Haines, Guenther, Akenine-Moeller, Ray Tracing Gems ch. 7.
@@ -112,13 +118,22 @@ static inline F hit_plane(const __global Primitive *p, Ray ray) { return fall_to
 #define LITTLE_MORE  1.0001f        // than any rounding of a product and a ratio
 
 // The plane that a ray met last and where: flat primitives of one plane, as a lamp and the ceiling round it, share it.
-// `instance` of the first of them is their number, of the others 0.
+// `instance` of the first of them is their number, less than zero where nothing lies behind the plane; of the others it is 0.
+#if ALIGNED_FLATS
+typedef AlignedHit PlaneHit;
+#define MEET_PLANE  plane = meet_aligned(scene.aligned + i, here, axes);
+#define HIT_FLAT    hit_aligned(scene.aligned + i, plane, &u, &v)
+
+static inline I meets_before(const PlaneHit *plane, F reach) { return (plane->t > 0.0f) & (plane->t < reach); }
+#else
 typedef struct {
     F   fall, slope;
     int found;       // whether t and there are those of the plane
     F   t;
     F3  there;
 } PlaneHit;
+#define MEET_PLANE  near_plane(p, here, &plane);
+#define HIT_FLAT    hit_flat(p, here, &plane, &u, &v)
 
 static inline void near_plane(const __global Primitive *p, Ray ray, PlaneHit *plane)
 {
@@ -127,22 +142,12 @@ static inline void near_plane(const __global Primitive *p, Ray ray, PlaneHit *pl
     plane->found = 0;
 }
 
-// Lanes that meet the plane before `reach`, and perhaps a few more, but none whose `target` lies in it: it is of the `count`
-// primitives from i on.
-static inline I stands_between(const PlaneHit *plane, F reach, I target, int i, int count)
+// Lanes that meet the plane before `reach`, and perhaps a few more.
+static inline I meets_before(const PlaneHit *plane, F reach)
 {
     I before = absolute(plane->fall) < reach * LITTLE_MORE * absolute(plane->slope);
-    return (plane->fall * plane->slope > 0.0f) & before & (AS_U(target - i) >= (uint)count);
+    return (plane->fall * plane->slope > 0.0f) & before;
 }
-
-// What FOR_EACH_FLAT leaves out: nothing, or what no lane can meet on its way to a target.
-#define ALL_FLATS
-#define FLATS_BETWEEN(reach, target)                                               \
-    if (p->instance > 0)                                                           \
-        between = stands_between(&plane, reach, target, i, p->instance);           \
-    origin = NOT(between & NOT(origin));                                           \
-    if (!ANY(NOT(origin)))                                                         \
-        continue;
 
 static inline F hit_flat(const __global Primitive *p, Ray ray, PlaneHit *plane, F *u, F *v)
 {
@@ -155,6 +160,21 @@ static inline F hit_flat(const __global Primitive *p, Ray ray, PlaneHit *plane, 
     *v = row_point(p->row_y, plane->there);
     return plane->t;
 }
+#endif
+
+// What FOR_EACH_FLAT leaves out: nothing, or what no lane can meet on its way to a target, which perhaps lies in the same plane.
+// On ways `within` the scene, from surfaces to lamps, that is any plane that nothing lies behind.
+#define ALL_FLATS
+#define FLATS_BETWEEN(reach, target)                                               \
+    if (p->instance < 0 && within) {                                               \
+        i -= p->instance + 1;                                                      \
+        continue;                                                                  \
+    }                                                                              \
+    if (p->instance != 0)                                                          \
+        between = meets_before(&plane, reach) & (AS_U(target - i) >= (uint)abs(p->instance)); \
+    origin = NOT(between & NOT(origin));                                           \
+    if (!ANY(NOT(origin)))                                                         \
+        continue;
 #endif
 
 #if HAS_BOX
@@ -245,13 +265,24 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
                          continue;                                                                 \
                      t = hit_sphere(s);
 #define ELLIPSOID_T  t = hit_ellipsoid(p, here, origin);
-#define RECTANGLE_T  F u; F v; t = hit_flat(p, here, &plane, &u, &v);                             \
+#define RECTANGLE_T  F u; F v; t = HIT_FLAT;                                                       \
                      met = NOT(origin) & (MAX(AS_U(u), AS_U(v)) <= BITS_OF_ONE);
-#define DISK_T       F u; F v; t = hit_flat(p, here, &plane, &u, &v);                             \
+#define DISK_T       F u; F v; t = HIT_FLAT;                                                       \
                      met = NOT(origin) & (u * u + v * v <= 1.0f);
-#define PLANE_T      t = hit_plane(p, here);                                                       \
+#if ALIGNED_FLATS
+#define HIT_PLANE    meet_aligned(scene.aligned + i, here, axes).t
+#else
+#define HIT_PLANE    hit_plane(p, here)
+#endif
+#define PLANE_T      if (p->instance < 0 && within)                                                \
+                         continue;                                                                 \
+                     t = HIT_PLANE;                                                                \
                      met = NOT(origin);
+#if ALIGNED_BOXES
+#define BOX_T        t = hit_aligned_box(scene.aligned + i, here, axes, origin, &met);
+#else
 #define BOX_T        t = hit_box(p, here, origin, &met);
+#endif
 #define CYLINDER_T   t = hit_cylinder(p, here, origin);
 #define CONE_T       t = hit_cone(p, here, origin);
 #define CURVE_T      t = hit_curve(p, here, STARTS_ON_CURVE(here.origin, kind_end), &on_curve);
@@ -277,8 +308,8 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
             const __global Primitive *p = primitives + i;                          \
             Ray here = RAY_AT_REST(ray, i);                                        \
             I origin = (ray).origin == i;                                              \
-            if (p->instance > 0)                                                   \
-                near_plane(p, here, &plane);                                       \
+            if (p->instance != 0)                                                  \
+                MEET_PLANE                                                         \
             WHICH                                                                  \
             F t;                                                                   \
             I met = TRUE;                                                          \

@@ -470,7 +470,7 @@ static void add_beams(Path *path, Ray ray, Hit hit, I on, Scene scene, Rules rul
     I passed;
     if (!ANY(on))
         return;
-    on = on & NOT(blocked_before(first, on ? distance : ZERO, (I)(NO_PRIMITIVE), (I)(NO_TRIANGLE), &passed, scene));
+    on = on & NOT(blocked_before(first, on ? distance : ZERO, (I)(NO_PRIMITIVE), (I)(NO_TRIANGLE), 0, &passed, scene));
 #if LIGHT_PASSES
     on = on & NOT(passed);
 #endif
@@ -481,7 +481,7 @@ static void add_beams(Path *path, Ray ray, Hit hit, I on, Scene scene, Rules rul
     second.d = light.direction;
     second.origin = (I)(IN_MEDIUM);
     second.triangle = (I)(NO_TRIANGLE);
-    on = on & NOT(blocked_before(second, on ? light.reach : ZERO, light.primitive, light.triangle, &passed, scene));
+    on = on & NOT(blocked_before(second, on ? light.reach : ZERO, light.primitive, light.triangle, 0, &passed, scene));
     if (ANY(on))
         gather_light(path, on, mul(added, shadow_transmittance(second, stack, light.reach, on, scene)),
                      group_of_emitter(scene, e));
@@ -613,7 +613,7 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         ray.origin = (I)(IN_MEDIUM);
         ray.triangle = (I)(NO_TRIANGLE);
         I passed;
-        lit = lit & NOT(blocked_before(ray, reach, light.primitive, light.triangle, &passed, scene));
+        lit = lit & NOT(blocked_before(ray, reach, light.primitive, light.triangle, 0, &passed, scene));
 #if LIGHT_PASSES
         added = scale(added, passed ? ONE : mis);
 #endif

@@ -41,7 +41,7 @@ __kernel void shadow(SCENE_PARAMETERS
     ray.d = READ_F3(W, slot);
     Scene scene = SCENE;
     I passed;
-    I blocked = blocked_before(ray, reach, READ_I(TARGET, slot), READ_TRIANGLE(TARGET_TRIANGLE, slot), &passed, scene);
+    I blocked = blocked_before(ray, reach, READ_I(TARGET, slot), READ_TRIANGLE(TARGET_TRIANGLE, slot), 1, &passed, scene);
     I lit = wanted & NOT(blocked);
     WRITE_F(REACH, slot, ZERO);
 #if LAMPS_BEHIND_GLASS

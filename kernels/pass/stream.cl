@@ -137,7 +137,7 @@ __kernel void stream(SCENE_PARAMETERS
         I wanted = shadow.reach > 0.0f;
         if (ANY(wanted)) {
             I passed;
-            I dark = blocked_before(shadow.ray, shadow.reach, shadow.target, shadow.target_triangle, &passed, scene);
+            I dark = blocked_before(shadow.ray, shadow.reach, shadow.target, shadow.target_triangle, 1, &passed, scene);
 #if LIGHT_PASSES
             shadow.light = scale(shadow.light, passed ? ONE : shadow.mis);
 #endif

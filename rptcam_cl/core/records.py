@@ -512,8 +512,17 @@ PRIMITIVE = declare(
     ("float4", "row_x row_y row_z"),
     ("int", "material"),
     ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
-    # of a mesh; of rectangles and disks how many share its plane, rendering/plan/geometry.py
+    # of a mesh; of flat ones how many share its plane, rendering/plan/geometry.py, less than zero where nothing lies
+    # behind, rendering/culling.py
     ("int", "instance first_triangle"),
+)
+
+ALIGNED = declare(
+    "Aligned",  # a flat primitive or box whose edges lie along the axes, kernels/geometry/aligned.h
+    ("float4", "place"),  # middle of a box; of a flat one its place along its axis
+    ("float4", "reach"),  # half the size of a box; scale and shift to u or v along the next axis and the one after
+    ("int", "axis"),  # of the normal
+    ("int", "reserved_0 reserved_1 reserved_2"),
 )
 
 INSTANCE = declare(
@@ -752,7 +761,7 @@ PHOTON_PASS = declare(
 )
 
 RECORDS = (
-    PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, MEDIUM, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA,
+    PRIMITIVE, ALIGNED, INSTANCE, SEGMENT, MATERIAL, MEDIUM, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA,
     THIN_LENS_CAMERA, THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL_LINES, PUPIL, REALISTIC_CAMERA, OWN_CAMERA,
     HALF_PUPIL, CAMERA, WAVE, LIMITS, VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
 )  # fmt: skip

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import hashlib
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -13,17 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.files import cache_dir, kernels_dir
-from rptcam_cl.core.records import HIT_ROUNDING, Kind
+from rptcam_cl.core.files import cache_dir
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering import tree_build
+from rptcam_cl.rendering import culling, tree_build
 from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.caustics import PhotonBuffers
 from rptcam_cl.rendering.plan import geometry
 from rptcam_cl.rendering.plan.materials import facet_shares
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.plan.primitives import BLOCK
+from rptcam_cl.rendering.plan.primitives import BLOCK, corners_of_box
 
 # Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.
 
@@ -50,7 +48,7 @@ def load_or_build(
     fits
         Says whether a sound tree is one over what it is wanted for.
     """
-    name = builder_identity(), key
+    name = tree_build.builder_identity(), key
     kept: tree_build.Bvh | None = _DISK.find(name)
     if kept is not None and tree_build.is_sound(kept) and fits(kept):
         return kept
@@ -64,252 +62,7 @@ def cache_folder() -> Path:
     return cache_dir("trees")
 
 
-@lru_cache(maxsize=1)
-def builder_identity() -> str:
-    """Return a hash of the code that builds trees, so that no tree outlives it."""
-    files = [Path(__file__), Path(__file__).with_name("tree_build.py"), *(kernels_dir() / "build").iterdir()]
-    texts = [path.read_bytes() for path in sorted(files, key=lambda path: path.name)]
-    return hashlib.sha256(b"\0".join(texts)).hexdigest()
-
-
-# The tree over a scene's bounded primitives as the kernels walk it, a pack of rays at a time.
-
 Array = NDArray[np.float64]
-
-_PRIMITIVES = Disk(
-    "primitive-trees",
-    ("rendering",),
-    pack=lambda tree: ({"nodes": tree[0], "order": tree[1]}, {"stack": tree[2]}),
-    unpack=lambda arrays, facts: (arrays["nodes"], arrays["order"], facts["stack"]),
-)
-_MOST_LEVELS = 32  # of nodes on the way of a ray that keeps its place in registers, `geometry/short_stack.h`
-BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
-_AT_ONCE = 65_536  # primitives whose boxes are found together: each takes half a kilobyte meanwhile
-_MOST_HALVINGS = 4  # of a curve, for boxes that hold little else
-_SPLIT_GAIN = 0.8  # of the area of a box, that its halves must stay below
-_PART_MARGIN = 0.05  # of the half width, by which the nearest place along a curve may be missed, and more
-LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
-
-
-DeviceTree = tuple[dict[str, Any], dict[str, int]]
-"""What kernels read of a tree, arrays and numbers by the kernels' names for them; facts that they are compiled for."""
-
-
-def primitive_tree(
-    records: NDArray[np.void],
-    kind_end: NDArray[np.int32],
-    session: Session,
-    movements: geometry.ObjectMovements | None = None,
-    *,
-    on_disk: bool = True,
-) -> DeviceTree | None:
-    """Make the tree over the bounded primitives of a scene; None where there are too few to gain by one.
-
-    ``primitive_nodes`` (n, 8) hold the middle of a box and ``first``, half its size and ``count``, the integers as
-    bits; ``primitive_leaves`` the primitives, leaf by leaf (``kernels/geometry/primitive_tree.h``).
-
-    Parameters
-    ----------
-    records
-        ``Primitive`` records, sorted by kind.
-    kind_end
-        Per kind, the index after its last one.
-    movements
-        Of what moves, if anything does: its box holds all of its way.
-    on_disk
-        Whether a tree over few boxes, too, is kept from one run to the next.
-    """
-    kinds = np.searchsorted(kind_end, np.arange(kind_end[Kind.CURVE]), side="right")
-    bounded = np.flatnonzero(kinds != Kind.PLANE).astype(np.int32)
-    if len(bounded) < max(BREAK_EVEN, 1):
-        return None
-    parts = np.array_split(bounded, -(-len(bounded) // _AT_ONCE))
-    lower, upper = np.concatenate([primitive_bounds(records[part], kinds[part]) for part in parts], axis=1)
-    splits = kinds[bounded] == Kind.CURVE
-    if movements is not None:
-        splits &= movements.of_primitive[bounded, 1] == 0
-        for place in np.flatnonzero(movements.of_primitive[bounded, 1]).tolist():
-            box, index = (lower[place], upper[place]), int(bounded[place])
-            lower[place], upper[place] = _swept(records[index], int(kinds[index]), movements.places(index), box)
-    whole, lower, upper = _split_curves(records[bounded[splits]], splits, lower, upper)
-    lower32, upper32 = _outwards(lower, upper)
-
-    def build() -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
-        return _build(lower32, upper32, session)
-
-    driver = session.info.name, session.info.driver, session.kind, session.loop_limit
-    key = builder_identity(), driver, lower32, upper32
-    nodes, order, stack = _PRIMITIVES.find_or_make(key, build) if on_disk or len(whole) > tree_build.FEW else build()
-    arrays = {"primitive_nodes": nodes, "primitive_leaves": bounded[whole[order]]}
-    return arrays, {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack}
-
-
-def _build(
-    lower: NDArray[np.float32], upper: NDArray[np.float32], session: Session
-) -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
-    """Return the same of a new tree."""
-    if len(lower) <= tree_build.FEW:
-        tree_build.check_boxes(lower, upper)
-        tree = tree_build.tree_of_few(lower, upper, LEAF)
-    else:
-        tree = tree_build.build_bvh(lower, upper, width=2, leaf_size=LEAF, session=session)
-    return _nodes(tree), tree.blocks[tree.blocks >= 0], tree_build.stack_size(tree_build.longest_way(tree.children)[0])
-
-
-def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Return the corners of the boxes (n, 3) of primitives, grown by what rounding may move a hit.
-
-    They are those of the records: of the rows of numbers that rays meet, float32 as they are.
-    """
-    rows = np.stack([records[f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
-    curves = kinds == Kind.CURVE
-    if not curves.any():
-        return _bounds_of_rows(rows, kinds)
-    lower, upper = np.empty((2, len(rows), 3))
-    lower[~curves], upper[~curves] = _bounds_of_rows(rows[~curves], kinds[~curves])
-    lower[curves], upper[curves] = _bounds_of_curves(rows[curves], _half_width(records[curves]))
-    return lower, upper
-
-
-def _half_width(records: NDArray[np.void]) -> Array:
-    ends = np.stack([records["instance"], records["first_triangle"]]).view(np.float32)
-    return np.asarray(np.abs(ends).max(axis=0), np.float64)
-
-
-def _bounds_of_curves(rows: Array, half_width: Array) -> tuple[Array, Array]:
-    """Return the boxes of curves by their Bézier points (n, 3, 4), which hold them."""
-    farthest = np.abs(rows).max(axis=(1, 2)) + half_width
-    margin = (half_width + HIT_ROUNDING * farthest)[:, None]
-    return rows.min(axis=2) - margin, rows.max(axis=2) + margin
-
-
-def _split_curves(
-    curves: NDArray[np.void], splits: NDArray[np.bool_], lower: Array, upper: Array
-) -> tuple[NDArray[np.int64], Array, Array]:
-    """Return boxes round parts of long curves in place of one round each, and of which primitive every box is.
-
-    Parameters
-    ----------
-    curves
-        Records of those that ``splits`` names among all primitives.
-    """
-    part = np.flatnonzero(splits)
-    if not len(part):
-        return np.arange(len(splits)), lower, upper
-    rows = np.stack([curves[f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
-    wide = (1 + _PART_MARGIN) * _half_width(curves)
-    done = [(np.flatnonzero(~splits), lower[~splits], upper[~splits])]
-    for _ in range(_MOST_HALVINGS):
-        # Halve by de Casteljau what gains by it.
-        a, b = (rows[..., :-1] + rows[..., 1:]) / 2, (rows[..., :-2] + 2 * rows[..., 1:-1] + rows[..., 2:]) / 4
-        middle = b.mean(axis=2)
-        halves = (np.stack([rows[..., 0], a[..., 0], b[..., 0], middle], axis=2),
-                  np.stack([middle, b[..., 1], a[..., 2], rows[..., 3]], axis=2))  # fmt: skip
-        box, parts = _bounds_of_curves(rows, wide), [_bounds_of_curves(half, wide) for half in halves]
-        gains = _area(*parts[0]) + _area(*parts[1]) < _SPLIT_GAIN * _area(*box)
-        done.append((part[~gains], box[0][~gains], box[1][~gains]))
-        part, wide = np.tile(part[gains], 2), np.tile(wide[gains], 2)
-        rows = np.concatenate([half[gains] for half in halves])
-    done.append((part, *_bounds_of_curves(rows, wide)))
-    whole, low, high = (np.concatenate(each) for each in zip(*done, strict=True))
-    return whole, low, high
-
-
-def _area(lower: Array, upper: Array) -> Array:
-    return np.asarray(((upper - lower) * np.roll(upper - lower, 1, axis=1)).sum(axis=1))
-
-
-def _swept(record: np.void, kind: int, places: geometry.Places, rest: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return the corners (3,) of the box round the whole way of a primitive, whose box at rest is known."""
-    rows = np.stack([record[f"row_{axis}"] for axis in "xyz"]).astype(np.float64)
-    moved = np.tile(rows, (len(places.matrices), 1, 1))
-    if kind == Kind.SPHERE:
-        moved[:, 0, :3] = places.matrices[:, :3, :3] @ rows[0, :3] + places.matrices[:, :3, 3]
-    elif kind == Kind.CURVE:
-        moved = places.matrices[:, :3, :3] @ rows + places.matrices[:, :3, 3:]
-        half_width = np.full(len(moved), _half_width(record.reshape(1))[0])
-        return places.box(*_bounds_of_curves(moved, half_width), rest)
-    else:
-        moved = moved @ np.linalg.inv(places.matrices)
-    return places.box(*_bounds_of_rows(moved, np.full(len(moved), kind)), rest)
-
-
-def _bounds_of_rows(rows: Array, kinds: NDArray[np.int64]) -> tuple[Array, Array]:
-    placed = np.tile(np.eye(4), (len(rows), 1, 1))
-    placed[:, :3] = rows
-    is_sphere = kinds == Kind.SPHERE
-    placed[is_sphere] = np.eye(4)
-    inverse = np.linalg.inv(placed).astype(np.float64)
-    linear, origin = inverse[:, :3, :3], inverse[:, :3, 3]
-    linear[is_sphere] *= rows[is_sphere, 0, 3, None, None]
-    origin[is_sphere] = rows[is_sphere, 0, :3]
-    lower, upper = origin.copy(), origin.copy()
-    for kind in set(kinds.tolist()):
-        of_kind = kinds == kind
-        low, high = _extent(Kind(kind), *np.moveaxis(linear[of_kind], 2, 0))
-        lower[of_kind] += low
-        upper[of_kind] += high
-    # The rows of a skewed placement magnify rounding.
-    magnified = np.abs(linear) @ np.abs(rows[:, :, :3])
-    magnified[is_sphere] = np.eye(3)
-    farthest = np.maximum(np.abs(lower), np.abs(upper)).max(axis=1)
-    margin = HIT_ROUNDING * (magnified.sum(axis=2).max(axis=1) * farthest)[:, None]
-    return lower - margin, upper + margin
-
-
-def _extent(kind: Kind, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
-    """How far a kind's canonical shape, its axes placed as given (n, 3), reaches from its origin."""
-    zero = np.zeros_like(x)
-    if kind in (Kind.SPHERE, Kind.ELLIPSOID):
-        reach = np.sqrt(x * x + y * y + z * z)
-        return -reach, reach
-    if kind is Kind.BOX:
-        reach = np.abs(x) + np.abs(y) + np.abs(z)
-        return -reach, reach
-    if kind is Kind.RECTANGLE:
-        return np.minimum(x, 0) + np.minimum(y, 0), np.maximum(x, 0) + np.maximum(y, 0)
-    circle = np.sqrt(x * x + y * y)
-    if kind is Kind.CYLINDER:
-        return np.minimum(z, 0) - circle, np.maximum(z, 0) + circle
-    apex = z if kind is Kind.CONE else zero
-    return np.minimum(apex, -circle), np.maximum(apex, circle)
-
-
-def _nodes(tree: tree_build.Bvh) -> NDArray[np.float32]:
-    """Return the root's node, then the two below each node of a binary tree, the farther along its axis last."""
-    bounds = tree.bounds.transpose(0, 2, 1).astype(np.float64)  # (node, child, corner)
-    used = tree.children != tree_build.EMPTY
-    middle = np.zeros((*used.shape, 3))
-    middle[used] = (bounds[used, :3] + bounds[used, 3:]) / 2
-    both = used.all(axis=1)  # a root may have one child
-    apart = np.where(both[:, None], middle[:, 1] - middle[:, 0], 0)
-    axis = np.abs(apart).argmax(axis=1)
-    turned = apart[np.arange(len(axis)), axis] < 0
-    order = np.stack([turned, ~turned], axis=1).astype(np.int64)
-    children = np.take_along_axis(tree.children, order, axis=1).ravel()
-    corners = np.take_along_axis(bounds, order[..., None], axis=1).reshape(-1, 6)
-    counts = (tree.blocks >= 0).sum(axis=1)
-    firsts = np.cumsum(counts) - counts
-    inner, leaf = (children >= 0) & (children != tree_build.EMPTY), children < 0
-    links = np.zeros((len(children), 2), np.int64)
-    links[inner] = np.stack([1 + 2 * children[inner], ~axis[children[inner]]], axis=1)
-    links[leaf] = np.stack([firsts[~children[leaf]], counts[~children[leaf]]], axis=1)
-    whole = np.concatenate([bounds[0, :, :3].min(axis=0), bounds[0, :, 3:].max(axis=0)])
-    return _pack(np.vstack([whole, corners]), np.vstack([[1, ~axis[0]], links]))
-
-
-def _pack(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
-    out = np.zeros((len(corners), 8), np.float32)
-    there = np.isfinite(corners).all(axis=1)
-    low, high = corners[there, :3], corners[there, 3:]
-    middle = ((low + high) / 2).astype(np.float32)
-    half = np.maximum(high - middle, middle - low)
-    out[there, :3] = middle
-    out[there, 4:7] = np.nextafter(half.astype(np.float32), np.float32(np.inf))
-    out[~there, 4:7] = -np.inf  # met by no ray
-    out[:, 3], out[:, 7] = links.astype(np.int32).view(np.float32).reshape(-1, 2).T
-    return out
-
 
 # The trees of a scene's meshes as kernels walk them: nodes and leaf blocks of every group, and one over instances.
 
@@ -318,6 +71,7 @@ def _pack(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
 # one box after the other, so that small nodes suit it; that is not measured.
 WIDTH = {"cpu": 16, "gpu": 4}
 _BLOCK_ROWS = 10
+_MOST_LEVELS = 32  # of nodes on the way of a ray that keeps its place in registers, `geometry/short_stack.h`
 _MESH_ROUNDING = (
     1e-6  # of an instance's box, relative to its farthest coordinate: what a ray taken to the mesh may be off
 )
@@ -413,7 +167,7 @@ def _resting(
 
 def scene_trees(
     meshes: geometry.PackedMeshes, session: Session, movements: geometry.ObjectMovements | None = None
-) -> DeviceTree:
+) -> culling.DeviceTree:
     """Return the trees of a scene's meshes as kernels walk them: `placed_triangles` and `placed_trees`."""
     trees = mesh_trees(meshes, session)
     arrays, facts = placed_trees(trees, session, movements)
@@ -507,7 +261,9 @@ def _run_on_blocks(
     session.finish()
 
 
-def placed_trees(trees: MeshTrees, session: Session, movements: geometry.ObjectMovements | None = None) -> DeviceTree:
+def placed_trees(
+    trees: MeshTrees, session: Session, movements: geometry.ObjectMovements | None = None
+) -> culling.DeviceTree:
     """Return nodes and instances as kernels walk them.
 
     ``nodes`` (n, 7, width) have rows min x, y, z, max x, y, z of the children, then the children as integers;
@@ -616,7 +372,9 @@ def _instance_tree(meshes: geometry.PackedMeshes, session: Session) -> tree_buil
     middle = (lower.min(axis=0) + upper.max(axis=0)) / 2
     lower -= middle
     upper -= middle
-    return tree_build.build_bvh(*_outwards(lower, upper), width=WIDTH[session.kind], leaf_size=1, session=session)
+    return tree_build.build_bvh(
+        *tree_build.outwards(lower, upper), width=WIDTH[session.kind], leaf_size=1, session=session
+    )
 
 
 def _instance_boxes(
@@ -639,14 +397,8 @@ def _instance_boxes(
                 turns, ways = places.matrices[:, :3, :3], places.matrices[:, :3, 3]
                 way = _placed_boxes(turns @ linear[index], turns @ offset[index] + ways, low[index], high[index])
                 lowest[index], highest[index] = places.box(*way, (lowest[index], highest[index]))
-        found[part, 0], found[part, 1] = _outwards(lowest, highest)
+        found[part, 0], found[part, 1] = tree_build.outwards(lowest, highest)
     return found
-
-
-def _outwards(lower: Array, upper: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return boxes in float32 that hold those given."""
-    infinity = np.float32(np.inf)
-    return np.nextafter(lower.astype(np.float32), -infinity), np.nextafter(upper.astype(np.float32), infinity)
 
 
 def _placed_boxes(linear: Array, offset: Array, low: Array, high: Array) -> tuple[Array, Array]:
@@ -714,6 +466,7 @@ class SceneBuffers:
         self.tree_facts: dict[str, int] = {}
         self._add_primitive_tree(earlier)
         self._add_meshes(earlier)
+        self.scene["primitives"] = self._buffer("primitives", culling.with_outer_planes(plan, self._mesh_corners()))
         self.photons = PhotonBuffers(session, plan.caustics) if plan.caustics.active else None
         self.scene |= {} if self.photons is None else self.photons.arguments
         self.trajectory = {"trajectory": self._buffer("trajectory", plan.trajectory)} if plan.facts["MOVES"] else {}
@@ -780,16 +533,16 @@ class SceneBuffers:
             tree = earlier._tree
         else:
             new = earlier is None  # the next plan of a series has other primitives
-            tree = primitive_tree(plan.primitives, plan.kind_end, self._session, plan.movements, on_disk=new)
-        self._tree: DeviceTree | None = tree
-        if tree is not None:
-            self.tree_facts |= tree[1]
-            self.scene |= {name: self._buffer(name, array) for name, array in tree[0].items()}
+            given = plan.primitives, plan.kind_end, self._session, plan.movements
+            tree = culling.primitive_tree(*given, on_disk=new) or culling.aligned(plan)
+        self._tree: culling.DeviceTree = tree
+        self.tree_facts |= tree[1]
+        self.scene |= {name: self._buffer(name, array) for name, array in tree[0].items()}
 
     def _add_meshes(self, earlier: SceneBuffers | None) -> None:
         plan = self._plan
         self._trees: MeshTrees | None = None
-        self._placed: DeviceTree | None = None
+        self._placed: culling.DeviceTree | None = None
         if plan.meshes is None:
             return
         before, triangles = (None, None) if earlier is None else (earlier._trees, earlier.scene.get("triangles"))
@@ -805,6 +558,12 @@ class SceneBuffers:
         self.tree_facts |= facts
         for name, value in arrays.items():
             self.scene[name] = self._buffer(name, value, in_place=True) if isinstance(value, np.ndarray) else value
+
+    def _mesh_corners(self) -> Array:
+        if self._plan.meshes is None:
+            return np.zeros((0, 3))
+        low, high = (np.frombuffer(self.scene[f"mesh_{end}"], np.float32)[:3] for end in ("low", "high"))
+        return corners_of_box(low.astype(np.float64), high.astype(np.float64), np.eye(4))
 
     def _take_triangles(self, earlier: SceneBuffers, before: MeshTrees, own: MeshTrees) -> None:
         """Take the triangles of earlier arrays; those that lie elsewhere about the eye are moved on the device."""
@@ -823,7 +582,6 @@ class SceneBuffers:
 
 def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
     arrays = {
-        "primitives": plan.primitives,
         "kind_end": plan.kind_end,
         "materials": plan.materials,
         "textures": plan.textures.records,

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import Rows, dataclass
+from rptcam_cl.core.files import kernels_dir
 from rptcam_cl.device.programs import Program
 from rptcam_cl.device.session import Session
 
@@ -754,6 +758,12 @@ def build_bvh(
     return widen(reinsert(binary_tree(depths, bounds), max_depth, session), blocks, width)
 
 
+def outwards(lower: Array, upper: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return boxes in float32 that hold those given."""
+    infinity = np.float32(np.inf)
+    return np.nextafter(lower.astype(np.float32), -infinity), np.nextafter(upper.astype(np.float32), infinity)
+
+
 def check_boxes(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> None:
     """Raise a ValueError when a tree cannot be built over boxes."""
     if lower.shape != upper.shape or lower.ndim != 2 or lower.shape[1] != 3:
@@ -797,3 +807,11 @@ def _root(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> Nodes:
         spans.append((centroids.min(), centroids.max()))
     low, high = np.array(spans, np.float32).T[:, None]
     return Nodes(np.array([0]), np.array([len(lower)]), np.array([0]), low, high)
+
+
+@lru_cache(maxsize=1)
+def builder_identity() -> str:
+    """Return a hash of the code that builds trees, so that no tree outlives it."""
+    files = [Path(__file__).with_name(f"{name}.py") for name in ("culling", "scene_buffers", "tree_build")]
+    files += sorted((kernels_dir() / "build").iterdir())
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()

@@ -18,7 +18,7 @@ import rptcam_cl
 from rptcam_cl.api import compiling
 from rptcam_cl.device import devices, programs, session
 from rptcam_cl.device.session import Session, open_session
-from rptcam_cl.rendering import caustics, film, ghosts, scene_buffers, tracer, tree_build
+from rptcam_cl.rendering import caustics, culling, film, ghosts, tracer, tree_build
 from rptcam_cl.rendering import passes as ways
 from rptcam_cl.rendering.traceable_lens import CopiesTracer
 from rptcam_cl.scene.film import SINGLE_LAYERS
@@ -104,7 +104,7 @@ def denoised() -> None:
 
 def tree_of_shapes() -> None:
     """A tree over shapes that the device builds, however few."""
-    scene_buffers.BREAK_EVEN = tree_build.FEW = 0
+    culling.BREAK_EVEN = tree_build.FEW = 0
     shown(still_life())
 
 
@@ -151,7 +151,7 @@ def smoke() -> None:
 
 def hair() -> None:
     """Strands of hair and flat blades, in a tree over shapes; a lamp that only light samples find."""
-    scene_buffers.BREAK_EVEN = 0
+    culling.BREAK_EVEN = 0
     scene = still_life()
     strand = [[0, 0, 0.1, 0.1], [0.1, 0, 0.5, 0.08], [0, 0.1, 0.9, 0.06], [0.1, 0, 1.3, 0.02]]
     kinds = {"tube": {"kind": "hair", "eumelanin": 0.5}, "flat": {"kind": "translucent", "reflectance": 0.4}}

@@ -23,6 +23,7 @@ from tests.rendering.cameras import test_exposure as exposure
 from tests.rendering.light import test_light_tree as tree
 from tests.rendering.light import test_solid_lamps as solids
 from tests.rendering.pictures import WHITE, looking, pixels, scene_of
+from tests.rendering.primitives import test_culling as culling
 from tests.rendering.primitives import test_tree_hits as tree_hits
 from tests.support.mutants import Mutant, assert_alive, assert_found, each_mutant
 
@@ -91,6 +92,14 @@ def loop_beside_the_tree():
         tree_hits.test_hits_are_those_of_the_loop(open_session(), patch, "random", 8)
 
 
+def along_the_axes():
+    culling.test_hits_along_the_axes_are_those_of_formulas(open_session(), "along the axes", 8)
+
+
+def leaving_along_the_axes():
+    culling.test_rays_leave_a_box_along_the_axes_and_flat_ones(open_session())
+
+
 RIM = "p.y * p.y <= surface->semi_diameter2"
 DEPTH = """#if !HAS_LAMPS
     on = on & (path->depth < rules.max_depth);"""
@@ -100,6 +109,13 @@ CLOSER = """EACH_PRIMITIVE(ray, ALL_FLATS,
         I closer = met & (t > 0.0f)"""
 ORIGIN = "s.c = origin ? ZERO : c;"
 MUTANTS = [
+    Mutant("axes of a flat one exchanged", "hit.a = ray.o.z + hit.t * ray.d.z;\n        hit.b = ray.o.x",
+           "hit.b = ray.o.z + hit.t * ray.d.z;\n        hit.a = ray.o.x", along_the_axes),
+    Mutant("infinite slopes at a box", "MIN(MAX(x, (F)(-1e30f)), (F)(1e30f))", "x", along_the_axes),
+    Mutant("flat ones met at 1e30", "(stands - ray.o.y) * axes.inverse.y", "(stands - ray.o.y) * axes.slope.y",
+           along_the_axes),
+    Mutant("a box left where it was entered", "F3 k = f3(half_size.x *", "origin = FALSE; F3 k = f3(half_size.x *",
+           leaving_along_the_axes),
     Mutant("cos^3 for cos^4", "cos2_over_length2 * cos2_over_length2;",
            "cos2_over_length2 / sqrt(ray.length2);", lens_corner),
     Mutant("no root in the pupil", "F rho = sqrt(v);", "F rho = v;", lens_corner),

@@ -113,6 +113,8 @@ def _fill_curves(primitives: Primitives, records: NDArray[np.void]) -> None:
 def _count_shared_planes(primitives: Primitives, records: NDArray[np.void]) -> None:
     """Write, into the first of rectangles or disks that follow one another in a plane and stay there, their number."""
     for kind, (runs, members) in primitives.by_kind().items():
+        if kind is Kind.PLANE:
+            records["instance"][members] = 1
         if kind not in (Kind.RECTANGLE, Kind.DISK):
             continue
         own = records[members]

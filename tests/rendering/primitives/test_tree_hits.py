@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.records import Kind
-from rptcam_cl.rendering.scene_buffers import primitive_bounds, primitive_tree
+from rptcam_cl.rendering.culling import primitive_bounds, primitive_tree
 from rptcam_cl.studies.selfcheck import TracedScene, axis_rays, crowd, directions, globe, mesh_object, random_rays
 from tests.rendering.primitives.trees import with_tree
 from tests.support.cases import slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.rendering import scene_buffers, tree_build
+from rptcam_cl.rendering import culling, tree_build
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tracer import Wavefront
@@ -53,9 +53,9 @@ def test_scene_gets_a_tree_from_the_break_even_on(monkeypatch, tmp_path):
     built = []
     build = tree_build.tree_of_few
     monkeypatch.setattr(tree_build, "tree_of_few", lambda *a: built.append(len(a[0])) or build(*a))
-    for count in (scene_buffers.BREAK_EVEN - 1, scene_buffers.BREAK_EVEN):
+    for count in (culling.BREAK_EVEN - 1, culling.BREAK_EVEN):
         rptcam_cl.render(cloud(count), spp=1)
-    assert built == [scene_buffers.BREAK_EVEN]
+    assert built == [culling.BREAK_EVEN]
 
 
 ROOM = {

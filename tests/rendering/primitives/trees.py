@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.rendering import scene_buffers as trees
+from rptcam_cl.rendering import culling as trees
 
 
 def with_tree(monkeypatch: pytest.MonkeyPatch, wanted: bool) -> None:

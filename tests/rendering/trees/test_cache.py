@@ -12,6 +12,7 @@ import pytest
 
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.rendering import scene_buffers as trees
+from rptcam_cl.rendering import tree_build
 from rptcam_cl.rendering.scene_buffers import load_or_build
 from rptcam_cl.rendering.tree_build import EMPTY, Bvh, build_bvh, is_sound
 from tests.rendering.trees.meshes import boxes_of, soup
@@ -72,7 +73,7 @@ def test_other_key_is_another_tree(folder, tree):
 def test_tree_does_not_outlive_the_code_that_built_it(folder, tree, monkeypatch):
     build = Build(tree)
     load_or_build("a", build)
-    monkeypatch.setattr(trees, "builder_identity", lambda: "another version")
+    monkeypatch.setattr(tree_build, "builder_identity", lambda: "another version")
     load_or_build("a", build)
     assert build.calls == 2
 
@@ -157,7 +158,7 @@ def test_unsound_tree_in_a_whole_file_is_not_believed(folder, tree, wrong):
     load_or_build("a", Build(tree))
     arrays = list(wrong_trees(tree).values())[wrong]
     disk = replace(trees._DISK, pack=lambda _: (arrays, {}))
-    disk.add((trees.builder_identity(), "a"), tree)
+    disk.add((tree_build.builder_identity(), "a"), tree)
     assert only_file(folder)
     build = Build(tree)
     assert same(load_or_build("a", build), tree)
