@@ -9,6 +9,7 @@ import rptcam_cl
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.model import CELLS
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.passes import PreciseLens
@@ -55,9 +56,9 @@ def rays_between(session, scene, lanes=None):
     capacity = layout.pixels * samples
     facts = {
         **plan.camera.facts, **plan.spectrum.facts, "CAMERA_FILE": plan.camera.kernel, "SAMPLER_LATTICE": 1,
-        "CAMERA_HAS_LENS": 1, "FILTER": plan.camera_filter.cells, "VW": lanes or 16,
+        "CAMERA_HAS_LENS": 1, "FILTER": CELLS if len(plan.camera_filter) > 1 else 0, "VW": lanes or 16,
     }  # fmt: skip
-    tables = [session.upload(a) for a in (layout.whole_list(), plan.camera_filter.table, plan.spectrum.table)]
+    tables = [session.upload(a) for a in (layout.whole_list(), plan.camera_filter, plan.spectrum.table)]
     lens = PreciseLens(session, plan.camera, facts, capacity, camera_buffers(session, plan.camera), *tables)
     seen = []
 
