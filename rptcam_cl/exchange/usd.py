@@ -104,20 +104,38 @@ class Stage:
 
     def _choose_camera(self) -> Any:
         """Return the camera that the stage's render settings name, else the first that is shown; None without one."""
-        usd, render = pxr("Usd"), pxr("UsdRender")
-        cameras = []
+        usd, cameras = pxr("Usd"), []
         walk = iter(usd.PrimRange(self.stage.GetPseudoRoot(), usd.TraverseInstanceProxies()))
         for prim in walk:
             if not prim.IsPseudoRoot() and (not self._is_shown(prim) or prim.IsA(self.geom.PointInstancer)):
                 walk.PruneChildren()
             elif prim.IsA(self.geom.Camera):
                 cameras.append(prim)
-        settings = render.Settings.GetStageRenderSettings(self.stage)
+        settings = self._settings()
         named = settings.GetCameraRel().GetForwardedTargets() if settings else []
         cameras.sort(key=lambda prim: prim.GetPath() not in named)
         for prim in cameras[1:]:
             self.report.say("ignored", f"all cameras but {cameras[0].GetPath()}", prim)
         return next(iter(cameras), None)
+
+    def _settings(self) -> Any:
+        """The render settings that the stage names."""
+        return pxr("UsdRender").Settings.GetStageRenderSettings(self.stage)
+
+    def _conform(self, width: float, height: float) -> tuple[list[int], float, float]:
+        """Return the resolution, and the sides of the film as render settings with one of their own change them."""
+        settings = self._settings()
+        if not settings or not settings.GetResolutionAttr().HasAuthoredValue():
+            return [_WIDTH_PX, max(round(_WIDTH_PX * height / width), 1)], width, height
+        across, down = (max(int(side), 1) for side in settings.GetResolutionAttr().Get(self.time))
+        aspect = across / down * (settings.GetPixelAspectRatioAttr().Get(self.time) or 1.0)
+        policy = str(settings.GetAspectRatioConformPolicyAttr().Get(self.time))
+        is_wider = aspect > width / height
+        if policy == "adjustApertureWidth" or (policy, is_wider) in (("expandAperture", True), ("cropAperture", False)):
+            width = height * aspect
+        elif policy != "adjustPixelAspectRatio":
+            height = width / aspect
+        return [across, down], width, height
 
     def _open_shutter(self) -> None:
         """Note from when to when the camera's shutter is open, which it says in time codes about the moment."""
@@ -666,7 +684,10 @@ class Stage:
         width, height = camera.horizontalAperture, camera.verticalAperture
         if not (width > 0 and height > 0 and width / height < _MOST_PIXEL_ASPECT):
             width, height = 20.955, 15.2908
-        film: Keys = {"resolution": [_WIDTH_PX, max(round(_WIDTH_PX * height / width), 1)], "width_mm": float(width)}
+        pixels, width, height = self._conform(float(width), float(height))
+        film: Keys = {"resolution": pixels, "width_mm": width}
+        if abs(pixels[0] / pixels[1] / (width / height) - 1) > 0.01:  # pixels that are not square
+            film = {"resolution": pixels, "size_mm": [width, height]}
         offset = {"shift_mm": camera.horizontalApertureOffset, "rise_mm": camera.verticalApertureOffset}
         tenth = metres_per_unit / 10  # focal length and film are tenths of a unit of the scene
         if str(camera.projection).endswith("Orthographic"):

@@ -624,3 +624,29 @@ def test_a_colour_of_a_prim_may_be_transparent_and_what_glows_is_a_light(tmp_pat
     done, _ = convert(tmp_path, ball + glowing)
     assert done.scene["materials"]["color"]["opacity"] == 0.25
     assert "environment" not in done.scene
+
+
+@pytest.mark.parametrize(
+    ("policy", "pixel", "sides"),
+    [
+        ("", 1, (48, 24)), ("expandAperture", 0.5, (36, 36)), ("cropAperture", 1, (36, 18)),
+        ("adjustApertureWidth", 0.5, (24, 24)), ("adjustApertureHeight", 1, (36, 18)),
+        ("adjustPixelAspectRatio", 1, (36, 24)),
+    ],
+)  # fmt: skip
+def test_render_settings_have_their_resolution_and_fit_the_film_to_it(
+    tmp_path: Path, policy: str, pixel: float, sides: tuple[float, float]
+) -> None:
+    own = f'token aspectRatioConformPolicy = "{policy}"' if policy else ""
+    text = f"""def Camera "c" {{ float focalLength = 50 float horizontalAperture = 36 float verticalAperture = 24 }}
+        def RenderSettings "s" {{ uniform int2 resolution = (200, 100) uniform float pixelAspectRatio = {pixel}
+            uniform {own} rel camera = </c> }}"""
+    text = text.replace("uniform  rel", "rel")
+    chosen = HEAD.replace("metersPerUnit", 'renderSettingsPrimPath = "/s"\n    metersPerUnit')
+    (tmp_path / "in.usda").write_text(chosen + STATEMENT.sub("\n", BALL + text))
+    scene = convert_stage(tmp_path / "in.usda", tmp_path / "out.yaml").scene
+    assert scene["film"]["resolution"] == [200, 100]
+    size = scene["film"].get("size_mm", (sides[0], sides[0] / 2))  # of square pixels the width alone
+    np.testing.assert_allclose(size, sides, rtol=1e-6)
+    assert ("size_mm" in scene["film"]) is (sides[0] != 2 * sides[1])
+    assert math.tan(math.radians(scene["camera"]["fov_degrees"]) / 2) == pytest.approx(sides[0] / 100)
