@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.colour import (
+    LUMINANCE,
     RGB_FROM_XYZ,
     SRGB_WHITE,
     WAVELENGTHS_NM,
@@ -591,10 +592,35 @@ def _image(context: Context, texture: Entity, depth: int) -> Shade:
     linear = keys.get("color_space") == "linear"
     keys |= _mapping(context, texture)
     channels = slice(3)
-    if context.scene.version == 4 and texture.what.endswith('"float" "imagemap"') and _has_holes(path, place):
-        keys |= {"channel": "a", "color_space": keys.get("color_space", "srgb")}
-        channels = slice(3, 4)
+    if texture.what.endswith('"float" "imagemap"'):
+        if context.scene.version == 4 and _has_holes(path, place):
+            keys |= {"channel": "a", "color_space": keys.get("color_space", "srgb")}
+            channels = slice(3, 4)
+        elif grey := _grey_picture(context, path, place, linear=linear):
+            keys |= {"file": grey, "color_space": "linear"}
     return Shade(lambda: np.clip(gain * _mean_colour(path, place, channels, linear=linear), 0, 1), keys)
+
+
+def _grey_picture(context: Context, path: Path, place: Place, *, linear: bool) -> str:
+    """Return the name of a coloured picture that is written anew as numbers; "" for a grey one.
+
+    pbrt-v4 takes the mean of the channels, pbrt-v3 and v2 the luminance of what is stored; a scene of ours has red.
+    """
+    texels = _texels(path, place)
+    coded = texels.dtype == np.uint8
+    if not (coded or path.suffix.lower() in (".exr", ".hdr", ".pfm")) or not np.ptp(texels, axis=-1).any():
+        return ""
+    key = f"numbers of {path} {linear}"
+    if key not in context.pictures:
+        stored = texels / np.float32(255) if coded else texels
+        third = context.scene.version == 3
+        numbers = stored @ np.asarray(LUMINANCE, np.float32) if third else stored
+        numbers = linear_from_srgb(numbers) if coded and not linear else numbers
+        numbers = (numbers if third else numbers.mean(axis=-1)).astype(np.float32)
+        write = partial(write_exr, {"RGB": np.repeat(numbers[..., None], 3, axis=-1)})
+        context.pictures[key] = context.files.add("files", f"{path.stem}-grey.exr", write)
+        context.report.noted(place, f"{path.name}: written anew as numbers, to {context.pictures[key]}")
+    return context.pictures[key]
 
 
 def _encoding(context: Context, texture: Entity) -> Keys:

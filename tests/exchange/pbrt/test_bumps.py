@@ -8,7 +8,7 @@ import pytest
 
 from rptcam_cl.scene.assets.pictures import read_picture
 from tests.exchange.pbrt.conftest import HEAD
-from tests.exchange.pbrt.test_materials import BALL, png
+from tests.exchange.pbrt.test_materials import BALL, GREY_PNG
 
 Convert = Callable[..., Any]
 V3 = 'LookAt 0 0 5  0 0 0  0 1 0\nCamera "perspective" "float fov" 40\nFilm "image"\nWorldBegin\n'
@@ -21,7 +21,7 @@ NORMALS = '"normal N" [0 0 1 0 0 1 0 0 1]'
 
 
 def test_bumps_are_heights_of_a_texture_times_its_factors(convert: Convert) -> None:
-    done = convert(HEIGHTS + 'Material "diffuse" "texture displacement" "h"' + BALL, HEAD, **{"a.png": png()})
+    done = convert(HEIGHTS + 'Material "diffuse" "texture displacement" "h"' + BALL, HEAD, **{"a.png": GREY_PNG})
     assert done.material()["bump"] == {"texture": {"kind": "image", "file": "a.png"}, "height": 0.2}
     assert done.report == []
 
@@ -45,13 +45,13 @@ def test_lengths_of_meshes_with_normals_are_those_of_the_release(
 ) -> None:
     kind, name = ("matte", "bumpmap") if head == V3 else ("diffuse", "displacement")
     text = HEIGHTS + f'Material "{kind}" "texture {name}" "h"' + MESH.format(normals)
-    assert convert(text, head, **{"a.png": png()}).material()["bump"] == {
+    assert convert(text, head, **{"a.png": GREY_PNG}).material()["bump"] == {
         "texture": {"kind": "image", "file": "a.png"}, **bump
     }  # fmt: skip
 
 
 def test_a_mirror_with_bumps_is_a_conductor_and_says_so(convert: Convert) -> None:
-    done = convert(HEIGHTS + 'Material "mirror" "texture bumpmap" "h"' + BALL, V3, **{"a.png": png()})
+    done = convert(HEIGHTS + 'Material "mirror" "texture bumpmap" "h"' + BALL, V3, **{"a.png": GREY_PNG})
     assert done.material()["kind"] == "conductor"
     assert done.material()["bump"]["height"] == 0.2
     assert done.says('Material "mirror"', "conductor")
@@ -74,7 +74,7 @@ def test_textures_in_space_lie_where_the_transform_before_them_puts_them(convert
 
 def test_heights_of_two_textures_are_their_product(convert: Convert) -> None:
     text = HEIGHTS + 'Texture "n" "float" "fbm" Texture "p" "float" "scale" "texture tex1" "h" "texture tex2" "n" '
-    bump = convert(text + 'Material "matte" "texture bumpmap" "p"' + BALL, V3, **{"a.png": png()}).material()["bump"]
+    bump = convert(text + 'Material "matte" "texture bumpmap" "p"' + BALL, V3, **{"a.png": GREY_PNG}).material()["bump"]
     assert [bump["texture"][part]["kind"] for part in ("second", "amount")] == ["image", "perlin"]
     assert (bump["texture"]["kind"], "first" in bump["texture"], bump["height"]) == ("mixture", False, 0.2)
 

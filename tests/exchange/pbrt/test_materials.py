@@ -20,10 +20,13 @@ HEAD = 'Scale -1 1 1 LookAt 0 0 9  0 0 0  0 1 0 Camera "perspective" WorldBegin 
 BALL = '\nShape "sphere"\n'
 
 
-def png(size: tuple[int, int] = (4, 2)) -> bytes:
+def png(size: tuple[int, int] = (4, 2), colour: tuple[int, int, int] = (200, 100, 50)) -> bytes:
     stream = BytesIO()
-    PIL.Image.new("RGB", size, (200, 100, 50)).save(stream, format="PNG")
+    PIL.Image.new("RGB", size, colour).save(stream, format="PNG")
     return stream.getvalue()
+
+
+GREY_PNG = png(colour=(100, 100, 100))
 
 
 def near(value: Any) -> Any:
@@ -397,13 +400,13 @@ def test_coated_metals_reflect_head_on_what_two_smooth_faces_do(convert: Convert
 def test_pictures_where_ours_takes_a_number_or_a_texture(convert: Convert, kind: str) -> None:
     shown = {"kind": "image", "file": "a.png"}
     text = PICTURE.format(kind) + 'Material "uber" "rgb Ks" [0 0 0] "texture opacity" "p"' + BALL
-    done = convert(text, HEAD, **{"a.png": png()})
+    done = convert(text, HEAD, **{"a.png": GREY_PNG})
     assert done.material() == {"kind": "matte", "reflectance": [0.25] * 3, "opacity": shown}
     assert done.report == []
     text = MIXED + PICTURE.format(kind) + 'Material "mix" {} "texture amount" "p"' + BALL
     older = '"string namedmaterial1" "a" "string namedmaterial2" "b"'
     for names, kinds in (('"string materials" ["a" "b"]', ["mirror", "matte"]), (older, ["matte", "mirror"])):
-        done = convert(text.format(names), HEAD, **{"a.png": png()})
+        done = convert(text.format(names), HEAD, **{"a.png": GREY_PNG})
         assert done.material()["factor"] == shown
         assert [part["kind"] for part in done.material()["materials"]] == kinds
         assert done.report == []

@@ -60,3 +60,18 @@ def test_a_number_by_a_picture_with_alpha_is_the_alpha_in_pbrt_v4(convert: Conve
     for text, picture in ((texture + shape + " WorldEnd", leaf.getvalue()), (texture + shape, png())):
         done = convert(text, HEAD, **{"a.png": picture})  # pbrt-v3, and a picture without alpha
         assert "channel" not in done.material()["opacity"]
+
+
+@pytest.mark.parametrize(("end", "expected"), [("", "mean"), (" WorldEnd", "luminance")])
+def test_a_number_by_a_coloured_picture_is_its_mean_in_pbrt_v4_and_its_luminance_before(
+    convert: Convert, tmp_path: Any, end: str, expected: str
+) -> None:
+    text = 'Texture "p" "float" "imagemap" "string filename" "a.png" Shape "sphere" "texture alpha" "p"'
+    done = convert(text + end, HEAD, **{"a.png": png()})
+    assert done.material()["opacity"] == {"kind": "image", "file": "out_files/a-grey.exr", "color_space": "linear"}
+    stored = np.array([200, 100, 50]) / 255
+    if expected == "luminance":
+        stored = np.atleast_1d(stored @ (0.2126, 0.7152, 0.0722))
+    linear = (((stored + 0.055) / 1.055) ** 2.4).mean()
+    np.testing.assert_allclose(read_picture(tmp_path / "out_files" / "a-grey.exr").texels[..., 0], linear, rtol=1e-3)
+    assert done.says("a.png: written anew as numbers")
