@@ -382,7 +382,7 @@ def _wish(advice: Advice) -> str:
 
 def _settings(report: TradeoffReport, name: str, samples: int = 0) -> str:
     measurement = report.named(name)
-    sets = " ".join(f" --set '{text}'" for text in measurement.settings)
+    sets = "".join(f" --set '{text}'" for text in measurement.settings)
     return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({_name_in_sentence(report, name)})"
 
 

@@ -124,7 +124,8 @@ def test_advice_is_told_beside_what_came_of_it(checkout: Path, tmp_path: Path) -
     assert page.read_text("utf-8").strip() in printed
     assert [found["advice"]["wish"] for found in results["verdicts"]] == ["time", "error"]
     assert all(found["obtained"]["uncertainty"] > 0 and found["verdict"] for found in results["verdicts"])
-    assert results["said"]["landscape"][0].startswith("Set: in 200 ms --set")
+    first = results["said"]["landscape"][0]
+    assert first.startswith("Set: in 200 ms rptcam render SCENE --set ") and "  " not in first
 
 
 @pytest.mark.slow
