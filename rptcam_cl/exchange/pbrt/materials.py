@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance, srgb_from_reflectance
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.conversion import COAT_INDEX, Array, nested
+from rptcam_cl.exchange.conversion import COAT_INDEX, nested
 from rptcam_cl.exchange.pbrt import textures
 from rptcam_cl.exchange.pbrt.world import Context, Entity, MaterialName
 from rptcam_cl.rendering.plan.textures import metal_spectra
@@ -318,7 +318,7 @@ def _is_float(material: Entity, name: str) -> bool:
 def opacity_keys(context: Context, entity: Entity, name: str, opacity: textures.Shade) -> Keys:
     """Return the key of a surface with holes, nothing where it is whole."""
     if opacity.texture is not None:
-        return {"opacity": opacity.texture}
+        return {"opacity": textures.numbers(context, entity, name, opacity).texture}
     share = textures.single(context, entity, name, opacity)
     return {} if share >= 1 else {"opacity": max(share, 0.0)}
 
@@ -673,21 +673,22 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
     mixed = [{key: value for key, value in part.items() if key != "opacity"} for part in (first, second)]
     if mixed != [first, second]:
         context.ignored(material, "the opacity of its materials")
-    varied = np.ptp(amount.colour) > 0 or any(isinstance(part.get("reflectance"), dict) for part in mixed)
-    if amount.texture is None and varied and (blend := _blend(mixed, amount.colour)) is not None:
+    shown = any(isinstance(part.get("reflectance"), dict) for part in mixed)
+    varied = amount.texture is not None or np.ptp(amount.colour) > 0 or shown
+    if varied and (blend := _blend(mixed, amount)) is not None:
         return blend
-    factor: Any = amount.texture
+    factor: Any = textures.numbers(context, material, "amount", amount).texture
     if factor is None:
         factor = float(np.clip(textures.single(context, material, "amount", amount), 0, 1))
     return {"kind": "mix", "materials": mixed, "factor": factor}
 
 
-def _blend(parts: list[Keys], amount: Array) -> Keys | None:
+def _blend(parts: list[Keys], amount: textures.Shade) -> Keys | None:
     """Return two matte colours or textures mixed channel by channel, which is exact; None for other materials."""
     if any(part.keys() != {"kind", "reflectance"} or part["kind"] != "matte" for part in parts):
         return None
     first, second = (part["reflectance"] for part in parts)
-    if not isinstance(first, dict) and not isinstance(second, dict):
-        return matte((1 - amount) * np.array(first) + amount * np.array(second))
-    keys: Keys = {"kind": "mixture", "first": first, "second": second, "amount": amount.tolist()}
+    if amount.texture is None and not isinstance(first, dict) and not isinstance(second, dict):
+        return matte((1 - amount.colour) * np.array(first) + amount.colour * np.array(second))
+    keys: Keys = {"kind": "mixture", "first": first, "second": second, "amount": amount.keys()}
     return {"kind": "matte", "reflectance": keys} if nested(keys) <= MOST_NESTED else None

@@ -25,6 +25,7 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import content_name
 from rptcam_cl.exchange.conversion import Array, Place, is_invertible, nested, read_limited, tidy
 from rptcam_cl.exchange.pbrt.source import Parameter
 from rptcam_cl.exchange.pbrt.world import Context, Entity
@@ -353,6 +354,8 @@ GREY = 0.5
 _UV_TEXELS = 256
 # The colours of textures of ours that lie between two.
 _ENDS = {"checker": ("even", "odd"), "perlin": ("low", "high"), "dots": ("outside", "inside")}
+# The mean colours of marble, by its form.
+_MARBLE = {"": np.array([0.805, 0.803, 0.84]), "pbrt-v3": np.full(3, 0.94)}
 # Nested deeper than textures are on purpose; a name that refers to itself never gets here.
 DEEPEST = 32
 _MOST_OCTAVES = 12
@@ -452,6 +455,35 @@ def single(context: Context, entity: Entity, name: str, texture: Shade) -> float
     return float(texture.colour.mean())
 
 
+def numbers(context: Context, entity: Entity, name: str, share: Shade) -> Shade:
+    """Return a texture of colours as the mean of its channels, where pbrt-v3 takes a share each and ours one number."""
+    texture = None if share.texture is None else _number_texture(context, share.texture)
+    if texture == share.texture:
+        return share
+    place = entity.parameters.items[name].place
+    context.approximated(entity, f'the colours of the texture "{name}" as their mean over the channels', place)
+    return Shade(share.mean, texture)
+
+
+def _number_texture(context: Context, texture: Keys) -> Keys:
+    """Return a texture whose channels are all the mean of another's; in a product that of each factor."""
+    if texture["kind"] == "image" and "channel" not in texture:
+        write = context.greys.get((texture["file"], texture.get("color_space") == "linear"))
+        file = "" if write is None else write(np.broadcast_to(texture.get("gain", 1.0), 3))
+        kept = {key: part for key, part in texture.items() if key != "gain"}
+        return kept | {"file": file, "color_space": "linear"} if file else texture
+    if texture["kind"] == "marble":
+        grey = [float(_MARBLE[texture.get("form", "")].mean())] * 3
+        return {"kind": "mixture", "first": grey, "second": grey}
+    made = dict(texture)
+    for name in ("first", "second", "amount", *_ENDS.get(texture["kind"], ())):
+        if isinstance(part := texture.get(name), dict):
+            made[name] = _number_texture(context, part)
+        elif part is not None and np.ptp(part) > 0:
+            made[name] = [float(np.mean(part))] * 3
+    return made
+
+
 def _convert_named(
     context: Context, entity: Entity, item: Parameter, kind: str, default: float, depth: int = 0
 ) -> Shade:
@@ -511,14 +543,16 @@ def _bilinear(context: Context, texture: Entity, depth: int) -> Shade:
     lying = _mapping(context, texture)
     if np.ptp(colours, axis=0).max() == 0:
         return Shade(colours[0])
-    write = partial(write_exr, {"RGB": colours.reshape(2, 2, 3).astype(np.float32)})
+    colours = colours.reshape(2, 2, 3)
+    write = partial(write_exr, {"RGB": colours.astype(np.float32)})
     name = context.files.add("files", "corners.exr", write)
     context.report.noted(
         texture.place, f"{texture.what}: written as a picture, to {name}; beyond 0 to 1 its edges go on"
     )
+    context.greys[name, False] = partial(_write_numbers, context, "corners", texture.what, texture.place, colours)
     scale, offset = (np.array(lying.get(key, default)) for key, default in (("scale", [1, 1]), ("offset", [0, 0])))
     lying |= {"scale": (scale / 2).tolist(), "offset": (offset / 2 + 0.25).tolist()}
-    return Shade(colours.mean(axis=0), {"kind": "image", "file": name, "wrap": "clamp"} | lying)
+    return Shade(colours.mean(axis=(0, 1)), {"kind": "image", "file": name, "wrap": "clamp"} | lying)
 
 
 def _texture_from_scene(context: Context, texture: Entity, *, placed: bool = True) -> Array | None:
@@ -598,28 +632,40 @@ def _image(context: Context, texture: Entity, depth: int) -> Shade:
             channels = slice(3, 4)
         elif grey := _grey_picture(context, path, place, linear=linear):
             keys |= {"file": grey, "color_space": "linear"}
+    else:
+        context.greys[keys["file"], linear] = partial(_grey_picture, context, path, place, linear=linear)
     return Shade(lambda: np.clip(gain * _mean_colour(path, place, channels, linear=linear), 0, 1), keys)
 
 
-def _grey_picture(context: Context, path: Path, place: Place, *, linear: bool) -> str:
+def _grey_picture(context: Context, path: Path, place: Place, gain: Array | None = None, *, linear: bool) -> str:
     """Return the name of a coloured picture that is written anew as numbers; "" for a grey one.
 
     pbrt-v4 takes the mean of the channels, pbrt-v3 and v2 the luminance of what is stored; a scene of ours has red.
+    Of a texture of colours, which has a gain for each of them, it is the mean of all.
     """
     texels = _texels(path, place)
     coded = texels.dtype == np.uint8
-    if not (coded or path.suffix.lower() in (".exr", ".hdr", ".pfm")) or not np.ptp(texels, axis=-1).any():
+    if not (coded or path.suffix.lower() in (".exr", ".hdr", ".pfm")):
         return ""
-    key = f"numbers of {path} {linear}"
+    if not np.ptp(texels, axis=-1).any() and (gain is None or np.ptp(gain) == 0):
+        return ""
+    stored = texels / np.float32(255) if coded else texels
+    if context.scene.version == 3 and gain is None:
+        stored = (stored @ np.asarray(LUMINANCE, np.float32))[..., None]
+    colours = linear_from_srgb(stored) if coded and not linear else stored
+    return _write_numbers(context, path.stem, path.name, place, colours, gain)
+
+
+def _write_numbers(
+    context: Context, stem: str, name: str, place: Place, colours: Array, gain: Array | None = None
+) -> str:
+    """Return the name of a picture of the means of the channels of colours (height, width, n), times a gain each."""
+    numbers = (colours if gain is None else colours * gain).mean(axis=-1, keepdims=True).astype(np.float32)
+    key = content_name("numbers", numbers)
     if key not in context.pictures:
-        stored = texels / np.float32(255) if coded else texels
-        third = context.scene.version == 3
-        numbers = stored @ np.asarray(LUMINANCE, np.float32) if third else stored
-        numbers = linear_from_srgb(numbers) if coded and not linear else numbers
-        numbers = (numbers if third else numbers.mean(axis=-1)).astype(np.float32)
-        write = partial(write_exr, {"RGB": np.repeat(numbers[..., None], 3, axis=-1)})
-        context.pictures[key] = context.files.add("files", f"{path.stem}-grey.exr", write)
-        context.report.noted(place, f"{path.name}: written anew as numbers, to {context.pictures[key]}")
+        write = partial(write_exr, {"RGB": np.repeat(numbers, 3, axis=-1)})
+        context.pictures[key] = context.files.add("files", f"{stem}-grey.exr", write)
+        context.report.noted(place, f"{name}: written anew as numbers, to {context.pictures[key]}")
     return context.pictures[key]
 
 
@@ -740,9 +786,9 @@ def _marble(context: Context, texture: Entity, depth: int) -> Shade:
     variation = texture.parameters.number("variation", 0.2)
     keys: Keys = {"kind": "marble", "octaves": octaves, "gain": gain, "variation": variation, **lying}
     if context.scene.version == 4:
-        return Shade(np.array([0.805, 0.803, 0.84]), keys)
+        return Shade(_MARBLE[""], keys)
     context.approximated(texture, "its colours, which go beyond 1 in pbrt-v3, cut to 1 once they are mixed")
-    return Shade(np.full(3, 0.94), keys | {"form": "pbrt-v3"})
+    return Shade(_MARBLE["pbrt-v3"], keys | {"form": "pbrt-v3"})
 
 
 def _coordinates(context: Context, texture: Entity, depth: int) -> Shade:
@@ -750,8 +796,11 @@ def _coordinates(context: Context, texture: Entity, depth: int) -> Shade:
     if "uv" not in context.pictures:
         steps = (np.arange(_UV_TEXELS) + 0.5) / _UV_TEXELS
         red, green = np.meshgrid(steps, steps[::-1])  # the top row is that of the largest v
-        pixels = np.stack([red, green, np.zeros_like(red)], axis=-1).astype(np.float32)
-        context.pictures["uv"] = context.files.add("files", "uv.exr", partial(write_exr, {"RGB": pixels}))
+        pixels = np.stack([red, green, np.zeros_like(red)], axis=-1)
+        context.pictures["uv"] = name = context.files.add(
+            "files", "uv.exr", partial(write_exr, {"RGB": pixels.astype(np.float32)})
+        )
+        context.greys[name, False] = partial(_write_numbers, context, "uv", texture.what, texture.place, pixels)
         context.report.noted(texture.place, f"{texture.what}: written as a picture, to {context.pictures['uv']}")
     keys = {"kind": "image", "file": context.pictures["uv"]}
     return Shade(np.array([0.5, 0.5, 0.0]), keys | _mapping(context, texture))

@@ -594,6 +594,9 @@ class Context:
         Textures by ``id`` that were converted before: one may be a part of many, and they of many more.
     pictures : dict
         Names of pictures that are written anew, by their path.
+    greys : dict
+        What writes a coloured picture anew as numbers and returns its name, by that of the picture and whether it
+        is linear.
     world : (4, 4) array
         From the world of pbrt to that of the scene.
     metres_per_unit : float
@@ -612,6 +615,7 @@ class Context:
     absent: list[str] = field(default_factory=list)
     known: dict[int, object] = field(default_factory=dict, repr=False)
     pictures: dict[str, str] = field(default_factory=dict, repr=False)
+    greys: dict[tuple[str, bool], Callable[[Matrix], str]] = field(default_factory=dict, repr=False)
     world: Matrix = field(default_factory=lambda: np.eye(4), repr=False)
     metres_per_unit: float = 1.0
     deep: bool = False

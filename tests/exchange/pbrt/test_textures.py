@@ -75,3 +75,57 @@ def test_a_number_by_a_coloured_picture_is_its_mean_in_pbrt_v4_and_its_luminance
     linear = (((stored + 0.055) / 1.055) ** 2.4).mean()
     np.testing.assert_allclose(read_picture(tmp_path / "out_files" / "a-grey.exr").texels[..., 0], linear, rtol=1e-3)
     assert done.says("a.png: written anew as numbers")
+
+
+SHARES = {
+    'Texture "t" "spectrum" "constant" "rgb value" [1 .5 0]': 0.5,
+    'Texture "t" "spectrum" "checkerboard" "rgb tex1" [1 .5 0] "rgb tex2" [0 0 .3]': {
+        "kind": "checker", "even": [0.5] * 3, "odd": [0.1] * 3},
+    'Texture "p" "spectrum" "checkerboard" "rgb tex1" [1 .5 0] "rgb tex2" [0 0 .3] Texture "t" "spectrum" "scale" '
+    '"texture tex1" "p" "rgb tex2" [0 1 0]': {"kind": "checker", "even": [1 / 6] * 3, "odd": [0.0] * 3},
+    'Texture "p" "spectrum" "checkerboard" "rgb tex1" [1 .5 0] Texture "q" "spectrum" "dots" "rgb inside" [0 0 .6] '
+    'Texture "t" "spectrum" "mix" "texture tex1" "p" "texture tex2" "q" "float amount" .5': {
+        "kind": "mixture", "amount": [0.5] * 3,
+        "first": {"kind": "checker", "even": [0.5] * 3, "odd": [0.0] * 3},
+        "second": {"kind": "dots", "outside": [0.2] * 3, "inside": [0.0] * 3}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", SHARES)
+def test_a_share_by_a_texture_of_colours_is_the_mean_of_its_channels_and_says_so(convert: Convert, text: str) -> None:
+    use = ' Material "uber" "rgb Ks" [0 0 0] "texture opacity" "t" Shape "sphere" WorldEnd'
+    done = convert(text + use, HEAD)
+    assert near(done.material()["opacity"]) == SHARES[text]
+    assert done.says('"opacity"', "mean over the channels")
+
+
+def test_a_share_by_a_coloured_picture_is_the_mean_of_its_channels(convert: Convert, tmp_path: Any) -> None:
+    text = 'Texture "p" "spectrum" "imagemap" "string filename" "a.png" Texture "t" "spectrum" "scale" '
+    text += '"texture tex1" "p" "rgb tex2" [0 .5 2] '
+    text += 'MakeNamedMaterial "a" "string type" "mirror" MakeNamedMaterial "b" "string type" "matte" Material "mix" '
+    text += '"string namedmaterial1" "a" "string namedmaterial2" "b" "texture amount" "t" Shape "sphere" WorldEnd'
+    done = convert(text, HEAD, **{"a.png": png()})
+    factor = done.material()["factor"]
+    assert factor == {"kind": "image", "file": "out_files/a-grey.exr", "color_space": "linear"}
+    linear = ((np.array([200, 100, 50]) / 255 + 0.055) / 1.055) ** 2.4 @ (0, 0.5, 2) / 3
+    np.testing.assert_allclose(read_picture(tmp_path / "out_files" / "a-grey.exr").texels[..., 0], linear, rtol=1e-3)
+    assert done.says('Material "mix"', "mean over the channels")
+
+
+def test_a_share_by_four_colours_is_the_mean_of_their_channels(convert: Convert, tmp_path: Any) -> None:
+    text = 'Texture "t" "spectrum" "bilerp" "rgb v00" [1 .5 0] "rgb v01" [0 0 .3] "rgb v10" [0 0 0] "rgb v11" [1 1 1] '
+    convert(text + 'Material "uber" "texture opacity" "t" Shape "sphere" WorldEnd', HEAD)
+    texels = read_picture(tmp_path / "out_files" / "corners-grey.exr").texels[..., 0]
+    np.testing.assert_allclose(texels, [[0.1, 1], [0.5, 0]], rtol=1e-3)
+
+
+def test_mattes_mixed_by_a_texture_of_colours_are_mixed_in_each_channel(convert: Convert) -> None:
+    text = 'Texture "t" "spectrum" "checkerboard" "rgb tex1" [1 .5 0] "rgb tex2" [0 0 .3] MakeNamedMaterial "a" '
+    text += '"string type" "matte" "rgb Kd" [0 0 0] MakeNamedMaterial "b" "string type" "matte" Material "mix" '
+    text += '"string namedmaterial1" "a" "string namedmaterial2" "b" "texture amount" "t" Shape "sphere" WorldEnd'
+    done = convert(text, HEAD)
+    assert done.material()["reflectance"] == {
+        "kind": "mixture", "first": [0.5] * 3, "second": [0.0] * 3,
+        "amount": {"kind": "checker", "even": [1.0, 0.5, 0.0], "odd": [0.0, 0.0, 0.3]},
+    }  # fmt: skip
+    assert done.report == []
