@@ -679,7 +679,11 @@ class Start:
         return back, float(projection.scales_mm[1])
 
     def _light_scene(self) -> None:
+        """Take the lamps of the file, whose intensities glTF divides by distances in its units, we by metres."""
         scene, lights = self.scene, self._subject.lights
+        for light in lights:
+            if "intensity" in light:
+                light["intensity"] = [channel * self.metres_per_unit**2 for channel in light["intensity"]]
         if lights:
             scene["lights"] = [{key: _round_value(value) for key, value in light.items()} for light in lights]
             self.report.append(f"{len(lights)} lamp{'s' if len(lights) > 1 else ''} of the file")

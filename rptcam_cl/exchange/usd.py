@@ -613,9 +613,10 @@ class Stage:
                 return
             if self._moves(prim):
                 self.report.say("approximated", "a lamp without a size stays while the shutter is open", prim)
-            # the light of a ball goes by its cross section, a quarter of its surface
+            # the light of a ball goes by its cross section, a quarter of its surface; ours by distances in metres
+            intensity = radiance / 4 * self.shading.metres_per_unit**2
             position = conversion.tidy(placement[:3, 3])
-            self.lights.append({"kind": "point", "position": position, "intensity": (radiance / 4).tolist()})
+            self.lights.append({"kind": "point", "position": position, "intensity": intensity.tolist()})
         elif (shape := _lamp_shape(kind, number)) is None or not _usable(placement):
             self.report.say("ignored", f"a lamp of the kind {kind}", prim)
         else:

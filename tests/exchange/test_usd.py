@@ -589,12 +589,12 @@ def test_a_sky_of_another_format_is_named(tmp_path: Path) -> None:
 
 
 def test_a_lamp_without_a_size_shines_as_a_small_one(tmp_path: Path) -> None:
-    """A ball of radius r and radiance L has the intensity pi r^2 L far away."""
+    """A ball of radius r [m] and radiance L has the intensity pi r^2 L far away, here of 0.01 units of 10 mm."""
     text = 'def SphereLight "l" { float inputs:intensity = 8 bool inputs:normalize = 1 float inputs:radius = RADIUS }'
     small, _ = convert(tmp_path, BALL + text.replace("RADIUS", "0.01"))
     point, _ = convert(tmp_path, BALL + text.replace("RADIUS", "0"))
     radiance = np.array(small.scene["objects"][1]["material"]["radiance"])
-    np.testing.assert_allclose(point.scene["lights"][0]["intensity"], math.pi * 0.01**2 * radiance, rtol=1e-6)
+    np.testing.assert_allclose(point.scene["lights"][0]["intensity"], math.pi * 1e-4**2 * radiance, rtol=1e-6)
 
 
 VIEWS = """def Camera "first" { }

@@ -275,6 +275,21 @@ def test_lamps_of_a_gltf_file_are_taken(home: Path, kind: str) -> None:
     assert "environment" not in start.scene
 
 
+@pytest.mark.parametrize("kind", ["spot", "point", "directional"])
+def test_lamps_of_a_gltf_file_light_as_much_whatever_its_unit(home: Path, kind: str) -> None:
+    """Candelas over the square of a distance in units, as the ball of radiance L and r units that shines alike."""
+    (home / "room.glb").write_bytes(world(kind).glb())
+    for unit in (1.0, 0.001, 30.0):
+        start = starting_scene(home, home / "room.glb", metres_per_unit=unit)
+        (light,) = load_scene(start.scene, base_dir=home).lights
+        away, radius, radiance = 4.0, 0.01, 1 / (math.pi * 0.01**2)  # a ball whose light far away is 1 W/sr at 1 m
+        ball = math.pi * (radius * unit) ** 2 * radiance / (away * unit) ** 2
+        if kind == "directional":
+            assert light.irradiance == (1, 0.5, 0)  # lux are those of the surface, at any size
+        else:
+            assert np.array(light.intensity) / (away * unit) ** 2 == pytest.approx(ball * np.array((1, 0.5, 0)))
+
+
 @pytest.mark.parametrize("reframe", [False, True])
 def test_scene_with_the_lamps_of_its_file_is_not_warned_of_them(reframe: bool, home: Path) -> None:
     (home / "room.glb").write_bytes(world("point").glb())
