@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import ValidationError
 
+from rptcam_cl.core.colour import LUMINANCE
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, MissingFileError, OutsideFolderError
 from rptcam_cl.core.files import Folders, name_errors
@@ -45,6 +46,8 @@ class FileTexture:
         What continues the picture.
     nearest : bool
         Whether texels are shown as squares.
+    luminance : bool
+        Whether a number is the luminance of what the picture stores, and not one of its channels.
     """
 
     source: Path | bytes
@@ -54,6 +57,7 @@ class FileTexture:
     rotation_degrees: float = 0.0
     wrap: Wrap = "repeat"
     nearest: bool = False
+    luminance: bool = False
 
 
 @dataclass(frozen=True)
@@ -396,7 +400,19 @@ class _Translation:
         factor = _clip(factor, 0.0, 1.0)
         if file_texture is None or factor == 0:
             return factor
+        if file_texture.luminance and channel != "a":
+            file_texture = self._grey(file_texture)
         return self._texture(file_texture, gain=factor, channel=channel)
+
+    def _grey(self, file_texture: FileTexture) -> FileTexture:
+        """Return a picture of the luminance of one that is coloured; one that is grey, or missing, as it is."""
+        with name_errors(f"material {self._given.name!r}: {file_texture.name}"):
+            texels = read_picture(self._source(file_texture) or GREY).texels[..., :3]
+        if not np.ptp(texels, axis=-1).any():
+            return file_texture
+        grey, stream = texels @ np.asarray(LUMINANCE, np.float32), BytesIO()
+        np.save(stream, np.rint(grey).astype(np.uint8) if texels.dtype == np.uint8 else grey.astype(np.float32))
+        return replace(file_texture, source=stream.getvalue(), name=f"luminance of {file_texture.name}")
 
     def _absorption(self) -> dict[str, Any]:
         if self._given.attenuation is None:
@@ -429,7 +445,7 @@ class _Translation:
         if file_texture is None:
             return {"opacity": _clip(given.opacity, 0.0, 1.0), **mask}
         transparent = has_alpha(self._source(file_texture))
-        if not transparent and file_texture == given.base_texture:
+        if not transparent and replace(file_texture, luminance=False) == given.base_texture:
             return {"opacity": _clip(given.opacity, 0.0, 1.0), **mask}
         return {"opacity": self._share(given.opacity, file_texture, "a" if transparent else "r"), **mask}
 

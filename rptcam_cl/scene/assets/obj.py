@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core import colour, files
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.assets import mesh
-from rptcam_cl.scene.file_materials import FileMaterial, FileTexture
+from rptcam_cl.scene.file_materials import FileMaterial, FileTexture, Wrap
 from rptcam_cl.scene.quantities import Colour
 
 # MTL files: the materials that OBJ files name.
@@ -37,6 +37,8 @@ GLASS = (4, 6, 7, 9)  # illumination models with transparency by refraction
 # What has no counterpart; numbers of 0 among them do nothing, nor do options of their usual values.
 _LEFT_OUT = ("map_ks", "map_ns", "refl", "map_refl", "pc", "map_pc", "pcr", "map_pcr", "ps", "map_ps", "aniso", "decal",
              "map_tf", "map_ni")  # fmt: skip
+# Scalar textures are the luminance of their pictures (Alias|Wavefront, FILE FORMATS 4.2, 1995: -imfchan by default).
+_SCALAR = ("map_d", "map_pr", "map_pm")
 _USUAL = {"-mm": ("0 1",), "-imfchan": ("m", "l"), "-cc": ("off",), "-t": ("0 0 0",)}
 
 Lines = dict[str, tuple[int, list[str]]]
@@ -162,7 +164,15 @@ class _Material:
             warnings.warn(f"{self._path}: {name}: no such file; {beside.name} beside it is taken", stacklevel=2)
             source = beside
         scale, offset = options.get("-s", (1.0, 1.0)), options.get("-o", (0.0, 0.0))
-        return FileTexture(source, name, scale, offset, wrap="clamp" if "-clamp" in options else "repeat")
+        wrap: Wrap = "clamp" if "-clamp" in options else "repeat"
+        return FileTexture(
+            source, name, scale, offset, wrap=wrap, luminance=key in _SCALAR and not self._is_packed(key)
+        )
+
+    def _is_packed(self, key: str) -> bool:
+        """Return whether one picture says roughness and metal: in green and blue, as glTF packs them."""
+        rough, metal = (_options(self._lines.get(each, (0, [""]))[1])[1] for each in ("map_pr", "map_pm"))
+        return key != "map_d" and rough == metal
 
 
 def _options(words: list[str]) -> tuple[dict[str, tuple[float, float]], str]:

@@ -1,13 +1,17 @@
 """OBJ files and their materials."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import Folders
 from rptcam_cl.scene.assets import obj as obj_blocks
-from rptcam_cl.scene.file_materials import FileMaterial, FileTexture
+from rptcam_cl.scene.assets.pictures import read_picture
+from rptcam_cl.scene.base import one_pixel
+from rptcam_cl.scene.file_materials import FileMaterial, FileTexture, material_of
 
 from .conftest import Read
 
@@ -183,6 +187,40 @@ def test_factor_of_a_map_without_a_value_is_1(read: Read, tmp_path: Path) -> Non
     material = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].material
     assert material is not None
     assert (material.roughness, material.metallic, material.emission, material.matte) == (1, 1, (1, 1, 1), False)
+
+
+def shown(path: Path, text: str, **pictures: tuple[int, int, int]) -> Any:
+    """The material of a scene with one of MTL, whose pictures are of one colour each."""
+    for name, colour in pictures.items():
+        (path / f"{name}.png").write_bytes(one_pixel(*colour))
+    (path / "a.mtl").write_text(f"newmtl w\n{text}\n")
+    (path / "a.obj").write_text(f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n")
+    (material,) = obj_blocks.read_obj(path / "a.obj", lambda name: path / name).materials
+    return material_of(material, Folders(path))
+
+
+def number(texture: Any, path: Path) -> float:
+    """What a material takes of a picture of one colour, which it reads the channel of that it says."""
+    texels = read_picture(texture.source(Folders(path))).texels
+    return float(texels[0, 0, "rgba".index(texture.channel)]) / 255
+
+
+@pytest.mark.parametrize(("key", "of_scene"), [("map_d", "opacity"), ("map_Pr", "roughness"), ("map_Pm", "metallic")])
+def test_number_by_a_coloured_picture_is_its_luminance(tmp_path: Path, key: str, of_scene: str) -> None:
+    for colour in ((200, 100, 50), (70, 70, 70)):
+        texture = getattr(shown(tmp_path, f"Pr 1\n{key} a.png", a=colour), of_scene)
+        luminance = np.array(colour) @ (0.2126, 0.7152, 0.0722) / 255
+        assert number(texture, tmp_path) == pytest.approx(luminance, abs=0.5 / 255)  # stored in bytes
+
+
+def test_picture_that_says_roughness_and_metal_has_them_in_green_and_blue(tmp_path: Path) -> None:
+    material = shown(tmp_path, "map_Pr a.png\nmap_Pm a.png", a=(0, 100, 50))
+    found = (number(material.roughness, tmp_path), number(material.metallic, tmp_path))
+    assert found == pytest.approx((100 / 255, 50 / 255))
+
+
+def test_colours_that_are_named_as_opacity_too_make_no_holes(tmp_path: Path) -> None:
+    assert shown(tmp_path, "map_Kd a.png\nmap_d a.png", a=(200, 100, 50)).opacity == 1
 
 
 @pytest.mark.parametrize("model", [4, 6, 7, 9])
