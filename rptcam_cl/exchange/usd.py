@@ -785,30 +785,40 @@ def _usable(placement: Array) -> bool:
     return conversion.is_bearable(placement) and conversion.is_transform_of_ours(placement)
 
 
+_AROUND = 256  # normals of a lamp about its axis
+
+
 def _lamp_shape(kind: str, number: Any) -> tuple[Keys, Any] | None:
     """Return the shape of a lamp, and the function of its transform that gives its area; None for another kind."""
-
-    def flat(extent: float) -> Any:
-        return lambda linear: extent * float(np.linalg.norm(np.cross(linear[:, 0], linear[:, 1])))
-
     if kind == "RectLight":
         width, height = number("width", 1.0), number("height", 1.0)
         corner = [width / 2, -height / 2, 0]
         keys: Keys = {"shape": "rectangle", "corner": corner, "edge_u": [-width, 0, 0], "edge_v": [0, height, 0]}
-        return keys, flat(width * height)
+        return keys, partial(_area, width * height, np.eye(3)[None, 2:])
     radius = number("radius", 0.5)
     if kind == "DiskLight":
-        return {"shape": "disk", "center": [0, 0, 0], "normal": [0, 0, -1], "radius": radius}, flat(math.pi * radius**2)
+        keys = {"shape": "disk", "center": [0, 0, 0], "normal": [0, 0, -1], "radius": radius}
+        return keys, partial(_area, math.pi * radius**2, np.eye(3)[None, 2:])
+    angles = (np.arange(_AROUND) + 0.5) * 2 * math.pi / _AROUND
+    ring = np.stack([0 * angles, np.cos(angles), np.sin(angles)], axis=-1)
     if kind == "SphereLight":
-        area = 4 * math.pi * radius**2
+        x, weights = np.polynomial.legendre.leggauss(_AROUND // 2)
+        normals = np.sqrt(1 - x**2)[:, None, None] * ring + x[:, None, None] * np.eye(3)[0]
         keys = {"shape": "sphere", "center": [0, 0, 0], "radius": radius}
-        return keys, lambda linear: area * float(np.cbrt(np.linalg.det(linear)) ** 2)
+        return keys, partial(_area, 4 * math.pi * radius**2, normals, weights=weights)
     if kind == "CylinderLight":
         length = number("length", 1.0)
         keys = {"shape": "cylinder", "base": [-length / 2, 0, 0], "top": [length / 2, 0, 0], "radius": radius,
                 "capped": False}  # fmt: skip
-        return keys, lambda linear: 2 * math.pi * radius * length * float(np.cbrt(np.linalg.det(linear)) ** 2)
+        return keys, partial(_area, 2 * math.pi * radius * length, ring[None])
     return None
+
+
+def _area(area: float, normals: Array, linear: Array, weights: Array | None = None) -> float:
+    """Return the area of a surface under a transform (3, 3), whose cofactors stretch its normals (rings, n, 3)."""
+    columns = linear.T
+    cofactors = np.cross(columns[[1, 2, 0]], columns[[2, 0, 1]])
+    return area * float(np.average(np.linalg.norm(normals @ cofactors, axis=-1).mean(axis=1), weights=weights))
 
 
 def _merge_instances(stage: Stage) -> None:

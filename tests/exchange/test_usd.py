@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import PIL.Image
 import pytest
+import scipy.special
 from numpy.typing import NDArray
 
 import rptcam_cl
@@ -274,6 +275,36 @@ LAMPS = {
 def test_lamps_have_their_radiance(tmp_path: Path, text: str) -> None:
     done, _ = convert(tmp_path, BALL + text)
     np.testing.assert_allclose(done.scene["objects"][1]["material"]["radiance"], LAMPS[text])
+
+
+def _spheroid(across: float, along: float) -> float:
+    """The area of an ellipsoid of two equal half axes."""
+    if along > across:
+        e = math.sqrt(1 - (across / along) ** 2)
+        return 2 * math.pi * across**2 * (1 + along / across / e * math.asin(e))
+    e = math.sqrt(1 - (along / across) ** 2)
+    return 2 * math.pi * across**2 * (1 + (1 / e - e) * math.atanh(e))
+
+
+STRETCHED = {
+    ("SphereLight", (1, 1, 9)): _spheroid(0.5, 4.5),
+    ("SphereLight", (20, 1, 20)): _spheroid(10, 0.5),
+    ("SphereLight", (0.2, 0.1, 0.1)): _spheroid(0.05, 0.1),
+    ("SphereLight", (-3, 3, 3)): 4 * math.pi * 1.5**2,
+    ("CylinderLight", (9, 1, 1)): 9 * math.pi,
+    ("CylinderLight", (2, 4, 1)): 2 * 4 * 2 * scipy.special.ellipe(1 - 1 / 16),  # around it 4 a E(m), a = 4 / 2
+    ("RectLight", (2, 3, 5)): 6.0,
+    ("DiskLight", (2, 3, 5)): 1.5 * math.pi,
+}
+
+
+@pytest.mark.parametrize(("lamp", "expected"), STRETCHED.items())
+def test_stretched_lamps_have_their_power(tmp_path: Path, lamp: tuple[str, Any], expected: float) -> None:
+    kind, scale = lamp
+    text = f'def {kind} "l" {{ float inputs:intensity = 8 bool inputs:normalize = 1 float3 xformOp:scale = {scale} '
+    text += "float3 xformOp:rotateXYZ = (20, 40, 60) "
+    done, _ = convert(tmp_path, BALL + text + 'uniform token[] xformOpOrder = ["xformOp:rotateXYZ", "xformOp:scale"] }')
+    np.testing.assert_allclose(8 / np.array(done.scene["objects"][1]["material"]["radiance"]), expected, rtol=1e-5)
 
 
 def test_flat_lamps_shine_along_minus_z(tmp_path: Path) -> None:
