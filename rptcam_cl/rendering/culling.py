@@ -261,6 +261,7 @@ def _pack(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
 # is in it: light samples leave them out.
 
 _FLAT_KINDS = (Kind.RECTANGLE, Kind.DISK, Kind.PLANE)
+_TOUCHES = 1e-6  # of how far something reaches and of the plane's distance from the eye, which float32 has both
 _MOST_SOLIDS = 64  # among which planes that nothing lies behind are looked for
 
 
@@ -289,7 +290,9 @@ def with_outer_planes(plan: Plan, mesh_corners: Array) -> NDArray[np.void]:
     low, high = _heights(rows, kinds, normals)
     points = np.concatenate([mesh_corners, lamps["a"][np.isin(lamps["kind"], list(SIZELESS_EMITTERS)), :3]])
     low, high = (np.concatenate([some, normals @ points.T], axis=1) + shifts[:, None] for some in (low, high))
-    margin = HIT_ROUNDING * np.abs(np.where(np.isfinite(low), np.maximum(-low, high), 0)).max()
+    # What its own rounding may move each: a share of all would let a lamp shine through a wide ground.
+    reach = np.maximum(-low, high)
+    margin = _TOUCHES * (np.where(np.isfinite(reach), reach, 0) + np.abs(shifts[:, None]))
     suns = lamps[np.isin(lamps["kind"], (EmitterKind.DIRECTIONAL, EmitterKind.SUN))]
     from_above, radii = normals @ suns["normal"][:, :3].T, np.sqrt(suns["a"][:, 3])
     above = (low >= -margin).all(axis=1) & (from_above >= radii).all(axis=1)

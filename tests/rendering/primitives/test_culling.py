@@ -166,6 +166,16 @@ def test_no_plane_is_left_out_where_much_may_lie_behind(others):
     assert outer({"objects": [*CLOSED, ball]}) == {0, 1}
 
 
+@pytest.mark.parametrize("place", [(0, 0, 0), (40, -900, 300)], ids=["at the eye", "far off"])
+def test_a_wide_ground_hides_what_lies_a_little_below_it(place):
+    x, y, z = place
+    ground = wall([x - 1e5, y - 1, z - 1e5], [0, 0, 2e5], [2e5, 0, 0])
+    side = wall([x - 1, y - 1, z - 1], [0, 2, 0], [0, 0, 2])
+    for height, found in ((0.2, {0}), (0.199, set()), (0.1, set())):
+        ball = {"shape": "sphere", "center": [x, y - 1 + height, z], "radius": 0.2, "material": LAMP}
+        assert outer({"objects": [ground, side, ball]}) == found
+
+
 def test_pictures_are_those_of_rays_that_meet_every_plane(monkeypatch):
     rng = rng_of("picture")
     while len(walls := room(rng)) < 5:
