@@ -141,9 +141,10 @@ class _Translator(ValueReader):
             base = combine(lambda c: np.sqrt(np.clip(c, 0, 1)), base)  # each passage takes the root, both the colour
         elif is_clear:
             self.say("partly transparent: light that passes takes the base colour at each of its two passages")
-        keys["base_color"] = texture_of(base, 3)
         for key, name in (("metallic", "Metallic"), ("roughness", "Roughness")):
             keys[key] = self.number(node, name)
+        # Cycles cuts the colours of a metal, too
+        keys["base_color"] = texture_of(base, 3) if keys["metallic"] == 1 else self.cut(base)
         index = max(self.constant(node, "IOR", "the index"), 1e-3)
         keys["index"] = self._index(node, index, is_clear)
         if keys["index"] == 1.0:
@@ -153,7 +154,7 @@ class _Translator(ValueReader):
             keys["transmission"] = texture_of(transmission, 1)
             if isinstance(keys["roughness"], float) and keys["roughness"] < SMOOTHEST:
                 if keys["transmission"] == 1 and keys["metallic"] == 0 and not self._has_more(node, keys):
-                    keys = {"kind": "dielectric", "index": keys["index"]} | _tint("transmittance", base)
+                    keys = {"kind": "dielectric", "index": keys["index"]} | self._tint("transmittance", base)
                     return keys | self._holes(node) | self._normals(node)
                 self.say(f"clear, and more than glass: its roughness is {SMOOTHEST} at least")
         self._say_distribution(node, keys["roughness"])
@@ -184,7 +185,7 @@ class _Translator(ValueReader):
     def _colour_of_specular(self, node: Node, keys: dict[str, Any]) -> None:
         tint = self.field(node, "Specular Tint", (1.0, 1.0, 1.0))
         if not tint.is_constant or float(np.abs(tint.colour - 1).max()) > 0:
-            keys["specular_color"] = texture_of(tint, 3)
+            keys["specular_color"] = self.cut(tint)
             if keys["metallic"] != 0.0:
                 self.say("the specular tint colours its dielectric part, not the rim of the metal")
 
@@ -274,7 +275,7 @@ class _Translator(ValueReader):
             self.say(f"its sheen is as of roughness {of_blender[-1]}, the strongest here")
         factor = float(np.interp(roughness, of_blender, share))
         lit = combine(lambda c: rgb(c) * np.float32(factor), colour) if factor < 1 else colour
-        return {"sheen": texture_of(lit, 3), "sheen_roughness": float(np.interp(roughness, of_blender, ours))}
+        return {"sheen": self.cut(lit), "sheen_roughness": float(np.interp(roughness, of_blender, ours))}
 
     def glossy(self, node: Node) -> dict[str, Any]:
         """Glossy BSDF."""
@@ -283,7 +284,7 @@ class _Translator(ValueReader):
             colour = self.field(node, "Color")
             if not colour.is_constant:
                 self.say("a mirror has one colour: the mean of its texture")
-            return {"kind": "mirror", "reflectance": [float(min(max(c, 0), 1)) for c in colour.colour]}
+            return {"kind": "mirror", "reflectance": self.cut(constant(colour.colour))}
         if node.values.get("distribution", "GGX") not in ("GGX", "MULTI_GGX"):
             self.say(f"its {node.values['distribution'].title()} highlights are GGX here")
         self._say_distribution(node, roughness)
@@ -319,6 +320,11 @@ class _Translator(ValueReader):
         metal = {"n": np.clip(index, *OF_METALS).tolist(), "k": np.clip(absorbs, *OF_METALS).tolist()}
         return {"kind": "conductor", "metal": metal} | keys | self._normals(node)
 
+    def _tint(self, key: str, colour: Field) -> dict[str, Any]:
+        """A colour of glass under its key; nothing where it is white."""
+        white = colour.is_constant and float(colour.colour.min()) == float(colour.colour.max()) == 1
+        return {} if white else {key: self.cut(colour)}
+
     def glass(self, node: Node) -> dict[str, Any]:
         """Glass and Refraction BSDF."""
         if node.kind == "BSDF_REFRACTION":
@@ -333,7 +339,7 @@ class _Translator(ValueReader):
         if rough and abs(index - 1) <= 0.01:
             index = 1.011
         self._say_distribution(node, roughness)
-        tints = _tint("reflectance", colour) | _tint("transmittance", colour)  # both, as Cycles has it
+        tints = self._tint("reflectance", colour) | self._tint("transmittance", colour)  # both, as Cycles has it
         return {"kind": "dielectric", "index": index} | rough | tints | self._normals(node)
 
     def hair(self, node: Node) -> dict[str, Any]:
@@ -423,7 +429,9 @@ class _Translator(ValueReader):
         rough, glossy = (self.constant(each, "Roughness", "the roughness of glass") for each in (first, second))
         if abs(index - other) > 1e-3 or abs(rough - glossy) > 1e-3:
             return None
-        tints = _tint("transmittance", self.field(first, "Color")) | _tint("reflectance", self.field(second, "Color"))
+        tints = self._tint("transmittance", self.field(first, "Color")) | self._tint(
+            "reflectance", self.field(second, "Color")
+        )
         keys = {key: value for key, value in self._glass(first).items() if key in ("kind", "index", "roughness")}
         return keys | tints | self._normals(first)
 
@@ -649,12 +657,6 @@ def conductor_reflectance(n: Any, k: Any, cosine: float) -> Any:
     inside = np.sqrt(eta**2 - (1 - c * c))
     across, along = (c - inside) / (c + inside), (eta**2 * c - inside) / (eta**2 * c + inside)
     return (np.abs(across) ** 2 + np.abs(along) ** 2) / 2
-
-
-def _tint(key: str, colour: Field) -> dict[str, Any]:
-    """A colour of glass under its key; nothing where it is white."""
-    white = colour.is_constant and float(colour.colour.min()) >= 1
-    return {} if white else {key: texture_of(colour, 3)}
 
 
 def _normals_of_heights(heights: Any, picture: Field, gain: float) -> Any:

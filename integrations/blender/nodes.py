@@ -102,7 +102,14 @@ class ValueReader:
 
     def colour(self, node: Node, name: str) -> Any:
         """A colour or a texture."""
-        return texture_of(self.field(node, name), 3)
+        return self.cut(self.field(node, name))
+
+    def cut(self, value: Field) -> Any:
+        """A colour or a texture, cut to 0 … 1; what lies above 1, but for rounding, is said in the report."""
+        most = float(rgb(value.values).max())
+        if most > 1.001:
+            self.say(f"colours of up to {most:.3g} are cut to 1: no surface reflects more light than it gets here")
+        return texture_of(value, 3)
 
     def number(self, node: Node, name: str) -> Any:
         """A number or a texture, from 0 to 1."""

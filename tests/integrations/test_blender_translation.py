@@ -331,6 +331,18 @@ def test_transparent_shader_makes_holes():
     assert keys["kind"] == "matte" and keys["opacity"] == pytest.approx(0.25) and not said
 
 
+@pytest.mark.parametrize("kind", ["BSDF_PRINCIPLED", "BSDF_DIFFUSE", "BSDF_GLASS", "BSDF_GLOSSY"])
+def test_colours_above_1_are_cut_and_reported(kind):
+    codes = np.full((2, 2, 3), 0.5, np.float32)
+    codes[0] = (0.5, 3.5, 1.0)
+    for colour, reported in ((Link(picture(codes), "Color"), True), ((1.0, 2.0, 0.5), True), ((1.0, 1.0, 1.0), False)):
+        node = principled(Base_Color=colour)
+        if kind != "BSDF_PRINCIPLED":
+            node = Node(kind, "s", {"Color": colour, "Roughness": 0.0, "IOR": 1.5})
+        _, sentences = surface_of(node)
+        assert any("colours of up to " in sentence and "are cut to 1" in sentence for sentence in sentences) == reported
+
+
 def test_emission_shines_from_both_sides():
     keys, _ = surface_of(Node("EMISSION", "e", {"Color": (1.0, 0.5, 0.25), "Strength": 4.0}))
     assert keys == {"kind": "emissive", "radiance": [4.0, 2.0, 1.0], "two_sided": True}
