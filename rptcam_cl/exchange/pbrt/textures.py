@@ -421,11 +421,12 @@ def _mixture(context: Context, texture: Entity, first: Shade, second: Shade, amo
 
 
 def shade(context: Context, entity: Entity, name: str, default: float, depth: int = 0) -> Shade:
-    """Return a colour parameter of a material or texture."""
+    """Return a colour parameter of a material or texture; of a texture of numbers one of those."""
     item = entity.parameters.get(name, "texture", *COLOURS)
     if item is None or item.kind != "texture":
         return Shade(reflectance(context, entity, name, default))
-    return _convert_named(context, entity, item, "spectrum", default, depth)
+    kind = "float" if entity.what.endswith(f'"float" "{entity.kind}"') else "spectrum"
+    return _convert_named(context, entity, item, kind, default, depth)
 
 
 def value(context: Context, entity: Entity, name: str, default: float) -> float:

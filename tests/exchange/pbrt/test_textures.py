@@ -129,3 +129,18 @@ def test_mattes_mixed_by_a_texture_of_colours_are_mixed_in_each_channel(convert:
         "amount": {"kind": "checker", "even": [1.0, 0.5, 0.0], "odd": [0.0, 0.0, 0.3]},
     }  # fmt: skip
     assert done.report == []
+
+
+@pytest.mark.parametrize(("text", "even", "odd"), [
+    ('"mix" "texture tex1" "f" "float tex2" 1 "float amount" .5', 0.6, 0.9),
+    ('"scale" "texture tex" "f" "float scale" .5', 0.1, 0.4),
+    ('"scale" "texture tex1" "f" "float tex2" .5', 0.1, 0.4),
+])  # fmt: skip
+def test_textures_of_numbers_are_made_of_textures_of_numbers(
+    convert: Convert, text: str, even: float, odd: float
+) -> None:
+    made = 'Texture "f" "float" "checkerboard" "float tex1" .2 "float tex2" .8 '
+    made += 'Texture "f" "spectrum" "constant" "rgb value" [1 0 0] '  # another one, whose name is the same
+    done = convert(made + f'Texture "m" "float" {text} Shape "sphere" "texture alpha" "m"', HEAD)
+    assert near(done.material()["opacity"]) == {"kind": "checker", "even": [even] * 3, "odd": [odd] * 3}
+    assert done.report == []
