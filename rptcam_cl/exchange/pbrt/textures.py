@@ -475,7 +475,7 @@ def _number_texture(context: Context, texture: Keys) -> Keys:
         return kept | {"file": file, "color_space": "linear"} if file else texture
     if texture["kind"] == "marble":
         grey = [float(_MARBLE[texture.get("form", "")].mean())] * 3
-        return {"kind": "mixture", "first": grey, "second": grey}
+        return {"kind": "checker", "even": grey, "odd": grey}
     made = dict(texture)
     for name in ("first", "second", "amount", *_ENDS.get(texture["kind"], ())):
         if isinstance(part := texture.get(name), dict):

@@ -144,3 +144,13 @@ def test_textures_of_numbers_are_made_of_textures_of_numbers(
     done = convert(made + f'Texture "m" "float" {text} Shape "sphere" "texture alpha" "m"', HEAD)
     assert near(done.material()["opacity"]) == {"kind": "checker", "even": [even] * 3, "odd": [odd] * 3}
     assert done.report == []
+
+
+def test_a_share_by_marble_is_its_mean_however_deep_it_lies(convert: Convert) -> None:
+    text = 'Texture "m0" "spectrum" "marble" Texture "d" "spectrum" "checkerboard" '
+    for depth in range(3):
+        text += f'Texture "m{depth + 1}" "spectrum" "scale" "texture tex" "m{depth}" "texture scale" "d" '
+    done = convert(text + 'Material "uber" "texture opacity" "m3" Shape "sphere"', HEAD)
+    deepest = done.material()["opacity"]["second"]["second"]["second"]
+    assert near(deepest) == {"kind": "checker", "even": [0.816] * 3, "odd": [0.816] * 3}
+    assert done.says('"opacity"', "mean over the channels")
