@@ -55,21 +55,14 @@ static inline F hit_aligned(const __global Aligned *flat, AlignedHit hit, F *u, 
 #endif
 
 #if ALIGNED_BOXES
-// As hit_box of geometry/primitives.h.
+// As hit_box of geometry/primitives.h, which includes this.
 IN_PLACE static F hit_aligned_box(const __global Aligned *box, Ray ray, Axes axes, I origin, I *met)
 {
     float4 middle = box->place, half_size = box->reach;
     F3 m = f3((middle.x - ray.o.x) * axes.slope.x, (middle.y - ray.o.y) * axes.slope.y,
               (middle.z - ray.o.z) * axes.slope.z);
     F3 k = f3(half_size.x * axes.width.x, half_size.y * axes.width.y, half_size.z * axes.width.z);
-    F near = m.x - k.x;
-    F far = m.x + k.x;
-    near = MAX(near, m.y - k.y); far = MIN(far, m.y + k.y);
-    near = MAX(near, m.z - k.z); far = MIN(far, m.z + k.z);
-    F outside = near > 0.0f ? near : far;
-    F other = absolute(near) > absolute(far) ? near : far;
-    *met = near <= far;
-    return origin ? other : outside;
+    return hit_slabs(m, k, origin, met);
 }
 #endif
 

@@ -9,6 +9,23 @@
 #include "common/scene.h"
 #include "geometry/hit.h"
 #include "geometry/movement.h"
+#if HAS_BOX
+// Where a ray meets a box, whose slabs have their middles at m and their ends k before and behind. On its surface the farther
+// root (by size) is the true one: the way out when the ray goes inwards, behind the start when it goes outwards. Beside the
+// box `met` is false.
+static inline F hit_slabs(F3 m, F3 k, I origin, I *met)
+{
+    F near = m.x - k.x;
+    F far = m.x + k.x;
+    near = MAX(near, m.y - k.y); far = MIN(far, m.y + k.y);
+    near = MAX(near, m.z - k.z); far = MIN(far, m.z + k.z);
+    F outside = near > 0.0f ? near : far;
+    F other = absolute(near) > absolute(far) ? near : far;
+    *met = near <= far;
+    return origin ? other : outside;
+}
+#endif
+
 #if ALIGNED_FLATS || ALIGNED_BOXES
 #include "geometry/aligned.h"
 #define AXES_OF(ray)    Axes axes = axes_of(ray);
@@ -178,8 +195,7 @@ static inline F hit_flat(const __global Primitive *p, Ray ray, PlaneHit *plane, 
 #endif
 
 #if HAS_BOX
-// The cube [-1, 1]^3. On its surface the farther root (by size) is the true one: the way out when the ray goes inwards,
-// behind the start when it goes outwards. Beside the cube `met` is false.
+// The cube [-1, 1]^3.
 static F hit_box(const __global Primitive *p, Ray ray, I origin, I *met)
 {
     F3 o = object_point(p, ray.o);
@@ -190,14 +206,7 @@ static F hit_box(const __global Primitive *p, Ray ray, I origin, I *met)
     i.z = ONE / with_sign(MAX(absolute(d.z), (F)(1e-30f)), d.z);
     F3 m = f3(-o.x * i.x, -o.y * i.y, -o.z * i.z);
     F3 k = f3(absolute(i.x), absolute(i.y), absolute(i.z));
-    F near = m.x - k.x;
-    F far = m.x + k.x;
-    near = MAX(near, m.y - k.y); far = MIN(far, m.y + k.y);
-    near = MAX(near, m.z - k.z); far = MIN(far, m.z + k.z);
-    F outside = near > 0.0f ? near : far;
-    F other = absolute(near) > absolute(far) ? near : far;
-    *met = near <= far;
-    return origin ? other : outside;
+    return hit_slabs(m, k, origin, met);
 }
 #endif
 
