@@ -4,6 +4,7 @@ import importlib.util
 import re
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -116,8 +117,8 @@ def test_command_writes_the_shader(tmp_path):
 
 def by_cycles(folder, text, ahead_mm, size, samples, shown):
     """What Cycles of Blender shows of a plane through a shader, (rows, columns, 3)."""
-    if importlib.util.find_spec("bpy") is None:
-        pytest.skip("bpy is not installed")
+    if importlib.util.find_spec("bpy") is None or int(version("bpy").partition(".")[0]) < 5:
+        pytest.skip("bpy 5.0 or later is not installed: cameras of earlier ones take no shader")
     oiio = pytest.importorskip("OpenImageIO")
     (folder / "lens.osl").write_text(text)
     program = Path(__file__).with_name("cycles_plane.py")
