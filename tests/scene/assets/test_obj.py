@@ -159,12 +159,12 @@ def test_keys_that_do_nothing_are_no_matter(read: Read, tmp_path: Path, recwarn:
 
 
 def test_picture_of_another_machines_path_is_found_beside_the_file(read: Read, tmp_path: Path) -> None:
-    (tmp_path / "a.mtl").write_text("newmtl w\nmap_Kd C:\\work\\wood.png\nmap_d /work/gone.png\n")
+    (tmp_path / "a.mtl").write_text("newmtl w\nmap_Kd C:\\work\\wood.png\nmap_d /models/gone.png\n")
     (tmp_path / "wood.png").write_bytes(b"")
     with pytest.warns(UserWarning, match="no such file; wood.png beside it is taken"):
         material = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].material
     assert material.base_texture.source == tmp_path / "wood.png"
-    assert material.opacity_texture.source == Path("/work/gone.png")
+    assert material.opacity_texture.source == Path("/models/gone.png")
 
 
 def test_material_carries_over(read: Read, tmp_path: Path) -> None:
