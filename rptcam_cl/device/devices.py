@@ -504,6 +504,15 @@ def is_pocl(handle: Any) -> bool:
     return "portable computing language" in handle.platform.name.lower() and handle.name.startswith(("pthread", "cpu"))
 
 
+def is_proven(handle: Any) -> bool:
+    """Return whether a device is PoCL 3.0 as pip brings it, with which all pictures of the tests are rendered.
+
+    Its kernels are compiled for one of two kinds of x86-64, whatever the processor, see `pocl_library_arch`.
+    """
+    version = handle.platform.version
+    return is_pocl(handle) and "PoCL 3.0" in version and "LLVM 14." in version and pocl_library_arch() is not None
+
+
 def pocl_library_arch() -> str | None:
     """Return the processor that PoCL's library of built-ins was compiled for, where kernels must match it.
 

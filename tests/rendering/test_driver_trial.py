@@ -1,6 +1,7 @@
 """The trial of a driver: a known picture, rendered in the usual way; a fault is gone round or refused, in words."""
 
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.remember import forget
-from rptcam_cl.device import programs
+from rptcam_cl.device import devices, programs
 from rptcam_cl.device.devices import problem_of
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import passes
@@ -31,6 +32,7 @@ def untried(monkeypatch, tmp_path):
     assert problem_of(session.info) is None  # tried and kept where all other tests have it
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.setattr(passes, "_passed", {})
+    monkeypatch.setattr(passes, "is_proven", lambda _: False)
     return session
 
 
@@ -74,6 +76,24 @@ def test_a_driver_that_is_right_is_tried_once_and_renders_as_it_does_usually(unt
 
     assert way_of(untried, "stream", nothing) == Way("stream", 4)  # as kept
     assert not recwarn
+
+
+def test_the_driver_of_all_tests_is_not_tried_and_others_are(monkeypatch):
+    def tried(*_, **__):
+        raise AssertionError("tried")
+
+    platform = SimpleNamespace(name="Portable Computing Language", version="")
+    device = SimpleNamespace(platform=platform, name="pthread-some processor")
+    session = SimpleNamespace(lanes=8, is_quick=False, info=SimpleNamespace(id="0:0", handle=device))
+    monkeypatch.setattr(devices, "pocl_library_arch", lambda: "haswell")
+    monkeypatch.setattr(passes, "fault_of", tried)
+    monkeypatch.setattr(passes, "driver_name", lambda _: "unheard of")
+    platform.version = "OpenCL 3.0 PoCL 3.0-rc2  Linux, Release, RELOC, LLVM 14.0.6, SLEEF, DISTRO, POCL_DEBUG"
+    assert way_of(session, "stream", Wavefront) == Way("stream", 4)
+    for version in ("OpenCL 3.0 PoCL 7.1  Linux, LLVM 21.1", "OpenCL 3.0 PoCL 3.0  Linux, LLVM 13.0.1"):
+        platform.version = version
+        with pytest.raises(AssertionError, match="tried"):
+            way_of(session, "stream", Wavefront)
 
 
 @pytest.mark.slow
