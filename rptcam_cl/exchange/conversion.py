@@ -423,6 +423,11 @@ def is_transform_of_ours(matrix: Matrix) -> bool:
     return bool(stretches[-1] > SMALLEST_STRETCH_RATIO * (1 + SMALLEST_STRETCH_RATIO) * stretches[0])
 
 
+def is_usable(matrix: Matrix) -> bool:
+    """Return whether an object of ours can stand where a transform places it."""
+    return is_bearable(matrix) and is_transform_of_ours(matrix)
+
+
 def apply(matrix: Matrix, points: Matrix) -> Matrix:
     """Return points (n, 3) transformed."""
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])

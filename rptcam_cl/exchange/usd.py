@@ -18,18 +18,15 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import content_name
 from rptcam_cl.exchange import conversion
 from rptcam_cl.exchange.conversion import Array, Conversion, Faces
-from rptcam_cl.exchange.usd_materials import PrimReport, Shading, materialx_layer, pxr
-from rptcam_cl.rendering.plan.environment import axes
+from rptcam_cl.exchange.usd_lamps import Lamps
+from rptcam_cl.exchange.usd_materials import Keys, PrimReport, Shading, materialx_layer, number_of, pxr
 from rptcam_cl.scene.shapes import bezier_pieces
-
-Keys = dict[str, Any]
 
 _WIDTH_PX = 960
 _MOST_FACES = (400_000, 400_000, 10_000, 10_000)  # that each division of a subdivision surface may lead to
 _CAMERA_STEPS = 8  # keyframes of a camera go straight
 _SHARP = 10.0  # a crease of so much is one of every division (UsdGeomMesh, SHARPNESS_INFINITE)
 _MOST_PIXEL_ASPECT = 20.0
-_WHOLE_SKIES = ("automatic", "latlong")
 _MOST_DISPLACED, _MOST_STEPS = 1_000_000, 256  # triangles of a displaced mesh, parts of each edge
 
 
@@ -56,9 +53,7 @@ class Stage:
     report: PrimReport
     files: conversion.FileStore
     objects: list[Keys] = field(default_factory=list)
-    lights: list[Keys] = field(default_factory=list)
     materials: dict[str, Keys] = field(default_factory=dict)
-    environment: Keys | None = None
     camera: Any = None
     ends: list[Any] = field(default_factory=list)
     codes: tuple[float, float] = (0.0, 0.0)
@@ -73,10 +68,11 @@ class Stage:
     _coloured: set[str] = field(default_factory=set)  # files of meshes that show colours of their own
 
     def __post_init__(self) -> None:
-        self.geom, self.shade, self.lux = pxr("UsdGeom"), pxr("UsdShade"), pxr("UsdLux")
+        self.geom, self.shade = pxr("UsdGeom"), pxr("UsdShade")
         self.cache = self.geom.XformCache(self.time)
         unit = float(self.geom.GetStageMetersPerUnit(self.stage))
         self.shading = Shading(self.time, self.report, self.files, unit)
+        self.lamps = Lamps(self.stage, self.time, self.report, self.shading)
 
     def add_all(self) -> None:
         """Add everything that is shown."""
@@ -97,8 +93,8 @@ class Stage:
                 continue
             if prim.IsA(self.geom.PointInstancer):
                 self._add_instancer(prim, frame)
-            elif prim.HasAPI(self.lux.LightAPI):
-                self._add_light(prim, frame, table)
+            elif prim.HasAPI(self.lamps.lux.LightAPI):
+                self._add_lamp(prim, frame, table)
             elif prim.IsA(self.geom.Gprim):
                 self._add_shape(prim, self._placement(prim, frame), table)
 
@@ -168,7 +164,7 @@ class Stage:
             self.report.say("approximated", "points that move by themselves stay while the shutter is open", prim)
         if np.array_equal(start, end):
             return {}
-        frames = conversion.motion_between(start, end, self.shutter_s) if _usable(start) else None
+        frames = conversion.motion_between(start, end, self.shutter_s) if conversion.is_usable(start) else None
         if frames is None:
             self.report.say("approximated", "what stretches while the shutter is open stays", prim)
             return {}
@@ -214,7 +210,7 @@ class Stage:
         matrices = world @ np.swapaxes(np.array(own).reshape(-1, 4, 4), 1, 2)
         for number, path in enumerate(instancer.GetPrototypesRel().GetForwardedTargets()):
             places = matrices[numbers == number]
-            places = np.array([place[:3] for place in places if _usable(place)])
+            places = np.array([place[:3] for place in places if conversion.is_usable(place)])
             root = self.stage.GetPrimAtPath(path)
             if len(places) and root:
                 table = self._table(f"{prim.GetName()}-{number}", places)
@@ -238,7 +234,7 @@ class Stage:
         return self.files.add("places", f"{name}.npz", lambda path: np.savez(path, matrices=places))
 
     def _add_shape(self, prim: Any, placement: Array, table: str | None) -> None:
-        if not _usable(placement):
+        if not conversion.is_usable(placement):
             self.report.say("ignored", "a transform that flattens space", prim)
             return
         shapes: list[tuple[Keys, Any]] = []
@@ -510,13 +506,9 @@ class Stage:
             return normals, mesh.GetNormalsInterpolation()
         return None
 
-    def _number(self, prim: Any, name: str, default: float) -> float:
-        value = prim.GetAttribute(name).Get(self.time)
-        return default if value is None else float(value)
-
     def _solid(self, prim: Any) -> Keys | None:
         """Return the keys of a shape of a few numbers; None for what is none of ours."""
-        number = partial(self._number, prim)
+        number = partial(number_of, prim, time=self.time)
         axis = {"X": np.eye(3)[0], "Y": np.eye(3)[1]}.get(str(prim.GetAttribute("axis").Get()), np.eye(3)[2])
         ends = {key: (sign * number("height", 2.0) / 2 * axis).tolist() for key, sign in (("base", -1), ("top", 1))}
         match str(prim.GetTypeName()):
@@ -582,99 +574,12 @@ class Stage:
             self.report.say("approximated", "colours of vertices or faces as their mean", prim)
         return {"kind": "matte", "reflectance": np.clip(np.mean(values, axis=0), 0, 1).tolist(), **holes}
 
-    def _add_light(self, prim: Any, frame: Any, table: str | None) -> None:
-        api = self.lux.LightAPI(prim)
+    def _add_lamp(self, prim: Any, frame: Any, table: str | None) -> None:
+        """Add a lamp: one with a surface is an object, at the places of a table or where it moves."""
         placement = self._placement(prim, frame)
-
-        def number(name: str, default: float) -> float:
-            return self._number(prim, f"inputs:{name}", default)
-
-        colour = np.array(api.GetColorAttr().Get(self.time) or (1, 1, 1), np.float64)
-        if api.GetEnableColorTemperatureAttr().Get(self.time):
-            colour = colour * np.array(self.lux.BlackbodyTemperatureAsRgb(number("colorTemperature", 6500.0)))
-        kind = str(prim.GetTypeName())
-        strength = number("intensity", 50000.0 if kind == "DistantLight" else 1.0) * 2 ** number("exposure", 0.0)
-        radiance = np.maximum(colour * strength, 0)
-        normalize = bool(api.GetNormalizeAttr().Get(self.time))
-        self._say_of_lamp(prim, number)
-        if kind in ("DistantLight", "DomeLight", "DomeLight_1"):
-            if self._moves(prim):
-                self.report.say("approximated", "a sun or sky that turns while the shutter is open stays", prim)
-            if table:
-                self.report.say("ignored", "a sun or sky as an instance", prim)
-                return
-        if kind == "DistantLight":
-            self._add_distant(placement, radiance, number("angle", 0.53), normalize)
-        elif kind in ("DomeLight", "DomeLight_1"):
-            self._add_dome(prim, placement, radiance)
-        elif kind == "SphereLight" and number("radius", 0.5) == 0:
-            if table or not normalize:
-                self.report.say("ignored", "a lamp without a size, as an instance or not normalized", prim)
-                return
-            if self._moves(prim):
-                self.report.say("approximated", "a lamp without a size stays while the shutter is open", prim)
-            # the light of a ball goes by its cross section, a quarter of its surface; ours by distances in metres
-            intensity = radiance / 4 * self.shading.metres_per_unit**2
-            position = conversion.tidy(placement[:3, 3])
-            self.lights.append({"kind": "point", "position": position, "intensity": intensity.tolist()})
-        elif (shape := _lamp_shape(kind, number)) is None or not _usable(placement):
-            self.report.say("ignored", f"a lamp of the kind {kind}", prim)
-        else:
-            keys, area = shape
-            if normalize:
-                radiance = radiance / area(placement[:3, :3])
-            if prim.GetAttribute("inputs:texture:file").Get(self.time):
-                self.report.say("ignored", "the picture that a lamp shines with", prim)
-            material = {"kind": "emissive", "radiance": radiance.tolist()}
-            transform = {"transform": {"matrix": conversion.tidy(placement[:3])}}
+        if (keys := self.lamps.add(prim, placement, is_instance=bool(table), moves=self._moves(prim))) is not None:
             moving = {"instances": {"file": table}} if table else self._motion(prim)
-            self.objects.append({**keys, **transform, **moving, "name": str(prim.GetPath()), "material": material})
-
-    def _say_of_lamp(self, prim: Any, number: Any) -> None:
-        """Report what a lamp says of its beam, and of what it lights, which has no counterpart."""
-        excluded = prim.GetRelationship("collection:lightLink:excludes")
-        root = prim.GetAttribute("collection:lightLink:includeRoot").Get()
-        for what, there in (
-            ("the cone that a lamp is shaped to", number("shaping:cone:angle", 90.0) < 90),
-            ("the focus of a lamp", number("shaping:focus", 0.0) != 0),
-            ("the IES profile of a lamp", bool(prim.GetAttribute("inputs:shaping:ies:file").Get(self.time))),
-            ("a lamp's factors on gloss and on the rest", (number("diffuse", 1.0), number("specular", 1.0)) != (1, 1)),
-            ("links of a lamp to what it lights", root is False or (excluded and excluded.HasAuthoredTargets())),
-        ):
-            if there:
-                self.report.say("ignored", what, prim)
-
-    def _add_distant(self, placement: Array, radiance: Array, degrees: float, normalize: bool) -> None:
-        sine = math.sin(math.radians(degrees) / 2)
-        irradiance = radiance if normalize or degrees == 0 else radiance * math.pi * sine * sine
-        keys: Keys = {"direction": conversion.tidy(-placement[:3, 2]), "irradiance": irradiance.tolist()}
-        round_ = {"kind": "sun", "diameter_degrees": degrees, "visible": {"camera": False}}
-        self.lights.append(keys | (round_ if 0.01 <= degrees <= 180 else {"kind": "directional"}))
-
-    def _add_dome(self, prim: Any, placement: Array, radiance: Array) -> None:
-        if self.environment is not None:
-            self.report.say("ignored", "a second dome", prim)
-            return
-        asset = prim.GetAttribute("inputs:texture:file").Get(self.time)
-        file = self.shading.picture(asset) if asset else None
-        if asset and file is None:
-            self.report.say("approximated", f"an even sky, as its picture cannot be read: {asset.path}", prim)
-        if file is None:
-            self.environment = {"kind": "constant", "radiance": radiance.tolist()}
-            return
-        if np.ptp(radiance) > 0:
-            self.report.say("approximated", "the colour of a dome with a picture as its mean", prim)
-        if (form := str(prim.GetAttribute("inputs:texture:format").Get() or "automatic")) not in _WHOLE_SKIES:
-            self.report.say("approximated", f"a picture of a sky ({form}) as one in longitude and latitude", prim)
-        # OpenEXR: +y is up, the middle of the picture looks along +z, its left half towards +x
-        pole = str(prim.GetAttribute("poleAxis").Get() or "Y")
-        pole = str(self.geom.GetStageUpAxis(self.stage)) if pole == "scene" else pole
-        up, forward = (placement[:3, 2], -placement[:3, 1]) if pole == "Z" else (placement[:3, 1], placement[:3, 2])
-        up, forward = (axis / np.linalg.norm(axis) for axis in (up, forward))
-        right_at_0, _, forward_at_0 = axes(up.tolist(), 0.0)
-        turn = math.degrees(math.atan2(-(forward @ right_at_0), forward @ forward_at_0))
-        self.environment = {"kind": "image", "file": file, "up": conversion.tidy(up),
-                            "rotation_degrees": round(turn, 9) + 0.0, "gain": float(radiance.mean())}  # fmt: skip
+            self.objects.append({**keys, **moving})
 
     def camera_keys(self, metres_per_unit: float) -> tuple[Keys, Keys]:
         """Return the keys of camera and film."""
@@ -709,7 +614,7 @@ class Stage:
         """Return the keys of a picture that the camera makes brighter or darker than its film, nothing of another."""
         if self.camera is None:
             return {}
-        number = partial(self._number, self.camera)
+        number = partial(number_of, self.camera, time=self.time)
         factor = 2 ** number("exposure", 0.0) * number("exposure:time", 1.0) * number("exposure:iso", 100.0) / 100
         factor *= number("exposure:responsivity", 1.0) / number("exposure:fStop", 1.0) ** 2
         if factor == 1 or not factor > 0:
@@ -779,46 +684,6 @@ def _widths_of(given: Array, counts: Faces) -> Array:
     places = [np.linspace(0, per_curve.shape[1] - 1, count) for count in counts]
     of = [np.interp(at, np.arange(per_curve.shape[1]), own) for at, own in zip(places, per_curve, strict=True)]
     return np.concatenate(of)
-
-
-def _usable(placement: Array) -> bool:
-    return conversion.is_bearable(placement) and conversion.is_transform_of_ours(placement)
-
-
-_AROUND = 256  # normals of a lamp about its axis
-
-
-def _lamp_shape(kind: str, number: Any) -> tuple[Keys, Any] | None:
-    """Return the shape of a lamp, and the function of its transform that gives its area; None for another kind."""
-    if kind == "RectLight":
-        width, height = number("width", 1.0), number("height", 1.0)
-        corner = [width / 2, -height / 2, 0]
-        keys: Keys = {"shape": "rectangle", "corner": corner, "edge_u": [-width, 0, 0], "edge_v": [0, height, 0]}
-        return keys, partial(_area, width * height, np.eye(3)[None, 2:])
-    radius = number("radius", 0.5)
-    if kind == "DiskLight":
-        keys = {"shape": "disk", "center": [0, 0, 0], "normal": [0, 0, -1], "radius": radius}
-        return keys, partial(_area, math.pi * radius**2, np.eye(3)[None, 2:])
-    angles = (np.arange(_AROUND) + 0.5) * 2 * math.pi / _AROUND
-    ring = np.stack([0 * angles, np.cos(angles), np.sin(angles)], axis=-1)
-    if kind == "SphereLight":
-        x, weights = np.polynomial.legendre.leggauss(_AROUND // 2)
-        normals = np.sqrt(1 - x**2)[:, None, None] * ring + x[:, None, None] * np.eye(3)[0]
-        keys = {"shape": "sphere", "center": [0, 0, 0], "radius": radius}
-        return keys, partial(_area, 4 * math.pi * radius**2, normals, weights=weights)
-    if kind == "CylinderLight":
-        length = number("length", 1.0)
-        keys = {"shape": "cylinder", "base": [-length / 2, 0, 0], "top": [length / 2, 0, 0], "radius": radius,
-                "capped": False}  # fmt: skip
-        return keys, partial(_area, 2 * math.pi * radius * length, ring[None])
-    return None
-
-
-def _area(area: float, normals: Array, linear: Array, weights: Array | None = None) -> float:
-    """Return the area of a surface under a transform (3, 3), whose cofactors stretch its normals (rings, n, 3)."""
-    columns = linear.T
-    cofactors = np.cross(columns[[1, 2, 0]], columns[[2, 0, 1]])
-    return area * float(np.average(np.linalg.norm(normals @ cofactors, axis=-1).mean(axis=1), weights=weights))
 
 
 def _merge_instances(stage: Stage) -> None:
@@ -936,15 +801,15 @@ def convert_stage(source: Path, target: Path, *, time_s: float | None = None) ->
     scene: Keys = {"metres_per_unit": unit} if unit != 1 else {}
     scene |= {"film": film, "camera": camera, "materials": stage.materials, "objects": stage.objects}
     scene |= stage.picture_keys() | stage.shutter_keys()
-    if stage.lights:
-        scene["lights"] = stage.lights
+    if stage.lamps.lights:
+        scene["lights"] = stage.lamps.lights
     glowing = {name for name, keys in stage.materials.items() if np.any(keys.get("emission", 0.0))}
-    lit = stage.lights or any(
+    lit = stage.lamps.lights or any(
         isinstance(item.get("material"), dict) or item.get("material") in glowing for item in stage.objects
     )
-    if stage.environment is None and not lit:
+    if stage.lamps.environment is None and not lit:
         report.say("note", "has no lights: an even sky", opened.GetPseudoRoot())
-        stage.environment = {"kind": "constant", "radiance": [1.0, 1.0, 1.0]}
-    if stage.environment is not None:
-        scene["environment"] = stage.environment
+        stage.lamps.environment = {"kind": "constant", "radiance": [1.0, 1.0, 1.0]}
+    if stage.lamps.environment is not None:
+        scene["environment"] = stage.lamps.environment
     return Conversion(source, scene, report, stage.files)

@@ -38,6 +38,12 @@ def pxr(name: str) -> Any:
         raise InputError("stages of USD need usd-core: pip install 'rptcam_cl[usd]'") from None
 
 
+def number_of(prim: Any, name: str, default: float, time: Any) -> float:
+    """Return a number that a prim says at a moment, or the default where it says none."""
+    value = prim.GetAttribute(name).Get(time)
+    return default if value is None else float(value)
+
+
 class PrimReport(Report):
     """What became of prims: messages with the paths that they concern."""
 

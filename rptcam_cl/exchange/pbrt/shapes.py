@@ -621,11 +621,7 @@ class Objects:
     def _add_table(self, instances: list[Instance], shapes: list[ShapeUse]) -> None:
         """Add the shapes of an object that stands in many places, with a table of these."""
         worlds = [np.asarray(self.frame.world @ item.world_from_instance) for item in instances]
-        kept = [
-            index
-            for index, world in enumerate(worlds)
-            if conversion.is_bearable(world) and conversion.is_transform_of_ours(world)
-        ]
+        kept = [index for index, world in enumerate(worlds) if conversion.is_usable(world)]
         for index in set(range(len(worlds))).difference(kept):
             self.context.report.ignored(instances[index].place, f'ObjectInstance "{instances[index].name}": {ODD}')
         if not kept:
