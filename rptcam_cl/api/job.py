@@ -23,8 +23,8 @@ from rptcam_cl.core.errors import InputError, NumericError, StateError
 from rptcam_cl.core.files import check_writable, replacing
 from rptcam_cl.device.session import Session, Wanted, means_all, open_session, open_sessions
 from rptcam_cl.imaging import development, writers
+from rptcam_cl.imaging.development import check_sensor, sensor_of
 from rptcam_cl.imaging.image import Image, develop, folders_of_film, with_picture_settings
-from rptcam_cl.imaging.sensor import check_sensor, sensor_of
 from rptcam_cl.optics.irradiance import scattered
 from rptcam_cl.rendering import account, several
 from rptcam_cl.rendering.account import resolve_exposure

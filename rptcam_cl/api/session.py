@@ -20,9 +20,8 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError, out_of_range
 from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session, open_sessions
-from rptcam_cl.imaging.development import denoise
+from rptcam_cl.imaging.development import check_sensor, denoise
 from rptcam_cl.imaging.image import Image
-from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.film import FilmLayout, group_pictures

@@ -21,7 +21,7 @@ from rptcam_cl.core.colour import SRGB_WHITE, XYZ_FROM_RGB, adaptation, xyz_of
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.files import check_writable, known_suffix, replacing
-from rptcam_cl.imaging.sensor import CHANNELS, SensorModel, camera_from_xyz, linear_picture
+from rptcam_cl.imaging.development import CHANNELS, SensorModel, camera_from_xyz, linear_picture
 
 # Directories of tagged values, as TIFF files and EXIF data hold them (TIFF revision 6.0, section 2).
 

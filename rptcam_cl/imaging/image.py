@@ -24,8 +24,7 @@ from rptcam_cl.core.colour import PRIMARIES, luminance, srgb_from_primaries
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError, near_name
 from rptcam_cl.imaging import formats, writers
-from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_values, quantise
-from rptcam_cl.imaging.sensor import SensorModel, expose
+from rptcam_cl.imaging.development import GUIDES, PLAIN, SensorModel, denoise, developed_values, expose, quantise
 from rptcam_cl.scene.film import LIGHT_LAYER, PictureSettings
 from rptcam_cl.scene.load import load_picture
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rptcam_cl.imaging.development import SensorModel
 from rptcam_cl.imaging.formats import RawImage
-from rptcam_cl.imaging.sensor import SensorModel
 from rptcam_cl.viewfinder.instruments import clipping, histogram, raw_histogram, stop_histogram, thinned
 
 

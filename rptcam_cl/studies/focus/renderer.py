@@ -20,7 +20,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session
-from rptcam_cl.imaging.sensor import binned_exposure, pixel_area_m2, sensor_of
+from rptcam_cl.imaging.development import binned_exposure, pixel_area_m2, sensor_of
 from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.model import CameraModel, exposed

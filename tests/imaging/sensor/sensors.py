@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import electrons_per_joule
-from rptcam_cl.imaging.sensor import SensorModel
+from rptcam_cl.imaging.development import SensorModel
 
 STRIPS = 16
 Numbers = NDArray[np.uint16]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.sensor import SensorModel, binned_exposure, expose, linear_picture
+from rptcam_cl.imaging.development import SensorModel, binned_exposure, expose, linear_picture
 from tests.imaging.sensor.sensors import Transfer, flat, photon_transfer, sensor
 from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rptcam_cl.imaging.sensor import expose, interpolate_colours, linear_picture, mosaic
+from rptcam_cl.imaging.development import expose, interpolate_colours, linear_picture, mosaic
 from tests.imaging.sensor.sensors import flat, sensor
 
 ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")

@@ -11,8 +11,8 @@ import tifffile
 
 from rptcam_cl.core.colour import RESPONSES
 from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.imaging.development import SensorModel, expose
 from rptcam_cl.imaging.formats import RawImage, check_raw_output
-from rptcam_cl.imaging.sensor import SensorModel, expose
 from tests.imaging.sensor.sensors import sensor
 from tests.imaging.sensor.test_mosaic import CHART
 

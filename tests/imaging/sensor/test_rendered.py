@@ -13,7 +13,7 @@ import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
-from rptcam_cl.imaging.sensor import SensorModel, expose
+from rptcam_cl.imaging.development import SensorModel, expose
 from tests.imaging.sensor.sensors import photon_transfer
 from tests.support.statistics import assert_equivalent
 

@@ -20,7 +20,7 @@ from rptcam_cl.core.colour import (
     srgb_from_spectrum,
 )
 from rptcam_cl.core.files import response_curves_dir
-from rptcam_cl.imaging.sensor import rgb_from_balanced, system_gain, white_electrons_at_iso
+from rptcam_cl.imaging.development import rgb_from_balanced, system_gain, white_electrons_at_iso
 from tests.imaging.sensor.sensors import sensor
 from tests.support.cases import slow
 from tests.support.statistics import assert_equivalent

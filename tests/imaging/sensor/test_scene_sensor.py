@@ -8,7 +8,7 @@ import pytest
 
 from rptcam_cl.core.colour import RESPONSES
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.sensor import SensorModel, expose, sensor_of
+from rptcam_cl.imaging.development import SensorModel, expose, sensor_of
 from rptcam_cl.scene.film import PRESETS, PresetName, ResponseName
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
