@@ -28,7 +28,7 @@ from rptcam_cl.device.session import Session, Wanted, open_session, open_session
 from rptcam_cl.imaging import development, sensor
 from rptcam_cl.imaging.image import Image, read_film, with_picture_settings
 from rptcam_cl.rendering.account import window
-from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.lens_records import stop_shape
 from rptcam_cl.scene.changes import at_rest, change_scene, set_keys
 from rptcam_cl.scene.load import SceneSource, read_scene
 from rptcam_cl.scene.scene import Scene

@@ -473,7 +473,7 @@ def _follow_frames(arguments: argparse.Namespace, scene: "Scene") -> int:
 
 def _focus_keywords(arguments: argparse.Namespace) -> dict[str, Any]:
     """The keywords of `autofocus` that the command has as options, files read."""
-    from rptcam_cl.rendering.cameras.ideal import bright_parts
+    from rptcam_cl.scene.assets.pictures import bright_pixels
     from rptcam_cl.studies.focus.controller import read_zones
 
     names = ("seed", "device", *(option.name for option in FOCUS_OPTIONS))
@@ -481,7 +481,7 @@ def _focus_keywords(arguments: argparse.Namespace) -> dict[str, Any]:
     if (file := given.pop("zones_file")) is not None:
         given["zones"] = read_zones(file, str(file))
     if given["mask"] is not None:
-        given["mask"] = bright_parts(given["mask"], str(given["mask"]))
+        given["mask"] = bright_pixels(given["mask"], str(given["mask"]))
     return given
 
 

@@ -29,7 +29,7 @@ from rptcam_cl.optics.charts import new_figure, styled
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays
-from rptcam_cl.rendering.cameras import ideal, kinds
+from rptcam_cl.rendering.cameras import kinds, lens_records
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.scene.assets.pictures import write_exr
 
@@ -338,7 +338,7 @@ def vignetting_map(view: CameraView) -> Pixels:
     assert setting is not None
     if not frame.is_flat:
         raise InputError("--vignetting: is known on a film across the axis alone (allowed: no tilt, no swing)")
-    lens = ideal.shaped(scene, setting).lens
+    lens = lens_records.shaped(scene, setting).lens
     back, wavelength = setting.film_distance_mm, setting.camera.wavelength_nm
 
     def light(of: Lens, radii: ArrayLike, degrees: float = 0.0) -> Array:
@@ -569,7 +569,7 @@ class _Sources:
     def __init__(self, view: CameraView, places: Array) -> None:
         assert view.setting is not None
         self.view, self.frame = view, film_frame(view.scene.camera)
-        self.lens = ideal.shaped(view.scene, view.setting).lens
+        self.lens = lens_records.shaped(view.scene, view.setting).lens
         self.film_z = self.lens.film_z(view.setting.film_distance_mm)
         film = view.film_points(places)
         film[:, 2] = self.film_z + self.lens.sense * film[:, 2]

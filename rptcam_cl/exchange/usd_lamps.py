@@ -81,7 +81,7 @@ class Lamps:
         return self._surface(prim, placement, radiance, _lamp_shape(kind, number), normalize)
 
     def _radiance(self, prim: Any, kind: str, number: Number) -> Array:
-        """Return the radiance of a lamp in red, green and blue; a normalized lamp has it divided by its area yet."""
+        """Return the radiance of a lamp in red, green and blue; of a normalized one still to be divided by its area."""
         api = self.lux.LightAPI(prim)
         colour = np.array(api.GetColorAttr().Get(self.time) or (1, 1, 1), np.float64)
         if api.GetEnableColorTemperatureAttr().Get(self.time):

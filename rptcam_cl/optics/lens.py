@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -418,6 +419,99 @@ def _behind_lens(lens: Lens, distance_mm: float) -> float:
     if not distance_mm > 0:
         raise InputError(f"{lens.name}: the image lies inside the lens, {-distance_mm:.6g} mm before its last vertex")
     return float(distance_mm)
+
+
+# The thick lens: what the cardinal points and the pupils of a lens say, and nothing of its aberrations and rims.
+
+_AT_THE_PUPIL = 1e-9  # distance from film to exit pupil, as a share of the film distance, that counts as none
+
+
+@dataclass(frozen=True)
+class ThickLens:
+    """The ray that leads from a film point through a point of the pupil, both sides of the lens to first order.
+
+    Every number is a factor for the film point [mm] and one for the point of the unit disk that the pupil is, in x and
+    y alike. To first order the exit pupil, the entrance pupil and the stop are images of each other, so a point of that
+    disk is a point of each. In this form nothing is infinite when a pupil is (a telecentric lens).
+
+    Attributes
+    ----------
+    film_slope : tuple of float
+        Sideways per unit towards the film, between the exit pupil and the film.
+    height : tuple of float
+        Where the ray meets the plane of the first vertex [mm].
+    slope : tuple of float
+        Sideways per unit towards the scene, in the scene.
+    """
+
+    film_slope: tuple[float, float]
+    height: tuple[float, float]
+    slope: tuple[float, float]
+
+    @property
+    def pupil_solid_angle(self) -> float:
+        """Area of the exit pupil over the square of its distance from the film."""
+        return math.pi * self.film_slope[1] ** 2
+
+    def film_per_tangent(self, width_m: float, height_m: float) -> tuple[float, float]:
+        """Return how many widths and heights of a film the image moves per unit of the tangent in the scene."""
+        per_mm = 1e-3 / abs(self.slope[0])
+        return per_mm / width_m, per_mm / height_m
+
+    @property
+    def lever(self) -> float:
+        """Slope of chief rays at the film over that in the scene: the pupil's size there over its size at the film."""
+        return self.film_slope[0] / abs(self.slope[0])
+
+    @property
+    def axial_cone(self) -> float:
+        """Projected solid angle of the pupil from the centre of the film: pi sin^2 of the half angle."""
+        square = self.film_slope[1] ** 2
+        return math.pi * square / (1.0 + square)
+
+
+def thick_lens_of(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> ThickLens:
+    """Return the thick lens of a lens and a film at a distance from its last vertex [mm].
+
+    With matrices on (height, index * slope), front from the first vertex to the stop and rear from the stop to the
+    film, a film point h and a stop point s belong to h = A s + B v, v being the slope at the stop times the index.
+
+    Raises
+    ------
+    InputError
+        For a lens that has no cardinal points, or other ones in x than in y, or whose exit pupil lies on the film.
+    """
+    _check_thick(lens, wavelength_nm)
+    stop = limiting_surface(lens, wavelength_nm)
+    radius = lens.surfaces[stop].semi_diameter
+    indices = lens.indices(wavelength_nm)
+    n_scene, n_film = float(indices[0]), float(indices[-1])
+    to_film = np.array([[1.0, film_distance_mm / n_film], [0.0, 1.0]])
+    (at, along), (_, turn) = (to_film @ system_matrix(lens, wavelength_nm, stop)).tolist()
+    (a, b), (c, d) = system_matrix(lens, wavelength_nm, 0, stop, refract_last=False).tolist()
+    if abs(along) <= _AT_THE_PUPIL * film_distance_mm:
+        raise InputError(f"{lens.name}: its exit pupil lies on the film, {film_distance_mm:g} mm behind the lens")
+    return ThickLens(
+        film_slope=(turn / along / n_film, -radius / along / n_film),
+        height=(-b / along, radius * (d + b * at / along)),
+        slope=(-a / along / n_scene, radius * (c + a * at / along) / n_scene),
+    )
+
+
+def _check_thick(lens: Lens, wavelength_nm: float) -> None:
+    if not lens.is_rotational:
+        raise InputError(
+            f"{lens.name}: is not the same from every side, so no single thick lens stands for it;"
+            " take camera.kind: realistic"
+        )
+    if not math.isfinite(lens.first_order(wavelength_nm).focal_length_mm):
+        raise InputError(f"{lens.name}: is afocal, so it has no cardinal points; take camera.kind: realistic")
+    if lens.is_obstructed:
+        raise InputError(
+            f"{lens.name}: its pupil is a ring, for which no thick lens stands; take camera.kind: realistic"
+        )
+    if lens.stop is not None and lens.stop.stop_shape is not None:
+        raise InputError(f"{lens.name}: its stop is not round; take camera.kind: realistic")
 
 
 # Lenses whose gaps vary: zoom positions as named configurations, and a group that moves to focus.

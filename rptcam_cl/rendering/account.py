@@ -19,9 +19,9 @@ from rptcam_cl.core.remember import Maker, made_by
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.design import BOARD, NO_DETAIL, Problem
 from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame, FilmProbe
-from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.lens import Lens, thick_lens_of
 from rptcam_cl.optics.ray_trace import Rays
-from rptcam_cl.rendering.cameras import ideal, kinds
+from rptcam_cl.rendering.cameras import kinds, lens_records
 from rptcam_cl.rendering.cameras import setting as lens_settings
 from rptcam_cl.rendering.cameras.model import camera_geometry, camera_irradiance, exposed, values_per_irradiance
 from rptcam_cl.rendering.cameras.setting import half_film_mm
@@ -69,7 +69,7 @@ def lens_margin(scene: Scene, session: Session) -> _LensMargin | None:
     from rptcam_cl.rendering.traceable_lens import trace_on_device
 
     setting = lens_settings.lens_setting(scene)
-    lens, wavelength_nm = ideal.shaped(scene, setting).lens, camera.wavelength_nm
+    lens, wavelength_nm = lens_records.shaped(scene, setting).lens, camera.wavelength_nm
     frame = lens_settings.film_frame(camera)
     origins, directions = film_rays(lens, setting.film_distance_mm, half_film_mm(scene), wavelength_nm, frame=frame)
     exact = lens.trace(origins, directions, wavelength_nm)
@@ -108,7 +108,7 @@ def film_rays(
 def _pixels_per_radian(scene: Scene, setting: lens_settings.LensSetting) -> float | None:
     """Return the scale of the picture at its centre, None for a lens that has none."""
     try:
-        thick = ideal.thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
+        thick = thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
     except InputError:
         return None
     return scene.film.resolution[0] / (scene.film.size_m()[0] * 1e3) / abs(float(thick.slope[0]))

@@ -24,13 +24,23 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.optics.waves import AIRY
 from rptcam_cl.rendering import point_spread
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_points
-from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.lamps import UNLIKE, FilmLamp, LampImage, Window, film_lamp, film_lamps, has_lamps, pixel_mm
+from rptcam_cl.rendering.lamp_images import (
+    FilmLamp,
+    brightness,
+    film_lamp,
+    film_lamps,
+    has_lamps,
+    pictures,
+    pixel_mm,
+    with_all_light,
+    without_lamps,
+)
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_waves import NEAR_CELLS, Conjugates, conjugates_in, conjugates_of, kernel_of_waves
+from rptcam_cl.scene import lens_settings
 from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -274,7 +284,7 @@ class FilmSpread:
             lost += float(self._shares @ strewn.sum(axis=(1, 2)) - far.sum())
         spread += stars
         if by_waves.any():
-            near = images if self.edges is not None else [_with_all(image) for image in images]
+            near = images if self.edges is not None else [with_all_light(image) for image in images]
             spread += pictures(planes.shape, offset, near, by_waves[imaged])
             spread = np.maximum(spread, 0.0) if pixels.min(initial=0.0) >= 0 else spread
         if beside:
@@ -768,131 +778,105 @@ def _finer_nodes(axis: Array, parts: int, low: int, high: int) -> tuple[list[flo
 
 
 #
-# How bright each lamp is on a film.
+# Dust and scratches in the plane of the stop, as holes in its outline.
+#
+# Specks are numbered from the middle outwards, so that a wider stop shows those of a smaller one and more.
 
-PARTS = 3  # of its picture each way
-_KNOWN, _SEEN = 0.1, 0.4  # of a lamp on the picture: below the first its light is computed, above the second fitted
+_SPECK_CORNERS = 9
+_RAGGED = 0.3  # how far corners of a speck lie beside its circle, in its radius
+MOST = 1000  # specks, and scratches; of more the largest count
+ALONG = 65  # places along a scratch that are looked at
+ROOM = 0.999  # share of the outline's radius that dirt lies within
 
 
-def brightness(planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage]) -> Array:
-    """Return the light of lamps (n, 3) on planes (3, height, width) of a film; 0 of those that it shows otherwise.
+def edges_of(polygon: Array) -> Array:
+    """Return the edges (n, 4), from x, y to x, y, of a polygon (n, 2)."""
+    return np.concatenate([polygon, np.roll(polygon, -1, axis=0)], axis=1)
 
-    By least squares of the rays' pictures, about the mean of each picture's square, so that even light about a lamp
-    does not count. A lamp that something hides in part is not like its rays.
+
+def dirt_edges(dirt: lens_settings.Dirt, outline: Array, radius_mm: float) -> Array:
+    """Return the edges (n, 4) of dirt within an outline, clockwise, as holes have them.
+
+    Parameters
+    ----------
+    dirt : Dirt
+    outline : (n, 2) array
+        Anticlockwise about its middle, from which every corner is seen; of any unit.
+    radius_mm : float
+        What its farthest corner is from the middle, in the plane of the stop.
     """
-    places = [lamp.on_film(planes.shape[1:], offset) for lamp in lamps]
-    good = [k for k, (film, _) in enumerate(places) if all(side.stop > side.start for side in film)]
-    while good:
-        light = _fit_light(planes, [(lamps[k], *places[k]) for k in good])
-        known: Array = np.array([lamps[k].light for k in good])
-        share = [_share_seen(lamps[k], places[k][1]) for k in good]
-        light = known + np.array(share)[:, None] * (light - known)
-        left = planes - _together(planes.shape, [(lamps[k], *places[k]) for k in good], light)
-        fine = [part == 0 or _is_like(left, *places[k], lamps[k], own)
-                for k, own, part in zip(good, light, share, strict=True)]  # fmt: skip
-        if all(fine):
-            found = np.zeros((len(lamps), 3))
-            found[good] = light
-            return found
-        good = [k for k, is_fine in zip(good, fine, strict=True) if is_fine]
-    return np.zeros((len(lamps), 3))
+    middle = _middle(outline)
+    about = outline - middle
+    reach = np.hypot(*about.T)
+    scale = float(reach.max()) / radius_mm
+    order = np.argsort(np.arctan2(about[:, 1], about[:, 0]))
+    rim = (np.arctan2(about[order, 1], about[order, 0]), reach[order] / scale * ROOM)
+    specks = [polygon for polygon in _specks(dirt, radius_mm) if _inside(polygon, rim).all()]
+    scratches = [
+        polygon for line in _scratches(dirt, radius_mm) if (polygon := _clip_line(line, dirt, rim)) is not None
+    ]
+    edges = [edges_of(middle + scale * polygon[::-1]) for polygon in (*specks, *scratches)]
+    return np.concatenate([np.zeros((0, 4)), *edges])
 
 
-def _share_seen(lamp: LampImage, part: Window) -> float:
-    """Return how much the film says of the light of a lamp, where some falls beside: 1 where it shows enough of it."""
-    if not any(lamp.light):
-        return 1.0
-    on_film = float(lamp.rays[:, part[0], part[1]].sum() / lamp.rays.sum())
-    return float(np.clip((on_film - _KNOWN) / (_SEEN - _KNOWN), 0.0, 1.0))
+def _middle(polygon: Array) -> Array:
+    """Return the centroid of the area of a polygon."""
+    following = np.roll(polygon, -1, axis=0)
+    cross = polygon[:, 0] * following[:, 1] - polygon[:, 1] * following[:, 0]
+    return np.asarray(cross @ (polygon + following) / (3 * cross.sum()))
 
 
-Placed = tuple[LampImage, Window, Window]
+def _inside(points: Array, rim: tuple[Array, Array]) -> NDArray[np.bool_]:
+    angles = np.arctan2(points[:, 1], points[:, 0])
+    return np.asarray(np.hypot(*points.T) < np.interp(angles, *rim, period=2 * np.pi))
 
 
-def _fit_light(planes: Array, placed: Sequence[Placed]) -> Array:
-    light = np.zeros((len(placed), 3))
-    for channel in range(3):
-        own = [lamp.rays[channel][part].astype(np.float64) for lamp, _, part in placed]
-        tests = [rays - rays.mean() for rays in own]
-        matrix, right = np.zeros((len(placed), len(placed))), np.zeros(len(placed))
-        for k, (_, film, _) in enumerate(placed):
-            right[k] = float(np.sum(tests[k] * planes[channel][film]))
-            for m, (_, other, _) in enumerate(placed):
-                low = [max(a.start, b.start) for a, b in zip(film, other, strict=True)]
-                high = [min(a.stop, b.stop) for a, b in zip(film, other, strict=True)]
-                if all(a < b for a, b in zip(low, high, strict=True)):
-                    first = tuple(slice(a - c.start, b - c.start) for a, b, c in zip(low, high, film, strict=True))
-                    second = tuple(slice(a - c.start, b - c.start) for a, b, c in zip(low, high, other, strict=True))
-                    matrix[k, m] = float(np.sum(tests[k][first] * own[m][second]))
-        light[:, channel] = np.linalg.lstsq(matrix, right, rcond=1e-9)[0]
-    return np.maximum(light, 0.0)
+def _spread(density: float, radius_mm: float, seed: int, numbers: int) -> tuple[Array, Array]:
+    """Return places (n, 2) about the middle [mm], and random numbers (n, numbers) beside each."""
+    count = int(np.ceil(density * np.pi * radius_mm**2))
+    drawn = np.random.default_rng(seed).random((count, 2 + numbers))
+    distance = np.sqrt((np.arange(count) + drawn[:, 0]) / (np.pi * max(density, 1e-300)))
+    angle = 2 * np.pi * drawn[:, 1]
+    return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1), drawn[:, 2:]
 
 
-def _is_like(left: Array, film: Window, part: Window, lamp: LampImage, light: Array) -> bool:
-    """Return whether what is left of a film without a lamp is even, in parts of the lamp's picture."""
-    whole = float(light.sum())
-    if not whole > 0:
-        return False
-    rest, rays = left[:, film[0], film[1]].sum(axis=0), lamp.rays[:, part[0], part[1]].sum(axis=0)
-    dark = rays <= 1e-3 * rays.max()
-    rest = rest - (rest[dark].mean() if dark.any() else 0.0)
-    lit = np.argwhere(~dark)
-    low, high = lit.min(axis=0), lit.max(axis=0) + 1
-    rows, columns = (np.linspace(low[k], high[k], PARTS + 1).astype(int) for k in (0, 1))
-    off = sum(
-        abs(float(rest[a:b, c:d].sum())) for a, b in itertools.pairwise(rows) for c, d in itertools.pairwise(columns)
-    )
-    return off < UNLIKE * whole * float(rays.sum()) / 3
+def _sizes(drawn: Array) -> Array:
+    """Return factors of median 1 that are nearly log-normal, of three random numbers each."""
+    return np.asarray(np.exp(drawn[:, :3].sum(axis=1) - 1.5))
 
 
-def _together(shape: tuple[int, ...], placed: Sequence[Placed], light: Array) -> Array:
-    """Return the film of lamps by their rays."""
-    planes = np.zeros(shape)
-    for (lamp, film, part), own in zip(placed, light, strict=True):
-        planes[:, film[0], film[1]] += own[:, None, None] * lamp.rays[:, part[0], part[1]]
-    return planes
+def _specks(dirt: lens_settings.Dirt, radius_mm: float) -> list[Array]:
+    """Return the corners of ragged specks about the middle [mm]."""
+    at, drawn = _spread(dirt.dust_per_mm2, radius_mm, dirt.seed, 3 + _SPECK_CORNERS)
+    radii = 0.5e-3 * dirt.dust_um * _sizes(drawn)
+    angles = 2 * np.pi * np.arange(_SPECK_CORNERS) / _SPECK_CORNERS
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    chosen = np.sort(np.argsort(-radii, kind="stable")[:MOST])
+    return [at[k] + (radii[k] * (1 + _RAGGED * (2 * drawn[k, 3:] - 1)))[:, None] * ring for k in chosen]
 
 
-def without_lamps(
-    planes: Array, offset: tuple[int, int], lamps: Sequence[LampImage], light: Array
-) -> tuple[Array, Array]:
-    """Return planes (3, height, width) of a film without lamps of some light (n, 3), and the light that is taken.
-
-    What is left where their rays are is noise of the lamp and what stands about it; it is kept between none and the
-    brightest pixel beside the lamp. What goes beyond is the lamp's, so that all light is kept.
-    """
-    light = light.copy()
-    shining = np.flatnonzero(light.any(axis=1)).tolist()
-    placed = [(lamps[k], *lamps[k].on_film(planes.shape[1:], offset)) for k in shining]
-    left = planes - _together(planes.shape, placed, light[shining])
-    shown = {k: _share_seen(lamp, part) for k, (lamp, _, part) in zip(shining, placed, strict=True)}
-    lit = np.zeros(planes.shape[1:], np.bool_)
-    for lamp, film, part in placed:
-        lit[film] |= _lit(lamp, part)
-    for k, (lamp, film, part) in zip(shining, placed, strict=True):
-        inside, dark = _lit(lamp, part), ~lit[film]
-        for channel, plane in enumerate(left):
-            window = plane[film]
-            kept = np.clip(window[inside], 0.0, window[dark].max() if dark.any() else np.inf)
-            if shown[k] > 0:
-                light[k, channel] += shown[k] * (window[inside] - kept).sum() / lamp.rays[channel][part][inside].sum()
-            window[inside] = kept
-    return left, np.maximum(light, 0.0)
+def _scratches(dirt: lens_settings.Dirt, radius_mm: float) -> list[tuple[Array, Array]]:
+    """Return both ends of scratches about the middle [mm]."""
+    at, drawn = _spread(dirt.scratches_per_mm2, radius_mm, dirt.seed + 1, 4)
+    halves = 0.5 * dirt.scratch_mm * _sizes(drawn)
+    angles = np.pi * drawn[:, 3]
+    away = halves[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return [(at[k] - away[k], at[k] + away[k]) for k in np.sort(np.argsort(-halves, kind="stable")[:MOST])]
 
 
-def _lit(lamp: LampImage, part: Window) -> NDArray[np.bool_]:
-    return np.asarray(lamp.rays[:, part[0], part[1]].sum(axis=0) > 1e-6 * lamp.rays.max())
-
-
-def _with_all(lamp: LampImage) -> LampImage:
-    """Return the picture of a lamp with all of its light, none of which is far."""
-    return replace(lamp, waves=lamp.waves / lamp.waves.sum(axis=(1, 2))[:, None, None])
-
-
-def pictures(shape: tuple[int, ...], offset: tuple[int, int], lamps: Sequence[LampImage], light: Array) -> Array:
-    """Return planes of the same by waves, without their far light."""
-    planes = np.zeros(shape)
-    for lamp, own in zip(lamps, light, strict=True):
-        film, part = lamp.on_film(shape[1:], offset)
-        planes[:, film[0], film[1]] += own[:, None, None] * lamp.waves[:, part[0], part[1]]
-    return planes
+def _clip_line(line: tuple[Array, Array], dirt: lens_settings.Dirt, rim: tuple[Array, Array]) -> Array | None:
+    """Return the corners of the part of a scratch within the rim; None where it is not longer than wide."""
+    first, last = line
+    wide = 0.5e-3 * dirt.scratch_um
+    across = np.array([first[1] - last[1], last[0] - first[0]])
+    across *= wide / np.hypot(*across)
+    places = first + np.linspace(0, 1, ALONG)[:, None] * (last - first)
+    good = _inside(places - across, rim) & _inside(places + across, rim)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    if not len(ends):
+        return None
+    longest = int(np.argmax(ends[1::2] - ends[::2]))
+    a, b = places[ends[2 * longest]], places[ends[2 * longest + 1] - 1]
+    if np.hypot(*(b - a)) <= 2 * wide:
+        return None
+    return np.stack([a - across, b - across, b + across, a + across])

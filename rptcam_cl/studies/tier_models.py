@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.film_probe import FINE, FilmProbe, narrowing_probes, pupil_boxes
-from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.lens import Lens, ThickLens, thick_lens_of
 from rptcam_cl.optics.surface import StopMask, StopShape, cut_polygon
-from rptcam_cl.rendering.cameras.ideal import ThickLens, stop_shape, thick_lens_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
-from rptcam_cl.rendering.cameras.lens_records import FAR_MM, disperses, usable_nm
+from rptcam_cl.rendering.cameras.lens_records import FAR_MM, disperses, stop_shape, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap, allowed_px, fitted_map
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_camera, lens_setting, lens_to_focus, on_film
 from rptcam_cl.scene.assets.mesh import MeshPlacement

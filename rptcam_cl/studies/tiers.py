@@ -17,7 +17,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.surface import StopMask, StopShape
-from rptcam_cl.rendering.cameras import ideal, kinds, ray_map, realistic
+from rptcam_cl.rendering.cameras import kinds, lens_records, ray_map, realistic
 from rptcam_cl.rendering.cameras.lens_records import EXTREMES_NM, FAR_MM, colour_error_px, disperses, usable_nm
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, lens_setting, on_film
 from rptcam_cl.scene.changes import change_scene
@@ -238,7 +238,7 @@ class Truth:
         """Trace the lens of a scene."""
         setting = first.setting
         half_film_mm = np.array(scene.film.size_m()) / 2 * 1e3
-        shape = ideal.stop_shape(scene, scene.camera.outline)
+        shape = lens_records.stop_shape(scene, scene.camera.outline)
         low, high = usable_nm(setting.lens)
         requested = scene.spectrum.lens_colour != "off"
         coloured = requested and disperses(setting.lens)
@@ -246,7 +246,7 @@ class Truth:
         pixel_mm = float(2 * half_film_mm[0] / scene.film.resolution[0])
         fields = _trace_fields(setting, shape, half_film_mm, pixel_mm, shares, colours_nm)
         tint = realistic.lens_tint(scene, setting) if requested else 0.0
-        lens = ideal.shaped(scene, setting).lens
+        lens = lens_records.shaped(scene, setting).lens
         return cls(
             scene, first, lens, half_film_mm, shares, tuple(fields), tier_models.round_stop(shape)[1], tint, coloured
         )

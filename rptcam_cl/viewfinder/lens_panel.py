@@ -18,10 +18,10 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.optics.charts import wavelength_colour
 from rptcam_cl.optics.drawing import blades, glass, lines, obstruction
 from rptcam_cl.optics.film_probe import FilmProbe, narrow_boxes
-from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.lens import Lens, thick_lens_of
 from rptcam_cl.optics.ray_trace import IDEAL, Rays, Status
 from rptcam_cl.optics.spots import COLUMNS, FilmSpot, field_mtf
-from rptcam_cl.rendering.cameras import ideal, lens_records
+from rptcam_cl.rendering.cameras import lens_records
 from rptcam_cl.rendering.cameras.kinds import Perspective, camera_of
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, film_point, lens_setting
 from rptcam_cl.rendering.traceable_lens import LensTracer
@@ -150,7 +150,7 @@ class LensState:
 def lens_state(scene: Scene, device: Session) -> LensState:
     """Return the lens of a scene in focus, whose camera has one."""
     setting = lens_setting(scene)
-    lens = setting.lens if setting.lens.stop is None else ideal.shaped(scene, setting).lens
+    lens = setting.lens if setting.lens.stop is None else lens_records.shaped(scene, setting).lens
     return LensState(scene, setting, lens, device)
 
 
@@ -687,7 +687,7 @@ def _thick_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
     film = np.array(film_point(state.scene, camera, x, y)[:2])
     across = _section(state, np.array([*film, 0.0]))
     height = float(film @ across)
-    thick = ideal.thick_lens_of(state.setting.lens, state.setting.film_distance_mm, camera.wavelength_nm)
+    thick = thick_lens_of(state.setting.lens, state.setting.film_distance_mm, camera.wavelength_nm)
     ahead = min(APPROACH * state.size_mm, state.object_mm)
     lines = []
     for pupil in np.linspace(-1.0, 1.0, RAY_FAN).tolist():

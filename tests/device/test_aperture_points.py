@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.lens_records import stop_shape
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays
 from tests.support.cases import fast, slow

@@ -7,10 +7,9 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.beams import Beam, spot
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.irradiance import lens_info, on_axis_irradiance, t_number
-from rptcam_cl.optics.lens import film_distance, object_distance
+from rptcam_cl.optics.lens import film_distance, object_distance, thick_lens_of
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import COATED, Status, passing
-from rptcam_cl.rendering.cameras.ideal import thick_lens_of
 from rptcam_cl.rendering.cameras.ray_map import ray_map
 
 N_BK7 = 1.5168000345

@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.surface import StopMask
-from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.lens_records import stop_shape
 from tests.support.cases import fast
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0]}

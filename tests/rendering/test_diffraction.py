@@ -19,22 +19,22 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.waves import AIRY, pupil_function, transfer
 from rptcam_cl.rendering import diffraction, point_spread, point_waves
 from rptcam_cl.rendering.cameras.film_pupil import film_points
-from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of, shaped
 from rptcam_cl.rendering.cameras.kinds import camera_of
+from rptcam_cl.rendering.cameras.lens_records import shaped
 from rptcam_cl.rendering.diffraction import (
     LOST_CONTRAST,
     SEEN_STAR,
     FilmOpenings,
-    LampImage,
-    brightness,
     describe_film,
     diffraction_of,
+    dirt_edges,
+    edges_of,
     spread_of,
     star_light,
-    without_lamps,
 )
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.lamps import FilmLamp, aimed_plan, lines_of
+from rptcam_cl.rendering.lamp_images import FilmLamp, LampImage, brightness, lines_of, without_lamps
+from rptcam_cl.rendering.lamps import aimed_plan
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import (
     FarLight,

@@ -7,9 +7,8 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.lens import film_distance
+from rptcam_cl.optics.lens import film_distance, thick_lens_of
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering.cameras.ideal import thick_lens_of
 from tests.device.probes import camera_rays, open_session
 from tests.rendering.pictures import WHITE, flat_mean, pixels, scene_of
 from tests.support.statistics import assert_equivalent

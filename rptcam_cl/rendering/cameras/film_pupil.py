@@ -20,10 +20,10 @@ from rptcam_cl.optics import waves as wave_optics
 from rptcam_cl.optics.beams import without_rims
 from rptcam_cl.optics.film_probe import cells, grid, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ghosts import with_wider_stop
-from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.lens import Lens, ThickLens
 from rptcam_cl.optics.ray_trace import Rays, passing
 from rptcam_cl.optics.surface import StopMask, StopShape
-from rptcam_cl.rendering.cameras.ideal import ThickLens, shaped
+from rptcam_cl.rendering.cameras.lens_records import shaped
 from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_map
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame

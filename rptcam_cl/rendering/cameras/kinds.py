@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.lens import ThickLens, thick_lens_of
 from rptcam_cl.optics.ray_trace import axial_transmittance
-from rptcam_cl.rendering.cameras import film_pupil, ideal, model
+from rptcam_cl.rendering.cameras import film_pupil, lens_records, model
 from rptcam_cl.rendering.cameras import setting as settings
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays, PerspectiveRays, SphereRays, TracedRays
 from rptcam_cl.rendering.cameras.realistic import Window, axis_irradiance, realistic_model
@@ -281,8 +282,8 @@ class _ThinLens(CameraOptics):
             camera, scene.film, "thin_lens",
             half_width=tangents[0], half_height=tangents[1], focus_distance=camera.plane_m, aperture_radius=radius,
         )  # fmt: skip
-        tables, facts = ideal.aperture_tables(scene, camera.aperture)
-        shape = ideal.stop_shape(scene, camera.aperture)
+        tables, facts = lens_records.aperture_tables(scene, camera.aperture)
+        shape = lens_records.stop_shape(scene, camera.aperture)
         on_axis = model.opening_irradiance(shape, radius, self._film_m) if radius else None
         facts |= settings.place_film(record, scene, self._film_m * 1e3)
         metadata: CameraMetadata = {
@@ -304,7 +305,7 @@ class _ThinLens(CameraOptics):
             tables=tables,
             metadata=metadata,
             view=model.CameraView(
-                pupil_radius_m=radius, blur=lambda: ideal.thin_lens_blur(scene, gain, 1 / camera.plane_m, self._film_m)
+                pupil_radius_m=radius, blur=lambda: model.thin_lens_blur(scene, gain, 1 / camera.plane_m, self._film_m)
             ),
             on_axis_irradiance=on_axis,
             reach=model.thin_lens_reach(radius, camera.plane_m, tangents, shape) if radius else None,
@@ -315,7 +316,7 @@ class _ThinLens(CameraOptics):
         return PerspectiveRays(self.scene, 0.0, -per_mm, per_mm, 0.0)
 
     def pupil_rays(self, places: Array) -> film_pupil.PupilRays:
-        shape = ideal.stop_shape(self.scene, self.camera.aperture)
+        shape = lens_records.stop_shape(self.scene, self.camera.aperture)
         return film_pupil.thin_lens_rays(self.scene, places, self._radius_m, self._film_m, self.camera.plane_m, shape)
 
     def film_pupils(self) -> film_pupil.FilmPupils:
@@ -327,7 +328,7 @@ class _ThinLens(CameraOptics):
         def scene_side(z: float) -> tuple[float, float]:
             return z / film, radius * (1 + z / plane)  # the scene lies at z < 0
 
-        shape = ideal.stop_shape(self.scene, self.camera.aperture)
+        shape = lens_records.stop_shape(self.scene, self.camera.aperture)
         return film_pupil.flat_pupils(slopes, shape, 1.0, 1.0, radius, (scene_side, -4))
 
     def entrance_pupil(self) -> EntrancePupil:
@@ -365,8 +366,8 @@ class _LensOfSurfaces(CameraOptics):
         return self._in_use
 
     @cached_property
-    def _thick(self) -> ideal.ThickLens:
-        return ideal.thick_lens_of(self.setting.lens, self.setting.film_distance_mm, self.camera.wavelength_nm)
+    def _thick(self) -> ThickLens:
+        return thick_lens_of(self.setting.lens, self.setting.film_distance_mm, self.camera.wavelength_nm)
 
     @property
     def _first_vertex_m(self) -> float:
@@ -447,7 +448,7 @@ class _ThickLens(_LensOfSurfaces):
             view=model.entrance_pupil_view(
                 setting.lens.first_order(camera.wavelength_nm),
                 first_vertex_m,
-                lambda: ideal.thick_lens_blur(thick, scene, first_vertex_m),
+                lambda: model.thick_lens_blur(thick, scene, first_vertex_m),
             ),
             on_axis_irradiance=on_axis,
             passed=passed,
@@ -478,7 +479,7 @@ class _ThickLens(_LensOfSurfaces):
         return entrance_pupil(self.scene, self.setting, drifts=False)
 
     def intrinsics(self) -> Intrinsics:
-        return ideal.thick_lens_intrinsics(self.scene, self._thick)
+        return model.thick_lens_intrinsics(self.scene, self._thick)
 
 
 class _TracedLens(_LensOfSurfaces):
@@ -496,16 +497,16 @@ class _TracedLens(_LensOfSurfaces):
         return film_pupil.traced_lens_rays(self.scene, self.setting, places)
 
     def film_pupils(self) -> film_pupil.FilmPupils:
-        return film_pupil.traced_pupils(ideal.shaped(self.scene, self.setting))
+        return film_pupil.traced_pupils(lens_records.shaped(self.scene, self.setting))
 
     def entrance_pupil(self) -> EntrancePupil:
         return entrance_pupil(self.scene, self.setting, drifts=True)
 
     def intrinsics(self) -> Intrinsics:
-        return ideal.thick_lens_intrinsics(self.scene, self._thick, "traced lens")
+        return model.thick_lens_intrinsics(self.scene, self._thick, "traced lens")
 
     def irradiance(self) -> float:
-        lens, setting = ideal.shaped(self.scene, self.setting).lens, self.setting
+        lens, setting = lens_records.shaped(self.scene, self.setting).lens, self.setting
         return axis_irradiance(lens, setting.film_distance_mm, self.camera.wavelength_nm, setting.transmission)
 
 

@@ -1,7 +1,8 @@
-"""A lens as device records: its surfaces, their dispersion, and ways of light between them."""
+"""A lens as device records: its surfaces, their dispersion, ways of light between them, and the outline of its stop."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -10,16 +11,28 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core import records as layout
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import SURFACE, RegionKind, StopKind, SurfaceKind
+from rptcam_cl.core.records import SURFACE, RegionKind, StopKind, SurfaceKind, curves
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.as_built import Copies
 from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame
 from rptcam_cl.optics.ghosts import steps
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, is_tinted, known_nm, passed_rays
-from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
-from rptcam_cl.rendering.cameras.ideal import shaped
+from rptcam_cl.optics.surface import (
+    Region,
+    StopMask,
+    StopShape,
+    Surface,
+    SurfacePose,
+    blades,
+    fit_to_stop,
+    heart,
+    polygon,
+    star,
+)
 from rptcam_cl.rendering.cameras.setting import LensSetting, LossFiller, lens_setting
+from rptcam_cl.scene import lens_settings
+from rptcam_cl.scene.assets.pictures import bright_pixels
 from rptcam_cl.scene.changes import at_opening
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.scene import Scene
@@ -438,3 +451,70 @@ class WayRecords:
         )
         records["refracts"][[step.reflects for step in way]] = -1.0
         return records
+
+
+# The shape of an aperture for the device: tables to draw points of a thin lens from, or the shape of a stop.
+
+_LARGEST_MASK = 512  # pixels along a side
+
+
+def stop_shape(scene: Scene, aperture: lens_settings.Aperture) -> StopShape | StopMask | None:
+    """Return the shape of an aperture of radius 1; None for a circle.
+
+    Raises
+    ------
+    InputError
+        When an outline crosses itself, or a picture cannot be used as a mask.
+    """
+    match aperture:
+        case lens_settings.PolygonAperture():
+            return blades(aperture.blades, aperture.rotation_degrees, aperture.curvature)
+        case lens_settings.StarAperture():
+            return star(aperture.points, aperture.inner_radius, aperture.rotation_degrees)
+        case lens_settings.HeartAperture():
+            return heart(aperture.rotation_degrees)
+        case lens_settings.OutlineAperture():
+            return polygon(fit_to_stop(aperture.points), aperture.rotation_degrees)
+        case lens_settings.ImageAperture():
+            where = aperture.place.rstrip(": ")
+            cells = bright_pixels(scene.content_of(aperture), where)
+            rows, columns = cells.shape
+            if rows != columns or columns > _LARGEST_MASK:
+                raise InputError(
+                    f"{where}: is {columns} x {rows} pixels"
+                    f" (allowed: square, at most {_LARGEST_MASK} x {_LARGEST_MASK})"
+                )
+            return StopMask(cells)
+    return None
+
+
+def shaped(scene: Scene, setting: LensSetting) -> LensSetting:
+    """Return a lens in use with its stop in the shape of the camera's aperture.
+
+    Raises
+    ------
+    InputError
+        When the lens has no stop to shape.
+    """
+    shape = stop_shape(scene, scene.camera.outline)
+    if shape is None:
+        return setting
+    if setting.lens.stop is None:
+        raise InputError(f"camera.aperture: {setting.lens.name} has no stop to shape (mark one with stop: true)")
+    return replace(setting, lens=setting.lens.with_stop_shape(shape))
+
+
+def aperture_tables(scene: Scene, aperture: lens_settings.Aperture) -> tuple[NDArray[np.float32], dict[str, int]]:
+    """Return the tables of an aperture of radius 1 and its facts, both as `kernels/lens/aperture.h` describes them."""
+    shape = stop_shape(scene, aperture)
+    facts = {"APERTURE_PARTS": 0, "APERTURE_ROWS": 0}
+    if shape is None:
+        return np.zeros(1, np.float32), facts
+    if isinstance(shape, StopMask):
+        cells = shape.cells[::-1].astype(np.float64)
+        tables = np.concatenate([curves(cells.sum(axis=1)[None])[0], curves(cells)[0]])
+        return tables.ravel(), facts | {"APERTURE_ROWS": len(cells)}
+    apex, first, second = (shape.triangles[:, k] for k in range(3))
+    corners = np.concatenate([apex, first - apex, second - first], axis=1).astype(np.float32)
+    curve, _ = curves(shape.triangle_areas[None])
+    return np.concatenate([curve.ravel(), corners.ravel()]), facts | {"APERTURE_PARTS": len(corners)}

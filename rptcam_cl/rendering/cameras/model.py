@@ -18,7 +18,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import CAMERA, DISPERSION_NM, SURFACE, VIEW, PupilKind
 from rptcam_cl.optics.best_focus import blur_variances
 from rptcam_cl.optics.film_probe import UNMOVED, FilmFrame
-from rptcam_cl.optics.lens import FirstOrder, Lens
+from rptcam_cl.optics.lens import FirstOrder, Lens, ThickLens
 from rptcam_cl.optics.ray_trace import passed_rays
 from rptcam_cl.optics.surface import StopMask, StopShape
 from rptcam_cl.rendering.cameras import setting as settings
@@ -95,6 +95,31 @@ def perfect_blur(gains: Array, focuses: Array, *, shift: float = 0.0, origin_z: 
     square, away = np.square(gains), focuses - focus
     table = np.stack([square * away**2, -2.0 * square * away, square, np.zeros_like(square)], axis=-1)
     return Blur(table.astype(np.float32), focus, 1.0, shift, origin_z)
+
+
+def thin_lens_blur(scene: Scene, gain: float, focus: float, film_distance_m: float) -> Blur:
+    """Return the circle of confusion: a film point farther back has its plane of focus nearer, and a longer lever."""
+    nearer = 1.0 + film_depths(scene) * 1e-3 / film_distance_m
+    return perfect_blur(gain * nearer, focus + (1.0 - 1.0 / nearer) / film_distance_m)
+
+
+def thick_lens_blur(thick: ThickLens, scene: Scene, first_vertex_m: float) -> Blur:
+    """Return the circle of confusion: where a point is seen, its rays spread over the film as the pupil's points do.
+
+    A point x at a distance D from the first vertex belongs to film points h with x = (height + D slope) (h, p). A film
+    point farther back sees a point p of the pupil through h' = (h - depth film_slope p) / (1 + depth film_slope h).
+    """
+    film = scene.film
+    width_m, height_m = film.size_m()
+    pixels_per_mm = math.sqrt(film.resolution[0] / width_m * film.resolution[1] / height_m) * 1e-3
+    (at, across), (turn, spread) = thick.height, thick.slope
+    depths = film_depths(scene)
+    nearer = 1.0 + depths * thick.film_slope[0]
+    moved = depths * thick.film_slope[1] / nearer
+    across_there, spread_there = across - moved * at, spread - moved * turn
+    gains = 2 * pixels_per_mm * np.abs(across_there / turn * nearer) * 1e-3
+    focuses = -spread_there / across_there * 1e3
+    return perfect_blur(gains, focuses, shift=at / turn * 1e-3, origin_z=first_vertex_m)
 
 
 def traced_blur(
@@ -428,6 +453,13 @@ def intrinsics(
         cx, cy = width / 2 + frame.centre[0] * per_mm[0], height / 2 - frame.centre[1] * per_mm[1]
         return {"fx": focal[0], "fy": focal[1], "cx": cx, "cy": cy, "distortion": distortion}
     return {"matrix": _homography(scene, per_tangent, lever), "distortion": distortion}
+
+
+def thick_lens_intrinsics(
+    scene: Scene, thick: ThickLens, distortion: Literal["none", "traced lens"] = "none"
+) -> Intrinsics:
+    """Return the intrinsics of a scene's camera, whose lens is that thick lens to first order."""
+    return intrinsics(scene, thick.film_per_tangent(*scene.film.size_m()), distortion=distortion, lever=thick.lever)
 
 
 def _homography(scene: Scene, per_tangent: tuple[float, float], lever: float) -> list[list[float]]:

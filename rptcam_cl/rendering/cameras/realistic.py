@@ -17,10 +17,10 @@ from rptcam_cl.core.records import PupilKind
 from rptcam_cl.core.remember import checkpoint, remember
 from rptcam_cl.optics.film_probe import FilmFrame, FilmProbe, Wavelengths, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.irradiance import axial_irradiance, disk_irradiance, on_axis_irradiance
-from rptcam_cl.optics.lens import Lens, zoom_range_mm
+from rptcam_cl.optics.lens import Lens, thick_lens_of, zoom_range_mm
 from rptcam_cl.optics.pupils import PupilShapes, StoppedPupils, shared_shapes, stopped_pupils
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance, is_tinted
-from rptcam_cl.rendering.cameras import ideal, lens_records, model, ray_map
+from rptcam_cl.rendering.cameras import lens_records, model, ray_map
 from rptcam_cl.rendering.cameras import pupil as pupil_grid
 from rptcam_cl.rendering.cameras import setting as settings
 from rptcam_cl.rendering.cameras.pupil import PupilGrid, PupilSampling, by_content, on_disk, pupil_sampling
@@ -398,7 +398,7 @@ def realistic_model(
     camera, losses = scene.camera.traced_camera, setting.transmission
     assert camera is not None
     settings.check_film(setting.lens, setting.film_distance_mm, scene)
-    lens, film_distance_mm = ideal.shaped(scene, setting).lens, setting.film_distance_mm
+    lens, film_distance_mm = lens_records.shaped(scene, setting).lens, setting.film_distance_mm
     dispersive, colour = _colour(scene, setting, lens_colour, coarse)
     low, high = lens_records.usable_nm(lens, losses if dispersive else IDEAL)
     sampled_nm = (camera.wavelength_nm, low, high) if dispersive else (camera.wavelength_nm,)
@@ -460,10 +460,10 @@ def _rays_through(
 def _perspective(scene: Scene, setting: LensSetting) -> CameraMetadata:
     """Find the intrinsics for the metadata; none where no thick lens stands for the lens."""
     try:
-        thick = ideal.thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
+        thick = thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
     except InputError:
         return {}
-    return {"intrinsics": ideal.thick_lens_intrinsics(scene, thick, "traced lens")}
+    return {"intrinsics": model.thick_lens_intrinsics(scene, thick, "traced lens")}
 
 
 def _irradiance(

@@ -17,12 +17,15 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE, srgb_from_primaries
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import open_regular, read_whole, utf8_name
+from rptcam_cl.core.files import name_errors, open_regular, read_whole, utf8_name
 
 # A picture that was read: texels in rows from the top, as stored or as linear floats.
 
 LARGEST_PIXELS = 1 << 26  # 64 million: an equirectangular picture of 8192 x 8192, or 256 MB in 8 bits
 _SLIGHTLY_NEGATIVE = -1e-3  # what resampling leaves beside bright edges; taken as zero
+# What Pillow raises on damaged pictures.
+_DAMAGED = (OSError, SyntaxError, ValueError, TypeError, KeyError, IndexError, EOFError, OverflowError, MemoryError,
+            struct.error, zlib.error)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +115,6 @@ def _read_bitmap(content: bytes) -> Picture:
 
     if not content:
         raise InputError(f"is empty (allowed: {_ALLOWED})")
-    troubles = (OSError, SyntaxError, ValueError, TypeError, KeyError, IndexError, EOFError, struct.error, zlib.error)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # our own limit is below the one that Pillow warns of
@@ -122,7 +124,7 @@ def _read_bitmap(content: bytes) -> Picture:
                 return _convert(image)
     except PIL.UnidentifiedImageError:
         raise InputError(f"is not a picture that can be read (allowed: {_ALLOWED})") from None
-    except (*troubles, PIL.Image.DecompressionBombError, OverflowError, MemoryError) as problem:
+    except (*_DAMAGED, PIL.Image.DecompressionBombError) as problem:
         raise InputError(f"is damaged ({str(problem) or type(problem).__name__}; allowed: {_ALLOWED})") from None
 
 
@@ -422,3 +424,42 @@ def has_alpha(source: Path | bytes) -> bool:
     if not head.startswith(PNG) or len(head) < 26:
         return False
     return head[25] in _WITH_ALPHA or b"tRNS" in head.partition(b"IDAT")[0]
+
+
+LARGEST_MASK_FILE = 16_000_000  # bytes
+
+
+def bright_pixels(source: Path | bytes, where: str) -> NDArray[np.bool_]:
+    """Return which pixels (height, width) of a mask picture are brighter than half, of an array which are above zero.
+
+    Parameters
+    ----------
+    source
+        The file, or its content.
+    where
+        What errors call it.
+
+    Raises
+    ------
+    InputError
+        When it is no picture, or none are.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    with name_errors(where):
+        content = read_whole(source, LARGEST_MASK_FILE)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            if content.startswith(b"\x93NUMPY"):
+                cells = np.load(io.BytesIO(content), allow_pickle=False) > 0
+                if cells.ndim != 2:
+                    raise InputError(f"{where}: has {cells.ndim} dimensions (allowed: an array (height, width))")
+            else:
+                with Image.open(io.BytesIO(content), formats=["PNG", "JPEG", "TIFF"]) as picture:
+                    cells = np.asarray(picture.convert("L")) > 127
+    except (*_DAMAGED, UnidentifiedImageError, Image.DecompressionBombError, Warning) as problem:
+        raise InputError(f"{where}: is not a readable PNG, JPEG or TIFF picture ({problem})") from None
+    if not cells.any():
+        raise InputError(f"{where}: is dark everywhere (allowed: some pixels brighter than half)")
+    return np.asarray(cells)

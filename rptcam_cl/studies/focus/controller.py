@@ -18,9 +18,10 @@ from rptcam_cl.core.dataclass import dataclass, takes_options
 from rptcam_cl.core.errors import InputError, StateError, near_name
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.imaging.writers import MARKED
-from rptcam_cl.rendering.cameras import chief_rays, ideal
+from rptcam_cl.rendering.cameras import chief_rays
 from rptcam_cl.rendering.layers import Moments
 from rptcam_cl.scene import base, changes, load
+from rptcam_cl.scene.assets.pictures import bright_pixels
 from rptcam_cl.scene.lens_settings import AutoFocus
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus import contrast
@@ -445,7 +446,7 @@ def zones_of(scene: Scene, settings: AutoFocus) -> tuple[Zone, ...]:
         content = scene.content_of(settings.zones_from)
         return tuple(Zone(*zone) for zone in read_zones(content, settings.zones_from.place.rstrip(": ")))
     if settings.mask is not None:
-        return zones_of_mask(ideal.bright_parts(scene.content_of(settings.mask), settings.mask.place.rstrip(": ")))
+        return zones_of_mask(bright_pixels(scene.content_of(settings.mask), settings.mask.place.rstrip(": ")))
     if settings.point is not None:
         return (zone_at(scene, *settings.point),)
     return (MIDDLE,)

@@ -14,7 +14,7 @@ from rptcam_cl.exchange import camera_maps
 from rptcam_cl.exchange.camera_maps import _over_plane, between, coc_map, point_images, st_maps, vignetting_map
 from rptcam_cl.exchange.camera_models import subject, view
 from rptcam_cl.optics.irradiance import film_irradiance
-from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.lens_records import stop_shape
 from rptcam_cl.scene.load import load_scene
 from tests.support.cases import slow
 

@@ -8,7 +8,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.lens_records import stop_shape
 from rptcam_cl.rendering.cameras.model import CELLS
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.rendering.film import FilmLayout

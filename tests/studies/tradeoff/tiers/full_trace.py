@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from rptcam_cl.optics.film_probe import FilmProbe
 from rptcam_cl.rendering.cameras import film_pupil
-from rptcam_cl.rendering.cameras.ideal import stop_shape
 from rptcam_cl.rendering.cameras.kinds import camera_of
+from rptcam_cl.rendering.cameras.lens_records import stop_shape
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.changes import change_scene
 
