@@ -25,7 +25,7 @@ from rptcam_cl.core.errors import InputError, RptcamError, StateError
 from rptcam_cl.core.files import check_writable, listed, make_folder, name_errors, replacing, resolve_links
 from rptcam_cl.core.remember import OneMaker, made_by
 from rptcam_cl.device.session import Session, Wanted, open_session, open_sessions
-from rptcam_cl.imaging import development, sensor
+from rptcam_cl.imaging import development
 from rptcam_cl.imaging.image import Image, read_film, with_picture_settings
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.lens_records import stop_shape
@@ -705,7 +705,7 @@ def _plan(
         title = ", ".join(f"{key}={_format_value(value)}" for key, value in values.items())
         with name_errors(title):
             changed = set_keys(scene, values)
-            sensor.check_sensor(changed, *window(changed)[2:])
+            development.check_sensor(changed, *window(changed)[2:])
             if changed.lens_source() is not None:
                 focus_drive(changed)  # whether the lens opens so far
         facts = [__version__, changed.picture_hash(), changed.render.most_spp, list(mtf_at or ())]
