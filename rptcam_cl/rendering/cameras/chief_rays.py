@@ -18,10 +18,10 @@ from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.beams import ChiefRays, aimed_rays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.charts import add_key, new_chart, series, styled
 from rptcam_cl.optics.irradiance import t_number
-from rptcam_cl.optics.lens import Lens, film_distance, focus_reach_mm, nearest_object_distance, shift_of
+from rptcam_cl.optics.lens import Lens, film_distance, focus_reach_mm, nearest_object_distance, shift_of, thick_lens_of
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission
 from rptcam_cl.rendering.cameras.pupil import FilmGrid, by_content
-from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, half_film_mm
+from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, focused, half_film_mm
 from rptcam_cl.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -331,8 +331,6 @@ def breathing_table(
     InputError
         When the lens does not reach a distance, or has no one focal length.
     """
-    from rptcam_cl.rendering.cameras.ideal import thick_lens_of
-    from rptcam_cl.rendering.cameras.setting import focused  # takes long to import, and other commands need none of it
 
     rows: list[Row] = []
     for name, lens in lenses:
@@ -434,8 +432,6 @@ def focus_scale(
     InputError
         When the lens does not reach a distance.
     """
-    from rptcam_cl.rendering.cameras.ideal import thick_lens_of
-    from rptcam_cl.rendering.cameras.setting import focused
 
     rows: list[Row] = []
     near = nearest_m or max(_nearest_focus_mm(lens, wavelength_nm) for _, lens in lenses) / 1000
