@@ -29,6 +29,11 @@ static inline F3 across_ray(const __global Primitive *p, int k, Ray ray, F *alon
     return along(v, ray.d, -*along_ray);
 }
 
+// Half the widths at both ends, where meshes have their instance and first triangle; a ribbon has the first below zero.
+static inline float half_width_at_first(const __global Primitive *curve) { return fabs(as_float(curve->instance)); }
+static inline float half_width_at_last(const __global Primitive *curve) { return as_float(curve->first_triangle); }
+static inline int is_ribbon(const __global Primitive *curve) { return curve->instance < 0; }
+
 static Strand strand_of(const __global Primitive *p, Ray ray)
 {
     Strand s;
@@ -36,8 +41,8 @@ static Strand strand_of(const __global Primitive *p, Ray ray)
     s.q1 = across_ray(p, 1, ray, &s.z1);
     s.q2 = across_ray(p, 2, ray, &s.z2);
     s.q3 = across_ray(p, 3, ray, &s.z3);
-    s.first = fabs(as_float(p->instance));
-    s.last = as_float(p->first_triangle);
+    s.first = half_width_at_first(p);
+    s.last = half_width_at_last(p);
     return s;
 }
 
@@ -171,7 +176,7 @@ static SurfacePoint point_on_curve(const __global Primitive *p, Ray ray, F t, F 
     float begin = (float)(code & mask) / mask, finish = (float)(code >> SPAN_BITS) / mask;
     SurfacePoint point;
     point.p = along(ray.o, ray.d, t);
-    point.n = p->instance < 0 ? facing : add(scale(facing, root(1.0f - across * across)), scale(side, across));
+    point.n = is_ribbon(p) ? facing : add(scale(facing, root(1.0f - across * across)), scale(side, across));
     point.ng = point.n;
     point.u = begin + u * (F)(finish - begin);
     point.v = 0.5f + 0.5f * across;

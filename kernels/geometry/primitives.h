@@ -120,6 +120,12 @@ static F hit_ellipsoid(const __global Primitive *p, Ray ray, I origin)
 #endif
 
 #if HAS_RECTANGLE || HAS_DISK || HAS_PLANE
+// What flat primitives hold where meshes have their instance (rendering/plan/geometry.py): of those that follow one another
+// in a plane and stay there the first has their number, less than zero where nothing lies behind the plane; others have 0.
+static inline int begins_plane(const __global Primitive *flat) { return flat->instance != 0; }
+static inline int is_outer_plane(const __global Primitive *flat) { return flat->instance < 0; }
+static inline int flats_in_plane(const __global Primitive *flat) { return (int)abs(flat->instance); }
+
 // How far a point lies above a plane, the other way round, and how fast a ray nears it: their ratio is the distance.
 static inline F fall_to(const __global Primitive *p, F3 o)
 {
@@ -135,7 +141,6 @@ static inline F hit_plane(const __global Primitive *p, Ray ray) { return fall_to
 #define LITTLE_MORE  1.0001f        // than any rounding of a product and a ratio
 
 // The plane that a ray met last and where: flat primitives of one plane, as a lamp and the ceiling round it, share it.
-// `instance` of the first of them is their number, less than zero where nothing lies behind the plane; of the others it is 0.
 #if ALIGNED_FLATS
 typedef AlignedHit PlaneHit;
 #define MEET_PLANE  plane = meet_aligned(scene.aligned + i, here, axes);
@@ -183,12 +188,12 @@ static inline F hit_flat(const __global Primitive *p, Ray ray, PlaneHit *plane, 
 // On ways `within` the scene, from surfaces to lamps, that is any plane that nothing lies behind.
 #define ALL_FLATS
 #define FLATS_BETWEEN(reach, target)                                               \
-    if (p->instance < 0 && within) {                                               \
-        i -= p->instance + 1;                                                      \
+    if (is_outer_plane(p) && within) {                                             \
+        i += flats_in_plane(p) - 1;                                                \
         continue;                                                                  \
     }                                                                              \
-    if (p->instance != 0)                                                          \
-        between = meets_before(&plane, reach) & (AS_U(target - i) >= (uint)abs(p->instance)); \
+    if (begins_plane(p))                                                           \
+        between = meets_before(&plane, reach) & (AS_U(target - i) >= (uint)flats_in_plane(p)); \
     origin = NOT(between & NOT(origin));                                           \
     if (!ANY(NOT(origin)))                                                         \
         continue;
@@ -283,7 +288,7 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 #else
 #define HIT_PLANE    hit_plane(p, here)
 #endif
-#define PLANE_T      if (p->instance < 0 && within)                                                \
+#define PLANE_T      if (is_outer_plane(p) && within)                                              \
                          continue;                                                                 \
                      t = HIT_PLANE;                                                                \
                      met = NOT(origin);
@@ -317,7 +322,7 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
             const __global Primitive *p = primitives + i;                          \
             Ray here = RAY_AT_REST(ray, i);                                        \
             I origin = (ray).origin == i;                                              \
-            if (p->instance != 0)                                                  \
+            if (begins_plane(p))                                                   \
                 MEET_PLANE                                                         \
             WHICH                                                                  \
             F t;                                                                   \

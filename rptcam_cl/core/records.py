@@ -508,12 +508,11 @@ def kind_constants() -> list[str]:
 PRIMITIVE = declare(
     "Primitive",
     # rows of object_from_world; of a sphere: centre and radius, x axis and handedness, z axis; of curves see
-    # kernels/geometry/cubic_curve.h, and for the last three members too
+    # kernels/geometry/cubic_curve.h, and for `emitter` too
     ("float4", "row_x row_y row_z"),
     ("int", "material"),
     ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
-    # of a mesh; of flat ones how many share its plane, rendering/plan/geometry.py, less than zero where nothing lies
-    # behind, rendering/culling.py
+    # of a mesh; what flat primitives and curves hold there has names in rendering/plan/geometry.py and in kernels
     ("int", "instance first_triangle"),
 )
 

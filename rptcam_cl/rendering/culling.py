@@ -112,8 +112,7 @@ def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tup
 
 
 def _half_width(records: NDArray[np.void]) -> Array:
-    ends = np.stack([records["instance"], records["first_triangle"]]).view(np.float32)
-    return np.asarray(np.abs(ends).max(axis=0), np.float64)
+    return np.asarray(np.abs(geometry.half_widths(records)).max(axis=1), np.float64)
 
 
 def _bounds_of_curves(rows: Array, half_width: Array) -> tuple[Array, Array]:
@@ -266,7 +265,7 @@ _MOST_SOLIDS = 64  # among which planes that nothing lies behind are looked for
 
 
 def with_outer_planes(plan: Plan, mesh_corners: Array) -> NDArray[np.void]:
-    """Return the records of primitives, in which planes that nothing lies behind have less than no primitives.
+    """Return the records of primitives, in which planes that nothing lies behind are marked.
 
     Nothing is a surface or a lamp; of lamps at infinity all light comes from before the plane. Where much else may lie
     behind, or would take long to look at, records are as they are.
@@ -282,7 +281,7 @@ def with_outer_planes(plan: Plan, mesh_corners: Array) -> NDArray[np.void]:
     if has_others or solids > _MOST_SOLIDS or (lamps["kind"] == EmitterKind.ENVIRONMENT).any():
         return records
     kinds = _kinds(plan, solids)
-    flats = np.flatnonzero(np.isin(kinds, _FLAT_KINDS) & (records["instance"][:solids] > 0))
+    flats = np.flatnonzero(np.isin(kinds, _FLAT_KINDS) & geometry.begins_plane(records[:solids]))
     if not len(flats):
         return records
     rows = _rows(records[:solids])
@@ -298,7 +297,7 @@ def with_outer_planes(plan: Plan, mesh_corners: Array) -> NDArray[np.void]:
     above = (low >= -margin).all(axis=1) & (from_above >= radii).all(axis=1)
     below = (high <= margin).all(axis=1) & (from_above <= -radii).all(axis=1)
     marked = records.copy()
-    marked["instance"][flats[above | below]] *= -1
+    geometry.mark_outer_planes(marked, flats[above | below])
     return marked
 
 

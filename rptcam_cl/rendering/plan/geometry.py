@@ -105,16 +105,45 @@ def _fill_curves(primitives: Primitives, records: NDArray[np.void]) -> None:
     most = (1 << SPAN_BITS) - 1
     for part, _, placements in primitives.places.blocks(runs):
         ends, some = placements[:, 3], records[members][part]
-        some["instance"], some["first_triangle"] = ends[:, :2].astype(np.float32).T.copy().view(np.int32)
+        set_half_widths(some, ends[:, :2])
         begin, end = np.rint(most * ends[:, 2:]).astype(np.int32).T
         some["emitter"] = -1 - (begin | end << SPAN_BITS)
 
 
+# What records of flat primitives and of curves hold in the place of a mesh's instance and first triangle; kernels read
+# it by functions of like names (kernels/geometry/primitives.h, cubic_curve.h).
+
+
+def set_half_widths(curves: NDArray[np.void], ends: Matrix) -> None:
+    """Write half the widths of curves (n, 2) at both ends [m]; less than zero of ribbons."""
+    curves["instance"], curves["first_triangle"] = ends.astype(np.float32).T.copy().view(np.int32)
+
+
+def half_widths(curves: NDArray[np.void]) -> NDArray[np.float32]:
+    """Return half the widths of curves (n, 2) at both ends [m]; less than zero of ribbons."""
+    return np.stack([curves["instance"], curves["first_triangle"]], axis=1).view(np.float32)
+
+
+def set_flats_in_plane(flats: NDArray[np.void], counts: int | NDArray[np.intp]) -> None:
+    """Write into the first of flat primitives that lie in a plane in turn and stay how many they are; 0 into others."""
+    flats["instance"] = counts
+
+
+def begins_plane(flats: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Return which flat primitives are the first of their plane."""
+    return np.asarray(flats["instance"] != 0)
+
+
+def mark_outer_planes(flats: NDArray[np.void], which: NDArray[np.intp]) -> None:
+    """Mark some flat primitives, first of their planes, as such that nothing lies behind."""
+    flats["instance"][which] *= -1
+
+
 def _count_shared_planes(primitives: Primitives, records: NDArray[np.void]) -> None:
-    """Write, into the first of rectangles or disks that follow one another in a plane and stay there, their number."""
+    """Count the rectangles or disks that follow one another in a plane and stay there."""
     for kind, (runs, members) in primitives.by_kind().items():
         if kind is Kind.PLANE:
-            records["instance"][members] = 1
+            set_flats_in_plane(records[members], 1)
         if kind not in (Kind.RECTANGLE, Kind.DISK):
             continue
         own = records[members]
@@ -122,7 +151,9 @@ def _count_shared_planes(primitives: Primitives, records: NDArray[np.void]) -> N
         still = np.repeat(stands[runs], primitives.places.counts[runs])
         alike = (own["row_z"][1:] == own["row_z"][:-1]).all(axis=1) & still[1:] & still[:-1]
         first = np.append(True, ~alike)
-        own["instance"][first] = np.diff(np.append(np.flatnonzero(first), len(own)))
+        counts = np.zeros(len(own), np.intp)
+        counts[first] = np.diff(np.append(np.flatnonzero(first), len(own)))
+        set_flats_in_plane(own, counts)
 
 
 @dataclass(frozen=True)
