@@ -22,6 +22,7 @@ from rptcam_cl.rendering.plan.plan import Plan, make_plan, serve, with_exposure,
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import SMALL, Wavefront, WavefrontPool, order, warm_up_denoiser
+from rptcam_cl.scene.camera import ANOTHER_LENS
 from rptcam_cl.scene.changes import focus_keys, set_keys
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2
 from rptcam_cl.scene.film import Film, RenderSettings
@@ -33,7 +34,6 @@ ChangeKind = Literal["none", "picture", "camera", "scene", "program"]
 """Kinds of change, as `Change` says them."""
 
 _WAYS = ("LIGHT_TREE", "CAUSTICS", "TINY_LAMPS", "LAMPS_BEHIND_GLASS")  # facts that choose how light is found
-_ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
 MOST_GUIDES = 8  # samples of the layers that guide denoising
 OF_DEVELOPMENT = {"picture", "sequence"}  # parts of a scene that change no film: a sequence is of frames
 OF_LIGHT = {"exposure", "shutter"}  # parts that only scale the film of a scene that stands still
@@ -72,7 +72,7 @@ class SceneState:
 def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
     """Whether a change asks for autofocus in the scene that it leads to, or takes another lens."""
     keys = [key.split(".") for key in changes]
-    if any(key[0] == "camera" and (len(key) == 1 or key[1] in _ANOTHER_LENS) for key in keys):
+    if any(key[0] == "camera" and (len(key) == 1 or key[1] in ANOTHER_LENS) for key in keys):
         return True
     return scene.requested_autofocus is not None and any(key[:2] == ["camera", "focus"] for key in keys)
 

@@ -652,29 +652,40 @@ class Beam:
 
 @dataclass(frozen=True)
 class Spot:
-    """Where the rays of a beam meet the film. Lengths in millimetres.
+    """How points of the film lie about their centroid. Lengths in millimetres.
 
     Attributes
     ----------
-    area : float
-        Cross-section of the beam that passes, in the plane of the first vertex [mm2].
+    rays : int
+        How many points there are.
     centroid : tuple of float
     rms, rms_x, rms_y : float
         Root mean square distance from the centroid.
-    best_shift, best_rms : float
-        Film shift (along the light) that makes the rms least, and that rms.
-    rays : int
-        How many rays passed.
+    largest : float
+        Distance of the farthest point from it.
     """
 
-    area: float
+    rays: int
     centroid: tuple[float, float]
     rms: float
     rms_x: float
     rms_y: float
-    best_shift: float
-    best_rms: float
-    rays: int
+    largest: float
+
+
+def spot_of(points: Array) -> Spot:
+    """Return the spot of points (n, 2)."""
+    centroid = points.mean(axis=0)
+    off = points - centroid
+    variance = np.mean(off * off, axis=0)
+    return Spot(
+        rays=len(points),
+        centroid=(float(centroid[0]), float(centroid[1])),
+        rms=float(np.sqrt(variance.sum())),
+        rms_x=float(np.sqrt(variance[0])),
+        rms_y=float(np.sqrt(variance[1])),
+        largest=float(np.hypot(off[:, 0], off[:, 1]).max()),
+    )
 
 
 def spot(
@@ -692,26 +703,31 @@ def spot(
     InputError
         When nothing of the beam passes.
     """
-    beam = beam or Beam()
-    points, rays, cell = passing_beam(lens, beam, wavelength_nm, across, coarse)
-    film = at_plane(rays.origins, rays.directions, lens.film_z(film_distance_mm))[:, :2]
-    slopes = lens.sense * rays.directions[:, :2] / rays.directions[:, 2:]
-    centroid, drift = film.mean(axis=0), slopes.mean(axis=0)
-    off, turn = film - centroid, slopes - drift
-    variance = np.mean(off * off, axis=0)
+    return spot_of(_on_film(lens, film_distance_mm, beam or Beam(), wavelength_nm, across, coarse)[0])
+
+
+def shift_to_least_spot(
+    lens: Lens,
+    film_distance_mm: float,
+    beam: Beam,
+    wavelength_nm: float = LINE_D_NM,
+    across: int = 256,
+    coarse: int = COARSE,
+) -> float:
+    """Return how far along the light the film must move to where the spot of a beam is least [mm]; raises as `spot`."""
+    film, slopes = _on_film(lens, film_distance_mm, beam, wavelength_nm, across, coarse)
+    off, turn = film - film.mean(axis=0), slopes - slopes.mean(axis=0)
     spread = float(np.mean(np.sum(turn * turn, axis=1)))
-    shift = -float(np.mean(np.sum(off * turn, axis=1))) / spread if spread > 0 else 0.0
-    best = off + shift * turn
-    return Spot(
-        area=len(points) * cell,
-        centroid=(float(centroid[0]), float(centroid[1])),
-        rms=float(np.sqrt(variance.sum())),
-        rms_x=float(np.sqrt(variance[0])),
-        rms_y=float(np.sqrt(variance[1])),
-        best_shift=shift,
-        best_rms=float(np.sqrt(np.mean(np.sum(best * best, axis=1)))),
-        rays=len(points),
-    )
+    return -float(np.mean(np.sum(off * turn, axis=1))) / spread if spread > 0 else 0.0
+
+
+def _on_film(
+    lens: Lens, film_distance_mm: float, beam: Beam, wavelength_nm: float, across: int, coarse: int
+) -> tuple[Array, Array]:
+    """Return where the rays of a beam meet the film (n, 2), and by how much farther for each mm along the light."""
+    _, rays, _ = passing_beam(lens, beam, wavelength_nm, across, coarse)
+    film = at_plane(rays.origins, rays.directions, lens.film_z(film_distance_mm))[:, :2]
+    return film, lens.sense * rays.directions[:, :2] / rays.directions[:, 2:]
 
 
 def passing_beam(

@@ -12,7 +12,7 @@ from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import film_probe
-from rptcam_cl.optics.beams import COARSE, Beam, spot
+from rptcam_cl.optics.beams import COARSE, Beam, shift_to_least_spot, spot
 from rptcam_cl.optics.lens import MEASURED_FROM, Lens, film_distance
 
 # The film distance of the least real-ray spot at the working aperture, on the axis or at a field point.
@@ -111,7 +111,7 @@ def best_film_distance_at(
         beam = replace(beam, object_distance_mm=front)
         if number < aimed or (few and abs(shift) > _AIMED_WITHIN * within_mm):
             beam = _beam_to(lens, film_point_mm, film_distance_mm, front, wavelength_nm, few=few)
-        shift = spot(lens, film_distance_mm, beam, wavelength_nm, across, coarse).best_shift
+        shift = shift_to_least_spot(lens, film_distance_mm, beam, wavelength_nm, across, coarse)
         film_distance_mm += shift
         if abs(shift) <= max(CONVERGED_AT_A_POINT * abs(film_distance_mm), within_mm):
             return film_distance_mm
@@ -169,7 +169,7 @@ def _best(
     rounds: int = _MOST_ROUNDS,
 ) -> float:
     if field_degrees or not lens.is_rotational:
-        return start + spot(lens, start, Beam(field_degrees, front_mm), wavelengths_nm[0]).best_shift
+        return start + shift_to_least_spot(lens, start, Beam(field_degrees, front_mm), wavelengths_nm[0])
     top, bottom = 0.0, 0.0
     for wavelength in wavelengths_nm:
         heights, slopes, weights = _zones(lens, front_mm, wavelength, rounds)

@@ -16,7 +16,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
 from rptcam_cl.optics import waves as wave_optics
-from rptcam_cl.optics.beams import Beam, passing_beam
+from rptcam_cl.optics.beams import Beam, passing_beam, spot_of
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.lens import brought_to_focus
 from rptcam_cl.optics.ray_trace import at_plane
@@ -358,18 +358,9 @@ def spot_facts(points: Array) -> dict[str, Any]:
     """Return centroid [mm], and rms and largest distance from it [micrometres], of points (n, 2); None without any."""
     if not len(points):
         return {"rays": 0} | dict.fromkeys(FACTS)
-    centroid = points.mean(axis=0)
-    off = (points - centroid) * 1e3
-    rms_x, rms_y = np.sqrt(np.mean(off * off, axis=0))
-    return {
-        "rays": len(points),
-        "centroid_x_mm": float(centroid[0]),
-        "centroid_y_mm": float(centroid[1]),
-        "rms_um": float(np.hypot(rms_x, rms_y)),
-        "rms_x_um": float(rms_x),
-        "rms_y_um": float(rms_y),
-        "largest_um": float(np.hypot(off[:, 0], off[:, 1]).max()),
-    }
+    spot = spot_of(points)
+    sizes = (1e3 * size for size in (spot.rms, spot.rms_x, spot.rms_y, spot.largest))
+    return {"rays": spot.rays} | dict(zip(FACTS, (*spot.centroid, *sizes), strict=True))
 
 
 def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:

@@ -730,7 +730,8 @@ KEY_GROUPS: dict[str, set[str]] = {
     "reference": {"stands_at"},
     "film": {"flip", "movements"},
     "near": {"near_m"},
-    "view": {"fov_degrees", "fov_axis", "width_m", "focal_length_mm", "zoom", "lens"},
+    "view": {"fov_degrees", "fov_axis", "width_m"},
+    "lens": {"lens", "zoom", "focal_length_mm"},
     "focus": {"focus", "focus_distance_m"},
     "opening": {"aperture_radius_m", "f_number", "stop_diameter_mm"},
     "outline": {"aperture"},
@@ -740,6 +741,7 @@ KEY_GROUPS: dict[str, set[str]] = {
     "ghosts": {"ghosts", "ghost_order", "barrel_reflectance", "front_scatter", "sensor_grating"},
 }
 FOLLOWS_THE_FILM = KEY_GROUPS["diffraction"] | KEY_GROUPS["ghosts"]
+ANOTHER_LENS = KEY_GROUPS["kind"] | KEY_GROUPS["lens"]  # after which a focus that was found is void
 
 
 def keys_as(camera: CameraKind, own: Keys, *, without: Iterable[str] = ()) -> tuple[Keys, tuple[str, ...]]:

@@ -211,7 +211,7 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
         if first.plane_mm is None or first.plane_mm <= 0:
             raise InputError(f"{first.setting.lens.name}: no plane of the scene is in focus")
         keys |= {"aperture_radius_m": first.radius_mm * 1e-3, "focus_distance_m": min(first.plane_mm * 1e-3, 1e12)}
-    return with_camera(scene, keys_as(camera, keys, without=("view", "focus", "opening"))[0])
+    return with_camera(scene, keys_as(camera, keys, without=("view", "lens", "focus", "opening"))[0])
 
 
 def without_lens(scene: Scene) -> Scene:

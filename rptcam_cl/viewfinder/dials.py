@@ -615,7 +615,7 @@ def _turn_lens(panel: Panel, value: Any) -> Turn:
         "lens": {"design": entry.name, **air} if air else entry.name,
         "focus": {"distance_m": INFINITY_M},
     }
-    behind, left_out = keys_as(scene.camera, own, without=("view", "focus", "opening"))
+    behind, left_out = keys_as(scene.camera, own, without=("view", "lens", "focus", "opening"))
     changed = with_camera(scene, behind)
     messages = tuple(f"a camera with a lens has no {name}: left out" for name in left_out)
     if air:
@@ -641,7 +641,8 @@ def _turn_lens(panel: Panel, value: Any) -> Turn:
     if lens is None:
         mounted = change_scene(changed, camera={name.removeprefix("camera."): key for name, key in keys.items()})
         return Turn(panel.dials, {"camera": plain_keys(mounted.camera)}, messages)
-    gone = sorted(KEY_GROUPS["view"] | (set() if "camera.f_number" in keys else KEY_GROUPS["opening"]))
+    opening = set() if "camera.f_number" in keys else KEY_GROUPS["opening"]
+    gone = sorted(KEY_GROUPS["view"] | KEY_GROUPS["lens"] | opening)
     of_lens = [f"camera.{name}" for name in gone if getattr(lens, name, None) is not None]
     return Turn(panel.dials, dict.fromkeys(of_lens) | keys, messages)
 

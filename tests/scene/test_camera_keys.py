@@ -25,7 +25,9 @@ def test_every_key_of_every_kind_belongs_to_one_group() -> None:
 
 def test_keys_that_another_kind_has_not_are_named() -> None:
     camera = load_scene({"camera": LENS}).camera
-    keys, left_out = keys_as(camera, {"kind": "pinhole", "fov_degrees": 40}, without=("view", "focus", "opening"))
+    keys, left_out = keys_as(
+        camera, {"kind": "pinhole", "fov_degrees": 40}, without=("view", "lens", "focus", "opening")
+    )
     assert left_out == ("diffraction", "stop", "aperture")
     assert {"movements", "up", "flip", "eye", "target"} <= keys.keys()
 

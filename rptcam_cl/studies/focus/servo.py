@@ -24,6 +24,7 @@ from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.charts import FAINT, INK, add_key, new_figure, series, styled
 from rptcam_cl.rendering.account import resolve_exposure
+from rptcam_cl.scene.camera import ANOTHER_LENS, KEY_GROUPS
 from rptcam_cl.scene.changes import at_rest, change_scene, set_keys
 from rptcam_cl.scene.exposure import ContinuousFocus
 from rptcam_cl.scene.scene import Scene
@@ -621,6 +622,5 @@ def _focus_of(scene: Scene, session: Session) -> tuple[float, float] | None:
 
 
 def _lens_of(scene: Scene) -> tuple[Any, ...]:
-    """The lens and its zoom, which give the coordinate of focus its meaning."""
-    camera = scene.camera
-    return tuple(getattr(camera, name, None) for name in ("kind", "lens", "zoom", "focal_length_mm", "fov_degrees"))
+    """The lens, its zoom and its view, which give the coordinate of focus its meaning."""
+    return tuple(getattr(scene.camera, name, None) for name in sorted(ANOTHER_LENS | KEY_GROUPS["view"]))
