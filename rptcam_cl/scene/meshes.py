@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from numbers import Integral
 from pathlib import Path
@@ -577,6 +577,13 @@ class LoadedMesh(NamedTuple):
             local = np.linalg.solve(part.placement, (*point, 1.0))[:3] - part.mesh.origin
             turns += winding_number(part.mesh.positions, part.mesh.faces, local)
         return turns > 0.5
+
+    def flat_faces(self, most: int) -> Iterator[tuple[Material, list[NDArray[np.float64]]]]:
+        """Yield the material and the corners (3, 3) of the triangles of each part that has no more than so many."""
+        for part, material in zip(self.contents.parts, self.materials, strict=True):
+            if len(part.mesh.faces) <= most:
+                points = part.mesh.positions + part.mesh.origin
+                yield material, [*(points @ part.placement[:3, :3].T + part.placement[:3, 3])[part.mesh.faces]]
 
     def described(self, folders: Folders) -> dict[str, Any]:
         """Return the parts as plain data: the content of their meshes, their placements and materials of the file."""

@@ -574,3 +574,7 @@ class SceneObject(PlacedObject):
     def contains(self, point: NDArray[np.float64]) -> bool:
         """Return whether a point, in the frame before the transform, lies inside the solid."""
         return False
+
+    def flat_faces(self) -> list[NDArray[np.float64]]:
+        """Return the corners (n, 3) of each flat face in turn, before the transform; a round one is a polygon."""
+        return []

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import product
 from operator import is_
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,17 @@ from rptcam_cl.scene.camera import FOLLOWS_THE_FILM, Camera
 from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, FrameSequence, Shutter, check_exposure
 from rptcam_cl.scene.film import SHARP_LAYERS, Film, PictureSettings, RenderSettings, Sensor, SpectrumSettings
 from rptcam_cl.scene.lights import WITH_UP, Environment, Light
-from rptcam_cl.scene.materials import Dielectric, Emissive, Hair, Material, Mix, Principled, with_material, with_parts
+from rptcam_cl.scene.materials import (
+    Dielectric,
+    Emissive,
+    Hair,
+    Material,
+    Mix,
+    Principled,
+    ThinGlass,
+    with_material,
+    with_parts,
+)  # fmt: skip
 from rptcam_cl.scene.meshes import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
 from rptcam_cl.scene.placement import PlacedObject, SceneObject, moments
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, SMALLEST_LENGTH
@@ -285,6 +295,102 @@ def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
             "camera.motion: ghosts stand where they are when the shutter opens, and what makes them moves on"
         )
     return warnings
+
+
+# Faces of glass in one plane with others: which of the two light meets is decided by rounding.
+
+_ROUNDING = 2.0**-22  # of a plane's place, over how far from the eye it is: a few roundings of float32
+_NEARLY = 1e-3  # sines of angles between planes that are looked at closer
+_SLIVER = 1e-6  # of a face, by which it may reach into another and only touch it
+_LIFT_M = 1e-5  # which does up to 10 m from the eye
+_FEW_TRIANGLES, _FEW_PLACES, _MOST_FACES = 64, 64, 20_000  # of a mesh, of an object, and of all that are looked at
+_NAMED = 3  # pairs that are named
+
+
+class _FlatFace(NamedTuple):
+    """A flat face about the eye: its corners (n, 3) in turn, of an infinite plane a point of it, and a unit normal."""
+
+    owner: int
+    is_glass: bool
+    corners: NDArray[np.float64]
+    normal: NDArray[np.float64]
+
+    def lies_in(self, other: _FlatFace) -> bool:
+        """Return whether rounding moves its corners as far as they are off the plane of another face."""
+        off = np.abs((self.corners - other.corners[0]) @ other.normal).max()
+        return bool(len(self.corners) > 1 and off <= _ROUNDING * np.linalg.norm(self.corners, axis=1).max())
+
+    def overlaps(self, other: _FlatFace) -> bool:
+        """Return whether it shares some area with a face of its plane: no line along an edge parts the two."""
+        if min(len(self.corners), len(other.corners)) == 1:
+            return True
+        for corners in (self.corners, other.corners):
+            across = np.cross(np.roll(corners, -1, axis=0) - corners, self.normal)
+            one, two = self.corners @ across.T, other.corners @ across.T
+            shared = np.minimum(one.max(axis=0), two.max(axis=0)) - np.maximum(one.min(axis=0), two.min(axis=0))
+            if (shared <= _SLIVER * np.minimum(np.ptp(one, axis=0), np.ptp(two, axis=0))).any():
+                return False
+        return True
+
+
+def _is_glass(material: Material) -> bool:
+    return isinstance(material, Dielectric | ThinGlass)
+
+
+def _flat_faces(owner: int, solid: Solid, places: NDArray[np.float64], eye: NDArray[np.float64]) -> Iterator[_FlatFace]:
+    """Yield the flat faces of an object at some places, of meshes if they have few triangles."""
+    parts: Iterable[tuple[Material, list[NDArray[np.float64]]]] = ()
+    if isinstance(solid, LoadedMesh):
+        parts = solid.flat_faces(_FEW_TRIANGLES)
+    elif isinstance(solid, SceneObject):
+        parts = [(solid.material, [np.array([solid.point])] if isinstance(solid, Plane) else solid.flat_faces())]
+    for (material, polygons), place in product(parts, places):
+        for polygon in polygons:
+            corners = polygon @ place[:3, :3].T + place[:3, 3] - eye
+            if isinstance(solid, Plane):
+                normal = np.linalg.solve(place[:3, :3].T, np.array(solid.normal, np.float64))
+            else:
+                normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+            if (size := np.linalg.norm(normal)) > 0:
+                yield _FlatFace(owner, _is_glass(material), corners, normal / size)
+
+
+def _coplanar_pairs(faces: Sequence[_FlatFace]) -> Iterator[tuple[_FlatFace, _FlatFace]]:
+    """Yield each face of glass with every face of another object that shares a part of its plane with it."""
+    owners, normals = np.array([face.owner for face in faces]), np.array([face.normal for face in faces])
+    points = np.array([face.corners[0] for face in faces])
+    for glass in (face for face in faces if face.is_glass):
+        way = points - glass.corners[0]
+        near = np.abs(way @ glass.normal) <= _NEARLY * (np.linalg.norm(way, axis=1) + np.abs(glass.corners).max())
+        near &= (np.linalg.norm(np.cross(normals, glass.normal), axis=1) <= _NEARLY) & (owners != glass.owner)
+        for other in (faces[index] for index in np.flatnonzero(near).tolist()):
+            if (glass.lies_in(other) or other.lies_in(glass)) and glass.overlaps(other):
+                yield glass, other
+
+
+def _coplanar_warnings(
+    camera: Camera, shutter: Shutter, objects: Objects, folders: Folders, metres_per_unit: float
+) -> list[str]:
+    """Name objects of which a face of glass lies in one plane with a face of another, and shares some of it."""
+    if not any(_is_glass(material) for _, solid in objects for material in solid.shown_materials()):
+        return []
+    eye, faces = camera.pose_at(shutter.open_s)[0], list[_FlatFace]()
+    for owner, (item, solid) in enumerate(objects):
+        if item.instances is None or len(item.instances.matrices(folders)) <= _FEW_PLACES:
+            faces += _flat_faces(owner, solid, item.places(folders, shutter.open_s), eye)
+    if not 0 < len(faces) <= _MOST_FACES:
+        return []
+    found = dict[tuple[int, int], float]()
+    for glass, other in _coplanar_pairs(faces):
+        pair = (glass.owner, other.owner) if (other.owner, glass.owner) not in found else (other.owner, glass.owner)
+        found[pair] = max(found.get(pair, 0.0), float(np.linalg.norm(glass.corners, axis=1).max()))
+    names = [f"object '{item.name}'" if item.name else f"objects[{index}]" for index, (item, _) in enumerate(objects)]
+    warnings = [
+        f"{names[glass]}, of glass, has a face in one plane with {names[other]}: rounding decides which of them light"
+        f" meets (lift it off by {1e3 * max(_LIFT_M, 4 * _ROUNDING * reach * metres_per_unit):.1g} mm)"
+        for (glass, other), reach in list(found.items())[:_NAMED]
+    ]
+    return [*warnings, *([f"{len(found) - _NAMED} more pairs of objects share planes so"] * (len(found) > _NAMED))]
 
 
 class Scene(SceneModel):
@@ -546,8 +652,9 @@ class Scene(SceneModel):
         own = _scene_warnings(
             self.camera, self.film, self.shutter, objects, self.lights, self.environment, self._folders
         )
+        coplanar = _coplanar_warnings(self.camera, self.shutter, objects, self._folders, self.metres_per_unit)
         followed = _sequence_warnings(self.sequence, self.exposure, self.requested_autofocus is not None)
-        return (*self._stand_ins, *own, *followed, *self.lens_doubts)
+        return (*self._stand_ins, *own, *coplanar, *followed, *self.lens_doubts)
 
     @property
     def lens_doubts(self) -> tuple[str, ...]:

@@ -421,6 +421,18 @@ def _disk_reach(normal: NDArray[np.float64], radius: float) -> NDArray[np.float6
     return np.asarray(radius * np.sqrt(np.clip(1 - unit**2, 0, 1)))
 
 
+_ROUND = 32  # corners that stand for a circle
+
+
+def _polygon(center: tuple[float, ...], normal: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    """Return corners (n, 3) on a circle."""
+    across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    across /= np.linalg.norm(across)
+    down = np.cross(normal / np.linalg.norm(normal), across)
+    angles = 2 * np.pi * np.arange(_ROUND)[:, None] / _ROUND
+    return np.asarray(center + radius * (np.cos(angles) * across + np.sin(angles) * down))
+
+
 class Sphere(SceneObject):
     """A sphere; u runs once round its z axis, v from the lowest point (-z) to the highest."""
 
@@ -463,6 +475,10 @@ class Disk(SceneObject):
         center, reach = np.array(self.center), _disk_reach(np.array(self.normal), self.radius)
         return center - reach, center + reach
 
+    def flat_faces(self) -> list[NDArray[np.float64]]:
+        """Return the corners of a polygon in the disk."""
+        return [_polygon(self.center, np.array(self.normal), self.radius)]
+
 
 class Rectangle(SceneObject):
     """A flat parallelogram; u and v run from 0 to 1 along its edges, the normal is edge_u x edge_v."""
@@ -488,9 +504,13 @@ class Rectangle(SceneObject):
 
     def bounds(self) -> Bounds:
         """Return the lowest and highest corner of the rectangle."""
-        corner, u, v = np.array(self.corner), np.array(self.edge_u), np.array(self.edge_v)
-        corners = np.array([corner, corner + u, corner + v, corner + u + v])
+        [corners] = self.flat_faces()
         return corners.min(axis=0), corners.max(axis=0)
+
+    def flat_faces(self) -> list[NDArray[np.float64]]:
+        """Return the corners of the rectangle in turn."""
+        corner, u, v = np.array(self.corner), np.array(self.edge_u), np.array(self.edge_v)
+        return [np.array([corner, corner + u, corner + u + v, corner + v])]
 
 
 class Box(SceneObject):
@@ -519,6 +539,14 @@ class Box(SceneObject):
     def contains(self, point: NDArray[np.float64]) -> bool:
         """Return whether a point lies inside the box."""
         return bool(np.all(point > self.min) and np.all(point < self.max))
+
+    def flat_faces(self) -> list[NDArray[np.float64]]:
+        """Return the corners of the six sides, each in turn."""
+        sides = []
+        for axis in range(3):
+            turn = np.roll([[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]], axis, axis=1)
+            sides += [np.where(turn + end * np.eye(3, dtype=int)[axis], self.max, self.min) for end in (0, 1)]
+        return sides
 
 
 class Cylinder(SceneObject):
@@ -555,6 +583,11 @@ class Cylinder(SceneObject):
         height, distance = _along_axis(point, np.array(self.base), np.array(self.top))
         return self.capped and 0 < height < 1 and distance < self.radius
 
+    def flat_faces(self) -> list[NDArray[np.float64]]:
+        """Return the corners of a polygon in each closed end."""
+        axis = np.subtract(self.top, self.base)
+        return [_polygon(end, axis, self.radius) for end in (self.base, self.top)] if self.capped else []
+
 
 class Cone(SceneObject):
     """A circular cone; u runs once round the axis, v from base to apex."""
@@ -589,6 +622,11 @@ class Cone(SceneObject):
         """Return whether a point lies inside the closed cone."""
         height, distance = _along_axis(point, np.array(self.base), np.array(self.apex))
         return self.capped and 0 < height < 1 and distance < self.radius * (1 - height)
+
+    def flat_faces(self) -> list[NDArray[np.float64]]:
+        """Return the corners of a polygon in the closed base."""
+        axis = np.subtract(self.apex, self.base)
+        return [_polygon(self.base, axis, self.radius)] if self.capped else []
 
 
 class Plane(SceneObject):

@@ -39,7 +39,7 @@ objects:
     max: [1, 1, 1]
     material: steel
     transform: [{scale: [0.2, 0.01, 0.2]}, {rotate: {axis: [0, 1, 0], degrees: 30}}, {translate: [2, 0, -0.65]}]
-  - {shape: cylinder, base: [0, 0, 0], top: [0, 0, 1], radius: 0.5, material: glass, transform: {translate: [3, 0, 0]}}
+  - {shape: cylinder, base: [0, 0, 1], top: [0, 0, 2], radius: 0.5, material: glass, transform: {translate: [3, 0, 0]}}
   - {shape: cone, base: [0, 0, 0], apex: [0, 0.15, 0], radius: 0.05, capped: false, material: chrome}
   - {shape: plane, point: [0, 0, 0], normal: [0, 0, 1], material: {kind: matte, reflectance: "#808080"}}
 lights:

@@ -73,3 +73,79 @@ def test_ghosts_of_what_moves_are_warned_of(load: Load) -> None:
     assert warning.startswith("camera.motion: ghosts stand where they are when the shutter opens")
     (warning,) = load(SMALL, f"camera={LENS}, {GHOSTS}}}", LAMP, PUSHED).warnings
     assert warning.endswith("so that what it lights is noisy, and it makes no ghosts")
+
+
+GLASS, WOOD = "{kind: dielectric}", "{kind: matte, reflectance: 0.5}"
+PRISM = (
+    "shape: mesh, vertices: [[0, 0, 0], [0.1, 0, 0], [0, 0, 0.1], [0, 0.1, 0], [0.1, 0.1, 0], [0, 0.1, 0.1]],"
+    " faces: [[0, 1, 2], [5, 4, 3], [0, 3, 4], [0, 4, 1], [1, 4, 5], [1, 5, 2], [2, 5, 3], [2, 3, 0]]"
+)
+BLOCK = "shape: box, min: [0, 0, 0], max: [0.1, 0.2, 0.1]"
+TABLE = "shape: box, min: [-1, -0.05, -1], max: [1, 0, 1]"
+RESTING = {
+    "prism on a table": (PRISM, TABLE),
+    "box on a floor": (BLOCK, "shape: plane, point: [3, 0, 2], normal: [0, 2, 0]"),
+    "box on a sheet": (BLOCK, "shape: rectangle, corner: [-0.3, 0, 0.05], edge_u: [1, 0, 0.1], edge_v: [0, 0, -0.7]"),
+    "cylinder on a disk": (
+        "shape: cylinder, base: [0.3, 0, 0], top: [0.3, 0.2, 0], radius: 0.1",
+        "shape: disk, center: [0, 0, 0], normal: [0, -1, 0], radius: 0.21",
+    ),
+    "cone on a table": ("shape: cone, base: [0.99, 0, 0.2], apex: [0.99, 0.1, 0.2], radius: 0.02", TABLE),
+    "plate under a box": ("shape: rectangle, corner: [-1, 0, -1], edge_u: [2, 0, 0], edge_v: [0, 0, 2]", BLOCK),
+}
+LIFT = "{translate: [0, 1.0e-5, 0]}"
+TURNED = "transform: [{rotate: {axis: [1, 2, 3], degrees: 40}}, {translate: [0.1, 0.7, -1]}]"
+
+
+def two(glass: str, other: str, materials: tuple[str, str] = (GLASS, WOOD)) -> str:
+    """Return SMALL with two objects more, of which the second has the name other."""
+    return SMALL.replace(
+        "environment:",
+        f"  - {{{glass}, name: glass, material: {materials[0]}}}\n"
+        f"  - {{{other}, name: other, material: {materials[1]}}}\nenvironment:",
+    )
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["level", "turned"])
+@pytest.mark.parametrize("name", RESTING)
+def test_glass_that_rests_in_the_plane_of_another_face_is_warned_of(load: Load, name: str, turned: bool) -> None:
+    shape, other = (f"{keys}, {TURNED}" if turned else keys for keys in RESTING[name])
+    (warning,) = load(two(shape, other)).warnings
+    assert warning.startswith("object 'glass', of glass, has a face in one plane with object 'other': rounding decides")
+    assert warning.endswith("(lift it off by 0.01 mm)")
+    assert load(two(shape, other, (WOOD, WOOD))).warnings == ()
+    lifted = TURNED.replace("[{rot", f"[{LIFT}, {{rot") if turned else f"transform: {LIFT}"
+    assert load(two(f"{RESTING[name][0]}, {lifted}", other)).warnings == ()
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        "shape: rectangle, corner: [0.1, 0, 0], edge_u: [1, 0, 0], edge_v: [0, 0, 1]",  # beside it, an edge in common
+        "shape: disk, center: [-0.3, 0, 0.05], normal: [0, 1, 0], radius: 0.29",
+        "shape: box, min: [-1, -1, -1], max: [-0.1, 0, -0.1]",
+    ],
+)
+def test_faces_of_one_plane_that_share_no_part_of_it_are_not_warned_of(load: Load, other: str) -> None:
+    assert load(two(BLOCK, other)).warnings == ()
+
+
+def test_glass_far_from_the_eye_or_in_other_units_is_to_be_lifted_by_more(load: Load) -> None:
+    far = "transform: {translate: [0, 0, -50]}"
+    (warning,) = load(two(f"{BLOCK}, {far}", f"{TABLE}, {far}")).warnings
+    assert warning.endswith("(lift it off by 0.05 mm)")
+    (warning,) = load(two(BLOCK, TABLE), "metres_per_unit=0.001").warnings
+    assert warning.endswith("(lift it off by 0.01 mm)")
+
+
+def test_blocks_of_glass_that_touch_are_named_once_and_not_all_of_many(load: Load) -> None:
+    beside = "shape: box, min: [-0.2, 0.05, 0], max: [0, 0.15, 0.1]"
+    (warning,) = load(two(BLOCK, beside, (GLASS, GLASS))).warnings
+    assert "object 'glass'" in warning and "object 'other'" in warning
+    prisms = "".join(f"  - {{{PRISM}, transform: {{translate: [{x}, 0, 0]}}, material: {GLASS}}}\n" for x in range(5))
+    long = TABLE.replace("max: [1,", "max: [9,")
+    *named, more = load(
+        SMALL.replace("environment:", f"{prisms}  - {{{long}, material: {WOOD}}}\nenvironment:")
+    ).warnings
+    assert [each.split(",")[0] for each in named] == [f"objects[{index}]" for index in (1, 2, 3)]
+    assert more == "2 more pairs of objects share planes so"
