@@ -25,7 +25,7 @@ from rptcam_cl.device.session import Session, Wanted, means_all, open_session, o
 from rptcam_cl.imaging import development, writers
 from rptcam_cl.imaging.development import check_sensor, sensor_of
 from rptcam_cl.imaging.image import Image, develop, folders_of_film, with_picture_settings
-from rptcam_cl.optics.irradiance import scattered
+from rptcam_cl.optics.as_built import scattered
 from rptcam_cl.rendering import account, several
 from rptcam_cl.rendering.account import resolve_exposure
 from rptcam_cl.rendering.cameras.setting import on_film

@@ -406,13 +406,7 @@ def _add_lens_optimise(commands: output.Commands) -> None:
     output.add_device(parser)
 
 
-def _run_lens_optimise(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.device.session import open_sessions
-    from rptcam_cl.optics.design import UNITS, read_problem
-    from rptcam_cl.optics.files.export import lens_text
-    from rptcam_cl.optics.optimise import optimise
-    from rptcam_cl.rendering.tolerance_run import spot_of_copies
-
+def _check_files_to_write(arguments: argparse.Namespace) -> None:
     if arguments.scene is not None and arguments.report is None:
         raise InputError("--scene: needs --report FOLDER, where the pictures go")
     for path in (arguments.output, arguments.state):
@@ -420,6 +414,16 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
             check_writable(path, [str(arguments.problem)])
     if arguments.output is not None and arguments.output.suffix not in (".yaml", ".yml"):
         raise InputError(f"{arguments.output}: a lens is written as .yaml (rptcam lens convert writes other forms)")
+
+
+def _run_lens_optimise(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.device.session import open_sessions
+    from rptcam_cl.optics.design import read_problem
+    from rptcam_cl.optics.files.export import lens_text
+    from rptcam_cl.optics.optimise import optimise
+    from rptcam_cl.rendering.tolerance_run import spot_of_copies
+
+    _check_files_to_write(arguments)
     problem = read_problem(arguments.problem)
     output.print_warnings(problem.lens.warnings)
     spec = arguments.tolerances or problem.tolerances
@@ -455,7 +459,15 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
             _write_pictures(found, scene, spec or _GRADE, arguments)
     if arguments.json:
         print(output.as_json(_facts(found, runs, both)))
-        return 0
+    else:
+        _print_found(found, runs, both, spec)
+    return 0
+
+
+def _print_found(found: "Optimised", runs: list[Any], both: list[Any], spec: str | None) -> None:
+    """Print the terms of the merit before and after, figures of the picture, if any, and the yield of copies."""
+    from rptcam_cl.optics.design import UNITS
+
     rows = [[name, before, found.after[name], UNITS.get(name, "")] for name, before in found.before.items()]
     length = [lens.first_order().focal_length_mm for lens in (found.start, found.lens)]
     rows.append(["focal length, d line", *length, "mm"])
@@ -464,7 +476,6 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     output.print_table(("", "before", "after", "unit"), rows, f"{found.lens.name}, {found.evaluations} evaluations")
     if runs:
         output.print_table(("copies [%]", "before", "after"), _yield_rows(runs), f"as built ({spec}), rms spot [µm]")
-    return 0
 
 
 def _tolerance(lens: "Lens", spec: str, problem: "design.Problem") -> "tolerance_run.ToleranceRun | None":

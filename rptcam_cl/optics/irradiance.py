@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -17,7 +16,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import plain
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics import film_probe
-from rptcam_cl.optics.beams import Beam, chebyshev_nodes, geometry_but_stop, round_chief_rays
+from rptcam_cl.optics.beams import Beam, chebyshev_nodes, geometry_but_stop
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
 from rptcam_cl.optics.lens import Lens, brought_to_focus, exchange_axes, limiting_surface
 from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance, trace_crossings
@@ -795,145 +794,3 @@ def field_of_view(
         return None
     mean = rays.directions[rays.passed].mean(axis=0)
     return float(2 * np.degrees(np.arctan2(np.hypot(mean[0], mean[1]), -mean[2])))
-
-
-#
-# Light that the front of a lens scatters: a veil and a glow about whatever is bright.
-#
-# Roughness and dust scatter a little of the light that passes: radiance over irradiance is A / (B + |b - b0|^g) of the
-# sines b of its directions before and behind (the ABg form of J. E. Harvey's finding that it depends on their
-# difference alone, «Light-scattering characteristics of optical surfaces», 1976). In sines the film is therefore
-# convolved with one kernel. What scatters before the stop fills it as other light does.
-
-_CORE, _FINER = 8, 8  # cells about the middle of the kernel whose mean is taken of so many points a side
-_LOG_STEPS = -30.0 * (1 - (np.arange(4000) + 0.5) / 4000)  # of sines, in parts of the largest
-
-
-def scatter_share(abg: tuple[float, float, float]) -> float:
-    """Return the total integrated scatter of an ABg surface at normal incidence: 2 pi of the integral of f b db."""
-    sines = np.exp(_LOG_STEPS)
-    return float(2 * np.pi * np.sum(abg[0] * sines**2 / (abg[1] + sines ** abg[2])) * (_LOG_STEPS[1] - _LOG_STEPS[0]))
-
-
-def sines_of_film(lens: Lens, film_distance_mm: float, radius_mm: float) -> list[float]:
-    """Return factors of 1, r^2, r^4 … by which a place on the film at a radius r [mm] gives the sines of its chief ray.
-
-    Raises
-    ------
-    InputError
-        When the lens is not round, or has no chief rays so far from its axis.
-    """
-    if not lens.is_rotational:
-        raise InputError(f"{lens.name}: what scatters is known of round lenses alone")
-    radii = radius_mm * np.linspace(0.02, 1.0, 40)
-    points = np.column_stack([radii, 0 * radii, np.full(40, lens.film_z(film_distance_mm))])
-    rays = round_chief_rays(lens, points)
-    sines = np.hypot(*rays.directions[:, :2].T)
-    if not rays.found.all() or np.any(np.diff(sines) <= 0):
-        raise InputError(f"{lens.name}: no chief rays reach the corners of the film")
-    factors = np.polynomial.polynomial.polyfit((radii / radius_mm) ** 2, sines / radii, 6)
-    return [float(factor / radius_mm ** (2 * power)) for power, factor in enumerate(factors)]
-
-
-def _film_sines(
-    shape: Sequence[int], sines: Sequence[float], pixels_mm: Sequence[float], lit: Sequence[Sequence[float]]
-) -> tuple[Array, Array, Array, Array]:
-    """Return sines along x and y of a film's pixels, their area in sines, and the share of the middle's light there."""
-    x0, dx, y0, dy = pixels_mm
-    x, y = x0 + dx * (np.arange(shape[1]) + 0.5), (y0 + dy * (np.arange(shape[0]) + 0.5))[:, None]
-    polynomial = np.polynomial.Polynomial(sines)
-    square = x * x + y * y
-    factor = polynomial(square)
-    area = factor * (factor + 2 * square * polynomial.deriv()(square)) * abs(dx * dy)
-    return factor * x, factor * y, area, np.interp(np.sqrt(square), lit[0], lit[1])
-
-
-def scattered(
-    film: NDArray[Any],
-    abg: Sequence[float],
-    sines: Sequence[float],
-    pixels_mm: Sequence[float],
-    lit: Sequence[Sequence[float]],
-) -> Array:
-    """Return the light that the front of a lens scatters from a film's light onto it.
-
-    Parameters
-    ----------
-    film : (rows, columns, channels) array
-        Without scatter.
-    abg : three floats
-        A, B and g.
-    sines : floats
-        See `sines_of_film`.
-    pixels_mm : four floats
-        Where the film begins and the steps of its pixels, along its columns and rows [mm from the axis].
-    lit : two sequences
-        Distances from the axis [mm], and what even light gives there, over that in the middle.
-    """
-    rows, columns, channels = film.shape
-    *places, area, passed = _film_sines(film.shape, sines, pixels_mm, lit)
-    dx, dy = pixels_mm[1::2]
-    cells = abs(dx) * sines[0], abs(dy) * sines[0]
-    places = [(each - each.min()) / cell for each, cell in zip(places, cells, strict=True)]
-    (u, right), (v, below) = ((np.floor(each).astype(int), each - np.floor(each)) for each in places)
-    wide, high = int(u.max()) + 2, int(v.max()) + 2
-    corners = [((v + j) * wide + u + i, (right if i else 1 - right) * (below if j else 1 - below))
-               for i in (0, 1) for j in (0, 1)]  # fmt: skip
-    size = _even_length(2 * high), _even_length(2 * wide)
-    kernel = np.fft.rfft2(_scatter_kernel(abg, cells, high, wide, size))
-    out = np.empty((rows, columns, channels))
-    for channel in range(channels):
-        light, grid = film[..., channel] * area / passed, np.zeros(high * wide)
-        for place, weight in corners:
-            grid += np.bincount(place.ravel(), (light * weight).ravel(), high * wide)
-        spread = np.fft.irfft2(np.fft.rfft2(grid.reshape(high, wide), size) * kernel, size)[:high, :wide].ravel()
-        out[..., channel] = passed * sum(weight * spread[place] for place, weight in corners)
-    return np.maximum(out, 0.0)
-
-
-def scattered_from_beside(
-    shape: Sequence[int],
-    abg: Sequence[float],
-    sines: Sequence[float],
-    pixels_mm: Sequence[float],
-    lit: Sequence[Sequence[float]],
-    sources: tuple[Array, Array],
-) -> Array:
-    """Return the light (rows, columns, 3) that the front scatters from sources onto a film.
-
-    In radiance before the lens that would give it in the film's middle. The others as of `scattered`; sources are the
-    sines (n, 2) of their light, positive where it goes on to the film's ends, and its irradiance of the front (n, 3).
-    """
-    out, (x, y, _, passed) = np.zeros((*shape[:2], 3)), _film_sines(shape, sines, pixels_mm, lit)
-    for (at_x, at_y), light in zip(*sources, strict=True):
-        for k in range(shape[0]):
-            square = (x[k] - at_x) ** 2 + (y[k] - at_y) ** 2
-            away = square if abg[2] == 2 else square ** (abg[2] / 2)
-            out[k] += (abg[0] * passed[k] / (abg[1] + away))[:, None] * light
-    return out
-
-
-def _even_length(least: int) -> int:
-    """Return an even length from there on that transforms are fast for."""
-    return min(odd << max(math.ceil(math.log2(least / odd)), 1) for odd in (1, 3, 5, 9, 15))
-
-
-def _scatter_kernel(
-    abg: Sequence[float], cells: tuple[float, float], high: int, wide: int, size: tuple[int, int]
-) -> Array:
-    """Return the mean of the scatter function over cells of sines, about the corner of a torus."""
-
-    def function(x: NDArray[Any], y: NDArray[Any]) -> Array:
-        return np.asarray(abg[0] / (abg[1] + np.hypot(x, y) ** abg[2]))
-
-    j, i = (np.fft.fftfreq(count, 1 / count) for count in size)
-    kernel = function(i * cells[0], (j * cells[1])[:, None])
-    within = (np.arange(_FINER) + 0.5) / _FINER - 0.5
-    core = np.arange(-_CORE, _CORE + 1)
-    fine_x, fine_y = ((core[:, None] + within).ravel() * cell for cell in cells)
-    means = function(fine_x, fine_y[:, None]).reshape(2 * _CORE + 1, _FINER, 2 * _CORE + 1, _FINER).mean(axis=(1, 3))
-    disk = np.sqrt(cells[0] * cells[1] / np.pi)  # as large as the middle cell
-    sines = disk * np.exp(_LOG_STEPS)
-    means[_CORE, _CORE] = 2 * np.sum(function(sines, 0 * sines) * (sines / disk) ** 2) * (_LOG_STEPS[1] - _LOG_STEPS[0])
-    kernel[np.ix_(core, core)] = means
-    return kernel

@@ -414,9 +414,30 @@ def _lines(
     lit_radii = {k: _lit_radius(probe, float(ends[k])) if ends[k] > 0 else 0.0 for k, probe in probes.items()}
     lit = np.array([lit_radii[k] for k, _ in like])
     reach = _lengthen(np.where(lit < ends, (1.0 + _BEYOND_LIT) * lit, ends))
-    nodes = fineness.line_nodes
-    centres, axes = np.zeros((count, 2 * nodes - 1, 2)), np.zeros((count, 2 * nodes - 1, 2))
-    for k in range(0, count, 2):
+    centres, axes = _frames_of_lines(probes, reach, like, fineness.line_nodes, ring)
+    edges, holes = _edges_of_lines(probes, reach, like, (centres, axes), fineness, holed=lens.is_obstructed)
+    margin = fineness.tilted_margin if lens.is_rotational else fineness.margin
+    radii = _envelope(edges, fineness.directions) * (1.0 + margin)
+    if lens.is_obstructed or fineness is FINEST_OUTLINES:
+        radii = _from_neighbours(radii, radii == 0.0)
+    radii[(lit < ends)[::2], -_EDGE_NODES:] *= 1.0 + _LINE_EDGE_MARGIN
+    margin = margin if ring else _HOLE_MARGIN
+    inner = _inner(holes, radii, fineness, (lit < ends)[::2], margin) if np.isfinite(holes).any() else None
+    return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii, inner)
+
+
+def _frames_of_lines(
+    probes: dict[int, list[film_probe.FilmProbe]], reach: Array, like: list[tuple[int, bool]], nodes: int, ring: bool
+) -> tuple[Array, Array]:
+    """Return centres and half axes (lines, places, 2) of the pupil along each line; of every second by its neighbours.
+
+    Parameters
+    ----------
+    like
+        As of `_alike`: what is found on one line counts for those that see the same.
+    """
+    centres, axes = np.zeros((2, len(like), 2 * nodes - 1, 2))
+    for k in range(0, len(like), 2):
         other, mirrored = like[k]
         if other == k and reach[k] > 0:
             line = _closing_line(reach[k], nodes)
@@ -427,22 +448,29 @@ def _lines(
         centres[k], axes[k] = centres[other] * (1.0, -1.0 if mirrored else 1.0), axes[other]
     for values in (centres, axes):
         values[1::2] = (values[::2] + np.roll(values[::2], -1, axis=0)) / 2
-    edges, holes = np.zeros((2, count, 2 * nodes - 1, fineness.directions * DIRECTIONS))
+    return centres, axes
+
+
+def _edges_of_lines(
+    probes: dict[int, list[film_probe.FilmProbe]],
+    reach: Array,
+    like: list[tuple[int, bool]],
+    frames: tuple[Array, Array],
+    fineness: Fineness,
+    *,
+    holed: bool,
+) -> tuple[Array, Array]:
+    """Return where the pupil ends along each line (lines, places, directions), and its hole; the others as before."""
+    nodes, (centres, axes) = fineness.line_nodes, frames
+    edges, holes = np.zeros((2, len(like), 2 * nodes - 1, fineness.directions * DIRECTIONS))
     holes[:] = np.inf
     for k, (other, mirrored) in enumerate(like):
         if other == k and axes[k].any():
             seen = probes[k][-1], _closing_line(reach[k], nodes), (centres[k], axes[k]), fineness
-            edges[k], holes[k] = _edges(*seen, mirrored=False, holed=lens.is_obstructed)
+            edges[k], holes[k] = _edges(*seen, mirrored=False, holed=holed)
         for values in (edges, holes):
             values[k] = np.roll(values[other][:, ::-1], 1, axis=1) if mirrored else values[other]
-    margin = fineness.tilted_margin if lens.is_rotational else fineness.margin
-    radii = _envelope(edges, fineness.directions) * (1.0 + margin)
-    if lens.is_obstructed or fineness is FINEST_OUTLINES:
-        radii = _from_neighbours(radii, radii == 0.0)
-    radii[(lit < ends)[::2], -_EDGE_NODES:] *= 1.0 + _LINE_EDGE_MARGIN
-    margin = margin if ring else _HOLE_MARGIN
-    inner = _inner(holes, radii, fineness, (lit < ends)[::2], margin) if np.isfinite(holes).any() else None
-    return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii, inner)
+    return edges, holes
 
 
 def _alike(lens: Lens, frame: film_probe.FilmFrame, count: int) -> list[tuple[int, bool]]:

@@ -253,24 +253,10 @@ class FilmSpread:
         if by_waves.any():
             planes, by_waves[imaged] = without_lamps(planes, offset, images, by_waves[imaged])
             bright = np.where(bright > 0, planes, 0.0)
-        reach, total, lost = self.reach, float(planes.sum() + by_waves.sum()), 0.0
-        lamps = self.lamps if self.edges is not None else ()
-        stars, strewn = np.zeros_like(planes), np.where(bright > 0, lamps_of(planes), 0.0)
-        for lamp, light in zip(lamps, by_waves, strict=bool(lamps)):
-            if lamp.image is not None and light.any():
-                share, place = 1 - lamp.image.waves.sum(axis=(1, 2)), lamp.place
-                away = lamp.radius, lamp.image.reach
-            else:
-                light, place, share = self._bright_pixels(lamp, (planes, bright, strewn), layout)
-                away = 0.0, reach
-            if light.any():
-                star = self._star(lamp, place, lamp.size, *away, layout)
-                lost += float(light @ np.maximum(share - star.sum(axis=(1, 2)), 0.0))
-                for plane, target, own_light in zip(star, stars, light.tolist(), strict=True):
-                    plane *= own_light
-                    target += plane
+        total, strewn = float(planes.sum() + by_waves.sum()), np.where(bright > 0, lamps_of(planes), 0.0)
+        stars, lost = self._stars(by_waves, (planes, bright, strewn), layout)
         near_veil, kernel, shares, step = (None, None, np.zeros(3), 1) if self.edges is None else self._veil
-        wide = reach if near_veil is None else near_veil.shape[-1] // 2
+        wide = self.reach if near_veil is None else near_veil.shape[-1] // 2
         whole = self._blur(planes, bright, offset, wide, near_veil)
         spread = whole[:, wide : wide + planes.shape[1], wide : wide + planes.shape[2]]
         lost += float(whole.sum() - spread.sum())
@@ -291,6 +277,28 @@ class FilmSpread:
             spread += self._from_beside(beside, layout)
         film = np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
         return film, lost / total if total > 0 else 0.0
+
+    def _stars(self, by_waves: Array, films: tuple[Array, Array, Array], layout: FilmLayout) -> tuple[Array, float]:
+        """Return the far light of lamps as planes like those of films, and how much of it falls beside.
+
+        Light is that of their images (n, 3) by waves, else what `_bright_pixels` takes from the films.
+        """
+        stars, lost = np.zeros_like(films[0]), 0.0
+        lamps = self.lamps if self.edges is not None else ()
+        for lamp, light in zip(lamps, by_waves, strict=bool(lamps)):
+            if lamp.image is not None and light.any():
+                share, place = 1 - lamp.image.waves.sum(axis=(1, 2)), lamp.place
+                away = lamp.radius, lamp.image.reach
+            else:
+                light, place, share = self._bright_pixels(lamp, films, layout)
+                away = 0.0, self.reach
+            if light.any():
+                star = self._star(lamp, place, lamp.size, *away, layout)
+                lost += float(light @ np.maximum(share - star.sum(axis=(1, 2)), 0.0))
+                for plane, target, own_light in zip(star, stars, light.tolist(), strict=True):
+                    plane *= own_light
+                    target += plane
+        return stars, lost
 
     def _bright_pixels(
         self, lamp: FilmLamp, films: Sequence[Array], layout: FilmLayout

@@ -21,8 +21,8 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.core.remember import checkpoint, is_cancellable, remember
 from rptcam_cl.device.session import Session
+from rptcam_cl.optics import as_built, irradiance
 from rptcam_cl.optics import ghosts as lens_ghosts
-from rptcam_cl.optics import irradiance
 from rptcam_cl.optics.ghosts import Way, steps
 from rptcam_cl.optics.glass import Interface
 from rptcam_cl.optics.lens import Lens
@@ -559,7 +559,7 @@ class Ghosting:
             metadata["scatter"] = scatter | {"beside": len(beside[0])}
             camera = self.plan.camera.metadata
             value = camera["values_per_irradiance"] * (camera["on_axis_irradiance"] or 0.0)  # of radiance
-            pixels = pixels + value * irradiance.scattered_from_beside(pixels.shape, **scatter["front"], sources=beside)
+            pixels = pixels + value * as_built.scattered_from_beside(pixels.shape, **scatter["front"], sources=beside)
         metadata["says"] = _summary(metadata)
         return pixels, metadata
 
@@ -760,11 +760,11 @@ def _front_scatter(scene: Scene, layout: FilmLayout) -> dict[str, Any]:
     if camera is None or not camera.front_scatter:
         return {}
     setting, (width, height), (columns, rows) = ghost_setting(scene), scene.film.size_m(), scene.film.resolution
-    if (share := irradiance.scatter_share(camera.front_scatter)) >= 1:
+    if (share := as_built.scatter_share(camera.front_scatter)) >= 1:
         raise InputError(f"camera.front_scatter: scatters {share:.3g} of the light (allowed: total scatter below 1)")
     try:
         radii = 500.0 * float(np.hypot(width, height)) * np.linspace(0.0, 1.0, _RADII)
-        sines = irradiance.sines_of_film(setting.lens, setting.film_distance_mm, float(radii[-1]))
+        sines = as_built.sines_of_film(setting.lens, setting.film_distance_mm, float(radii[-1]))
         nm, losses = setting.camera.wavelength_nm, setting.transmission
         lit = irradiance.film_irradiance(setting.lens, setting.film_distance_mm, radii, nm, transmission=losses)
     except InputError as problem:

@@ -154,17 +154,7 @@ class Engine:
             self._reports.inform(clients)
         timeout = self._render(clients)
         rendered = time.monotonic()
-        self._make_pictures()
-        if not clients and timeout is None:
-            self._reports.prepare()
-        self._deliver(clients)
-        for slot in self._studio.slots:
-            slot.follow()
-        self._requests.track_focus()
-        self._requests.note_state()
-        a, b = self._studio.a, self._studio.b
-        if a is not None and b is not None and self._studio.compares_difference:
-            self._delivery.difference(a, b, clients)
+        self._show(clients, timeout)
         if hurries and self._inbox.is_empty:  # the first picture leaves alone, what is said of it comes next
             self._leaves_alone_until = time.monotonic() + TIME_TO_PAINT_S
         elif hurries or self._inbox.is_empty:
@@ -179,6 +169,20 @@ class Engine:
         self._tell_busy(clients)
         self._tell_history(clients)
         return timeout if self._inbox.is_empty else 0.0
+
+    def _show(self, clients: list[messages.Client], timeout: float | None) -> None:
+        """Send what was rendered, and have all that follows the picture follow it."""
+        self._make_pictures()
+        if not clients and timeout is None:
+            self._reports.prepare()
+        self._deliver(clients)
+        for slot in self._studio.slots:
+            slot.follow()
+        self._requests.track_focus()
+        self._requests.note_state()
+        a, b = self._studio.a, self._studio.b
+        if a is not None and b is not None and self._studio.compares_difference:
+            self._delivery.difference(a, b, clients)
 
     def _let_workers_go_on(self, timeout: float | None) -> float | None:
         """Have workers wait while a hand moves something; return when to look again."""

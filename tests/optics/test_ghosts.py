@@ -10,6 +10,7 @@ import pytest
 
 from rptcam_cl.core import LINE_D_NM
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.as_built import scatter_share, scattered, sines_of_film
 from rptcam_cl.optics.beams import Beam, film_chief_rays
 from rptcam_cl.optics.ghosts import (
     NOWHERE,
@@ -34,7 +35,7 @@ from rptcam_cl.optics.glass import (
     QuarterWave,
     constant_reflectance,
 )
-from rptcam_cl.optics.irradiance import scatter_share, scattered, sines_of_film, veiling_glare
+from rptcam_cl.optics.irradiance import veiling_glare
 from rptcam_cl.optics.lens import Lens, system_matrix
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, axial_transmittance, with_coating
