@@ -429,8 +429,8 @@ class RenderJob:
         layers = _name_layers(self.scene.render.layers, rendering.layers, sharp, metadata)
         image = with_picture_settings(Image(rendering.pixels, metadata, stats, layers=layers), self.scene.picture)
         if options.denoise:
-            kept = {name: image[name] for name in image.layers if name.startswith(LIGHT_LAYER) or name in self.layers}
-            image = replace(image.denoised(), layers=kept)
+            kept = image.layers if self.plan.light_groups.names else self.layers  # films lit anew are denoised anew
+            image = replace(image.denoised(), layers={name: image[name] for name in image.layers if name in kept})
         return image
 
     def _with_optics(self, image: Image) -> Image:

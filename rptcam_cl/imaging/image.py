@@ -221,7 +221,7 @@ _CLOSE = 1e-3  # in chromaticity: programs round those of sRGB differently
 
 
 def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -> Image:
-    """Return the film of a file with its metadata; of layers those of groups of lamps, and the coverage of an alpha.
+    """Return the film of a file with its metadata; of layers lamps, with `GUIDES`, and the coverage of an alpha.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ def _check_memory(size: int) -> None:
 
 
 Film = tuple[NDArray[Any], dict[str, Any], NDArray[Any] | None, dict[str, NDArray[Any]]]
-"""Pixels, metadata, the coverage of a picture without a background, and the light of groups of lamps."""
+"""Pixels, metadata, the coverage of a picture without a background, and the light of groups of lamps with `GUIDES`."""
 
 
 def _numpy(path: str | os.PathLike[str]) -> Film:
@@ -309,6 +309,7 @@ def _numpy(path: str | os.PathLike[str]) -> Film:
     with held:
         metadata = json.loads(str(held["metadata"])) if "metadata" in held else {}
         lights = {name: held[name] for name in held.files if name.startswith(LIGHT_LAYER)}
+        lights |= {name: held[name] for name in GUIDES if lights and name in held}
         alpha = held["coverage"] if _is_transparent(metadata) and "coverage" in held else None
         return held["rgb"], metadata, alpha, lights
 
@@ -326,9 +327,12 @@ def _exr(path: str | os.PathLike[str]) -> Film:
         planes = [channels[name].pixels for name in "RGB"]
         alpha = channels["A"].pixels if "A" in channels else None
         layers = {each.removesuffix(".R") for each in channels if each.startswith(LIGHT_LAYER) and each.endswith(".R")}
+        planes_of = {layer: tuple(f"{layer}.{colour}" for colour in "RGB") for layer in sorted(layers)}
+        planes_of |= {name: writers.CHANNELS[name] for name in GUIDES if layers}
         lights = {
-            layer: np.stack([channels[f"{layer}.{colour}"].pixels for colour in "RGB"], axis=-1)
-            for layer in sorted(layers)
+            layer: np.stack([channels[each].pixels for each in names], axis=-1)
+            for layer, names in planes_of.items()
+            if channels.keys() >= set(names)
         }
     matrix = _matrix_of(header.get("chromaticities"))
     text = header.get(formats.ALL_METADATA)
@@ -336,7 +340,7 @@ def _exr(path: str | os.PathLike[str]) -> Film:
     pixels = np.stack(planes, axis=-1)
     if matrix is not None:
         pixels = pixels @ matrix
-        lights = {name: values @ matrix for name, values in lights.items()}
+        lights = {name: values if name == "normal" else values @ matrix for name, values in lights.items()}
     return pixels, metadata, alpha if _is_transparent(metadata) else None, lights
 
 
@@ -468,6 +472,8 @@ _MOST_FACTOR = 1e6
 def relit(image: Image, factors: Mapping[str, float | Sequence[float]]) -> Image:
     """Return an image with the light of groups of lamps brighter, darker or of another colour, as if rendered so.
 
+    A film whose noise was removed is denoised anew, by its layers ``albedo`` and ``normal``.
+
     Parameters
     ----------
     image
@@ -479,7 +485,7 @@ def relit(image: Image, factors: Mapping[str, float | Sequence[float]]) -> Image
     Raises
     ------
     InputError
-        There is no such group, or a factor is out of range.
+        There is no such group, or a factor is out of range; or what denoises the film is missing.
     """
     before = image.metadata.get(_RELIT, {})
     known = [name.removeprefix(LIGHT_LAYER) for name in image.layers if name.startswith(LIGHT_LAYER)]
@@ -494,8 +500,11 @@ def relit(image: Image, factors: Mapping[str, float | Sequence[float]]) -> Image
                 f"lights.{name}: is no factor (got {factor}; allowed: 0 to {_MOST_FACTOR:g}, or three such)"
             )
     pixels = mixed(image.pixels, image.layers, factors, before)
-    kept = {name: np.asarray(factor, np.float64).tolist() for name, factor in factors.items()}
-    return replace(image, pixels=pixels, metadata=image.metadata | {_RELIT: before | kept})
+    kept = before | {name: np.asarray(factor, np.float64).tolist() for name, factor in factors.items()}
+    if "denoised" in image.metadata:  # of layers that are not
+        pixels = mixed(np.zeros_like(pixels), image.layers, dict.fromkeys(known, 1.0) | kept, dict.fromkeys(known, 0.0))
+    lit = replace(image, pixels=pixels, metadata=image.metadata | {_RELIT: kept})
+    return lit.denoised() if "denoised" in image.metadata else lit
 
 
 def mixed(

@@ -74,3 +74,19 @@ def test_corners_are_as_bright_as_the_middle(size):
     clean = Image(np.float32(0.4 + noise), layers=layers).denoised().pixels
     assert clean.shape == (*size, 3)
     assert clean == pytest.approx(0.4, rel=0.1)  # a single pixel is 6 % off
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".npz"])
+def test_denoised_films_that_are_lit_anew_are_denoised_anew(suffix, tmp_path):
+    """The clean film less lamps with their noise has that noise, with its sign turned."""
+    pytest.importorskip("pyoidn")
+    rng = np.random.default_rng(3)
+    layers = {"albedo": np.full((48, 64, 3), 0.5, np.float32), "normal": np.zeros((48, 64, 3), np.float32)}
+    layers |= {f"lights.{name}": np.float32(rng.exponential(0.4, (48, 64, 3))) for name in ("key", "fill")}
+    Image(layers["lights.key"] + layers["lights.fill"], layers=layers).denoised().save(tmp_path / f"film{suffix}")
+    film = rptcam_cl.develop(tmp_path / f"film{suffix}", ["lights.key=0.3"])
+    dark = rptcam_cl.develop(film, ["lights.key=0", "lights.fill=0"])
+    assert np.abs(dark.pixels).max() < 1e-6
+    dim = rptcam_cl.develop(film, ["lights.fill=0.1"])  # beside 0.3 of the key, which stays so
+    assert dim.pixels.mean() == pytest.approx(0.4 * 0.4, rel=0.1)
+    assert dim.pixels[8:-8, 8:-8].std() < 0.02  # of the samples it is 0.13

@@ -92,7 +92,7 @@ def test_passes_have_the_bits_of_the_stream(picture, monkeypatch):
 def test_a_denoised_film_keeps_the_layers(picture):
     pytest.importorskip("pyoidn")
     smooth = rc.render(SCENE, denoise=True, layers=["depth", "lights"])
-    assert [*smooth.layers] == ["depth", *picture.layers]
+    assert [*smooth.layers] == ["depth", "albedo", "normal", *picture.layers]
     assert np.array_equal(smooth["lights.fill"], picture["lights.fill"])
 
 
