@@ -12,7 +12,7 @@ import tempfile
 import zlib
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
@@ -509,6 +509,13 @@ class MeshData:
             return self
         behind = (self.crosses() * self.normals[self.faces].sum(axis=1)).sum(axis=1) < 0
         return replace(self, faces=np.where(behind[:, None], self.faces[:, ::-1], self.faces))
+
+    def with_corners_apart(self, uvs: Sequence[tuple[float, float]]) -> MeshData:
+        """Return the mesh with vertices of its own, and these texture coordinates, at the corners of each face."""
+        flat, normals = self.faces.reshape(-1), self.normals
+        own = MeshData(self.vertices[flat], np.arange(len(flat)).reshape(self.faces.shape))
+        spread = np.tile(np.asarray(uvs, np.float64), (len(self.faces), 1))
+        return replace(own, normals=None if normals is None else normals[flat], uvs=spread)
 
     def crosses(self) -> Array:
         """Return the cross product of two edges of each face (m, 3): its normal, twice its area long."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -151,7 +151,11 @@ def _metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str,
     """The keys of a conductor that say how a metal reflects: by name, by n and k, or by a colour."""
     parameters = entity.parameters
     if parameters.has(f"{prefix}reflectance"):
-        return {"reflectance": textures.shade(context, entity, f"{prefix}reflectance", 1.0).keys()}
+        reflects = textures.shade(context, entity, f"{prefix}reflectance", 1.0)
+        if reflects.texture is not None:
+            context.approximated(entity, "a metal that reflects its texture at every angle alike")
+            return {"reflectance": reflects.keys()}
+        return {"metal": _constants_of(reflects.colour)}
     metals = {_metal_named(context, entity, prefix, key) for key in ("eta", "k")} - {""}
     metal = metals.pop() if len(metals) == 1 else ""
     if metal in _METALS or metal in _OTHER_METALS:
@@ -164,6 +168,12 @@ def _metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str,
         return {"metal": "copper"}
     n, k = (_channels(context, entity, f"{prefix}{key}", default) for key, default in (("eta", 0.2), ("k", 3.9)))
     return {"metal": {"n": n, "k": k}}
+
+
+def _constants_of(colour: Sequence[float] | NDArray[np.float64]) -> dict[str, list[float]]:
+    """Return n and k of the metal that pbrt takes for a colour: n = 1 and the k that reflects it head-on."""
+    share = np.clip(np.broadcast_to(np.asarray(colour, np.float64), (3,)), 0, 0.9995)  # k ends at 100
+    return {"n": [1.0] * 3, "k": np.maximum(2 * np.sqrt(share / (1 - share)), 1e-3).tolist()}
 
 
 def _metal_named(context: Context, entity: Entity, prefix: str, key: str) -> str:
@@ -511,11 +521,8 @@ def _colour_below(metal: Keys, index: float) -> list[float]:
 
     It is that of smooth faces head-on.
     """
-    constants = metal.get("metal")
-    if constants is None:  # pbrt takes n = 1 and the k that gives the colour in air
-        colour = np.minimum(np.broadcast_to(np.array(metal["reflectance"], np.float64), 3), 0.9999)
-        n, k = np.ones(3), 2 * np.sqrt(colour) / np.sqrt(1 - colour)
-    elif isinstance(constants, str):
+    constants = metal["metal"] if "metal" in metal else _constants_of(metal["reflectance"])
+    if isinstance(constants, str):
         n, k = metal_spectra(constants)
     else:
         n, k = np.array(constants["n"]), np.array(constants["k"])

@@ -28,6 +28,8 @@ from rptcam_cl.scene.shapes import bezier_pieces
 
 # Meshes of a pbrt scene: triangles, bilinear patches, control meshes, and PLY files of their own.
 
+# Of the corners of triangles and patches in meshes without texture coordinates.
+_UVS_OF_FACE, _UVS_OF_PATCH = ((0, 0), (1, 0), (1, 1)), ((0, 0), (1, 0), (0, 1), (1, 1))
 # Cells along each side of a bilinear patch that is not flat.
 _PATCH_CELLS = 8
 
@@ -78,10 +80,10 @@ def _bilinear_patches(context: Context, shape: Entity) -> tuple[conversion.MeshD
     parameters = shape.parameters
     uvs, normals = _uvs(parameters), parameters.rows("N", 3, "normal", "normal3", "float")
     parameters.skip("faceIndices")
-    if len(quads) == 1 and uvs is None:
-        uvs = np.zeros((len(vertices), 2))
-        uvs[quads[0]] = [[0, 0], [1, 0], [0, 1], [1, 1]]
-    if _are_parallelograms(vertices, quads):
+    if uvs is None:
+        own = conversion.MeshData(vertices, quads, normals).with_corners_apart(_UVS_OF_PATCH)
+        vertices, quads, normals, uvs = own.vertices, own.faces, own.normals, np.asarray(own.uvs)
+    if all(_are_parallelograms(values, quads) for values in (vertices, uvs)):
         p00, p10, p01, p11 = quads.T
         faces = np.concatenate([np.stack([p00, p10, p11], axis=1), np.stack([p00, p11, p01], axis=1)])
         return _clean(context, shape, conversion.MeshData(vertices, faces, normals, uvs)), len(quads)
@@ -89,7 +91,7 @@ def _bilinear_patches(context: Context, shape: Entity) -> tuple[conversion.MeshD
     return _clean(context, shape, _tessellate(vertices, quads, normals, uvs)), len(quads)
 
 
-def _tessellate(vertices: Array, quads: Faces, normals: Array | None, uvs: Array | None) -> conversion.MeshData:
+def _tessellate(vertices: Array, quads: Faces, normals: Array | None, uvs: Array) -> conversion.MeshData:
     """Return patches cut into cells, each patch with vertices of its own."""
     cells = _PATCH_CELLS
     t = np.linspace(0, 1, cells + 1)
@@ -104,8 +106,7 @@ def _tessellate(vertices: Array, quads: Faces, normals: Array | None, uvs: Array
     right, up, far = corner + 1, corner + cells + 1, corner + cells + 2
     one = np.concatenate([np.stack([corner, right, far], axis=1), np.stack([corner, far, up], axis=1)])
     faces = (one[None] + (np.arange(len(quads)) * len(u))[:, None, None]).reshape(-1, 3)
-    new_uvs = np.tile(np.stack([u, v], axis=1), (len(quads), 1)) if uvs is None else spread(uvs)
-    return conversion.MeshData(spread(vertices), faces, None if normals is None else spread(normals), new_uvs)
+    return conversion.MeshData(spread(vertices), faces, None if normals is None else spread(normals), spread(uvs))
 
 
 def _are_parallelograms(vertices: Array, quads: Faces) -> bool:
@@ -432,7 +433,7 @@ def _mesh(context: Context, placed: Placed) -> _Piece | None:
         _note_no_area(context, placed.shape)
         return None
     if placed.textured and mesh.uvs is None:
-        context.approximated(placed.shape, "a texture without texture coordinates")
+        mesh = mesh.with_corners_apart(_UVS_OF_FACE)
     area = float(mesh.transformed(placed.shape.world_from_object).areas().sum()) / parts
     return _piece(placed, mesh, area)
 
@@ -494,14 +495,17 @@ def _ply(context: Context, placed: Placed) -> _Piece | None:
         return None
     keys = _transform_keys(placed.world)
     area = 0.0
-    if placed.oriented or placed.use.lamp is not None:
+    if placed.oriented or placed.textured or placed.use.lamp is not None:
         mesh = _read_mesh(path, place)
+        bare = placed.textured and mesh.uvs is None
+        mesh = mesh.with_corners_apart(_UVS_OF_FACE) if bare else mesh
         facing = mesh.facing_its_normals()
         changed = placed.use.reverse or not np.array_equal(facing.faces, mesh.faces)
         facing = facing.reversed() if placed.use.reverse else facing
         area = float(facing.transformed(placed.shape.world_from_object).areas().mean())
-        if changed and placed.oriented:
-            context.report.noted(place, f"{name}: written anew with its front where pbrt has it")
+        if bare or (changed and placed.oriented):
+            what = "texture coordinates" if bare else "front"
+            context.report.noted(place, f"{name}: written anew with its {what} where pbrt has it")
             return keys, area, facing
     return {"shape": "mesh", "file": context.files.reference(path, place), **keys}, area, None
 
@@ -866,8 +870,9 @@ def _has_front(material: Keys) -> bool:
 
 
 def _is_textured(value: Any) -> bool:
-    """Return whether some part of a material is a texture."""
+    """Return whether some part of a material goes by u and v: a texture, or roughness along them."""
     if isinstance(value, dict):
-        is_texture = value.get("kind") in ("image", "checker", "dots") or "file" in value
-        return is_texture or any(_is_textured(item) for item in value.values())
+        is_texture = (value.get("kind") in ("image", "checker", "dots") or "file" in value) and "mapping" not in value
+        is_brushed = isinstance(value.get("alpha"), list) or value.get("anisotropy", 0) != 0
+        return is_texture or is_brushed or any(_is_textured(item) for item in value.values())
     return isinstance(value, list) and any(_is_textured(item) for item in value)

@@ -348,7 +348,7 @@ def _plain(item: Parameter, entity: Entity) -> Array:
 Keys = dict[str, Any]
 
 # Parameters of filtering, which is ours to choose.
-_FILTERING = ("maxanisotropy", "trilinear", "filter")
+_FILTERING = ("maxanisotropy", "trilinear")
 GREY = 0.5
 # Along each side of the picture of u and v.
 _UV_TEXELS = 256
@@ -614,13 +614,17 @@ def _image(context: Context, texture: Entity, depth: int) -> Shade:
         context.ignored(texture, "invert", place)
     if not is_readable(path):
         context.report.approximated(place, f"{name}: {NOT_READ} (grey {GREY:g}; allowed: {' '.join(READABLE)})")
-        parameters.skip("wrap", "scale", "encoding", "gamma", "uscale", "vscale", "udelta", "vdelta", "mapping")
+        parameters.skip(
+            "wrap", "filter", "scale", "encoding", "gamma", "uscale", "vscale", "udelta", "vdelta", "mapping"
+        )
         return Shade(np.full(3, GREY))
     keys: Keys = {"kind": "image", "file": picture_name(context, path, place)}
     if wrap not in ("repeat", "clamp", "octahedralsphere"):
         context.approximated(texture, f'wrap "{wrap}" as clamp', place)
     if wrap != "repeat":
         keys["wrap"] = "clamp"
+    if context.scene.version == 4 and parameters.text("filter", "bilinear") == "point":
+        keys["filter"] = "nearest"
     keys |= _encoding(context, texture)
     if (gain := max(parameters.number("scale", 1.0), 0.0)) != 1:
         keys["gain"] = gain

@@ -113,7 +113,7 @@ def test_a_scene_that_cannot_be_used_is_not_written(tmp_path: Path, capsys: Any)
     source, target = places(tmp_path)
     (source.parent / "a.ply").write_bytes(TRIANGLE.replace(b"1 0 0", b"1e30 0 0"))
     (source.parent / "a.png").write_bytes(png())
-    source.write_text(HEAD + IMAGE.format("") + BALL + NAMED["plymesh"].format("a.ply"))
+    source.write_text(HEAD + NAMED["plymesh"].format("a.ply") + IMAGE.format("") + BALL)
     target.write_text("before")
     assert main(["convert", str(source), str(target)]) == 2
     text = capsys.readouterr().err

@@ -115,7 +115,7 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
     '"conductor" "spectrum eta" "metal-Au-eta" "spectrum k" "metal-Au-k" "float roughness" .04': (
         {"kind": "conductor", "metal": "gold", "alpha": 0.2}, ""),
     '"conductor" "rgb reflectance" [.9 .8 .7] "float roughness" 1': (
-        {"kind": "conductor", "reflectance": [0.9, 0.8, 0.7], "alpha": 1.0}, ""),
+        {"kind": "conductor", "metal": {"n": [1.0] * 3, "k": [6.0, 4.0, 2 * math.sqrt(0.7 / 0.3)]}, "alpha": 1.0}, ""),
     '"conductor" "rgb eta" [.2 .9 1.1] "rgb k" [3.9 2.4 2.2] "float roughness" 1': (
         {"kind": "conductor", "metal": {"n": [0.2, 0.9, 1.1], "k": [3.9, 2.4, 2.2]}, "alpha": 1.0}, ""),
     '"metal" "float roughness" .25 "bool remaproughness" "false"': (
@@ -253,6 +253,7 @@ def test_pictures(convert: Convert, text: str, keys: dict[str, Any]) -> None:
         ('"string wrap" "octahedralsphere"', {"wrap": "clamp"}, ""),
         ('"float scale" -1 "float udelta" 0', {"gain": 0}, ""),
         ('"float maxanisotropy" 4 "string filter" "ewa"', {}, ""),
+        ('"string filter" "point"', {"filter": "nearest"}, ""),
     ],
 )
 def test_pictures_as_near_as_ours_come(convert: Convert, text: str, keys: dict[str, Any], words: str) -> None:
@@ -261,6 +262,13 @@ def test_pictures_as_near_as_ours_come(convert: Convert, text: str, keys: dict[s
     told = [line for line in done.report if "bool gamma" not in line]
     assert bool(told) == bool(words), told
     assert not words or done.says("in.pbrt:2: ", words)
+
+
+def test_a_metal_of_a_texture_reflects_it_at_every_angle_and_says_so(convert: Convert) -> None:
+    text = IMAGE.format("").replace('"diffuse"', '"conductor" "float roughness" .3')
+    done = convert(text + BALL, HEAD, **{"a.png": png()})
+    assert done.material()["reflectance"] == {"kind": "image", "file": "a.png"}
+    assert done.says("at every angle alike")
 
 
 def test_kinds_of_pictures_that_are_not_read_are_grey(convert: Convert) -> None:

@@ -42,6 +42,47 @@ def test_stretched_sphere_keeps_its_transform(convert: Convert) -> None:
     np.testing.assert_array_equal(np.diag(item.world_from_object), [1, 2, 3, 1])
 
 
+BRUSHED = 'Material "conductor" "float uroughness" .5 "float vroughness" .1 '
+BENT = (
+    "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 2\n"
+    "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 .5\n0 1 0\n3 0 1 2\n3 2 3 0\n"
+)
+
+
+def test_brushed_shapes_have_u_where_pbrt_has_it(convert: Convert) -> None:
+    """Along a disk's u lies its rim; a sphere turned over keeps its turn, and a rectangle the edge along u."""
+    done = convert(BRUSHED + 'Shape "disk" "float radius" 2', HEAD)
+    mesh = mesh_of(done)
+    x, y, u = mesh.positions[:, 0], mesh.positions[:, 1], mesh.uvs[:, 0]
+    np.testing.assert_allclose(np.hypot(x, y) * np.cos(2 * math.pi * u), x, atol=1e-6)
+    np.testing.assert_allclose(np.hypot(x, y) * np.sin(2 * math.pi * u), y, atol=1e-6)
+    (ball,) = convert(BRUSHED + 'Rotate 90 1 0 0 Shape "sphere"', HEAD).scene.objects
+    np.testing.assert_allclose(ball.world_from_object[:3, 2], [0, -1, 0], atol=1e-9)
+    corners = '"point3 P" [0 0 0  1 0 0  1 2 0  0 2 0] "integer indices" [0 1 2 0 2 3] "point2 uv" [0 1  0 0  1 0  1 1]'
+    (item,) = convert(BRUSHED + f'Shape "trianglemesh" {corners}', HEAD).objects
+    assert item["edge_u"] == [0, 2, 0]
+
+
+@pytest.mark.parametrize("material", [CHECKER, BRUSHED])
+@pytest.mark.parametrize("kind", ["trianglemesh", "plymesh"])
+def test_meshes_without_texture_coordinates_have_those_of_each_triangle(
+    convert: Convert, material: str, kind: str
+) -> None:
+    points = '"point3 P" [0 0 0  1 0 0  1 1 .5  0 1 0] "integer indices" [0 1 2  2 3 0]'
+    args = points if kind == "trianglemesh" else '"string filename" "a.ply"'
+    mesh = mesh_of(convert(material + f'Shape "{kind}" {args}', HEAD, **{"a.ply": BENT}))
+    np.testing.assert_array_equal(mesh.uvs[mesh.faces], [[[0, 0], [1, 0], [1, 1]]] * 2)
+    np.testing.assert_array_equal(mesh.positions[mesh.faces[1]], [[1, 1, 0.5], [0, 1, 0], [0, 0, 0]])
+
+
+def test_a_flat_patch_of_bent_texture_coordinates_is_cut_into_cells(convert: Convert) -> None:
+    """Two triangles would bend them in one corner; between all four, u = 1/4 in the middle."""
+    flat = 'Shape "bilinearmesh" "point3 P" [-1 -1 0  1 -1 0  -1 1 0  1 1 0] "point2 uv" [0 0  0 0  0 1  1 1]'
+    mesh = mesh_of(convert(CHECKER + flat, HEAD))
+    (middle,) = np.flatnonzero(np.linalg.norm(mesh.positions, axis=1) < 1e-9)
+    assert mesh.uvs[middle] == pytest.approx([0.25, 0.5])
+
+
 @pytest.mark.slow
 def test_texture_of_a_sphere_runs_as_in_pbrt(convert: Convert) -> None:
     """v of pbrt is 1 at the north pole, which the top row of a picture shows; u runs from +x over +y."""
