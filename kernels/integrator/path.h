@@ -329,6 +329,100 @@ static inline F chance_to_go_on(Path path)
     return MIN(MAX(survival_scale * max3(path.beta), (F)(LEAST_CHANCE)), ONE);
 }
 
+#if ENVIRONMENT || EMITTER_SUNS
+// Adds the light of the environment and of suns on paths that leave the scene.
+IN_PLACE static void leave_scene(Path *path, I escaped, Scene scene)
+{
+#if CAUSTICS && EMITTER_SUNS
+    I sunless = lit_by_photons(path, scene);
+#else
+    I sunless = FALSE;
+#endif
+    I kind = path->ray.origin == NO_PRIMITIVE ? (I)(HIDDEN_FROM_CAMERA) : (I)(HIDDEN_FROM_REFLECTION);
+    Departure from = departure_of(path);
+    F sun_rival = rival_of_lamps(path);
+    Receiver receiver = receiver_behind(path);
+    F3 light = light_from_infinity(from, sun_rival, receiver, path->ray.d, sunless, kind, EVERY_GROUP, scene);
+    path->radiance = add(path->radiance, keep3(escaped, mul(path->beta, light)));
+#if LIGHT_GROUPS
+#if VW == 1
+#pragma nounroll
+#endif
+    for (int g = 0; g < LIGHT_GROUPS; ++g) {
+        light = light_from_infinity(from, sun_rival, receiver, path->ray.d, sunless, kind, g, scene);
+        add_to_group(&path->groups, (I)(g), escaped, mul(path->beta, light));
+    }
+#endif
+}
+#endif
+
+// Adds the emission of what was hit; returns those that did not hit a lamp, which ends a path.
+IN_PLACE static I add_emission(Path *path, Vertex vertex, I on, Hit hit, Scene scene)
+{
+#if HAS_EMISSIVE
+    I lamp = on & (vertex.kind == MATERIAL_EMISSIVE);
+    if (ANY(lamp)) {
+        F cos_i = -dot3(vertex.ng, path->ray.d);
+        I shines = lamp & ((cos_i > 0.0f) | (vertex.parameter != 0.0f));
+        gather_light(path, TRUE, emission(path, vertex, vertex.color, shines, hit.t, cos_i, scene),
+                     group_of_primitive(scene, hit.primitive));
+        on = on & NOT(lamp);
+    }
+#endif
+#if HAS_GLOW
+    F front = -dot3(vertex.ng, path->ray.d);
+    I glows = on & (front > 0.0f) & (max3(vertex.closure.glow) > 0.0f);
+    if (ANY(glows))
+        gather_light(path, TRUE, emission(path, vertex, vertex.closure.glow, glows, hit.t, front, scene),
+                     group_of_primitive(scene, hit.primitive));
+#endif
+    return on;
+}
+
+#if CAUSTICS
+// Adds the light of the photons around those that receive it.
+IN_PLACE static void add_photons(Path *path, Vertex vertex, I receiver, Hit hit, Scene scene, Rules rules)
+{
+    I most = AS_I((U)(rules.max_depth) - path->depth);
+    F3 light = caustic_radiance(vertex, path->ray.d, receiver, hit.primitive, most, path->sample, scene);
+    path->radiance = add(path->radiance, keep3(receiver, mul(path->beta, light)));
+}
+#endif
+
+// Sends the path on in the direction that was sampled, or ends it; receivers had their light from the photons around.
+IN_PLACE static void depart(Path *path, Vertex vertex, Scattered next, Hit hit, I on, I receiver, I role, Scene scene)
+{
+#if LAMPS_BEHIND_GLASS
+    I clear = is_clear(vertex);
+#if LIGHT_TREE
+    path->receiver = select_receiver(clear, path->receiver, receiver_of(vertex, path->ray.d));
+#endif
+    path->scattered.o = select3(clear, path->scattered.o, departure(vertex, next.direction));
+    path->scattered.d = select3(clear, path->scattered.d, next.direction);
+    path->scattered.pdf = clear ? path->scattered.pdf : next.pdf;
+#elif LIGHT_TREE
+    path->receiver = receiver_of(vertex, path->ray.d);
+#endif
+#if HAS_MEDIA
+    I stack = stack_beyond(path->medium, hit.primitive, vertex.ng, path->ray.d, next.direction, scene);
+#if HAS_ENTRIES
+    I enters = (stack > path->medium) & (GATHER(I, scene.media, stack & MEDIUM_MASK, .by_entry) != 0);
+    path->entry = select3(enters, albedos_for(vertex.closure.inside), path->entry);
+#endif
+    path->medium = stack;
+#endif
+    path->ray.o = departure(vertex, next.direction);
+    path->ray.d = next.direction;
+    path->ray.triangle = hit.triangle;
+    path->ray.origin = on ? hit.primitive : (I)(PATH_ENDED);
+    path->pdf = next.pdf;
+#if CAUSTICS
+    I onward = ((path->since_receiver > 0) & ((role & ROLE_RECEIVER) == 0)) ? (I)(2) : FALSE;
+    path->since_receiver = next.pdf == 0.0f ? onward : (receiver ? (I)(1) : FALSE);
+#endif
+    path->depth += 1u;
+}
+
 // One vertex of every living path: gathers emission and environment, makes a light sample, and continues the path or ends
 // it. `hit` says what its ray met.
 static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
@@ -339,28 +433,8 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     I living = path->ray.origin != PATH_ENDED;
 #if ENVIRONMENT || EMITTER_SUNS
     I escaped = living & (hit.primitive == NO_PRIMITIVE);
-    if (ANY(escaped)) {
-#if CAUSTICS && EMITTER_SUNS
-        I sunless = lit_by_photons(path, scene);
-#else
-        I sunless = FALSE;
-#endif
-        I kind = path->ray.origin == NO_PRIMITIVE ? (I)(HIDDEN_FROM_CAMERA) : (I)(HIDDEN_FROM_REFLECTION);
-        Departure from = departure_of(path);
-        F sun_rival = rival_of_lamps(path);
-        Receiver receiver = receiver_behind(path);
-        F3 light = light_from_infinity(from, sun_rival, receiver, path->ray.d, sunless, kind, EVERY_GROUP, scene);
-        path->radiance = add(path->radiance, keep3(escaped, mul(path->beta, light)));
-#if LIGHT_GROUPS
-#if VW == 1
-#pragma nounroll
-#endif
-        for (int g = 0; g < LIGHT_GROUPS; ++g) {
-            light = light_from_infinity(from, sun_rival, receiver, path->ray.d, sunless, kind, g, scene);
-            add_to_group(&path->groups, (I)(g), escaped, mul(path->beta, light));
-        }
-#endif
-    }
+    if (ANY(escaped))
+        leave_scene(path, escaped, scene);
 #endif
     // Go on with those that hit something and may be continued or meet a lamp.
     I on = living & (hit.primitive >= 0);
@@ -396,23 +470,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     path->beta = mul(path->beta, transmittance(vertex, path->ray.d, hit.t));
 #endif
     // Add the emission of what was hit.
-#if HAS_EMISSIVE
-    I lamp = on & (vertex.kind == MATERIAL_EMISSIVE);
-    if (ANY(lamp)) {
-        F cos_i = -dot3(vertex.ng, path->ray.d);
-        I shines = lamp & ((cos_i > 0.0f) | (vertex.parameter != 0.0f));
-        gather_light(path, TRUE, emission(path, vertex, vertex.color, shines, hit.t, cos_i, scene),
-                     group_of_primitive(scene, hit.primitive));
-        on = on & NOT(lamp);
-    }
-#endif
-#if HAS_GLOW
-    F front = -dot3(vertex.ng, path->ray.d);
-    I glows = on & (front > 0.0f) & (max3(vertex.closure.glow) > 0.0f);
-    if (ANY(glows))
-        gather_light(path, TRUE, emission(path, vertex, vertex.closure.glow, glows, hit.t, front, scene),
-                     group_of_primitive(scene, hit.primitive));
-#endif
+    on = add_emission(path, vertex, on, hit, scene);
     // End paths of full length.
 #if HAS_LAMPS
     on = on & (path->depth < rules.max_depth);
@@ -425,13 +483,10 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #if CAUSTICS
     I role = caustic_role(on, hit.primitive, scene);
     I receiver = on & receives(vertex, role);
-    if (ANY(receiver)) {
-        I most = AS_I((U)(rules.max_depth) - path->depth);
-        F3 light = caustic_radiance(vertex, path->ray.d, receiver, hit.primitive, most, path->sample, scene);
-        path->radiance = add(path->radiance, keep3(receiver, mul(path->beta, light)));
-    }
+    if (ANY(receiver))
+        add_photons(path, vertex, receiver, hit, scene, rules);
 #else
-    I receiver = FALSE;
+    I role = FALSE, receiver = FALSE;
 #endif
     // Sample a light, for a shadow ray.
 #if HAS_EMITTERS
@@ -455,35 +510,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         path->beta = scale(path->beta, ONE / survive);
     }
     // Continue the path, or end it.
-#if LAMPS_BEHIND_GLASS
-    I clear = is_clear(vertex);
-#if LIGHT_TREE
-    path->receiver = select_receiver(clear, path->receiver, receiver_of(vertex, path->ray.d));
-#endif
-    path->scattered.o = select3(clear, path->scattered.o, departure(vertex, next.direction));
-    path->scattered.d = select3(clear, path->scattered.d, next.direction);
-    path->scattered.pdf = clear ? path->scattered.pdf : next.pdf;
-#elif LIGHT_TREE
-    path->receiver = receiver_of(vertex, path->ray.d);
-#endif
-#if HAS_MEDIA
-    I stack = stack_beyond(path->medium, hit.primitive, vertex.ng, path->ray.d, next.direction, scene);
-#if HAS_ENTRIES
-    I enters = (stack > path->medium) & (GATHER(I, scene.media, stack & MEDIUM_MASK, .by_entry) != 0);
-    path->entry = select3(enters, albedos_for(vertex.closure.inside), path->entry);
-#endif
-    path->medium = stack;
-#endif
-    path->ray.o = departure(vertex, next.direction);
-    path->ray.d = next.direction;
-    path->ray.triangle = hit.triangle;
-    path->ray.origin = on ? hit.primitive : (I)(PATH_ENDED);
-    path->pdf = next.pdf;
-#if CAUSTICS
-    I onward = ((path->since_receiver > 0) & ((role & ROLE_RECEIVER) == 0)) ? (I)(2) : FALSE;
-    path->since_receiver = next.pdf == 0.0f ? onward : (receiver ? (I)(1) : FALSE);
-#endif
-    path->depth += 1u;
+    depart(path, vertex, next, hit, on, receiver, role, scene);
     return shadow;
 }
 
