@@ -8,280 +8,32 @@ from typing import Any
 import pytest
 import yaml
 
-from rptcam_cl.scene.base import FileReference, SceneModel
-from rptcam_cl.scene.camera import (
-    CameraKind,
-    EnvironmentCamera,
-    LensCamera,
-    Movements,
-    OrthographicCamera,
-    PinholeCamera,
-    Pose,
-    RealisticCamera,
-    SensorGrating,
-    ThickLensCamera,
-    ThinLensCamera,
-)
-from rptcam_cl.scene.exposure import ContinuousFocus, Exposure, FrameSequence, Shutter, ValueKeyframe
-from rptcam_cl.scene.film import (
-    ColourView,
-    Film,
-    FilmFilter,
-    PictureSettings,
-    RenderSettings,
-    Sensor,
-    SpectrumSettings,
-    ToneCurve,
-    WhiteBalance,
-)
-from rptcam_cl.scene.lens_settings import (
-    Accuracy,
-    AsBuilt,
-    AutoFocus,
-    CircularAperture,
-    CoatingLayer,
-    CoatingLayers,
-    Dirt,
-    Focus,
-    FocusMask,
-    FoundFocus,
-    HeartAperture,
-    ImageAperture,
-    Merit,
-    OutlineAperture,
-    PolygonAperture,
-    RealLens,
-    StarAperture,
-    Stop,
-    Tolerance,
-    Tolerances,
-    Transmission,
-    ZonesFile,
-)
-from rptcam_cl.scene.lights import (
-    ConstantEnvironment,
-    DirectionalLight,
-    GradientEnvironment,
-    GroupedLight,
-    ImageEnvironment,
-    PointLight,
-    ProfileLight,
-    SkyEnvironment,
-    SpotLight,
-    SunLight,
-    Surrounding,
-)
+from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.load import load_scene, scene_json_schema
-from rptcam_cl.scene.materials import (
-    Boundary,
-    BumpyMaterial,
-    Conductor,
-    CoveringMaterial,
-    Dielectric,
-    Emissive,
-    Hair,
-    Matte,
-    Measured,
-    MetalTable,
-    Mirror,
-    Mix,
-    OpticalConstants,
-    Plastic,
-    Principled,
-    RoughMaterial,
-    ThinFilm,
-    ThinGlass,
-    Translucent,
-)
-from rptcam_cl.scene.media import (
-    AbsorbingMaterial,
-    Attenuation,
-    DensityGrid,
-    FogLayer,
-    ScatteringMedium,
-    SurroundingMedium,
-)
-from rptcam_cl.scene.meshes import Displacement, MeshObject, MeshSource, NamedMesh
-from rptcam_cl.scene.placement import (
-    CameraKeyframe,
-    CameraVisibility,
-    Instances,
-    Keyframe,
-    ObjectKeyframe,
-    PlacedObject,
-    Rotation,
-    SceneObject,
-    TransformStep,
-    Visibility,
-)
-from rptcam_cl.scene.quantities import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.shapes import Board, Box, Cone, Curves, Cylinder, Disk, Plane, Rectangle, Sphere
-from rptcam_cl.scene.textures import (
-    AnisotropyMap,
-    Blend,
-    Bump,
-    Checker,
-    Dots,
-    Gradient,
-    Grid,
-    ImageTexture,
-    Mapping,
-    Marble,
-    Mixture,
-    Noise,
-    NormalMap,
-    Pattern,
-    Perlin,
-)
 
-# Sections of docs/scene.md: the model that each describes, and the sections that describe the keys that it shares.
-SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
-    "Scene": (Scene,),
-    "Tabulated spectrum": (TabulatedSpectrum,),
-    "Light spectrum": (LightSpectrum, "Tabulated spectrum"),
-    "Film": (Film,),
-    "Filter": (FilmFilter,),
-    "Stop": (Stop,),
-    "Dirt": (Dirt,),
-    "Pinhole camera": (PinholeCamera, "Pose"),
-    "Orthographic camera": (OrthographicCamera, "Pose"),
-    "Environment camera": (EnvironmentCamera, "Pose"),
-    "Thin-lens camera": (ThinLensCamera, "Pose"),
-    "Thick-lens camera": (ThickLensCamera, "Pose", "Lens cameras"),
-    "Realistic camera": (RealisticCamera, "Pose", "Lens cameras"),
-    "Sensor grating": (SensorGrating,),
-    "Accuracy": (Accuracy,),
-    "Circular aperture": (CircularAperture,),
-    "Polygon aperture": (PolygonAperture,),
-    "Star aperture": (StarAperture,),
-    "Heart aperture": (HeartAperture,),
-    "Outline aperture": (OutlineAperture,),
-    "Image aperture": (ImageAperture,),
-    "Movements": (Movements,),
-    "Focus": (Focus,),
-    "Autofocus": (AutoFocus,),
-    "Zones file": (ZonesFile,),
-    "Mask of focus": (FocusMask,),
-    "Autofocus of a thin lens": (FoundFocus,),
-    "Transmission": (Transmission,),
-    "Layers of a coating": (CoatingLayers,),
-    "Layer of a coating": (CoatingLayer,),
-    "Real lens": (RealLens,),
-    "Copy of a lens": (AsBuilt,),
-    "Exposure": (Exposure,),
-    "Shutter": (Shutter,),
-    "spectrum": (SpectrumSettings,),
-    "Sensor": (Sensor,),
-    "Camera keyframe": (CameraKeyframe, "Every keyframe"),
-    "Object keyframe": (ObjectKeyframe, "Every keyframe"),
-    "Sequence": (FrameSequence,),
-    "Continuous focus": (ContinuousFocus,),
-    "Value keyframe": (ValueKeyframe, "Every keyframe"),
-    "Render": (RenderSettings,),
-    "Picture": (PictureSettings,),
-    "White balance": (WhiteBalance,),
-    "Tone curve": (ToneCurve,),
-    "OpenColorIO view": (ColourView,),
-    "Normal map": (NormalMap, "Every texture"),
-    "Bump": (Bump,),
-    "Mapping": (Mapping,),
-    "Thin film": (ThinFilm,),
-    "Anisotropy map": (AnisotropyMap, "Every texture"),
-    "Attenuation": (Attenuation,),
-    "Matte": (Matte, "Holes", "Normals"),
-    "Translucent": (Translucent, "Holes", "Normals"),
-    "Measured": (Measured, "Holes", "Normals"),
-    "Mirror": (Mirror, "Holes"),
-    "Conductor": (Conductor, "Holes", "Normals", "Roughness"),
-    "Optical constants": (OpticalConstants,),
-    "Metal table": (MetalTable,),
-    "Dielectric": (Dielectric, "Holes", "Normals", "Roughness", "Absorption"),
-    "Thin glass": (ThinGlass, "Holes"),
-    "Plastic": (Plastic, "Holes", "Normals", "Roughness"),
-    "Principled": (Principled, "Holes", "Normals", "Absorption"),
-    "Mix": (Mix, "Holes"),
-    "Emissive": (Emissive,),
-    "Boundary": (Boundary,),
-    "Hair": (Hair,),
-    "Scattering medium": (ScatteringMedium,),
-    "Surrounding medium": (SurroundingMedium, "Scattering medium"),
-    "Fog layer": (FogLayer,),
-    "Density grid": (DensityGrid,),
-    "Checker": (Checker, "Every texture"),
-    "Grid": (Grid, "Every texture"),
-    "Gradient": (Gradient, "Every texture"),
-    "Noise": (Noise, "Every texture"),
-    "Perlin": (Perlin, "Every texture"),
-    "Marble": (Marble, "Every texture"),
-    "Dots": (Dots, "Every texture"),
-    "Mixture": (Mixture,),
-    "Displacement": (Displacement,),
-    "Image": (ImageTexture, "Every texture"),
-    "Instances": (Instances,),
-    "Visibility": (Visibility, "Camera visibility"),
-    "Camera visibility": (CameraVisibility,),
-    "Sphere": (Sphere, "Every object"),
-    "Disk": (Disk, "Every object"),
-    "Rectangle": (Rectangle, "Every object"),
-    "Box": (Box, "Every object"),
-    "Cylinder": (Cylinder, "Every object"),
-    "Cone": (Cone, "Every object"),
-    "Plane": (Plane, "Every object"),
-    "Curves": (Curves, "Every object"),
-    "Mesh": (MeshObject, "Every object", "Named mesh"),
-    "Named mesh": (NamedMesh,),
-    "Board": (Board,),
-    "Transform step": (TransformStep,),
-    "Rotation": (Rotation,),
-    "Point light": (PointLight,),
-    "Spot light": (SpotLight,),
-    "IES light": (ProfileLight,),
-    "Directional light": (DirectionalLight,),
-    "Sun": (SunLight,),
-    "Constant environment": (ConstantEnvironment,),
-    "Gradient environment": (GradientEnvironment,),
-    "Image environment": (ImageEnvironment,),
-    "Sky environment": (SkyEnvironment,),
-}
-BASES = {
-    SceneModel,
-    GroupedLight,
-    Surrounding,
-    CameraKind,
-    Pose,
-    Keyframe,
-    FileReference,
-    LensCamera,
-    Tolerance,  # these have files of their own: docs/tolerances.md
-    Tolerances,
-    Merit,
-    PlacedObject,
-    SceneObject,
-    MeshSource,
-    Pattern,
-    CoveringMaterial,
-    BumpyMaterial,
-    RoughMaterial,
-    AbsorbingMaterial,
-    Blend,
-}
+# Sections of docs/scene.md that are not called as their model is, and those of keys that models share.
+SECTIONS = {
+    "FilmFilter": "Filter", "AutoFocus": "Autofocus", "FocusMask": "Mask of focus",
+    "FoundFocus": "Autofocus of a thin lens", "CoatingLayers": "Layers of a coating",
+    "CoatingLayer": "Layer of a coating", "AsBuilt": "Copy of a lens", "SpectrumSettings": "spectrum",
+    "FrameSequence": "Sequence", "RenderSettings": "Render", "PictureSettings": "Picture",
+    "ColourView": "OpenColorIO view", "ImageTexture": "Image", "MeshObject": "Mesh", "ProfileLight": "IES light",
+    "SunLight": "Sun", "ThinLensCamera": "Thin-lens camera", "ThickLensCamera": "Thick-lens camera",
+}  # fmt: skip
+SHARED = {
+    "Pose": "Pose", "LensCamera": "Lens cameras", "Keyframe": "Every keyframe", "Pattern": "Every texture",
+    "CoveringMaterial": "Holes", "BumpyMaterial": "Normals", "RoughMaterial": "Roughness",
+    "AbsorbingMaterial": "Absorption", "PlacedObject": "Every object", "MeshSource": "Named mesh",
+}  # fmt: skip
+BASES = {"SceneModel", "GroupedLight", "Surrounding", "CameraKind", "FileReference", "SceneObject", "Blend"}
+ELSEWHERE = {"Tolerance", "Tolerances", "Merit"}  # docs/tolerances.md
 
 # Defaults that the reference describes in words.
 IN_WORDS = {
-    "movements",
-    "film",
-    "exposure",
-    "shutter",
-    "spectrum",
-    "time_s",
-    "render",
-    "picture",
-    "filter",
-    "radius_px",
-    "tone",
-}
-IN_WORDS |= {"stop", "transmission", "visible"}
+    "movements", "film", "exposure", "shutter", "spectrum", "time_s", "render", "picture", "filter", "radius_px",
+    "tone", "stop", "transmission", "visible",
+}  # fmt: skip
 FROM_CAMERA = {
     ("Fog layer", "up"),
     ("Gradient environment", "up"),
@@ -309,23 +61,36 @@ def tables(reference: str) -> dict[str, dict[str, list[str]]]:
 
 
 def subclasses(base: type[SceneModel]) -> set[type[SceneModel]]:
-    ours = (
-        child for child in base.__subclasses__() if child.__module__.startswith("rptcam_cl.")
-    )  # tests have some too
+    """Return a model with those of the package that are made of it; tests have some too."""
+    ours = (child for child in base.__subclasses__() if child.__module__.startswith("rptcam_cl."))
     return {base}.union(*map(subclasses, ours))
 
 
-def test_every_model_has_a_section() -> None:
-    assert {described for described, *_ in SECTIONS.values()} == subclasses(SceneModel) - BASES
+def section_of(model: type[SceneModel]) -> str:
+    """Return the section that describes a model: its name in words, unless it is called otherwise."""
+    return SECTIONS.get(model.__name__, re.sub(r"(?<!^)(?=[A-Z])", " ", model.__name__).capitalize())
+
+
+def described() -> list[type[SceneModel]]:
+    """Return the models that have a section of their own."""
+    return [each for each in subclasses(SceneModel) if each.__name__ not in BASES | ELSEWHERE | SHARED.keys()]
+
+
+def test_every_model_has_a_section(tables: dict[str, dict[str, list[str]]]) -> None:
+    assert {section_of(model) for model in described()} <= tables.keys()
 
 
 def test_reference_lists_every_key_with_default_and_bounds(tables: dict[str, dict[str, list[str]]]) -> None:
     whole = Scene.model_json_schema()
-    for section, (described, *shared) in SECTIONS.items():
+    for model in described():
+        section = section_of(model)
+        shared = [SHARED.get(each.__name__) or section_of(each) for each in reversed(model.__mro__[1:])
+                  if issubclass(each, SceneModel) and each.__name__ not in BASES]  # fmt: skip
+        shared = shared if section != "Board" else []  # which has objects' keys but their material
         rows = {key: row for name in (*shared, section) for key, row in tables[name].items()}
-        assert rows.keys() == described.model_fields.keys(), section
-        schema = whole["$defs"].get(described.__name__, whole)
-        for key, field in described.model_fields.items():
+        assert rows.keys() == model.model_fields.keys(), section
+        schema = whole["$defs"].get(model.__name__, whole)
+        for key, field in model.model_fields.items():
             _, span, default = rows[key]
             if field.is_required():
                 assert default == "required", (section, key)
