@@ -13,6 +13,12 @@ demo: $(VENV)/.demo
 test: $(VENV)/.test browser
 	$(BIN)/python -m pytest -q
 
+# The tests with the least versions of all packages that pyproject.toml allows, in an environment of their own.
+least:
+	$(PYTHON) -m venv .venv-least
+	.venv-least/bin/python -m pip install --quiet --disable-pip-version-check $$($(PYTHON) -m tests.support.least) --editable '.[pocl,test]'
+	.venv-least/bin/python -m pytest -q
+
 # The tests of pages need the system's Chromium. As root on Debian it is installed; elsewhere they are skipped, as the end of the run says.
 browser:
 	@for each in chromium chromium-browser google-chrome; do command -v $$each >/dev/null && exit 0; done; \
@@ -71,4 +77,4 @@ size: $(VENV)/.test
 clean:
 	rm -rf $(VENV) out
 
-.PHONY: demo test browser docs lint blender size mutants gpu-tools clean
+.PHONY: demo test least browser docs lint blender size mutants gpu-tools clean

@@ -258,7 +258,7 @@ class TabulatedIndex(Medium):
         wavelength = _in_range(wavelength_nm, limits, self.name)
         value = np.asarray(np.interp(wavelength, self.wavelengths_nm, self.values), dtype=np.float64)
         for end, outside in ((0, wavelength < limits[0]), (-1, wavelength > limits[1])):
-            if np.any(outside):
+            if np.any(outside) and len(self.values) > 1:
                 places = slice(None, _FIT_POINTS) if end == 0 else slice(-_FIT_POINTS, None)
                 known, values = self.wavelengths_nm[places], self.values[places]
                 curve = np.polynomial.Polynomial.fit(_inverse_square(known), values, min(2, len(known) - 1))

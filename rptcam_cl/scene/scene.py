@@ -782,8 +782,9 @@ class Scene(SceneModel):
         That is what changes the film (`content_hash`, which may be given), and what follows it: diffraction, ghosts,
         the sensor, and how the picture is shown.
         """
-        followed: Any = {"camera": FOLLOWS_THE_FILM, "sensor": True, "picture": True}
-        said = self.model_dump(mode="json", include=followed)
+        # Of the camera by itself: pydantic before 2.13 takes no keys of a member of a union that it has not built yet.
+        said = self.model_dump(mode="json", include={"sensor", "picture"})
+        said["camera"] = self.camera.model_dump(mode="json", include=FOLLOWS_THE_FILM)
         return _hash([content_hash or self.content_hash(), said, *self.picture.content_digests()])
 
 

@@ -3,6 +3,7 @@
 from functools import partial
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from rptcam_cl.rendering.plan.materials import fresnel, internal_reflectance, rough_albedo, smooth_mean
 
@@ -74,7 +75,7 @@ def rough_plastic(wi, wo, color, index, alpha):
     """Return the light of a rough plastic, with the quadrature of its cover."""
     cosines = np.linspace(0.02, 1, 50)
     shares = np.array([rough_albedo(cosine, alpha, partial(fresnel, index=index)) for cosine in cosines])
-    mean = np.trapezoid(2 * cosines * shares, cosines)
+    mean = trapezoid(2 * cosines * shares, cosines)
     base = plastic_base(wi, wo, color, index, lambda cosine: np.interp(cosine, cosines, shares), mean)
     value, cosine = facet_reflection(wi, wo, alpha)
     return base + (value * dielectric(cosine, index))[:, None]

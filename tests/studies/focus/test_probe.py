@@ -220,7 +220,7 @@ def test_each_round_of_a_search_is_a_curve_of_its_own():
     report = report_of("contrast", ["contrast"] * 6)
     probes = [replace(p, value=(1 + k // 3) * [0.5, 1, 0.4][k % 3], round=k // 3) for k, p in enumerate(report.probes)]
     figure = focus_plot(replace(report, probes=probes), "title")
-    curves = [[container[0].get_ydata() for container in axes.containers] for axes in figure.axes]
+    curves = [[np.asarray(container[0].get_ydata(), float) for container in axes.containers] for axes in figure.axes]
     assert np.allclose(curves[0], [[50, 100, 40]] * 2) and np.allclose(curves[1], [[50, 100, 40]])
 
 
