@@ -400,7 +400,7 @@ def _places(count: int, size: int) -> NDArray[np.intp]:
 
 
 def spot_meter(pixels: Film, resolved: Scene, x: float, y: float, area: float = SPOT_AREA) -> dict[str, Any]:
-    """Read a spot of the film.
+    """Read a spot of the film; of one without its background what stands there, not the black beside it.
 
     Parameters
     ----------
@@ -431,6 +431,8 @@ def spot_meter(pixels: Film, resolved: Scene, x: float, y: float, area: float = 
         Exposure time that would bring the spot to middle grey at the f-number and ISO set; None without a film.
     """
     inside = _disk(pixels, resolved, x, y, area)
+    if resolved.film.transparent and (there := inside & pixels.any(axis=2)).any():
+        inside = there
     red, green, blue = (float(channel) for channel in pixels[inside].mean(axis=0, dtype=np.float64))
     value = float(np.dot((red, green, blue), LUMINANCE))
     cd_m2 = value / value_per_radiance(resolved) * LUMENS_PER_WATT

@@ -107,6 +107,15 @@ def test_spot_meter_reads_a_world_of_known_luminance() -> None:
     assert (nothing["cd_m2"], nothing["ev"], nothing["stops"], nothing["zone"]) == (0.0, None, None, "0")
 
 
+def test_spot_meter_leaves_out_the_background_that_a_film_lacks() -> None:
+    bare = scene(film={"resolution": [30, 20], "transparent": True})
+    pixels = np.full((20, 30, 3), 0.36, np.float32)
+    pixels[:, :15] = 0.0
+    edge, beside = spot_meter(pixels, bare, 0.5, 0.5), spot_meter(pixels, bare, 0.1, 0.5)
+    assert edge["value"] == pytest.approx(0.36)
+    assert (beside["value"], beside["ev"]) == (0.0, None)
+
+
 def test_cropped_film_is_metered_by_its_place_in_the_frame() -> None:
     whole = scene()
     ramp = np.repeat(np.linspace(0.1, 1, 48, dtype=np.float32)[None, :, None], 32, axis=0).repeat(3, axis=2)
