@@ -174,6 +174,8 @@ def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None
     for depth in _SHORT_DEPTHS:
         if depth < full.render.max_depth:
             add(f"depth {depth}", "depth", partial(change_scene, full, render={"max_depth": depth}))
+    if full.render.caustics != "off":
+        add("caustics: off", "caustics", partial(change_scene, full, render={"caustics": "off"}))
     independent = partial(change_scene, full, render={"sampler": "independent"})
     add("independent samples", "sampler", independent, unbiased=True)
     if decision is not None:
@@ -194,7 +196,7 @@ def most_accurate(scene: Scene) -> Variant:
     unless the spectrum is RGB. Nothing is clamped. The lens is traced in float32, because float64 has shown no
     difference in the mean.
     """
-    plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
+    plain = change_scene(_without_layers(scene), render={"clamp": None, "sampler": "lattice"})
     if scene.camera.traced_camera is None:
         return Variant(tradeoff_errors.REFERENCE, "", plain)
     plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto", "rays": "traced", "precision": "single"})
@@ -204,7 +206,9 @@ def most_accurate(scene: Scene) -> Variant:
 
 
 def _without_layers(scene: Scene) -> Scene:
-    return change_scene(scene, render={"noise": None, "layers": ()})
+    """Return a scene as all its samples show it; the layer `lights` leaves caustics to paths, as in a render."""
+    paths_alone = {"caustics": "off"} if "lights" in scene.render.layers and scene.render.caustics == "auto" else {}
+    return change_scene(scene, render={"noise": None, "layers": (), **paths_alone})
 
 
 def _with_mode(scene: Scene, mode: str) -> Scene:

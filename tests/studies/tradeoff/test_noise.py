@@ -89,6 +89,21 @@ def test_scene_that_is_set_so_is_the_one_that_was_measured(name, overrides):
             assert configuration.settings == ()
 
 
+@pytest.mark.parametrize(("render", "photons"), [({"layers": ["lights"]}, 0), ({}, 1), ({"caustics": "off"}, 0)])
+def test_photons_are_measured_where_the_scene_has_them(render, photons):
+    """The layer `lights` leaves caustics to paths; pictures are compared without layers, and had them by photons."""
+    glass = {"shape": "sphere", "center": [0, 0.5, 0], "radius": 0.4, "material": {"kind": "dielectric", "index": 1.5}}
+    floor = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 1, 0]}
+    floor["material"] = {"kind": "matte", "reflectance": 0.5}
+    lamp = {"kind": "point", "position": [1, 2, 1], "intensity": 9}
+    camera = {"kind": "pinhole", "eye": [0, 1, 4], "target": [0, 0, 0], "fov_degrees": 40}
+    scene = load_scene({"camera": camera, "objects": [glass, floor], "lights": [lamp], "render": render})
+    by_name = {each.name: make_plan(each.scene).facts["CAUSTICS"] for each in ladder(scene)[0]}
+    assert by_name.pop("caustics: off", 0) == 0
+    assert set(by_name.values()) == {make_plan(scene).facts["CAUSTICS"]} == {photons}
+    assert ("caustics: off" in {each.name for each in ladder(scene)[0]}) == bool(photons)
+
+
 def test_same_way_is_asked_for_by_what_is_shorter():
     scene = load_scene(EXAMPLES / "sunny_sixteen.yaml")
     by_name = {each.name: each for each in ladder(scene)[0]}
