@@ -6,6 +6,7 @@ import gc
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -129,9 +130,12 @@ def own_kernels(kernels_that_know_of_more: tuple[type, str, Any], monkeypatch: p
 def full_kernels(
     kernels_that_compile_soonest: list[tuple[type, str, Any]], own_kernels: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Sessions choose their kernels, and processes apart compile them, as without the tests."""
+    """Sessions, opened anew, choose their kernels, and processes apart compile them, as without the tests."""
+    from rptcam_cl.device import session
+
     for place in kernels_that_compile_soonest:
         monkeypatch.setattr(*place)
+    monkeypatch.setattr(session, "_session", lru_cache(session._session.__wrapped__))  # those opened before are quick
 
 
 @pytest.fixture(scope="session")
