@@ -137,6 +137,76 @@ static LensPath enter_lens(F3 p, F3 d, F wavelength)
     return path;
 }
 
+// Returns the direction of what a surface lets through, or a mirror reflects, and which lanes it does not reflect totally;
+// takes from their shares what is lost. `v` and `hit` are in the frame of the surface.
+IN_PLACE static F3 bent_by(LensPath *path, const __global Surface *s, const __global real *stop, F3 v, LensHit hit, I *bends)
+{
+    F3 bent = v;
+    *bends = TRUE;
+#if LENS_MIRROR
+    if (s->refracts < 0.0f) {
+        bent = along(v, hit.n, -2.0f * hit.cosine);
+#if LENS_FRESNEL
+        path->share *= over_wavelength(s->gain, s->gain_table, stop, path->wavelength);
+#endif
+    } else
+#endif
+    if (s->refracts != 0.0f) {
+#if LENS_DISPERSION
+        F eta = eta_of(s, path->colour);
+#else
+        F eta = (F)(s->eta);
+#endif
+        F cosine_after;
+        bent = refracted(v, hit, eta, path->passed, &cosine_after, bends);
+#if LENS_FRESNEL
+        F share = surface_share(s, stop, path->wavelength, eta, hit.cosine, cosine_after);
+#if LENS_REGION
+        share = path->beside ? ONE : share;
+#endif
+        path->share *= share;
+#endif
+    }
+    return bent;
+}
+
+#if LENS_POLARISED
+// Turns the polarisation into the plane of incidence of a surface, and changes it as the surface does.
+IN_PLACE static void polarise_at(LensPath *path, const __global Surface *s, F3 v, LensHit hit)
+{
+#if LENS_POSE
+    if (s->posed)
+        path->light.across = turned_back(s->rotation, path->light.across);
+#endif
+    if (s->refracts != 0.0f)
+        polarise(&path->light, s, v, hit.n, hit.cosine);
+#if LENS_POSE
+    if (s->posed)
+        path->light.across = turned_to(s->rotation, path->light.across);
+#endif
+#if LENS_MIRROR
+    if (s->refracts < 0.0f)
+        turn_round(&path->light);
+#endif
+}
+#endif
+
+#if LENS_KEEP_FAILED
+// Keeps, in the frame of the surface, where rays were that end at it or ended before.
+IN_PLACE static void keep_failed(LensPath *path, const __global Surface *s, Kept met)
+{
+    path->stopped_p.z -= s->gap;
+#if LENS_MIRROR
+    if (s->refracts < 0.0f) {
+        path->stopped_p.z = -path->stopped_p.z;
+        path->stopped_d.z = -path->stopped_d.z;
+    }
+#endif
+    path->stopped_p = select3(MASK_OF(met), path->p, path->stopped_p);
+    path->stopped_d = select3(MASK_OF(path->passed), path->d, path->stopped_d);
+}
+#endif
+
 // `stop` holds the shape of the stop, where it has one: edges of an outline or cells of a mask.
 static void cross_surface(LensPath *path, const __global Surface *s, const __global real *stop)
 {
@@ -170,48 +240,10 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
     else
         path->beside = s->region == REGION_OPENS ? outside : FALSE;
 #endif
-    F3 bent = v;
-    I bends = TRUE;
-#if LENS_MIRROR
-    int mirrors = s->refracts < 0.0f;
-    if (mirrors) {
-        bent = along(v, hit.n, -2.0f * hit.cosine);
-#if LENS_FRESNEL
-        path->share *= over_wavelength(s->gain, s->gain_table, stop, path->wavelength);
-#endif
-    } else
-#endif
-    if (s->refracts != 0.0f) {
-#if LENS_DISPERSION
-        F eta = eta_of(s, path->colour);
-#else
-        F eta = (F)(s->eta);
-#endif
-        F cosine_after;
-        bent = refracted(v, hit, eta, path->passed, &cosine_after, &bends);
-#if LENS_FRESNEL
-        F share = surface_share(s, stop, path->wavelength, eta, hit.cosine, cosine_after);
-#if LENS_REGION
-        share = path->beside ? ONE : share;
-#endif
-        path->share *= share;
-#endif
-    }
+    I bends;
+    F3 bent = bent_by(path, s, stop, v, hit, &bends);
 #if LENS_POLARISED
-#if LENS_POSE
-    if (s->posed)
-        path->light.across = turned_back(s->rotation, path->light.across);
-#endif
-    if (s->refracts != 0.0f)
-        polarise(&path->light, s, v, hit.n, hit.cosine);
-#if LENS_POSE
-    if (s->posed)
-        path->light.across = turned_to(s->rotation, path->light.across);
-#endif
-#if LENS_MIRROR
-    if (mirrors)
-        turn_round(&path->light);
-#endif
+    polarise_at(path, s, v, hit);
 #endif
 #if LENS_REGION
     bent = select3(path->beside, v, bent);
@@ -236,21 +268,13 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
     }
 #endif
 #if LENS_MIRROR
-    if (mirrors) {
+    if (s->refracts < 0.0f) {
         path->p.z = -path->p.z;
         path->d.z = -path->d.z;
     }
 #endif
 #if LENS_KEEP_FAILED
-    path->stopped_p.z -= s->gap;
-#if LENS_MIRROR
-    if (mirrors) {
-        path->stopped_p.z = -path->stopped_p.z;
-        path->stopped_d.z = -path->stopped_d.z;
-    }
-#endif
-    path->stopped_p = select3(MASK_OF(met), path->p, path->stopped_p);
-    path->stopped_d = select3(MASK_OF(path->passed), path->d, path->stopped_d);
+    keep_failed(path, s, met);
 #endif
 }
 
