@@ -1,7 +1,9 @@
 """The command line, as ``rptcam`` and as ``python -m rptcam_cl``."""
 
 import atexit
+import codecs
 import gc
+import io
 import os
 import signal
 import sys
@@ -73,6 +75,9 @@ def _prepare() -> list[int]:
     ended_with: list[int] = []
     atexit.register(_leave, ended_with)  # the first, so that it comes last
     gc.set_threshold(LITTER, 20, 20)
+    codecs.register_error(_ESCAPES, _escaped)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors=_ESCAPES)
     for name, value in QUICK_TO_START.items():
         os.environ.setdefault(name, value)
     return ended_with
@@ -93,6 +98,17 @@ def _open_closed_streams() -> None:
                 os.close(opened)
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(number, "r" if name == "stdin" else "w", errors="backslashreplace"))
+
+
+_ESCAPES = "escapes"
+
+
+def _escaped(problem: UnicodeError) -> tuple[str, int]:
+    """Write what the encoding of a stream lacks as JSON has it, so that JSON stays JSON: a degree as ``\\u00b0``."""
+    if not isinstance(problem, UnicodeEncodeError):
+        raise problem
+    units = problem.object[problem.start : problem.end].encode("utf-16-be", "surrogatepass").hex()
+    return "".join("\\u" + units[k : k + 4] for k in range(0, len(units), 4)), problem.end
 
 
 def _leave(ended_with: list[int]) -> None:

@@ -1,5 +1,6 @@
 """What nobody foresaw ends in two lines and a file; interrupts and full disks end in one."""
 
+import json
 import os
 import re
 import resource
@@ -206,3 +207,14 @@ def test_nothing_that_takes_long_is_imported_before_an_interrupt_ends_the_proces
     imported = subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, check=True).stdout
     assert "signal" in imported.split()
     assert not {"argparse", "contextlib", "numpy", "re", "typing"} & set(imported.split())
+
+
+def test_what_an_encoding_lacks_is_written_as_json_has_it() -> None:
+    """As where the locale has no degrees and dots."""
+    words = [sys.executable, "-m", "rptcam_cl", "schema"]
+    said = [
+        subprocess.run(words, env=os.environ | {"PYTHONIOENCODING": name}, capture_output=True, check=True).stdout
+        for name in ("ascii", "utf-8")
+    ]
+    assert b"\\u2026" in said[0]
+    assert json.loads(said[0]) == json.loads(said[1])
