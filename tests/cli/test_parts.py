@@ -50,12 +50,6 @@ def test_mistake_of_a_part_is_named_before_any_work(
     assert [path.name for path in scene.parent.iterdir()] == ["scene.yaml"]
 
 
-def test_part_that_could_not_be_written_is_an_error(scene: Path, renderer: Any, rptcam: Command) -> None:
-    renderer.image.stats["checkpoint"] = None
-    run = rptcam("render", "scene.yaml", "-o", "p.rpck", "--part", "1/2")
-    assert (run.code, "p.rpck: could not be written" in run.err) == (4, True)
-
-
 def test_parts_are_rendered_and_merged(scene: Path, rptcam: Command) -> None:
     for number in (1, 2):
         words = ("--size", "16x8", "--spp", "3", "--part", f"{number}/2", "--quiet")

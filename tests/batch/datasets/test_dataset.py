@@ -62,7 +62,7 @@ def bytes_of(folder: Path) -> dict[str, str]:
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir() if path.is_file()}
 
 
-def test_frames_have_the_same_bytes_alone_together_damaged_and_in_shards(place: Path, capsys: Any) -> None:
+def test_frames_have_the_same_bytes_alone_together_and_damaged(place: Path, capsys: Any) -> None:
     assert main(["dataset", "spec.yaml", "-o", "all", "--quiet"]) == 0
     whole = bytes_of(place / "all")
     assert len(whole) == 5 * 3 + 2
@@ -76,24 +76,6 @@ def test_frames_have_the_same_bytes_alone_together_damaged_and_in_shards(place: 
     assert main(["dataset", "spec.yaml", "-o", "all"]) == 0
     assert "2 frames rendered, 3 kept" in capsys.readouterr().err
     assert bytes_of(place / "all") == whole
-
-    assert main(["dataset", "spec.yaml", "-o", "packed", "--shard", "2", "--quiet"]) == 0
-    assert sorted(path.name for path in (place / "packed").iterdir()) == [
-        "dataset.json", "manifest.jsonl", "shard-000000.tar", "shard-000001.tar", "shard-000002.tar",
-    ]  # fmt: skip
-    assert (place / "packed/manifest.jsonl").read_bytes() == (place / "all/manifest.jsonl").read_bytes()
-    with tarfile.open(place / "packed/shard-000001.tar") as shard:
-        assert shard.getnames() == [
-            "000002.exr",
-            "000002.png",
-            "000002.json",
-            "000003.exr",
-            "000003.png",
-            "000003.json",
-        ]
-        for member in shard:
-            content = shard.extractfile(member)
-            assert content is not None and hashlib.sha256(content.read()).hexdigest() == whole[member.name]
 
 
 @pytest.mark.parametrize("packed", [False, True], ids=["before its shard is written", "before its frames are removed"])
