@@ -16,7 +16,7 @@ static inline F3 radiance_of_lamp(Vertex vertex, F3 d)
     light = keep3((vertex.kind == MATERIAL_EMISSIVE) & ((front > 0.0f) | (vertex.parameter != 0.0f)), vertex.color);
 #endif
 #if HAS_GLOW
-    light = add(light, keep3(front > 0.0f, vertex.closure.glow));
+    light = add(light, keep3(GLOWS(vertex, front), vertex.closure.glow));
 #endif
     return light;
 }

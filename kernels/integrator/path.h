@@ -371,7 +371,7 @@ IN_PLACE static I add_emission(Path *path, Vertex vertex, I on, Hit hit, Scene s
 #endif
 #if HAS_GLOW
     F front = -dot3(vertex.ng, path->ray.d);
-    I glows = on & (front > 0.0f) & (max3(vertex.closure.glow) > 0.0f);
+    I glows = on & GLOWS(vertex, front) & (max3(vertex.closure.glow) > 0.0f);
     if (ANY(glows))
         gather_light(path, TRUE, emission(path, vertex, vertex.closure.glow, glows, hit.t, front, scene),
                      group_of_primitive(scene, hit.primitive));

@@ -112,6 +112,7 @@
     WHEN(HAS_SHEEN,        EACH(F,     sheen_half,   ZERO,             (F)(material->sheen_half))) \
     WHEN(HAS_SHEEN,        EACH(Cover, sheen_cover,  no_cover(),       known_cover(material->sheen_cover, material->sheen_last))) \
     WHEN(HAS_ABSORPTION,   EACH(F3,    absorption,   BLACK_3,          absorption_of(material, scene))) /* 1/m */ \
+    WHEN(HAS_GLOW_BEHIND,  EACH(I,     glow_behind,  FALSE,            (I)(material->glow_behind ? -1 : 0))) \
     WHEN(HAS_GLOW,         EACH(F3,    glow,         BLACK_3,          glow_of(material, u, v, scene)))  /* own radiance */
 
 // A coefficient or colour at the wavelengths of the path, by the number of its spectrum.
@@ -178,6 +179,12 @@ static inline Cover known_cover(float4 first, float last)
     e.c4 = (F)(last);
     return e;
 }
+#endif
+
+#if HAS_GLOW_BEHIND
+#define GLOWS(vertex, front) (((front) > 0.0f) | (vertex).closure.glow_behind)
+#else
+#define GLOWS(vertex, front) ((front) > 0.0f)
 #endif
 
 #if HAS_GLOW

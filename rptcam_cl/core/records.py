@@ -602,7 +602,7 @@ MATERIAL = declare(
     ("int", "share_turns"),
     ("int", "brushed_table"),  # of brushed facets: where their tables start,
     ("int", "brushed_alphas"),  # and for how many alphas each way: 1 of its own, 0 without a table
-    ("int", "reserved_0"),
+    ("int", "glow_behind"),  # whether `glow` leaves the back, too
     facts=(
         ("HAS_ROUGHNESS_TEXTURE", "roughness_texture"),
         ("HAS_METALLIC_TEXTURE", "metallic_texture"),

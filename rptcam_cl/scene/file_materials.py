@@ -324,6 +324,7 @@ class _Translation:
             **self._reflectance(transmission),
             transmission=self._share(transmission, given.transmission_texture, "r"),
             emission=self._emission(),
+            two_sided=given.both_sides and max(given.emission) > 0,
             **gloss,
             **(self._absorption() if transmission else {}),
             **self._normals,

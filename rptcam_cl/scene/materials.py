@@ -468,6 +468,9 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     emission: Emission = (0.0, 0.0, 0.0)
     """Radiance emitted from the side of the normal [W/(m² sr) per channel]: a colour, or a texture."""
 
+    two_sided: bool = Field(default=False, strict=True)
+    """Whether the back emits too."""
+
     thin_film: ThinFilm | None = None
     """Film on the surface, in which light interferes; not beside transmission, nor beside textures of what reflects."""
 

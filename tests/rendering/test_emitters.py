@@ -224,3 +224,14 @@ def test_lamp_beside_a_sky_is_sampled_as_often_whatever_the_unit_of_the_scene(fl
     # The power of the lamp, beside what of the sky passes a disk about the eye of once to twice the table's distance.
     least, most = (4 / (4 + plan.surroundings.flux * reach**2) for reach in (0.6, 0.3))
     assert least <= share <= most
+
+
+def test_a_glowing_surface_of_two_sides_shines_behind():
+    """Its back is seen, and lights the ground below as that of an emissive one does."""
+    back = {"shape": "rectangle", "corner": [0, 0, 0.9], "edge_u": [1.3, 0, 0], "edge_v": [0, 0.7, 0]}
+    glowing = {"kind": "principled", "base_color": 0, "specular": 0, "emission": 2.0, "two_sided": True}
+    expected = parallel_rectangle(1.3, 0.7, 0.9, 2.0)
+    assert_irradiance(ground_under([back | {"material": glowing}]), "two sides", expected, relative=0.02, spp=64)
+    eye, target = [0.5, 0.4, 0.2], [0.6, 0.4, 0.9]
+    seen = ground_under([back | {"material": glowing}]) | {"camera": looking(eye, target, fov=0.0002)}
+    assert pixels(seen, spp=1) == pytest.approx(2.0)

@@ -532,10 +532,9 @@ def _glow_of(material: Material, textures: TextureTable, spectra: KnownSpectra) 
     """Find the light that a material emits; its texture and its spectrum are entered."""
     emitted: Texture | Colour = _BLACK
     two_sided = False
-    if isinstance(material, Emissive):
-        emitted, two_sided = material.radiance, material.two_sided
-    elif isinstance(material, Principled):
-        emitted = material.emission
+    if isinstance(material, Emissive | Principled):
+        emitted = material.radiance if isinstance(material, Emissive) else material.emission
+        two_sided = material.two_sided
     colour, texture = textures.slot(emitted, limit=LARGEST_RADIANCE)
     number = spectra.number(emitted, light=True)
     radiance = np.array(colour) if texture < 0 else textures.mean(texture)

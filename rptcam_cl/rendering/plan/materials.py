@@ -724,6 +724,7 @@ class _Filler:
     def _principled(self, record: np.void, material: models.Principled) -> None:
         self._colour(record, "color", "texture", material.base_color, 1.0)
         self._colour(record, "glow", "glow_texture", material.emission, LARGEST_RADIANCE)
+        record["glow_behind"] = material.two_sided
         self._number(record, "metallic", material.metallic)
         roughness = self._roughness(record, "roughness_texture", material.roughness)
         _facets(record, material, models.alpha_pair(roughness, material.anisotropy))
@@ -854,6 +855,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_ABSORPTION": np.any(records["absorption"][clear] > 0),
         "HAS_THIN_FILM": np.any(records["first"][principled] > 0),
         "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),
+        "HAS_GLOW_BEHIND": np.any(records["glow_behind"] > 0),
         "HAS_SPECULAR_COLOR": np.any(tinted) or np.any(records["specular_color_texture"] >= 0),
         "HAS_DISPERSION": np.any(records["dispersion_terms"] > 0),
         "HAS_GLASS_TINT": stained or np.any(glass["passed_texture"] >= 0),

@@ -403,3 +403,11 @@ def test_alpha_is_told_by_the_head_of_a_picture(content: bytes, alpha: bool, tmp
     assert has_alpha(content) is alpha
     (tmp_path / "a.png").write_bytes(content)
     assert has_alpha(tmp_path / "a.png") is alpha
+
+
+@pytest.mark.parametrize("both", [True, False])
+def test_light_of_a_double_sided_surface_leaves_both_sides(read: Read, both: bool) -> None:
+    keys = {"emissiveFactor": [1, 0, 0], "doubleSided": both}
+    made = scene_material(material_of(read, keys), Folders(Path()))
+    assert isinstance(made, Principled)
+    assert (made.emission, made.two_sided) == ((1, 0, 0), both)
