@@ -30,7 +30,8 @@ from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting
 from rptcam_cl.rendering.cameras.pupil import by_content
 from rptcam_cl.rendering.film import FilmLayout, array_of_text, text_of_array
-from rptcam_cl.rendering.ghost_sources import WAVES_NM, bands, sources_of
+from rptcam_cl.rendering.highlights import with_highlights
+from rptcam_cl.rendering.lamps import WAVES_NM, bands, sources_of
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
@@ -139,7 +140,9 @@ class GhostFilm:
         self.order = 2 if camera is None else camera.ghost_order
         film_z = self.lens.film_z(self.film_distance)
         buffers = SceneBuffers(session, plan)
-        self.sources = sources_of(scene, plan, buffers, session, self.lens, film_z)
+        about = scene, plan, buffers, session, self.lens, film_z
+        direct, far = sources_of(*about)
+        self.sources = with_highlights(direct, far, *about)
         self.grating = None if camera is None else camera.sensor_grating
         self.bands = bands(scene, plan, setting, self.sources, tinted=self.grating is not None)
         self.lenses = [self._opening(self.lens, band.nm, band.half_nm) for band in self.bands]
@@ -647,7 +650,7 @@ def sketch_of_ghosts(
     if lens.is_split or lens.fold is not None:
         return np.zeros((*whole, 3), np.float32)
     film_z = lens.film_z(setting.film_distance_mm)
-    sources = sources_of(scene, plan, buffers, session, lens, film_z, mirrors=False)
+    sources, _ = sources_of(scene, plan, buffers, session, lens, film_z)
     sense = -1.0 if scene.camera.flip else 1.0
     width, height = (sense * 1e3 * side for side in scene.film.size_m())
     x = ((layout.x + (np.arange(shape[1]) + 0.5) * layout.width / shape[1]) / columns - 0.5) * width

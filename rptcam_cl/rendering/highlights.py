@@ -14,11 +14,28 @@ from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import EmitterKind, Hidden, Kind
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.lamps import FLAT, POINTS, Points, lattice, occluded, points_of
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.rendering.lamps import (
+    FLAT,
+    MOST_SOURCES,
+    POINTS,
+    Front,
+    Patches,
+    Points,
+    Sources,
+    comes_from_ahead,
+    front_of,
+    lattice,
+    occluded,
+    points_alone,
+    points_of,
+)  # fmt: skip
 from rptcam_cl.rendering.plan.geometry import PackedMeshes
 from rptcam_cl.rendering.plan.materials import SPREADING_ALPHA, Lobe, lobes_of
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.scene.changes import at_opening
+from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -606,14 +623,8 @@ CELLS = 600.0  # per radian, within which reflections of a lamp in a primitive m
 SPREAD = 12.0  # widest slope of a facet that is followed, over alpha
 
 
-@dataclass(frozen=True)
-class Front:
-    """The front of a lens: its first vertex and points around it, in the world about the eye [m]."""
-
-    vertex: Array
-    spots: Array
-    radius: float
-
+FAINT = 1e-3  # of all light, below which the faintest sources beside highlights are left out
+_PENCIL = 2.0  # in place of 0 and 1, of a source whose light has the curvature of its own
 
 Pencils = tuple[Array, Array, Array]
 """Light that arrives at the front.
@@ -666,6 +677,49 @@ def highlights(
         for trial in _trials(faces, lobes, numbered, lamps, front):
             parts += _reflect(trial, numbered, front, plan, session, buffers)
     return _gather(parts) if parts else None
+
+
+def with_highlights(
+    direct: Sources,
+    far: Sequence[Points],
+    scene: Scene,
+    plan: Plan,
+    buffers: SceneBuffers,
+    session: Session,
+    lens: Lens,
+    film_z: float,
+) -> Sources:
+    """Return the sources of `sources_of`, which has the same parameters, with the highlights of a scene."""
+    turn = at_opening(scene).camera.world_from_camera()[:3, :3]
+    front, records = front_of(lens, film_z, turn), plan.emitters.shining
+    lamps = lamps_among(records[records["hidden"] & Hidden.FROM_REFLECTION == 0], far, front.vertex)
+    pencils = highlights(plan, session, buffers, lamps, front)
+    return direct if pencils is None else _with_pencils(direct, pencils, turn)
+
+
+def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
+    """Return sources with mirrored highlights; the faintest of all are left out."""
+    ways, bends, irradiance = pencils
+    ways, bends = ways @ turn, turn.T @ bends @ turn * 1e-3
+    ahead = comes_from_ahead(ways) & np.all(np.isfinite(bends), axis=(1, 2))
+    places, first = np.zeros((len(direct.places) + int(ahead.sum()), 12)), len(direct.places)
+    places[:first, :4] = direct.places
+    places[first:, :3], places[first:, 3] = ways[ahead], _PENCIL
+    places[first:, 4:7], places[first:, 8:11] = bends[ahead, :, 0], bends[ahead, :, 1]
+    light = np.concatenate([direct.irradiance, irradiance[ahead]])
+    bright = luminance(light)
+    order = np.argsort(-bright, kind="stable")
+    share = np.cumsum(bright[order]) / max(float(bright.sum()), 1e-300)
+    order = np.sort(order[: min(int(np.searchsorted(share, 1.0 - FAINT)) + 1, MOST_SOURCES)])
+    mirrored = int((order >= first).sum())
+    if not mirrored:
+        return direct
+    every = float(bright[:first].sum()) / (1.0 - direct.dropped_share) + float(bright[first:].sum())
+    dropped = 1.0 - float(bright[order].sum()) / every
+    known = np.concatenate([direct.known, np.zeros((int(ahead.sum()), 3))])
+    known[first:, 2] = -1.0 - np.arange(int(ahead.sum()))
+    patches = Patches.joined([direct.patches, points_alone(places[first:])])
+    return Sources(places[order], light[order], direct.left_out, dropped, known[order], patches[order], mirrored)
 
 
 def _owner(record: np.void) -> tuple[EmitterKind, int]:

@@ -22,7 +22,6 @@ from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
 from rptcam_cl.optics.surface import blades
 from rptcam_cl.rendering import ghosts as ghost_film
 from rptcam_cl.rendering.cameras.lens_records import ghost_setting
-from rptcam_cl.rendering.ghost_sources import WAVES_NM, _as_one, _even_cells
 from rptcam_cl.rendering.ghosts import (
     MOST_OF_FOUR,
     STEP,
@@ -34,7 +33,7 @@ from rptcam_cl.rendering.ghosts import (
     matrix_ways,
     sketch_of_ghosts,
 )
-from rptcam_cl.rendering.lamps import _on_sphere
+from rptcam_cl.rendering.lamps import WAVES_NM, _as_one, _even_cells, _on_sphere
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.point_spread import shares_of_white
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
