@@ -609,6 +609,7 @@ def list_devices() -> list[DeviceInfo]:
         When there is no OpenCL platform at all.
     """
     cl = drivers.load_opencl()
+    drivers.begin()
     try:
         platforms = cl.get_platforms()
     except Exception as error:

@@ -494,6 +494,26 @@ def load_opencl() -> Any:
     return import_binding()
 
 
+_began_in: list[int] = []  # number of the process that asked drivers first
+
+
+def begin() -> None:
+    """Note that drivers are used from here on, which a process that is forked from this one cannot do.
+
+    Raises
+    ------
+    DeviceError
+        In such a process: the threads of its drivers are not there, and it would wait for them for ever.
+    """
+    if not _began_in:
+        _began_in.append(os.getpid())
+    if _began_in[0] != os.getpid():
+        raise DeviceError(
+            "this process was forked from one that had used OpenCL, whose drivers do not live on in it; allowed: "
+            "processes that start anew, as of multiprocessing.get_context('spawn'), or forks before the first device"
+        )
+
+
 def import_binding() -> Any:
     """Return the module ``pyopencl``, without a look at drivers; only to be imported by a process that forks others.
 

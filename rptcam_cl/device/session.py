@@ -22,7 +22,7 @@ from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.remember import Disk, Memory, content_name
 from rptcam_cl.device import devices
 from rptcam_cl.device import programs as building
-from rptcam_cl.device.drivers import instead, is_code_noted, load_opencl, note_code, unfinished_work
+from rptcam_cl.device.drivers import begin, instead, is_code_noted, load_opencl, note_code, unfinished_work
 from rptcam_cl.device.programs import Parameters, Program, assemble
 
 # A chosen device with its context, queue and built programs.
@@ -51,6 +51,7 @@ def is_llvmpipe(handle: Any) -> bool:
 
 def open_session(spec: str | None = None) -> Session:
     """Return the session of the device that ``spec`` names; kept, so that its programs are built only once."""
+    begin()
     with _opening:
         return _session(devices.choose_device(spec).id)
 
@@ -435,9 +436,10 @@ class Session:
 
     @contextmanager
     def _named_failures(self) -> Iterator[None]:
-        """Raise a DeviceError for a device that has stopped."""
+        """Raise a DeviceError for a device that has stopped, and in a process without its driver."""
         import pyopencl as cl
 
+        begin()
         try:
             yield
         except cl.Error as error:
