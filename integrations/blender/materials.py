@@ -232,8 +232,7 @@ class _Translator(ValueReader):
         light = combine(lambda a, b: rgb(a) * grey(b), colour, strength)
         if light.is_constant and not light.colour.any():
             return
-        keys["emission"] = self.radiance(light)
-        self.say("its surface shines to the front alone")
+        keys |= {"emission": self.radiance(light), "two_sided": True}
 
     def radiance(self, light: Field) -> Any:
         """A radiance that may be above 1, of pictures too."""
@@ -490,10 +489,11 @@ class _Translator(ValueReader):
             self.say("emission mixed by a texture: the surface shines with the mean")
         radiance = lamp["radiance"] if isinstance(lamp["radiance"], list) else [1.0, 1.0, 1.0]
         light = [channel * share.number for channel in radiance]
-        self.say("emission mixed with a surface: it shines to the front alone, its surface is darker by its share")
+        self.say("emission mixed with a surface: its surface is darker by its share")
         if other["kind"] == "matte" and not isinstance(other["reflectance"], dict):
             base = np.broadcast_to(np.array(other["reflectance"], np.float64), 3) * (1 - share.number)
-            return {"kind": "principled", "base_color": base.tolist(), "specular": 0.0, "emission": light}
+            shines = {"emission": light, "two_sided": True}
+            return {"kind": "principled", "base_color": base.tolist(), "specular": 0.0, **shines}
         if other["kind"] == "principled":
             return self._principled_beside(other, light, share.number)
         self.say("what its emission is mixed with is left out")
@@ -514,7 +514,8 @@ class _Translator(ValueReader):
         layers["specular"] = dim(keys.get("specular", 1.0))
         own = {"opacity": whole} if whole < 1 else {}
         kept = {key: value for key, value in keys.items() if key != "opacity" or isinstance(value, dict)}
-        return kept | layers | own | {"emission": self._joined(keys, [c / whole for c in light], left)}
+        shines = {"emission": self._joined(keys, [c / whole for c in light], left), "two_sided": True}
+        return kept | layers | own | shines
 
     def _joined(self, keys: dict[str, Any], light: list[float], left: float = 1.0) -> list[float]:
         """A light and what is left of that of a surface; one by a texture is left out, which is said."""
@@ -541,16 +542,16 @@ class _Translator(ValueReader):
         return self._mix_of_two(ends, constant(0.5))
 
     def _lamp_over(self, lamp: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
-        self.say("emission added to a surface shines to the front alone")
         if other["kind"] == "matte":
             kept = {key: value for key, value in other.items() if key not in ("kind", "reflectance")}
             base = {"kind": "principled", "base_color": other["reflectance"], "specular": 0.0}
-            return base | kept | {"emission": lamp["radiance"]}
+            return base | kept | {"emission": lamp["radiance"], "two_sided": True}
         if other["kind"] == "principled":
             textured = isinstance(lamp["radiance"], dict)
             if textured and "emission" in other:
                 self.say("of two emissions that of the principled surface is left out")
-            return other | {"emission": lamp["radiance"] if textured else self._joined(other, lamp["radiance"])}
+            light = lamp["radiance"] if textured else self._joined(other, lamp["radiance"])
+            return other | {"emission": light, "two_sided": True}
         self.say("what it is added to is left out")
         return lamp
 

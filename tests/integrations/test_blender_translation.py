@@ -251,6 +251,12 @@ def test_a_principled_surface_beside_a_light_keeps_its_share_and_its_own_light()
     )
     both = Node("ADD_SHADER", "a", {"Shader": Link(own, "BSDF"), "Shader_001": Link(lamp, "Emission")})
     assert surface_of(both)[0]["emission"] == pytest.approx([6.0, 5.0, 4.5])
+    paint = Node("BSDF_DIFFUSE", "d", {"Color": (0.5, 0.5, 0.5), "Roughness": 0.0})
+    ends = {"Shader": Link(paint, "BSDF"), "Shader_001": Link(lamp, "Emission")}
+    beside, over = Node("MIX_SHADER", "m", {"Fac": 0.25, **ends}), Node("ADD_SHADER", "a", ends)
+    for node in (own, mix, both, beside, over):  # as in Cycles
+        made, said = surface_of(node)
+        assert made["two_sided"] is True and not any("front" in sentence for sentence in said), node.kind
 
 
 def test_glass_beside_a_light_is_left_out_with_a_word():
