@@ -7,6 +7,7 @@ import rptcam_cl as rc
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import read_film, relit
 from rptcam_cl.rendering import tracer
+from rptcam_cl.rendering.plan.plan import make_plan
 
 WHITE = {"kind": "matte", "reflectance": [0.7, 0.6, 0.5]}
 KEY = {"kind": "emissive", "radiance": [30, 30, 40]}
@@ -137,6 +138,14 @@ def test_wrong_factors_are_refused(picture, text, said):
 def test_film_without_the_layer_says_so():
     with pytest.raises(InputError, match="does not keep the light of its lamps apart"):
         relit(rc.Image(np.zeros((2, 2, 3), np.float32), {}), {"key": 0.5})
+
+
+def test_a_mix_of_which_a_part_shines_is_a_lamp():
+    """Else its light was in the first layer: that of another lamp."""
+    shining = {"kind": "principled", "base_color": 0.5, "emission": [0, 3, 0]}
+    pane = {"kind": "mix", "materials": [shining, {"kind": "thin_glass"}], "factor": 0.5}
+    objects = [*SCENE["objects"][:4], SCENE["objects"][4] | {"material": pane, "group": "pane"}]
+    assert "pane" in make_plan(rc.load_scene(SCENE | {"objects": objects})).light_groups.names
 
 
 def test_too_many_lamps_are_told_to_share_groups():

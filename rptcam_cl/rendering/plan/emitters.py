@@ -25,7 +25,7 @@ from rptcam_cl.rendering.plan.primitives import Primitive, Primitives
 from rptcam_cl.rendering.plan.textures import Colours, KnownSpectra, TextureTable
 from rptcam_cl.scene import lights as models
 from rptcam_cl.scene.assets.mesh import Mesh
-from rptcam_cl.scene.materials import Emissive, Material, Principled, has_holes
+from rptcam_cl.scene.materials import Emissive, Material, Mix, Principled, has_holes
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, cross
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.textures import Texture
@@ -429,6 +429,8 @@ _BLACK = (0.0, 0.0, 0.0)
 
 
 def _is_shining(material: Material) -> bool:
+    if isinstance(material, Mix):
+        return any(map(_is_shining, material.materials))
     return isinstance(material, Emissive) or (isinstance(material, Principled) and material.emission != _BLACK)
 
 
