@@ -202,6 +202,15 @@ class SceneModel(BaseModel):
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = ()
 
+    def __eq__(self, other: object) -> bool:
+        """Whether the keys say the same, and what came with them; matrices that follow from them do not count."""
+        if type(self) is not type(other):
+            return NotImplemented
+        return self is other or (
+            all(self.__dict__[name] == other.__dict__[name] for name in type(self).model_fields)
+            and self.__pydantic_private__ == other.__pydantic_private__
+        )
+
     @model_validator(mode="before")
     @classmethod
     def _check_keys(cls, data: Any) -> Any:

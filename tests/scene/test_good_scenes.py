@@ -233,3 +233,14 @@ def test_objects_stand_on_a_line_each_below_the_comments() -> None:
     assert text.splitlines() == [
         "# one", "# two", "film: {width_mm: 36}", "objects:", "  - {shape: sphere}", "  - {shape: box}",
     ]  # fmt: skip
+
+
+def test_parts_of_scenes_are_equal_by_what_they_say() -> None:
+    """Matrices that follow from the keys are kept beside them once they are known."""
+    box: dict[str, Any] = {"shape": "box", "min": [-1, -1, -3], "max": [1, 1, -2], "material": {"kind": "mirror"}}
+    camera = {"kind": "pinhole", "eye": [0, 0, 0], "target": [0, 0, -1], "fov_degrees": 40}
+    one, same, other = (
+        load_scene({"camera": camera, "objects": [box | {"max": [1, 1, far]}]}).objects for far in (-2, -2, -2.5)
+    )
+    assert one == same and hash(one) == hash(same)
+    assert one != other and one[0] != camera
