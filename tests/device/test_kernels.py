@@ -67,7 +67,7 @@ EVERY_MATERIAL = {
     "rough plastic": {"kind": "plastic", "reflectance": 0.5, "roughness": 0.3},
     "principled": {
         "kind": "principled", "roughness": IMAGE, "metallic": IMAGE, "transmission": IMAGE, "clearcoat": IMAGE,
-        "clearcoat_roughness": IMAGE, "emission": 1, "sheen": IMAGE, "specular": IMAGE,
+        "clearcoat_roughness": IMAGE, "emission": 1, "two_sided": True, "sheen": IMAGE, "specular": IMAGE,
         "clearcoat_normal_map": {"file": IMAGE["file"]},
         "specular_color": IMAGE, "normal_map": {"file": IMAGE["file"]},
     },
