@@ -9,8 +9,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import rptcam_cl
 from rptcam_cl.batch.dataset import read_specification
 from rptcam_cl.cli import build_parser
 from rptcam_cl.core.strict_yaml import read_yaml
@@ -141,6 +143,13 @@ def test_yaml_is_a_scene_or_a_piece_of_one_or_a_lens_or_tolerances(block: Block)
         whole = "camera" in content and ("objects" in content or "environment" in content)
         missing: Missing = "grey" if block.saved_as() else "error"  # its page copies the files beside it
         load_scene(content if whole else laid_over(content, read_yaml(UNDER).data), missing=missing)
+
+
+def test_the_scene_of_the_readme_renders() -> None:
+    (block,) = (each for each in all_blocks("yaml") if each.name.startswith("README"))
+    scene = load_scene(read_yaml(block.text.encode(), block.name).data)
+    image = np.asarray(rptcam_cl.render(scene, size=(64, 36), spp=1))
+    assert np.isfinite(image).all() and image.mean() > 0
 
 
 def laid_over(piece: dict[str, Any], under: dict[str, Any]) -> dict[str, Any]:

@@ -228,12 +228,16 @@ _LEAST_HALF = 0.01  # of the picture's shorter side: half a side of the smallest
 def zone_of_object(renderer: ProbeRenderer, name: str) -> Zone:
     """Return the largest square that fits into what is seen of an object, the first of that name.
 
+    Clear glass and mirrors are not seen themselves: of these it fits into where they stand.
+
     Raises
     ------
     InputError
         When no object has that name, or none of it is seen.
     """
-    seen = renderer.objects() == _index_of(renderer.scene, name)
+    index = _index_of(renderer.scene, name)
+    shown, first = renderer.objects()
+    seen = shown == index if np.any(shown == index) else first == index
     if not seen.any():
         raise InputError(f"camera.focus.auto.object: {name} is not in the picture")
     return _zone_within(seen)

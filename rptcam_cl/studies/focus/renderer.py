@@ -491,12 +491,16 @@ class ProbeRenderer:
         known[state] = self._sight_of(state, np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2))
         return known[state]
 
-    def objects(self) -> NDArray[np.int32]:
-        """Return which object each part of the picture shows, -1 for none, (height, width) of at most `ACROSS`."""
+    def objects(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Return which object each part of the picture shows, and which stands first there, as clear glass may.
+
+        Both are -1 for none, (height, width) of at most `ACROSS`.
+        """
         resolution = self.scene.film.resolution
         columns, rows = (max(round(side * ACROSS / max(resolution)), 1) for side in resolution)
         places = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
-        return self._sight_of(self.state, np.stack(places, axis=-1).reshape(-1, 2)).objects.reshape(rows, columns)
+        sight = self._sight_of(self.state, np.stack(places, axis=-1).reshape(-1, 2))
+        return sight.objects.reshape(rows, columns), sight.first_objects.reshape(rows, columns)
 
     def _sight_of(self, state: float, shares: NDArray[np.float64]) -> Sight:
         """Find what places, in fractions of the picture, show in a state."""
