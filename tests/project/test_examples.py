@@ -25,7 +25,7 @@ SCENES = sorted(path for path in (ROOT / "examples").rglob("*.yaml") if "\nvary:
 STUDIO = ROOT / "examples" / "studio"
 LARGEST_PICTURE = 800_000  # bytes; the page shows three dozen
 SHOWN = {"first_light"}  # programs of their own take the others seconds each
-FOCUSED_FIRST = {"bunnies"}  # no plan before autofocus
+FOCUSED_FIRST = {path.stem for path in SCENES if "focus: {auto:" in path.read_text("utf-8")}  # no plan before autofocus
 
 
 def load_script(name: str) -> ModuleType:
