@@ -59,9 +59,9 @@ def films(folder, spp=64):
     return np.asarray(read_film(folder / "ours.exr").pixels), other
 
 
-def assert_alike(folder, *, tile=0.1, mean=0.006):
+def assert_alike(folder, *, tile=0.1, mean=0.006, spp=64):
     """Means within 0.6 %, and those of 4 x 4 pixels within a tenth of the mean: 64 samples leave 0.04 at corners."""
-    one, other = films(folder)
+    one, other = films(folder, spp)
     assert one.shape == other.shape
     assert one.mean((0, 1)) == pytest.approx(other.mean((0, 1)), rel=mean)
     height, width = one.shape[0] // 4 * 4, one.shape[1] // 4 * 4
@@ -140,7 +140,7 @@ def test_collections_and_layers_hide_what_they_hide_in_cycles(room, tmp_path):
     assert_alike(tmp_path)
     assert not said()
     layer.use_sky = False
-    assert_alike(tmp_path)
+    assert_alike(tmp_path, spp=256)  # of a darker picture 64 leave up to 0.06 in each
     in_layer.holdout = True
     films(tmp_path, 1)
     assert said() == [f"Object {item.name}: a holdout is seen like any other object."]
