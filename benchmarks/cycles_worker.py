@@ -1,8 +1,8 @@
 """The worker that renders with Blender's Cycles on the processor; its Python needs bpy and nothing else.
 
 Requests: ``load`` a description made by `benchmarks.cycles_scene`, ``render`` samples of it and perhaps save them, with
-a ``noise`` as threshold of its adaptive samples. A checker has cells of one metre in the world, as that of the
-reference scenes.
+a ``noise`` as threshold of its adaptive samples; with ``denoise`` Cycles cleans the picture as it does by default. A
+checker has cells of one metre in the world, as that of the reference scenes.
 """
 
 from __future__ import annotations
@@ -19,12 +19,11 @@ from benchmarks.stopwatch import cores, timed_picture
 from benchmarks.worker import WorkerError, serve
 
 WITHOUT_BIAS = {"sample_clamp_indirect": 0.0, "blur_glossy": 0.0}
-FIXED = {"device": "CPU", "shading_system": True, "use_denoising": False, "use_adaptive_sampling": False}
+FIXED = {"device": "CPU", "denoiser": "OPENIMAGEDENOISE"}
 SHADERS = {
     "matte": "ShaderNodeBsdfDiffuse",
     "metal": "ShaderNodeBsdfAnisotropic",
     "glass": "ShaderNodeBsdfGlass",
-    "lamp": "ShaderNodeEmission",
 }
 BOX = {"pixel_filter_type": "BOX", "filter_width": 1.0}
 
@@ -74,6 +73,8 @@ def _load(bpy: Any, description: dict[str, Any], folder: Path) -> None:
     _add_camera(bpy, scene, description["camera"])
     for mesh in description["meshes"]:
         _add_mesh(bpy, scene, mesh)
+    for lamp in description["lamps"]:
+        _add_lamp(bpy, scene, lamp)
     world = bpy.data.worlds.new("world")
     world.use_nodes = True
     _add_environment(bpy, world.node_tree, description["environment"])
@@ -96,6 +97,9 @@ def _add_camera(bpy: Any, scene: Any, camera: dict[str, Any]) -> None:
     scene.camera = _add(bpy, scene, data, camera["world"])
     if "shader" not in camera:
         data.sensor_fit, data.angle = "HORIZONTAL", math.radians(camera["fov_degrees"])
+        if "aperture_radius" in camera:
+            data.dof.use_dof, data.dof.focus_distance = True, camera["focus_distance"]
+            data.dof.aperture_fstop = data.lens / 1000 / (2 * camera["aperture_radius"])
         return
     data.type, data.custom_mode, data.custom_filepath = "CUSTOM", "EXTERNAL", camera["shader"]
     said: list[Any] = []
@@ -136,6 +140,24 @@ def _add_mesh(bpy: Any, scene: Any, mesh: dict[str, Any]) -> None:
     _add(bpy, scene, data)
 
 
+def _add_lamp(bpy: Any, scene: Any, lamp: dict[str, Any]) -> None:
+    """Add a ball or a rectangle of light, or else a sun without size."""
+    import math
+
+    data = bpy.data.lights.new("lamp", "POINT" if "radius" in lamp else "AREA" if "size" in lamp else "SUN")
+    data.color, data.energy = [value / max(lamp["color"]) for value in lamp["color"]], max(lamp["color"])
+    if "radius" in lamp:
+        data.shadow_soft_size, data.use_soft_falloff = lamp["radius"], False
+        data.energy *= (2 * math.pi * lamp["radius"]) ** 2
+    elif "size" in lamp:
+        data.shape = "RECTANGLE"
+        data.size, data.size_y = lamp["size"]
+        data.energy *= math.pi * data.size * data.size_y
+    else:
+        data.angle = 0.0
+    _add(bpy, scene, data, lamp["world"]).visible_camera = True
+
+
 def _material(bpy: Any, look: dict[str, Any]) -> Any:
     material = bpy.data.materials.new(look["kind"])
     material.use_nodes = True
@@ -144,8 +166,6 @@ def _material(bpy: Any, look: dict[str, Any]) -> Any:
     shown = nodes.new(SHADERS[look["kind"]])
     links.new(shown.outputs[0], nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
     shown.inputs["Color"].default_value = (*look.get("color", (1.0, 1.0, 1.0)), 1.0)
-    if look["kind"] == "lamp":
-        material.cycles.emission_sampling = "FRONT"
     if look["kind"] in ("metal", "glass"):
         shown.distribution = "GGX"
         shown.inputs["Roughness"].default_value = look["roughness"]
@@ -173,6 +193,7 @@ def _render(bpy: Any, request: dict[str, Any]) -> dict[str, Any]:
 
     scene = bpy.context.scene
     scene.cycles.samples, scene.cycles.seed = request["spp"], request["seed"]
+    scene.cycles.use_denoising = request.get("denoise", False)
     scene.cycles.use_adaptive_sampling = "noise" in request
     scene.cycles.adaptive_threshold = request.get("noise", 0.0)
 

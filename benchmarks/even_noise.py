@@ -10,8 +10,9 @@ drops out. Every way makes pictures of more and more samples until both are met 
 the error then falls with the root of the time. Times are processor seconds of all threads, without compiling.
 
 Mitsuba has its multijitter and ldsampler; its own denoiser runs on NVIDIA's cards alone. ``--denoise`` cleans the
-pictures of all by Open Image Denoise, from their colours alone, and counts its time. Cycles has its adaptive samples
-with three thresholds, and renders what `benchmarks.cycles_scene` knows.
+pictures of all by Open Image Denoise, from their colours alone, and counts its time; Cycles cleans some itself besides,
+by the same from colours, albedo and normals. Cycles has its adaptive samples with three thresholds, and renders what
+`benchmarks.cycles_scene` knows.
 """
 
 from __future__ import annotations
@@ -69,6 +70,8 @@ class Way:
 
     Attributes
     ----------
+    cleans : bool
+        Whether the renderer itself denoises.
     ended : bool
         Whether the last picture met its own mark of noise before all samples were made.
     made : list of (seconds, (errors of `SHARES`))
@@ -79,17 +82,20 @@ class Way:
     name: str
     noise: float | None = None
     denoised: bool = False
+    cleans: bool = False
     ended: bool = False
     made: list[tuple[float, tuple[float, ...]]] = field(default_factory=list)
 
     def reached(self, share: int) -> tuple[float, bool]:
-        """Return the seconds to `MARK`, and whether pictures lie on both sides of it."""
+        """Return the seconds to `MARK`, perhaps without end, and whether pictures lie on both sides of it."""
         known = sorted((seconds, errors[share]) for seconds, errors in self.made)
         for (before, above), (after, below) in pairwise(known):
             if above > MARK >= below:
                 part = math.log(above / MARK) / math.log(above / below)
                 return before * (after / before) ** part, True
         seconds, error = known[0] if known[0][1] <= MARK else known[-1]
+        if self.ended and error > MARK:
+            return math.inf, False
         return seconds * (error / MARK) ** 2, False
 
 
@@ -130,7 +136,8 @@ class Bench:
     def _render(self, way: Way, spp: int, seed: int) -> tuple[dict[str, Any], Picture]:
         path, worker = self._folder / "picture.npy", self._workers[way.renderer]
         label = self._scene if way.renderer == "ours" else f"{self._scene} {way.name}"
-        more = {} if way.noise is None else {"noise": way.noise}
+        more: dict[str, Any] = {"denoise": True} if way.cleans else {}
+        more |= {} if way.noise is None else {"noise": way.noise}
         answer = worker.ask(do="render", spp=spp, seed=seed, save=str(path), **more, **{"as": label})
         return answer, np.load(path).astype(np.float64)
 
@@ -150,7 +157,7 @@ class Bench:
         if way.noise is not None:
             spp, times = 64, 2
         while spp <= MOST:
-            if spp <= 4 * PASS:
+            if spp <= 4 * PASS and (way.renderer != "Cycles" or not way.made):
                 self._render(way, spp, 0)  # compiles what a number of samples needs
             yield spp
             seconds, errors = way.made[-1]
@@ -160,7 +167,7 @@ class Bench:
 
     def measure(self, way: Way) -> list[Way]:
         """Fill in a way; return it, and the same denoised."""
-        ways = [way] + [Way(way.renderer, way.name, way.noise, True)] * self._denoises
+        ways = [way] + [Way(way.renderer, way.name, way.noise, True)] * (self._denoises and not way.cleans)
         for spp in self._steps(way):
             found = [self._errors(way, spp, seed) for seed in range(1, self._seeds + 1)]
             for each, made in zip(ways, zip(*found, strict=True), strict=True):
@@ -175,7 +182,7 @@ class Bench:
         grown = seconds / way.made[-1][0] if way.noise is not None and way.made else math.inf
         way.ended = answer["spp"] < spp if "spp" in answer else grown < AT_REST
         pictures = [(seconds, picture)]
-        if self._denoises:
+        if self._denoises and not way.cleans:
             cleaned: list[Picture] = []
             times = timed(lambda: cleaned.append(denoised(picture)))
             pictures.append((seconds + times.cpu, cleaned[0]))
@@ -183,10 +190,11 @@ class Bench:
 
 
 def _is_for_cycles(scene: Scene) -> bool:
-    """Return whether `cycles_scene` knows all of a scene, and it has no dozens of spheres, which would be triangles."""
-    spheres = sum(item.shape == "sphere" for item in scene.objects)
-    kinds = {item.material.kind for item in scene.objects}
-    return not scene.lights and scene.camera.kind != "thin_lens" and spheres < 10 and "plastic" not in kinds
+    """Return whether `cycles_scene` knows all of a scene."""
+    materials = [item.material for item in scene.objects]
+    has_media = scene.medium is not None or any(getattr(each, "interior", None) is not None for each in materials)
+    lights = {light.kind for light in scene.lights}
+    return not has_media and lights <= {"directional"} and all(each.kind != "plastic" for each in materials)
 
 
 def denoised(picture: Picture) -> Picture:
@@ -199,6 +207,8 @@ def denoised(picture: Picture) -> Picture:
 
 def shown(seconds: float, is_between: bool) -> str:
     """Return a time as the table has it."""
+    if math.isinf(seconds):
+        return "never"
     return ("" if is_between else "~") + f"{seconds:.3g}"
 
 
@@ -210,7 +220,7 @@ def row(way: Way) -> list[str]:
     return [way.renderer, name, *(shown(*way.reached(share)) for share in range(len(SHARES))), *last]
 
 
-def ways_of(workers: dict[str, Worker], has_cycles: bool) -> Iterator[Way]:
+def ways_of(workers: dict[str, Worker], has_cycles: bool, denoises: bool) -> Iterator[Way]:
     """Yield what is compared."""
     yield Way("ours", "even samples")
     yield Way("ours", "--noise 0.05", MARK)
@@ -221,6 +231,8 @@ def ways_of(workers: dict[str, Worker], has_cycles: bool) -> Iterator[Way]:
         yield Way("Cycles", "even samples")
         for threshold in CYCLES:
             yield Way("Cycles", f"adaptive {threshold:g}", threshold)
+    if has_cycles and denoises:
+        yield Way("Cycles", "even samples, its denoiser", cleans=True)
 
 
 def main() -> int:
@@ -246,7 +258,8 @@ def main() -> int:
         for scene in options.scenes:
             with tempfile.TemporaryDirectory() as folder:
                 bench = Bench(options, workers, scene, Path(folder))
-                ways = [each for way in ways_of(workers, bench.has_cycles) for each in bench.measure(way)]
+                wanted = ways_of(workers, bench.has_cycles, options.denoise)
+                ways = [each for way in wanted for each in bench.measure(way)]
             print_table(scene, COLUMNS, [row(way) for way in ways])
             results += [{"scene": scene, **vars(way)} for way in ways]
     except WorkerError as error:
