@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmarks import cycles_scene
+from benchmarks import cycles_scene, hard_light
 from benchmarks.equal_time import exact_count
 from benchmarks.even_noise import Way, tile_errors
 from benchmarks.mitsuba_lens import prescription
@@ -27,6 +27,7 @@ from rptcam_cl.api.job import render
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.traceable_lens import load_lens
+from rptcam_cl.scene.load import load_scene
 from tests.support.browsing import needs_chromium
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
@@ -270,6 +271,9 @@ def test_time_to_a_noise_lies_between_two_pictures_and_beyond_the_last_one() -> 
     way = Way("ours", "even samples", made=[(1.0, (0.4, 0.4)), (4.0, (0.1, 0.2)), (16.0, (0.025, 0.1))])
     assert way.reached(0) == (pytest.approx(8.0), True)  # halfway between 4 and 16 in logarithms, as 0.05 is
     assert way.reached(1) == (pytest.approx(64.0), False)
+    way.ended = True  # no more samples are made
+    assert way.reached(0) == (pytest.approx(8.0), True)
+    assert way.reached(1) == (math.inf, False)
 
 
 def test_errors_of_tiles_are_those_of_the_noise_and_not_of_the_reference() -> None:
@@ -403,8 +407,8 @@ def test_description_for_cycles_has_every_face_and_the_lens(tmp_path: Path) -> N
     files = {mesh["look"]["kind"]: [] for mesh in box["meshes"]}
     for mesh in box["meshes"]:
         files[mesh["look"]["kind"]].append(np.load(mesh["file"])["faces"])
-    assert sum(map(len, files["matte"])) == 8 + 2 * 6
-    assert [faces.shape for faces in files["lamp"]] == [(1, 4)]
+    assert sum(map(len, files["matte"])) == 8 + 2 * 6 + 1  # the back of the lamp
+    assert [lamp["size"] for lamp in box["lamps"]] == [pytest.approx([0.47, 0.38])]
     assert box["camera"]["fov_degrees"] == 39.3
     spheres = cycles_scene.describe(reference_scene("A_lens"), roulette=True, folder=tmp_path)
     assert "#define COUNT 11" in Path(spheres["camera"]["shader"]).read_text("utf-8")
@@ -416,16 +420,47 @@ def test_description_for_cycles_has_every_face_and_the_lens(tmp_path: Path) -> N
         assert np.linalg.norm(middles, axis=1).min() > 1 - 7.2e-5
 
 
+def test_lamps_for_cycles_shine_where_ours_do(tmp_path: Path) -> None:
+    metal = {"kind": "conductor", "reflectance": [0.9, 0.8, 0.7], "alpha": 0.1}
+    bulb = hard_light.ball([1, 2, 3], 0.05, hard_light.emissive(9, 18, 27))
+    glass = hard_light.ball([1, 2, 3], 0.2, {"kind": "dielectric", "index": 1.5})
+    panel = hard_light.rectangle([0, 4, 0], [0.5, 0, 0], [0, 0, 0.25], hard_light.emissive(1, 2, 3))  # downwards
+    camera = hard_light.picture_of_light()["camera"]
+    sun = {"kind": "directional", "direction": [1.0, -0.6, -0.15], "irradiance": [40.0, 36.0, 30.0]}
+    keys = hard_light.scene([bulb, glass, panel, hard_light.ball([0, 0, 0], 1, metal)], camera=camera, lights=[sun])
+    found = cycles_scene.describe(load_scene(keys), roulette=False, folder=tmp_path)
+    light, ball, flat = found["lamps"]
+    frames = [np.array(lamp["world"]) for lamp in found["lamps"]]
+    for frame in frames:
+        assert np.linalg.det(frame[:3, :3]) == pytest.approx(1)
+    assert -frames[0][:3, 2] * np.linalg.norm(sun["direction"]) == pytest.approx(sun["direction"])
+    assert light["color"] == sun["irradiance"]
+    assert ball["radius"] == 0.05
+    assert frames[1][:3, 3] == pytest.approx([1, 2, 3])
+    assert ball["color"] == pytest.approx([4, 8, 12])  # that of glass, which its surface divides by the square of 1.5
+    assert frames[2][:3, 3] == pytest.approx([0.25, 4, 0.125])
+    assert -frames[2][:3, 2] == pytest.approx([0, -1, 0])
+    assert np.abs(frames[2][:3, :2]) @ flat["size"] == pytest.approx([0.5, 0, 0.25])
+    black = [np.load(mesh["file"])["points"] for mesh in found["meshes"] if mesh["look"].get("color") == [0, 0, 0]]
+    assert np.linalg.norm(black[0] - [1, 2, 3], axis=1).max() < 0.05
+    assert black[1][:, 1] == pytest.approx(4.0001)  # behind the panel
+    assert (found["camera"]["aperture_radius"], found["camera"]["focus_distance"]) == (0.02, 3.0)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="bpy is not installed")
-@pytest.mark.parametrize("name", ["A_lens", "B", "C", "D"])
-def test_cycles_renders_the_same_picture(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "tolerance"),
+    [("A_lens", 2e-3), ("B", 2e-3), ("C", 2e-3), ("D", 2e-3)]
+    + [(name, 1e-2) for name in ("picture_of_light", "metal_floor", "sun_through_a_window", "hidden_uplighter")],
+)
+def test_cycles_renders_the_same_picture(name: str, tolerance: float, tmp_path: Path) -> None:
     scene = reference_scene(name, shrink=4)
     worker = Worker(sys.executable, "benchmarks.cycles_worker")
     worker.ask(do="load", description=cycles_scene.describe(scene, roulette=False, folder=tmp_path))
     found = worker.ask(do="render", spp=128, seed=1)
     worker.close()
-    assert found["mean"] == pytest.approx(render(scene, spp=128).pixels.mean(axis=(0, 1)), rel=2e-3)
+    assert found["mean"] == pytest.approx(render(scene, spp=128).pixels.mean(axis=(0, 1)), rel=tolerance)
 
 
 @pytest.mark.slow
