@@ -8,6 +8,7 @@
 typedef struct {
     Hit hit;        // on the surface, of a ray that starts there
     F3  p;          // of what is no mesh
+    I   record;     // the surface that was picked
     F   area;       // [m2] that stands for the point: 1 / density
 } StartPoint;
 
@@ -41,6 +42,7 @@ static StartPoint start_point(const __global CausticSurface *surfaces, const __g
     I k = cell_at(curve, FALSE, count, pick, &inside, &share);
     I kind = OF_SURFACE(I, kind);
     StartPoint s;
+    s.record = k;
     s.hit.t = ZERO;
     s.hit.primitive = OF_SURFACE(I, primitive);
     s.hit.triangle = OF_SURFACE(I, triangle);

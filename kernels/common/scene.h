@@ -75,6 +75,15 @@
 #define CAUSTIC_PARTS(EACH)
 #endif
 
+#if VIRTUAL_LIGHTS
+#define VIRTUAL_PARTS(EACH) \
+    EACH(const __global float *, virtual_lights)        /* kernels/light/virtual_lights.h */ \
+    EACH(const __global float *, virtual_density) \
+    EACH(const __global VirtualGrid *, virtual_grid)
+#else
+#define VIRTUAL_PARTS(EACH)
+#endif
+
 #if HAS_MEDIA
 #define MEDIA_PARTS(EACH) \
     EACH(const __global Medium *, media)                /* by number; the first is empty space */ \
@@ -116,8 +125,8 @@
     EACH(const __global Environment *, environment) \
     EACH(const __global float *, distribution)          /* curves of how light sampling picks, common/curve.h */ \
     EACH(int, emitter_count) \
-    LIGHT_TREE_PARTS(EACH) CAUSTIC_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) HIDDEN_PARTS(EACH) ALIGNED_PARTS(EACH) \
-    TREE_PARTS(EACH) MESH_PARTS(EACH) MEDIA_PARTS(EACH) DENSITY_PARTS(EACH) FACET_PARTS(EACH) GROUP_PARTS(EACH)
+    LIGHT_TREE_PARTS(EACH) CAUSTIC_PARTS(EACH) VIRTUAL_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) HIDDEN_PARTS(EACH) \
+    ALIGNED_PARTS(EACH) TREE_PARTS(EACH) MESH_PARTS(EACH) MEDIA_PARTS(EACH) DENSITY_PARTS(EACH) FACET_PARTS(EACH) GROUP_PARTS(EACH)
 
 #define AS_MEMBER(type, name) type name;
 #define AS_PARAMETER(type, name) type name,

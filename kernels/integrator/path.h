@@ -17,6 +17,10 @@
 #if CAUSTICS
 #include "caustics/gather.h"
 #endif
+#if VIRTUAL_LIGHTS
+#include "geometry/nearest.h"
+#include "light/virtual_lights.h"
+#endif
 
 #define LEAST_UNLIT   4.0f      // chance of a path without light to go on, over its throughput, at least
 #define LARGEST_DENSITY 1e18f   // of a direction, whose square float32 still holds; far above that of any BSDF
@@ -311,6 +315,56 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, I by_photons, Hit 
 }
 #endif
 
+#if VIRTUAL_LIGHTS
+// Adds the light that one virtual light sends by the vertices of the lanes `on`.
+IN_PLACE static void connect(Path *path, Vertex vertex, I on, Hit hit, Scene scene, Rules rules)
+{
+    // Pick one: the host has made them alike in what they bring, and sorted them by place.
+    F u = random4(path->pixel, path->sample, 2u * path->depth + 1u, rules.seed).d;
+    int count = scene.virtual_grid->count;
+    Eight place = load_eight(scene.virtual_lights, 8 * MIN(TO_I(u * (float)count), (I)(count - 1)));
+    F3 p = f3(place.f[0], place.f[1], place.f[2]);
+    F3 n = from_octahedral(AS_I(place.f[6]));
+    F3 to = sub(p, vertex.p);
+    F distance2 = MAX(dot3(to, to), (F)(SMALLEST));
+    F distance = sqrt(distance2);
+    F3 d = scale(to, ONE / distance);
+    F cosine = -dot3(n, d);
+    I edges = AS_I(path->depth) + 1 + (AS_I(place.f[7]) >> WAY_SHIFT);
+    on = on & (cosine > 0.0f) & (edges <= (I)((int)rules.max_depth));
+    // Weigh it against the path's own direction.
+    F pdf;
+    F3 through = mul(path->beta, scatter_eval(vertex, path->ray.d, d, &pdf));
+    F share = share_of_connection(pdf, cosine, distance2, density_of_lights(p, n, scene));
+    F3 light = scale(mul(through, f3(place.f[3], place.f[4], place.f[5])), share * cosine / distance2);
+    on = on & (max3(light) > 0.0f);
+    if (!ANY(on))
+        return;
+    // See whether anything is between.
+    Ray ray = path->ray;
+    ray.o = departure(vertex, d);
+    ray.d = d;
+    ray.origin = hit.primitive;
+    ray.triangle = hit.triangle;
+    I passed;
+    F reach = on ? SHORT_OF * distance : ZERO;
+    on = on & NOT(blocked_before(ray, reach, (I)(NO_PRIMITIVE), (I)(NO_TRIANGLE), 1, &passed, scene));
+    gather_light(path, on, light, FALSE);
+}
+
+// Of what a path has met from a vertex that made a connection, the share that is left to it, where light leaves evenly.
+static F left_by_connections(const Path *path, Vertex vertex, F t, I on, Scene scene)
+{
+    I shared = on & (path->depth > 1u) & (path->pdf > 0.0f) & scatters_evenly(vertex);
+    if (!ANY(shared))
+        return ONE;
+    F3 d = path->ray.d;
+    F density = density_of_lights(vertex.p, facing_side(vertex, d), scene);
+    F share = share_of_connection(path->pdf, absolute(dot3(vertex.ng, d)), t * t, density);
+    return shared ? 1.0f - share : ONE;
+}
+#endif
+
 // What roulette multiplies the throughput of a path by, by the cell of the film that its pixel lies in: great where the picture
 // is dark and what little light a path brings shows (rptcam_cl/rendering/film.py).
 static inline F survival_scale_at(Lane lane, Limits limits, const __global float *survival_scale)
@@ -479,6 +533,19 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         return shadow;
     }
 #endif
+    // Leave what connections bring to them, and seldom follow what is left of little.
+#if VIRTUAL_LIGHTS
+    F4 u = random4(path->pixel, path->sample, 2u * path->depth, rules.seed);
+    F left = left_by_connections(path, vertex, hit.t, on, scene);
+    F stays = MAX(left, (F)(LEAST_CHANCE));
+    on = on & (left > 0.0f) & (u.d < stays);
+    path->beta = scale(path->beta, left / stays);
+    u.d = u.d / stays;
+    if (!ANY(on)) {
+        path->ray.origin = (I)(PATH_ENDED);
+        return shadow;
+    }
+#endif
     // Add the photons around.
 #if CAUSTICS
     I role = caustic_role(on, hit.primitive, scene);
@@ -497,8 +564,12 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #endif
     shadow = light_sample(*path, vertex, lightable, receiver, hit, scene, rules);
 #endif
-    // Sample the BSDF for the next direction.
+#if VIRTUAL_LIGHTS
+    connect(path, vertex, on, hit, scene, rules);
+#else
     F4 u = random4(path->pixel, path->sample, 2u * path->depth, rules.seed);
+#endif
+    // Sample the BSDF for the next direction.
     Scattered next = scatter_sample(vertex, path->ray.d, u.a, u.b, u.c);
     path->beta = mul(path->beta, next.weight);
     on = on & (max3(path->beta) > 0.0f);

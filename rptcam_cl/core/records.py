@@ -759,10 +759,33 @@ PHOTON_PASS = declare(
     ("float", "per_photon"),  # 1 / photons
 )
 
+LIGHT_PASS = declare(
+    "LightPass",  # paths that leave virtual lights, kernels/pass/light_paths.cl
+    ("float4", "view"),  # of paths from the eye: the axis of a cone; w: cosine of half its angle
+    ("uint2", "seed"),
+    ("uint", "number"),
+    ("uint", "paths"),
+    ("uint", "max_edges"),  # of a path
+    ("int", "surfaces"),
+    ("int", "from_eye"),
+    ("float", "per_path"),  # 1 / paths
+    ("float", "by_chance"),  # chance of a start to look for light in a random direction, else by a light sample
+    ("uint", "reserved_0 reserved_1 reserved_2"),
+)
+
+VIRTUAL_GRID = declare(
+    "VirtualGrid",  # of the density of virtual lights, kernels/light/virtual_lights.h
+    ("float4", "low"),  # corner [m]; w: 1 / width of a cell [1/m]
+    ("int", "side"),  # cells along an axis
+    ("int", "count"),  # virtual lights
+    ("int", "reserved_0 reserved_1"),
+)
+
 RECORDS = (
     PRIMITIVE, ALIGNED, INSTANCE, SEGMENT, MATERIAL, MEDIUM, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA,
     THIN_LENS_CAMERA, THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL_LINES, PUPIL, REALISTIC_CAMERA, OWN_CAMERA,
-    HALF_PUPIL, CAMERA, WAVE, LIMITS, VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
+    HALF_PUPIL, CAMERA, WAVE, LIMITS, VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS, LIGHT_PASS,
+    VIRTUAL_GRID,
 )  # fmt: skip
 
 

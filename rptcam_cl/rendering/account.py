@@ -271,6 +271,8 @@ def statistics(
     if plan.caustics.choice is not None:
         first = wavefront.wavefronts[0] if isinstance(wavefront, SharedWavefront) else wavefront
         stats["caustics"] = {"choice": plan.caustics.choice, "radius_m": first.photon_radius}
+    if plan.virtual_lights.choice is not None:
+        stats["virtual_lights"] = {"choice": plan.virtual_lights.choice}
     if rendering.noise is not None:
         stats["noise"] = rendering.noise | {
             "spp_min": int(rendering.samples.min()),
@@ -315,6 +317,7 @@ def describe(
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
         **plan.spectrum.metadata,
         **({} if plan.caustics.choice is None else {"caustics": plan.caustics.choice}),
+        **({} if plan.virtual_lights.choice is None else {"virtual_lights": plan.virtual_lights.choice}),
         **camera_geometry(placed),
         "window": window(scene),
         **({"transparent": True} if scene.film.transparent else {}),

@@ -35,7 +35,7 @@ _LEAST_SHARE = 0.1  # of the lamps' light on glass and mirrors that must come fr
 _LEAST_VIEWS, _MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
 # Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
 _LEAST_ALPHA = 0.04
-_WITHOUT_SIZE = (*layout.SIZELESS_EMITTERS, EmitterKind.DIRECTIONAL)
+WITHOUT_SIZE = (*layout.SIZELESS_EMITTERS, EmitterKind.DIRECTIONAL)
 
 # Area of the canonical shapes [1].
 _AREA = {
@@ -127,7 +127,7 @@ def pack_caustics(
                 "render.layers: lights: photons do not know their lamp (allowed: render.caustics off or auto)"
             )
         return without_caustics("the layer lights, as photons do not know their lamp")
-    surfaces, areas, places = _surfaces(primitives, first_triangles, roles, eye)
+    surfaces, areas, places = surfaces_of(primitives, first_triangles, roles == _SURFACE, eye)
     if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, roles, surfaces, places, eye)):
         return without_caustics(reason)
     curve, _ = layout.curves(areas[None])
@@ -174,14 +174,14 @@ _MOST_LAMPS = 64  # the most likely ones, that are looked for within glass
 _THIN = 0.1  # of the next side of a box of glass: a pane
 _CUBE, _TUBE, _SQUARE = ((-1, -1, -1), (1, 1, 1)), ((-1, -1, 0), (1, 1, 1)), ((-1, -1, 0), (1, 1, 0))
 # Boxes about the canonical shapes.
-_BOXES = {Kind.SPHERE: _CUBE, Kind.ELLIPSOID: _CUBE, Kind.BOX: _CUBE, Kind.CYLINDER: _TUBE, Kind.CONE: _TUBE}
-_BOXES |= {Kind.RECTANGLE: ((0, 0, 0), (1, 1, 0)), Kind.DISK: _SQUARE}
+BOXES = {Kind.SPHERE: _CUBE, Kind.ELLIPSOID: _CUBE, Kind.BOX: _CUBE, Kind.CYLINDER: _TUBE, Kind.CONE: _TUBE}
+BOXES |= {Kind.RECTANGLE: ((0, 0, 0), (1, 1, 0)), Kind.DISK: _SQUARE}
 
 
 def _glass_bodies(primitives: Primitives, eye: Array) -> Iterator[tuple[Array, Array, Array, NDArray[np.int64]]]:
     """Yield bodies of clear glass: world to canonical shape (n, 4, 4), ends of its box, axis across panes (else -1)."""
     glass = primitives.chosen(primitives.runs_of(_is_glass_body))
-    boxes = np.array([_BOXES[each.kind] if each.mesh is None else each.mesh.bounds() for each in glass.prototypes])
+    boxes = np.array([BOXES[each.kind] if each.mesh is None else each.mesh.bounds() for each in glass.prototypes])
     for _, runs, placements in glass.places.blocks():
         low, high = boxes[glass.prototype_of[runs]].transpose(1, 0, 2)
         sides = (high - low) * np.linalg.norm(placements[:, :3, :3], axis=1)
@@ -211,7 +211,7 @@ def stand_behind_glass(primitives: Primitives, emitters: Emitters, eye: Array) -
 def _lies_behind_panes(primitives: Primitives, roles: NDArray[np.int32], lamps: NDArray[np.void], eye: Array) -> bool:
     """Return whether panes are all glass and mirrors that there are, and the eye is where none mirrors a lamp to."""
     is_sun, panes = lamps["kind"] == EmitterKind.SUN, 0
-    towards = np.where(is_sun[:, None], lamps["normal"][:, :3], _centres(lamps))
+    towards = np.where(is_sun[:, None], lamps["normal"][:, :3], lamp_centres(lamps))
     for inverse, low, high, across in _glass_bodies(primitives, eye):
         each = np.arange(len(across))
         eye_side = inverse[each, across, 3] - (low + high)[each, across] / 2
@@ -224,7 +224,7 @@ def _lies_behind_panes(primitives: Primitives, roles: NDArray[np.int32], lamps: 
 
 def _is_glass_body(prototype: Prototype) -> bool:
     is_flat = prototype.kind in (Kind.RECTANGLE, Kind.DISK)  # of solid glass one face of something
-    known = prototype.mesh is not None or prototype.kind in _BOXES
+    known = prototype.mesh is not None or prototype.kind in BOXES
     return known and (
         isinstance(prototype.material, materials.ThinGlass) or (_is_clear(prototype.material) and not is_flat)
     )
@@ -244,16 +244,16 @@ def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
     return None
 
 
-def _surfaces(
+def surfaces_of(
     primitives: Primitives,
     first_triangles: NDArray[np.int32],
-    roles: NDArray[np.int32],
+    chosen: NDArray[np.bool_],
     eye: NDArray[np.float64],
 ) -> tuple[NDArray[np.void], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the records of smooth glass and mirrors, their areas [m²], and of triangles the middles about the eye."""
+    """Return the records of chosen primitives, their areas [m²], and of triangles the middles about the eye."""
     records, areas, places = [], [], []
     first_mesh = len(primitives) - len(first_triangles)
-    for index in np.flatnonzero(roles == _SURFACE).tolist():
+    for index in np.flatnonzero(chosen).tolist():
         primitive = primitives[index]
         if primitive.mesh is not None:
             triangles, area = triangle_emitters(primitive.mesh, primitive.placement, eye)
@@ -327,7 +327,7 @@ def _left_to_paths(
     if scene.render.clamp is not None:
         return "render.clamp takes away what paths find seldom"
     records = emitters.records[: emitters.count]
-    if np.isin(records["kind"], _WITHOUT_SIZE).any():
+    if np.isin(records["kind"], WITHOUT_SIZE).any():
         return None
     lamps = records[records["kind"] != EmitterKind.ENVIRONMENT]
     is_sun = lamps["kind"] == EmitterKind.SUN
@@ -347,8 +347,8 @@ def _share_of_small_lamps(
     """How much of the lamps' irradiance on glass and mirrors comes from lamps that are seen small from there."""
     suns = lamps["kind"] == EmitterKind.SUN
     lamp = np.where(suns, np.arange(len(lamps)), len(lamps) + lamps["primitive"])
-    size = _sizes(primitives, lamps)
-    centres = _centres(lamps)
+    size = lamp_sizes(primitives, lamps)
+    centres = lamp_centres(lamps)
     brightness = luminance(lamps["radiance"][:, :3].astype(np.float64))
     small = every = 0.0
     views = int(np.clip(10**6 // len(lamps), _LEAST_VIEWS, _MOST_VIEWS))
@@ -362,13 +362,14 @@ def _share_of_small_lamps(
     return float(small / every) if every > 0 else 0.0
 
 
-def _centres(lamps: NDArray[np.void]) -> Array:
+def lamp_centres(lamps: NDArray[np.void]) -> Array:
+    """Return the middles of lamps, (n, 3) [m]."""
     corner = np.isin(lamps["kind"], (EmitterKind.RECTANGLE, EmitterKind.TRIANGLE))
     middle = np.where(lamps["kind"] == EmitterKind.TRIANGLE, 1 / 3, 0.5 * corner)[:, None]
     return np.asarray((lamps["a"] + middle * (lamps["u"] + lamps["v"]))[:, :3], np.float64)
 
 
-def _sizes(primitives: Primitives, lamps: NDArray[np.void]) -> NDArray[np.float64]:
+def lamp_sizes(primitives: Primitives, lamps: NDArray[np.void]) -> NDArray[np.float64]:
     """Return the area that lamps show [m²]; of suns their solid angle [sr]."""
     kinds, extents = lamps["kind"], lamps["a"][:, 3].astype(np.float64)
     sizes = np.where(np.isin(kinds, (EmitterKind.SPHERE, EmitterKind.SUN)), np.pi * extents, extents)

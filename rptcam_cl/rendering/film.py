@@ -169,8 +169,8 @@ class Waves:
         Whether a lane carries its pixel through all samples of the wave.
     loop_limit
         Steps that all loops of a work item may take together; None where they may take as many as they like.
-    photons
-        Whether the samples of a wave must see the same pass of photons.
+    in_passes
+        Whether the samples of a wave must see the same pass of photons or virtual lights.
     single
         Whether a wave has one sample of each pixel.
 
@@ -187,11 +187,11 @@ class Waves:
         *,
         stream: bool,
         loop_limit: int | None,
-        photons: bool = False,
+        in_passes: bool = False,
         single: bool = False,
     ) -> None:
         self._layout = layout
-        self._photons = photons
+        self._in_passes = in_passes
         at_least = _STREAM_SAMPLES if stream and not single else 1
         self.pixels = min(max(slots // at_least // BLOCK, 1) * BLOCK, layout.pixels)
         most = (loop_limit or slots * STEPS_OF_SAMPLE) // STEPS_OF_SAMPLE
@@ -212,7 +212,7 @@ class Waves:
 
     def _pieces(self, first_sample: int, samples: int) -> Iterator[tuple[int, int]]:
         """Yield first sample and number of what goes into a wave together."""
-        if self._photons:
+        if self._in_passes:
             yield from within_passes(first_sample, samples, self.samples)
             return
         for start in range(first_sample, first_sample + samples, self.samples):

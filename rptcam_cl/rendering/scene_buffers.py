@@ -22,6 +22,7 @@ from rptcam_cl.rendering.plan import geometry
 from rptcam_cl.rendering.plan.materials import facet_shares
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.plan.primitives import BLOCK, corners_of_box
+from rptcam_cl.rendering.virtual_lights import VirtualLightBuffers
 
 # Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.
 
@@ -469,6 +470,8 @@ class SceneBuffers:
         self.scene["primitives"] = self._buffer("primitives", culling.with_outer_planes(plan, self._mesh_corners()))
         self.photons = PhotonBuffers(session, plan.caustics) if plan.caustics.active else None
         self.scene |= {} if self.photons is None else self.photons.arguments
+        self.virtual_lights = VirtualLightBuffers(session) if plan.virtual_lights.active else None
+        self.scene |= {} if self.virtual_lights is None else self.virtual_lights.arguments
         self.trajectory = {"trajectory": self._buffer("trajectory", plan.trajectory)} if plan.facts["MOVES"] else {}
         self.filter = self._buffer("filter", plan.camera_filter)
         self.camera = {name: self._buffer(name, array) for name, array in _camera_arrays(plan.camera).items()}
@@ -495,6 +498,10 @@ class SceneBuffers:
         if self.photons is not None:
             other.scene = {name: value for name, value in other.scene.items() if name not in self.photons.arguments}
             other.photons = None
+        if self.virtual_lights is not None:
+            taken = self.virtual_lights.arguments
+            other.scene = {name: value for name, value in other.scene.items() if name not in taken}
+            other.virtual_lights = None
         other._session = other._tree = other._trees = other._placed = None  # type: ignore[assignment]
         other._plan, other._uploaded = plan, {}
         return other
@@ -505,6 +512,9 @@ class SceneBuffers:
         if other._plan.caustics.active:
             other.photons = PhotonBuffers(session, other._plan.caustics)
             other.scene |= other.photons.arguments
+        if other._plan.virtual_lights.active:
+            other.virtual_lights = VirtualLightBuffers(session)
+            other.scene |= other.virtual_lights.arguments
         return other
 
     @property

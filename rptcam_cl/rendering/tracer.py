@@ -24,6 +24,7 @@ from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.passes import Denoiser
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.rendering.virtual_lights import VirtualLightPool
 from rptcam_cl.scene.film import RenderSettings
 
 # What a render will hold on the device, added up before anything is allocated: running out kills a CPU's process.
@@ -220,7 +221,7 @@ class Wavefront(RenderedFilm):
             self.organisation == "stream",
         )
         self._waves = films.Waves(
-            layout, slots, stream=stream, loop_limit=session.loop_limit, photons=plan.caustics.active,
+            layout, slots, stream=stream, loop_limit=session.loop_limit, in_passes=plan.caustics.active or plan.virtual_lights.active,
             single=single or len(plan.steps) > 1,
         )  # fmt: skip
         self._launches = passes.Launches(session)
@@ -236,7 +237,7 @@ class Wavefront(RenderedFilm):
 
     def _bind(self, plan: Plan) -> None:
         """Bind the passes of a plan, or of each step of its exposure."""
-        self._photons = self._photon_map(plan)
+        self._photons, self._virtual_lights = self._photon_map(plan), self._virtual_light_pool(plan)
         if not plan.steps:
             self._bound = [self._passes(plan, self._held, None)]
         else:
@@ -276,6 +277,15 @@ class Wavefront(RenderedFilm):
             return None
         facts, depth = plan.facts | scene.tree_facts, self.settings.max_depth
         return PhotonMap(self.session, plan.caustics, facts, scene.scene, scene.photons, depth, pixels)
+
+    def _virtual_light_pool(self, plan: Plan) -> VirtualLightPool | None:
+        scene, pixels = self._held.scene, self.layout.full_width * self.layout.full_height
+        if scene.virtual_lights is None or self._layers_only:
+            return None
+        facts, depth = plan.facts | scene.tree_facts, self.settings.max_depth
+        return VirtualLightPool(
+            self.session, plan.virtual_lights, facts, scene.scene, scene.virtual_lights, depth, pixels
+        )
 
     def _allocate(self, plan: Plan, scene: SceneBuffers | None) -> passes.WaveBuffers:
         session, layout, capacity = self.session, self.layout, self.capacity
@@ -356,8 +366,7 @@ class Wavefront(RenderedFilm):
         """
         pixels = min(films.BLOCK, self._waves.pixels)
         record, run = self._waves.record((0, pixels, 0, 0), self.seed), self._launches.run
-        if self._photons is not None:
-            self._photons.use(0, self.seed)
+        self._use_passes(0)
         if self._camera is not None:
             self._camera.enqueue(record, pixels, run)
         if self._layers is not None:
@@ -393,7 +402,8 @@ class Wavefront(RenderedFilm):
     def _take_over(self, plan: Plan) -> bool:
         """Have the passes as they are bound render another plan; return whether they can."""
         scene = self._held.scene
-        if plan.steps or len(self._bound) > 1 or self._photons is not None or scene.photons is not None:
+        kept = self._photons, self._virtual_lights, scene.photons, scene.virtual_lights
+        if plan.steps or len(self._bound) > 1 or any(each is not None for each in kept):
             return False
         if isinstance(self._paths, passes.DepthPasses) or not (self._camera is None or self._camera.take_over(scene)):
             return False
@@ -421,8 +431,7 @@ class Wavefront(RenderedFilm):
         wave = (first_pixel, pixels, first_sample, samples)
         record, slots, run = self._waves.record(wave, self.seed), pixels * samples, self._launches.run
         self._film.expect(self._waves.rays_of(wave, self.tiles))
-        if self._photons is not None:
-            self._photons.use(first_sample, self.seed)
+        self._use_passes(first_sample)
         if len(self._bound) > 1:
             self._use_step(first_sample)
         if self._camera is not None:
@@ -433,6 +442,13 @@ class Wavefront(RenderedFilm):
             run(self._layers.launch, pixels // self.session.lanes)
         if self._paths is not None:
             self._paths.enqueue(record, pixels, slots, run)
+
+    def _use_passes(self, sample: int) -> None:
+        """Have in place what a sample sees of photons and of virtual lights."""
+        if self._photons is not None:
+            self._photons.use(sample, self.seed)
+        if self._virtual_lights is not None:
+            self._virtual_lights.use(sample, self.seed)
 
     def _scout(self) -> films.Roulette:
         """Render a few tiles of the picture, and scale the survival in roulette by them."""

@@ -123,6 +123,10 @@ class RenderSettings(base.SceneModel):
     """Whether photons bring the light that smooth glass and mirrors throw onto surfaces that scatter it; `auto`: where
     the scene has such light from lamps that paths hardly find, and no `clamp`."""
 
+    virtual_lights: Annotated[Literal["off", "auto", "on"], BeforeValidator(base.read_switch)] = "auto"
+    """Whether paths connect to virtual lights, places of matte surfaces that paths from the lamps have met; `auto`: in
+    rooms that are lit by detours. No light is changed, noise is."""
+
     multiple_scattering: bool = Field(default=True, strict=True)
     """Whether rough metal, rough glass and clear coats give back what their facets scatter more than once; else it is
     lost, as in many programs."""

@@ -406,7 +406,7 @@ def light_groups(scene: Scene, primitives: Primitives, *, has_glow: bool) -> Lig
     lights = [light.group or f"light_{place}" for place, light in enumerate(scene.lights)]
     sky = [] if scene.environment is None else [scene.environment.group or "environment"]
     objects: dict[int, str] = {}
-    shining = primitives.objects[primitives.runs_of(lambda each: _is_shining(each.material))]
+    shining = primitives.objects[primitives.runs_of(lambda each: is_shining(each.material))]
     for index in sorted(set(shining.tolist())):
         item = scene.objects[index]
         objects[index] = item.group or re.sub(r"[^A-Za-z0-9_-]", "_", item.name or f"object_{index}")
@@ -428,9 +428,10 @@ def light_groups(scene: Scene, primitives: Primitives, *, has_glow: bool) -> Lig
 _BLACK = (0.0, 0.0, 0.0)
 
 
-def _is_shining(material: Material) -> bool:
+def is_shining(material: Material) -> bool:
+    """Return whether a material has light of its own, or a part of a mix."""
     if isinstance(material, Mix):
-        return any(map(_is_shining, material.materials))
+        return any(map(is_shining, material.materials))
     return isinstance(material, Emissive) or (isinstance(material, Principled) and material.emission != _BLACK)
 
 
@@ -765,7 +766,7 @@ def met_apart(primitives: Primitives, emitters: Emitters) -> dict[str, int]:
     for index, primitive in primitives.among(lambda each: each.hidden & either != 0):
         kinds = primitive.hidden & either
         is_sampled, material = index in emitters.of_primitive, primitive.material
-        if _is_shining(material) and kinds & Hidden.FROM_REFLECTION and not is_sampled:
+        if is_shining(material) and kinds & Hidden.FROM_REFLECTION and not is_sampled:
             raise InputError(
                 f"objects.{primitive.object}.visible.reflection: this lamp would light nothing: what moves, has holes"
                 " or is a plane is found by its reflection alone (allowed: true)"

@@ -32,6 +32,7 @@ from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest
 from rptcam_cl.rendering.plan.media import Media, about_camera, hidden_from, pack_media
 from rptcam_cl.rendering.plan.primitives import PlanParts, Primitives, scene_primitives
 from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures
+from rptcam_cl.rendering.virtual_lights import VirtualLights, pack_virtual_lights, without_virtual_lights
 from rptcam_cl.scene.base import FileReference, file_references
 from rptcam_cl.scene.changes import at_opening, exposure_steps
 from rptcam_cl.scene.film import Film
@@ -236,8 +237,9 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
         scene.render.multiple_scattering,
         "lights" in scene.render.layers,
     )
-    caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
-    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent, light
+    given = scene.render.model_fields_set & {"caustics", "virtual_lights"}
+    ways = scene.render.caustics, scene.render.virtual_lights, frozenset(given), scene.render.clamp is None
+    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, ways, scene.film.transparent, light
     held = () if parts.held is None else tuple(parts.held.items())
     of = scene.objects, named, far, files, about, held
     return parts.part("held world" if held else "world", of, lambda: _pack_world(scene, parts, files))
@@ -290,8 +292,12 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "LIGHT_GROUPS": len(groups.names),
         "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in _LOBED)),
     }
+    if parts.held is None or parts.held["VIRTUAL_LIGHTS"]:
+        lights = pack_virtual_lights(scene, primitives, first_triangles, emitters, facts, eye_m)
+    else:
+        lights = without_virtual_lights("virtual lights take other kernels")
     return {
-        "facts": facts,
+        "facts": facts | lights.facts,
         "primitives": records,
         "primitive_count": len(primitives),
         "kind_end": kind_end,
@@ -304,6 +310,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "light_groups": groups,
         "surroundings": surroundings,
         "caustics": caustics,
+        "virtual_lights": lights,
         "media": media,
         "meshes": meshes,
         "owners": geometry.owners_of(scene, primitives, parts),
@@ -352,6 +359,7 @@ class Plan:
     light_groups: LightGroups
     surroundings: Surroundings
     caustics: Caustics
+    virtual_lights: VirtualLights
     media: Media
     primitive_count: int
     meshes: geometry.PackedMeshes | None

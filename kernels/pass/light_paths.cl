@@ -1,0 +1,162 @@
+// Paths of one pass that leave virtual lights: each starts at a place of a surface, with the light that arrives there, and leaves
+// one wherever it meets a surface that scatters evenly. Or, to learn which of them matter, from the eye with an even share of
+// what it sees: what these paths bring to a place is what a light there brings to the camera.
+// Facts: those of the scene.
+#include "caustics/surface.h"
+#include "integrator/path.h"
+#include "geometry/nearest.h"
+#include "light/virtual_lights.h"
+
+// Power that arrives where a path starts, along path->ray.d, by one of two ways that share it as on every path (Veach 1997): a
+// light sample, or a direction by chance that meets what shines. Those with a chance of 0 have light samples alone, which then find all.
+static I take_light(Path *path, Vertex vertex, StartPoint start, F4 u, LightPass pass, Scene scene, Rules rules)
+{
+    I by_chance = u.d < pass.by_chance;
+    F3 power = f3(ZERO, ZERO, ZERO);
+    path->beta = f3(ONE, ONE, ONE);
+    path->radiance = power;
+    path->ray.origin = start.hit.primitive;
+    path->ray.triangle = start.hit.triangle;
+#if LIGHT_TREE
+    path->receiver = all_round();
+#endif
+    F3 towards = vertex.ng;
+    if (ANY(by_chance)) {
+        F3 s, t;
+        frame(vertex.ng, &s, &t);
+        F3 way = cosine_direction(u.a, u.b);
+        way.z = u.c < 0.5f ? -way.z : way.z;
+        F3 d = from_frame(s, t, vertex.ng, way);
+        path->ray.o = departure(vertex, d);
+        path->ray.d = d;
+        path->pdf = absolute(way.z) * (0.5f * INV_PI_F);
+        I origin = path->ray.origin;
+        path->ray.origin = by_chance ? origin : (I)(PATH_ENDED);
+        Hit hit = nearest_hit(path->ray, scene);
+#if ENVIRONMENT || EMITTER_SUNS
+        leave_scene(path, by_chance & (hit.primitive == NO_PRIMITIVE), scene);
+#endif
+#if HAS_LAMPS
+        I meets = by_chance & (hit.primitive >= 0);
+        if (ANY(meets))
+            add_emission(path, vertex_of(path->ray, hit, meets, ZERO, scene), meets, hit, scene);
+#endif
+        towards = d;
+        power = scale(path->radiance, (F)(2.0f * PI_F / MAX(pass.by_chance, 1e-6f)));
+    }
+#if HAS_EMITTERS
+    I sampled = NOT(by_chance);
+    if (ANY(sampled)) {
+        LightSample light = sample_emitter(scene, vertex.p, all_round(), u.a, u.b, u.c);
+        Ray ray = path->ray;
+        ray.o = departure(vertex, light.direction);
+        ray.d = light.direction;
+        ray.origin = start.hit.primitive;
+        F cosine = absolute(dot3(vertex.ng, light.direction));
+        F rival = MIN(light.pdf, (F)(LARGEST_DENSITY)), pdf = cosine * (0.5f * INV_PI_F);
+        F mis = ((rival > 0.0f) & (I)(pass.by_chance > 0.0f ? -1 : 0)) ? rival * rival / (rival * rival + pdf * pdf) : ONE;
+#if LAMPS_BY_SAMPLES
+        mis = ONE;
+#endif
+        F3 direct = scale(light.radiance, cosine * mis / (F)(1.0f - MIN(pass.by_chance, 0.99f)));
+        I lit = sampled & (max3(direct) > 0.0f) & (light.reach > 0.0f);
+        if (ANY(lit))
+            lit = lit & NOT(any_hit(ray, lit ? light.reach : ZERO, light.primitive, light.triangle, scene));
+        power = select3(sampled, keep3(lit, direct), power);
+        towards = select3(sampled, light.direction, towards);
+    }
+#endif
+    path->beta = scale(power, start.area * pass.per_path);
+    path->ray.d = scale(towards, -ONE);
+    return max3(path->beta) > 0.0f;
+}
+
+// The share of a path's power that goes on: of shading normals by Veach 1997, ch. 5.3, and without the squeeze of radiance by glass.
+static F3 power_on(Vertex vertex, F3 d, Scattered next)
+{
+    F3 weight = next.weight;
+    F before = dot3(vertex.ng, d), after = dot3(vertex.ng, next.direction);
+#if HAS_DIELECTRIC || HAS_ROUGH_DIELECTRIC
+    I glass = (vertex.kind == MATERIAL_DIELECTRIC) | (vertex.kind == MATERIAL_ROUGH_DIELECTRIC);
+    I passes = glass & ((before > 0.0f) == (after > 0.0f));
+    F index = before > 0.0f ? ONE / vertex.parameter : vertex.parameter;
+    weight = select3(passes, scale(weight, index * index), weight);
+#endif
+#if HAS_SHADING_NORMAL
+    F top = after * dot3(vertex.n, d), below = before * dot3(vertex.n, next.direction);
+    weight = scale(weight, absolute(top) / MAX(absolute(below), (F)(SMALLEST)));
+#endif
+    return weight;
+}
+
+__kernel void light_paths(SCENE_PARAMETERS
+                          const __global CausticSurface *surfaces,
+                          const __global float *surface_curve,  // picks among them
+                          __global float       *found,          // [edge][path] of eight floats, light/virtual_lights.h
+                          LightPass             pass)
+{
+    uint first = get_global_id(0) * VW;
+    Scene scene = SCENE;
+    U sample = (U)(first) + AS_U((I)(LANES));
+    U stream = (U)(pass.number);
+    Path path;
+    Rules rules = {pass.seed, pass.max_edges, 0u};
+#if SPECTRUM
+    path.wavelength_sample = ZERO;
+#endif
+    path.pdf = ZERO;
+    F4 u = random4(stream, sample, (U)(0u), pass.seed);
+    StartPoint start = start_point(surfaces, surface_curve, pass.surfaces, u.a, u.b, u.c);
+    Hit hit = start.hit;
+    path.ray.o = start.p;
+    path.ray.d = f3(ZERO, ZERO, ONE);
+    path.ray.origin = (I)(NO_PRIMITIVE);
+    path.ray.triangle = (I)(NO_TRIANGLE);
+    path.beta = f3((F)(pass.per_path), (F)(pass.per_path), (F)(pass.per_path));
+    path.radiance = f3(ZERO, ZERO, ZERO);
+    I on = TRUE;
+    F choice = u.d;
+    if (pass.from_eye) {
+        F3 s, t, axis = f3((F)(pass.view.x), (F)(pass.view.y), (F)(pass.view.z));
+        frame(axis, &s, &t);
+        F sn, cs;
+        sincos_turns(u.a, &sn, &cs);
+        F z = 1.0f - u.b * (1.0f - pass.view.w);
+        F aside = root(1.0f - z * z);
+        path.ray.o = f3(ZERO, ZERO, ZERO);
+        path.ray.d = from_frame(s, t, axis, f3(aside * cs, aside * sn, z));
+        hit = nearest_hit(path.ray, scene);
+        on = hit.primitive >= 0;
+    }
+    for (uint edge = 1u; edge <= pass.max_edges; ++edge) {
+        Vertex vertex = vertex_of(path.ray, hit, on, choice, scene);
+        on = on & (vertex.kind != MATERIAL_EMISSIVE);
+        if (edge == 1u && !pass.from_eye)
+            on = on & take_light(&path, vertex, start, random4(stream, sample, (U)(3u), pass.seed), pass, scene, rules);
+        // Leave a virtual light.
+        F3 n = facing_side(vertex, path.ray.d);
+        F3 light = scale(mul(path.beta, vertex.color), (F)(INV_PI_F));
+        Eight place;
+        place.f[0] = vertex.p.x; place.f[1] = vertex.p.y; place.f[2] = vertex.p.z;
+        place.f[3] = light.x; place.f[4] = light.y; place.f[5] = light.z;
+        place.f[6] = AS_F(octahedral(n));
+        place.f[7] = AS_F((on & scatters_evenly(vertex)) ? start.record | ((I)((int)edge) << WAY_SHIFT) : (I)(NO_LIGHT));
+        store_eight(found + (size_t)(edge - 1u) * pass.paths * 8, first, place);
+        // Go on, or end.
+        u = random4(stream, sample, (U)(2u * edge), pass.seed);
+        Scattered next = scatter_sample(vertex, path.ray.d, u.a, u.b, u.c);
+        F3 weight = power_on(vertex, path.ray.d, next);
+        F survive = MIN(MAX(max3(weight), (F)(LEAST_CHANCE)), ONE);
+        on = on & (max3(weight) > 0.0f) & (u.d < survive);
+        path.beta = scale(mul(path.beta, weight), ONE / survive);
+        path.ray.o = departure(vertex, next.direction);
+        path.ray.d = next.direction;
+        path.ray.triangle = hit.triangle;
+        path.ray.origin = on ? hit.primitive : (I)(PATH_ENDED);
+        hit = nearest_hit(path.ray, scene);
+        on = on & (hit.primitive >= 0);
+#if HAS_MIX
+        choice = random4(stream, sample, (U)(2u * edge + 2u), pass.seed).c;
+#endif
+    }
+}
