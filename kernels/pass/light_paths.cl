@@ -8,9 +8,11 @@
 #include "light/virtual_lights.h"
 
 // Power that arrives where a path starts, along path->ray.d, by one of two ways that share it as on every path (Veach 1997): a
-// light sample, or a direction by chance that meets what shines. Those with a chance of 0 have light samples alone, which then find all.
-static I take_light(Path *path, Vertex vertex, StartPoint start, F4 u, LightPass pass, Scene scene, Rules rules)
+// light sample, or a direction by chance that meets what shines. Those with a chance of 0 have light samples alone, which then
+// find all. `sizeless`: lanes whose lamp has no surface, so that camera paths never find it by mirrors and smooth glass alone.
+static I take_light(Path *path, Vertex vertex, StartPoint start, F4 u, I *sizeless, LightPass pass, Scene scene, Rules rules)
 {
+    *sizeless = FALSE;
     I by_chance = u.d < pass.by_chance;
     F3 power = f3(ZERO, ZERO, ZERO);
     path->beta = f3(ONE, ONE, ONE);
@@ -64,6 +66,7 @@ static I take_light(Path *path, Vertex vertex, StartPoint start, F4 u, LightPass
             lit = lit & NOT(any_hit(ray, lit ? light.reach : ZERO, light.primitive, light.triangle, scene));
         power = select3(sampled, keep3(lit, direct), power);
         towards = select3(sampled, light.direction, towards);
+        *sizeless = sampled & (light.pdf == 0.0f);
     }
 #endif
     path->beta = scale(power, start.area * pass.per_path);
@@ -114,7 +117,7 @@ __kernel void light_paths(SCENE_PARAMETERS
     path.ray.triangle = (I)(NO_TRIANGLE);
     path.beta = f3((F)(pass.per_path), (F)(pass.per_path), (F)(pass.per_path));
     path.radiance = f3(ZERO, ZERO, ZERO);
-    I on = TRUE;
+    I on = TRUE, sizeless = FALSE;
     F choice = u.d;
     if (pass.from_eye) {
         F3 s, t, axis = f3((F)(pass.view.x), (F)(pass.view.y), (F)(pass.view.z));
@@ -132,7 +135,7 @@ __kernel void light_paths(SCENE_PARAMETERS
         Vertex vertex = vertex_of(path.ray, hit, on, choice, scene);
         on = on & (vertex.kind != MATERIAL_EMISSIVE);
         if (edge == 1u && !pass.from_eye)
-            on = on & take_light(&path, vertex, start, random4(stream, sample, (U)(3u), pass.seed), pass, scene, rules);
+            on = on & take_light(&path, vertex, start, random4(stream, sample, (U)(3u), pass.seed), &sizeless, pass, scene, rules);
         // Leave a virtual light.
         F3 n = facing_side(vertex, path.ray.d);
         F3 light = scale(mul(path.beta, vertex.color), (F)(INV_PI_F));
@@ -147,7 +150,8 @@ __kernel void light_paths(SCENE_PARAMETERS
         Scattered next = scatter_sample(vertex, path.ray.d, u.a, u.b, u.c);
         F3 weight = power_on(vertex, path.ray.d, next);
         F survive = MIN(MAX(max3(weight), (F)(LEAST_CHANCE)), ONE);
-        on = on & (max3(weight) > 0.0f) & (u.d < survive);
+        on = on & (max3(weight) > 0.0f) & (u.d < survive) & NOT(sizeless & (next.pdf == 0.0f));
+        sizeless = FALSE;
         path.beta = scale(mul(path.beta, weight), ONE / survive);
         path.ray.o = departure(vertex, next.direction);
         path.ray.d = next.direction;

@@ -24,7 +24,7 @@ from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.passes import Denoiser
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.virtual_lights import VirtualLightPool
+from rptcam_cl.rendering.virtual_lights import LIGHT_PATH_BYTES, VirtualLightPool
 from rptcam_cl.scene.film import RenderSettings
 
 # What a render will hold on the device, added up before anything is allocated: running out kills a CPU's process.
@@ -78,6 +78,7 @@ def memory_needs(plan: Plan, session: Session, *, film: Sequence[int], paths: Se
     rest = plan.primitives.nbytes + plan.materials.nbytes + plan.emitters.records.nbytes + plan.emitters.curve.nbytes
     rest += plan.emitters.tree.nodes.nbytes if plan.emitters.tree is not None else 0
     rest += plan.caustics.surfaces.nbytes + PHOTON_BYTES if plan.caustics.active else 0
+    rest += plan.virtual_lights.surfaces.nbytes + LIGHT_PATH_BYTES if plan.virtual_lights.active else 0
     buffers = [
         ("the film", max(film), _SMALLER_FILM),
         ("the paths of a wave", max(paths), "use waves of fewer paths"),
@@ -221,7 +222,8 @@ class Wavefront(RenderedFilm):
             self.organisation == "stream",
         )
         self._waves = films.Waves(
-            layout, slots, stream=stream, loop_limit=session.loop_limit, in_passes=plan.caustics.active or plan.virtual_lights.active,
+            layout, slots, stream=stream, loop_limit=session.loop_limit,
+            in_passes=plan.caustics.active or plan.virtual_lights.active,
             single=single or len(plan.steps) > 1,
         )  # fmt: skip
         self._launches = passes.Launches(session)

@@ -68,7 +68,7 @@ class VirtualLights:
     areas : (n,) array
         Of them [m²].
     by_chance : float
-        Chance of a start to look for light in a random direction: 0 where light samples find all, 1 where they find none.
+        Chance of a start to look for light in a random direction: 0 where light samples find all of it.
     axis : (3,) array
         Of the camera.
     """
@@ -172,12 +172,13 @@ def _divided(surfaces: NDArray[np.void], areas: Array) -> tuple[NDArray[np.void]
     return np.concatenate(pieces), np.concatenate(sizes)
 
 
-# Whether they gain enough to be worth their time: a rough look at the scene on the host, by boxes about what is no flat shape.
+# Whether they gain enough to be worth their time: a rough look at the scene on the host, by boxes about most shapes.
 
 _LOOKS = 256  # ways from the eye
 _MOST_SHAPES, _MOST_LAMPS = 512, 16
 _LEAST_CLOSED = 0.7  # of the ways on from what the camera sees that must end in the scene
-_LEAST_PATCHINESS = 3.0  # mean square of the direct light where they end, over its squared mean
+_MOST_LIT = 0.3  # of the places where they end, that have a quarter of their mean direct light
+_R3 = np.array([0.8191725134, 0.6710436067, 0.5497004779])  # a sequence that fills the unit cube evenly
 
 
 def _gains_nothing(
@@ -191,25 +192,26 @@ def _gains_nothing(
     if len(primitives) > _MOST_SHAPES:
         return "many objects"
     shapes = _Shapes(primitives, eye)
-    numbers = (np.arange(_LOOKS)[:, None] * (0.7548776662466927, 0.5698402909980532) + 0.5) % 1.0  # R2 of Roberts 2018
-    seen, normal, met = shapes.meet(np.zeros((_LOOKS, 3)), _about(np.broadcast_to(axis, (_LOOKS, 3)), 1 - 0.2 * numbers[:, 0], numbers[:, 1]))
+    across, along, turn = (np.arange(_LOOKS)[:, None] * _R3 + 0.5).T % 1.0
+    looks = _about(np.broadcast_to(axis, (_LOOKS, 3)), 1 - (1 - _CONE_COSINE) * across, along)
+    places, facing, met = shapes.meet(np.zeros((_LOOKS, 3)), looks)
     if not met.any():
         return "nothing in front of the camera"
-    ways = _about(normal[met], np.sqrt(numbers[met, 1]), (numbers[met, 0] * 7) % 1.0)
-    place, facing, closed = shapes.meet(seen[met], ways)
+    places, facing, turn, along = places[met], facing[met], turn[met], along[met]
+    places, facing, closed = shapes.meet(places, _about(facing, np.sqrt(along), turn))
     if closed.mean() < _LEAST_CLOSED:
         return f"light leaves the scene: {closed.mean():.0%} of the ways on from what the camera sees end in it"
-    light = _direct_light(place[closed], facing[closed], shapes, primitives, emitters)
+    places, facing, turn, along = places[closed], facing[closed], turn[closed], along[closed]
+    light = _direct_light(places, facing, shapes, primitives, emitters)
     if facts["ENVIRONMENT"]:
-        _, _, ends = shapes.meet(place[closed], _about(facing[closed], np.sqrt(numbers[: closed.sum(), 0]), numbers[: closed.sum(), 1]))
-        light = light + np.where(ends, 0.0, max(float(light.mean()), 1.0))
-    patchiness = float((light**2).mean() / max(light.mean() ** 2, 1e-300)) if light.any() else np.inf
-    if patchiness < _LEAST_PATCHINESS and not facts["HAS_MESH"]:
-        return f"light samples find the lamps: patchiness {patchiness:.1f} of direct light"
+        light += ~shapes.meet(places, _about(facing, np.sqrt(turn), along))[2] * max(float(light.mean()), 1.0)
+    lit = float((light > 0.25 * light.mean()).mean())
+    if lit > _MOST_LIT and not facts["HAS_MESH"]:
+        return f"lamps light {lit:.0%} of what is around the things that the camera sees"
     return None
 
 
-def _about(axes: Array, cosines: Array, turns: Array) -> Array:
+def _about(axes: Array, cosines: NDArray[Any], turns: NDArray[Any]) -> Array:
     """Return unit directions (n, 3) at such cosines to axes."""
     helper = np.where(np.abs(axes[:, :1]) < 0.9, np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))
     x = np.cross(axes, helper)
@@ -250,7 +252,7 @@ class _Shapes:
         return origins + np.where(met, nearest, 0.0)[:, None] * ways, out, met
 
     def _distances(self, o: Array, d: Array) -> tuple[Array, Array]:
-        """Return where rays (shapes, n, 3) in the frames of the shapes meet them, NaN or not above 0 where they do not."""
+        """Return where rays (shapes, n, 3) in the frames of shapes meet them, NaN or below 0 where they do not."""
         kinds = self._kinds[:, None]
         t = -o[..., 2] / d[..., 2]
         x, y = np.moveaxis(o[..., :2] + t[..., None] * d[..., :2], -1, 0)
@@ -305,14 +307,16 @@ MOST = 1 << 13  # virtual lights of a pass
 SIDE = 8  # cells along the longest side of the scene
 _FACINGS = 6
 _SEED = 0x517CC1B727220A95  # parts the random numbers of light paths from those of camera paths
-_LEARNING, _LOOKING, _LIT = 2**32 - 1, 2**32 - 2, 2**32 - 3  # passes of what is learned: from lamps, from the eye, by what was learned
+# Passes of what is learned: from lamps, from the eye, and again from lamps by what was learned.
+_LEARNING, _LOOKING, _LEARNED_ONCE = 2**32 - 1, 2**32 - 2, 2**32 - 3
 _LEARNING_PATHS = 1 << 15
 _LEAST_PATHS, _MOST_PATHS = 1024, 1 << 16  # of a pass
 _PATHS_PER_SAMPLE = 1 / 64  # and pixel of the whole film
 _MOST_FOUND = 1 << 19  # places that the paths of a pass may meet
-# Of starts, the share that follows what was learned; the rest goes by area. Of importance, what cells that no path from the eye
-# has met count for. Of the bound, the share that is alike wherever the camera looks; and the bound itself, of densities.
-_LEARNED, _LEAST_IMPORTANCE, _ALIKE, _BOUND = 0.8, 0.05, .4, 2.0
+LIGHT_PATH_BYTES = 32 * (_MOST_FOUND + MOST)  # as found, and as picked
+# Of starts, the share that follows what was learned, the rest goes by area; of importance, what cells count for that no
+# path from the eye has met; of the bound, the share that is alike wherever the camera looks; and the bound, of densities.
+_LEARNED, _LEAST_IMPORTANCE, _ALIKE, _BOUND = 0.8, 0.05, 0.4, 2.0
 _MOST_EDGES = 127
 _FLOATS, _LIGHT, _NORMAL, _MARK = 8, slice(3, 6), 6, 7  # columns of a virtual light
 _WAY_SHIFT = 24
@@ -436,7 +440,7 @@ class VirtualLightPool:
         return found.reshape(self._edges, count, _FLOATS)
 
     def _learn(self, seed: int) -> _Learned:
-        """Learn from paths by area, and from the eye, where light paths should start and which virtual lights matter."""
+        """Learn from paths by area and from the eye where light paths should start and which virtual lights matter."""
         areas, count = self._lights.areas, min(_LEARNING_PATHS, self._most_paths)
         self._session.write(self._curve, self._curve_of(areas))
         paths = self._trace(_LEARNING, count, seed)
@@ -463,7 +467,7 @@ class VirtualLightPool:
         shares = _LEARNED * gain / gain.sum() + (1 - _LEARNED) * by_area if gain.sum() > 0 else by_area
         curve = self._curve_of(shares)
         self._session.write(self._curve, curve)
-        again = self._trace(_LIT, min(_LEAST_PATHS, count), seed)
+        again = self._trace(_LEARNED_ONCE, min(_LEAST_PATHS, count), seed)
         brings = np.zeros(again.shape[:2])
         lit = again[are := _are_lights(again)]
         brings[are] = _luminance(lit) * importance[cells_of(lit, *grid)]
@@ -477,27 +481,28 @@ def _are_lights(found: Floats) -> NDArray[np.bool_]:
 
 
 def _luminance(found: Floats) -> Array:
-    return luminance(found[:, _LIGHT].astype(np.float64))
+    return np.asarray(luminance(found[:, _LIGHT].astype(np.float64)))
 
 
 def cells_of(found: Floats, low: Floats, per_cell: np.float32, sign: int = 1) -> NDArray[np.int64]:
-    """Return the cells of places, by where they are and what they face, as `kernels/light/virtual_lights.h` has them."""
+    """Return the cells of places by where they are and what they face, as `kernels/light/virtual_lights.h` has them."""
     x, y, z = np.clip(((found[:, :3] - low) * per_cell).astype(np.int64), 0, SIDE - 1).T
     normal = sign * from_octahedral(found[:, _NORMAL].view(np.int32))
     ax, ay, az = np.abs(normal).T
     axis = np.where((az > ax) & (az > ay), 2, np.where(ay > ax, 1, 0))
     facing = 2 * axis + (normal[np.arange(len(normal)), axis] < 0)
-    return ((facing * SIDE + z) * SIDE + y) * SIDE + x
+    return np.asarray(((facing * SIDE + z) * SIDE + y) * SIDE + x)
 
 
 def from_octahedral(packed: NDArray[np.int32]) -> Floats:
     """Return the unit vectors (n, 3) that `kernels/common/octahedral.h` packs."""
-    x, y = (((packed >> shift & 0xFFFF).astype(np.float32) - np.float32(32767.5)) / np.float32(32767) for shift in (0, 16))
+    halves = np.stack([packed & 0xFFFF, packed >> 16 & 0xFFFF]).astype(np.float32)
+    x, y = (halves - np.float32(32767.5)) / np.float32(32767)
     z = 1 - np.abs(x) - np.abs(y)
     below = z < 0
     x, y = np.where(below, np.copysign(1 - np.abs(y), x), x), np.where(below, np.copysign(1 - np.abs(x), y), y)
     v = np.stack([x, y, z], axis=1)
-    return np.asarray(v / np.linalg.norm(v, axis=1, keepdims=True), np.float32)
+    return np.asarray(v / np.sqrt((v * v).sum(axis=1, keepdims=True)), np.float32)
 
 
 def picked(found: Floats, learned: _Learned, word: int) -> Floats:
