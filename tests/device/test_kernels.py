@@ -18,6 +18,7 @@ from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tree_build import FACTS, FILES
 from rptcam_cl.scene.film import LAYER_NAMES
 from rptcam_cl.scene.load import load_scene
+from tests.rendering.pictures import room_lit_by_detours
 from tests.rendering.test_world import PLANE, still_life
 from tests.support.cases import slow
 
@@ -81,6 +82,7 @@ LOSSES = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_STACKS", "LENS_DARK_LAYERS", "LEN
 SURFACES = ("LENS_POSE", "LENS_MIRROR", "LENS_REGION", "LENS_GENERAL", "LENS_CONIC", "LENS_OUTLINE", "LENS_MASK")
 GLASS = {"LENS_SPLITS": 1}
 PHOTONS = {"CAUSTICS": 1}
+VIRTUAL = {"VIRTUAL_LIGHTS": 1}
 GHOSTS = {"GHOST_PATCHES": 1, "GHOST_PENCILS": 1}
 MEDIA = {"HAS_MEDIA": 1, "HAS_BOUNDARY": 1, "HAS_LAYERED_FOG": 1, "HAS_DENSITY": 1, "HAS_DROPLETS": 1, "HAS_ENTRIES": 1}
 GROUPS = {"LIGHT_GROUPS": 3}
@@ -155,8 +157,8 @@ def test_warning_is_an_error(session, tmp_path):
 
 
 def test_scene_with_everything_turns_every_fact_on():
-    # one emitter is not many, few primitives are not either, the world is of one kind, photons do not move, and media
-    # have no solids with holes
+    # one emitter is not many, few primitives are not either, the world is of one kind, photons do not move, virtual
+    # lights know little of what there is, and media have no solids with holes
     off = {name for name, value in all_facts().items() if not value}
     assert off == {
         "ONE_EMITTER",
@@ -165,6 +167,7 @@ def test_scene_with_everything_turns_every_fact_on():
         "LAMPS_BEHIND_GLASS",
         "LAMPS_BY_SAMPLES",
         *PHOTONS,
+        *VIRTUAL,
         *MEDIA,
         *GROUPS,
         *TABLES,
@@ -173,7 +176,13 @@ def test_scene_with_everything_turns_every_fact_on():
 
 # What widths differ in is the same few macros in every pass: the fast tests have each pass at one of them.
 ONE_LANE_TOO = [slow(1), 8]
-SCENE_PASSES = ("film intersect sort shade shadow photons", "ghosts guides layers", "occluded", "sharp", "stream")
+SCENE_PASSES = (
+    "film intersect sort shade shadow light_paths photons",
+    "ghosts guides layers",
+    "occluded",
+    "sharp",
+    "stream",
+)
 OWN_TESTS = {"aim_rays", "denoise", "generate", "trace_copies", "trace_lens", "trace_rays", "travel"}
 
 
@@ -266,6 +275,14 @@ def test_least_that_has_photons_compiles_without_a_warning(session, files, lanes
     facts = facts_of(scene | {"render": {"caustics": "on"}})
     assert facts["CAUSTICS"] == 1
     without_warnings(session, files, facts | layer_facts(["coverage"]) | READ | {"VW": lanes})
+
+
+@pytest.mark.parametrize("lanes", ONE_LANE_TOO)
+@compiled("light_paths shade", "stream")
+def test_room_that_has_virtual_lights_compiles_without_a_warning(session, files, lanes):
+    facts = facts_of(room_lit_by_detours())
+    assert facts["VIRTUAL_LIGHTS"] == 1
+    without_warnings(session, files, facts | READ | {"VW": lanes})
 
 
 @pytest.mark.parametrize("camera", ["pinhole", "environment", "thick_lens"])

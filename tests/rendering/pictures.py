@@ -69,3 +69,24 @@ def lamp(radiance: Any, *, two_sided: bool = False) -> dict[str, Any]:
 def bits(image: rptcam_cl.Image) -> str:
     """The hash of a picture."""
     return hashlib.sha256(np.asarray(image).tobytes()).hexdigest()
+
+
+def _wall(corner: Any, u: Any, v: Any) -> dict[str, Any]:
+    material = {"kind": "matte", "reflectance": [0.7, 0.6, 0.5]}
+    return {"shape": "rectangle", "corner": corner, "edge_u": u, "edge_v": v, "material": material}
+
+
+def room_lit_by_detours(**rest: Any) -> dict[str, Any]:
+    """Return a closed room of 2 m whose lamp stands behind a shelf, so that only the ceiling sees it."""
+    lamp = {"shape": "rectangle", "corner": [-0.1, 1.45, -0.9], "edge_u": [0, 0, 0.1], "edge_v": [0.2, 0, 0],
+            "material": {"kind": "emissive", "radiance": [60, 50, 40]}}  # fmt: skip
+    shelf = {"shape": "box", "min": [-0.4, 1.4, -1], "max": [0.4, 1.43, -0.6], "material": MATTE | {"reflectance": 0.6}}
+    front = {"shape": "box", "min": [-0.4, 1.4, -0.63], "max": [0.4, 1.6, -0.6], "material": shelf["material"]}
+    walls = [
+        _wall([-1, 0, -1], [0, 0, 2], [2, 0, 0]), _wall([-1, 2, -1], [2, 0, 0], [0, 0, 2]),
+        _wall([-1, 0, -1], [2, 0, 0], [0, 2, 0]), _wall([1, 0, 1], [-2, 0, 0], [0, 2, 0]),
+        _wall([1, 0, -1], [0, 0, 2], [0, 2, 0]), _wall([-1, 0, 1], [0, 0, -2], [0, 2, 0]),
+    ]  # fmt: skip
+    more = rest.pop("objects", [])
+    camera = looking([0.3, 1, 0.9], [0, 0.9, -1], fov=60.0, up=(0, 1, 0))
+    return scene_of([*walls, shelf, front, *([] if rest.pop("dark", False) else [lamp]), *more], camera, **rest)

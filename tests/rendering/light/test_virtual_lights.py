@@ -1,0 +1,206 @@
+"""Virtual lights: closed forms, the light that paths alone find, what they save, the same bits however a render is cut."""
+
+import hashlib
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+from rptcam_cl.core.colour import luminance
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.virtual_lights import from_octahedral
+from rptcam_cl.scene.load import load_scene
+from tests.rendering.light.pictures import save_exr
+from tests.rendering.pictures import batches, looking, pixels, room_lit_by_detours, scene_of
+from tests.support.cases import slow
+from tests.support.statistics import assert_equivalent, assert_same_tiles, overall
+
+RADIUS, INTENSITY, REFLECTANCE = 2.0, np.array([3.0, 2.0, 1.0]), np.array([0.8, 0.5, 0.3])
+GLASS = {"kind": "dielectric", "index": 1.5}
+
+
+def choosing(scene, choice, **settings):
+    return scene | {"render": scene["render"] | {"virtual_lights": choice, **settings}}
+
+
+def choice_of(scene):
+    plan = make_plan(load_scene(scene))
+    assert plan.facts["VIRTUAL_LIGHTS"] == int(plan.virtual_lights.active)
+    return plan.virtual_lights.choice
+
+
+@pytest.mark.parametrize("depth", [slow(3), 7])
+@pytest.mark.parametrize("place", [[0, 0, 0], slow([0.5, 0.3, -0.9])], ids=str)
+def test_light_within_a_matte_sphere_is_the_closed_form(depth, place):
+    """Jacquez and Kuppenheim 1955: after the first, each bounce lights the whole sphere evenly."""
+    inside = {"shape": "sphere", "center": [0, 0, 0], "radius": RADIUS,
+              "material": {"kind": "matte", "reflectance": REFLECTANCE.tolist()}}  # fmt: skip
+    lamp = {"kind": "point", "position": place, "intensity": INTENSITY.tolist()}
+    eye, target = np.array([0.7, -0.4, 0.5]), np.array([RADIUS, 0, 0])
+    scene = scene_of([inside], looking(eye, target, fov=0.2), depth=depth, lights=[lamp])
+    found = batches(choosing(scene, "on"), f"sphere {depth} {place}", 8, spp=512)
+    way = np.array(place) - target
+    direct = REFLECTANCE * INTENSITY / np.pi * (-way[0]) / np.linalg.norm(way) ** 3
+    later = sum(REFLECTANCE**bounces for bounces in range(2, depth))
+    expected = direct + INTENSITY / (np.pi * RADIUS**2) * later
+    mean = overall(found)
+    assert_equivalent(mean.mean, np.sqrt(mean.variance), expected, 0.01 * expected)
+
+
+def _ball(material, center=(0.3, 0.5, -0.3), radius=0.3):
+    return {"shape": "sphere", "center": list(center), "radius": radius, "material": material}
+
+
+def _octahedron(normals):
+    corners = np.array([[0, 1, 0], [1, 0, 0], [0, 0, 1], [-1, 0, 0], [0, 0, -1], [0, -1, 0]]) * 0.4 + [0.2, 0.5, -0.2]
+    faces = [[0, 2, 1], [0, 1, 4], [0, 4, 3], [0, 3, 2], [5, 1, 2], [5, 4, 1], [5, 3, 4], [5, 2, 3]]
+    return {"shape": "mesh", "vertices": corners.tolist(), "faces": faces, "normals": normals,
+            "material": {"kind": "matte", "reflectance": 0.5}}  # fmt: skip
+
+
+GREY = {"kind": "matte", "reflectance": 0.5}
+OBJECTS = {
+    "metal": _ball({"kind": "conductor", "reflectance": [0.9, 0.7, 0.4], "alpha": 0.3}),
+    "rough matte": _ball(GREY | {"sigma_degrees": 40}),
+    "mirror": _ball({"kind": "mirror", "reflectance": 0.9}),
+    "glass": _ball(GLASS),
+    "rough glass": _ball(GLASS | {"roughness": 0.6}),
+    "plastic": _ball({"kind": "plastic", "reflectance": [0.2, 0.4, 0.6]}),
+    "leaf": _ball({"kind": "translucent", "reflectance": 0.3, "transmittance": [0.2, 0.5, 0.1]}),
+    "mix": _ball({"kind": "mix", "materials": [GREY, {"kind": "conductor", "reflectance": 0.9, "alpha": 0.2}],
+                  "factor": 0.5}),
+    "stretched": _ball(GREY, (0, 0, 0), 1.0) | {"transform": [
+        {"scale": [0.4, 0.2, 0.3]}, {"rotate": {"axis": [1, 2, 0.5], "degrees": 40}}, {"translate": [0.2, 0.6, -0.2]}]},
+    "mesh": _octahedron("flat"),
+    "smooth mesh": _octahedron("smooth"),
+    "lamp": _ball({"kind": "emissive", "radiance": 2.0}, radius=0.05),
+    "lamp of two sides": {"shape": "rectangle", "corner": [-0.5, 0.4, 0], "edge_u": [0.4, 0, 0],
+                          "edge_v": [0, 0.3, 0.2],
+                          "material": {"kind": "emissive", "radiance": 1, "two_sided": True}},
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OBJECTS)
+def test_light_is_that_of_paths_alone(name):
+    scene = room_lit_by_detours(objects=[OBJECTS[name]], resolution=(24, 24), depth=6)
+    scene["render"]["multiple_scattering"] = False
+    found, expected = (
+        batches(choosing(scene, choice), f"{name} {choice}", 6, spp=256 if choice == "on" else 1024)
+        for choice in ("on", "off")
+    )
+    assert_same_tiles(found, expected)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("light", ["sky", "picture", "directional", "sun", "spot"])
+def test_light_from_afar_is_that_of_paths_alone(light, tmp_path):
+    rng = np.random.default_rng(5)
+    save_exr(tmp_path / "sky.exr", rng.uniform(0, 3, (8, 16, 3)))
+    afar = {
+        "sky": {"environment": {"kind": "constant", "radiance": [2, 3, 4]}},
+        "picture": {"environment": {"kind": "image", "file": "sky.exr"}},
+        "directional": {"lights": [{"kind": "directional", "direction": [0.3, -1, -0.2], "irradiance": [9, 8, 7]}]},
+        "sun": {"lights": [{"kind": "sun", "direction": [0.3, -1, -0.2], "irradiance": [9, 8, 7]}]},
+        "spot": {"lights": [{"kind": "spot", "position": [0, 1.5, 0.2], "direction": [0, 1, 0], "intensity": 3.0}]},
+    }[light]
+    scene = room_lit_by_detours(dark=True, resolution=(24, 24), depth=5, **afar)
+    if light != "spot":  # takes half the ceiling away
+        scene["objects"][1] |= {"edge_v": [0, 0, 1]}
+    found, expected = (
+        batches(load_scene(choosing(scene, choice), base_dir=tmp_path), f"{light} {choice}", 6, spp=spp)
+        for choice, spp in (("on", 512), ("off", 1024))
+    )
+    assert_same_tiles(found, expected)
+
+
+def test_mirrored_light_of_a_lamp_without_size_stays_out_as_on_paths():
+    mirror = {"shape": "rectangle", "corner": [1, 0, -1], "edge_u": [0, 1, 0], "edge_v": [0, 0, 2],
+              "material": {"kind": "mirror", "reflectance": 1.0}}  # fmt: skip
+    floor = {"shape": "rectangle", "corner": [-1, 0, -1], "edge_u": [0, 0, 2], "edge_v": [1.5, 0, 0], "material": GREY}
+    card = {"shape": "rectangle", "corner": [-1, 0.5, -1], "edge_u": [0, 0, 2], "edge_v": [1.4, 0, 0],
+            "material": {"kind": "matte", "reflectance": 0.0}}  # fmt: skip
+    lamp = {"kind": "point", "position": [-0.5, 1, 0], "intensity": 1.0}
+    scene = scene_of([mirror, floor, card], looking([0, 0.3, 0.8], [0, 0, 0], up=(0, 1, 0)), lights=[lamp])
+    assert not pixels(choosing(scene, "off"), spp=16)[8:].any()
+    assert not pixels(choosing(scene, "on"), spp=16)[8:].any()
+
+
+def test_room_that_is_lit_by_detours_has_less_noise():
+    scene = room_lit_by_detours(resolution=(32, 32), depth=8)
+    assert choice_of(choosing(scene, "auto")) == "on: paths connect to virtual lights"
+    variance = {}
+    for choice in ("off", "auto"):
+        found = batches(choosing(scene, choice), "gain", 4, spp=32)
+        variance[choice] = float((luminance(found.variance) / luminance(found.mean) ** 2).mean())
+    assert variance["auto"] < variance["off"] / 5
+
+
+OPEN = {"shape": "rectangle", "corner": [-3, 0, -3], "edge_u": [0, 0, 6], "edge_v": [6, 0, 0], "material": GREY}
+LAMP = {"shape": "rectangle", "corner": [-0.2, 1.9, 0], "edge_u": [0.4, 0, 0], "edge_v": [0, 0, 0.4],
+        "material": {"kind": "emissive", "radiance": 20.0}}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("scene", "choice"),
+    [
+        (scene_of([OPEN, LAMP], looking([0, 1, 2], [0, 0.5, 0], up=(0, 1, 0))), "off: light leaves the scene: "),
+        (room_lit_by_detours(dark=True, objects=[LAMP]), "off: lamps light "),
+        (room_lit_by_detours(), "on: paths connect to virtual lights"),
+        (room_lit_by_detours(objects=[_octahedron("flat"), LAMP]), "on: paths connect to virtual lights"),
+    ],
+    ids=["open", "lit", "by detours", "meshes"],
+)
+def test_auto_looks_where_light_comes_from(scene, choice):
+    found = choice_of(choosing(scene, "auto"))
+    assert found is not None
+    assert found.startswith(choice)
+
+
+@pytest.mark.parametrize(
+    ("more", "reason"),
+    [
+        ({"medium": {"visibility_m": 50}}, "media such as fog"),
+        ({"objects": [{"shape": "plane", "point": [0, -1, 0], "normal": [0, 1, 0], "material": GREY}]}, "planes"),
+        ({"objects": [_ball(GLASS | {"absorption_per_m": 1})]}, "glass that absorbs"),
+        ({"objects": [_ball(GREY) | {"visible": {"shadow": False}}]}, "hidden from some rays"),
+    ],
+)
+def test_what_they_do_not_know_of_is_refused_where_they_are_asked_for(more, reason):
+    scene = room_lit_by_detours(**more)
+    with pytest.raises(InputError, match=f"render.virtual_lights: there are none with .*{reason}"):
+        make_plan(load_scene(choosing(scene, "on")))
+    assert choice_of(choosing(scene, "auto")) is None
+
+
+def test_metadata_say_what_was_decided():
+    scene = room_lit_by_detours(resolution=(8, 8))
+    picture = rptcam_cl.render(scene, spp=1)
+    assert picture.metadata["virtual_lights"] == picture.stats["virtual_lights"]["choice"] == choice_of(scene)
+    off = choosing(scene, "off")
+    assert "virtual_lights" not in rptcam_cl.render(off, spp=1).metadata
+
+
+def bits(scene, **options):
+    return hashlib.sha256(np.asarray(rptcam_cl.render(scene, spp=21, **options)).tobytes()).hexdigest()
+
+
+def test_waves_and_crops_do_not_change_a_bit():
+    scene = room_lit_by_detours(resolution=(32, 24))
+    whole = np.asarray(rptcam_cl.render(scene, spp=21))
+    assert bits(scene, wave_size=1024) == hashlib.sha256(whole.tobytes()).hexdigest()
+    part = np.asarray(
+        rptcam_cl.render(scene | {"film": {"resolution": [32, 24], "crop": [0.25, 0.25, 0.75, 0.75]}}, spp=21)
+    )
+    np.testing.assert_array_equal(part, whole[6:18, 8:24])
+
+
+def test_directions_come_back_from_their_two_numbers():
+    vectors = np.random.default_rng(3).normal(size=(1000, 3))
+    vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
+    x, y, z = (vectors / np.abs(vectors).sum(axis=1, keepdims=True)).T
+    folded = np.copysign(1 - np.abs(y), x), np.copysign(1 - np.abs(x), y)
+    x, y = np.where(z < 0, folded[0], x), np.where(z < 0, folded[1], y)
+    words = (x * 32767 + 32768).astype(np.int32) | (y * 32767 + 32768).astype(np.int32) << 16
+    np.testing.assert_allclose(from_octahedral(words), vectors, atol=1e-4)
