@@ -104,6 +104,7 @@ LIMITS = {
     "intersect": Limit(64, 0, 8),
     "layers": Limit(168, 0, 8),
     "leaves": Limit(32, 0, 32),
+    "light_paths": Limit(168, 64, 8),  # by those of photons and shade, not yet measured
     "occluded": Limit(32, 0, 32),
     "partition": Limit(40, 0, 16),
     "photons": Limit(128, 64, 8),

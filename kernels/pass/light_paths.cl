@@ -131,10 +131,10 @@ __kernel void light_paths(SCENE_PARAMETERS
         hit = nearest_hit(path.ray, scene);
         on = hit.primitive >= 0;
     }
-    for (uint edge = 1u; edge <= pass.max_edges; ++edge) {
+    for (uint bounce = 1u; bounce <= pass.max_edges; ++bounce) {
         Vertex vertex = vertex_of(path.ray, hit, on, choice, scene);
         on = on & (vertex.kind != MATERIAL_EMISSIVE);
-        if (edge == 1u && !pass.from_eye)
+        if (bounce == 1u && !pass.from_eye)
             on = on & take_light(&path, vertex, start, random4(stream, sample, (U)(3u), pass.seed), &sizeless, pass, scene, rules);
         // Leave a virtual light.
         F3 n = facing_side(vertex, path.ray.d);
@@ -143,10 +143,10 @@ __kernel void light_paths(SCENE_PARAMETERS
         place.f[0] = vertex.p.x; place.f[1] = vertex.p.y; place.f[2] = vertex.p.z;
         place.f[3] = light.x; place.f[4] = light.y; place.f[5] = light.z;
         place.f[6] = AS_F(octahedral(n));
-        place.f[7] = AS_F((on & scatters_evenly(vertex)) ? start.record | ((I)((int)edge) << WAY_SHIFT) : (I)(NO_LIGHT));
-        store_eight(found + (size_t)(edge - 1u) * pass.paths * 8, first, place);
+        place.f[7] = AS_F((on & scatters_evenly(vertex)) ? start.record | ((I)((int)bounce) << WAY_SHIFT) : (I)(NO_LIGHT));
+        store_eight(found + (size_t)(bounce - 1u) * pass.paths * 8, first, place);
         // Go on, or end.
-        u = random4(stream, sample, (U)(2u * edge), pass.seed);
+        u = random4(stream, sample, (U)(2u * bounce), pass.seed);
         Scattered next = scatter_sample(vertex, path.ray.d, u.a, u.b, u.c);
         F3 weight = power_on(vertex, path.ray.d, next);
         F survive = MIN(MAX(max3(weight), (F)(LEAST_CHANCE)), ONE);
@@ -160,7 +160,7 @@ __kernel void light_paths(SCENE_PARAMETERS
         hit = nearest_hit(path.ray, scene);
         on = on & (hit.primitive >= 0);
 #if HAS_MIX
-        choice = random4(stream, sample, (U)(2u * edge + 2u), pass.seed).c;
+        choice = random4(stream, sample, (U)(2u * bounce + 2u), pass.seed).c;
 #endif
     }
 }

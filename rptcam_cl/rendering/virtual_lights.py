@@ -9,6 +9,7 @@ connections share their light with the path's own directions, so that the pictur
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -86,10 +87,17 @@ class VirtualLights:
         return {"VIRTUAL_LIGHTS": int(self.active)}
 
 
-def without_virtual_lights(reason: str | None) -> VirtualLights:
-    """Have none; the reason is what the metadata say, None for nothing."""
-    choice = None if reason is None else f"off: {reason}"
-    return VirtualLights(False, choice, CAUSTIC_SURFACE.zeros(1), np.ones(1), 0.0, np.zeros(3))
+def without_virtual_lights(scene: Scene, reason: str | None = None) -> VirtualLights:
+    """Have none, for what they do not go with, where there is such.
+
+    Raises
+    ------
+    InputError
+        With ``render.virtual_lights: on`` and such a reason.
+    """
+    if scene.render.virtual_lights == "on" and reason is not None:
+        raise InputError(f"render.virtual_lights: there are none with {reason} (allowed: off or auto)")
+    return VirtualLights(False, None, CAUSTIC_SURFACE.zeros(1), np.ones(1), 0.0, np.zeros(3))
 
 
 def pack_virtual_lights(
@@ -120,14 +128,13 @@ def pack_virtual_lights(
     """
     wanted = scene.render.virtual_lights
     if wanted == "off" or not facts["HAS_MATTE"] or not (emitters.count or facts["ENVIRONMENT"]):
-        return without_virtual_lights(None)
+        return without_virtual_lights(scene)
     if reason := _reason_against(scene, facts):
-        if wanted == "on":
-            raise InputError(f"render.virtual_lights: there are none with {reason} (allowed: off or auto)")
-        return without_virtual_lights(None)
+        return without_virtual_lights(scene, reason)
     axis = -np.asarray(scene.camera.world_from_camera()[:3, 2], np.float64)
     if wanted == "auto" and (reason := _gains_nothing(primitives, emitters, facts, axis, eye)):
-        return without_virtual_lights(reason if "virtual_lights" in scene.render.model_fields_set else None)
+        choice = f"off: {reason}" if "virtual_lights" in scene.render.model_fields_set else None
+        return replace(without_virtual_lights(scene), choice=choice)
     dull = primitives.of_each(lambda each: int(not isinstance(each.material, materials.Emissive))) > 0
     surfaces, areas = _divided(*surfaces_of(primitives, first_triangles, dull, eye)[:2])
     return VirtualLights(True, _ON, surfaces, areas, _by_chance(primitives, emitters, facts), axis)
@@ -174,7 +181,7 @@ def _divided(surfaces: NDArray[np.void], areas: Array) -> tuple[NDArray[np.void]
 
 # Whether they gain enough to be worth their time: a rough look at the scene on the host, by boxes about most shapes.
 
-_LOOKS = 256  # ways from the eye
+_RAYS = 256  # ways from the eye
 _MOST_SHAPES, _MOST_LAMPS = 512, 16
 _LEAST_CLOSED = 0.7  # of the ways on from what the camera sees that must end in the scene
 _MOST_LIT = 0.3  # of the places where they end, that have a quarter of their mean direct light
@@ -192,9 +199,9 @@ def _gains_nothing(
     if len(primitives) > _MOST_SHAPES:
         return "many objects"
     shapes = _Shapes(primitives, eye)
-    across, along, turn = (np.arange(_LOOKS)[:, None] * _R3 + 0.5).T % 1.0
-    looks = _about(np.broadcast_to(axis, (_LOOKS, 3)), 1 - (1 - _CONE_COSINE) * across, along)
-    places, facing, met = shapes.meet(np.zeros((_LOOKS, 3)), looks)
+    across, along, turn = (np.arange(_RAYS)[:, None] * _R3 + 0.5).T % 1.0
+    rays = _about(np.broadcast_to(axis, (_RAYS, 3)), 1 - (1 - _CONE_COSINE) * across, along)
+    places, facing, met = shapes.meet(np.zeros((_RAYS, 3)), rays)
     if not met.any():
         return "nothing in front of the camera"
     places, facing, turn, along = places[met], facing[met], turn[met], along[met]
@@ -315,7 +322,7 @@ _PATHS_PER_SAMPLE = 1 / 64  # and pixel of the whole film
 _MOST_FOUND = 1 << 19  # places that the paths of a pass may meet
 LIGHT_PATH_BYTES = 32 * (_MOST_FOUND + MOST)  # as found, and as picked
 # Of starts, the share that follows what was learned, the rest goes by area; of importance, what cells count for that no
-# path from the eye has met; of the bound, the share that is alike wherever the camera looks; and the bound, of densities.
+# path from the eye has met; of the bound, the share that is alike wherever the camera looks; the bound, in densities.
 _LEARNED, _LEAST_IMPORTANCE, _ALIKE, _BOUND = 0.8, 0.05, 0.4, 2.0
 _MOST_EDGES = 127
 _FLOATS, _LIGHT, _NORMAL, _MARK = 8, slice(3, 6), 6, 7  # columns of a virtual light
@@ -501,8 +508,9 @@ def from_octahedral(packed: NDArray[np.int32]) -> Floats:
     z = 1 - np.abs(x) - np.abs(y)
     below = z < 0
     x, y = np.where(below, np.copysign(1 - np.abs(y), x), x), np.where(below, np.copysign(1 - np.abs(x), y), y)
-    v = np.stack([x, y, z], axis=1)
-    return np.asarray(v / np.sqrt((v * v).sum(axis=1, keepdims=True)), np.float32)
+    vectors: Floats = np.stack([x, y, z], axis=1)
+    vectors /= np.sqrt((vectors * vectors).sum(axis=1, keepdims=True))
+    return vectors
 
 
 def picked(found: Floats, learned: _Learned, word: int) -> Floats:

@@ -176,6 +176,7 @@ def _check_keys_of_shutter(shutter: Shutter, camera: Camera, render: RenderSetti
         ("camera", "precision"): getattr(camera, "precision", "single") != "single",
         ("camera", "stands_at"): camera.stands_by_pupil and any(key.startswith(_STAND) for key in shutter.keys),
         ("render", "caustics"): render.caustics == "on",
+        ("render", "virtual_lights"): render.virtual_lights == "on",
         ("render", "layers"): bool({"position", *SHARP_LAYERS} & set(render.layers)),
     }
     for path, wrong in faults.items():

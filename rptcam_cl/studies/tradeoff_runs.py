@@ -176,6 +176,9 @@ def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None
             add(f"depth {depth}", "depth", partial(change_scene, full, render={"max_depth": depth}))
     if full.render.caustics != "off":
         add("caustics: off", "caustics", partial(change_scene, full, render={"caustics": "off"}))
+    if full.render.virtual_lights != "off":
+        alone = partial(change_scene, full, render={"virtual_lights": "off"})
+        add("virtual lights: off", "virtual lights", alone, unbiased=True)
     independent = partial(change_scene, full, render={"sampler": "independent"})
     add("independent samples", "sampler", independent, unbiased=True)
     if decision is not None:

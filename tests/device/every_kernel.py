@@ -18,11 +18,12 @@ import rptcam_cl
 from rptcam_cl.api import compiling
 from rptcam_cl.device import devices, programs, session
 from rptcam_cl.device.session import Session, open_session
-from rptcam_cl.rendering import caustics, culling, film, ghosts, tracer, tree_build
+from rptcam_cl.rendering import caustics, culling, film, ghosts, tracer, tree_build, virtual_lights
 from rptcam_cl.rendering import passes as ways
 from rptcam_cl.rendering.traceable_lens import CopiesTracer
 from rptcam_cl.scene.film import SINGLE_LAYERS
 from tests.device.test_kernels import EVERY_MATERIAL, IMAGE
+from tests.rendering.pictures import room_lit_by_detours
 from tests.rendering.test_bokeh import CASES
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import PLANE, still_life
@@ -229,6 +230,12 @@ def behind_glass() -> None:
     shown(scene | lit)
 
 
+def detours() -> None:
+    """Virtual lights, to which paths of a room connect that is lit by detours."""
+    picture = rptcam_cl.render(room_lit_by_detours(resolution=(8, 8), depth=4), spp=2, wave_size=256)
+    assert picture.metadata["virtual_lights"].startswith("on")
+
+
 def light_of_lamps() -> None:
     """Photons through glass, and ghosts between the surfaces of a lens."""
     bokeh = CASES["far"]
@@ -257,6 +264,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "conjugates": (conjugates, WAVE | {"occluded", "sharp"}),
     "mixtures": (mixtures, WAVE),
     "behind glass": (behind_glass, WAVE),
+    "detours": (detours, WAVE | {"light_paths"}),
     "light of lamps": (light_of_lamps, WAVE | {"photons", "ghosts", "occluded"}),
 }
 
@@ -292,6 +300,8 @@ def heed_oclgrind() -> None:
 
     # 16,384 photons of the first pass and 4096 of each later take it half an hour
     caustics.PILOT_PHOTONS = caustics._LEAST_PHOTONS = 512
+    virtual_lights._LEARNING_PATHS = virtual_lights._LEAST_PATHS = 256
+    virtual_lights._MOST_PATHS = 256
 
     # and the four million rays of ghosts an hour
     ghosts._LEAST_RAYS, ghosts.PER_PIXEL, ghosts.SCOUTS, ghosts._SECOND_SCOUTS = 1 << 12, 1.0, 64, 128

@@ -295,7 +295,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     if parts.held is None or parts.held["VIRTUAL_LIGHTS"]:
         lights = pack_virtual_lights(scene, primitives, first_triangles, emitters, facts, eye_m)
     else:
-        lights = without_virtual_lights("virtual lights take other kernels")
+        lights = without_virtual_lights(scene, "kernels that are held")
     return {
         "facts": facts | lights.facts,
         "primitives": records,
@@ -413,7 +413,11 @@ def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool, parts: P
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
         "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
     }
-    return replace(plan, facts=plan.facts | spectrum.facts | facts, is_rough=parts.rough)
+    facts = plan.facts | spectrum.facts | facts
+    if facts["VIRTUAL_LIGHTS"] and facts["SPECTRAL_COLOURS"]:
+        none = without_virtual_lights(scene, "spectra")
+        plan, facts = replace(plan, virtual_lights=none), facts | none.facts
+    return replace(plan, facts=facts, is_rough=parts.rough)
 
 
 # Facts that are 1 where kernels know of something: those that know of it do for scenes without it, to the bit.

@@ -652,7 +652,7 @@ def _white_world(scene: Scene) -> Scene:
     """Return a scene of nothing but white all round, seen by the camera and not through fog, with its camera rays."""
     white = ConstantEnvironment(kind="constant", radiance=(1.0, 1.0, 1.0))
     empty = {"objects": (), "lights": (), "environment": white, "medium": None}
-    settings = scene.render.model_copy(update={"clamp": None, "caustics": "off"})
+    settings = scene.render.model_copy(update={"clamp": None, "caustics": "off", "virtual_lights": "off"})
     film = scene.film.model_copy(update={"transparent": False})
     return scene.model_copy(update=empty | {"render": settings, "film": film})
 
