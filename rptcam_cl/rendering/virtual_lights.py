@@ -508,9 +508,8 @@ def from_octahedral(packed: NDArray[np.int32]) -> Floats:
     z = 1 - np.abs(x) - np.abs(y)
     below = z < 0
     x, y = np.where(below, np.copysign(1 - np.abs(y), x), x), np.where(below, np.copysign(1 - np.abs(x), y), y)
-    vectors: Floats = np.stack([x, y, z], axis=1)
-    vectors /= np.sqrt((vectors * vectors).sum(axis=1, keepdims=True))
-    return vectors
+    vectors = np.stack([x, y, z], axis=1)
+    return np.asarray(vectors / np.sqrt((vectors * vectors).sum(axis=1, keepdims=True)))
 
 
 def picked(found: Floats, learned: _Learned, word: int) -> Floats:
@@ -529,7 +528,7 @@ def picked(found: Floats, learned: _Learned, word: int) -> Floats:
     count = min(1 << (len(found) - 1).bit_length(), MOST)
     steps = (np.arange(count) + (word + 0.5) / 2**32) * (sums[-1] / count)
     picks = order[np.minimum(np.searchsorted(sums, steps), len(found) - 1)]
-    lights = found[picks]
+    lights: Floats = found[picks]
     lights[:, _LIGHT] *= (sums[-1] / worth[picks]).astype(np.float32)[:, None]
     return lights
 
