@@ -50,6 +50,7 @@ _WITHOUT = {
     "LAMPS_BEHIND_GLASS": "light samples through clear glass",
     "LIGHT_GROUPS": "the layer lights, as virtual lights do not know their lamp",
 }
+_LEAST_DEPTH = 3  # of a path from the eye by a vertex and a virtual light to a lamp [edges]
 _CELLS = 1024  # into which rectangles are divided, for starts to follow the light
 _CONE_COSINE = 0.8  # of half the angle about the camera's axis from which the scene is learned
 
@@ -127,7 +128,8 @@ def pack_virtual_lights(
         With ``render.virtual_lights: on`` where they do not know of something in the scene.
     """
     wanted = scene.render.virtual_lights
-    if wanted == "off" or not facts["HAS_MATTE"] or not (emitters.count or facts["ENVIRONMENT"]):
+    shines = emitters.count or facts["ENVIRONMENT"] or facts["HAS_EMISSIVE"]
+    if wanted == "off" or not facts["HAS_MATTE"] or not shines or scene.render.max_depth < _LEAST_DEPTH:
         return without_virtual_lights(scene)
     if reason := _reason_against(scene, facts):
         return without_virtual_lights(scene, reason)

@@ -238,7 +238,13 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
         "lights" in scene.render.layers,
     )
     given = scene.render.model_fields_set & {"caustics", "virtual_lights"}
-    ways = scene.render.caustics, scene.render.virtual_lights, frozenset(given), scene.render.clamp is None
+    ways = (
+        scene.render.caustics,
+        scene.render.virtual_lights,
+        scene.render.max_depth,
+        frozenset(given),
+        scene.render.clamp is None,
+    )
     about = scene.camera.eye, scene.metres_per_unit, scene.shutter, ways, scene.film.transparent, light
     held = () if parts.held is None else tuple(parts.held.items())
     of = scene.objects, named, far, files, about, held
