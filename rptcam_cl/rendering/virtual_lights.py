@@ -234,12 +234,13 @@ class _Shapes:
     """Flat shapes, spheres and boxes, and boxes about all others; of those, what a way starts in is not there."""
 
     def __init__(self, primitives: Primitives, eye: Array) -> None:
-        self._kinds = primitives.kinds
-        inverse = np.linalg.inv(np.array([each.placement for each in primitives])).astype(np.float64)
+        shapes = list(primitives)
+        self._kinds = np.array([each.kind for each in shapes])
+        inverse = np.linalg.inv(np.array([each.placement for each in shapes])).astype(np.float64)
         of_meshes = np.where(self._kinds == Kind.MESH, 1.0, 0.0)[:, None] * eye  # they stand about the scene
         inverse[:, :3, 3] += (inverse[:, :3, :3] @ of_meshes[:, :, None])[..., 0]
         self._inverse = inverse
-        boxes = [BOXES[each.kind] if each.mesh is None else each.mesh.bounds() for each in primitives]
+        boxes = [BOXES[each.kind] if each.mesh is None else each.mesh.bounds() for each in shapes]
         self._low, self._high = np.array(boxes, np.float64).transpose(1, 0, 2)
 
     def meet(self, origins: Array, ways: Array, without: int | None = None) -> tuple[Array, Array, NDArray[np.bool_]]:
