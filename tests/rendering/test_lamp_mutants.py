@@ -1,4 +1,4 @@
-"""The tests of photons, ghosts and rays aimed at lamps themselves: each deliberate fault must make one of them fail."""
+"""The tests of photons, virtual lights, ghosts and rays aimed at lamps: each deliberate fault must make one fail."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ import pytest
 from tests.rendering import test_bokeh as bokeh
 from tests.rendering import test_ghosts as ghosts
 from tests.rendering.caustics import test_photons as photons
+from tests.rendering.light import test_virtual_lights as virtual
 from tests.support.mutants import Mutant, assert_alive, assert_found, each_mutant
 
 pytestmark = pytest.mark.slow
@@ -24,6 +25,10 @@ def aimed_rays():
     bokeh.test_aimed_rays_make_the_same_picture("far")
 
 
+def within_a_sphere():
+    virtual.test_light_within_a_matte_sphere_is_the_closed_form(7, [0, 0, 0])
+
+
 MUTANTS = [
     Mutant("photons weigh by the plane across their way", "weight / MAX(absolute(dot3(vertex.ng, way)),",
            "weight / MAX(ONE,", wall_of_mirror),
@@ -33,6 +38,14 @@ MUTANTS = [
     Mutant("ghosts lose the carry", "high += before + low < before ? 1u : 0u;", "", ghosts_of_a_sun),
     Mutant("half the density of aimed rays", "sum += inside ? share * density : ZERO;",
            "sum += inside ? 0.5f * share * density : ZERO;", aimed_rays),
+    Mutant("paths keep what connections bring", "return shared ? 1.0f - share : ONE;", "return ONE;", within_a_sphere),
+    Mutant("connections to one edge too few", "AS_I(path->depth) + 1 +", "AS_I(path->depth) + 2 +", within_a_sphere),
+    Mutant("connections forget the slant of the place", "share * cosine / distance2", "share / distance2",
+           within_a_sphere),
+    Mutant("light paths that go on weigh too little", "mul(path.beta, weight), ONE / survive)",
+           "mul(path.beta, weight), ONE)", within_a_sphere),
+    Mutant("light of a point by a mirror", "& NOT(sizeless & (next.pdf == 0.0f))", "",
+           virtual.test_mirrored_light_of_a_lamp_without_size_stays_out_as_on_paths),
     Mutant("rays that do not aim leave out a wedge", "MIN((u - a.rest) / (1.0f - a.rest),", "MIN(u,", aimed_rays),
 ]  # fmt: skip
 

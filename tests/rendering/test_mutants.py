@@ -144,7 +144,7 @@ MUTANTS = [
            "path.survival_scale", furnaces.test_roulette_of_a_path_without_light_is_four_times_as_kind),
     Mutant("roulette by the throughput alone", "survival_scale * max3(path.beta)", "max3(path.beta)",
            furnaces.test_roulette_is_kinder_than_the_throughput),
-    Mutant("no least chance", "(F)(LEAST_CHANCE)", "(F)(1e-6f)",
+    Mutant("no least chance", "max3(path.beta), (F)(LEAST_CHANCE)", "max3(path.beta), (F)(1e-6f)",
            furnaces.test_roulette_lets_go_on_one_of_twenty_at_least),
     Mutant("one side of MIS to the first power", MIS,
            "return own > 0.0f ? own / (own + other)", emitters.test_rectangle_above_its_corner),

@@ -143,9 +143,12 @@ def test_mirrored_light_of_a_lamp_without_size_stays_out_as_on_paths():
     card = {"shape": "rectangle", "corner": [-1, 0.5, -1], "edge_u": [0, 0, 2], "edge_v": [1.4, 0, 0],
             "material": {"kind": "matte", "reflectance": 0.0}}  # fmt: skip
     lamp = {"kind": "point", "position": [-0.5, 1, 0], "intensity": 1.0}
-    scene = scene_of([mirror, floor, card], looking([0, 0.3, 0.8], [0, 0, 0], up=(0, 1, 0)), lights=[lamp])
-    assert not pixels(choosing(scene, "off"), spp=16)[8:].any()
-    assert not pixels(choosing(scene, "on"), spp=16)[8:].any()
+    wall = {"shape": "rectangle", "corner": [-0.9, 0, -0.9], "edge_u": [0.8, 0, 0], "edge_v": [0, 0.3, 0],
+            "material": GREY}  # fmt: skip
+    camera = looking([0.2, 0.25, 0.3], [-0.4, 0.15, -0.9], up=(0, 1, 0))
+    scene = scene_of([mirror, floor, card, wall], camera, lights=[lamp])
+    assert not pixels(choosing(scene, "off"), spp=16).any()
+    assert not pixels(choosing(scene, "on"), spp=16).any()
 
 
 def test_room_that_is_lit_by_detours_has_less_noise():
