@@ -128,13 +128,15 @@ def pack_virtual_lights(
         With ``render.virtual_lights: on`` where they do not know of something in the scene.
     """
     wanted = scene.render.virtual_lights
-    shines = emitters.count or facts["ENVIRONMENT"] or facts["HAS_EMISSIVE"]
-    if wanted == "off" or not facts["HAS_MATTE"] or not shines or scene.render.max_depth < _LEAST_DEPTH:
+    if wanted == "off":
         return without_virtual_lights(scene)
     if reason := _reason_against(scene, facts):
         return without_virtual_lights(scene, reason)
     axis = -np.asarray(scene.camera.world_from_camera()[:3, 2], np.float64)
-    if wanted == "auto" and (reason := _gains_nothing(primitives, emitters, facts, axis, eye)):
+    reason = _nothing_to_do(scene, emitters, facts)
+    if reason is None and wanted == "auto":
+        reason = _gains_nothing(primitives, emitters, facts, axis, eye)
+    if reason is not None:
         choice = f"off: {reason}" if "virtual_lights" in scene.render.model_fields_set else None
         return replace(without_virtual_lights(scene), choice=choice)
     dull = primitives.of_each(lambda each: int(not isinstance(each.material, materials.Emissive))) > 0
@@ -148,6 +150,15 @@ def _reason_against(scene: Scene, facts: Mapping[str, int]) -> str | None:
     if facts["HAS_ROUGH_DIELECTRIC"] and scene.render.multiple_scattering:
         return "rough glass whose facets scatter more than once"
     return next((reason for fact, reason in _WITHOUT.items() if facts[fact]), None)
+
+
+def _nothing_to_do(scene: Scene, emitters: Emitters, facts: Mapping[str, int]) -> str | None:
+    if not facts["HAS_MATTE"]:
+        return "no matte surface"
+    if not (emitters.count or facts["ENVIRONMENT"] or facts["HAS_EMISSIVE"]):
+        return "no light"
+    short = scene.render.max_depth < _LEAST_DEPTH
+    return f"paths of fewer than {_LEAST_DEPTH} edges (render.max_depth)" if short else None
 
 
 def _by_chance(primitives: Primitives, emitters: Emitters, facts: Mapping[str, int]) -> float:

@@ -172,9 +172,11 @@ LAMP = {"shape": "rectangle", "corner": [-0.2, 1.9, 0], "edge_u": [0.4, 0, 0], "
         (scene_of([OPEN, LAMP], looking([0, 1, 2], [0, 0.5, 0], up=(0, 1, 0))), "off: light leaves the scene: "),
         (room_lit_by_detours(dark=True, objects=[LAMP]), "off: lamps light "),
         (room_lit_by_detours(), "on: paths connect to virtual lights"),
+        (room_lit_by_detours(dark=True), "off: no light"),
+        (room_lit_by_detours(depth=2), "off: paths of fewer than 3 edges"),
         (room_lit_by_detours(objects=[_octahedron("flat"), LAMP]), "on: paths connect to virtual lights"),
     ],
-    ids=["open", "lit", "by detours", "meshes"],
+    ids=["open", "lit", "by detours", "dark", "short", "meshes"],
 )
 def test_auto_looks_where_light_comes_from(scene, choice):
     found = choice_of(choosing(scene, "auto"))
