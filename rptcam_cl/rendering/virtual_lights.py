@@ -330,7 +330,7 @@ _FACINGS = 6
 _SEED = 0x517CC1B727220A95  # parts the random numbers of light paths from those of camera paths
 # Passes of what is learned: from lamps, from the eye, and again from lamps by what was learned.
 _LEARNING, _LOOKING, _LEARNED_ONCE = 2**32 - 1, 2**32 - 2, 2**32 - 3
-_LEARNING_PATHS = 1 << 15
+_LEARNING_PATHS, _LEARNING_SEED = 1 << 15, 0  # whatever the seed of a render
 _LEAST_PATHS, _MOST_PATHS = 1024, 1 << 16  # of a pass
 _PATHS_PER_SAMPLE = 1 / 64  # and pixel of the whole film
 _MOST_FOUND = 1 << 19  # places that the paths of a pass may meet
@@ -344,13 +344,17 @@ _WAY_SHIFT = 24
 
 
 class VirtualLightBuffers:
-    """What the kernels read of virtual lights, as arguments by name; `current` says of which pass they are."""
+    """What the kernels read of virtual lights, as arguments by name; `current` says of which pass they are.
+
+    `learned` is what is known of the scene, by the edges of light paths.
+    """
 
     def __init__(self, session: Session) -> None:
         self.lights = session.allocate(4 * _FLOATS * MOST)
         self.density = session.allocate(4 * _FACINGS * SIDE**3)
         self.grid = session.upload(VIRTUAL_GRID.zeros(1))
         self.current: tuple[Any, ...] | None = None
+        self.learned: dict[int, _Learned] = {}
         self.arguments = {
             "virtual_lights": self.lights, "virtual_density": self.density, "virtual_grid": self.grid,
         }  # fmt: skip
@@ -358,7 +362,7 @@ class VirtualLightBuffers:
 
 @dataclass(frozen=True)
 class _Learned:
-    """What is known of a scene for a seed.
+    """What is known of a scene.
 
     Attributes
     ----------
@@ -424,7 +428,6 @@ class VirtualLightPool:
             found=self._found, **{"pass": bytes(LIGHT_PASS.dtype.itemsize)},
         )  # fmt: skip
         self._token = object()  # an id would be given again
-        self._learned: dict[int, _Learned] = {}
 
     def use(self, sample: int, seed: int) -> None:
         """Have the virtual lights in place that a sample sees."""
@@ -433,9 +436,9 @@ class VirtualLightPool:
         if self._buffers.current == key:
             return
         self._buffers.current = key
-        if seed not in self._learned:
-            self._learned[seed] = self._learn(seed)
-        learned = self._learned[seed]
+        if self._edges not in self._buffers.learned:
+            self._buffers.learned[self._edges] = self._learn()
+        learned = self._buffers.learned[self._edges]
         wanted = max(seen.samples * self._pixels * _PATHS_PER_SAMPLE, _LEAST_PATHS) / np.sqrt(learned.effective)
         count = min(1 << int(wanted).bit_length() - 1, _MOST_PATHS, self._most_paths)
         self._session.write(self._curve, learned.curve)
@@ -460,12 +463,12 @@ class VirtualLightPool:
         found = self._session.read(self._found, np.float32, count * _FLOATS * self._edges)
         return found.reshape(self._edges, count, _FLOATS)
 
-    def _learn(self, seed: int) -> _Learned:
+    def _learn(self) -> _Learned:
         """Learn from paths by area and from the eye where light paths should start and which virtual lights matter."""
         areas, count = self._lights.areas, min(_LEARNING_PATHS, self._most_paths)
         self._session.write(self._curve, self._curve_of(areas))
-        paths = self._trace(_LEARNING, count, seed)
-        seen = self._trace(_LOOKING, count, seed, from_eye=True)[1:]
+        paths = self._trace(_LEARNING, count, _LEARNING_SEED)
+        seen = self._trace(_LOOKING, count, _LEARNING_SEED, from_eye=True)[1:]
         starts, found, met = paths[0], paths[_are_lights(paths)], seen[_are_lights(seen)]
         low, extent = starts[:, :3].min(axis=0), float(np.ptp(starts[:, :3], axis=0).max())
         grid = low, np.float32(SIDE * 0.999 / max(extent, 1e-9))
@@ -488,7 +491,7 @@ class VirtualLightPool:
         shares = _LEARNED * gain / gain.sum() + (1 - _LEARNED) * by_area if gain.sum() > 0 else by_area
         curve = self._curve_of(shares)
         self._session.write(self._curve, curve)
-        again = self._trace(_LEARNED_ONCE, min(_LEAST_PATHS, count), seed)
+        again = self._trace(_LEARNED_ONCE, min(_LEAST_PATHS, count), _LEARNING_SEED)
         brings = np.zeros(again.shape[:2])
         lit = again[are := _are_lights(again)]
         brings[are] = _luminance(lit) * importance[cells_of(lit, *grid)]
