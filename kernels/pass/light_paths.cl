@@ -10,7 +10,7 @@
 // Power that arrives where a path starts, along path->ray.d, by one of two ways that share it as on every path (Veach 1997): a
 // light sample, or a direction by chance that meets what shines. Those with a chance of 0 have light samples alone, which then
 // find all. `sizeless`: lanes whose lamp has no surface, so that camera paths never find it by mirrors and smooth glass alone.
-static I take_light(Path *path, Vertex vertex, StartPoint start, F4 u, I *sizeless, LightPass pass, Scene scene, Rules rules)
+static I take_light(Path *path, Vertex vertex, StartPoint start, F4 u, I *sizeless, LightPass pass, Scene scene)
 {
     *sizeless = FALSE;
     I by_chance = u.d < pass.by_chance;
@@ -103,7 +103,6 @@ __kernel void light_paths(SCENE_PARAMETERS
     U sample = (U)(first) + AS_U((I)(LANES));
     U stream = (U)(pass.number);
     Path path;
-    Rules rules = {pass.seed, pass.max_edges, 0u};
 #if SPECTRUM
     path.wavelength_sample = ZERO;
 #endif
@@ -120,14 +119,12 @@ __kernel void light_paths(SCENE_PARAMETERS
     I on = TRUE, sizeless = FALSE;
     F choice = u.d;
     if (pass.from_eye) {
-        F3 s, t, axis = f3((F)(pass.view.x), (F)(pass.view.y), (F)(pass.view.z));
-        frame(axis, &s, &t);
         F sn, cs;
         sincos_turns(u.a, &sn, &cs);
-        F z = 1.0f - u.b * (1.0f - pass.view.w);
+        F z = 2.0f * u.b - 1.0f;
         F aside = root(1.0f - z * z);
         path.ray.o = f3(ZERO, ZERO, ZERO);
-        path.ray.d = from_frame(s, t, axis, f3(aside * cs, aside * sn, z));
+        path.ray.d = f3(aside * cs, aside * sn, z);
         hit = nearest_hit(path.ray, scene);
         on = hit.primitive >= 0;
     }
@@ -135,7 +132,7 @@ __kernel void light_paths(SCENE_PARAMETERS
         Vertex vertex = vertex_of(path.ray, hit, on, choice, scene);
         on = on & (vertex.kind != MATERIAL_EMISSIVE);
         if (bounce == 1u && !pass.from_eye)
-            on = on & take_light(&path, vertex, start, random4(stream, sample, (U)(3u), pass.seed), &sizeless, pass, scene, rules);
+            on = on & take_light(&path, vertex, start, random4(stream, sample, (U)(3u), pass.seed), &sizeless, pass, scene);
         // Leave a virtual light.
         F3 n = facing_side(vertex, path.ray.d);
         F3 light = scale(mul(path.beta, vertex.color), (F)(INV_PI_F));

@@ -761,7 +761,6 @@ PHOTON_PASS = declare(
 
 LIGHT_PASS = declare(
     "LightPass",  # paths that leave virtual lights, kernels/pass/light_paths.cl
-    ("float4", "view"),  # of paths from the eye: the axis of a cone; w: cosine of half its angle
     ("uint2", "seed"),
     ("uint", "number"),
     ("uint", "paths"),
@@ -770,7 +769,7 @@ LIGHT_PASS = declare(
     ("int", "from_eye"),
     ("float", "per_path"),  # 1 / paths
     ("float", "by_chance"),  # chance of a start to look for light in a random direction, else by a light sample
-    ("uint", "reserved_0 reserved_1 reserved_2"),
+    ("uint", "reserved_0"),
 )
 
 VIRTUAL_GRID = declare(

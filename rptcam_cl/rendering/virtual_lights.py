@@ -52,7 +52,6 @@ _WITHOUT = {
 }
 _LEAST_DEPTH = 3  # of a path from the eye by a vertex and a virtual light to a lamp [edges]
 _CELLS = 1024  # into which rectangles are divided, for starts to follow the light
-_CONE_COSINE = 0.8  # of half the angle about the camera's axis from which the scene is learned
 
 
 @dataclass(frozen=True)
@@ -71,8 +70,6 @@ class VirtualLights:
         Of them [m²].
     by_chance : float
         Chance of a start to look for light in a random direction: 0 where light samples find all of it.
-    axis : (3,) array
-        Of the camera.
     """
 
     active: bool
@@ -80,7 +77,6 @@ class VirtualLights:
     surfaces: NDArray[np.void]
     areas: Array
     by_chance: float
-    axis: Array
 
     @property
     def facts(self) -> dict[str, int]:
@@ -98,7 +94,7 @@ def without_virtual_lights(scene: Scene, reason: str | None = None) -> VirtualLi
     """
     if scene.render.virtual_lights == "on" and reason is not None:
         raise InputError(f"render.virtual_lights: there are none with {reason} (allowed: off or auto)")
-    return VirtualLights(False, None, CAUSTIC_SURFACE.zeros(1), np.ones(1), 0.0, np.zeros(3))
+    return VirtualLights(False, None, CAUSTIC_SURFACE.zeros(1), np.ones(1), 0.0)
 
 
 def pack_virtual_lights(
@@ -132,16 +128,15 @@ def pack_virtual_lights(
         return without_virtual_lights(scene)
     if reason := _reason_against(scene, facts):
         return without_virtual_lights(scene, reason)
-    axis = -np.asarray(scene.camera.world_from_camera()[:3, 2], np.float64)
     reason = _nothing_to_do(scene, emitters, facts)
     if reason is None and wanted == "auto":
-        reason = _gains_nothing(primitives, emitters, facts, axis, eye)
+        reason = _gains_nothing(primitives, emitters, facts, eye)
     if reason is not None:
         choice = f"off: {reason}" if "virtual_lights" in scene.render.model_fields_set else None
         return replace(without_virtual_lights(scene), choice=choice)
     dull = primitives.of_each(lambda each: int(not isinstance(each.material, materials.Emissive))) > 0
     surfaces, areas = _divided(*surfaces_of(primitives, first_triangles, dull, eye)[:2])
-    return VirtualLights(True, _ON, surfaces, areas, _by_chance(primitives, emitters, facts), axis)
+    return VirtualLights(True, _ON, surfaces, areas, _by_chance(primitives, emitters, facts))
 
 
 def _reason_against(scene: Scene, facts: Mapping[str, int]) -> str | None:
@@ -201,9 +196,7 @@ _MOST_LIT = 0.3  # of the places where they end, that have a quarter of their me
 _R3 = np.array([0.8191725134, 0.6710436067, 0.5497004779])  # a sequence that fills the unit cube evenly
 
 
-def _gains_nothing(
-    primitives: Primitives, emitters: Emitters, facts: Mapping[str, int], axis: Array, eye: Array
-) -> str | None:
+def _gains_nothing(primitives: Primitives, emitters: Emitters, facts: Mapping[str, int], eye: Array) -> str | None:
     """Return why connections are not worth their time, None where they are.
 
     Paths need them where light comes by detours: where what surrounds the things that the camera sees is lit in few
@@ -213,21 +206,21 @@ def _gains_nothing(
         return "many objects"
     shapes = _Shapes(primitives, eye)
     across, along, turn = (np.arange(_RAYS)[:, None] * _R3 + 0.5).T % 1.0
-    rays = _about(np.broadcast_to(axis, (_RAYS, 3)), 1 - (1 - _CONE_COSINE) * across, along)
+    rays = _about(np.broadcast_to(np.array([0.0, 0.0, 1.0]), (_RAYS, 3)), 2 * across - 1, along)  # all round
     places, facing, met = shapes.meet(np.zeros((_RAYS, 3)), rays)
     if not met.any():
         return "nothing in front of the camera"
     places, facing, turn, along = places[met], facing[met], turn[met], along[met]
     places, facing, closed = shapes.meet(places, _about(facing, np.sqrt(along), turn))
     if closed.mean() < _LEAST_CLOSED:
-        return f"light leaves the scene: {closed.mean():.0%} of the ways on from what the camera sees end in it"
+        return f"light leaves the scene: {closed.mean():.0%} of the ways on from what the eye sees end in it"
     places, facing, turn, along = places[closed], facing[closed], turn[closed], along[closed]
     light = _direct_light(places, facing, shapes, primitives, emitters)
     if facts["ENVIRONMENT"]:
         light += ~shapes.meet(places, _about(facing, np.sqrt(turn), along))[2] * max(float(light.mean()), 1.0)
     lit = float((light > 0.25 * light.mean()).mean())
     if lit > _MOST_LIT and not facts["HAS_MESH"]:
-        return f"lamps light {lit:.0%} of what is around the things that the camera sees"
+        return f"lamps light {lit:.0%} of what is around the things that the eye sees"
     return None
 
 
@@ -454,7 +447,7 @@ class VirtualLightPool:
     def _trace(self, number: int, count: int, seed: int, *, from_eye: bool = False) -> Floats:
         """Return the places of the paths of a pass, (edges, paths, 8); those without a mark are none."""
         record = LIGHT_PASS.one(
-            view=(*self._lights.axis, _CONE_COSINE), seed=layout.seed_words(seed ^ _SEED), number=number, paths=count,
+            seed=layout.seed_words(seed ^ _SEED), number=number, paths=count,
             max_edges=self._edges, surfaces=len(self._lights.areas), from_eye=from_eye, per_path=1 / count,
             by_chance=self._lights.by_chance,
         )  # fmt: skip

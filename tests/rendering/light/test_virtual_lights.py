@@ -222,6 +222,16 @@ def test_waves_and_crops_do_not_change_a_bit():
     np.testing.assert_array_equal(part, whole[6:18, 8:24])
 
 
+def test_camera_that_turns_in_a_session_has_the_bits_of_a_render():
+    scene = room_lit_by_detours(resolution=(16, 16))
+    with rptcam_cl.RenderSession(load_scene(scene)) as session:
+        session.take(2)
+        session.change({"camera.target": [-0.9, 0.5, -0.5]})
+        session.take(2)
+        scene["camera"]["target"] = [-0.9, 0.5, -0.5]
+        np.testing.assert_array_equal(session.pixels(), np.asarray(rptcam_cl.render(scene, spp=session.spp)))
+
+
 def test_directions_come_back_from_their_two_numbers():
     vectors = np.random.default_rng(3).normal(size=(1000, 3))
     vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
