@@ -237,14 +237,9 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
         scene.render.multiple_scattering,
         "lights" in scene.render.layers,
     )
-    given = scene.render.model_fields_set & {"caustics", "virtual_lights"}
-    ways = (
-        scene.render.caustics,
-        scene.render.virtual_lights,
-        scene.render.max_depth,
-        frozenset(given),
-        scene.render.clamp is None,
-    )
+    render, given = scene.render, scene.render.model_fields_set
+    ways = render.caustics, render.virtual_lights, render.max_depth, render.clamp is None
+    ways += "caustics" in given, "virtual_lights" in given
     about = scene.camera.eye, scene.metres_per_unit, scene.shutter, ways, scene.film.transparent, light
     held = () if parts.held is None else tuple(parts.held.items())
     of = scene.objects, named, far, files, about, held

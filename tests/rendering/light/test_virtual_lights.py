@@ -10,7 +10,9 @@ import rptcam_cl
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.virtual_lights import from_octahedral
+from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.light.pictures import save_exr
 from tests.rendering.pictures import batches, looking, pixels, room_lit_by_detours, scene_of, seed_of
@@ -220,6 +222,13 @@ def test_waves_and_crops_do_not_change_a_bit():
         rptcam_cl.render(scene | {"film": {"resolution": [32, 24], "crop": [0.25, 0.75, 0.25, 0.75]}}, spp=21)
     )
     np.testing.assert_array_equal(part, whole[6:18, 8:24])
+
+
+def test_plan_of_the_same_world_takes_what_the_last_one_was_made_of():
+    scene, parts = load_scene(room_lit_by_detours()), PlanParts()
+    first = make_plan(scene, parts=parts)
+    turned = make_plan(change_scene(scene, camera={"target": [-0.9, 0.5, -0.5]}), parts=parts)
+    assert turned.virtual_lights is first.virtual_lights
 
 
 def test_camera_that_turns_in_a_session_has_the_bits_of_a_render():
