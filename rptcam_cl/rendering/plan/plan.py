@@ -238,7 +238,7 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
         "lights" in scene.render.layers,
     )
     render, given = scene.render, scene.render.model_fields_set
-    ways = render.caustics, render.virtual_lights, render.max_depth, render.clamp is None
+    ways: tuple[Any, ...] = (render.caustics, render.virtual_lights, render.max_depth, render.clamp is None)
     ways += "caustics" in given, "virtual_lights" in given
     about = scene.camera.eye, scene.metres_per_unit, scene.shutter, ways, scene.film.transparent, light
     held = () if parts.held is None else tuple(parts.held.items())
