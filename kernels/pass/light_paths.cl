@@ -95,7 +95,7 @@ static F3 power_on(Vertex vertex, F3 d, Scattered next)
 __kernel void light_paths(SCENE_PARAMETERS
                           const __global CausticSurface *surfaces,
                           const __global float *surface_curve,  // picks among them
-                          __global float       *found,          // [edge][path] of eight floats, light/virtual_lights.h
+                          __global float       *found,          // [8][edge][path], light/virtual_lights.h
                           LightPass             pass)
 {
     uint first = get_global_id(0) * VW;
@@ -136,12 +136,10 @@ __kernel void light_paths(SCENE_PARAMETERS
         // Leave a virtual light.
         F3 n = facing_side(vertex, path.ray.d);
         F3 light = scale(mul(path.beta, vertex.color), (F)(INV_PI_F));
-        Eight place;
-        place.f[0] = vertex.p.x; place.f[1] = vertex.p.y; place.f[2] = vertex.p.z;
-        place.f[3] = light.x; place.f[4] = light.y; place.f[5] = light.z;
-        place.f[6] = AS_F(octahedral(n));
-        place.f[7] = AS_F((on & scatters_evenly(vertex)) ? start.record | ((I)((int)bounce) << WAY_SHIFT) : (I)(NO_LIGHT));
-        store_eight(found + (size_t)(bounce - 1u) * pass.paths * 8, first, place);
+        I way = (on & scatters_evenly(vertex)) ? start.record | ((I)((int)bounce) << WAY_SHIFT) : (I)(NO_LIGHT);
+        F floats[8] = {vertex.p.x, vertex.p.y, vertex.p.z, light.x, light.y, light.z, AS_F(octahedral(n)), AS_F(way)};
+        for (uint k = 0u; k < 8u; ++k)
+            STORE_F(found, ((size_t)(k * pass.max_edges) + bounce - 1u) * pass.paths + first, floats[k]);
         // Go on, or end.
         u = random4(stream, sample, (U)(2u * bounce), pass.seed);
         Scattered next = scatter_sample(vertex, path.ray.d, u.a, u.b, u.c);

@@ -8,6 +8,7 @@ follow where there are no photons.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -299,17 +300,21 @@ _FACES = _cube_faces()
 
 
 def _area_of(kind: Kind, linear: NDArray[np.float64]) -> float:
-    """Return the area of a canonical shape under a linear map, by its mean growth over 256 normals."""
+    """Return the area of a canonical shape under a linear map, by its mean growth over its normals."""
+    cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
+    return float(_AREA[kind] * np.linalg.norm(_normals_of(kind) @ cofactors.T, axis=1).mean())
+
+
+@cache
+def _normals_of(kind: Kind) -> NDArray[np.float64]:
+    """Return those of a canonical shape: one of a flat shape, 256 of another."""
+    if kind in (Kind.RECTANGLE, Kind.DISK):
+        return np.array([[0.0, 0.0, 1.0]])
     turn, up = np.linspace(0, 2 * np.pi, 16, endpoint=False), (np.arange(16) + 0.5) / 8 - 1
     around, z = (grid.ravel() for grid in np.meshgrid(turn, up))
     aside = {Kind.CYLINDER: np.ones_like(z), Kind.CONE: np.full_like(z, 0.5**0.5)}.get(kind, np.sqrt(1 - z * z))
     height = {Kind.CYLINDER: np.zeros_like(z), Kind.CONE: np.full_like(z, 0.5**0.5)}.get(kind, z)
-    normals = np.stack([aside * np.cos(around), aside * np.sin(around), height], axis=1)
-    if kind in (Kind.RECTANGLE, Kind.DISK):
-        normals = np.array([[0.0, 0.0, 1.0]])
-    x, y, z_row = linear
-    cofactors = np.array([np.cross(y, z_row), np.cross(z_row, x), np.cross(x, y)])
-    return float(_AREA[kind] * np.linalg.norm(normals @ cofactors.T, axis=1).mean())
+    return np.stack([aside * np.cos(around), aside * np.sin(around), height], axis=1)
 
 
 def _left_to_paths(

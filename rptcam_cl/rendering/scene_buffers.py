@@ -470,7 +470,7 @@ class SceneBuffers:
         self.scene["primitives"] = self._buffer("primitives", culling.with_outer_planes(plan, self._mesh_corners()))
         self.photons = PhotonBuffers(session, plan.caustics) if plan.caustics.active else None
         self.scene |= {} if self.photons is None else self.photons.arguments
-        self.virtual_lights = VirtualLightBuffers(session) if plan.virtual_lights.active else None
+        self.virtual_lights = self._virtual_lights(earlier) if plan.virtual_lights.active else None
         self.scene |= {} if self.virtual_lights is None else self.virtual_lights.arguments
         self.trajectory = {"trajectory": self._buffer("trajectory", plan.trajectory)} if plan.facts["MOVES"] else {}
         self.filter = self._buffer("filter", plan.camera_filter)
@@ -568,6 +568,16 @@ class SceneBuffers:
         self.tree_facts |= facts
         for name, value in arrays.items():
             self.scene[name] = self._buffer(name, value, in_place=True) if isinstance(value, np.ndarray) else value
+
+    def _virtual_lights(self, earlier: SceneBuffers | None) -> VirtualLightBuffers:
+        """Return the earlier ones, with what is learned, where all that it follows from is the same."""
+        before = None if earlier is None else earlier.virtual_lights
+        if earlier is None or before is None:
+            return VirtualLightBuffers(self._session)
+        given = self._plan.virtual_lights is earlier._plan.virtual_lights and self._plan.facts == earlier._plan.facts
+        others = {name: value for name, value in earlier.scene.items() if name not in before.arguments}
+        alike = given and self.tree_facts == earlier.tree_facts and self.scene == others
+        return before if alike else VirtualLightBuffers(self._session)
 
     def _mesh_corners(self) -> Array:
         if self._plan.meshes is None:

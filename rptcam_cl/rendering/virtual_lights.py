@@ -332,7 +332,7 @@ LIGHT_PATH_BYTES = 32 * (_MOST_FOUND + MOST)  # as found, and as picked
 # path from the eye has met; of the bound, the share that is alike wherever the camera looks; the bound, in densities.
 _LEARNED, _LEAST_IMPORTANCE, _ALIKE, _BOUND = 0.8, 0.05, 0.4, 2.0
 _MOST_EDGES = 127
-_FLOATS, _LIGHT, _NORMAL, _MARK = 8, slice(3, 6), 6, 7  # columns of a virtual light
+_FLOATS, _LIGHT, _NORMAL, _MARK = 8, slice(3, 6), 6, 7  # of a virtual light
 _WAY_SHIFT = 24
 
 
@@ -343,6 +343,7 @@ class VirtualLightBuffers:
     """
 
     def __init__(self, session: Session) -> None:
+        self.found = session.allocate(4 * _FLOATS * max(_MOST_FOUND, _MOST_EDGES * session.lanes))
         self.lights = session.allocate(4 * _FLOATS * MOST)
         self.density = session.allocate(4 * _FACINGS * SIDE**3)
         self.grid = session.upload(VIRTUAL_GRID.zeros(1))
@@ -414,18 +415,16 @@ class VirtualLightPool:
         self._edges = min(max(max_depth - 2, 1), _MOST_EDGES)
         self._most_paths = max(1 << (_MOST_FOUND // self._edges).bit_length() - 1, session.lanes)
         program = session.program(["pass/light_paths.cl"], {**facts, "VW": session.lanes}, layout.device_declarations())
-        self._found = session.allocate(4 * _FLOATS * self._edges * self._most_paths)
         self._curve = session.upload(self._curve_of(lights.areas))
         self._launch = session.bind(
             program, "light_paths", **scene, surfaces=session.upload(lights.surfaces), surface_curve=self._curve,
-            found=self._found, **{"pass": bytes(LIGHT_PASS.dtype.itemsize)},
+            found=buffers.found, **{"pass": bytes(LIGHT_PASS.dtype.itemsize)},
         )  # fmt: skip
-        self._token = object()  # an id would be given again
 
     def use(self, sample: int, seed: int) -> None:
         """Have the virtual lights in place that a sample sees."""
         seen = pass_of(sample)
-        key = (self._token, seed, seen.number)
+        key = (self._edges, self._pixels, seed, seen.number)
         if self._buffers.current == key:
             return
         self._buffers.current = key
@@ -445,7 +444,7 @@ class VirtualLightPool:
         return layout.curves(shares[None])[0].ravel()
 
     def _trace(self, number: int, count: int, seed: int, *, from_eye: bool = False) -> Floats:
-        """Return the places of the paths of a pass, (edges, paths, 8); those without a mark are none."""
+        """Return the places of the paths of a pass, (8, edges, paths); those without a mark are none."""
         record = LIGHT_PASS.one(
             seed=layout.seed_words(seed ^ _SEED), number=number, paths=count,
             max_edges=self._edges, surfaces=len(self._lights.areas), from_eye=from_eye, per_path=1 / count,
@@ -453,22 +452,22 @@ class VirtualLightPool:
         )  # fmt: skip
         self._launch.set(**{"pass": record.tobytes()})
         self._launch.enqueue(count // self._session.lanes, self._session.group)
-        found = self._session.read(self._found, np.float32, count * _FLOATS * self._edges)
-        return found.reshape(self._edges, count, _FLOATS)
+        found = self._session.read(self._buffers.found, np.float32, count * _FLOATS * self._edges)
+        return found.reshape(_FLOATS, self._edges, count)
 
     def _learn(self) -> _Learned:
         """Learn from paths by area and from the eye where light paths should start and which virtual lights matter."""
         areas, count = self._lights.areas, min(_LEARNING_PATHS, self._most_paths)
         self._session.write(self._curve, self._curve_of(areas))
         paths = self._trace(_LEARNING, count, _LEARNING_SEED)
-        seen = self._trace(_LOOKING, count, _LEARNING_SEED, from_eye=True)[1:]
-        starts, found, met = paths[0], paths[_are_lights(paths)], seen[_are_lights(seen)]
-        low, extent = starts[:, :3].min(axis=0), float(np.ptp(starts[:, :3], axis=0).max())
+        seen = self._trace(_LOOKING, count, _LEARNING_SEED, from_eye=True)
+        starts, found, met = paths[:, 0], _lights(paths), _lights(seen, first_edge=1)
+        low, extent = starts[:3].min(axis=1), float(np.ptp(starts[:3], axis=1).max())
         grid = low, np.float32(SIDE * 0.999 / max(extent, 1e-9))
         cells = _FACINGS * SIDE**3
         # Either side of a surface has its area; few starts of a cell do not tell how little it is.
-        sides = [np.bincount(cells_of(starts, *grid, sign), minlength=cells) for sign in (1, -1)]
-        area = np.maximum(np.maximum(*sides), 8) * (areas.sum() / count)
+        one_side = np.bincount(cells_of(starts, *grid), minlength=cells).reshape(-1, 2, SIDE**3)
+        area = np.maximum(np.maximum(one_side, one_side[:, ::-1]), 8).ravel() * (areas.sum() / count)
         cell, power = cells_of(found, *grid), _luminance(found)
         importance = np.bincount(cells_of(met, *grid), _luminance(met), cells) / area
         usual = float((importance[cell] * power).sum() / max(power.sum(), 1e-300))
@@ -478,48 +477,55 @@ class VirtualLightPool:
         counts = importance > importance.min()
         alike = counts / max((counts * area).sum(), 1e-300)
         density = _BOUND * ((1 - _ALIKE) * light / max(light.sum(), 1e-300) / area + _ALIKE * alike)
-        start_of = found[:, _MARK].view(np.int32) & (1 << _WAY_SHIFT) - 1
+        start_of = found[_MARK].view(np.int32) & (1 << _WAY_SHIFT) - 1
         gain = np.bincount(start_of, worth, len(areas))
         by_area = areas / areas.sum()
         shares = _LEARNED * gain / gain.sum() + (1 - _LEARNED) * by_area if gain.sum() > 0 else by_area
         curve = self._curve_of(shares)
         self._session.write(self._curve, curve)
         again = self._trace(_LEARNED_ONCE, min(_LEAST_PATHS, count), _LEARNING_SEED)
-        brings = np.zeros(again.shape[:2])
-        lit = again[are := _are_lights(again)]
-        brings[are] = _luminance(lit) * importance[cells_of(lit, *grid)]
+        brings, lit = np.zeros(again.shape[1:]), _lights(again)
+        brings[again[_MARK].view(np.int32) >= 0] = _luminance(lit) * importance[cells_of(lit, *grid)]
         of_path = brings.sum(axis=0)
         effective = float(of_path.sum() ** 2 / max((of_path**2).sum(), 1e-300) / len(of_path))
         return _Learned(curve, *grid, importance, density.astype(np.float32), max(effective, 1 / len(of_path)))
 
 
-def _are_lights(found: Floats) -> NDArray[np.bool_]:
-    return found[..., _MARK].view(np.int32) >= 0
+def _lights(found: Floats, first_edge: int = 0) -> Floats:
+    """Return those of the places of paths (8, edges, paths) that are virtual lights, (8, n)."""
+    at = np.flatnonzero(found[_MARK, first_edge:].view(np.int32) >= 0) + first_edge * found.shape[2]
+    return np.asarray(found.reshape(_FLOATS, -1).take(at, axis=1))
 
 
 def _luminance(found: Floats) -> Array:
-    return np.asarray(luminance(found[:, _LIGHT].astype(np.float64)))
+    return np.asarray(luminance(found[_LIGHT].T))
 
 
-def cells_of(found: Floats, low: Floats, per_cell: np.float32, sign: int = 1) -> NDArray[np.int64]:
+def cells_of(found: Floats, low: Floats, per_cell: np.float32) -> NDArray[np.int32]:
     """Return the cells of places by where they are and what they face, as `kernels/light/virtual_lights.h` has them."""
-    x, y, z = np.clip(((found[:, :3] - low) * per_cell).astype(np.int64), 0, SIDE - 1).T
-    normal = sign * from_octahedral(found[:, _NORMAL].view(np.int32))
-    ax, ay, az = np.abs(normal).T
-    axis = np.where((az > ax) & (az > ay), 2, np.where(ay > ax, 1, 0))
-    facing = 2 * axis + (normal[np.arange(len(normal)), axis] < 0)
+    x, y, z = (((places - least) * per_cell).astype(np.int32) for places, least in zip(found[:3], low, strict=True))
+    x, y, z = (np.minimum(np.maximum(place, 0), SIDE - 1) for place in (x, y, z))
+    nx, ny, nz = _unfolded(found[_NORMAL].view(np.int32))
+    ax, ay, az = np.abs(nx), np.abs(ny), np.abs(nz)
+    upright, deep = az > np.maximum(ax, ay), ay > ax
+    facing = np.where(upright, 4, np.where(deep, 2, 0)) + (np.where(upright, nz, np.where(deep, ny, nx)) < 0)
     return np.asarray(((facing * SIDE + z) * SIDE + y) * SIDE + x)
 
 
 def from_octahedral(packed: NDArray[np.int32]) -> Floats:
     """Return the unit vectors (n, 3) that `kernels/common/octahedral.h` packs."""
-    halves = np.stack([packed & 0xFFFF, packed >> 16 & 0xFFFF]).astype(np.float32)
-    x, y = (halves - np.float32(32767.5)) / np.float32(32767)
-    z = 1 - np.abs(x) - np.abs(y)
-    below = z < 0
-    x, y = np.where(below, np.copysign(1 - np.abs(y), x), x), np.where(below, np.copysign(1 - np.abs(x), y), y)
-    vectors = np.stack([x, y, z], axis=1)
+    vectors = np.stack(_unfolded(packed), axis=1)
     return np.asarray(vectors / np.sqrt((vectors * vectors).sum(axis=1, keepdims=True)))
+
+
+def _unfolded(packed: NDArray[np.int32]) -> tuple[Floats, Floats, Floats]:
+    """Return the components of the same, whose absolute values add up to 1."""
+    halves = (packed & 0xFFFF, packed >> 16 & 0xFFFF)
+    x, y = ((half.astype(np.float32) - np.float32(32767.5)) / np.float32(32767) for half in halves)
+    ax, ay = np.abs(x), np.abs(y)
+    z = 1 - ax - ay
+    below = z < 0
+    return np.where(below, np.copysign(1 - ay, x), x), np.where(below, np.copysign(1 - ax, y), y), z
 
 
 def picked(found: Floats, learned: _Learned, word: int) -> Floats:
@@ -528,25 +534,25 @@ def picked(found: Floats, learned: _Learned, word: int) -> Floats:
     Resampled with even steps from a random start (systematic resampling), each by its power times the importance of its
     cell.
     """
-    found = found[_are_lights(found)]
+    found = _lights(found)
     worth = _luminance(found) * learned.importance[cells_of(found, learned.low, learned.per_cell)]
-    found, worth = found[worth > 0], worth[worth > 0]
-    if not len(found):
-        return found
+    found, worth = found[:, worth > 0], worth[worth > 0]
+    if not len(worth):
+        return found.T
     order = np.argsort(_along_curve(found), kind="stable")
     sums = np.cumsum(worth[order])
-    count = min(1 << (len(found) - 1).bit_length(), MOST)
+    count = min(1 << (len(worth) - 1).bit_length(), MOST)
     steps = (np.arange(count) + (word + 0.5) / 2**32) * (sums[-1] / count)
-    picks = order[np.minimum(np.searchsorted(sums, steps), len(found) - 1)]
-    lights: Floats = found[picks]
+    picks = order[np.minimum(np.searchsorted(sums, steps), len(worth) - 1)]
+    lights: Floats = np.ascontiguousarray(found[:, picks].T)
     lights[:, _LIGHT] *= (sums[-1] / worth[picks]).astype(np.float32)[:, None]
     return lights
 
 
 def _along_curve(found: Floats) -> NDArray[np.uint16]:
     """Return where places lie along a Morton curve, neighbours mostly near to each other."""
-    low, extent = found[:, :3].min(axis=0), float(np.ptp(found[:, :3], axis=0).max())
-    x, y, z = _SPREAD[((found[:, :3] - low) * np.float32(31.99 / max(extent, 1e-9))).astype(np.int64)].T
+    low, extent = found[:3].min(axis=1, keepdims=True), float(np.ptp(found[:3], axis=1).max())
+    x, y, z = _SPREAD[((found[:3] - low) * np.float32(31.99 / max(extent, 1e-9))).astype(np.int32)]
     return np.asarray(x | y << 1 | z << 2, np.uint16)
 
 

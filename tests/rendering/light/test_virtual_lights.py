@@ -11,6 +11,7 @@ from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
+from rptcam_cl.rendering.tracer import WavefrontPool
 from rptcam_cl.rendering.virtual_lights import from_octahedral
 from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.load import load_scene
@@ -229,6 +230,15 @@ def test_plan_of_the_same_world_takes_what_the_last_one_was_made_of():
     first = make_plan(scene, parts=parts)
     turned = make_plan(change_scene(scene, camera={"target": [-0.9, 0.5, -0.5]}), parts=parts)
     assert turned.virtual_lights is first.virtual_lights
+
+
+def test_what_is_learned_stays_while_the_eye_does(session):
+    scene, parts, pool = load_scene(room_lit_by_detours()), PlanParts(), WavefrontPool(session)
+    others = {"target": [-0.9, 0.5, -0.5]}, {"eye": [0.1, 0.2, 0.3]}
+    plans = [make_plan(change_scene(scene, camera=other), parts=parts) for other in ({}, *others)]
+    first, turned, moved = (pool.upload(plan).virtual_lights for plan in plans)
+    assert turned is first
+    assert moved is not first
 
 
 def test_camera_that_turns_in_a_session_has_the_bits_of_a_render():
