@@ -276,10 +276,10 @@ def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.
     kind, placements = primitive.kind, [primitive.placement]
     if kind is Kind.BOX:
         kind, placements = Kind.RECTANGLE, [primitive.placement @ face for face in _FACES]
-    records = CAUSTIC_SURFACE.zeros(len(placements))
-    row_x, row_y, row_z, _ = np.moveaxis(np.array(placements), 1, 0)
+    records, rows = CAUSTIC_SURFACE.zeros(len(placements)), np.array(placements)
+    row_x, row_y, row_z, _ = np.moveaxis(rows, 1, 0)
     layout.fill(records, kind=kind, triangle=-1, area=_AREA[kind], row_x=row_x, row_y=row_y, row_z=row_z)
-    return records, np.array([_area_of(kind, placement[:3, :3]) for placement in placements])
+    return records, _areas_of(kind, rows[:, :3, :3])
 
 
 def _cube_faces() -> list[NDArray[np.float64]]:
@@ -299,10 +299,11 @@ def _cube_faces() -> list[NDArray[np.float64]]:
 _FACES = _cube_faces()
 
 
-def _area_of(kind: Kind, linear: NDArray[np.float64]) -> float:
-    """Return the area of a canonical shape under a linear map, by its mean growth over its normals."""
-    cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
-    return float(_AREA[kind] * np.linalg.norm(_normals_of(kind) @ cofactors.T, axis=1).mean())
+def _areas_of(kind: Kind, linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the areas of a canonical shape under linear maps (n, 3, 3), by its mean growth over its normals."""
+    cofactors = np.cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
+    growth = np.linalg.norm(_normals_of(kind) @ cofactors.swapaxes(1, 2), axis=2)
+    return np.asarray(_AREA[kind] * growth.mean(axis=1))
 
 
 @cache

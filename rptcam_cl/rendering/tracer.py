@@ -286,8 +286,9 @@ class Wavefront(RenderedFilm):
             return None
         facts, depth = plan.facts | scene.tree_facts, self.settings.max_depth
         return VirtualLightPool(
-            self.session, plan.virtual_lights, facts, scene.scene, scene.virtual_lights, depth, pixels
-        )
+            self.session, plan.virtual_lights, facts, scene.scene, scene.virtual_lights, depth, pixels,
+            is_rough=plan.is_rough,
+        )  # fmt: skip
 
     def _allocate(self, plan: Plan, scene: SceneBuffers | None) -> passes.WaveBuffers:
         session, layout, capacity = self.session, self.layout, self.capacity

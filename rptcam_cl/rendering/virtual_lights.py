@@ -174,17 +174,16 @@ def _divided(surfaces: NDArray[np.void], areas: Array) -> tuple[NDArray[np.void]
     rows = np.stack([surfaces[name] for name in ("row_x", "row_y", "row_z")], axis=1).astype(np.float64)
     parts = np.maximum(np.round(np.linalg.norm(rows[:, :, :2], axis=1) / side), 1).astype(int)
     large = (surfaces["kind"] == Kind.RECTANGLE) & (parts.prod(axis=1) > 1)
-    pieces, sizes = [surfaces[~large]], [areas[~large]]
-    for place in np.flatnonzero(large).tolist():
-        (along, across), each = parts[place], rows[place]
-        column, line = (index.ravel() for index in np.meshgrid(np.arange(along), np.arange(across)))
-        own = np.repeat(surfaces[place : place + 1], along * across)
-        for name, (u, v, w, corner) in zip(("row_x", "row_y", "row_z"), each, strict=True):
-            own[name][:, :3] = u / along, v / across, w
-            own[name][:, 3] = corner + u * column / along + v * line / across
-        pieces.append(own)
-        sizes.append(np.full(len(own), areas[place] / len(own)))
-    return np.concatenate(pieces), np.concatenate(sizes)
+    counts = parts[large].prod(axis=1)
+    of = np.repeat(np.flatnonzero(large), counts)  # each piece
+    number = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
+    along, across = parts[of].T
+    column, line = number % along, number // along
+    pieces = surfaces[of]
+    for name, (u, v, w, corner) in zip(("row_x", "row_y", "row_z"), rows[of].transpose(1, 2, 0), strict=True):
+        pieces[name] = np.stack([u / along, v / across, w, corner + u * column / along + v * line / across], axis=1)
+    sizes = areas[of] / np.repeat(counts, counts)
+    return np.concatenate([surfaces[~large], pieces]), np.concatenate([areas[~large], sizes])
 
 
 # Whether they gain enough to be worth their time: a rough look at the scene on the host, by boxes about most shapes.
@@ -323,7 +322,8 @@ _FACINGS = 6
 _SEED = 0x517CC1B727220A95  # parts the random numbers of light paths from those of camera paths
 # Passes of what is learned: from lamps, from the eye, and again from lamps by what was learned.
 _LEARNING, _LOOKING, _LEARNED_ONCE = 2**32 - 1, 2**32 - 2, 2**32 - 3
-_LEARNING_PATHS, _LEARNING_SEED = 1 << 15, 0  # whatever the seed of a render
+_LEARNING_PATHS, _ROUGH_PATHS = 1 << 15, 1 << 11
+_LEARNING_SEED = 0  # whatever the seed of a render
 _LEAST_PATHS, _MOST_PATHS = 1024, 1 << 16  # of a pass
 _PATHS_PER_SAMPLE = 1 / 64  # and pixel of the whole film
 _MOST_FOUND = 1 << 19  # places that the paths of a pass may meet
@@ -339,7 +339,7 @@ _WAY_SHIFT = 24
 class VirtualLightBuffers:
     """What the kernels read of virtual lights, as arguments by name; `current` says of which pass they are.
 
-    `learned` is what is known of the scene, by the edges of light paths.
+    `learned` is what is known of the scene, by the edges and number of light paths.
     """
 
     def __init__(self, session: Session) -> None:
@@ -348,7 +348,7 @@ class VirtualLightBuffers:
         self.density = session.allocate(4 * _FACINGS * SIDE**3)
         self.grid = session.upload(VIRTUAL_GRID.zeros(1))
         self.current: tuple[Any, ...] | None = None
-        self.learned: dict[int, _Learned] = {}
+        self.learned: dict[tuple[int, int], _Learned] = {}
         self.arguments = {
             "virtual_lights": self.lights, "virtual_density": self.density, "virtual_grid": self.grid,
         }  # fmt: skip
@@ -399,6 +399,8 @@ class VirtualLightPool:
         Longest path [edges].
     pixels
         Of the whole film, of which a crop or some tiles may be rendered.
+    is_rough
+        Whether fewer paths learn, for glances.
     """
 
     def __init__(
@@ -410,10 +412,13 @@ class VirtualLightPool:
         buffers: VirtualLightBuffers,
         max_depth: int,
         pixels: int,
+        *,
+        is_rough: bool,
     ) -> None:
         self._session, self._lights, self._buffers, self._pixels = session, lights, buffers, pixels
         self._edges = min(max(max_depth - 2, 1), _MOST_EDGES)
         self._most_paths = max(1 << (_MOST_FOUND // self._edges).bit_length() - 1, session.lanes)
+        self._learning_paths = min(_ROUGH_PATHS if is_rough else _LEARNING_PATHS, self._most_paths)
         program = session.program(["pass/light_paths.cl"], {**facts, "VW": session.lanes}, layout.device_declarations())
         self._curve = session.upload(self._curve_of(lights.areas))
         self._launch = session.bind(
@@ -424,13 +429,14 @@ class VirtualLightPool:
     def use(self, sample: int, seed: int) -> None:
         """Have the virtual lights in place that a sample sees."""
         seen = pass_of(sample)
-        key = (self._edges, self._pixels, seed, seen.number)
+        learning = self._edges, self._learning_paths
+        key = (*learning, self._pixels, seed, seen.number)
         if self._buffers.current == key:
             return
         self._buffers.current = key
-        if self._edges not in self._buffers.learned:
-            self._buffers.learned[self._edges] = self._learn()
-        learned = self._buffers.learned[self._edges]
+        if learning not in self._buffers.learned:
+            self._buffers.learned[learning] = self._learn()
+        learned = self._buffers.learned[learning]
         wanted = max(seen.samples * self._pixels * _PATHS_PER_SAMPLE, _LEAST_PATHS) / np.sqrt(learned.effective)
         count = min(1 << int(wanted).bit_length() - 1, _MOST_PATHS, self._most_paths)
         self._session.write(self._curve, learned.curve)
@@ -457,7 +463,7 @@ class VirtualLightPool:
 
     def _learn(self) -> _Learned:
         """Learn from paths by area and from the eye where light paths should start and which virtual lights matter."""
-        areas, count = self._lights.areas, min(_LEARNING_PATHS, self._most_paths)
+        areas, count = self._lights.areas, self._learning_paths
         self._session.write(self._curve, self._curve_of(areas))
         paths = self._trace(_LEARNING, count, _LEARNING_SEED)
         seen = self._trace(_LOOKING, count, _LEARNING_SEED, from_eye=True)

@@ -368,7 +368,7 @@ class Plan:
     eye_m: NDArray[np.float64]
     albedo: LargestAlbedo
     colours: tuple[KnownSpectra, Materials]  # of the scene, for a camera in place of this one
-    is_rough: bool = False  # whether trees may be some made for other places of its meshes: soon there, slower to walk
+    is_rough: bool = False  # for glances: trees may be some made for other places of meshes, what is learned is noisier
     steps: tuple[Plan, ...] = ()  # of an exposure in which keys move, in place of this plan for its rays
 
 

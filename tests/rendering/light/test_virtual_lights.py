@@ -1,6 +1,7 @@
 """Virtual lights: closed forms, the light that paths alone find, what they save, and the same bits in any pieces."""
 
 import hashlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +10,11 @@ from scipy.stats import ttest_ind
 import rptcam_cl
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
-from rptcam_cl.rendering.tracer import WavefrontPool
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.rendering.virtual_lights import from_octahedral
 from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.load import load_scene
@@ -239,6 +242,22 @@ def test_what_is_learned_stays_while_the_eye_does(session):
     first, turned, moved = (pool.upload(plan).virtual_lights for plan in plans)
     assert turned is first
     assert moved is not first
+
+
+def test_glance_learns_with_fewer_paths_and_leaves_the_film_its_bits(session):
+    scene, parts = change_scene(load_scene(room_lit_by_detours()), film={"resolution": [16, 16]}), PlanParts()
+    plan = make_plan(scene, parts=parts)
+    buffers, films, layout = SceneBuffers(session, plan), [], FilmLayout.of(scene.film)
+    for is_rough in (True, False):
+        wavefront = Wavefront(session, replace(plan, is_rough=is_rough), layout, scene.render, buffers=buffers)
+        for wave in wavefront.waves(0, 1):
+            wavefront.enqueue(*wave)
+        wavefront.finish()
+        films.append(wavefront.picture(1))
+    rough, full = sorted(paths for _, paths in buffers.virtual_lights.learned)
+    assert 8 * rough <= full
+    assert not np.array_equal(*films)
+    np.testing.assert_array_equal(films[1], np.asarray(rptcam_cl.render(scene, spp=1)))
 
 
 def test_camera_that_turns_in_a_session_has_the_bits_of_a_render():
