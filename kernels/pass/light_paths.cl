@@ -9,7 +9,8 @@
 
 // Power that arrives where a path starts, along path->ray.d, by one of two ways that share it as on every path (Veach 1997): a
 // light sample, or a direction by chance that meets what shines. Those with a chance of 0 have light samples alone, which then
-// find all. `sizeless`: lanes whose lamp has no surface, so that camera paths never find it by mirrors and smooth glass alone.
+// find all. `sizeless`: lanes whose lamp has no surface, so that camera paths never find it by mirrors and smooth glass alone. What
+// shines through clear glass is left to the paths that start on the glass, whether light samples of the camera follow it or not.
 static I take_light(Path *path, Vertex vertex, StartPoint start, F4 u, I *sizeless, LightPass pass, Scene scene)
 {
     *sizeless = FALSE;
@@ -32,6 +33,9 @@ static I take_light(Path *path, Vertex vertex, StartPoint start, F4 u, I *sizele
         path->ray.o = departure(vertex, d);
         path->ray.d = d;
         path->pdf = absolute(way.z) * (0.5f * INV_PI_F);
+#if LAMPS_BEHIND_GLASS
+        path->scattered = (Departure){path->ray.o, d, path->pdf};
+#endif
         I origin = path->ray.origin;
         path->ray.origin = by_chance ? origin : (I)(PATH_ENDED);
         Hit hit = nearest_hit(path->ray, scene);
@@ -74,14 +78,38 @@ static I take_light(Path *path, Vertex vertex, StartPoint start, F4 u, I *sizele
     return max3(path->beta) > 0.0f;
 }
 
-// The share of a path's power that goes on: of shading normals by Veach 1997, ch. 5.3, and without the squeeze of radiance by glass.
-static F3 power_on(Vertex vertex, F3 d, Scattered next)
+#if HAS_OPACITY
+// Lanes whose start is no hole.
+static I starts_on_something(StartPoint start, I on, F chance, Scene scene)
+{
+    for (I rest = on; ANY(rest);) {
+        int index = first_of(start.hit.primitive, rest);
+        I mine = start.hit.primitive == index;
+        rest = rest & NOT(mine);
+        const __global Material *material = scene.materials + scene.primitives[index].material;
+        if (!has_holes(material))
+            continue;
+#if HAS_MESH
+        SurfacePoint point = index >= scene.kind_end[KIND_MESH - 1] ? point_on_mesh(start.hit, mine, scene)
+                                                                    : surface_point(index, start.p, material->textured, scene);
+#else
+        SurfacePoint point = surface_point(index, start.p, material->textured, scene);
+#endif
+        on = on & (NOT(mine) | is_there(material, point.u, point.v, chance, scene));
+    }
+    return on;
+}
+#endif
+
+// The share of a path's power that goes on. Where directions have a density it is what a camera path that comes the other way finds
+// (Veach 1997, ch. 3.7 and 5.3), so that shading normals, refraction and facets that scatter more than once are as on its way; smooth
+// surfaces are the same both ways, but that glass squeezes radiance and not power.
+static F3 power_on(Vertex vertex, F3 d, Scattered next, Ray ray, Hit hit, F choice, Scene scene)
 {
     F3 weight = next.weight;
     F before = dot3(vertex.ng, d), after = dot3(vertex.ng, next.direction);
-#if HAS_DIELECTRIC || HAS_ROUGH_DIELECTRIC
-    I glass = (vertex.kind == MATERIAL_DIELECTRIC) | (vertex.kind == MATERIAL_ROUGH_DIELECTRIC);
-    I passes = glass & ((before > 0.0f) == (after > 0.0f));
+#if HAS_DIELECTRIC
+    I passes = (vertex.kind == MATERIAL_DIELECTRIC) & ((before > 0.0f) == (after > 0.0f));
     F index = before > 0.0f ? ONE / vertex.parameter : vertex.parameter;
     weight = select3(passes, scale(weight, index * index), weight);
 #endif
@@ -89,6 +117,20 @@ static F3 power_on(Vertex vertex, F3 d, Scattered next)
     F top = after * dot3(vertex.n, d), below = before * dot3(vertex.n, next.direction);
     weight = scale(weight, absolute(top) / MAX(absolute(below), (F)(SMALLEST)));
 #endif
+    I spread = next.pdf > 0.0f;
+    if (ANY(spread)) {
+#if HAS_AGAIN || HAS_BRUSHED_SHARE
+        // What facets scatter again follows from the direction in which a path comes.
+        ray.o = vertex.p;
+        ray.d = scale(next.direction, -ONE);
+        hit.t = ZERO;
+        vertex = vertex_of(ray, hit, spread, choice, scene);
+#endif
+        F pdf;
+        F3 seen = scatter_eval(vertex, scale(next.direction, -ONE), scale(d, -ONE), &pdf);
+        F over = absolute(after) / MAX(absolute(before) * next.pdf, (F)(SMALLEST));
+        weight = select3(spread & (max3(weight) > 0.0f), scale(seen, over), weight);
+    }
     return weight;
 }
 
@@ -107,6 +149,12 @@ __kernel void light_paths(SCENE_PARAMETERS
     path.wavelength_sample = ZERO;
 #endif
     path.pdf = ZERO;
+#if LAMPS_BEHIND_GLASS
+    path.scattered = (Departure){f3(ZERO, ZERO, ZERO), f3(ZERO, ZERO, ONE), ZERO};
+#endif
+#if CAUSTICS
+    path.since_receiver = FALSE;
+#endif
     F4 u = random4(stream, sample, (U)(0u), pass.seed);
     StartPoint start = start_point(surfaces, surface_curve, pass.surfaces, u.a, u.b, u.c);
     Hit hit = start.hit;
@@ -118,6 +166,9 @@ __kernel void light_paths(SCENE_PARAMETERS
     path.radiance = f3(ZERO, ZERO, ZERO);
     I on = TRUE, sizeless = FALSE;
     F choice = u.d;
+#if HAS_OPACITY
+    on = starts_on_something(start, on, random4(stream, sample, (U)(1u), pass.seed).a, scene);
+#endif
     if (pass.from_eye) {
         F sn, cs;
         sincos_turns(u.a, &sn, &cs);
@@ -133,20 +184,30 @@ __kernel void light_paths(SCENE_PARAMETERS
         on = on & (vertex.kind != MATERIAL_EMISSIVE);
         if (bounce == 1u && !pass.from_eye)
             on = on & take_light(&path, vertex, start, random4(stream, sample, (U)(3u), pass.seed), &sizeless, pass, scene);
+        // Of lamps without a size, which camera paths never meet, smooth surfaces alone send on what photons bring to receivers.
+#if CAUSTICS
+        I role = caustic_role(on, hit.primitive, scene);
+        I by_spread = bounce == 1u ? TRUE : receives(vertex, role);
+        I by_smooth = bounce == 1u ? (role & ROLE_SURFACE) != 0 : (role & ROLE_RECEIVER) == 0;
+#else
+        I by_spread = TRUE, by_smooth = FALSE;
+#endif
         // Leave a virtual light.
         F3 n = facing_side(vertex, path.ray.d);
         F3 light = scale(mul(path.beta, vertex.color), (F)(INV_PI_F));
-        I way = (on & scatters_evenly(vertex)) ? start.record | ((I)((int)bounce) << WAY_SHIFT) : (I)(NO_LIGHT);
+I leaves = on & scatters_evenly(vertex) & (NOT(sizeless) | by_spread);
+        I way = leaves ? start.record | ((I)((int)bounce) << WAY_SHIFT) : (I)(NO_LIGHT);
         F floats[8] = {vertex.p.x, vertex.p.y, vertex.p.z, light.x, light.y, light.z, AS_F(octahedral(n)), AS_F(way)};
         for (uint k = 0u; k < 8u; ++k)
             STORE_F(found, ((size_t)(k * pass.max_edges) + bounce - 1u) * pass.paths + first, floats[k]);
         // Go on, or end.
         u = random4(stream, sample, (U)(2u * bounce), pass.seed);
         Scattered next = scatter_sample(vertex, path.ray.d, u.a, u.b, u.c);
-        F3 weight = power_on(vertex, path.ray.d, next);
+        F3 weight = power_on(vertex, path.ray.d, next, path.ray, hit, choice, scene);
         F survive = MIN(MAX(max3(weight), (F)(LEAST_CHANCE)), ONE);
-        on = on & (max3(weight) > 0.0f) & (u.d < survive) & NOT(sizeless & (next.pdf == 0.0f));
-        sizeless = FALSE;
+        I smooth = next.pdf == 0.0f;
+        on = on & (max3(weight) > 0.0f) & (u.d < survive) & (NOT(sizeless) | (smooth ? by_smooth : by_spread));
+        sizeless = sizeless & smooth;
         path.beta = scale(mul(path.beta, weight), ONE / survive);
         path.ray.o = departure(vertex, next.direction);
         path.ray.d = next.direction;
@@ -154,6 +215,10 @@ __kernel void light_paths(SCENE_PARAMETERS
         path.ray.origin = on ? hit.primitive : (I)(PATH_ENDED);
         hit = nearest_hit(path.ray, scene);
         on = on & (hit.primitive >= 0);
+#if HAS_ABSORPTION
+        // As on a camera path, which meets this vertex second.
+        path.beta = mul(path.beta, transmittance(vertex, scale(path.ray.d, -ONE), hit.t));
+#endif
 #if HAS_MIX
         choice = random4(stream, sample, (U)(2u * bounce + 2u), pass.seed).c;
 #endif

@@ -197,7 +197,7 @@ def stand_behind_glass(primitives: Primitives, emitters: Emitters, eye: Array) -
     """Return whether lamps stand within clear glass, by the box about it, or there are panes of it."""
     lamps = emitters.shining[np.isin(emitters.shining["kind"], _FOLLOWED)]
     mixes = [each.material for each in primitives.prototypes if isinstance(each.material, materials.Mix)]
-    if not len(lamps) or any(_is_clear(part) for mix in mixes for part in mix.materials):
+    if not len(lamps) or any(is_clear(part) for mix in mixes for part in mix.materials):
         return False
     near = lamps[~np.isin(lamps["kind"], _AFAR)]
     places = near["a"][np.argsort(-near["pick"], kind="stable")[:_MOST_LAMPS], :3].astype(np.float64)
@@ -227,11 +227,12 @@ def _is_glass_body(prototype: Prototype) -> bool:
     is_flat = prototype.kind in (Kind.RECTANGLE, Kind.DISK)  # of solid glass one face of something
     known = prototype.mesh is not None or prototype.kind in BOXES
     return known and (
-        isinstance(prototype.material, materials.ThinGlass) or (_is_clear(prototype.material) and not is_flat)
+        isinstance(prototype.material, materials.ThinGlass) or (is_clear(prototype.material) and not is_flat)
     )
 
 
-def _is_clear(material: materials.Material) -> bool:
+def is_clear(material: materials.Material) -> bool:
+    """Return whether it is smooth glass."""
     return _is_smooth(material) and not isinstance(material, materials.Mirror)
 
 

@@ -19,9 +19,9 @@ from rptcam_cl.core import records as layout
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import CAUSTIC_SURFACE, LIGHT_PASS, VIRTUAL_GRID, EmitterKind, Kind
+from rptcam_cl.core.records import CAUSTIC_SURFACE, LIGHT_PASS, VIRTUAL_GRID, EmitterKind, Hidden, Kind
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.caustics import BOXES, WITHOUT_SIZE, lamp_centres, lamp_sizes, pass_of, surfaces_of
+from rptcam_cl.rendering.caustics import BOXES, WITHOUT_SIZE, is_clear, lamp_centres, lamp_sizes, pass_of, surfaces_of
 from rptcam_cl.rendering.plan.emitters import Emitters, is_shining
 from rptcam_cl.rendering.plan.primitives import Primitives
 from rptcam_cl.scene import materials
@@ -39,15 +39,7 @@ _WITHOUT = {
     "HAS_MOTION": "objects that move",
     "HAS_PLANE": "planes without end",
     "HAS_CURVE": "curves",
-    "HAS_OPACITY": "surfaces with holes",
-    "HAS_HIDDEN": "objects that are hidden from some rays",
-    "HIDDEN_SKY": "an environment that is hidden",
-    "HAS_ABSORPTION": "glass that absorbs light on its way",
-    "HAS_TRANSMISSION": "principled materials that pass light on",
     "HAS_DISPERSION": "glass that disperses",
-    "HAS_MEASURED": "measured materials",
-    "CAUSTICS": "photons, which bring caustics",
-    "LAMPS_BEHIND_GLASS": "light samples through clear glass",
     "LIGHT_GROUPS": "the layer lights, as virtual lights do not know their lamp",
 }
 _LEAST_DEPTH = 3  # of a path from the eye by a vertex and a virtual light to a lamp [edges]
@@ -126,7 +118,7 @@ def pack_virtual_lights(
     wanted = scene.render.virtual_lights
     if wanted == "off":
         return without_virtual_lights(scene)
-    if reason := _reason_against(scene, facts):
+    if reason := _reason_against(scene, primitives, facts):
         return without_virtual_lights(scene, reason)
     reason = _nothing_to_do(scene, emitters, facts)
     if reason is None and wanted == "auto":
@@ -139,11 +131,11 @@ def pack_virtual_lights(
     return VirtualLights(True, _ON, surfaces, areas, _by_chance(primitives, emitters, facts))
 
 
-def _reason_against(scene: Scene, facts: Mapping[str, int]) -> str | None:
+def _reason_against(scene: Scene, primitives: Primitives, facts: Mapping[str, int]) -> str | None:
     if scene.shutter.keys:
         return "keys that move while the shutter is open"
-    if facts["HAS_ROUGH_DIELECTRIC"] and scene.render.multiple_scattering:
-        return "rough glass whose facets scatter more than once"
+    if any(each.hidden & ~Hidden.FROM_CAMERA for each in primitives.prototypes):
+        return "objects that are hidden from reflection or shadow"
     return next((reason for fact, reason in _WITHOUT.items() if facts[fact]), None)
 
 
@@ -206,7 +198,8 @@ def _gains_nothing(primitives: Primitives, emitters: Emitters, facts: Mapping[st
     shapes = _Shapes(primitives, eye)
     across, along, turn = (np.arange(_RAYS)[:, None] * _R3 + 0.5).T % 1.0
     rays = _about(np.broadcast_to(np.array([0.0, 0.0, 1.0]), (_RAYS, 3)), 2 * across - 1, along)  # all round
-    places, facing, met = shapes.meet(np.zeros((_RAYS, 3)), rays)
+    unseen = primitives.of_each(lambda each: each.hidden & Hidden.FROM_CAMERA) > 0
+    places, facing, met = shapes.meet(np.zeros((_RAYS, 3)), rays, unseen)
     if not met.any():
         return "nothing in front of the camera"
     places, facing, turn, along = places[met], facing[met], turn[met], along[met]
@@ -234,7 +227,10 @@ def _about(axes: Array, cosines: NDArray[Any], turns: NDArray[Any]) -> Array:
 
 
 class _Shapes:
-    """Flat shapes, spheres and boxes, and boxes about all others; of those, what a way starts in is not there."""
+    """Flat shapes, spheres and boxes, and boxes about all others; of those, what a way starts in is not there.
+
+    Nor is clear glass.
+    """
 
     def __init__(self, primitives: Primitives, eye: Array) -> None:
         shapes = list(primitives)
@@ -245,15 +241,18 @@ class _Shapes:
         self._inverse = inverse
         boxes = [BOXES[each.kind] if each.mesh is None else each.mesh.bounds() for each in shapes]
         self._low, self._high = np.array(boxes, np.float64).transpose(1, 0, 2)
+        self._clear = np.array([is_clear(each.material) for each in shapes])
 
-    def meet(self, origins: Array, ways: Array, without: int | None = None) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def meet(
+        self, origins: Array, ways: Array, without: int | NDArray[np.bool_] | None = None
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Return the places that ways from origins (n, 3) meet first, the normals there towards them, and which do."""
         turn = self._inverse[:, None, :3, :3]
         o = (turn @ origins[None, :, :, None])[..., 0] + self._inverse[:, None, :3, 3]
         d = (turn @ ways[None, :, :, None])[..., 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             t, normal = self._distances(o, d)
-        t = np.where(np.isfinite(t) & (t > 1e-6), t, np.inf)
+        t = np.where(np.isfinite(t) & (t > 1e-6) & ~self._clear[:, None], t, np.inf)
         if without is not None:
             t[without] = np.inf
         first, each = t.argmin(axis=0), np.arange(len(origins))

@@ -29,6 +29,22 @@ def within_a_sphere():
     virtual.test_light_within_a_matte_sphere_is_the_closed_form(7, [0, 0, 0])
 
 
+def photons_of_a_spot():
+    virtual.test_light_through_glass_is_that_of_paths_and_photons("photons")
+
+
+def frosted_globe():
+    virtual.test_light_through_glass_is_that_of_paths_and_photons("frosted globe")
+
+
+def tinted_globe():
+    virtual.test_light_through_glass_is_that_of_paths_and_photons("tinted globe")
+
+
+def holes():
+    virtual.test_light_is_that_of_paths_alone("holes")
+
+
 MUTANTS = [
     Mutant("photons weigh by the plane across their way", "weight / MAX(absolute(dot3(vertex.ng, way)),",
            "weight / MAX(ONE,", wall_of_mirror),
@@ -44,8 +60,14 @@ MUTANTS = [
            within_a_sphere),
     Mutant("light paths that go on weigh too little", "mul(path.beta, weight), ONE / survive)",
            "mul(path.beta, weight), ONE)", within_a_sphere),
-    Mutant("light of a point by a mirror", "& NOT(sizeless & (next.pdf == 0.0f))", "",
+    Mutant("light of a point by a mirror", "& (NOT(sizeless) | (smooth ? by_smooth : by_spread))", "",
            virtual.test_mirrored_light_of_a_lamp_without_size_stays_out_as_on_paths),
+    Mutant("light of a point by glass and no photons", "I by_smooth = bounce == 1u ? (role & ROLE_SURFACE) != 0",
+           "I by_smooth = bounce == 1u ? FALSE", photons_of_a_spot),
+    Mutant("facets scatter again by the light's way", "vertex = vertex_of(ray, hit, spread, choice, scene);", "", frosted_globe),
+    Mutant("glass absorbs nothing of light paths", "#if HAS_ABSORPTION\n        // As on a camera path",
+           "#if 0\n        // As on a camera path", tinted_globe),
+    Mutant("paths start in holes", "on = starts_on_something(start, on,", "starts_on_something(start, on,", holes),
     Mutant("rays that do not aim leave out a wedge", "MIN((u - a.rest) / (1.0f - a.rest),", "MIN(u,", aimed_rays),
 ]  # fmt: skip
 

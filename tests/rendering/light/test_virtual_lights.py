@@ -69,21 +69,26 @@ def _ball(material, center=(0.3, 0.5, -0.3), radius=0.3):
     return {"shape": "sphere", "center": list(center), "radius": radius, "material": material}
 
 
-def _octahedron(normals):
+def _octahedron(normals, **more):
     corners = np.array([[0, 1, 0], [1, 0, 0], [0, 0, 1], [-1, 0, 0], [0, 0, -1], [0, -1, 0]]) * 0.4 + [0.2, 0.5, -0.2]
     faces = [[0, 2, 1], [0, 1, 4], [0, 4, 3], [0, 3, 2], [5, 1, 2], [5, 4, 1], [5, 3, 4], [5, 2, 3]]
     return {"shape": "mesh", "vertices": corners.tolist(), "faces": faces, "normals": normals,
-            "material": {"kind": "matte", "reflectance": 0.5}}  # fmt: skip
+            "material": {"kind": "matte", "reflectance": 0.5, **more}}  # fmt: skip
 
 
 GREY = {"kind": "matte", "reflectance": 0.5}
+CARD = {"shape": "rectangle", "corner": [-0.3, 1.7, -1.0], "edge_u": [0.6, 0, 0], "edge_v": [0, 0, 0.5]}  # over the lamp
 OBJECTS = {
     "metal": _ball({"kind": "conductor", "reflectance": [0.9, 0.7, 0.4], "alpha": 0.3}),
     "rough matte": _ball(GREY | {"sigma_degrees": 40}),
     "mirror": _ball({"kind": "mirror", "reflectance": 0.9}),
     "glass": _ball(GLASS),
     "rough glass": _ball(GLASS | {"roughness": 0.6}),
+    "tinted glass": _ball(GLASS | {"absorption_per_m": [1, 3, 8]}),
     "plastic": _ball({"kind": "plastic", "reflectance": [0.2, 0.4, 0.6]}),
+    "principled glass": _ball({"kind": "principled", "base_color": [0.9, 0.7, 0.6], "roughness": 0.5,
+                               "transmission": 0.8}),
+    "brushed metal": _ball({"kind": "conductor", "reflectance": 0.9, "alpha": [0.7, 0.15]}),
     "leaf": _ball({"kind": "translucent", "reflectance": 0.3, "transmittance": [0.2, 0.5, 0.1]}),
     "mix": _ball({"kind": "mix", "materials": [GREY, {"kind": "conductor", "reflectance": 0.9, "alpha": 0.2}],
                   "factor": 0.5}),
@@ -95,6 +100,9 @@ OBJECTS = {
     "lamp of two sides": {"shape": "rectangle", "corner": [-0.5, 0.4, 0], "edge_u": [0.4, 0, 0],
                           "edge_v": [0, 0.3, 0.2],
                           "material": {"kind": "emissive", "radiance": 1, "two_sided": True}},
+    "holes": CARD | {"material": {"kind": "translucent", "reflectance": 0.1, "transmittance": 0.8, "opacity": {
+        "kind": "checker", "even": 0.1, "odd": 0.7, "scale": [4, 4]}}},
+    "mesh with holes": _octahedron("flat", opacity=0.4),
 }  # fmt: skip
 
 
@@ -102,7 +110,40 @@ OBJECTS = {
 @pytest.mark.parametrize("name", OBJECTS)
 def test_light_is_that_of_paths_alone(name):
     scene = room_lit_by_detours(objects=[OBJECTS[name]], resolution=(24, 24), depth=6)
-    scene["render"]["multiple_scattering"] = False
+    found, expected = (
+        pictures(choosing(scene, choice), f"{name} {choice}", spp) for choice, spp in (("on", 256), ("off", 1024))
+    )
+    assert_same_light(found, expected)
+
+
+BULB = _ball({"kind": "emissive", "radiance": [120, 110, 90]}, (0, 1.7, -0.2), 0.05)
+PANE = {"shape": "box", "min": [-0.99, 1.9, 0], "max": [0.99, 1.93, 0.99], "material": GLASS}
+SPOT = {"kind": "spot", "position": [-0.7, 1.9, 0.2], "direction": [0.9, -1.4, -0.5], "intensity": 9.0,
+        "inner_degrees": 20, "outer_degrees": 30}  # fmt: skip
+SUN = {"kind": "sun", "direction": [0.3, -1, -0.2], "irradiance": [9, 8, 7], "diameter_degrees": 3.0}
+BEHIND_GLASS = {"globe", "tinted globe", "pane", "photons of a pane"}
+BY_GLASS = {
+    "globe": [BULB, _ball(GLASS, (0, 1.7, -0.2), 0.2)],
+    "tinted globe": [BULB, _ball(GLASS | {"absorption_per_m": [1, 3, 8]}, (0, 1.7, -0.2), 0.2)],
+    "frosted globe": [BULB, _ball(GLASS | {"roughness": 0.6}, (0, 1.7, -0.2), 0.2)],
+    "principled globe": [BULB, _ball(OBJECTS["principled glass"]["material"], (0, 1.7, -0.2), 0.2)],
+    "pane": [PANE],
+    "photons": [_ball(GLASS)],
+    "photons of a pane": [PANE, _ball(GLASS)],
+    "photons by a mirror": [_ball({"kind": "mirror", "reflectance": 0.9})],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BY_GLASS)
+def test_light_through_glass_is_that_of_paths_and_photons(name):
+    lights = [SUN] if PANE in BY_GLASS[name] else [SPOT] if "photons" in name else []
+    scene = room_lit_by_detours(dark=True, objects=BY_GLASS[name], lights=lights, resolution=(24, 24), depth=7)
+    if PANE in BY_GLASS[name]:  # half the ceiling away
+        scene["objects"][1] |= {"edge_v": [0, 0, 1]}
+    scene["render"]["caustics"] = "on" if "photons" in name else "off"
+    facts = make_plan(load_scene(choosing(scene, "on"))).facts
+    assert (facts["CAUSTICS"], facts["LAMPS_BEHIND_GLASS"]) == ("photons" in name, name in BEHIND_GLASS)
     found, expected = (
         pictures(choosing(scene, choice), f"{name} {choice}", spp) for choice, spp in (("on", 256), ("off", 1024))
     )
@@ -195,8 +236,8 @@ def test_auto_looks_where_light_comes_from(scene, choice):
     [
         ({"medium": {"visibility_m": 50}}, "media such as fog"),
         ({"objects": [{"shape": "plane", "point": [0, -1, 0], "normal": [0, 1, 0], "material": GREY}]}, "planes"),
-        ({"objects": [_ball(GLASS | {"absorption_per_m": 1})]}, "glass that absorbs"),
-        ({"objects": [_ball(GREY) | {"visible": {"shadow": False}}]}, "hidden from some rays"),
+        ({"objects": [_ball({"kind": "dielectric", "glass": "N-BK7"})]}, "glass that disperses"),
+        ({"objects": [_ball(GREY) | {"visible": {"shadow": False}}]}, "hidden from reflection or shadow"),
     ],
 )
 def test_what_they_do_not_know_of_is_refused_where_they_are_asked_for(more, reason):
