@@ -195,7 +195,7 @@ __kernel void light_paths(SCENE_PARAMETERS
         // Leave a virtual light.
         F3 n = facing_side(vertex, path.ray.d);
         F3 light = scale(mul(path.beta, vertex.color), (F)(INV_PI_F));
-I leaves = on & scatters_evenly(vertex) & (NOT(sizeless) | by_spread);
+        I leaves = on & scatters_evenly(vertex) & (NOT(sizeless) | by_spread);
         I way = leaves ? start.record | ((I)((int)bounce) << WAY_SHIFT) : (I)(NO_LIGHT);
         F floats[8] = {vertex.p.x, vertex.p.y, vertex.p.z, light.x, light.y, light.z, AS_F(octahedral(n)), AS_F(way)};
         for (uint k = 0u; k < 8u; ++k)

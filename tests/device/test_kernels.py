@@ -285,6 +285,24 @@ def test_room_that_has_virtual_lights_compiles_without_a_warning(session, files,
     without_warnings(session, files, facts | READ | {"VW": lanes})
 
 
+@pytest.mark.parametrize("lanes", ONE_LANE_TOO)
+@compiled("light_paths shade", "stream")
+def test_room_with_glass_of_every_kind_that_has_virtual_lights_compiles_without_a_warning(session, files, lanes):
+    pane = {"shape": "box", "min": [-1, 1.9, 0], "max": [1, 1.95, 1], "material": {"kind": "dielectric"}}
+    materials = [
+        {"kind": "dielectric", "absorption_per_m": 1.0}, {"kind": "dielectric", "roughness": 0.5, "anisotropy": 0.5},
+        {"kind": "principled", "base_color": 0.5, "roughness": 0.5, "transmission": 0.5, "opacity": 0.5},
+        {"kind": "conductor", "reflectance": 0.9, "alpha": [0.7, 0.1]},
+    ]  # fmt: skip
+    balls = [{"shape": "sphere", "center": [0, 1, 0], "radius": 0.1, "material": each} for each in materials]
+    scene = room_lit_by_detours(objects=[pane, *balls])
+    scene["render"] |= {"caustics": "on", "virtual_lights": "on"}
+    facts = facts_of(scene)
+    wanted = ("VIRTUAL_LIGHTS", "CAUSTICS", "LAMPS_BEHIND_GLASS", "HAS_ABSORPTION", "HAS_OPACITY", "HAS_TRANSMISSION")
+    assert all(facts[name] for name in wanted)
+    without_warnings(session, files, facts | READ | {"VW": lanes})
+
+
 @pytest.mark.parametrize("camera", ["pinhole", "environment", "thick_lens"])
 def test_stream_makes_the_rays_of_a_camera_without_surfaces(session, camera):
     without_warnings(session, ["pass/stream.cl"], least_facts() | MADE | {"CAMERA_FILE": f"camera/{camera}.h", "VW": 8})

@@ -77,7 +77,7 @@ def _octahedron(normals, **more):
 
 
 GREY = {"kind": "matte", "reflectance": 0.5}
-CARD = {"shape": "rectangle", "corner": [-0.3, 1.7, -1.0], "edge_u": [0.6, 0, 0], "edge_v": [0, 0, 0.5]}  # over the lamp
+OVER_LAMP = {"shape": "rectangle", "corner": [-0.3, 1.7, -1.0], "edge_u": [0.6, 0, 0], "edge_v": [0, 0, 0.5]}
 OBJECTS = {
     "metal": _ball({"kind": "conductor", "reflectance": [0.9, 0.7, 0.4], "alpha": 0.3}),
     "rough matte": _ball(GREY | {"sigma_degrees": 40}),
@@ -100,7 +100,7 @@ OBJECTS = {
     "lamp of two sides": {"shape": "rectangle", "corner": [-0.5, 0.4, 0], "edge_u": [0.4, 0, 0],
                           "edge_v": [0, 0.3, 0.2],
                           "material": {"kind": "emissive", "radiance": 1, "two_sided": True}},
-    "holes": CARD | {"material": {"kind": "translucent", "reflectance": 0.1, "transmittance": 0.8, "opacity": {
+    "holes": OVER_LAMP | {"material": {"kind": "translucent", "reflectance": 0.1, "transmittance": 0.8, "opacity": {
         "kind": "checker", "even": 0.1, "odd": 0.7, "scale": [4, 4]}}},
     "mesh with holes": _octahedron("flat", opacity=0.4),
 }  # fmt: skip
@@ -211,6 +211,14 @@ def test_room_that_is_lit_by_detours_has_less_noise():
 OPEN = {"shape": "rectangle", "corner": [-3, 0, -3], "edge_u": [0, 0, 6], "edge_v": [6, 0, 0], "material": GREY}
 LAMP = {"shape": "rectangle", "corner": [-0.2, 1.9, 0], "edge_u": [0.4, 0, 0], "edge_v": [0, 0, 0.4],
         "material": {"kind": "emissive", "radiance": 20.0}}  # fmt: skip
+UNDER_LAMP = {"shape": "box", "min": [-0.9, 1.8, -0.9], "max": [0.9, 1.85, 0.9], "material": GLASS}
+
+
+def seen_from_outside(visible):
+    scene = room_lit_by_detours()
+    scene["objects"][3] |= {"visible": {"camera": visible}}
+    scene["camera"]["eye"] = [0.3, 1, 3]
+    return scene
 
 
 @pytest.mark.parametrize(
@@ -222,8 +230,11 @@ LAMP = {"shape": "rectangle", "corner": [-0.2, 1.9, 0], "edge_u": [0.4, 0, 0], "
         (room_lit_by_detours(dark=True), "off: no light"),
         (room_lit_by_detours(depth=2), "off: paths of fewer than 3 edges"),
         (room_lit_by_detours(objects=[_octahedron("flat"), LAMP]), "on: paths connect to virtual lights"),
+        (room_lit_by_detours(dark=True, objects=[LAMP, UNDER_LAMP]), "off: lamps light "),
+        (seen_from_outside(visible=False), "on: paths connect to virtual lights"),
+        (seen_from_outside(visible=True), "off: light leaves the scene: "),
     ],
-    ids=["open", "lit", "by detours", "dark", "short", "meshes"],
+    ids=["open", "lit", "by detours", "dark", "short", "meshes", "through glass", "wall unseen", "wall seen"],
 )
 def test_auto_looks_where_light_comes_from(scene, choice):
     found = choice_of(choosing(scene, "auto"))
