@@ -165,6 +165,11 @@ class SceneProperties(bpy.types.PropertyGroup):
         name="Caustics",
         items=[("auto", "Auto", "Photons where paths hardly find them"), ("on", "On", ""), ("off", "Off", "")],
     )
+    virtual_lights: EnumProperty(
+        name="Virtual Lights",
+        description="Less noise in rooms that are lit by detours; no light is changed",
+        items=[("auto", "Auto", "Where light comes by detours"), ("on", "On", ""), ("off", "Off", "")],
+    )
     denoise: BoolProperty(name="Denoise", description="Remove the noise that F12 leaves (biased); needs pyoidn")
     bake_size: IntProperty(
         name="Baked Pictures", description="Pixels across of each", default=1024, min=16, max=8192
@@ -195,7 +200,7 @@ def settings_of(
     given = scene.rptcam
     render: dict[str, Any] = {
         "spp": given.samples, "max_depth": given.max_depth, "seed": given.seed, "caustics": given.caustics,
-        "layers": layers,
+        "virtual_lights": given.virtual_lights, "layers": layers,
     }  # fmt: skip
     if given.noise > 0:
         render["noise"] = given.noise
@@ -240,6 +245,7 @@ class RPTCAM_PT_sampling(_Panel, bpy.types.Panel):
             "noise",
             "max_depth",
             "caustics",
+            "virtual_lights",
             "clamp",
             "seed",
             "denoise",

@@ -1245,6 +1245,26 @@ def test_vector_pass_says_what_it_lacks(tmp_path):
         integrations.blender.unregister()
 
 
+def test_render_has_what_the_sampling_panel_says():
+    import integrations.blender
+    from integrations.blender.panels import settings_of
+    from rptcam_cl.scene.film import RenderSettings
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene()
+        said = {"max_depth": 5, "seed": 3, "caustics": "off", "virtual_lights": "on", "clamp": 2.0, "noise": 0.25}
+        for name, value in said.items():
+            assert name in scene.rptcam.bl_rna.properties
+            setattr(scene.rptcam, name, value)
+        render = settings_of(scene, ["normal"]).more["render"]
+        assert render == said | {"spp": scene.rptcam.samples, "layers": ["normal"]}
+        assert RenderSettings.model_validate(render).virtual_lights == "on"
+    finally:
+        integrations.blender.unregister()
+
+
 def test_picture_is_denoised_or_a_sentence_says_why_not(tmp_path, monkeypatch):
     import bpy
 
