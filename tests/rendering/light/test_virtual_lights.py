@@ -312,14 +312,22 @@ def test_glance_learns_with_fewer_paths_and_leaves_the_film_its_bits(session):
     np.testing.assert_array_equal(films[1], np.asarray(rptcam_cl.render(scene, spp=1)))
 
 
-def test_camera_that_turns_in_a_session_has_the_bits_of_a_render():
+def test_film_of_a_session_has_the_bits_of_a_render_after_each_change():
     scene = room_lit_by_detours(resolution=(16, 16))
+    lamp = next(number for number, each in enumerate(scene["objects"]) if each["material"]["kind"] == "emissive")
+    changes = (
+        {"camera.target": [-0.9, 0.5, -0.5]}, {f"objects.{lamp}.material.radiance": [5, 40, 60]},
+        {"camera.eye": [0.2, 1.1, 0.8]}, {"film.resolution": [16, 8], "render.seed": 7},
+    )  # fmt: skip
     with rptcam_cl.RenderSession(load_scene(scene)) as session:
         session.take(2)
-        session.change({"camera.target": [-0.9, 0.5, -0.5]})
-        session.take(2)
-        scene["camera"]["target"] = [-0.9, 0.5, -0.5]
-        np.testing.assert_array_equal(session.pixels(), np.asarray(rptcam_cl.render(scene, spp=session.spp)))
+        for number, change in enumerate(changes):
+            session.change(change)
+            if number % 2:
+                session.glance(0.5)
+            session.take(2)
+            render = rptcam_cl.render(session.scene, spp=session.spp)
+            np.testing.assert_array_equal(session.pixels(), np.asarray(render), str(change))
 
 
 def test_directions_come_back_from_their_two_numbers():
