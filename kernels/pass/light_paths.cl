@@ -208,6 +208,11 @@ __kernel void light_paths(SCENE_PARAMETERS
         I smooth = next.pdf == 0.0f;
         on = on & (max3(weight) > 0.0f) & (u.d < survive) & (NOT(sizeless) | (smooth ? by_smooth : by_spread));
         sizeless = sizeless & smooth;
+        if (!ANY(on)) {
+            for (uint rest = bounce; rest < pass.max_edges; ++rest)
+                STORE_F(found, ((size_t)(7u * pass.max_edges) + rest) * pass.paths + first, AS_F((I)(NO_LIGHT)));
+            break;
+        }
         path.beta = scale(mul(path.beta, weight), ONE / survive);
         path.ray.o = departure(vertex, next.direction);
         path.ray.d = next.direction;

@@ -417,7 +417,8 @@ class VirtualLightPool:
         self._session, self._lights, self._buffers, self._pixels = session, lights, buffers, pixels
         self._edges = min(max(max_depth - 2, 1), _MOST_EDGES)
         self._most_paths = max(1 << (_MOST_FOUND // self._edges).bit_length() - 1, session.lanes)
-        self._learning_paths = min(_ROUGH_PATHS if is_rough else _LEARNING_PATHS, self._most_paths)
+        paths, self._more = (_ROUGH_PATHS, 0.5) if is_rough else (_LEARNING_PATHS, 0.75)
+        self._learning_paths = min(paths, self._most_paths)
         program = session.program(["pass/light_paths.cl"], {**facts, "VW": session.lanes}, layout.device_declarations())
         self._curve = session.upload(self._curve_of(lights.areas))
         self._launch = session.bind(
@@ -436,7 +437,7 @@ class VirtualLightPool:
         if learning not in self._buffers.learned:
             self._buffers.learned[learning] = self._learn()
         learned = self._buffers.learned[learning]
-        wanted = max(seen.samples * self._pixels * _PATHS_PER_SAMPLE, _LEAST_PATHS) / np.sqrt(learned.effective)
+        wanted = max(seen.samples * self._pixels * _PATHS_PER_SAMPLE, _LEAST_PATHS) / learned.effective**self._more
         count = min(1 << int(wanted).bit_length() - 1, _MOST_PATHS, self._most_paths)
         self._session.write(self._curve, learned.curve)
         lights = picked(self._trace(seen.number, count, seed), learned, layout.seed_words(seed ^ seen.number)[1])
