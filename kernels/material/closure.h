@@ -36,7 +36,7 @@
 #else
 #define HAS_PASSED 0
 #endif
-#if FACET_ENERGY && HAS_REFRACTION
+#if FACET_SHARES && FACET_ENERGY && HAS_REFRACTION
 #define HAS_AGAIN 1             // light that facets of glass reflect and refract more than once
 #else
 #define HAS_AGAIN 0
@@ -80,7 +80,11 @@
     WHEN(HAS_GLOSSY,       EACH(Alpha, alpha,        same_alpha(ONE),  alpha_of(material, u, v, scene))) \
     WHEN(HAS_METAL,        EACH(F3,    n,            WHITE_3,          coefficient(material->metal_n, scene))) /* n + ik */ \
     WHEN(HAS_METAL,        EACH(F3,    k,            WHITE_3,          coefficient(material->metal_k, scene))) \
-    WHEN(HAS_AGAIN,        EACH(F,     again,        ONE,              ONE)) /* all light over that scattered once */ \
+    WHEN(HAS_AGAIN,        EACH(I,     glass,        (I)(-1),          (I)(-1))) /* record of rough glass with a table */ \
+    WHEN(HAS_AGAIN,        EACH(F,     glass_level,  ONE,              ONE)) /* of its alphas, 0 to 1 */ \
+    WHEN(HAS_AGAIN,        EACH(F,     gain,         ONE,              ONE)) /* at the path's direction, of what is reflected */ \
+    WHEN(HAS_AGAIN,        EACH(F,     gain_passed,  ONE,              ONE)) /* and of what is refracted */ \
+    WHEN(HAS_AGAIN,        EACH(F,     reflects_more, ONE,             ONE)) /* odds of being reflected, over those once */ \
     WHEN(HAS_STAIN,        EACH(F,     glass_mean,   ONE,              ONE)) /* mean share scattered once */ \
     WHEN(HAS_BRUSHED_SHARE, EACH(F,    once,         ONE,              ONE)) /* share that is reflected once */ \
     WHEN(HAS_BRUSHED_SHARE, EACH(F,    once_mean,    ONE,              ONE)) /* and its mean over even light */ \

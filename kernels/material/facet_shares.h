@@ -2,7 +2,8 @@
 // leaves: by the cosine and the azimuth that it has where the facets' slopes are stretched to alpha 1, which turns all that
 // alpha makes narrow into smooth curves.
 // Facts: FACET_SHARES; HAS_BRUSHED_SHARE (metal) and HAS_BRUSHED_BASE (what lies under brushed facets), by both alphas; HAS_AGAIN
-// (rough glass). Each material has tables of its own, but where textures give both alphas.
+// (rough glass, of which the tables have what its facets scatter again). Each material has tables of its own, but where textures give
+// both alphas.
 #ifndef FACET_SHARES_H
 #define FACET_SHARES_H
 #include "common/angles.h"
@@ -39,13 +40,13 @@ static Stretched stretched(F cosine, F x, Alpha alpha)
 }
 
 // Between the entries of a plane of directions that starts at `first`.
-static F share_of_direction(const __global float *table, I first, Stretched w, int turns)
+static F share_of_direction(const __global float *table, I first, Stretched w, I turns)
 {
     I row, column;
     F down = among(w.cosine, (I)(SHARE_COSINES), &row);
-    F across = among(w.turn, (I)(turns), &column);
+    F across = among(w.turn, turns, &column);
     I at = first + row * turns + column;
-    I next = at + (turns > 1 ? 1 : 0);
+    I next = at + (turns > 1 ? (I)(1) : (I)(0));
     F a = GATHER(F, table, at, );
     F b = GATHER(F, table, next, );
     at += turns;
@@ -75,13 +76,13 @@ static Brushed brushed_shares(const __global float *table, I first, I count, Str
         F weight = ((corner & 1) ? x : 1.0f - x) * ((corner & 2) ? y : 1.0f - y);
         I plane = (along + (corner & 1) * step) * count + across + (corner >> 1) * step;
         I at = first + plane * SHARE_DIRECTIONS;
-        out.once += weight * share_of_direction(table, at, w, SHARE_TURNS);
+        out.once += weight * share_of_direction(table, at, w, (I)(SHARE_TURNS));
         I mean = first + planes * SHARE_DIRECTIONS + plane;
         out.once_mean += weight * GATHER(F, table, mean, );
 #if HAS_BRUSHED_BASE
         at += planes * (SHARE_DIRECTIONS + 1);
         mean += planes * (SHARE_DIRECTIONS + 1);
-        out.risen += weight * share_of_direction(table, at, w, SHARE_TURNS);
+        out.risen += weight * share_of_direction(table, at, w, (I)(SHARE_TURNS));
         out.risen_mean += weight * GATHER(F, table, mean, );
 #endif
     }
@@ -91,16 +92,23 @@ static Brushed brushed_shares(const __global float *table, I first, I count, Str
 #endif
 
 #if HAS_AGAIN
-// Of rough glass whose facets have a table, seen from one side, at `level` (0 to 1) of the alphas that a texture gives.
-static F glass_share(const __global float *table, const __global Material *glass, Stretched w, F level, I inside)
+#define GAIN_REFLECTED 0
+#define GAIN_PASSED    1
+#define REFLECTS_MORE  2    // odds of being reflected, over those by light that is scattered once
+
+// What rough glass k gains at one of the two directions of its BSDF, by that one's side and what becomes of the light, at `level` (0 to
+// 1) of the alphas that a texture gives.
+static F glass_gain(const __global float *table, const __global Material *materials, I k, I inside, I what, Stretched w, F level)
 {
+    I plane = (inside ? (I)(3) : (I)(0)) + what;
+    I levels = GATHER(I, materials, k, .share_levels), turns = GATHER(I, materials, k, .share_turns);
+    I size = SHARE_COSINES * turns;
     I low;
-    F up = among(level, (I)(glass->share_levels), &low);
-    int plane = SHARE_COSINES * glass->share_turns;
-    low = glass->share_table + (low + (inside ? (I)(glass->share_levels) : (I)(0))) * plane;
-    F a = share_of_direction(table, low, w, glass->share_turns);
-    I high = low + (glass->share_levels > 1 ? plane : 0);
-    return a + up * (share_of_direction(table, high, w, glass->share_turns) - a);
+    F up = among(level, levels, &low);
+    I at = levels > 0 ? GATHER(I, materials, k, .share_table) + (plane * levels + low) * size : (I)(0);
+    F a = share_of_direction(table, at, w, turns);
+    at += levels > 1 ? size : (I)(0);
+    return a + up * (share_of_direction(table, at, w, turns) - a);
 }
 #endif
 #endif

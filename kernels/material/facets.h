@@ -16,6 +16,7 @@ typedef struct {
     F3    boost;            // of metal, by the light that its facets reflect more than once
 #endif
 #if HAS_AGAIN
+    I     behind;           // lanes that come from inside
     F3    again;            // of glass, by what its facets scatter more than once
 #endif
 #if HAS_BASE
@@ -107,10 +108,6 @@ static Facet principled_facet(Vertex vertex, Lobes lobes, F c)
     F beyond = lobes.eta < 1.0f ? schlick(root(1.0f - sin2)) : steep;
     F3 of_clear = select3(sin2 >= 1.0f, WHITE_3, raised(f0, most, beyond));
     F3 passed = sub(WHITE_3, of_clear);
-#if HAS_AGAIN
-    of_clear = mul(of_clear, lobes.again);
-    passed = mul(passed, lobes.again);
-#endif
     f = along(f, sub(of_clear, f), clear);
 #endif
     F3 metal = along(scale(vertex.color, 1.0f - steep), f3(ONE, ONE, ONE), steep);
@@ -135,7 +132,18 @@ static Facet principled_facet(Vertex vertex, Lobes lobes, F c)
     facet.refracted = mul(vertex.color, scale(passed, dielectric * clear));
     F other = max3(facet.refracted);
     F own = max3(facet.reflected);
+#if HAS_AGAIN
+    own += max3(of_clear) * dielectric * clear * (vertex.closure.reflects_more - 1.0f);
+#endif
     facet.reflects = other > 0.0f ? own / (own + other) : ONE;
+#endif
+#if HAS_AGAIN && HAS_TRANSMISSION
+    F3 more = scale(mul(of_clear, sub(lobes.again, WHITE_3)), dielectric * clear);
+#if HAS_THIN_FILM
+    more = keep3(NOT(filmed), more);
+#endif
+    facet.reflected = add(facet.reflected, more);
+    facet.refracted = mul(facet.refracted, lobes.again);
 #endif
     return facet;
 }
@@ -172,7 +180,12 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
         facet.reflected = select3(glass, mul(facet.reflected, lobes.again), facet.reflected);
         facet.refracted = mul(facet.refracted, lobes.again);
 #endif
+#if HAS_AGAIN
+        F odds = f * vertex.closure.reflects_more;
+        facet.reflects = (glass & lobes.clear) ? odds / (odds + g) : facet.reflects;
+#else
         facet.reflects = (glass & lobes.clear) ? f : facet.reflects;
+#endif
 #if HAS_GLASS_TINT && HAS_ROUGH_DIELECTRIC
         I tinted = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
         facet.reflected = select3(tinted, mul(facet.reflected, vertex.color), facet.reflected);
@@ -333,11 +346,16 @@ static F3 boost_of(Vertex vertex, F mu)
 #endif
 
 #if HAS_AGAIN
-// What glass gains by light that its facets scatter more than once: mostly what one refracts and another reflects, so that it
-// takes the colour of reflections beside that of light scattered once.
-static F3 again_of(Vertex vertex)
+// What glass gains by light that its facets scatter more than once: a factor for each of both directions, so that the BSDF stays the
+// same either way. That light is mostly what one facet refracts and another reflects, so that it takes the colour of reflections beside
+// that of light scattered once.
+static F3 again_of(Vertex vertex, Lobes lobes, F3 wo)
 {
-    F again = vertex.closure.again;
+    I passes = lobes.clear & (wo.z < 0.0f);
+    F other = glass_gain(vertex.scene.facet_shares, vertex.scene.materials, MAX(vertex.closure.glass, FALSE), lobes.behind ^ passes,
+                         passes ? (I)(GAIN_PASSED) : (I)(GAIN_REFLECTED), stretched(wo.z, wo.x, vertex.closure.alpha),
+                         vertex.closure.glass_level);
+    F again = (passes ? vertex.closure.gain_passed : vertex.closure.gain) * (vertex.closure.glass >= 0 ? other : ONE);
     F3 gain = f3(again, again, again);
 #if HAS_STAIN
     I glass = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
@@ -366,7 +384,8 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
     lobes.boost = boost_of(vertex, wi.z);
 #endif
 #if HAS_AGAIN
-    lobes.again = again_of(vertex);
+    lobes.behind = behind;
+    lobes.again = WHITE_3;
 #endif
 #if HAS_CLEARCOAT
     I coated = (vertex.kind == MATERIAL_PRINCIPLED) & NOT(lobes.clear & behind);
@@ -394,6 +413,9 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
 static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
 {
     F c = MAX(dot3(lobes.wi, h), ZERO);
+#if HAS_AGAIN
+    lobes.again = again_of(vertex, lobes, wo);
+#endif
     Facet facet = facet_of(vertex, lobes, c);
     F density;
     F mirrored = ggx_reflect(lobes.wi, wo, h, vertex.closure.alpha, &density);

@@ -31,7 +31,7 @@ typedef struct {
 #if HAS_CLOSURE
     Closure closure;
 #endif
-#if HAS_MEASURED || HAS_THIN_FILM || HAS_BRUSHED_BASE
+#if HAS_MEASURED || HAS_THIN_FILM || HAS_BRUSHED_BASE || HAS_AGAIN
     Scene scene;    // whose tables are read once the direction on is known
 #endif
 #if HAS_MIX
@@ -95,35 +95,7 @@ static F index_at(const __global Material *material, F inverse)
 }
 #endif
 
-#if HAS_AGAIN
-// All light that rough glass passes on, over what its facets scatter once, for a path whose direction has that cosine to the
-// normal: a polynomial in its root for either side (rptcam_cl/rendering/plan/materials.py).
-static F scattered_again(const __global Material *material, F cosine)
-{
-    F x = sqrt(MIN(absolute(cosine), ONE));
-    F inside = ZERO, outside = ZERO;
-    for (int i = ONCE_TERMS - 1; i >= 0; --i) {
-        inside = inside * x + material->once_inside[i];
-        outside = outside * x + material->once_outside[i];
-    }
-    return 1.0f / MIN(MAX(cosine > 0.0f ? inside : outside, (F)(0.1f)), ONE);
-}
-#endif
-
-#if HAS_STAIN
-// The mean over even light of the share that those facets scatter once, the integral of 2 mu p(root of mu).
-static F mean_scattered_once(const __global Material *material, F cosine)
-{
-    float inside = 0.0f, outside = 0.0f;
-    for (int i = ONCE_TERMS - 1; i >= 0; --i) {
-        inside += material->once_inside[i] * (4.0f / (4 + i));
-        outside += material->once_outside[i] * (4.0f / (4 + i));
-    }
-    return MIN(cosine > 0.0f ? (F)(inside) : (F)(outside), ONE);
-}
-#endif
-
-#if HAS_BRUSHED_SHARE || (FACET_SHARES && HAS_AGAIN)
+#if HAS_BRUSHED_SHARE || HAS_AGAIN
 // What tables say of the light that facets scatter once, of a path along `d`.
 static void take_shares(Vertex *vertex, I mine, const __global Material *material, F3 d, Scene scene)
 {
@@ -148,13 +120,25 @@ static void take_shares(Vertex *vertex, I mine, const __global Material *materia
 #endif
 #if HAS_AGAIN
     if (material->share_levels > 0) {
+        I k = (I)((int)(material - scene.materials));
 #if HAS_ANISOTROPY
         F level = vertex->closure.alpha.y / material->alpha_across;
 #else
         F level = vertex->closure.alpha.x / material->alpha;
 #endif
-        F share = glass_share(scene.facet_shares, material, w, level, cosine > 0.0f);
-        vertex->closure.again = mine ? ONE / share : vertex->closure.again;
+        I inside = cosine > 0.0f;
+        F gain = glass_gain(scene.facet_shares, scene.materials, k, inside, (I)(GAIN_REFLECTED), w, level);
+        F passed = glass_gain(scene.facet_shares, scene.materials, k, inside, (I)(GAIN_PASSED), w, level);
+        F more = glass_gain(scene.facet_shares, scene.materials, k, inside, (I)(REFLECTS_MORE), w, level);
+        vertex->closure.glass = mine ? k : vertex->closure.glass;
+        vertex->closure.glass_level = mine ? level : vertex->closure.glass_level;
+        vertex->closure.gain = mine ? gain : vertex->closure.gain;
+        vertex->closure.gain_passed = mine ? passed : vertex->closure.gain_passed;
+        vertex->closure.reflects_more = mine ? more : vertex->closure.reflects_more;
+#if HAS_STAIN
+        F mean = inside ? (F)(material->once.y) : (F)(material->once.x);
+        vertex->closure.glass_mean = mine ? mean : vertex->closure.glass_mean;
+#endif
     }
 #endif
 }
@@ -197,16 +181,10 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
     if (material->bump_texture >= 0)
         vertex->n = select3(mine, bumped_normal(material, point, point.n, scene), vertex->n);
 #endif
-#if HAS_AGAIN
-    vertex->closure.again = mine ? scattered_again(material, dot3(vertex->n, d)) : vertex->closure.again;
-#endif
 #if HAS_HAIR
     vertex->closure.across = mine ? 2.0f * point.v - 1.0f : vertex->closure.across;
 #endif
-#if HAS_STAIN
-    vertex->closure.glass_mean = mine ? mean_scattered_once(material, dot3(vertex->n, d)) : vertex->closure.glass_mean;
-#endif
-#if HAS_BRUSHED_SHARE || (FACET_SHARES && HAS_AGAIN)
+#if HAS_BRUSHED_SHARE || HAS_AGAIN
     take_shares(vertex, mine, material, d, scene);
 #endif
 #if HAS_COAT_NORMAL
@@ -259,7 +237,7 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
     Vertex vertex;
     F3 p = along(ray.o, ray.d, hit.t);
     vertex.p = p;
-#if HAS_MEASURED || HAS_THIN_FILM || HAS_BRUSHED_BASE
+#if HAS_MEASURED || HAS_THIN_FILM || HAS_BRUSHED_BASE || HAS_AGAIN
     vertex.scene = scene;
 #endif
     vertex.n = f3(ZERO, ZERO, ONE);

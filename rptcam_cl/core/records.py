@@ -541,13 +541,13 @@ SEGMENT = declare(
     ("float4", "turn"),  # at the beginning: quaternion x, y, z, w
 )
 
-ONCE_TERMS = 8
 SHARE_SIDES = {"ALPHAS": 16, "COSINES": 32, "TURNS": 12}  # of the tables of kernels/material/facet_shares.h
 
 MATERIAL = declare(
     "Material",
     # w of a colour, here and elsewhere: its number among the spectra of the scene, from 1; 0 where it has none
     ("float4", "color"),  # reflectance, base colour, or radiance of an emissive material
+    ("float4", "once"),  # of rough glass, x outside and y inside: the share of even light that its facets scatter once
     ("float4", "metal_n metal_k"),  # refractive index n + i k of a metal
     ("float4", "cover"),  # of rough plastic: share of light that its cover reflects, as a quartic in 1 - cos
     ("float4", "absorption"),  # [1/m] behind the surface; of thin glass the optical depth
@@ -587,8 +587,6 @@ MATERIAL = declare(
     ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
     ("float", "dispersion_high"),
     ("float", f"dispersion[{DISPERSION_TERMS}]"),
-    ("float", f"once_outside[{ONCE_TERMS}]"),  # of rough glass: the light that facets scatter once, by the cosine
-    ("float", f"once_inside[{ONCE_TERMS}]"),
     ("float", "anisotropy_turn"),  # of the direction of `alpha`, from u towards v [turns]
     ("int", "specular_texture specular_color_texture coat_normal_texture"),
     ("float", "coat_normal_strength"),
@@ -845,7 +843,7 @@ def device_declarations() -> str:
     lines += [f"#define RAY_STATUS_COUNT {len(RayStatus)}", f"#define MATERIAL_KINDS {len(MaterialKind)}"]
     lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
     lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
-    lines += [f"#define ONCE_TERMS {ONCE_TERMS}", f"#define DENSITY_BLOCK {DENSITY_BLOCK}"]
+    lines.append(f"#define DENSITY_BLOCK {DENSITY_BLOCK}")
     lines += [f"#define SHARE_{name} {count}" for name, count in SHARE_SIDES.items()]
     lines += [f"#define LOSS_TABLE_NM {LOSS_TABLE_NM}", f"#define LOSS_TABLE_LENGTH {LOSS_TABLE_LENGTH}"]
     lines += [f"#define {name} {value!r}f" for name, value in _CONSTANTS.items()]

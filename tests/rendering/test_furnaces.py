@@ -55,6 +55,28 @@ def test_white_convex_body_vanishes_in_a_white_world(shape, scale):
     np.testing.assert_allclose(film, 1, rtol=ROUND_TRIP)
 
 
+@pytest.mark.parametrize(
+    "glass",
+    [
+        {"kind": "dielectric", "roughness": 0.7},
+        slow({"kind": "dielectric", "roughness": 1.0}),
+        slow({"kind": "dielectric", "alpha": [0.6, 0.2]}),
+        slow({"kind": "principled", "base_color": 1.0, "roughness": 0.7, "transmission": 1.0}),
+    ],
+    ids=str,
+)
+def test_lamp_in_a_ball_of_rough_glass_loses_no_light(glass):
+    """In a matte sphere, which the ball lights evenly: E = I / R^2 and E / (1 - rho) with all that comes back."""
+    sphere = {"shape": "sphere", "center": [0, 0, 0], "radius": 2, "material": {"kind": "matte", "reflectance": 0.3}}
+    ball = {"shape": "sphere", "center": [0, 0, 0], "radius": 0.5, "material": glass}
+    lamp = {"kind": "point", "position": [0, 0, 0], "intensity": 3.0}
+    scene = scene_of([sphere, ball], looking([0.9, -0.6, 0.7], [2, 0, 0], fov=20), depth=40, lights=[lamp])
+    scene["render"] |= {"caustics": "off"}
+    found = np.array([pixels(scene, seed=seed_of(f"{glass} {number}"), spp=512).mean() for number in range(8)])
+    expected = 0.3 / np.pi * 3.0 / 2**2 / (1 - 0.3)
+    assert_equivalent(found.mean(), found.std(ddof=1) / np.sqrt(len(found)), expected, 0.03 * expected)
+
+
 @pytest.mark.parametrize("shape", CONVEX)
 def test_grey_convex_body_shows_its_reflectance_and_nothing_else(shape):
     material = {"kind": "matte", "reflectance": [0.5, 0.25, 0.75]}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import WAVELENGTHS_NM, srgb_from_reflectance
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, ONCE_TERMS, SHARE_SIDES, BumpLengths, MaterialKind, fill
+from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, SHARE_SIDES, BumpLengths, MaterialKind, fill
 from rptcam_cl.core.remember import Disk, content_name, remember
 from rptcam_cl.rendering.plan import textures as plan_textures
 from rptcam_cl.rendering.plan.textures import KnownSpectra, TextureTable
@@ -200,31 +200,19 @@ def cover_mean(cover: tuple[float, ...]) -> float:
     return float(sum(2 * c / ((i + 1) * (i + 2)) for i, c in enumerate(cover)))
 
 
-_ONCE_GRID, _ONCE_COSINES, _ONCE_AZIMUTHS = 96, 24, 4  # of the quadrature, and where the polynomial is fitted
+# What facets scatter, as tables (kernels/material/facet_shares.h).
+
+_SHARE_NODES = 64, 24  # of the quadrature over visible normals, round their cap and along it
+_FINE_NODES = 128, 32  # of tables for one pair of alphas
+MIDDLE = 1.002  # of the errors of a table, so that white metal gives back 0.997 to 1.001 of even light
+_LEAST_STRETCH = 1e-3
 
 
-def _once_scattered(cosine: float, alpha: tuple[float, float], eta: float, azimuth: float, *, schlick: bool) -> float:
-    """Return the share of light from a direction that GGX facets of glass reflect or refract once.
-
-    Parameters
-    ----------
-    cosine
-        Of the direction to the normal.
-    alpha
-        GGX's alpha along and across.
-    eta
-        Index beyond the surface over that before it.
-    azimuth
-        Of the direction [rad].
-    schlick
-        Whether facets reflect after Schlick, by the angle outside, or after Fresnel.
-    """
-    stretch = np.array([*alpha, 1.0])
-    u, v = np.meshgrid(*[(np.arange(_ONCE_GRID) + 0.5) / _ONCE_GRID] * 2)
-    sine = np.sqrt(1 - cosine**2)
-    w = np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine]) * stretch
-    w /= np.linalg.norm(w)
-    return float(_scattered_once(w, _cap(w, u, v), stretch[None, :, None], eta, schlick=schlick).mean())
+def _quadrature(around: int, along: int) -> tuple[Array, Array, Array]:
+    """Return nodes of a spherical cap, two numbers each as `_cap` takes them, and their weights."""
+    node, weight = np.polynomial.legendre.leggauss(along)
+    u, v = np.meshgrid((np.arange(around) + 0.5) / around, (node + 1) / 2, indexing="ij")
+    return u, v, np.broadcast_to(weight / 2 / around, u.shape).ravel()
 
 
 def _cap(w: Array, u: Array, v: Array) -> Array:
@@ -234,50 +222,33 @@ def _cap(w: Array, u: Array, v: Array) -> Array:
     return np.stack([r * np.cos(2 * np.pi * u) + w[0], r * np.sin(2 * np.pi * u) + w[1], z + w[2]]).reshape(3, -1)
 
 
-def _scattered_once(w: Any, cap: Any, stretch: Any, eta: float | Callable[[Any], Any], *, schlick: bool) -> Any:
-    """Return the shares (k, n, m) that facets of normals ``cap`` (3, m) scatter of light along ``w``, for alpha 1.
+def _met(w: Any, cap: Any, stretch: Any) -> tuple[Any, Any, Any]:
+    """Return facets that light meets along ``w``: normals (n, 3, m), its direction (n, 3, 1), cosines between them.
 
-    ``stretch`` (n, 3, 1) is what takes directions there; ``eta`` and k are as of `_once_table`.
+    Normals ``cap`` (3, m) and direction are as for alpha 1; ``stretch`` (n, 3, 1) is what takes directions there.
     """
     h, wi = cap * stretch, w[:, None] / stretch
     h /= np.sqrt((h * h).sum(axis=1, keepdims=True))
     wi /= np.sqrt((wi * wi).sum(axis=1, keepdims=True))
-    c = np.clip((h * wi).sum(axis=1), 0, 1)
-    own, reflected = _smith_lambda(wi, stretch), 2 * c[:, None] * h - wi
-    back = np.where(reflected[:, 2] > 0, (1 + own) / (1 + own + _smith_lambda(reflected, stretch)), 0)
-    if callable(eta):
-        return np.stack([back, back * eta(c)])
+    return h, wi, np.clip((h * wi).sum(axis=1), 0, 1)
+
+
+def _mirrored(h: Any, wi: Any, c: Any, stretch: Any) -> tuple[Any, Any]:
+    """Return where facets mirror light to (n, 3, m), and the share of it that no other facet is in the way of."""
+    own, ways = _smith_lambda(wi, stretch), 2 * c[:, None] * h - wi
+    return ways, np.where(ways[:, 2] > 0, (1 + own) / (1 + own + _smith_lambda(ways, stretch)), 0)
+
+
+def _refracted(h: Any, wi: Any, c: Any, stretch: Any, eta: float) -> tuple[Any, Any]:
+    """Return where facets bend light to (n, 3, m), and the share of it that no other facet is in the way of."""
     inside = np.sqrt(np.clip(1 - (1 - c * c) / eta**2, 0, None))
-    refracted = (c / eta - inside)[:, None] * h - wi / eta
-    share = fresnel(c, eta)
-    if schlick:
-        f0 = ((eta - 1) / (eta + 1)) ** 2
-        share = np.where(share >= 1, 1, f0 + (1 - f0) * _schlick(inside if eta < 1 else c))
-    down = 1 / (1 + _smith_lambda(refracted, stretch))
-    return (share * back + np.where(refracted[:, 2] < 0, (1 - share) * down, 0))[None]
+    ways = (c / eta - inside)[:, None] * h - wi / eta
+    return ways, np.where(ways[:, 2] < 0, 1 / (1 + _smith_lambda(ways, stretch)), 0)
 
 
 def _smith_lambda(w: Any, stretch: Any) -> Any:
     sideways2 = ((w * stretch)[:, :2] ** 2).sum(axis=1)
     return (np.sqrt(1 + sideways2 / np.maximum(w[:, 2] ** 2, 1e-30)) - 1) / 2
-
-
-@lru_cache(maxsize=256)
-def _once_polynomial(alpha: tuple[float, float], eta: float, *, schlick: bool) -> tuple[float, ...]:
-    """Return the coefficients in the root of the cosine of `_once_scattered`, a mean over azimuths."""
-    cosines = ((np.arange(_ONCE_COSINES) + 0.5) / _ONCE_COSINES) ** 2
-    turns = np.arange(1 if alpha[0] == alpha[1] else _ONCE_AZIMUTHS) * (np.pi / 2 / (_ONCE_AZIMUTHS - 1))
-    shares = np.array([np.mean([_once_scattered(c, alpha, eta, t, schlick=schlick) for t in turns]) for c in cosines])
-    powers = np.sqrt(cosines)[:, None] ** np.arange(ONCE_TERMS)
-    return tuple(map(float, np.linalg.lstsq(powers / shares[:, None], np.ones(_ONCE_COSINES), rcond=None)[0]))
-
-
-# The same as tables, for what has two alphas or takes its alpha from a texture (kernels/material/facet_shares.h).
-
-_SHARE_NODES = 64, 24  # of the quadrature over visible normals, round their cap and along it
-_FINE_NODES = 128, 32  # of tables for one pair of alphas
-MIDDLE = 1.002  # of the errors of a table, so that white metal gives back 0.997 to 1.001 of even light
-_LEAST_STRETCH = 1e-3
 
 
 def _table_directions(turns: int) -> Array:
@@ -291,37 +262,21 @@ def _table_directions(turns: int) -> Array:
     return np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z + 0 * azimuth], axis=-1)
 
 
-def _once_table(
-    alphas: Array,
-    turns: int,
-    eta: float | Callable[[Array], Array],
-    *,
-    schlick: bool = False,
-    nodes: tuple[int, int] = _SHARE_NODES,
-) -> NDArray[np.float32]:
-    """Return shares of light that facets scatter once, for pairs of alphas (n, 2): shape (k, n, cosines, ``turns``).
+def _once_table(alphas: Array, reflectance: Callable[[Array], Array], nodes: tuple[int, int]) -> NDArray[np.float32]:
+    """Return shares of light that facets reflect once, for pairs of alphas (n, 2): shape (2, n, cosines, turns).
 
-    Parameters
-    ----------
-    eta
-        Of glass the index beyond the surface over that before it; k is 1. Of what only reflects, a reflectance by the
-        cosine; k is 2, of facets that reflect everything and of these.
-    schlick
-        As of `_once_scattered`.
-    nodes
-        Of the quadrature.
+    Of facets that reflect everything, and of those of a reflectance by the cosine; ``nodes`` are of the quadrature.
     """
-    around, along = nodes
-    node, weight = np.polynomial.legendre.leggauss(along)
-    u, v = np.meshgrid((np.arange(around) + 0.5) / around, (node + 1) / 2, indexing="ij")
-    weights = np.broadcast_to(weight / 2 / around, u.shape).ravel().astype(np.float32)
+    u, v, weights = _quadrature(*nodes)
+    weights = weights.astype(np.float32)
     stretch = np.c_[np.maximum(alphas, _LEAST_STRETCH), np.ones(len(alphas))].astype(np.float32)[:, :, None]
-    directions = _table_directions(turns).reshape(-1, 3)
-    shares = np.empty((2 if callable(eta) else 1, len(alphas), len(directions)), np.float32)
+    directions = _table_directions(SHARE_SIDES["TURNS"]).reshape(-1, 3)
+    shares = np.empty((2, len(alphas), len(directions)), np.float32)
     for place, w in enumerate(directions):
-        cap = _cap(w, u, v).astype(np.float32)
-        shares[..., place] = _scattered_once(w.astype(np.float32), cap, stretch, eta, schlick=schlick) @ weights
-    return shares.reshape(*shares.shape[:2], -1, turns)
+        h, wi, c = _met(w.astype(np.float32), _cap(w, u, v).astype(np.float32), stretch)
+        _, back = _mirrored(h, wi, c, stretch)
+        shares[..., place] = np.stack([back, back * reflectance(c)]) @ weights
+    return shares.reshape(*shares.shape[:2], -1, SHARE_SIDES["TURNS"])
 
 
 def _brushed_shares(
@@ -333,7 +288,7 @@ def _brushed_shares(
     reflectance of such light less that at the cosine of the light: what it is near 0 for is smooth near an alpha of 0.
     """
     turns = SHARE_SIDES["TURNS"]
-    tables = _once_table(alphas, turns, reflectance, nodes=nodes).astype(np.float64)
+    tables = _once_table(alphas, reflectance, nodes).astype(np.float64)
     z = np.sqrt((np.arange(64) + 0.5) / 64)[:, None]  # even light
     azimuth = (np.arange(16) + 0.5) * (np.pi / 32)
     means = np.empty((2, len(alphas)))
@@ -390,13 +345,113 @@ def _between(plane: Any, rows: Array, columns: Array) -> Array:
     return np.asarray(upper * (1 - down) + lower * down)
 
 
-@lru_cache(maxsize=64)
-def _glass_table(alpha: tuple[float, float], levels: int, eta: float, *, schlick: bool) -> NDArray[np.float32]:
-    """Return shares of light that rough glass scatters once, for ``levels`` of alphas up to these, from either side."""
-    steps = np.linspace(1.0 if levels == 1 else 0.0, 1.0, levels)
-    turns = _share_turns(alpha)
-    sides = [_once_table(steps[:, None] * alpha, turns, index, schlick=schlick) for index in (eta, 1 / eta)]
-    return np.concatenate(sides).ravel()
+_GLASS = Disk(
+    "facets",
+    ("core", "rendering/plan"),
+    pack=lambda own: ({"gains": own[0]}, {"once": own[1]}),
+    unpack=lambda held, facts: (held["gains"], tuple(facts["once"])),
+)
+
+
+@remember(most=64, disk=_GLASS)
+def _glass_gains(
+    alpha: tuple[float, float], levels: int, eta: float, *, schlick: bool
+) -> tuple[NDArray[np.float32], tuple[float, float]]:
+    """Return what rough glass gains by light that its facets scatter more than once, and what they scatter once.
+
+    The gains (6, levels, entries) are for alphas up to these at a direction outside, of what is reflected, of what
+    passes, and of the odds of being reflected, then at one inside. A BSDF times those of both its directions stays the
+    same either way and sends on all light from any direction: such factors balance a symmetric matrix (Sinkhorn and
+    Knopp 1967). In the thinner medium as much is reflected as is of what is scattered once. The other numbers are
+    shares of even light that is scattered once, from either side.
+
+    Parameters
+    ----------
+    alpha
+        GGX's alpha along and across.
+    levels
+        How many.
+    eta
+        Index of refraction.
+    schlick
+        Whether facets reflect after Schlick, by the angle outside, or after Fresnel.
+    """
+    turns, steps = _share_turns(alpha), np.linspace(1.0 if levels == 1 else 0.0, 1.0, levels)
+    gains = np.empty((6, levels, SHARE_SIDES["COSINES"] * turns))
+    for number, step in enumerate(steps):
+        stretch = np.array([*np.maximum(step * np.array(alpha), _LEAST_STRETCH), 1.0])
+        outside, inside = (_scattered_to(stretch, index, turns, schlick=schlick) for index in (eta, 1 / eta))
+        thin, dense = _balanced(outside, inside) if eta >= 1 else _balanced(inside, outside)
+        gains[:, number] = (*thin, *dense) if eta >= 1 else (*dense, *thin)
+    z, around = (grid.ravel() for grid in np.meshgrid(np.sqrt((np.arange(64) + 0.5) / 64), np.arange(16) * np.pi / 8))
+    even = np.stack([np.sqrt(1 - z * z) * np.cos(around), np.sqrt(1 - z * z) * np.sin(around), z])
+    seen = _onto(even, np.full(len(z), 1 / len(z)), stretch, turns)
+    once_outside, once_inside = (float(seen @ (back + through).sum(axis=1)) for back, through in (outside, inside))
+    return gains.astype(np.float32), (once_outside, once_inside)
+
+
+_BALANCED, _BALANCINGS, _LEAST_REFLECTED = 1e-4, 2000, 1e-9  # how near, after how many steps at most
+
+
+def _balanced(thin: tuple[Array, Array], dense: tuple[Array, Array]) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    """Return gains in the thinner medium and in the denser one: of what is reflected, of what passes, of the odds.
+
+    ``thin`` and ``dense`` are of `_scattered_to`.
+    """
+    (back, down), (inner, up) = thin, dense
+    share = back.sum(axis=1) / (back.sum(axis=1) + down.sum(axis=1))
+    reflected, passed, within = (np.ones(len(back)) for _ in range(3))
+    mirrors = share > _LEAST_REFLECTED
+    for _ in range(_BALANCINGS):
+        of_back = np.where(mirrors, reflected * (back @ reflected) / np.maximum(share, _LEAST_REFLECTED), 1.0)
+        of_down = passed * (down @ within) / (1 - share)
+        of_within = within * (inner @ within + up @ passed)
+        if max(np.abs(each - 1).max() for each in (of_back, of_down, of_within)) < _BALANCED:
+            break
+        reflected, passed, within = (
+            gain / np.sqrt(over) for gain, over in ((reflected, of_back), (passed, of_down), (within, of_within))
+        )
+    sums = [np.maximum(each.sum(axis=1), _LEAST_REFLECTED) for each in (inner, up)]
+    odds = np.maximum(inner @ within, _LEAST_REFLECTED) / sums[0] / np.maximum(up @ passed, _LEAST_REFLECTED) * sums[1]
+    return (reflected, passed, np.ones(len(back))), (within, within, odds)
+
+
+def _scattered_to(stretch: Array, eta: float, turns: int, *, schlick: bool) -> tuple[Array, Array]:
+    """Return the light that facets of glass scatter once from each direction of a table to each: reflected, refracted.
+
+    ``eta`` is the index beyond the surface over that before it.
+    """
+    u, v, weights = _quadrature(*_SHARE_NODES)
+    f0, each = ((eta - 1) / (eta + 1)) ** 2, stretch[None, :, None]
+    reflected, refracted = [], []
+    for w in _table_directions(turns).reshape(-1, 3):
+        h, wi, c = _met(w, _cap(w, u, v), each)
+        (mirrored, back), (bent, down) = _mirrored(h, wi, c, each), _refracted(h, wi, c, each, eta)
+        share = fresnel(c, eta)
+        if schlick:
+            inside = np.sqrt(np.clip(1 - (1 - c * c) / eta**2, 0, None))
+            share = np.where(share >= 1, 1, f0 + (1 - f0) * _schlick(inside if eta < 1 else c))
+        reflected.append(_onto(mirrored[0], (share * back)[0] * weights, stretch, turns))
+        refracted.append(_onto(bent[0], ((1 - share) * down)[0] * weights, stretch, turns))
+    return np.array(reflected), np.array(refracted)
+
+
+def _onto(ways: Array, light: Array, stretch: Array, turns: int) -> Array:
+    """Share light along ways (3, m) out among the entries of a table, as one reads between them."""
+    x, y, z = np.abs(ways) * stretch[:, None]
+    rows = np.arccos(1 - 2 * z / np.sqrt(x * x + y * y + z * z)) / np.pi * (SHARE_SIDES["COSINES"] - 1)
+    columns = np.arccos(1 - 2 * np.arctan2(y, x) / (np.pi / 2)) / np.pi * (turns - 1)
+    i, j = (
+        np.clip(place.astype(int), 0, max(size - 2, 0))
+        for place, size in zip((rows, columns), (SHARE_SIDES["COSINES"], turns), strict=True)
+    )
+    down, across = rows - i, columns - j
+    found = np.zeros(SHARE_SIDES["COSINES"] * turns)
+    for below in (0, 1):
+        for beside in (0, 1) if turns > 1 else (0,):
+            share = (down if below else 1 - down) * (across if beside else 1 - across)
+            found += np.bincount((i + below) * turns + j + beside, light * share, len(found))
+    return found
 
 
 def _share_turns(alpha: tuple[float, float]) -> int:
@@ -422,7 +477,7 @@ def facet_shares(records: NDArray[np.void]) -> NDArray[np.float32]:
             parts.append(_own_table(alpha, index if record["kind"] == MaterialKind.ROUGH_PLASTIC else 0.0))
         if record["share_levels"] > 0:
             clear = bool(record["kind"] == MaterialKind.PRINCIPLED)
-            parts.append(_glass_table(alpha, int(record["share_levels"]), index, schlick=clear))
+            parts.append(_glass_gains(alpha, int(record["share_levels"]), index, schlick=clear)[0].ravel())
     return np.concatenate(parts)
 
 
@@ -434,7 +489,7 @@ def _place_tables(records: NDArray[np.void]) -> None:
         record["brushed_table"] = 1 if record["brushed_alphas"] > 1 else start
         start += of_pair if record["brushed_alphas"] == 1 else 0
         record["share_table"] = start
-        start += 2 * int(record["share_levels"] * record["share_turns"]) * SHARE_SIDES["COSINES"]
+        start += 6 * int(record["share_levels"] * record["share_turns"]) * SHARE_SIDES["COSINES"]
 
 
 def _fill_brushed(record: np.void) -> None:
@@ -446,20 +501,18 @@ def _fill_brushed(record: np.void) -> None:
         record["brushed_alphas"] = SHARE_SIDES["ALPHAS"] if varies else 1
 
 
-def _fill_once(record: np.void) -> None:
-    """Write what facets of rough glass scatter once: a polynomial, or how large the table is."""
+def _fill_glass(record: np.void) -> None:
+    """Write how large the table of rough glass is, and what its facets scatter once."""
     kind = int(record["kind"])
     clear = kind == MaterialKind.PRINCIPLED and (record["transmission"] > 0 or record["transmission_texture"] >= 0)
     if kind != MaterialKind.ROUGH_DIELECTRIC and not clear:
         return
     pair, varies = (float(record["alpha"]), float(record["alpha_across"])), record["roughness_texture"] >= 0
-    if varies or pair[0] != pair[1]:
-        record["share_levels"] = SHARE_SIDES["ALPHAS"] if varies else 1
-        record["share_turns"] = _share_turns(pair)
-        return
-    alpha, index = (float(record["alpha"]), float(record["alpha_across"])), float(record["parameter"])
-    for name, eta in (("once_outside", index), ("once_inside", 1.0 / index)):
-        record[name] = _once_polynomial(alpha, eta, schlick=clear)
+    record["share_levels"] = SHARE_SIDES["ALPHAS"] if varies else 1
+    record["share_turns"] = _share_turns(pair)
+    if not varies:
+        _, shares = _glass_gains(pair, 1, float(record["parameter"]), schlick=clear)
+        record["once"][:2] = shares
 
 
 def _scatters_again(records: NDArray[np.void]) -> bool:
@@ -696,7 +749,7 @@ class _Filler:
             depth = material.depth if isinstance(material, models.ThinGlass) else material.absorption
             fill(record, absorption=(*depth, self._spectra.number(depth)))
         self._coverage(record, material)
-        _fill_once(record)
+        _fill_glass(record)
         _fill_brushed(record)
 
     def _metal(self, record: np.void, metal: str | models.OpticalConstants | models.MetalSpectrum) -> None:
@@ -869,12 +922,10 @@ def _white(count: int) -> NDArray[np.void]:
     """Return records of materials of no kind: white, without textures or holes."""
     records = MATERIAL.zeros(count)
     white = (1.0, 1.0, 1.0)
-    once = np.eye(1, ONCE_TERMS)[0]
     fill(
         records,
         color=white,
-        once_outside=once,
-        once_inside=once,
+        once=(1.0, 1.0, 0.0, 0.0),
         passed=white,
         specular_color=white,
         opacity=1.0,
