@@ -357,7 +357,7 @@ _GLASS = Disk(
 def _glass_gains(
     alpha: tuple[float, float], levels: int, eta: float, *, schlick: bool
 ) -> tuple[NDArray[np.float32], tuple[float, float]]:
-    """Return what rough glass gains by light that its facets scatter more than once, and what they scatter once.
+    """Return gains of rough glass by light that its facets scatter more than once, and shares that they scatter once.
 
     The gains (6, levels, entries) are for alphas up to these at a direction outside, of what is reflected, of what
     passes, and of the odds of being reflected, then at one inside. A BSDF times those of both its directions stays the
