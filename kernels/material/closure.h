@@ -80,8 +80,7 @@
     WHEN(HAS_GLOSSY,       EACH(Alpha, alpha,        same_alpha(ONE),  alpha_of(material, u, v, scene))) \
     WHEN(HAS_METAL,        EACH(F3,    n,            WHITE_3,          coefficient(material->metal_n, scene))) /* n + ik */ \
     WHEN(HAS_METAL,        EACH(F3,    k,            WHITE_3,          coefficient(material->metal_k, scene))) \
-    WHEN(HAS_AGAIN,        EACH(I,     glass,        (I)(-1),          (I)(-1))) /* record of rough glass with a table */ \
-    WHEN(HAS_AGAIN,        EACH(F,     glass_level,  ONE,              ONE)) /* of its alphas, 0 to 1 */ \
+    WHEN(HAS_AGAIN,        EACH(Gains, gains,        no_gains(),       no_gains())) /* of rough glass */ \
     WHEN(HAS_AGAIN,        EACH(F,     gain,         ONE,              ONE)) /* at the path's direction, of what is reflected */ \
     WHEN(HAS_AGAIN,        EACH(F,     gain_passed,  ONE,              ONE)) /* and of what is refracted */ \
     WHEN(HAS_AGAIN,        EACH(F,     reflects_more, ONE,             ONE)) /* odds of being reflected, over those once */ \

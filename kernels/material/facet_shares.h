@@ -35,26 +35,45 @@ static Stretched stretched(F cosine, F x, Alpha alpha)
     F z = sqrt(z2 / MAX(x2 + y2 + z2, (F)(SMALLEST)));
     Stretched out;
     out.cosine = by_angle(z);
+#if HAS_ANISOTROPY
     out.turn = by_angle(4.0f * turns_of(root(x2), root(y2)));
+#else
+    out.turn = ZERO;
+#endif
     return out;
 }
 
-// Between the entries of a plane of directions that starts at `first`.
-static F share_of_direction(const __global float *table, I first, Stretched w, I turns)
+// Between which entries of a plane of directions that one lies, and how far: `beside` and `below` are steps to the next ones.
+typedef struct { I first, beside, below; F down, across; } Entry;
+
+static Entry entry_of(Stretched w, I turns)
 {
     I row, column;
-    F down = among(w.cosine, (I)(SHARE_COSINES), &row);
-    F across = among(w.turn, turns, &column);
-    I at = first + row * turns + column;
-    I next = at + (turns > 1 ? (I)(1) : (I)(0));
+    Entry entry;
+    entry.down = among(w.cosine, (I)(SHARE_COSINES), &row);
+    entry.across = among(w.turn, turns, &column);
+    entry.first = row * turns + column;
+    entry.beside = turns > 1 ? (I)(1) : (I)(0);
+    entry.below = turns;
+    return entry;
+}
+
+// Of the plane that starts at `plane`.
+static F share_at(const __global float *table, I plane, Entry entry)
+{
+    I at = plane + entry.first;
     F a = GATHER(F, table, at, );
-    F b = GATHER(F, table, next, );
-    at += turns;
-    next += turns;
-    a += across * (b - a);
-    b = GATHER(F, table, at, );
-    b += across * (GATHER(F, table, next, ) - b);
-    return a + down * (b - a);
+    F below = GATHER(F, table, at + entry.below, );
+#if HAS_ANISOTROPY
+    if (ANY(entry.beside > 0)) {
+        at += entry.beside;
+        F b = GATHER(F, table, at, );
+        a += entry.across * (b - a);
+        b = GATHER(F, table, at + entry.below, );
+        below += entry.across * (b - below);
+    }
+#endif
+    return a + entry.down * (below - a);
 }
 
 #if HAS_BRUSHED_SHARE || HAS_BRUSHED_BASE
@@ -69,6 +88,7 @@ static Brushed brushed_shares(const __global float *table, I first, I count, Str
     F x = among(alpha.x, count, &along);
     F y = among(alpha.y, count, &across);
     I step = count > 1 ? (I)(1) : (I)(0);
+    Entry entry = entry_of(w, (I)(SHARE_TURNS));
     I planes = count * count;
     Brushed out;
     out.once = out.once_mean = out.risen = out.risen_mean = ZERO;
@@ -76,13 +96,13 @@ static Brushed brushed_shares(const __global float *table, I first, I count, Str
         F weight = ((corner & 1) ? x : 1.0f - x) * ((corner & 2) ? y : 1.0f - y);
         I plane = (along + (corner & 1) * step) * count + across + (corner >> 1) * step;
         I at = first + plane * SHARE_DIRECTIONS;
-        out.once += weight * share_of_direction(table, at, w, (I)(SHARE_TURNS));
+        out.once += weight * share_at(table, at, entry);
         I mean = first + planes * SHARE_DIRECTIONS + plane;
         out.once_mean += weight * GATHER(F, table, mean, );
 #if HAS_BRUSHED_BASE
         at += planes * (SHARE_DIRECTIONS + 1);
         mean += planes * (SHARE_DIRECTIONS + 1);
-        out.risen += weight * share_of_direction(table, at, w, (I)(SHARE_TURNS));
+        out.risen += weight * share_at(table, at, entry);
         out.risen_mean += weight * GATHER(F, table, mean, );
 #endif
     }
@@ -96,19 +116,66 @@ static Brushed brushed_shares(const __global float *table, I first, I count, Str
 #define GAIN_PASSED    1
 #define REFLECTS_MORE  2    // odds of being reflected, over those by light that is scattered once
 
-// What rough glass k gains at one of the two directions of its BSDF, by that one's side and what becomes of the light, at `level` (0 to
-// 1) of the alphas that a texture gives.
-static F glass_gain(const __global float *table, const __global Material *materials, I k, I inside, I what, Stretched w, F level)
+// Of a table of rough glass: where it starts, and at which of its levels of alpha a texture is. Lanes of 0 have none.
+typedef struct {
+    I table;
+#if HAS_ROUGHNESS_TEXTURE
+    I levels;
+    F level;    // 0 to 1
+#endif
+#if HAS_ANISOTROPY
+    I turns;
+#endif
+} Gains;
+
+static inline Gains no_gains(void)
+{
+    Gains gains;
+    gains.table = FALSE;
+#if HAS_ROUGHNESS_TEXTURE
+    gains.levels = (I)(1);
+    gains.level = ZERO;
+#endif
+#if HAS_ANISOTROPY
+    gains.turns = (I)(1);
+#endif
+    return gains;
+}
+
+static inline Gains select_Gains(I mine, Gains a, Gains b)
+{
+    a.table = mine ? a.table : b.table;
+#if HAS_ROUGHNESS_TEXTURE
+    a.levels = mine ? a.levels : b.levels;
+    a.level = mine ? a.level : b.level;
+#endif
+#if HAS_ANISOTROPY
+    a.turns = mine ? a.turns : b.turns;
+#endif
+    return a;
+}
+
+#if HAS_ANISOTROPY
+#define TURNS_OF(gains) ((gains).turns)
+#else
+#define TURNS_OF(gains) ((I)(1))
+#endif
+
+// What rough glass gains at one of the two directions of its BSDF, by that one's side and what becomes of the light.
+static F glass_gain(const __global float *table, Gains gains, I inside, I what, Entry entry)
 {
     I plane = (inside ? (I)(3) : (I)(0)) + what;
-    I levels = GATHER(I, materials, k, .share_levels), turns = GATHER(I, materials, k, .share_turns);
-    I size = SHARE_COSINES * turns;
+    I size = SHARE_COSINES * TURNS_OF(gains);
+#if HAS_ROUGHNESS_TEXTURE
     I low;
-    F up = among(level, levels, &low);
-    I at = levels > 0 ? GATHER(I, materials, k, .share_table) + (plane * levels + low) * size : (I)(0);
-    F a = share_of_direction(table, at, w, turns);
-    at += levels > 1 ? size : (I)(0);
-    return a + up * (share_of_direction(table, at, w, turns) - a);
+    F up = among(gains.level, gains.levels, &low);
+    I first = gains.table > 0 ? gains.table + (plane * gains.levels + low) * size : (I)(0);
+    F gain = share_at(table, first, entry);
+    I step = gains.levels > 1 ? size : (I)(0);
+    return ANY(step > 0) ? gain + up * (share_at(table, first + step, entry) - gain) : gain;
+#else
+    return share_at(table, gains.table > 0 ? gains.table + plane * size : (I)(0), entry);
+#endif
 }
 #endif
 #endif

@@ -352,10 +352,10 @@ static F3 boost_of(Vertex vertex, F mu)
 static F3 again_of(Vertex vertex, Lobes lobes, F3 wo)
 {
     I passes = lobes.clear & (wo.z < 0.0f);
-    F other = glass_gain(vertex.scene.facet_shares, vertex.scene.materials, MAX(vertex.closure.glass, FALSE), lobes.behind ^ passes,
-                         passes ? (I)(GAIN_PASSED) : (I)(GAIN_REFLECTED), stretched(wo.z, wo.x, vertex.closure.alpha),
-                         vertex.closure.glass_level);
-    F again = (passes ? vertex.closure.gain_passed : vertex.closure.gain) * (vertex.closure.glass >= 0 ? other : ONE);
+    Gains gains = vertex.closure.gains;
+    F other = glass_gain(vertex.scene.facet_shares, gains, lobes.behind ^ passes, passes ? (I)(GAIN_PASSED) : (I)(GAIN_REFLECTED),
+                         entry_of(stretched(wo.z, wo.x, vertex.closure.alpha), TURNS_OF(gains)));
+    F again = (passes ? vertex.closure.gain_passed : vertex.closure.gain) * (gains.table > 0 ? other : ONE);
     F3 gain = f3(again, again, again);
 #if HAS_STAIN
     I glass = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;

@@ -120,18 +120,25 @@ static void take_shares(Vertex *vertex, I mine, const __global Material *materia
 #endif
 #if HAS_AGAIN
     if (material->share_levels > 0) {
-        I k = (I)((int)(material - scene.materials));
-#if HAS_ANISOTROPY
-        F level = vertex->closure.alpha.y / material->alpha_across;
-#else
-        F level = vertex->closure.alpha.x / material->alpha;
-#endif
         I inside = cosine > 0.0f;
-        F gain = glass_gain(scene.facet_shares, scene.materials, k, inside, (I)(GAIN_REFLECTED), w, level);
-        F passed = glass_gain(scene.facet_shares, scene.materials, k, inside, (I)(GAIN_PASSED), w, level);
-        F more = glass_gain(scene.facet_shares, scene.materials, k, inside, (I)(REFLECTS_MORE), w, level);
-        vertex->closure.glass = mine ? k : vertex->closure.glass;
-        vertex->closure.glass_level = mine ? level : vertex->closure.glass_level;
+        Gains gains;
+        gains.table = (I)(material->share_table);
+#if HAS_ROUGHNESS_TEXTURE
+        gains.levels = (I)(material->share_levels);
+#if HAS_ANISOTROPY
+        gains.level = vertex->closure.alpha.y / material->alpha_across;
+#else
+        gains.level = vertex->closure.alpha.x / material->alpha;
+#endif
+#endif
+#if HAS_ANISOTROPY
+        gains.turns = (I)(material->share_turns);
+#endif
+        Entry entry = entry_of(w, TURNS_OF(gains));
+        F gain = glass_gain(scene.facet_shares, gains, inside, (I)(GAIN_REFLECTED), entry);
+        F passed = glass_gain(scene.facet_shares, gains, inside, (I)(GAIN_PASSED), entry);
+        F more = glass_gain(scene.facet_shares, gains, inside, (I)(REFLECTS_MORE), entry);
+        vertex->closure.gains = select_Gains(mine, gains, vertex->closure.gains);
         vertex->closure.gain = mine ? gain : vertex->closure.gain;
         vertex->closure.gain_passed = mine ? passed : vertex->closure.gain_passed;
         vertex->closure.reflects_more = mine ? more : vertex->closure.reflects_more;

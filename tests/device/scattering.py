@@ -85,6 +85,10 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
     facts = FACTS | {"FACET_ENERGY": int(again), "FACET_SHARES": shared, "HAS_BRUSHED_BASE": base}
     if shared:  # the tables are of brushed metal where something is brushed
         facts["HAS_ANISOTROPY"] = packed.facts["HAS_ANISOTROPY"]
+    if packed.facts["HAS_ROUGHNESS_TEXTURE"]:  # its tables, at the greatest alpha that it may give
+        facts |= {"HAS_ROUGHNESS_TEXTURE": 1, "HAS_TEXTURE": 1}
+        records = records.copy()
+        records["roughness_texture"] = -1
     out = session.allocate(11 * 4 * padded)
     run(
         session, "probe_scatter", facts, padded // LANES,
