@@ -286,7 +286,7 @@ def test_room_that_has_virtual_lights_compiles_without_a_warning(session, files,
 
 
 @pytest.mark.parametrize("lanes", ONE_LANE_TOO)
-@compiled("light_paths shade", "stream")
+@compiled("light_paths")
 def test_room_with_glass_of_every_kind_that_has_virtual_lights_compiles_without_a_warning(session, files, lanes):
     pane = {"shape": "box", "min": [-1, 1.9, 0], "max": [1, 1.95, 1], "material": {"kind": "dielectric"}}
     materials = [
