@@ -231,9 +231,20 @@ def behind_glass() -> None:
 
 
 def detours() -> None:
-    """Virtual lights, to which paths of a room connect that is lit by detours."""
-    picture = rptcam_cl.render(room_lit_by_detours(resolution=(8, 8), depth=4), spp=2, wave_size=256)
+    """Virtual lights, to which paths of a room connect that is lit by detours, with glass, photons and holes."""
+    kinds = [
+        {"kind": "dielectric", "absorption_per_m": 1.0}, {"kind": "dielectric", "roughness": 0.6},
+        {"kind": "principled", "base_color": 0.5, "roughness": 0.5, "transmission": 0.5, "opacity": 0.5},
+    ]  # fmt: skip
+    balls = [
+        {"shape": "sphere", "center": [0.5 * place - 0.5, 0.4, 0], "radius": 0.2, "material": material}
+        for place, material in enumerate(kinds)
+    ]
+    scene = room_lit_by_detours(resolution=(8, 8), depth=4, objects=balls)
+    scene["render"]["caustics"] = "on"
+    picture = rptcam_cl.render(scene, spp=2, wave_size=256)
     assert picture.metadata["virtual_lights"].startswith("on")
+    assert picture.metadata["caustics"].startswith("on")
 
 
 def light_of_lamps() -> None:
@@ -264,7 +275,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "conjugates": (conjugates, WAVE | {"occluded", "sharp"}),
     "mixtures": (mixtures, WAVE),
     "behind glass": (behind_glass, WAVE),
-    "detours": (detours, WAVE | {"light_paths"}),
+    "detours": (detours, WAVE | {"light_paths", "photons"}),
     "light of lamps": (light_of_lamps, WAVE | {"photons", "ghosts", "occluded"}),
 }
 

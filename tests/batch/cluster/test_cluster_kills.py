@@ -21,7 +21,7 @@ from tests.rendering.test_world import still_life
 
 KILLS = int(os.environ.get("RPTCAM_KILLS", "30"))  # of each kind, by turns with every signal
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 RENDER = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from rptcam_cl.cli import main; sys.exit(main(sys.argv[1:]))"
 WORKER = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from distributed.cli.dask_worker import main; main()"
 SCHEDULER = "from distributed.cli.dask_scheduler import main; main()"
