@@ -42,7 +42,7 @@ from rptcam_cl.rendering.progressive import Progress, Rendering, SavedState, ren
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.scene.camera import plain_keys
-from rptcam_cl.scene.changes import at_rest, change_scene, exposure_steps, focus_keys, set_keys
+from rptcam_cl.scene.changes import at_opening, at_rest, change_scene, exposure_steps, focus_keys, set_keys
 from rptcam_cl.scene.film import LIGHT_LAYER, SHARP_LAYERS, LayerName
 from rptcam_cl.scene.load import SceneSource, load_scene, plain_data, read_scene, scene_text
 from rptcam_cl.scene.scene import Scene
@@ -117,6 +117,13 @@ def resolve(
     ghosts = in_focus_with_lens if has_ghosts(in_focus_with_lens) else None
     metadata |= {} if ghosts is None else {"ghosts": {"on": True}}
     return Resolved(exposed, metadata, focus, metered_cd_m2, diffraction, ghosts)
+
+
+def _leaves_open(scene: Scene) -> bool:
+    """Whether a scene leaves its focus, its camera model or its exposure to be found."""
+    traced = scene.camera.traced_camera
+    has_choice = traced is not None and traced.accuracy is not None
+    return has_choice or scene.requested_autofocus is not None or scene.exposure.mode == "auto"
 
 
 def _choose_camera(scene: Scene, spp: int | None = None) -> tuple[Scene, dict[str, Any]]:
@@ -270,6 +277,11 @@ class RenderJob:
         if options.denoise:
             scene = change_scene(scene, render={"layers": tuple(dict.fromkeys((*layers, *development.GUIDES)))})
 
+        # Make the camera, which `make_plan` finds: a thread may still be opening the device
+        parts = PlanParts() if series is None else series.parts
+        if not _leaves_open(scene):
+            parts.camera(at_opening(on_film(scene)), coarse=False)
+
         # Open the devices, and the state of an earlier render
         sessions, shares = open_sessions(options.device, options.split)
         saver = None if options.checkpoint is None else _saver(options.checkpoint, scene, sessions, options)
@@ -279,7 +291,7 @@ class RenderJob:
         if series is None:  # one that is to take many samples has the full kernels
             sessions = _with_fast_compile(options, scene, sessions)
         resolved = _resolve_for(saver, scene, sessions[0])
-        plan = make_plan(resolved.scene, parts=None if series is None else series.parts)
+        plan = make_plan(resolved.scene, parts=parts)
         pool = None if series is None or plan.steps else series.pool
         uploaded = None if pool is None else pool.upload(plan)
         plan, buffers = aimed_plan(plan, sessions[0], scene.render.layers, uploaded, resolved.conjugates)

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from rptcam_cl.api.job import SeriesRenderer, render
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.rendering.cameras import kinds
+from rptcam_cl.rendering.plan import primitives
+from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.changes import set_keys
 from rptcam_cl.scene.load import load_scene
@@ -82,3 +86,37 @@ def test_pictures_of_the_same_kernels_share_a_wavefront_and_what_is_bound(
         series.render(scene)
     assert calls == ["__init__", "_bind"]
     assert not any(program.is_quick for program in device.programs)  # more pictures are to come
+
+
+@pytest.mark.parametrize(
+    ("changes", "order"),
+    [
+        ({}, ["camera", "device"]),
+        ({"exposure": {"mode": "auto"}}, ["device"]),
+        ({"camera.focus": {"auto": {}}}, ["device"]),
+        ({"camera.accuracy": "auto"}, ["device"]),
+    ],
+)
+def test_camera_is_made_before_the_device_opens_unless_it_follows_from_what_is_measured(
+    monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], order: list[str]
+) -> None:
+    made = []
+
+    def opened(*_: Any) -> Any:
+        made.append("device")
+        raise DeviceError("none")
+
+    monkeypatch.setattr("rptcam_cl.api.job.open_sessions", opened)
+    original = PlanParts.camera
+    monkeypatch.setattr(PlanParts, "camera", lambda *a, **k: made.append("camera") or original(*a, **k))
+    with pytest.raises(DeviceError, match="none"):
+        render(set_keys(load_scene(SCENE), changes))
+    assert made == order
+
+
+def test_camera_made_before_the_device_opens_is_the_one_that_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    models = []
+    original = kinds.camera_of
+    monkeypatch.setattr(primitives, "camera_of", lambda scene: models.append(scene) or original(scene))
+    render(SCENE)
+    assert len(models) == 1

@@ -159,6 +159,20 @@ def test_signals_of_the_command_reach_the_one_that_runs(place: Place, code: str,
     wait_until(lambda: not state_of(process))
 
 
+def test_closed_terminal_is_noticed(place: Place) -> None:
+    import pty  # Windows has none
+
+    place.start()
+    code = f"import signal; signal.signal(signal.SIGHUP, lambda *_: sys.exit(9)); {WAIT}"
+    shell, terminal = pty.fork()  # the command leads the session of the terminal
+    if shell == 0:
+        os.execve(sys.executable, [sys.executable, str(place.folder / "command.py"), code], place.environment)
+    with os.fdopen(terminal) as said:
+        process = int(said.readline())
+    assert os.waitstatus_to_exitcode(os.waitpid(shell, 0)[1]) == 9
+    wait_until(lambda: not state_of(process))
+
+
 def test_ignored_signal_stays_ignored(place: Place) -> None:
     place.start()
     code = "import signal; print(signal.getsignal(signal.SIGHUP) == signal.SIG_IGN)"
@@ -280,6 +294,15 @@ def test_second_render_is_by_the_resident_process_and_gives_the_same_bits(place:
         wait_until(lambda: place.sockets)
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
     [process] = resident.residents()
+    long = ["render", scene, "--spp", "100000", "--size", "64x36", "--preview", "0.1"]
+    for name, number in (("typed", signal.SIGINT), ("closed", signal.SIGHUP)):  # Ctrl-C, and the terminal
+        picture = tmp_path / f"{name}.png"
+        program = [sys.executable, "-m", "rptcam_cl", *long, "-o", str(picture)]
+        begun = subprocess.Popen(program, env=place.environment, stderr=subprocess.PIPE, text=True)
+        wait_until(picture.exists)
+        begun.send_signal(number)
+        assert "--resume goes on from it" in begun.communicate()[1]
+        assert (begun.returncode, picture.with_suffix(".rpck").exists()) == (130, True)
     assert f"process {process} stays: " in rptcam("resident").stdout
     for words, code, said in ((["--version"], 0, "rptcam "), (["render", "none.yaml", "-o", "a.png"], 2, "none.yaml")):
         run = rptcam(*words)

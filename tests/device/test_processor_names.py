@@ -71,6 +71,24 @@ def test_built_ins_are_called_where_none_of_their_names_lets_them_be_inlined(mon
     assert tried == [True, False]
 
 
+@pytest.mark.parametrize(("version", "options"), [("PoCL 3.0-rc2  Linux", ["-D_OPENCL_H_"]), ("PoCL 6.0  Linux", [])])
+def test_trial_of_pocl_3_reads_no_header(monkeypatch, version, options):
+    cl, given = drivers.load_opencl(), []
+    program = SimpleNamespace(build=lambda options, devices: given.append(options))
+    monkeypatch.setattr(cl, "Context", lambda _: None)
+    monkeypatch.setattr(cl, "Program", lambda *_: program)
+    handle = SimpleNamespace(platform=SimpleNamespace(version=f"OpenCL 3.0 {version}"))
+    assert devices._build(handle, devices._source(None, "")) is None
+    assert devices._build(handle, "") is None
+    usual = ["-cl-std=CL1.2", "-w"]
+    assert given == [usual + options, usual]
+
+
+def test_what_the_trial_declares_is_as_in_the_header():
+    declares = devices._source(None, "").replace("#ifdef _OPENCL_H_", "#if 1")
+    assert devices._build(open_session().info.handle, declares) is None  # with the header before it
+
+
 def test_name_is_the_best_that_the_features_allow():
     assert known_processor(AVX512 | AVX2) == "skylake-avx512"
     assert known_processor(AVX2 | {"avx512f"}) == "haswell"
