@@ -279,7 +279,7 @@ class RenderJob:
 
         # Make the camera, which `make_plan` finds: a thread may still be opening the device
         parts = PlanParts() if series is None else series.parts
-        if not _leaves_open(scene):
+        if series is None and not _leaves_open(scene):
             parts.camera(at_opening(on_film(scene)), coarse=False)
 
         # Open the devices, and the state of an earlier render
