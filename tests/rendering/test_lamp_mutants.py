@@ -37,8 +37,8 @@ def frosted_globe():
     virtual.test_light_through_glass_is_that_of_paths_and_photons("frosted globe")
 
 
-def tinted_globe():
-    virtual.test_light_through_glass_is_that_of_paths_and_photons("tinted globe")
+def tinted_pane():
+    virtual.test_light_through_glass_is_that_of_paths_and_photons("pane")
 
 
 def holes():
@@ -67,7 +67,7 @@ MUTANTS = [
     Mutant("facets scatter again by the light's way", "vertex = vertex_of(ray, hit, spread, choice, scene);", "",
            frosted_globe),
     Mutant("glass absorbs nothing of light paths", "#if HAS_ABSORPTION\n        // As on a camera path",
-           "#if 0\n        // As on a camera path", tinted_globe),
+           "#if 0\n        // As on a camera path", tinted_pane),
     Mutant("paths start in holes", "on = starts_on_something(start, on,", "starts_on_something(start, on,", holes),
     Mutant("rays that do not aim leave out a wedge", "MIN((u - a.rest) / (1.0f - a.rest),", "MIN(u,", aimed_rays),
 ]  # fmt: skip

@@ -117,7 +117,8 @@ def test_light_is_that_of_paths_alone(name):
 
 
 BULB = _ball({"kind": "emissive", "radiance": [120, 110, 90]}, (0, 1.7, -0.2), 0.05)
-PANE = {"shape": "box", "min": [-0.99, 1.9, 0], "max": [0.99, 1.93, 0.99], "material": GLASS}
+PANE = {"shape": "box", "min": [-0.99, 1.9, 0], "max": [0.99, 1.93, 0.99],
+        "material": GLASS | {"absorption_per_m": [1, 5, 15]}}  # fmt: skip
 SPOT = {"kind": "spot", "position": [-0.7, 1.9, 0.2], "direction": [0.9, -1.4, -0.5], "intensity": 9.0,
         "inner_degrees": 20, "outer_degrees": 30}  # fmt: skip
 SUN = {"kind": "sun", "direction": [0.3, -1, -0.2], "irradiance": [9, 8, 7], "diameter_degrees": 3.0}
