@@ -20,11 +20,11 @@ static inline I receives(Vertex vertex, I role)
 }
 
 // What one photon adds to the radiance against d.
-static inline F3 light_of_photon(Eight photon, Vertex vertex, F3 d, F weight, Scene scene)
+static inline F3 light_of_photon(Eight photon, Vertex vertex, F3 d, Side side, F weight, Scene scene)
 {
     F3 way = from_octahedral(AS_I(photon.f[6]));
     F pdf;
-    F3 bsdf = scatter_eval(vertex, d, scale(way, -ONE), &pdf);
+    F3 bsdf = scatter_eval(vertex, d, side, scale(way, -ONE), &pdf);
     F3 power = f3(photon.f[3], photon.f[4], photon.f[5]);
 #if SPECTRAL_COLOURS
     power = light_in(scene.spectral, power);
@@ -33,7 +33,7 @@ static inline F3 light_of_photon(Eight photon, Vertex vertex, F3 d, F weight, Sc
 }
 
 // Of a cell, the photons that the lanes `on` count. `most` is the number of edges that a photon may have.
-static F3 light_of_cell(I cell, I on, Vertex vertex, F3 d, I primitive, I most, float radius2, Scene scene)
+static F3 light_of_cell(I cell, I on, Vertex vertex, F3 d, Side side, I primitive, I most, float radius2, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
     I k = on ? GATHER(I, scene.photon_cells, cell, ) : FALSE;
@@ -49,7 +49,7 @@ static F3 light_of_cell(I cell, I on, Vertex vertex, F3 d, I primitive, I most, 
             & ((mark & ((1 << EDGES_SHIFT) - 1)) == primitive) & ((mark >> EDGES_SHIFT) <= most);
         if (ANY(near)) {
             F weight = 1.0f - aside2 / radius2;
-            sum = add(sum, keep3(near, light_of_photon(photon, vertex, d, weight, scene)));
+            sum = add(sum, keep3(near, light_of_photon(photon, vertex, d, side, weight, scene)));
         }
         k += more ? (I)(1) : FALSE;
         more = k < end;
@@ -68,7 +68,7 @@ static inline I cells_with_photons(I on, I x, I y, I z, Scene scene)
 }
 
 // Radiance against d from the vertices of the lanes `on`, by photons of at most so many edges.
-static F3 caustic_radiance(Vertex vertex, F3 d, I on, I primitive, I most, U sample, Scene scene)
+static F3 caustic_radiance(Vertex vertex, F3 d, Side side, I on, I primitive, I most, U sample, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
     const __global PhotonGrid *grid = scene.photon_grid;
@@ -93,7 +93,7 @@ static F3 caustic_radiance(Vertex vertex, F3 d, I on, I primitive, I most, U sam
         I cy = (y + ((i >> 1) & 1)) & grid->mask_y;
         I cz = (z + (i >> 2)) & grid->mask_z;
         I cell = ((seen * (grid->mask_z + 1) + cz) * (grid->mask_y + 1) + cy) * (grid->mask_x + 1) + cx;
-        sum = add(sum, light_of_cell(cell, has, vertex, d, primitive, most, radius2, scene));
+        sum = add(sum, light_of_cell(cell, has, vertex, d, side, primitive, most, radius2, scene));
     }
     return scale(sum, (F)(2.0f * INV_PI_F / radius2));
 }

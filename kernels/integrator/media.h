@@ -451,7 +451,7 @@ static void add_beams(Path *path, Ray ray, Hit hit, I on, Scene scene, Rules rul
     first.origin = hit.primitive;
     first.triangle = hit.triangle;
     F pdf;
-    F3 value = scatter_eval(vertex, ray.d, first.d, &pdf);
+    F3 value = scatter_eval(vertex, ray.d, side_seen(vertex, ray.d), first.d, &pdf);
     I stack = stack_beyond(path->medium, hit.primitive, vertex.ng, ray.d, first.d, scene);
     Inside medium = inside_of(stack, on, scene);
     F density = beam_density(es, e, pick, x, y);

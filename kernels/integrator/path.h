@@ -264,7 +264,7 @@ static F3 emission(const Path *path, Vertex vertex, F3 radiance, I shines, F t, 
 
 #if HAS_EMITTERS
 // For the lanes `on`; in those of `by_photons` photons bring what lamps and suns send by glass.
-static ShadowRay light_sample(Path path, Vertex vertex, I on, I by_photons, Hit hit, Scene scene, Rules rules)
+static ShadowRay light_sample(Path path, Vertex vertex, Side side, I on, I by_photons, Hit hit, Scene scene, Rules rules)
 {
     F4 u = random4(path.pixel, path.sample, 2u * path.depth + 1u, rules.seed);
 #if LIGHT_TREE
@@ -274,7 +274,7 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, I by_photons, Hit 
 #endif
     LightSample light = sample_emitter(scene, vertex.p, receiver, u.a, u.b, u.c);
     F pdf;
-    F3 through = mul(path.beta, scatter_eval(vertex, path.ray.d, light.direction, &pdf));
+    F3 through = mul(path.beta, scatter_eval(vertex, path.ray.d, side, light.direction, &pdf));
     F rival = MIN(light.pdf, (F)(LARGEST_DENSITY));
     F rival2 = rival * rival;
 #if LAMPS_BY_SAMPLES
@@ -317,7 +317,7 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, I by_photons, Hit 
 
 #if VIRTUAL_LIGHTS
 // Adds the light that one virtual light sends by the vertices of the lanes `on`.
-IN_PLACE static void connect(Path *path, Vertex vertex, I on, Hit hit, Scene scene, Rules rules)
+IN_PLACE static void connect(Path *path, Vertex vertex, Side side, I on, Hit hit, Scene scene, Rules rules)
 {
     // Pick one: the host has made them alike in what they bring, and sorted them by place.
     F u = random4(path->pixel, path->sample, 2u * path->depth + 1u, rules.seed).d;
@@ -334,7 +334,7 @@ IN_PLACE static void connect(Path *path, Vertex vertex, I on, Hit hit, Scene sce
     on = on & (cosine > 0.0f) & (edges <= (I)((int)rules.max_depth));
     // Weigh it against the path's own direction.
     F pdf;
-    F3 through = mul(path->beta, scatter_eval(vertex, path->ray.d, d, &pdf));
+    F3 through = mul(path->beta, scatter_eval(vertex, path->ray.d, side, d, &pdf));
     F share = share_of_connection(pdf, cosine, distance2, density_of_lights(p, n, scene));
     F3 light = scale(mul(through, f3(place.f[3], place.f[4], place.f[5])), share * cosine / distance2);
     on = on & (max3(light) > 0.0f);
@@ -435,10 +435,10 @@ IN_PLACE static I add_emission(Path *path, Vertex vertex, I on, Hit hit, Scene s
 
 #if CAUSTICS
 // Adds the light of the photons around those that receive it.
-IN_PLACE static void add_photons(Path *path, Vertex vertex, I receiver, Hit hit, Scene scene, Rules rules)
+IN_PLACE static void add_photons(Path *path, Vertex vertex, Side side, I receiver, Hit hit, Scene scene, Rules rules)
 {
     I most = AS_I((U)(rules.max_depth) - path->depth);
-    F3 light = caustic_radiance(vertex, path->ray.d, receiver, hit.primitive, most, path->sample, scene);
+    F3 light = caustic_radiance(vertex, path->ray.d, side, receiver, hit.primitive, most, path->sample, scene);
     path->radiance = add(path->radiance, keep3(receiver, mul(path->beta, light)));
 }
 #endif
@@ -546,12 +546,13 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         return shadow;
     }
 #endif
+    Side side = side_seen(vertex, path->ray.d);
     // Add the photons around.
 #if CAUSTICS
     I role = caustic_role(on, hit.primitive, scene);
     I receiver = on & receives(vertex, role);
     if (ANY(receiver))
-        add_photons(path, vertex, receiver, hit, scene, rules);
+        add_photons(path, vertex, side, receiver, hit, scene, rules);
 #else
     I role = FALSE, receiver = FALSE;
 #endif
@@ -562,15 +563,15 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #else
     I lightable = on;
 #endif
-    shadow = light_sample(*path, vertex, lightable, receiver, hit, scene, rules);
+    shadow = light_sample(*path, vertex, side, lightable, receiver, hit, scene, rules);
 #endif
 #if VIRTUAL_LIGHTS
-    connect(path, vertex, on, hit, scene, rules);
+    connect(path, vertex, side, on, hit, scene, rules);
 #else
     F4 u = random4(path->pixel, path->sample, 2u * path->depth, rules.seed);
 #endif
     // Sample the BSDF for the next direction.
-    Scattered next = scatter_sample(vertex, path->ray.d, u.a, u.b, u.c);
+    Scattered next = scatter_sample(vertex, path->ray.d, side, u.a, u.b, u.c);
     path->beta = mul(path->beta, next.weight);
     on = on & (max3(path->beta) > 0.0f);
     // Play Russian roulette.

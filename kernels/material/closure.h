@@ -7,10 +7,16 @@
 #include "material/texture.h"
 
 #if HAS_ROUGH_PLASTIC || HAS_PRINCIPLED
-#define HAS_BASE 1              // diffuse light from under a rough cover
+#define HAS_COVERED_BASE 1      // diffuse light from under a rough cover
 #else
-#define HAS_BASE 0
+#define HAS_COVERED_BASE 0
 #endif
+#if FACET_ENERGY && (HAS_CONDUCTOR || HAS_METAL || HAS_METALLIC)
+#define HAS_METAL_AGAIN 1       // light that facets of metal reflect more than once
+#else
+#define HAS_METAL_AGAIN 0
+#endif
+#define HAS_BASE (HAS_COVERED_BASE || HAS_METAL_AGAIN)  // light that leaves in all directions
 #if HAS_ROUGH_DIELECTRIC || HAS_TRANSMISSION
 #define HAS_REFRACTION 1        // by facets
 #else
@@ -46,8 +52,8 @@
 #else
 #define HAS_STAIN 0
 #endif
-#if FACET_SHARES && FACET_ENERGY && HAS_ANISOTROPY && (HAS_CONDUCTOR || HAS_METAL || HAS_PRINCIPLED)
-#define HAS_BRUSHED_SHARE 1     // light that brushed metal reflects once, by tables
+#if FACET_SHARES && HAS_ANISOTROPY && (HAS_METAL_AGAIN || HAS_BRUSHED_BASE)
+#define HAS_BRUSHED_SHARE 1     // light that brushed facets reflect once, by tables
 #else
 #define HAS_BRUSHED_SHARE 0
 #endif
@@ -85,10 +91,8 @@
     WHEN(HAS_AGAIN,        EACH(F,     gain_passed,  ONE,              ONE)) /* and of what is refracted */ \
     WHEN(HAS_AGAIN,        EACH(F,     reflects_more, ONE,             ONE)) /* odds of being reflected, over those once */ \
     WHEN(HAS_STAIN,        EACH(F,     glass_mean,   ONE,              ONE)) /* mean share scattered once */ \
-    WHEN(HAS_BRUSHED_SHARE, EACH(F,    once,         ONE,              ONE)) /* share that is reflected once */ \
-    WHEN(HAS_BRUSHED_SHARE, EACH(F,    once_mean,    ONE,              ONE)) /* and its mean over even light */ \
-    WHEN(HAS_BRUSHED_BASE, EACH(I,     brushed_table, FALSE,           (I)(material->brushed_table))) \
-    WHEN(HAS_BRUSHED_BASE, EACH(I,     brushed_alphas, FALSE,          (I)(material->brushed_alphas))) \
+    WHEN(HAS_BRUSHED_SHARE, EACH(I,    brushed_table, FALSE,           (I)(material->brushed_table))) \
+    WHEN(HAS_BRUSHED_SHARE, EACH(I,    brushed_alphas, FALSE,          (I)(material->brushed_alphas))) \
     WHEN(HAS_UNDERCOVER,   EACH(F,     internal,     ZERO,             (F)(material->internal))) /* diffuse share */ \
     WHEN(HAS_KNOWN_COVER,  EACH(Cover, cover,        no_cover(), known_cover(material->cover, material->cover_last))) \
     WHEN(HAS_HAIR,         EACH(F,     across,       ZERO,             ZERO)) /* of a fibre, -1 to 1, by the point */ \
@@ -112,6 +116,7 @@
     WHEN(HAS_SHEEN,        EACH(F3,    sheen,        BLACK_3,          COLOR(HAS_SHEEN_TEXTURE, sheen))) \
     WHEN(HAS_SHEEN,        EACH(F,     sheen_alpha,  ONE,              (F)(material->sheen_alpha))) \
     WHEN(HAS_SHEEN,        EACH(F,     sheen_peak,   ZERO,             (F)(material->sheen_peak))) \
+    WHEN(HAS_SHEEN,        EACH(F,     sheen_mean,   ZERO,             (F)(material->once.z))) /* share of even light sent back */ \
     WHEN(HAS_SHEEN,        EACH(F,     sheen_half,   ZERO,             (F)(material->sheen_half))) \
     WHEN(HAS_SHEEN,        EACH(Cover, sheen_cover,  no_cover(),       known_cover(material->sheen_cover, material->sheen_last))) \
     WHEN(HAS_ABSORPTION,   EACH(F3,    absorption,   BLACK_3,          absorption_of(material, scene))) /* 1/m */ \

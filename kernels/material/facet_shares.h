@@ -1,7 +1,7 @@
 // Shares of light that facets scatter once, from tables (rptcam_cl/rendering/plan/materials.py), at the direction in which light
 // leaves: by the cosine and the azimuth that it has where the facets' slopes are stretched to alpha 1, which turns all that
 // alpha makes narrow into smooth curves.
-// Facts: FACET_SHARES; HAS_BRUSHED_SHARE (metal) and HAS_BRUSHED_BASE (what lies under brushed facets), by both alphas; HAS_AGAIN
+// Facts: FACET_SHARES; HAS_BRUSHED_SHARE (brushed facets, by both alphas), HAS_BRUSHED_BASE (above a diffuse base); HAS_AGAIN
 // (rough glass, of which the tables have what its facets scatter again). Each material has tables of its own, but where textures give
 // both alphas.
 #ifndef FACET_SHARES_H
@@ -76,11 +76,12 @@ static F share_at(const __global float *table, I plane, Entry entry)
     return a + entry.down * (below - a);
 }
 
-#if HAS_BRUSHED_SHARE || HAS_BRUSHED_BASE
-// Of brushed facets by the tables at `first` for `count` alphas each way, the alphas of textures or those of the material alone.
-// `risen` is the share of those that reflect more the more light grazes them: of a dielectric `share` and `risen` by f0, of plastic
-// `risen` alone. `rise` is what one facet reflects at the cosine of the direction. Likewise their means over even light.
-typedef struct { F once, once_mean, risen, risen_mean; } Brushed;
+#if HAS_BRUSHED_SHARE
+// Of brushed facets by the tables at `first` for `count` alphas each way, the alphas of textures or those of the material alone:
+// the share that meets further facets, where they absorb nothing. `risen` is the share that is reflected once by those that reflect
+// more the more light grazes them: of a dielectric by f0, of plastic `risen` alone. `rise` is what one facet reflects at the cosine
+// of the direction. Likewise their means over even light.
+typedef struct { F again, again_mean, risen, risen_mean; } Brushed;
 
 static Brushed brushed_shares(const __global float *table, I first, I count, Stretched w, Alpha alpha, F rise)
 {
@@ -91,14 +92,14 @@ static Brushed brushed_shares(const __global float *table, I first, I count, Str
     Entry entry = entry_of(w, (I)(SHARE_TURNS));
     I planes = count * count;
     Brushed out;
-    out.once = out.once_mean = out.risen = out.risen_mean = ZERO;
+    out.again = out.again_mean = out.risen = out.risen_mean = ZERO;
     for (int corner = 0; corner < 4; ++corner) {
         F weight = ((corner & 1) ? x : 1.0f - x) * ((corner & 2) ? y : 1.0f - y);
         I plane = (along + (corner & 1) * step) * count + across + (corner >> 1) * step;
         I at = first + plane * SHARE_DIRECTIONS;
-        out.once += weight * share_at(table, at, entry);
+        out.again += weight * share_at(table, at, entry);
         I mean = first + planes * SHARE_DIRECTIONS + plane;
-        out.once_mean += weight * GATHER(F, table, mean, );
+        out.again_mean += weight * GATHER(F, table, mean, );
 #if HAS_BRUSHED_BASE
         at += planes * (SHARE_DIRECTIONS + 1);
         mean += planes * (SHARE_DIRECTIONS + 1);
@@ -106,7 +107,7 @@ static Brushed brushed_shares(const __global float *table, I first, I count, Str
         out.risen_mean += weight * GATHER(F, table, mean, );
 #endif
     }
-    out.risen = out.once * MIN(MAX(out.risen + rise, ZERO), ONE);
+    out.risen = (1.0f - out.again) * MIN(MAX(out.risen + rise, ZERO), ONE);
     return out;
 }
 #endif

@@ -7,41 +7,16 @@
 #include "material/bsdf.h"
 #include "material/sheen.h"
 
-// What is the same for every `wo`.
-typedef struct {
-    F3    wi;
-    F     eta;              // index beyond the surface over the index before it
-    I     clear;            // lanes that refract
-#if FACET_ENERGY
-    F3    boost;            // of metal, by the light that its facets reflect more than once
-#endif
-#if HAS_AGAIN
-    I     behind;           // lanes that come from inside
-    F3    again;            // of glass, by what its facets scatter more than once
-#endif
-#if HAS_BASE
-    F3    base;             // diffuse reflectance that the way in leaves
-    F     under;            // probability of choosing the base
-#endif
-#if HAS_SHEEN
-    F3    fibres;           // colour of the sheen
-    F     sent;             // share of the light from `wi` that it sends back
-    F     sheen;            // probability of choosing it
-#endif
-#if HAS_CLEARCOAT
-    Alpha coat_alpha;
-    F     bare;             // share of the light from `wi` that the coat lets pass
-    F     coat;             // probability of choosing the coat, if not the base
-#endif
-#if HAS_COAT_NORMAL
-    F3    coat_s, coat_t, coat_n;   // frame of the coat
-#endif
-} Lobes;
-
 typedef struct {
     F3 reflected, refracted;
+#if HAS_METAL_AGAIN
+    F3 by_metal;            // of what is reflected
+#endif
     F  reflects;            // probability of reflecting where both are possible
 } Facet;
+
+// Of the alphas along and across.
+static inline F mean_alpha(Vertex vertex) { return MIN(0.5f * (vertex.closure.alpha.x + ACROSS(vertex.closure.alpha)), ONE); }
 
 #if HAS_PRINCIPLED
 #if HAS_SPECULAR_COLOR
@@ -111,19 +86,15 @@ static Facet principled_facet(Vertex vertex, Lobes lobes, F c)
     f = along(f, sub(of_clear, f), clear);
 #endif
     F3 metal = along(scale(vertex.color, 1.0f - steep), f3(ONE, ONE, ONE), steep);
-#if FACET_ENERGY
-    metal = mul(metal, lobes.boost);
-#endif
     F dielectric = 1.0f - vertex.closure.metallic;
-    facet.reflected = along(scale(f, dielectric), metal, vertex.closure.metallic);
+    metal = scale(metal, vertex.closure.metallic);
+    facet.reflected = add(scale(f, dielectric), metal);
 #if HAS_THIN_FILM
     I filmed = vertex.closure.film > 0;
     if (ANY(filmed)) {
         F3 film = film_at(vertex, c);
-#if FACET_ENERGY
-        film = along(film, mul(film, sub(lobes.boost, WHITE_3)), vertex.closure.metallic);
-#endif
         facet.reflected = select3(filmed, film, facet.reflected);
+        metal = select3(filmed, scale(film, vertex.closure.metallic), metal);
     }
 #endif
     facet.reflects = ONE;
@@ -136,6 +107,9 @@ static Facet principled_facet(Vertex vertex, Lobes lobes, F c)
     own += max3(of_clear) * dielectric * clear * (vertex.closure.reflects_more - 1.0f);
 #endif
     facet.reflects = other > 0.0f ? own / (own + other) : ONE;
+#endif
+#if HAS_METAL_AGAIN
+    facet.by_metal = metal;
 #endif
 #if HAS_AGAIN && HAS_TRANSMISSION
     F3 more = scale(mul(of_clear, sub(lobes.again, WHITE_3)), dielectric * clear);
@@ -150,7 +124,7 @@ static Facet principled_facet(Vertex vertex, Lobes lobes, F c)
 #endif
 
 // What a facet that `wi` meets with cosine `c` does to the light.
-static Facet facet_of(Vertex vertex, Lobes lobes, F c)
+IN_PLACE static Facet facet_of(Vertex vertex, Lobes lobes, F c)
 {
     Facet facet;
     facet.reflected = vertex.color;
@@ -165,8 +139,8 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
         facet.reflected = select3(metal, mul(vertex.color, f), facet.reflected);
     }
 #endif
-#if FACET_ENERGY
-    facet.reflected = mul(facet.reflected, lobes.boost);
+#if HAS_METAL_AGAIN
+    facet.by_metal = facet.reflected;
 #endif
 #if HAS_ROUGH_DIELECTRIC || HAS_ROUGH_PLASTIC
     I glass = (vertex.kind == MATERIAL_ROUGH_DIELECTRIC) | (vertex.kind == MATERIAL_ROUGH_PLASTIC);
@@ -199,6 +173,9 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
         Facet own = principled_facet(vertex, lobes, c);
         facet.reflected = select3(principled, own.reflected, facet.reflected);
         facet.refracted = select3(principled, own.refracted, facet.refracted);
+#if HAS_METAL_AGAIN
+        facet.by_metal = select3(principled, own.by_metal, facet.by_metal);
+#endif
         facet.reflects = principled ? own.reflects : facet.reflects;
     }
 #endif
@@ -208,30 +185,34 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
 #define LEAST_COAT 0.25f    // the coat is chosen at least so often: it shows lamps, which outshine what lights the base
 
 #if HAS_BASE
-// Share of light from `w` that the facets above a base reflect, and its mean; under a film and of plastic the host knows it, unless
-// they are brushed.
-static F share_above_base(Vertex vertex, F3 w, F *mean)
+// Of light from a direction: the share that the facets above a diffuse base reflect, and its mean over even light; the share that
+// meets further facets of metal, and one over its mean. The host knows the first under a film and of plastic, unless they are brushed.
+typedef struct { F cover, cover_mean, again, over_again; } Shares;
+
+IN_PLACE static Shares shares_of(Vertex vertex, F3 w)
 {
+    Shares of;
 #if HAS_KNOWN_COVER
-    F share = cover_albedo(vertex.closure.cover, w.z);
-    *mean = cover_mean(vertex.closure.cover);
+    of.cover = cover_albedo(vertex.closure.cover, w.z);
+    of.cover_mean = cover_mean(vertex.closure.cover);
 #else
-    F share = *mean = ZERO;
+    of.cover = of.cover_mean = ZERO;
+#endif
+#if HAS_METAL_AGAIN
+    of.again = ggx_again(w.z, vertex.closure.alpha.x);
+    of.over_again = ggx_over_again(vertex.closure.alpha.x);
 #endif
 #if HAS_PRINCIPLED
     I facets = of_facets(vertex);
     if (ANY(facets)) {
         F f0 = brightest_f0(vertex);
         F own = vertex.closure.specular * schlick_albedo(w.z, vertex.closure.alpha.x, f0);
-        share = facets ? MIN(own, ONE) : share;
-        *mean = facets ? vertex.closure.specular * schlick_mean_albedo(vertex.closure.alpha.x, f0) : *mean;
+        of.cover = facets ? MIN(own, ONE) : of.cover;
+        of.cover_mean = facets ? vertex.closure.specular * schlick_mean_albedo(vertex.closure.alpha.x, f0) : of.cover_mean;
     }
 #endif
-#if HAS_BRUSHED_BASE
+#if HAS_BRUSHED_SHARE
     I brushed = vertex.closure.brushed_alphas > 0;
-#if HAS_THIN_FILM
-    brushed = brushed & (vertex.closure.film == 0);
-#endif
     if (ANY(brushed)) {
         Alpha alpha = vertex.closure.alpha;
         F f0 = ZERO, most = ONE, rise = schlick(w.z);
@@ -244,28 +225,102 @@ static F share_above_base(Vertex vertex, F3 w, F *mean)
         f0 = principled ? brightest_f0(vertex) : f0;
         most = principled ? vertex.closure.specular : most;
 #endif
-        Brushed of = brushed_shares(vertex.scene.facet_shares, vertex.closure.brushed_table, MAX(vertex.closure.brushed_alphas, (I)(1)),
-                                    stretched(w.z, w.x, alpha), alpha, rise);
-        F own = most * (f0 * of.once + (1.0f - f0) * of.risen);
-        share = brushed ? MIN(own, ONE) : share;
-        *mean = brushed ? most * (f0 * of.once_mean + (1.0f - f0) * of.risen_mean) : *mean;
+        Brushed own = brushed_shares(vertex.scene.facet_shares, vertex.closure.brushed_table,
+                                     MAX(vertex.closure.brushed_alphas, (I)(1)), stretched(w.z, w.x, alpha), alpha, rise);
+#if HAS_METAL_AGAIN
+        of.again = brushed ? own.again : of.again;
+        of.over_again = brushed ? 1.0f / MAX(own.again_mean, (F)(1e-9f)) : of.over_again;
+#endif
+#if HAS_BRUSHED_BASE
+#if HAS_THIN_FILM
+        brushed = brushed & (vertex.closure.film == 0);
+#endif
+        F cover = most * (f0 * (1.0f - own.again) + (1.0f - f0) * own.risen);
+        of.cover = brushed ? MIN(cover, ONE) : of.cover;
+        of.cover_mean = brushed ? most * (f0 * (1.0f - own.again_mean) + (1.0f - f0) * own.risen_mean) : of.cover_mean;
+#endif
     }
 #endif
-    return share;
+    return of;
 }
 
-// The diffuse base (Kelemen and Szirmay-Kalos 2001): rho (1 - E(wi)) (1 - E(wo)) / (pi (1 - mean of E)) is symmetric, and
-// with rho = 1 gives back all that the cover does not. `over` is the share that a coat reflects. Returns about the albedo of all
-// these lobes.
+#if HAS_METAL_AGAIN
+// What a facet of metal reflects of light with the cosine `c` to it.
+static F3 reflected_by_metal(Vertex vertex, F c)
+{
+    F3 reflected = vertex.color;
+#if HAS_METAL
+    F3 n = vertex.closure.n, k = vertex.closure.k;
+    F3 f = f3(metal_fresnel(c, n.x, k.x), metal_fresnel(c, n.y, k.y), metal_fresnel(c, n.z, k.z));
+    reflected = select3(vertex.kind == MATERIAL_METAL, mul(reflected, f), reflected);
+#endif
+#if HAS_METALLIC
+    reflected = select3(vertex.kind == MATERIAL_PRINCIPLED, raised(reflected, ONE, schlick(c)), reflected);
+#if HAS_THIN_FILM
+    I filmed = vertex.closure.film > 0;
+    if (ANY(filmed))
+        reflected = select3(filmed, film_at(vertex, c), reflected);
+#endif
+#endif
+    return reflected;
+}
+
+#define LEAST_EVEN 0.02f    // below this alpha, light that meets several facets of metal goes where they reflect once,
+#define ALL_EVEN   0.09f    // and from this one on in all directions
+
+static inline F grazing(F mu) { return (1.0f - mu) * (1.0f - mu); }
+
+// The colour of light that meets several facets of metal, as a product of one for each of both directions, so that it is the same
+// either way: fills `to` and returns what is left by the way in. Fitted to walks among facets (Heitz and others 2016) are the mean
+// cosine at the first and the last facet and the share `on` that stays at each between, less the more light grazes; from light along
+// the surface to light head on both change as `grazing` does.
+static F3 take_metal(Lobes *lobes, Vertex vertex)
+{
+    F alpha = mean_alpha(vertex);
+    F low = alpha * (1.1175f + alpha * (0.8215f * alpha - 1.635f));
+    F3 flat = reflected_by_metal(vertex, low);
+    F3 steep = reflected_by_metal(vertex, low + 0.32f - 0.07f * alpha);
+    F on = 0.05f + alpha * (0.2f + 0.11f * alpha);
+    F3 between = along(steep, sub(flat, steep), 0.25f);
+    F3 go = sub(WHITE_3, scale(between, on));
+    F3 others = f3(go.y * go.z, go.z * go.x, go.x * go.y);
+    F3 over = scale(others, 1.0f / (go.x * others.x));
+    F3 less = scale(mul(sub(between, WHITE_3), over), on / (1.0f - on));
+    lobes->to = mul(steep, along(WHITE_3, less, 0.25f));
+    lobes->to_rise = sub(mul(flat, along(WHITE_3, less, -0.9f)), lobes->to);
+    F3 first = along(lobes->to, lobes->to_rise, grazing(lobes->wi.z));
+    return scale(mul(first, over), 1.0f - on);
+}
+#endif
+
+// All that leaves evenly. The diffuse base (Kelemen and Szirmay-Kalos 2001): rho (1 - E(wi)) (1 - E(wo)) / (pi (1 - mean of E)) is
+// symmetric, and with rho = 1 gives back all that the cover does not. The same of what meets further facets of metal (Kulla and
+// Conty 2017). `over` is the share that a coat reflects. Returns about the albedo of all these lobes.
 static F add_base(Lobes *lobes, Vertex vertex, F over)
 {
+    F others = ONE, own = ZERO, once = ONE;
+    Shares of = shares_of(vertex, lobes->wi);
+#if HAS_METAL_AGAIN
+    I metal = (vertex.kind == MATERIAL_CONDUCTOR) | (vertex.kind == MATERIAL_METAL);
+    F share_of_metal = metal ? ONE : ZERO;
+#if HAS_METALLIC
+    share_of_metal = vertex.kind == MATERIAL_PRINCIPLED ? vertex.closure.metallic : share_of_metal;
+#endif
+    F3 from = take_metal(lobes, vertex);
+    F even = MIN(MAX((mean_alpha(vertex) - LEAST_EVEN) * (1.0f / (ALL_EVEN - LEAST_EVEN)), ZERO), ONE) * share_of_metal;
+    lobes->from = scale(from, even * of.again * of.over_again);
+    lobes->sharp = share_of_metal - even;
+    own = max3(mul(from, lobes->to)) * even * of.again;
+    once = lobes->once = 1.0f - of.again;
+    others = metal ? max3(lobes->to) * once : others;
+#endif
+#if HAS_COVERED_BASE
     F3 rho = f3(ZERO, ZERO, ZERO);
-    F mean;
-    F others = ONE;
-    F share = share_above_base(vertex, lobes->wi, &mean);
+    F share = of.cover;
 #if HAS_ROUGH_PLASTIC
-    rho = keep3(vertex.kind == MATERIAL_ROUGH_PLASTIC, lit_from_below(vertex.color, vertex.closure.internal));
-    others = share;
+    I plastic = vertex.kind == MATERIAL_ROUGH_PLASTIC;
+    rho = keep3(plastic, lit_from_below(vertex.color, vertex.closure.internal));
+    others = plastic ? share : others;
 #endif
 #if HAS_PRINCIPLED
     I principled = vertex.kind == MATERIAL_PRINCIPLED;
@@ -276,14 +331,15 @@ static F add_base(Lobes *lobes, Vertex vertex, F over)
 #else
         F clear = ZERO;
 #endif
-        F rest = (1.0f - metallic) * (share + (1.0f - share) * clear) + metallic * max3(vertex.color);
+        F rest = (1.0f - metallic) * (share + (1.0f - share) * clear) + metallic * max3(vertex.color) * once;
         rho = select3(principled, scale(vertex.color, (1.0f - metallic) * (1.0f - clear)), rho);
         others = principled ? rest : others;
     }
 #endif
-    F whole = 1.0f - mean;
+    F whole = 1.0f - of.cover_mean;
     lobes->base = scale(rho, (1.0f - share) / MAX(whole, (F)(1e-6f)));
-    F own = max3(lobes->base) * whole;
+    own += max3(lobes->base) * whole;
+#endif
     others += over;
 #if HAS_CLEARCOAT
     lobes->coat = over > 0.0f ? MAX(over / others, (F)(LEAST_COAT)) : ZERO;
@@ -307,6 +363,7 @@ static inline void add_sheen(Lobes *lobes, Vertex vertex, I behind, F below)
     I cloth = (vertex.kind == MATERIAL_PRINCIPLED) & NOT(lobes->clear & behind);
     lobes->fibres = keep3(cloth, vertex.closure.sheen);
     lobes->sent = sheen_share(vertex, lobes->fibres, lobes->wi.z);
+    lobes->sent_mean = max3(lobes->fibres) * vertex.closure.sheen_mean;
     F rest = (1.0f - lobes->sent) * below;
     lobes->sheen = lobes->sent > 0.0f ? lobes->sent / (lobes->sent + rest) : ZERO;
 }
@@ -319,29 +376,6 @@ static inline F3 to_coat(Lobes lobes, F3 w)
     w = to_frame(lobes.coat_s, lobes.coat_t, lobes.coat_n, w);
 #endif
     return w;
-}
-#endif
-
-#if FACET_ENERGY
-// What metal gains by light that its facets reflect more than once; 1 for all else.
-static F3 boost_of(Vertex vertex, F mu)
-{
-    F3 mean = vertex.color;
-#if HAS_METAL
-    F3 n = vertex.closure.n, k = vertex.closure.k;
-    F3 f0 = f3(metal_fresnel(ONE, n.x, k.x), metal_fresnel(ONE, n.y, k.y), metal_fresnel(ONE, n.z, k.z));
-    mean = select3(vertex.kind == MATERIAL_METAL, mul(mean, mean_fresnel(f0)), mean);
-#endif
-#if HAS_PRINCIPLED
-    mean = select3(vertex.kind == MATERIAL_PRINCIPLED, mean_fresnel(mean), mean);
-#endif
-    I metal = (vertex.kind == MATERIAL_CONDUCTOR) | (vertex.kind == MATERIAL_METAL) | (vertex.kind == MATERIAL_PRINCIPLED);
-#if HAS_BRUSHED_SHARE
-    return select3(metal, ggx_boost(vertex.closure.once, vertex.closure.once_mean, mean), WHITE_3);
-#else
-    F alpha = vertex.closure.alpha.x;
-    return select3(metal, ggx_boost(ggx_albedo(mu, alpha), ggx_mean_albedo(alpha), mean), WHITE_3);
-#endif
 }
 #endif
 
@@ -359,7 +393,8 @@ static F3 again_of(Vertex vertex, Lobes lobes, F3 wo)
     F3 gain = f3(again, again, again);
 #if HAS_STAIN
     I glass = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
-    gain = select3(glass, ggx_boost(1.0f / again, vertex.closure.glass_mean, vertex.color), gain);
+    F3 colour = colour_again(vertex.color, 1.0f - vertex.closure.glass_mean);
+    gain = select3(glass, along(WHITE_3, colour, again - 1.0f), gain);
 #endif
     return gain;
 }
@@ -380,9 +415,6 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
 #if HAS_REFRACTION
     lobes.eta = (lobes.clear & behind) ? 1.0f / lobes.eta : lobes.eta;
 #endif
-#if FACET_ENERGY
-    lobes.boost = boost_of(vertex, wi.z);
-#endif
 #if HAS_AGAIN
     lobes.behind = behind;
     lobes.again = WHITE_3;
@@ -398,6 +430,7 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
 #endif
     F over = coat * coat_albedo(to_coat(lobes, wi).z, alpha);
     lobes.bare = 1.0f - over;
+    lobes.bare_mean = 1.0f - coat * coat_mean_albedo(alpha);
 #elif HAS_BASE
     F over = ZERO;
 #endif
@@ -409,14 +442,41 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
     return lobes;
 }
 
+#if FACET_ENERGY && (HAS_SHEEN || HAS_CLEARCOAT)
+// What passes a coat or a sheen both ways, the same either way, of light that what is below sends on: the layer lets pass the
+// shares `in` and `out` of both directions, and `mean` of even light. Below it a mirror loses what light loses on one of its
+// ways, since the other is as steep, and an even base keeps all that comes through; rough facets are between.
+static F through_layer(F in, F out, F mean, F spread, F3 wo)
+{
+    F both = in * out;
+    F passed = root(both);
+    passed += spread * (both / MAX(mean, (F)(1e-3f)) - passed);
+    return wo.z < 0.0f ? in : passed;
+}
+
+// By which white metal below a smooth coat gives back the most even light.
+static inline F spread_of(Vertex vertex)
+{
+    F alpha = mean_alpha(vertex);
+    return MIN(alpha * (2.9f - 1.95f * alpha), ONE);
+}
+#endif
+
 // BSDF times cosine and the density of choosing `wo`, for the facet normal `h` between `wi` and `wo`.
-static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
+IN_PLACE static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
 {
     F c = MAX(dot3(lobes.wi, h), ZERO);
 #if HAS_AGAIN
     lobes.again = again_of(vertex, lobes, wo);
 #endif
+#if HAS_BASE
+    Shares of = shares_of(vertex, f3(wo.x, wo.y, MAX(wo.z, ZERO)));
+#endif
     Facet facet = facet_of(vertex, lobes, c);
+#if HAS_METAL_AGAIN
+    F more = lobes.sharp * (1.0f / sqrt(lobes.once * MAX(1.0f - of.again, (F)(0.1f))) - 1.0f);
+    facet.reflected = along(facet.reflected, mul(facet.by_metal, lobes.to), more);
+#endif
     F density;
     F mirrored = ggx_reflect(lobes.wi, wo, h, vertex.closure.alpha, &density);
     F3 sum = scale(facet.reflected, mirrored);
@@ -433,10 +493,7 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
 #if HAS_CLEARCOAT
     F3 coat_wi = to_coat(lobes, lobes.wi);
     F3 coat_wo = to_coat(lobes, wo);
-    F taken = lobes.bare;
-#if !FACET_ENERGY
-    taken *= lobes.coat > 0.0f ? 1.0f - vertex.closure.coat * coat_albedo(absolute(coat_wo.z), lobes.coat_alpha.x) : ONE;
-#endif
+    F bare = lobes.coat > 0.0f ? 1.0f - vertex.closure.coat * coat_albedo(absolute(coat_wo.z), lobes.coat_alpha.x) : ONE;
     F coat_density;
 #if HAS_COAT_NORMAL
     h = normalized(add(coat_wi, coat_wo));
@@ -454,29 +511,45 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
     coat = shines ? coat : ZERO;
     density += lobes.coat * (coat_density - density);
 #endif
+    F3 even = f3(ZERO, ZERO, ZERO);
 #if HAS_BASE
     F up = MAX(wo.z, ZERO) * INV_PI_F;
-    F mean;
-    sum = along(sum, lobes.base, up * (1.0f - share_above_base(vertex, f3(wo.x, wo.y, MAX(wo.z, ZERO)), &mean)));
+#if HAS_COVERED_BASE
+    even = scale(lobes.base, up * (1.0f - of.cover));
+#endif
+#if HAS_METAL_AGAIN
+    even = along(even, mul(lobes.from, along(lobes.to, lobes.to_rise, grazing(MAX(wo.z, ZERO)))), up * of.again);
+#endif
     density += lobes.under * (up - density);
 #endif
 #if HAS_SHEEN
     if (ANY(lobes.sent > 0.0f)) {
+        F kept = sheen_share(vertex, lobes.fibres, absolute(wo.z));
 #if FACET_ENERGY
-        F kept = lobes.sent;
+        F passed = through_layer(1.0f - lobes.sent, 1.0f - kept, 1.0f - lobes.sent_mean, spread_of(vertex), wo);
+        even = scale(even, through_layer(1.0f - lobes.sent, 1.0f - kept, 1.0f - lobes.sent_mean, ONE, wo));
 #else
-        F kept = MAX(lobes.sent, sheen_share(vertex, lobes.fibres, absolute(wo.z)));
+        F passed = 1.0f - MAX(lobes.sent, kept);
+        even = scale(even, passed);
 #endif
-        sum = scale(sum, 1.0f - kept);
-        sum = along(sum, lobes.fibres, sheen_reflect(vertex.closure, lobes.wi, wo, h));
+        sum = scale(sum, passed);
+        even = along(even, lobes.fibres, sheen_reflect(vertex.closure, lobes.wi, wo, h));
         density += lobes.sheen * ((wo.z > 0.0f ? 0.5f * INV_PI_F : ZERO) - density);
     }
 #endif
 #if HAS_CLEARCOAT
-    sum = add(scale(sum, taken), f3(coat, coat, coat));
+#if FACET_ENERGY
+    F passed = through_layer(lobes.bare, bare, lobes.bare_mean, spread_of(vertex), wo);
+    even = scale(even, through_layer(lobes.bare, bare, lobes.bare_mean, ONE, wo));
+#else
+    F passed = lobes.bare * bare;
+    even = scale(even, passed);
+#endif
+    sum = scale(sum, passed);
+    even = add(even, f3(coat, coat, coat));
 #endif
     *pdf = density;
-    return sum;
+    return add(sum, even);
 }
 
 // The facet normal that takes `wi` to `wo`.
@@ -493,17 +566,11 @@ static inline F3 facet_normal(Lobes lobes, F3 wo)
     return select3(length2 > SMALLEST, unit, f3(ZERO, ZERO, ONE));      // of light that grazes from the other side
 }
 
-static inline F3 facets_eval(Vertex vertex, F3 wi, F3 wo, I behind, F *pdf)
-{
-    Lobes lobes = lobes_of(vertex, wi, behind);
-    return lobes_eval(vertex, lobes, wo, facet_normal(lobes, wo), pdf);
-}
-
 // Chooses `wo`; returns BSDF times cosine over the density, zero where nothing goes on.
-static F3 facets_sample(Vertex vertex, F3 wi, I behind, F u, F v, F lobe, F3 *wo, F *pdf)
+static F3 facets_sample(Vertex vertex, Lobes lobes, F u, F v, F lobe, F3 *wo, F *pdf)
 {
     // Choose the sheen, the base, the coat or the facets by one number.
-    Lobes lobes = lobes_of(vertex, wi, behind);
+    F3 wi = lobes.wi;
     Alpha alpha = vertex.closure.alpha;
 #if HAS_SHEEN
     I cloth = lobe < lobes.sheen;

@@ -83,29 +83,28 @@ static inline F ggx_reflect(F3 wi, F3 wo, F3 h, Alpha alpha, F *pdf)
 }
 
 #if FACET_ENERGY || HAS_PRINCIPLED
-static inline F quartic(F x, float a, float b, float c, float d, float e) { return a + x * (b + x * (c + x * (d + x * e))); }
+static inline F cubic(F x, float a, float b, float c, float d) { return a + x * (b + x * (c + x * d)); }
+static inline F quartic(F x, float a, float b, float c, float d, float e) { return a + x * cubic(x, b, c, d, e); }
 
-// Share of light from the cosine `mu` that facets which absorb nothing send back after one reflection: what is missing meets
-// further facets. A fit to its quadrature, at most 0.0032 of the value off (tests/device/test_covers.py); facets with
-// two alphas have tables, material/facet_shares.h.
-static F ggx_albedo(F mu, F alpha)
+// Share of light from the cosine `mu` that meets further facets after one reflection, of facets that absorb nothing. A fit to its
+// quadrature, 0.003 off at most where mu >= 0.01 (tests/device/test_covers.py); facets with two alphas have tables,
+// material/facet_shares.h.
+static F ggx_again(F mu, F alpha)
 {
-    F x = mu / (mu + 0.5f * alpha);
-    F e0 = quartic(alpha, 0.9969f, 0.0041f, -0.0252f, 0.0683f, -0.0469f);
-    F e1 = quartic(alpha, 0.1202f, 0.6268f, -7.1829f, 5.6795f, -1.4904f);
-    F e2 = quartic(alpha, -3.2013f, -5.3056f, 57.3534f, -51.9450f, 11.8601f);
-    F e3 = quartic(alpha, 15.6234f, 16.5589f, -229.5235f, 183.7096f, -18.0872f);
-    F e4 = quartic(alpha, -35.4656f, -25.1964f, 441.2840f, -272.4617f, -45.3697f);
-    F e5 = quartic(alpha, 36.4543f, 19.0337f, -402.7317f, 148.2968f, 136.2376f);
-    F e6 = quartic(alpha, -13.5264f, -5.7445f, 140.7566f, -10.0429f, -86.7532f);
-    F share = e0 + x * (e1 + x * (e2 + x * (e3 + x * (e4 + x * (e5 + x * e6)))));
-    return MIN(MAX(share, (F)(0.2f)), ONE);
+    F y = alpha / (mu + alpha);
+    F p0 = cubic(alpha, 0.2339f, 5.9127f, 44.965f, 7.2562f);
+    F p1 = cubic(alpha, 8.9162f, -64.8282f, -133.9671f, -138.4206f);
+    F p2 = cubic(alpha, -35.2489f, 230.9865f, 54.7584f, 542.302f);
+    F p3 = cubic(alpha, 50.5652f, -372.8272f, 229.589f, -900.0f);
+    F p4 = cubic(alpha, -31.7851f, 283.3422f, -311.1575f, 692.0224f);
+    F p5 = cubic(alpha, 7.3104f, -82.6035f, 115.9163f, -203.2345f);
+    return MIN(MAX(y * y * (p0 + y * (p1 + y * (p2 + y * (p3 + y * (p4 + y * p5))))), ZERO), ONE);
 }
 
-// Its mean over even light.
-static inline F ggx_mean_albedo(F alpha)
+// One over the mean of the fit over even light: of the light of a direction that meets further facets 0.0014 off at most.
+static inline F ggx_over_again(F alpha)
 {
-    return MIN(quartic(alpha, 1.0045f, -0.1926f, -1.6264f, 1.9318f, -0.7089f), ONE);
+    return cubic(alpha, 0.1901f, 4.5835f, 7.1391f, 7.7584f) / (alpha * alpha * (1.0f + 10.6266f * alpha));
 }
 #endif
 
@@ -122,14 +121,15 @@ static F schlick_albedo(F mu, F alpha, F f0)
     F e3 = quartic(r, -0.2758f, 2.4074f, -3.6217f, 14.4694f, -8.185f);
     F e4 = quartic(r, 0.1208f, -0.7119f, -1.83f, -4.8045f, 1.2431f);
     F steep = schlick(MAX(mu + e0 + x * (e1 + x * (e2 + x * (e3 + x * e4))), ZERO));
-    return ggx_albedo(mu, alpha) * (f0 + (1.0f - f0) * steep);
+    return (1.0f - ggx_again(mu, alpha)) * (f0 + (1.0f - f0) * steep);
 }
 
 // Its mean over even light.
 static inline F schlick_mean_albedo(F alpha, F f0)
 {
+    F once = MIN(quartic(alpha, 1.0045f, -0.1926f, -1.6264f, 1.9318f, -0.7089f), ONE);
     F steep = quartic(sqrt(alpha), 0.04583f, 0.05755f, -0.48377f, 0.6632f, -0.28098f);
-    return f0 * ggx_mean_albedo(alpha) + (1.0f - f0) * steep;
+    return f0 * once + (1.0f - f0) * steep;
 }
 #endif
 
@@ -148,27 +148,20 @@ static F coat_albedo(F mu, F alpha)
     F e4 = quartic(r, 0.1662f, -0.3364f, -7.7901f, 21.0918f, -20.2131f);
     F ct;
     F share = fresnel(MIN(MAX(mu + e0 + x * (e1 + x * (e2 + x * (e3 + x * e4))), ZERO), ONE), (F)(COAT_INDEX), &ct);
-    return ggx_albedo(mu, alpha) * share;
+    return (1.0f - ggx_again(mu, alpha)) * share;
 }
+
+// Its mean over even light.
+static inline F coat_mean_albedo(F alpha) { return cubic(alpha, 0.0916f, -0.159f, 0.1341f, -0.046f); }
 #endif
 
 #if FACET_ENERGY
-// What light that meets facets again and again adds to what they reflect once, as a factor on that: the share `once` of the
-// direction, `mean` of even light; each facet reflects the share `f` on average (Turquin 2019, with the series of Kulla and
-// Conty 2017).
-static F3 ggx_boost(F once, F mean, F3 f)
+// The colour that light takes by meeting further facets, each of which reflects the share `f` on average and sends the share
+// `again` of even light on to others (the series of Kulla and Conty 2017).
+static F3 colour_again(F3 f, F again)
 {
-    F missing = 1.0f / once - 1.0f;
-    F kept = 1.0f - mean;
-    return f3(1.0f + missing * f.x * mean / (1.0f - f.x * kept), 1.0f + missing * f.y * mean / (1.0f - f.y * kept),
-              1.0f + missing * f.z * mean / (1.0f - f.z * kept));
-}
-
-#define SCHLICK_MEAN 0.0476190476f      // of (1 - cos)^5 over even light
-
-static inline F3 mean_fresnel(F3 f0)
-{
-    return f3(f0.x + (1.0f - f0.x) * SCHLICK_MEAN, f0.y + (1.0f - f0.y) * SCHLICK_MEAN, f0.z + (1.0f - f0.z) * SCHLICK_MEAN);
+    F once = 1.0f - again;
+    return f3(f.x * once / (1.0f - f.x * again), f.y * once / (1.0f - f.y * again), f.z * once / (1.0f - f.z * again));
 }
 #endif
 

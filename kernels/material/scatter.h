@@ -52,10 +52,20 @@
         } \
     }
 
-// BSDF * cosine, and the density with which scatter_sample would choose `wo`.
-static inline F3 scatter_eval(Vertex vertex, F3 d, F3 wo, F *pdf)
+// What a path along `d` sees of a vertex, with what its facets make of it: the same for all directions on.
+static Side side_seen(Vertex vertex, F3 d)
 {
     Side side = side_of(vertex, d);
+#if HAS_GLOSSY && !defined(SPECULAR_ALONE)
+    if (ANY(glossy_is(vertex.kind)))
+        side.lobes = glossy_lobes(vertex, d, side);
+#endif
+    return side;
+}
+
+// BSDF * cosine, and the density with which scatter_sample would choose `wo`.
+static inline F3 scatter_eval(Vertex vertex, F3 d, Side side, F3 wo, F *pdf)
+{
     F3 value = f3(ZERO, ZERO, ZERO);
     *pdf = ZERO;
     BSDFS(EVAL, EVAL, NOTHING_TO_EVAL)
@@ -87,9 +97,8 @@ static inline F3 scatter_eval(Vertex vertex, F3 d, F3 wo, F *pdf)
 #endif
 
 // A direction on, by three random numbers: two for the direction, one for the lobe.
-static Scattered scatter_sample(Vertex vertex, F3 d, F u, F v, F lobe)
+static Scattered scatter_sample(Vertex vertex, F3 d, Side side, F u, F v, F lobe)
 {
-    Side side = side_of(vertex, d);
 #if HAS_MIX
     lobe = vertex.lobe;
 #endif

@@ -3,12 +3,55 @@
 #define SIDE_H
 #include "material/vertex.h"
 
+#if HAS_GLOSSY
+// Of facets (material/facets.h), what is the same for every direction on; in the frame of s, t and the normal.
+typedef struct {
+    F3    s, t, wi;
+    F     eta;              // index beyond the surface over the index before it
+    I     clear;            // lanes that refract
+#if HAS_AGAIN
+    I     behind;           // lanes that come from inside
+    F3    again;            // of glass, by what its facets scatter more than once
+#endif
+#if HAS_COVERED_BASE
+    F3    base;             // diffuse reflectance that the way in leaves
+#endif
+#if HAS_METAL_AGAIN
+    F3    from;             // of metal, the share of the light from `wi` that meets several facets, over the mean of even light;
+    F3    to, to_rise;      // what the last one leaves of it, head on, and how much more along the surface
+    F     once;             // share of the light from `wi` that meets no further facet
+    F     sharp;            // how much of what meets further ones goes where facets reflect once
+#endif
+#if HAS_BASE
+    F     under;            // probability of choosing these
+#endif
+#if HAS_SHEEN
+    F3    fibres;           // colour of the sheen
+    F     sent;             // share of the light from `wi` that it sends back
+    F     sent_mean;        // and of even light
+    F     sheen;            // probability of choosing it
+#endif
+#if HAS_CLEARCOAT
+    Alpha coat_alpha;
+    F     bare;             // share of the light from `wi` that the coat lets pass
+    F     bare_mean;        // and of even light
+    F     coat;             // probability of choosing the coat, if not the base
+#endif
+#if HAS_COAT_NORMAL
+    F3    coat_s, coat_t, coat_n;   // frame of the coat
+#endif
+} Lobes;
+#endif
+
 typedef struct {
     F3 n;           // shading normal on the side of the path
     F  cosine;      // of the path to it, >= 0
     I  behind;      // the path comes from the back
 #if HAS_COAT_NORMAL
     F3 coat;        // normal of the clear coat, likewise
+#endif
+#if HAS_GLOSSY
+    Lobes lobes;    // of the lanes with facets
 #endif
 } Side;
 

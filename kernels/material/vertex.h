@@ -31,7 +31,7 @@ typedef struct {
 #if HAS_CLOSURE
     Closure closure;
 #endif
-#if HAS_MEASURED || HAS_THIN_FILM || HAS_BRUSHED_BASE || HAS_AGAIN
+#if HAS_MEASURED || HAS_THIN_FILM || HAS_BRUSHED_SHARE || HAS_AGAIN
     Scene scene;    // whose tables are read once the direction on is known
 #endif
 #if HAS_MIX
@@ -95,8 +95,8 @@ static F index_at(const __global Material *material, F inverse)
 }
 #endif
 
-#if HAS_BRUSHED_SHARE || HAS_AGAIN
-// What tables say of the light that facets scatter once, of a path along `d`.
+#if HAS_AGAIN
+// What tables say of the light that rough glass scatters again, of a path along `d`.
 static void take_shares(Vertex *vertex, I mine, const __global Material *material, F3 d, Scene scene)
 {
     F cosine = dot3(vertex->n, d);
@@ -106,19 +106,6 @@ static void take_shares(Vertex *vertex, I mine, const __global Material *materia
     x = dot3(d, flat) / sqrt(MAX(dot3(flat, flat), (F)(SMALLEST)));
 #endif
     Stretched w = stretched(cosine, x, vertex->closure.alpha);
-#if HAS_BRUSHED_SHARE
-    F alpha = MIN(vertex->closure.alpha.x, ONE);
-    F once = ggx_albedo(MIN(absolute(cosine), ONE), alpha), mean = ggx_mean_albedo(alpha);
-    if (material->brushed_alphas > 0) {
-        Brushed brushed = brushed_shares(scene.facet_shares, (I)(material->brushed_table), (I)(material->brushed_alphas), w,
-                                         vertex->closure.alpha, ZERO);
-        once = brushed.once;
-        mean = brushed.once_mean;
-    }
-    vertex->closure.once = mine ? once : vertex->closure.once;
-    vertex->closure.once_mean = mine ? mean : vertex->closure.once_mean;
-#endif
-#if HAS_AGAIN
     if (material->share_levels > 0) {
         I inside = cosine > 0.0f;
         Gains gains;
@@ -147,7 +134,6 @@ static void take_shares(Vertex *vertex, I mine, const __global Material *materia
         vertex->closure.glass_mean = mine ? mean : vertex->closure.glass_mean;
 #endif
     }
-#endif
 }
 #endif
 
@@ -191,7 +177,7 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 #if HAS_HAIR
     vertex->closure.across = mine ? 2.0f * point.v - 1.0f : vertex->closure.across;
 #endif
-#if HAS_BRUSHED_SHARE || HAS_AGAIN
+#if HAS_AGAIN
     take_shares(vertex, mine, material, d, scene);
 #endif
 #if HAS_COAT_NORMAL
@@ -244,7 +230,7 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
     Vertex vertex;
     F3 p = along(ray.o, ray.d, hit.t);
     vertex.p = p;
-#if HAS_MEASURED || HAS_THIN_FILM || HAS_BRUSHED_BASE || HAS_AGAIN
+#if HAS_MEASURED || HAS_THIN_FILM || HAS_BRUSHED_SHARE || HAS_AGAIN
     vertex.scene = scene;
 #endif
     vertex.n = f3(ZERO, ZERO, ONE);

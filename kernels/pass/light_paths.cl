@@ -119,15 +119,16 @@ static F3 power_on(Vertex vertex, F3 d, Scattered next, Ray ray, Hit hit, F choi
 #endif
     I spread = next.pdf > 0.0f;
     if (ANY(spread)) {
-#if HAS_AGAIN || HAS_BRUSHED_SHARE
-        // What facets scatter again follows from the direction in which a path comes.
+#if HAS_AGAIN
+        // What glass scatters again follows from the direction in which a path comes.
         ray.o = vertex.p;
         ray.d = scale(next.direction, -ONE);
         hit.t = ZERO;
         vertex = vertex_of(ray, hit, spread, choice, scene);
 #endif
         F pdf;
-        F3 seen = scatter_eval(vertex, scale(next.direction, -ONE), scale(d, -ONE), &pdf);
+        F3 back = scale(next.direction, -ONE);
+        F3 seen = scatter_eval(vertex, back, side_seen(vertex, back), scale(d, -ONE), &pdf);
         F over = absolute(after) / MAX(absolute(before) * next.pdf, (F)(SMALLEST));
         weight = select3(spread & (max3(weight) > 0.0f), scale(seen, over), weight);
     }
@@ -202,7 +203,7 @@ __kernel void light_paths(SCENE_PARAMETERS
             STORE_F(found, ((size_t)(k * pass.max_edges) + bounce - 1u) * pass.paths + first, floats[k]);
         // Go on, or end.
         u = random4(stream, sample, (U)(2u * bounce), pass.seed);
-        Scattered next = scatter_sample(vertex, path.ray.d, u.a, u.b, u.c);
+        Scattered next = scatter_sample(vertex, path.ray.d, side_seen(vertex, path.ray.d), u.a, u.b, u.c);
         F3 weight = power_on(vertex, path.ray.d, next, path.ray, hit, choice, scene);
         F survive = MIN(MAX(max3(weight), (F)(LEAST_CHANCE)), ONE);
         I smooth = next.pdf == 0.0f;

@@ -95,7 +95,7 @@ __kernel void photons(SCENE_PARAMETERS
         leave_one_wavelength(&path, vertex, on, scene);
 #endif
         u = random4(stream, sample, (U)(2u * edges), pass.seed);
-        Scattered next = scatter_sample(vertex, path.ray.d, u.a, u.b, u.c);
+        Scattered next = scatter_sample(vertex, path.ray.d, side_seen(vertex, path.ray.d), u.a, u.b, u.c);
         path.beta = mul(path.beta, share_on(vertex, path.ray.d, next));
         on = on & (next.pdf == 0.0f) & (max3(path.beta) > 0.0f);
         path.ray.o = departure(vertex, next.direction);

@@ -70,8 +70,22 @@ def test_white_principled_surfaces_give_back_all_light_at_every_angle(session, c
             material = {"kind": "principled", "base_color": WHITE, "roughness": roughness} | COATS[coat]
             got = scatter(session, material, direction(cosine, turns), numbers=numbers, again=True).weight[:, 1]
             error = got.std() / np.sqrt(COUNT)
-            most = 1.003 if "anisotropy" in COATS[coat] else 1.001  # tables are interpolated
-            assert 0.995 - 4 * error < got.mean() < most + 4 * error, (roughness, cosine, turns)
+            least, most = 0.995, 1.003 if "anisotropy" in COATS[coat] else 1.001  # tables are interpolated
+            if "clearcoat" in COATS[coat]:  # the same either way; 0.9 to 1.9 of lamps by the camera's direction alone
+                least, most = 0.98, 1.03
+            assert least - 4 * error < got.mean() < most + 4 * error, (roughness, cosine, turns)
+
+
+def test_coat_over_chalk_is_a_smooth_plastic(session):
+    """Two formulas of one surface: both let light in and out by its two directions."""
+    rng = np.random.default_rng(9)
+    wi, wo = direction(*rng.uniform([[[0.1]], [[0.0]]], 1, (2, 2, 4096)))
+    away = np.linalg.norm(wi * [-1, -1, 1] - wo, axis=1) > 0.4  # from the highlight
+    coat = {"clearcoat": 1, "clearcoat_roughness": 0.02, "specular": 0, "roughness": 1.0}
+    coated = scatter(session, {"kind": "principled", "base_color": WHITE} | coat, wi[away], wo[away], again=True)
+    plastic = scatter(session, {"kind": "plastic", "reflectance": WHITE}, wi[away], wo[away])
+    assert away.sum() > 3000
+    np.testing.assert_allclose(coated.value, plastic.value, rtol=0.01)
 
 
 @pytest.mark.parametrize("roughness", [0.3, slow(0.9)])
@@ -129,9 +143,67 @@ def test_brushed_metal_gives_back_all_light_from_every_side(session):
         white = {"kind": "conductor", "reflectance": WHITE, "alpha": list(alphas)}
         if max(alphas) > 1:
             white = {"kind": "conductor", "reflectance": WHITE, "roughness": 1.0, "anisotropy": 0.8}
-        several, once = (scatter(session, white, w, w, again=again).value[:, 1] for again in (True, False))
-        furnace = several / once * share_once(w, alphas)
-        assert furnace.min() >= 0.995 and furnace.max() <= 1.001, (alphas, furnace.min(), furnace.max())
+        ways = even_light(24, 32)
+        each, all_ways = np.repeat(w, len(ways), axis=0), np.tile(ways, (len(w), 1))
+        several, once = (scatter(session, white, each, all_ways, again=again).value[:, 1] for again in (True, False))
+        added = (np.pi * (several - once) / all_ways[:, 2]).reshape(len(w), -1).mean(axis=1)
+        furnace = added + share_once(w, alphas)
+        assert furnace.min() >= 0.996 and furnace.max() <= 1.004, (alphas, furnace.min(), furnace.max())
+
+
+def even_light(rings, around):
+    """Directions of even light, each of the same part of it: shape (rings x around, 3)."""
+    squares, turns = np.meshgrid((np.arange(rings) + 0.5) / rings, (np.arange(around) + 0.5) / around)
+    return direction(np.sqrt(squares.ravel()), turns.ravel())
+
+
+@pytest.mark.parametrize("roughness", [0.5, slow(0.3), slow(0.7), 1.0])
+@pytest.mark.parametrize("kind", ["conductor", "principled"])
+def test_metal_reflects_what_walks_among_its_facets_say_the_same_either_way(session, kind, roughness):
+    """By a factor of the camera's direction alone, white metal reflects 0.76 to 2.06 of the light of a lamp."""
+    colour = {"conductor": {"reflectance": COLOUR}, "principled": {"base_color": COLOUR, "metallic": 1.0}}[kind]
+    steep = np.zeros(3) if kind == "conductor" else 1 - np.array(COLOUR)
+    metal = {"kind": kind, "roughness": roughness} | colour
+    rng = np.random.default_rng(7)
+    for cosine in (0.1, 0.35, 0.9):
+        one = np.broadcast_to(direction(cosine), (COUNT, 3))
+        got = scatter(session, metal, one, numbers=rng.uniform(size=(COUNT, 3)), again=True).weight
+        expected = metal_walk(cosine, roughness**2, np.array(COLOUR), steep, 1 << 17)
+        assert got.mean(axis=0) == pytest.approx(expected, rel=0.015 if kind == "conductor" else 0.03), cosine
+    wi, wo = direction(*rng.uniform([[[0.02]], [[0.0]]], 1, (2, 2, 4096)))
+    there, back = (scatter(session, metal, *pair, again=True).value / pair[1][:, 2:] for pair in ((wi, wo), (wo, wi)))
+    np.testing.assert_allclose(there, back, rtol=2e-3)
+
+
+def metal_walk(cosine, alpha, normal, steep, count):
+    """Share of light that facets of metal reflect, as `facet_walk`; each of the share `normal` + `steep` (1 - c)^5."""
+    rng = np.random.default_rng(13)
+    way, height = np.tile([-math.sqrt(1 - cosine**2), 0.0, -cosine], (count, 1)), np.ones(count)
+    weight, total = np.ones((count, 3)), np.zeros(3)
+    while len(way):
+        number = rng.random(len(way))
+        slope = np.sqrt(1 + alpha**2 * (way[:, 0] ** 2 + way[:, 1] ** 2) / way[:, 2] ** 2)
+        masking = (np.sign(way[:, 2]) * slope - 1) / 2
+        leaves = (way[:, 2] > 0) & (number > 1 - height ** np.maximum(masking, 0))
+        total += weight[leaves].sum(axis=0)
+        way, height, weight, masking, number = (each[~leaves] for each in (way, height, weight, masking, number))
+        height = np.clip(height * (1 - number) ** (-1 / masking), 0, 1)
+        h = visible_normals(-way, alpha, rng)
+        c = np.clip(-np.sum(way * h, axis=1), 0, 1)[:, None]
+        way, weight = way + 2 * c * h, weight * (normal + steep * (1 - c) ** 5)
+    return total / count
+
+
+def visible_normals(w, alpha, rng):
+    """One facet normal for each direction ``w`` (n, 3), below the surface, too (Dupuy and Benyoub 2023)."""
+    w = w * [alpha, alpha, 1]
+    w /= np.linalg.norm(w, axis=1, keepdims=True)
+    u, v = rng.random((2, len(w)))
+    z = (1 - v) * (1 + w[:, 2]) - w[:, 2]
+    r = np.sqrt(np.clip(1 - z**2, 0, None))
+    h = np.stack([r * np.cos(2 * np.pi * u) + w[:, 0], r * np.sin(2 * np.pi * u) + w[:, 1], z + w[:, 2]], axis=1)
+    h = h * [alpha, alpha, 1]
+    return h / np.linalg.norm(h, axis=1, keepdims=True)
 
 
 @pytest.mark.slow
@@ -203,17 +275,10 @@ def facet_walk(cosine, alpha, eta, tints, reflectance, count):
             each[~leaves] for each in (way, height, outside, weight, masking, number)
         )
         height = np.clip(height * (1 - number) ** (-1 / masking), 0, 1)
-        w = -way * [alpha, alpha, 1]
-        w /= np.linalg.norm(w, axis=1, keepdims=True)
-        u, v = rng.random((2, len(w)))
-        z = (1 - v) * (1 + w[:, 2]) - w[:, 2]
-        r = np.sqrt(np.clip(1 - z**2, 0, None))
-        h = np.stack([r * np.cos(2 * np.pi * u) + w[:, 0], r * np.sin(2 * np.pi * u) + w[:, 1], z + w[:, 2]], axis=1)
-        h = h * [alpha, alpha, 1]
-        h /= np.linalg.norm(h, axis=1, keepdims=True)
+        h = visible_normals(-way, alpha, rng)
         c = np.clip(-np.sum(way * h, axis=1), 0, 1)[:, None]
         index = np.where(outside, eta, 1 / eta)[:, None]
-        bounces = rng.random((len(w), 1)) < reflectance(c, index)
+        bounces = rng.random((len(way), 1)) < reflectance(c, index)
         bent = way / index + (c / index - np.sqrt(np.clip(1 - (1 - c**2) / index**2, 0, None))) * h
         way = np.where(bounces, way + 2 * c * h, -bent)
         weight = weight * np.where(bounces, tints[0], tints[1])

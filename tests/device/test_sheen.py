@@ -74,9 +74,11 @@ def test_base_gets_what_the_sheen_leaves(session, roughness, again):
     both, alone, below = (scatter(session, each, wi, wo, again=again).value for each in (base | sheen, black, base))
     cosines = np.linspace(0.2, 1, 16) ** 2
     share = [sheen_albedo(cosine, roughness**2) for cosine in cosines]
-    # of the largest channel, the lower of both directions; where nothing is lost, that to the camera
-    kept = 0.9 * np.interp(wi[:, 2] if again else np.minimum(wi[:, 2], wo[:, 2]), cosines, share)
-    off = (both - alone) / below - (1 - kept[:, None])
+    # of the largest channel; of the lower of both directions, or where nothing is lost of both, over even light
+    seen, lit = (1 - 0.9 * np.interp(w[:, 2], cosines, share) for w in (wi, wo))
+    even = 1 - 0.9 * np.mean([sheen_albedo(cosine, roughness**2) for cosine in np.sqrt((np.arange(32) + 0.5) / 32)])
+    left = seen * lit / even if again else np.minimum(seen, lit)
+    off = (both - alone) / below - left[:, None]
     assert np.abs(off).max() < 0.08  # what the fit of the share may be off where it grazes
     assert np.abs(off).mean() < 0.02
 

@@ -10,6 +10,7 @@ from rptcam_cl.rendering.plan.plan import make_plan
 from tests.device import test_bsdf_sampling as bsdf_sampling
 from tests.device import test_bsdf_values as bsdf_values
 from tests.device import test_camera_rays as rays
+from tests.device import test_covers as covers
 from tests.device import test_random as random
 from tests.device.probes import open_session
 from tests.rendering import test_determinism as determinism
@@ -201,8 +202,14 @@ MUTANTS = [
            lambda: samples_of("coated")),
     Mutant("base chosen at no cost", "density += lobes.under * (up - density);", "",
            lambda: samples_of("rough plastic")),
-    Mutant("base does not lose the way out", "1.0f - share_above_base(vertex, f3(wo.x, wo.y, MAX(wo.z, ZERO)), &mean)",
-           "1.0f", lambda: bsdf_values.test_reflection_is_the_same_either_way(open_session(), "principled")),
+    Mutant("base does not lose the way out", "up * (1.0f - of.cover)", "up",
+           lambda: bsdf_values.test_reflection_is_the_same_either_way(open_session(), "principled", False)),
+    Mutant("coats let light out by the camera's direction alone", "return wo.z < 0.0f ? in : passed;", "return in;",
+           lambda: covers.test_coat_over_chalk_is_a_smooth_plastic(open_session())),
+    Mutant("light that metal reflects again by the camera's direction alone", "up * of.again",
+           "up * 0.12f",
+           lambda: covers.test_metal_reflects_what_walks_among_its_facets_say_the_same_either_way(
+               open_session(), "conductor", 0.5)),
     Mutant("absorption also outside", "I inside = dot3(vertex.ng, d) > 0.0f;", "I inside = TRUE;",
            materials.test_light_through_an_absorbing_slab_is_beers_law),
     Mutant("panes absorb the way to them", "material->kind == MATERIAL_THIN_GLASS ? BLACK_3 : ", "",

@@ -76,6 +76,7 @@ def _largest(colour: Colour) -> float:
 Array = NDArray[np.float64]
 _SHEEN_GRID = 128  # points along each side of the square of directions
 _ROOTS = (np.arange(32) + 0.5) / 32  # of the cosines where the albedo is fitted
+_EVEN = np.sqrt((np.arange(64) + 0.5) / 64)  # cosines of even light
 _SHALLOW = np.geomspace(1e-4, 0.2, 25)  # cosines among which the albedo is largest
 _DEGREE = 4  # of kernels/material/sheen.h
 # Their fit of Smith's Lambda at alpha 0 and 1: a, b, c, d, e of a / (1 + b x^c) + d x + e.
@@ -141,6 +142,12 @@ def sheen_lobe(alpha: float) -> tuple[float, dict[str, Any]]:
     return scale, {"sheen_alpha": alpha, "sheen_peak": peak, "sheen_half": half, **cover}
 
 
+def sheen_mean(members: dict[str, Any]) -> float:
+    """Return the share of even light that a white sheen sends back, by what `sheen_lobe` fits."""
+    powers = np.sqrt(_EVEN)[:, None] ** np.arange(_DEGREE + 1)
+    return float(np.mean(np.exp(powers @ [*members["sheen_cover"], members["sheen_last"]])))
+
+
 # What the dielectric cover of a plastic lets in and out, by quadrature in float64.
 
 _COVER_GRID = 96  # points along each side of the square of facet normals
@@ -204,7 +211,6 @@ def cover_mean(cover: tuple[float, ...]) -> float:
 
 _SHARE_NODES = 64, 24  # of the quadrature over visible normals, round their cap and along it
 _FINE_NODES = 128, 32  # of tables for one pair of alphas
-MIDDLE = 1.002  # of the errors of a table, so that white metal gives back 0.997 to 1.001 of even light
 _LEAST_STRETCH = 1e-3
 
 
@@ -284,8 +290,9 @@ def _brushed_shares(
 ) -> tuple[Array, Array]:
     """Return the tables of brushed facets for pairs of alphas (n, 2), and means over even light (2, n).
 
-    The first is the share of light that facets which reflect everything send back once. The second is the mean
-    reflectance of such light less that at the cosine of the light: what it is near 0 for is smooth near an alpha of 0.
+    The first is the share of light that meets further facets, where they reflect everything. The second is the mean
+    reflectance of what meets none, less that at the cosine of the light: what it is near 0 for is smooth near an alpha
+    of 0.
     """
     turns = SHARE_SIDES["TURNS"]
     tables = _once_table(alphas, reflectance, nodes).astype(np.float64)
@@ -296,12 +303,13 @@ def _brushed_shares(
         w = _table_directions(turns) / [*pair, 1]
         tables[1, number] /= tables[0, number]
         tables[1, number] -= reflectance(w[..., 2] / np.sqrt((w * w).sum(axis=-1)))
+        tables[0, number] = 1 - tables[0, number]
         x, y = (alpha * np.sqrt(1 - z**2) * way(azimuth) for alpha, way in zip(pair, (np.cos, np.sin), strict=True))
         parts = z / np.sqrt(x * x + y * y + z * z), np.arctan2(y, x) / (np.pi / 2)
         rows, columns = (np.arccos(1 - 2 * p) / np.pi * (n - 1) for p, n in zip(parts, tables.shape[2:], strict=True))
-        once = MIDDLE * _between(tables[0, number], rows, columns)
-        means[:, number] = once.mean(), (once * (_between(tables[1, number], rows, columns) + reflectance(z))).mean()
-    tables[0] *= MIDDLE
+        again = _between(tables[0, number], rows, columns)
+        risen = (1 - again) * (_between(tables[1, number], rows, columns) + reflectance(z))
+        means[:, number] = again.mean(), risen.mean()
     return tables, means
 
 
@@ -814,7 +822,9 @@ class _Filler:
 
     def _sheen(self, record: np.void, material: models.Principled) -> None:
         self._colour(record, "sheen", "sheen_texture", material.sheen, 1.0)
-        fill(record, **sheen_lobe(models.alpha_pair(material.sheen_roughness, 0.0)[0])[1])
+        _, members = sheen_lobe(models.alpha_pair(material.sheen_roughness, 0.0)[0])
+        fill(record, **members)
+        record["once"][2] = sheen_mean(members)
 
 
 FILM_COSINES = 128
@@ -903,6 +913,8 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"][~brushed] != 0),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0) or np.any(clearing),
         "HAS_CLEARCOAT": np.any(coated),
+        "HAS_METALLIC": np.any(records["metallic"][principled] > 0)
+        or np.any(records["metallic_texture"][principled] >= 0),
         "HAS_COAT_NORMAL": np.any(coated & ((records["coat_normal_texture"] >= 0) | flat)),
         "HAS_SHEEN": np.any(records["sheen"][principled] > 0) or np.any(records["sheen_texture"] >= 0),
         "HAS_ABSORPTION": np.any(records["absorption"][clear] > 0),

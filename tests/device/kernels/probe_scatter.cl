@@ -33,8 +33,9 @@ __kernel void probe_scatter(const __global Material *materials,
     F3 d = f3(IN(0), IN(1), IN(2));
     take_material(&vertex, TRUE, materials + material, point, d, scene);
     F pdf;
-    F3 value = scatter_eval(vertex, d, f3(IN(3), IN(4), IN(5)), &pdf);
-    Scattered next = scatter_sample(vertex, d, IN(6), IN(7), IN(8));
+    Side side = side_seen(vertex, d);
+    F3 value = scatter_eval(vertex, d, side, f3(IN(3), IN(4), IN(5)), &pdf);
+    Scattered next = scatter_sample(vertex, d, side, IN(6), IN(7), IN(8));
     F results[11] = {value.x, value.y, value.z, pdf, next.direction.x, next.direction.y, next.direction.z,
                      next.weight.x, next.weight.y, next.weight.z, next.pdf};
     for (int k = 0; k < 11; ++k)
