@@ -547,7 +547,7 @@ MATERIAL = declare(
     "Material",
     # w of a colour, here and elsewhere: its number among the spectra of the scene, from 1; 0 where it has none
     ("float4", "color"),  # reflectance, base colour, or radiance of an emissive material
-    # shares of even light, of rough glass that facets scatter once: x outside, y inside; z: that a white sheen sends back
+    # shares of even light: x outside, y inside: that rough glass scatters once; z: that a white sheen sends back
     ("float4", "once"),
     ("float4", "metal_n metal_k"),  # refractive index n + i k of a metal
     ("float4", "cover"),  # of rough plastic: share of light that its cover reflects, as a quartic in 1 - cos
