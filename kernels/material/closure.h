@@ -86,11 +86,9 @@
     WHEN(HAS_GLOSSY,       EACH(Alpha, alpha,        same_alpha(ONE),  alpha_of(material, u, v, scene))) \
     WHEN(HAS_METAL,        EACH(F3,    n,            WHITE_3,          coefficient(material->metal_n, scene))) /* n + ik */ \
     WHEN(HAS_METAL,        EACH(F3,    k,            WHITE_3,          coefficient(material->metal_k, scene))) \
-    WHEN(HAS_AGAIN,        EACH(Gains, gains,        no_gains(),       no_gains())) /* of rough glass */ \
-    WHEN(HAS_AGAIN,        EACH(F,     gain,         ONE,              ONE)) /* at the path's direction, of what is reflected */ \
-    WHEN(HAS_AGAIN,        EACH(F,     gain_passed,  ONE,              ONE)) /* and of what is refracted */ \
-    WHEN(HAS_AGAIN,        EACH(F,     reflects_more, ONE,             ONE)) /* odds of being reflected, over those once */ \
-    WHEN(HAS_STAIN,        EACH(F,     glass_mean,   ONE,              ONE)) /* mean share scattered once */ \
+    WHEN(HAS_AGAIN,        EACH(Glass, glass,        no_glass(),       glass_of(material, closure->alpha))) /* tables of rough glass */ \
+    WHEN(HAS_STAIN,        EACH(F,     once_outside, ONE,              (F)(material->once.x))) /* share scattered once */ \
+    WHEN(HAS_STAIN,        EACH(F,     once_inside,  ONE,              (F)(material->once.y))) \
     WHEN(HAS_BRUSHED_SHARE, EACH(I,    brushed_table, FALSE,           (I)(material->brushed_table))) \
     WHEN(HAS_BRUSHED_SHARE, EACH(I,    brushed_alphas, FALSE,          (I)(material->brushed_alphas))) \
     WHEN(HAS_UNDERCOVER,   EACH(F,     internal,     ZERO,             (F)(material->internal))) /* diffuse share */ \
@@ -173,6 +171,22 @@ static Alpha alpha_of(const __global Material *material, F u, F v, Scene scene)
     alpha.y = MAX(material->alpha_across * stretch, (F)(SMALLEST_ALPHA));
 #endif
     return alpha;
+}
+#endif
+
+#if HAS_AGAIN
+static Glass glass_of(const __global Material *material, Alpha alpha)
+{
+    Glass glass;
+    glass.table = (I)(material->share_levels > 0 ? material->share_table : 0);
+#if HAS_ROUGHNESS_TEXTURE
+    glass.levels = (I)(MAX(material->share_levels, 1));
+    glass.level = ACROSS(alpha) / (material->alpha_across > 0.0f ? material->alpha_across : 1.0f);
+#endif
+#if HAS_ANISOTROPY
+    glass.turns = (I)(MAX(material->share_turns, 1));
+#endif
+    return glass;
 }
 #endif
 

@@ -2,7 +2,7 @@
 // leaves: by the cosine and the azimuth that it has where the facets' slopes are stretched to alpha 1, which turns all that
 // alpha makes narrow into smooth curves.
 // Facts: FACET_SHARES; HAS_BRUSHED_SHARE (brushed facets, by both alphas), HAS_BRUSHED_BASE (above a diffuse base); HAS_AGAIN
-// (rough glass, of which the tables have what its facets scatter again). Each material has tables of its own, but where textures give
+// (rough glass, on either side). Each material has tables of its own, but where textures give
 // both alphas.
 #ifndef FACET_SHARES_H
 #define FACET_SHARES_H
@@ -113,10 +113,6 @@ static Brushed brushed_shares(const __global float *table, I first, I count, Str
 #endif
 
 #if HAS_AGAIN
-#define GAIN_REFLECTED 0
-#define GAIN_PASSED    1
-#define REFLECTS_MORE  2    // odds of being reflected, over those by light that is scattered once
-
 // Of a table of rough glass: where it starts, and at which of its levels of alpha a texture is. Lanes of 0 have none.
 typedef struct {
     I table;
@@ -127,23 +123,23 @@ typedef struct {
 #if HAS_ANISOTROPY
     I turns;
 #endif
-} Gains;
+} Glass;
 
-static inline Gains no_gains(void)
+static inline Glass no_glass(void)
 {
-    Gains gains;
-    gains.table = FALSE;
+    Glass glass;
+    glass.table = FALSE;
 #if HAS_ROUGHNESS_TEXTURE
-    gains.levels = (I)(1);
-    gains.level = ZERO;
+    glass.levels = (I)(1);
+    glass.level = ZERO;
 #endif
 #if HAS_ANISOTROPY
-    gains.turns = (I)(1);
+    glass.turns = (I)(1);
 #endif
-    return gains;
+    return glass;
 }
 
-static inline Gains select_Gains(I mine, Gains a, Gains b)
+static inline Glass select_Glass(I mine, Glass a, Glass b)
 {
     a.table = mine ? a.table : b.table;
 #if HAS_ROUGHNESS_TEXTURE
@@ -157,25 +153,50 @@ static inline Gains select_Gains(I mine, Gains a, Gains b)
 }
 
 #if HAS_ANISOTROPY
-#define TURNS_OF(gains) ((gains).turns)
+#define TURNS_OF(glass) ((glass).turns)
 #else
-#define TURNS_OF(gains) ((I)(1))
+#define TURNS_OF(glass) ((I)(1))
+#endif
+#if HAS_ROUGHNESS_TEXTURE
+#define LEVELS_OF(glass) ((glass).levels)
+#else
+#define LEVELS_OF(glass) ((I)(1))
 #endif
 
-// What rough glass gains at one of the two directions of its BSDF, by that one's side and what becomes of the light.
-static F glass_gain(const __global float *table, Gains gains, I inside, I what, Entry entry)
+// Share of the light of a direction, on its side of rough glass, that meets further facets.
+static F glass_again(const __global float *table, Glass glass, I inside, Entry entry)
 {
-    I plane = (inside ? (I)(3) : (I)(0)) + what;
-    I size = SHARE_COSINES * TURNS_OF(gains);
+    I size = SHARE_COSINES * TURNS_OF(glass);
+    I first = glass.table + (inside ? LEVELS_OF(glass) * size : FALSE);
 #if HAS_ROUGHNESS_TEXTURE
     I low;
-    F up = among(gains.level, gains.levels, &low);
-    I first = gains.table > 0 ? gains.table + (plane * gains.levels + low) * size : (I)(0);
-    F gain = share_at(table, first, entry);
-    I step = gains.levels > 1 ? size : (I)(0);
-    return ANY(step > 0) ? gain + up * (share_at(table, first + step, entry) - gain) : gain;
+    F up = among(glass.level, glass.levels, &low);
+    first = glass.table > 0 ? first + low * size : FALSE;
+    F share = share_at(table, first, entry);
+    I step = glass.levels > 1 ? size : FALSE;
+    return ANY(step > 0) ? share + up * (share_at(table, first + step, entry) - share) : share;
 #else
-    return share_at(table, gains.table > 0 ? gains.table + plane * size : (I)(0), entry);
+    return share_at(table, glass.table > 0 ? first : FALSE, entry);
+#endif
+}
+
+#define AGAIN_MEAN 0    // of even light, outside and inside,
+#define AGAIN_BACK 2    // and what of it leaves on the side on which it came
+
+static F glass_number(const __global float *table, Glass glass, I what)
+{
+    I levels = LEVELS_OF(glass);
+    I at = glass.table + levels * (2 * SHARE_COSINES * TURNS_OF(glass) + what);
+#if HAS_ROUGHNESS_TEXTURE
+    I low;
+    F up = among(glass.level, levels, &low);
+    at += low;
+    F number = GATHER(F, table, at, );
+    at += levels > 1 ? (I)(1) : (I)(0);
+    F next = GATHER(F, table, at, );
+    return number + up * (next - number);
+#else
+    return GATHER(F, table, at, );
 #endif
 }
 #endif

@@ -15,6 +15,9 @@ typedef struct {
     F  reflects;            // probability of reflecting where both are possible
 } Facet;
 
+#define LEAST_EVEN 0.02f    // below this alpha, light that meets several facets goes where they scatter once,
+#define ALL_EVEN   0.09f    // and from this one on in all directions
+
 // Of the alphas along and across.
 static inline F mean_alpha(Vertex vertex) { return MIN(0.5f * (vertex.closure.alpha.x + ACROSS(vertex.closure.alpha)), ONE); }
 
@@ -103,9 +106,6 @@ static Facet principled_facet(Vertex vertex, Lobes lobes, F c)
     facet.refracted = mul(vertex.color, scale(passed, dielectric * clear));
     F other = max3(facet.refracted);
     F own = max3(facet.reflected);
-#if HAS_AGAIN
-    own += max3(of_clear) * dielectric * clear * (vertex.closure.reflects_more - 1.0f);
-#endif
     facet.reflects = other > 0.0f ? own / (own + other) : ONE;
 #endif
 #if HAS_METAL_AGAIN
@@ -154,12 +154,7 @@ IN_PLACE static Facet facet_of(Vertex vertex, Lobes lobes, F c)
         facet.reflected = select3(glass, mul(facet.reflected, lobes.again), facet.reflected);
         facet.refracted = mul(facet.refracted, lobes.again);
 #endif
-#if HAS_AGAIN
-        F odds = f * vertex.closure.reflects_more;
-        facet.reflects = (glass & lobes.clear) ? odds / (odds + g) : facet.reflects;
-#else
         facet.reflects = (glass & lobes.clear) ? f : facet.reflects;
-#endif
 #if HAS_GLASS_TINT && HAS_ROUGH_DIELECTRIC
         I tinted = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
         facet.reflected = select3(tinted, mul(facet.reflected, vertex.color), facet.reflected);
@@ -264,9 +259,6 @@ static F3 reflected_by_metal(Vertex vertex, F c)
 #endif
     return reflected;
 }
-
-#define LEAST_EVEN 0.02f    // below this alpha, light that meets several facets of metal goes where they reflect once,
-#define ALL_EVEN   0.09f    // and from this one on in all directions
 
 static inline F grazing(F mu) { return (1.0f - mu) * (1.0f - mu); }
 
@@ -380,23 +372,47 @@ static inline F3 to_coat(Lobes lobes, F3 w)
 #endif
 
 #if HAS_AGAIN
-// What glass gains by light that its facets scatter more than once: a factor for each of both directions, so that the BSDF stays the
-// same either way. That light is mostly what one facet refracts and another reflects, so that it takes the colour of reflections beside
-// that of light scattered once.
-static F3 again_of(Vertex vertex, Lobes lobes, F3 wo)
+// Of `wo`, on whichever side it leaves, the share that meets further facets of glass.
+IN_PLACE static F again_beyond(Vertex vertex, Lobes lobes, F3 wo)
 {
-    I passes = lobes.clear & (wo.z < 0.0f);
-    Gains gains = vertex.closure.gains;
-    F other = glass_gain(vertex.scene.facet_shares, gains, lobes.behind ^ passes, passes ? (I)(GAIN_PASSED) : (I)(GAIN_REFLECTED),
-                         entry_of(stretched(wo.z, wo.x, vertex.closure.alpha), TURNS_OF(gains)));
-    F again = (passes ? vertex.closure.gain_passed : vertex.closure.gain) * (gains.table > 0 ? other : ONE);
-    F3 gain = f3(again, again, again);
-#if HAS_STAIN
-    I glass = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
-    F3 colour = colour_again(vertex.color, 1.0f - vertex.closure.glass_mean);
-    gain = select3(glass, along(WHITE_3, colour, again - 1.0f), gain);
+    Entry entry = entry_of(stretched(wo.z, wo.x, vertex.closure.alpha), TURNS_OF(vertex.closure.glass));
+    return glass_again(vertex.scene.facet_shares, vertex.closure.glass, lobes.behind ^ (wo.z < 0.0f), entry);
+}
+
+// What light from `wi` leaves to further facets of glass, which send it to both sides as metal does to one (Kulla and Conty 2017).
+// It takes the colour of reflections beside that of light scattered once, as mostly one facet refracts and another reflects.
+IN_PLACE static void take_glass(Lobes *lobes, Vertex vertex, I behind)
+{
+    const __global float *table = vertex.scene.facet_shares;
+    Glass glass = vertex.closure.glass;
+    I known = lobes->clear & (glass.table > 0);
+    F clear = ONE;
+    F3 reflected = WHITE_3, passed = WHITE_3;
+#if HAS_TRANSMISSION
+    I principled = vertex.kind == MATERIAL_PRINCIPLED;
+    clear = principled ? vertex.closure.transmission * (1.0f - vertex.closure.metallic) : clear;
+    passed = select3(principled, vertex.color, passed);
 #endif
-    return gain;
+    lobes->stain = WHITE_3;
+#if HAS_GLASS_TINT && HAS_ROUGH_DIELECTRIC
+    I tinted = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
+    F once = behind ? vertex.closure.once_inside : vertex.closure.once_outside;
+    lobes->stain = select3(tinted, colour_again(vertex.color, 1.0f - once), lobes->stain);
+    reflected = select3(tinted, mul(vertex.color, lobes->stain), reflected);
+    passed = select3(tinted, mul(vertex.closure.passed, lobes->stain), passed);
+#endif
+    lobes->behind = behind;
+    lobes->glass_again = known ? again_beyond(vertex, *lobes, lobes->wi) : ZERO;
+    F even = MIN(MAX((mean_alpha(vertex) - LEAST_EVEN) * (1.0f / (ALL_EVEN - LEAST_EVEN)), ZERO), ONE);
+    lobes->sharp_glass = 1.0f - even;
+    lobes->wide = clear * even * lobes->glass_again;
+    I own = behind ? (I)(1) : FALSE;
+    lobes->back = glass_number(table, glass, AGAIN_BACK + own);
+    F mean = glass_number(table, glass, AGAIN_MEAN + own), beyond = glass_number(table, glass, AGAIN_MEAN + 1 - own);
+    lobes->wide_back = scale(reflected, lobes->back * lobes->wide / MAX(mean, (F)(1e-9f)));
+    F squeezed = MAX(beyond, (F)(1e-9f)) * lobes->eta * lobes->eta;
+    lobes->wide_through = scale(passed, (1.0f - lobes->back) * lobes->wide / squeezed);
+    lobes->again = WHITE_3;
 }
 #endif
 
@@ -416,8 +432,7 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
     lobes.eta = (lobes.clear & behind) ? 1.0f / lobes.eta : lobes.eta;
 #endif
 #if HAS_AGAIN
-    lobes.behind = behind;
-    lobes.again = WHITE_3;
+    take_glass(&lobes, vertex, behind);
 #endif
 #if HAS_CLEARCOAT
     I coated = (vertex.kind == MATERIAL_PRINCIPLED) & NOT(lobes.clear & behind);
@@ -467,7 +482,9 @@ IN_PLACE static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
 {
     F c = MAX(dot3(lobes.wi, h), ZERO);
 #if HAS_AGAIN
-    lobes.again = again_of(vertex, lobes, wo);
+    F beyond = again_beyond(vertex, lobes, wo);
+    F sharper = 1.0f / sqrt((1.0f - lobes.glass_again) * MAX(1.0f - beyond, (F)(0.1f))) - 1.0f;
+    lobes.again = along(WHITE_3, lobes.stain, lobes.glass_again > 0.0f ? lobes.sharp_glass * sharper : ZERO);
 #endif
 #if HAS_BASE
     Shares of = shares_of(vertex, f3(wo.x, wo.y, MAX(wo.z, ZERO)));
@@ -522,6 +539,10 @@ IN_PLACE static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
 #endif
     density += lobes.under * (up - density);
 #endif
+#if HAS_AGAIN
+    F evenly = absolute(wo.z) * INV_PI_F;
+    even = along(even, select3(below, lobes.wide_through, lobes.wide_back), beyond * evenly);
+#endif
 #if HAS_SHEEN
     if (ANY(lobes.sent > 0.0f)) {
         F kept = sheen_share(vertex, lobes.fibres, absolute(wo.z));
@@ -536,6 +557,9 @@ IN_PLACE static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
         even = along(even, lobes.fibres, sheen_reflect(vertex.closure, lobes.wi, wo, h));
         density += lobes.sheen * ((wo.z > 0.0f ? 0.5f * INV_PI_F : ZERO) - density);
     }
+#endif
+#if HAS_AGAIN
+    density += lobes.wide * ((below ? 1.0f - lobes.back : lobes.back) * evenly - density);
 #endif
 #if HAS_CLEARCOAT
 #if FACET_ENERGY
@@ -572,6 +596,11 @@ static F3 facets_sample(Vertex vertex, Lobes lobes, F u, F v, F lobe, F3 *wo, F 
     // Choose the sheen, the base, the coat or the facets by one number.
     F3 wi = lobes.wi;
     Alpha alpha = vertex.closure.alpha;
+#if HAS_AGAIN
+    I wide = lobe < lobes.wide;
+    I returns = lobe < lobes.back * lobes.wide;
+    lobe = wide ? ONE : (lobe - lobes.wide) / (1.0f - lobes.wide);
+#endif
 #if HAS_SHEEN
     I cloth = lobe < lobes.sheen;
     lobe = cloth ? ONE : (lobe - lobes.sheen) / (1.0f - lobes.sheen);
@@ -625,6 +654,15 @@ static F3 facets_sample(Vertex vertex, Lobes lobes, F u, F v, F lobe, F3 *wo, F 
         to = select3(cloth, even_direction(u, v), to);
         h = select3(cloth, facet_normal(lobes, to), h);
         good = good | cloth;
+    }
+#endif
+#if HAS_AGAIN
+    if (ANY(wide)) {
+        F3 any = cosine_direction(u, v);
+        any.z = returns ? any.z : -any.z;
+        to = select3(wide, any, to);
+        h = select3(wide, facet_normal(lobes, to), h);
+        good = good | wide;
     }
 #endif
     // Weigh the direction by the density of the whole mixture.

@@ -11,7 +11,12 @@ typedef struct {
     I     clear;            // lanes that refract
 #if HAS_AGAIN
     I     behind;           // lanes that come from inside
-    F3    again;            // of glass, by what its facets scatter more than once
+    F3    again, stain;     // of glass, where facets scatter once by what they scatter again, and the colour of that
+    F     glass_again;      // share of the light from `wi` that meets further facets of glass
+    F     sharp_glass;      // how much of it goes where they scatter once
+    F     wide;             // probability of choosing any direction instead, for the rest of it,
+    F     back;             // and of choosing it on this side
+    F3    wide_back, wide_through;  // that rest, over the mean of even light on this side and on the other
 #endif
 #if HAS_COVERED_BASE
     F3    base;             // diffuse reflectance that the way in leaves

@@ -95,50 +95,8 @@ static F index_at(const __global Material *material, F inverse)
 }
 #endif
 
-#if HAS_AGAIN
-// What tables say of the light that rough glass scatters again, of a path along `d`.
-static void take_shares(Vertex *vertex, I mine, const __global Material *material, F3 d, Scene scene)
-{
-    F cosine = dot3(vertex->n, d);
-    F x = ZERO;
-#if HAS_ANISOTROPY
-    F3 flat = along(vertex->tangent, vertex->n, -dot3(vertex->tangent, vertex->n));
-    x = dot3(d, flat) / sqrt(MAX(dot3(flat, flat), (F)(SMALLEST)));
-#endif
-    Stretched w = stretched(cosine, x, vertex->closure.alpha);
-    if (material->share_levels > 0) {
-        I inside = cosine > 0.0f;
-        Gains gains;
-        gains.table = (I)(material->share_table);
-#if HAS_ROUGHNESS_TEXTURE
-        gains.levels = (I)(material->share_levels);
-#if HAS_ANISOTROPY
-        gains.level = vertex->closure.alpha.y / material->alpha_across;
-#else
-        gains.level = vertex->closure.alpha.x / material->alpha;
-#endif
-#endif
-#if HAS_ANISOTROPY
-        gains.turns = (I)(material->share_turns);
-#endif
-        Entry entry = entry_of(w, TURNS_OF(gains));
-        F gain = glass_gain(scene.facet_shares, gains, inside, (I)(GAIN_REFLECTED), entry);
-        F passed = glass_gain(scene.facet_shares, gains, inside, (I)(GAIN_PASSED), entry);
-        F more = glass_gain(scene.facet_shares, gains, inside, (I)(REFLECTS_MORE), entry);
-        vertex->closure.gains = select_Gains(mine, gains, vertex->closure.gains);
-        vertex->closure.gain = mine ? gain : vertex->closure.gain;
-        vertex->closure.gain_passed = mine ? passed : vertex->closure.gain_passed;
-        vertex->closure.reflects_more = mine ? more : vertex->closure.reflects_more;
-#if HAS_STAIN
-        F mean = inside ? (F)(material->once.y) : (F)(material->once.x);
-        vertex->closure.glass_mean = mine ? mean : vertex->closure.glass_mean;
-#endif
-    }
-}
-#endif
-
-// Fills the lanes `mine`, which share a material and are met along `d`.
-static void take_material(Vertex *vertex, I mine, const __global Material *material, SurfacePoint point, F3 d, Scene scene)
+// Fills the lanes `mine`, which share a material.
+static void take_material(Vertex *vertex, I mine, const __global Material *material, SurfacePoint point, Scene scene)
 {
     F3 color = reflectance_at(material, point.u, point.v, scene);
 #if SPECTRAL_COLOURS
@@ -176,9 +134,6 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 #endif
 #if HAS_HAIR
     vertex->closure.across = mine ? 2.0f * point.v - 1.0f : vertex->closure.across;
-#endif
-#if HAS_AGAIN
-    take_shares(vertex, mine, material, d, scene);
 #endif
 #if HAS_COAT_NORMAL
     F3 coat_n = material->coat_flat ? point.n : vertex->n;
@@ -317,10 +272,10 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
             I own = mine & (which ? second : NOT(second));
             if (ANY(own))
                 take_material(&vertex, own, is_mix ? scene.materials + (which ? material->second : material->first) : material,
-                              point, ray.d, scene);
+                              point, scene);
         }
 #else
-        take_material(&vertex, mine, material, point, ray.d, scene);
+        take_material(&vertex, mine, material, point, scene);
 #endif
 #if HAS_EMITTERS
 #if EMITTER_TRIANGLES

@@ -102,9 +102,9 @@ static I starts_on_something(StartPoint start, I on, F chance, Scene scene)
 #endif
 
 // The share of a path's power that goes on. Where directions have a density it is what a camera path that comes the other way finds
-// (Veach 1997, ch. 3.7 and 5.3), so that shading normals, refraction and facets that scatter more than once are as on its way; smooth
+// (Veach 1997, ch. 3.7 and 5.3), so that shading normals and refraction are as on its way; smooth
 // surfaces are the same both ways, but that glass squeezes radiance and not power.
-static F3 power_on(Vertex vertex, F3 d, Scattered next, Ray ray, Hit hit, F choice, Scene scene)
+static F3 power_on(Vertex vertex, F3 d, Scattered next)
 {
     F3 weight = next.weight;
     F before = dot3(vertex.ng, d), after = dot3(vertex.ng, next.direction);
@@ -119,13 +119,6 @@ static F3 power_on(Vertex vertex, F3 d, Scattered next, Ray ray, Hit hit, F choi
 #endif
     I spread = next.pdf > 0.0f;
     if (ANY(spread)) {
-#if HAS_AGAIN
-        // What glass scatters again follows from the direction in which a path comes.
-        ray.o = vertex.p;
-        ray.d = scale(next.direction, -ONE);
-        hit.t = ZERO;
-        vertex = vertex_of(ray, hit, spread, choice, scene);
-#endif
         F pdf;
         F3 back = scale(next.direction, -ONE);
         F3 seen = scatter_eval(vertex, back, side_seen(vertex, back), scale(d, -ONE), &pdf);
@@ -204,7 +197,7 @@ __kernel void light_paths(SCENE_PARAMETERS
         // Go on, or end.
         u = random4(stream, sample, (U)(2u * bounce), pass.seed);
         Scattered next = scatter_sample(vertex, path.ray.d, side_seen(vertex, path.ray.d), u.a, u.b, u.c);
-        F3 weight = power_on(vertex, path.ray.d, next, path.ray, hit, choice, scene);
+        F3 weight = power_on(vertex, path.ray.d, next);
         F survive = MIN(MAX(max3(weight), (F)(LEAST_CHANCE)), ONE);
         I smooth = next.pdf == 0.0f;
         on = on & (max3(weight) > 0.0f) & (u.d < survive) & (NOT(sizeless) | (smooth ? by_smooth : by_spread));

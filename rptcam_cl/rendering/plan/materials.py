@@ -356,22 +356,21 @@ def _between(plane: Any, rows: Array, columns: Array) -> Array:
 _GLASS = Disk(
     "facets",
     ("core", "rendering/plan"),
-    pack=lambda own: ({"gains": own[0]}, {"once": own[1]}),
-    unpack=lambda held, facts: (held["gains"], tuple(facts["once"])),
+    pack=lambda own: ({"table": own[0]}, {"once": own[1]}),
+    unpack=lambda held, facts: (held["table"], tuple(facts["once"])),
 )
 
 
 @remember(most=64, disk=_GLASS)
-def _glass_gains(
+def _glass_table(
     alpha: tuple[float, float], levels: int, eta: float, *, schlick: bool
 ) -> tuple[NDArray[np.float32], tuple[float, float]]:
-    """Return gains of rough glass by light that its facets scatter more than once, and shares that they scatter once.
+    """Return what rough glass scatters more than once, and the shares of even light that it scatters once.
 
-    The gains (6, levels, entries) are for alphas up to these at a direction outside, of what is reflected, of what
-    passes, and of the odds of being reflected, then at one inside. A BSDF times those of both its directions stays the
-    same either way and sends on all light from any direction: such factors balance a symmetric matrix (Sinkhorn and
-    Knopp 1967). In the thinner medium as much is reflected as is of what is scattered once. The other numbers are
-    shares of even light that is scattered once, from either side.
+    The table has for alphas up to these the share of light from a direction outside that meets further facets
+    (levels, entries), the same inside, and (4, levels) their means over even light outside and inside, and the shares
+    of such light that leave on the side on which they came, outside and inside. In the thinner medium that is what is
+    reflected of what is scattered once; the other follows, as light goes through glass the same either way.
 
     Parameters
     ----------
@@ -385,47 +384,31 @@ def _glass_gains(
         Whether facets reflect after Schlick, by the angle outside, or after Fresnel.
     """
     turns, steps = _share_turns(alpha), np.linspace(1.0 if levels == 1 else 0.0, 1.0, levels)
-    gains = np.empty((6, levels, SHARE_SIDES["COSINES"] * turns))
+    again = np.empty((2, levels, SHARE_SIDES["COSINES"] * turns))
+    ends = np.empty((4, levels))
+    z, around = (grid.ravel() for grid in np.meshgrid(_EVEN, np.arange(16) * np.pi / 8))
+    even = np.stack([np.sqrt(1 - z * z) * np.cos(around), np.sqrt(1 - z * z) * np.sin(around), z])
     for number, step in enumerate(steps):
         stretch = np.array([*np.maximum(step * np.array(alpha), _LEAST_STRETCH), 1.0])
-        outside, inside = (_scattered_to(stretch, index, turns, schlick=schlick) for index in (eta, 1 / eta))
-        thin, dense = _balanced(outside, inside) if eta >= 1 else _balanced(inside, outside)
-        gains[:, number] = (*thin, *dense) if eta >= 1 else (*dense, *thin)
-    z, around = (grid.ravel() for grid in np.meshgrid(np.sqrt((np.arange(64) + 0.5) / 64), np.arange(16) * np.pi / 8))
-    even = np.stack([np.sqrt(1 - z * z) * np.cos(around), np.sqrt(1 - z * z) * np.sin(around), z])
-    seen = _onto(even, np.full(len(z), 1 / len(z)), stretch, turns)
-    once_outside, once_inside = (float(seen @ (back + through).sum(axis=1)) for back, through in (outside, inside))
-    return gains.astype(np.float32), (once_outside, once_inside)
+        sides = [_scattered_once(stretch, index, turns, schlick=schlick) for index in (eta, 1 / eta)]
+        again[:, number] = [np.maximum(1 - back - through, 0) for back, through in sides]
+        seen = _onto(even, np.full(len(z), 1 / len(z)), stretch, turns)
+        means = np.maximum(again[:, number] @ seen, _LEAST_AGAIN)
+        thin, dense = (0, 1) if eta >= 1 else (1, 0)
+        back, through = (float(part @ seen) for part in sides[thin])
+        passed = means[thin] / means[dense] / max(eta, 1 / eta) ** 2  # of what leaves the denser side, over the other
+        out = min(through / (back + through), 1 / passed)
+        ends[:2, number] = means
+        ends[2 + thin, number], ends[2 + dense, number] = 1 - out, 1 - out * passed
+    once = tuple(float((back + through) @ seen) for back, through in sides)
+    return np.concatenate([again.ravel(), ends.ravel()]).astype(np.float32), (once[0], once[1])
 
 
-_BALANCED, _BALANCINGS, _LEAST_REFLECTED = 1e-4, 2000, 1e-9  # how near, after how many steps at most
+_LEAST_AGAIN = 1e-7
 
 
-def _balanced(thin: tuple[Array, Array], dense: tuple[Array, Array]) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
-    """Return gains in the thinner medium and in the denser one: of what is reflected, of what passes, of the odds.
-
-    ``thin`` and ``dense`` are of `_scattered_to`.
-    """
-    (back, down), (inner, up) = thin, dense
-    share = back.sum(axis=1) / (back.sum(axis=1) + down.sum(axis=1))
-    reflected, passed, within = (np.ones(len(back)) for _ in range(3))
-    mirrors = share > _LEAST_REFLECTED
-    for _ in range(_BALANCINGS):
-        of_back = np.where(mirrors, reflected * (back @ reflected) / np.maximum(share, _LEAST_REFLECTED), 1.0)
-        of_down = passed * (down @ within) / (1 - share)
-        of_within = within * (inner @ within + up @ passed)
-        if max(np.abs(each - 1).max() for each in (of_back, of_down, of_within)) < _BALANCED:
-            break
-        reflected, passed, within = (
-            gain / np.sqrt(over) for gain, over in ((reflected, of_back), (passed, of_down), (within, of_within))
-        )
-    sums = [np.maximum(each.sum(axis=1), _LEAST_REFLECTED) for each in (inner, up)]
-    odds = np.maximum(inner @ within, _LEAST_REFLECTED) / sums[0] / np.maximum(up @ passed, _LEAST_REFLECTED) * sums[1]
-    return (reflected, passed, np.ones(len(back))), (within, within, odds)
-
-
-def _scattered_to(stretch: Array, eta: float, turns: int, *, schlick: bool) -> tuple[Array, Array]:
-    """Return the light that facets of glass scatter once from each direction of a table to each: reflected, refracted.
+def _scattered_once(stretch: Array, eta: float, turns: int, *, schlick: bool) -> tuple[Array, Array]:
+    """Return the shares of light from the directions of a table that facets of glass reflect and refract once.
 
     ``eta`` is the index beyond the surface over that before it.
     """
@@ -434,13 +417,13 @@ def _scattered_to(stretch: Array, eta: float, turns: int, *, schlick: bool) -> t
     reflected, refracted = [], []
     for w in _table_directions(turns).reshape(-1, 3):
         h, wi, c = _met(w, _cap(w, u, v), each)
-        (mirrored, back), (bent, down) = _mirrored(h, wi, c, each), _refracted(h, wi, c, each, eta)
+        (_, back), (_, down) = _mirrored(h, wi, c, each), _refracted(h, wi, c, each, eta)
         share = fresnel(c, eta)
         if schlick:
             inside = np.sqrt(np.clip(1 - (1 - c * c) / eta**2, 0, None))
             share = np.where(share >= 1, 1, f0 + (1 - f0) * _schlick(inside if eta < 1 else c))
-        reflected.append(_onto(mirrored[0], (share * back)[0] * weights, stretch, turns))
-        refracted.append(_onto(bent[0], ((1 - share) * down)[0] * weights, stretch, turns))
+        reflected.append((share * back)[0] @ weights)
+        refracted.append(((1 - share) * down)[0] @ weights)
     return np.array(reflected), np.array(refracted)
 
 
@@ -485,7 +468,7 @@ def facet_shares(records: NDArray[np.void]) -> NDArray[np.float32]:
             parts.append(_own_table(alpha, index if record["kind"] == MaterialKind.ROUGH_PLASTIC else 0.0))
         if record["share_levels"] > 0:
             clear = bool(record["kind"] == MaterialKind.PRINCIPLED)
-            parts.append(_glass_gains(alpha, int(record["share_levels"]), index, schlick=clear)[0].ravel())
+            parts.append(_glass_table(alpha, int(record["share_levels"]), index, schlick=clear)[0])
     return np.concatenate(parts)
 
 
@@ -497,7 +480,7 @@ def _place_tables(records: NDArray[np.void]) -> None:
         record["brushed_table"] = 1 if record["brushed_alphas"] > 1 else start
         start += of_pair if record["brushed_alphas"] == 1 else 0
         record["share_table"] = start
-        start += 6 * int(record["share_levels"] * record["share_turns"]) * SHARE_SIDES["COSINES"]
+        start += int(record["share_levels"] * (2 * record["share_turns"] * SHARE_SIDES["COSINES"] + 4))
 
 
 def _fill_brushed(record: np.void) -> None:
@@ -519,7 +502,7 @@ def _fill_glass(record: np.void) -> None:
     record["share_levels"] = SHARE_SIDES["ALPHAS"] if varies else 1
     record["share_turns"] = _share_turns(pair)
     if not varies:
-        _, shares = _glass_gains(pair, 1, float(record["parameter"]), schlick=clear)
+        _, shares = _glass_table(pair, 1, float(record["parameter"]), schlick=clear)
         record["once"][:2] = shares
 
 

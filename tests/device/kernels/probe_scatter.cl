@@ -31,7 +31,7 @@ __kernel void probe_scatter(const __global Material *materials,
     vertex.scene = scene;
 #define IN(k) LOAD_F(in + (k) * capacity, i)
     F3 d = f3(IN(0), IN(1), IN(2));
-    take_material(&vertex, TRUE, materials + material, point, d, scene);
+    take_material(&vertex, TRUE, materials + material, point, scene);
     F pdf;
     Side side = side_seen(vertex, d);
     F3 value = scatter_eval(vertex, d, side, f3(IN(3), IN(4), IN(5)), &pdf);
