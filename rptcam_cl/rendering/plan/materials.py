@@ -365,11 +365,11 @@ _GLASS = Disk(
 def _glass_table(
     alpha: tuple[float, float], levels: int, eta: float, *, schlick: bool
 ) -> tuple[NDArray[np.float32], tuple[float, float]]:
-    """Return what rough glass scatters more than once, and the shares of even light that it scatters once.
+    """Return a table of the light that rough glass scatters again, and the shares of even light scattered once.
 
     The table has for alphas up to these the share of light from a direction outside that meets further facets
     (levels, entries), the same inside, and (4, levels) their means over even light outside and inside, and the shares
-    of such light that leave on the side on which they came, outside and inside. In the thinner medium that is what is
+    of such light that leave on the side where they arrive, outside and inside. In the thinner medium that is what is
     reflected of what is scattered once; the other follows, as light goes through glass the same either way.
 
     Parameters
