@@ -15,11 +15,17 @@ typedef struct {
     F  reflects;            // probability of reflecting where both are possible
 } Facet;
 
-#define LEAST_EVEN 0.02f    // below this alpha, light that meets several facets goes where they scatter once,
-#define ALL_EVEN   0.09f    // and from this one on in all directions
-
 // Of the alphas along and across.
 static inline F mean_alpha(Vertex vertex) { return MIN(0.5f * (vertex.closure.alpha.x + ACROSS(vertex.closure.alpha)), ONE); }
+
+// Of light that meets several facets, the share that goes in all directions; the rest goes where facets scatter once.
+#define LEAST_EVEN 0.02f    // alpha up to which none does,
+#define ALL_EVEN   0.09f    // and from which on all
+
+static inline F share_even(Vertex vertex)
+{
+    return MIN(MAX((mean_alpha(vertex) - LEAST_EVEN) * (1.0f / (ALL_EVEN - LEAST_EVEN)), ZERO), ONE);
+}
 
 #if HAS_PRINCIPLED
 #if HAS_SPECULAR_COLOR
@@ -140,7 +146,8 @@ IN_PLACE static Facet facet_of(Vertex vertex, Lobes lobes, F c)
     }
 #endif
 #if HAS_METAL_AGAIN
-    facet.by_metal = facet.reflected;
+    I metallic = (vertex.kind == MATERIAL_CONDUCTOR) | (vertex.kind == MATERIAL_METAL);
+    facet.by_metal = keep3(metallic, facet.reflected);
 #endif
 #if HAS_ROUGH_DIELECTRIC || HAS_ROUGH_PLASTIC
     I glass = (vertex.kind == MATERIAL_ROUGH_DIELECTRIC) | (vertex.kind == MATERIAL_ROUGH_PLASTIC);
@@ -299,9 +306,10 @@ static F add_base(Lobes *lobes, Vertex vertex, F over)
     share_of_metal = vertex.kind == MATERIAL_PRINCIPLED ? vertex.closure.metallic : share_of_metal;
 #endif
     F3 from = take_metal(lobes, vertex);
-    F even = MIN(MAX((mean_alpha(vertex) - LEAST_EVEN) * (1.0f / (ALL_EVEN - LEAST_EVEN)), ZERO), ONE) * share_of_metal;
+    F even = share_even(vertex);
+    lobes->sharp = 1.0f - even;
+    even *= share_of_metal;
     lobes->from = scale(from, even * of.again * of.over_again);
-    lobes->sharp = share_of_metal - even;
     own = max3(mul(from, lobes->to)) * even * of.again;
     once = lobes->once = 1.0f - of.again;
     others = metal ? max3(lobes->to) * once : others;
@@ -403,7 +411,7 @@ IN_PLACE static void take_glass(Lobes *lobes, Vertex vertex, I behind)
 #endif
     lobes->behind = behind;
     lobes->glass_again = known ? again_beyond(vertex, *lobes, lobes->wi) : ZERO;
-    F even = MIN(MAX((mean_alpha(vertex) - LEAST_EVEN) * (1.0f / (ALL_EVEN - LEAST_EVEN)), ZERO), ONE);
+    F even = share_even(vertex);
     lobes->sharp_glass = 1.0f - even;
     lobes->wide = clear * even * lobes->glass_again;
     I own = behind ? (I)(1) : FALSE;

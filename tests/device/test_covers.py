@@ -55,6 +55,7 @@ def test_documented_albedo_is_what_comes_back(session, row):
 COATS = {
     "bare": {},
     "dense": {"index": 2.5},
+    "half of metal": {"metallic": 0.5},
     "coated": {"clearcoat": 0.7, "clearcoat_roughness": 0.3},
     "brushed": {"anisotropy": 0.8},
     "brushed, coated": {"anisotropy": 0.8, "clearcoat": 1, "clearcoat_roughness": 0.1},
