@@ -15,6 +15,8 @@ typedef struct {
     F  reflects;            // probability of reflecting where both are possible
 } Facet;
 
+static inline I is_metal(Vertex vertex) { return (vertex.kind == MATERIAL_CONDUCTOR) | (vertex.kind == MATERIAL_METAL); }
+
 // Of the alphas along and across.
 static inline F mean_alpha(Vertex vertex) { return MIN(0.5f * (vertex.closure.alpha.x + ACROSS(vertex.closure.alpha)), ONE); }
 
@@ -146,8 +148,7 @@ IN_PLACE static Facet facet_of(Vertex vertex, Lobes lobes, F c)
     }
 #endif
 #if HAS_METAL_AGAIN
-    I metallic = (vertex.kind == MATERIAL_CONDUCTOR) | (vertex.kind == MATERIAL_METAL);
-    facet.by_metal = keep3(metallic, facet.reflected);
+    facet.by_metal = keep3(is_metal(vertex), facet.reflected);
 #endif
 #if HAS_ROUGH_DIELECTRIC || HAS_ROUGH_PLASTIC
     I glass = (vertex.kind == MATERIAL_ROUGH_DIELECTRIC) | (vertex.kind == MATERIAL_ROUGH_PLASTIC);
@@ -300,7 +301,7 @@ static F add_base(Lobes *lobes, Vertex vertex, F over)
     F others = ONE, own = ZERO, once = ONE;
     Shares of = shares_of(vertex, lobes->wi);
 #if HAS_METAL_AGAIN
-    I metal = (vertex.kind == MATERIAL_CONDUCTOR) | (vertex.kind == MATERIAL_METAL);
+    I metal = is_metal(vertex);
     F share_of_metal = metal ? ONE : ZERO;
 #if HAS_METALLIC
     share_of_metal = vertex.kind == MATERIAL_PRINCIPLED ? vertex.closure.metallic : share_of_metal;
@@ -402,7 +403,7 @@ IN_PLACE static void take_glass(Lobes *lobes, Vertex vertex, I behind)
     passed = select3(principled, vertex.color, passed);
 #endif
     lobes->stain = WHITE_3;
-#if HAS_GLASS_TINT && HAS_ROUGH_DIELECTRIC
+#if HAS_STAIN
     I tinted = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
     F once = behind ? vertex.closure.once_inside : vertex.closure.once_outside;
     lobes->stain = select3(tinted, colour_again(vertex.color, 1.0f - once), lobes->stain);
