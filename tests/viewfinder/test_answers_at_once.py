@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.messages import Client, ClientSettings
 from rptcam_cl.viewfinder.slot import Slot
-from tests.viewfinder.page_client import SCENE, Page, page, serving
+from tests.viewfinder.page_client import ALIVE_WITHIN_S, SCENE, Page, page, serving
 
 
 @pytest.fixture
@@ -33,19 +34,28 @@ def turned(client: Page, number: int, name: str, value: Any) -> dict[str, Any]:
     return client.frame(lambda header: header["kind"] == "picture" and header["answers"] == number).header
 
 
+def meanwhile(client: Page, event: threading.Event) -> None:
+    """Wait for what the engine does, as a page that takes its frames: for one that takes none it stops."""
+    end = time.monotonic() + ALIVE_WITHIN_S
+    while not event.is_set():
+        assert time.monotonic() < end
+        with suppress(TimeoutError):
+            client.receive(0.02)
+
+
 def test_samples_end_with_an_input_and_a_dial_that_changes_no_picture_shows_the_one_that_is_there(
     client: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    begun = threading.Semaphore(0)
+    begun = threading.Event()
 
     def add(session: RenderSession, samples: int, should_stop: Callable[[], bool]) -> bool:
-        begun.release()
+        begun.set()
         while not should_stop():  # a take without end
             time.sleep(0.002)
         return False
 
     monkeypatch.setattr(RenderSession, "add", add)
-    assert begun.acquire(timeout=60)
+    meanwhile(client, begun)
     shown = [turned(client, number, "iso", iso) for number, iso in ((800, 800), (801, 400), (802, 800))]
     assert len({(header["generation"], header["spp"]) for header in shown}) == 1  # no film but the one that was there
     assert turned(client, 803, "f_number", 5.6)["generation"] > shown[0]["generation"]
@@ -62,7 +72,7 @@ def test_the_plan_of_a_film_ends_with_an_input(client: Page, monkeypatch: pytest
 
     monkeypatch.setattr(RenderSession, "_film_plan", plan)
     turned(client, 810, "f_number", 5.6)
-    assert begun.wait(60)
+    meanwhile(client, begun)
     turned(client, 811, "f_number", 8.0)
     turned(client, 812, "tone", "agx")
 
@@ -80,7 +90,7 @@ def test_denoising_ends_with_an_input_and_its_picture_comes_afterwards(
 
     monkeypatch.setattr(RenderSession, "denoised", denoised)
     turned(client, 820, "f_number", 5.6)
-    assert begun.wait(60)
+    meanwhile(client, begun)
     client.ask(821, "compare", mode="off")  # which changes no picture
     asked.set()
     client.frame(lambda header: header["spp"] > 1)
