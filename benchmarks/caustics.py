@@ -197,7 +197,7 @@ def shares_of_photons(scene: Scene, session: Session, spp: int) -> NDArray[np.fl
     """Return the share of each pixel's light that photons bring, by pictures with and without, of the same paths."""
     trace = caustics.PhotonMap._trace
     whole = render(wavefront_of(scene, session), 1, spp)[0].sum(axis=-1)
-    caustics.PhotonMap._trace = lambda *given: [part[:0] for part in trace(*given)]
+    caustics.PhotonMap._trace = lambda *given, **named: [part[:0] for part in trace(*given, **named)]
     try:
         paths = render(wavefront_of(scene, session), 1, spp)[0].sum(axis=-1)
     finally:

@@ -1,5 +1,5 @@
-// A point on smooth glass or a mirror, where a photon starts: a surface is picked by its area, a point of it by area of
-// the canonical shape.
+// A point on smooth glass or a mirror, where a photon starts, or on any surface, where a light path does: one of the surfaces
+// is picked by its share, a point of it by area of its piece of the canonical shape.
 #ifndef CAUSTIC_SURFACE_H
 #define CAUSTIC_SURFACE_H
 #include "common/curve.h"
@@ -52,7 +52,8 @@ static StartPoint start_point(const __global CausticSurface *surfaces, const __g
     s.hit.b2 = beyond ? 1.0f - v : v;
     // Of others on the canonical shape, whose areas grow by the cofactors of the placement.
     F3 n;
-    F3 o = canonical_point(kind, u, v, &n);
+    F across = OF_SURFACE(F, piece.x) + u * OF_SURFACE(F, piece.z), along = OF_SURFACE(F, piece.y) + v * OF_SURFACE(F, piece.w);
+    F3 o = canonical_point(kind, across, along, &n);
     F3 rx = ROW_OF_SURFACE(row_x), ry = ROW_OF_SURFACE(row_y), rz = ROW_OF_SURFACE(row_z);
     s.p = f3(dot3(rx, o) + OF_SURFACE(F, row_x.w), dot3(ry, o) + OF_SURFACE(F, row_y.w), dot3(rz, o) + OF_SURFACE(F, row_z.w));
     n = select3(kind == KIND_CONE, scale(f3(o.x, o.y, 1.0f - o.z), (F)(0.707106781f) / MAX(1.0f - o.z, (F)(SMALLEST))), n);

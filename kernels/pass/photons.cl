@@ -83,7 +83,7 @@ __kernel void photons(SCENE_PARAMETERS
             path.ray.d = scale(shadow.ray.d, -ONE);
         } else {
             I ends = on & ((caustic_role(on, hit.primitive, scene) & ROLE_RECEIVER) != 0);
-            mark = ends ? hit.primitive | ((I)((int)edges) << EDGES_SHIFT) : mark;
+            mark = ends ? (pass.learns ? start.record : hit.primitive | ((I)((int)edges) << EDGES_SHIFT)) : mark;
             place = select3(ends, vertex.p, place);
             way = select3(ends, path.ray.d, way);
             power = select3(ends, path.beta, power);

@@ -738,7 +738,8 @@ CAUSTIC_SURFACE = declare(
     ("float4", "row_x row_y row_z"),  # rows of world_from_object; of a triangle nothing
     ("int", "kind primitive"),
     ("int", "triangle"),  # of a mesh, else -1
-    ("float", "area"),  # of the canonical shape; of a triangle in the world [m²]
+    ("float", "area"),  # of the piece of the canonical shape; of a triangle in the world [m²]
+    ("float4", "piece"),  # of the square of canonical coordinates u and v: where it begins, and its sides
 )
 
 PHOTON_GRID = declare(
@@ -756,6 +757,8 @@ PHOTON_PASS = declare(
     ("uint", "max_edges"),  # of a photon
     ("int", "surfaces"),
     ("float", "per_photon"),  # 1 / photons
+    ("int", "learns"),  # whether photons say on which surface they started, in place of where they ended
+    ("int", "reserved_0"),
 )
 
 LIGHT_PASS = declare(

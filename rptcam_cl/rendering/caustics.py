@@ -36,6 +36,9 @@ _LEAST_SHARE = 0.1  # of the lamps' light on glass and mirrors that must come fr
 _LEAST_VIEWS, _MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
 # Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
 _LEAST_ALPHA = 0.04
+# Shapes are divided into about so many pieces in all, by area, and each of them into so many at least and at most.
+_PIECES, _PIECES_OF_A_SHAPE = 2048, (16, 512)
+_CELLS = 8  # of a mesh's box along each axis, whose triangles learn together by what they face
 WITHOUT_SIZE = (*layout.SIZELESS_EMITTERS, EmitterKind.DIRECTIONAL)
 
 # Area of the canonical shapes [1].
@@ -60,9 +63,11 @@ class Caustics:
     choice : str or None
         What was decided and why; None where the scene leaves it off, or has none and does not ask.
     surfaces : array of CausticSurface
-        Smooth glass and mirrors; boxes as their faces, meshes as triangles.
-    curve : (n,) array
-        Picks among them by area.
+        Smooth glass and mirrors: meshes as triangles, other shapes in pieces.
+    areas : (n,) array
+        Of them [m²].
+    regions : (n,) array
+        Numbers of the regions that learn together how much light they send on.
     roles : (primitives,) array
         What each primitive is: bits of `_SURFACE` and `_RECEIVER`.
     """
@@ -70,7 +75,8 @@ class Caustics:
     active: bool
     choice: str | None
     surfaces: NDArray[np.void]
-    curve: NDArray[np.float32]
+    areas: Array
+    regions: NDArray[np.int64]
     roles: NDArray[np.int32]
 
     @property
@@ -128,17 +134,20 @@ def pack_caustics(
                 "render.layers: lights: photons do not know their lamp (allowed: render.caustics off or auto)"
             )
         return without_caustics("the layer lights, as photons do not know their lamp")
-    surfaces, areas, places = surfaces_of(primitives, first_triangles, roles == _SURFACE, eye)
+    surfaces, areas, places, normals = surfaces_of(primitives, first_triangles, roles == _SURFACE, eye)
     if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, roles, surfaces, places, eye)):
         return without_caustics(reason)
-    curve, _ = layout.curves(areas[None])
-    return Caustics(True, _ON, surfaces, curve.ravel(), roles)
+    regions = _regions_of_meshes(surfaces, places, normals)
+    few, many = _PIECES_OF_A_SHAPE if len(surfaces) < _PIECES else (1, 1)
+    surfaces, areas, of = divided(surfaces, areas, np.clip(_PIECES * areas / areas.sum(), few, many))
+    regions = np.where(surfaces["kind"] == Kind.MESH, regions[of], -1 - np.arange(len(of)))
+    return Caustics(True, _ON, surfaces, areas, np.unique(regions, return_inverse=True)[1], roles)
 
 
 def without_caustics(reason: str | None) -> Caustics:
     """Make inactive caustics; the reason is what the metadata say, None for nothing."""
     choice = None if reason is None else f"off: {reason}"
-    return Caustics(False, choice, CAUSTIC_SURFACE.zeros(1), np.zeros(4, np.float32), np.zeros(1, np.int32))
+    return Caustics(False, choice, CAUSTIC_SURFACE.zeros(1), np.ones(1), np.zeros(1, int), np.zeros(1, np.int32))
 
 
 def _is_smooth(material: materials.Material) -> bool:
@@ -251,9 +260,9 @@ def surfaces_of(
     first_triangles: NDArray[np.int32],
     chosen: NDArray[np.bool_],
     eye: NDArray[np.float64],
-) -> tuple[NDArray[np.void], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the records of chosen primitives, their areas [m²], and of triangles the middles about the eye."""
-    records, areas, places = [], [], []
+) -> tuple[NDArray[np.void], Array, Array, Array]:
+    """Return the records of chosen primitives, their areas [m²], and of triangles middles about the eye and normals."""
+    records, areas, places, normals = [], [], [], []
     first_mesh = len(primitives) - len(first_triangles)
     for index in np.flatnonzero(chosen).tolist():
         primitive = primitives[index]
@@ -263,14 +272,50 @@ def surfaces_of(
             own = CAUSTIC_SURFACE.zeros(len(area))
             own["kind"], own["area"] = Kind.MESH, area
             own["triangle"] = first_triangles[index - first_mesh] + np.arange(len(area))
+            normal = triangles["normal"][:, :3]
         else:
             own, area = _shape_surfaces(primitive)
-            place = np.zeros((len(own), 3))
+            place = normal = np.zeros((len(own), 3))
         own["primitive"] = index
         records.append(own)
         areas.append(area)
         places.append(place)
-    return np.concatenate(records), np.concatenate(areas), np.concatenate(places)
+        normals.append(normal)
+    return np.concatenate(records), np.concatenate(areas), np.concatenate(places), np.concatenate(normals)
+
+
+def divided(
+    surfaces: NDArray[np.void], areas: Array, counts: NDArray[Any]
+) -> tuple[NDArray[np.void], Array, NDArray[np.int64]]:
+    """Divide shapes into about so many pieces each (n,), triangles into one.
+
+    Returns the pieces, their areas [m²], and the numbers of the shapes that they are of.
+    """
+    rows = np.stack([surfaces[name] for name in ("row_x", "row_y", "row_z")], axis=1).astype(np.float64)
+    length, width = np.linalg.norm(rows[:, :, :2], axis=1).T
+    wide = np.where(surfaces["kind"] == Kind.RECTANGLE, length / np.maximum(width, 1e-300), 2.0)
+    counts = np.where(surfaces["kind"] == Kind.MESH, 1, np.maximum(counts, 1))
+    along = np.clip(np.round(np.sqrt(counts * wide)), 1, np.ceil(counts)).astype(int)
+    across = np.maximum(np.round(counts / along), 1).astype(int)
+    numbers = along * across
+    of = np.repeat(np.arange(len(surfaces)), numbers)
+    number = np.arange(len(of)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
+    along, across, pieces = along[of], across[of], surfaces[of]
+    pieces["piece"] = np.stack([number % along / along, number // along / across, 1 / along, 1 / across], axis=1)
+    pieces["area"] = np.where(pieces["kind"] == Kind.MESH, pieces["area"], pieces["area"] / numbers[of])
+    return pieces, areas[of] / numbers[of], of
+
+
+def _regions_of_meshes(surfaces: NDArray[np.void], places: Array, normals: Array) -> NDArray[np.int64]:
+    """Return of triangles the numbers of the cells of their mesh's box that they lie in, by what they face."""
+    regions = np.zeros(len(surfaces), np.int64)
+    for mesh in np.unique(surfaces["primitive"][surfaces["kind"] == Kind.MESH]):
+        own = surfaces["primitive"] == mesh
+        low, high = places[own].min(axis=0), places[own].max(axis=0)
+        x, y, z = (_CELLS * 0.999 * (places[own] - low) / np.maximum(high - low, 1e-12)).astype(np.int64).T
+        facing = (normals[own] > 0) @ np.array([1, 2, 4])
+        regions[own] = (((mesh * 8 + facing) * _CELLS + z) * _CELLS + y) * _CELLS + x
+    return regions
 
 
 def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.float64]]:
@@ -419,7 +464,7 @@ def _nearest(surface: np.void, points: NDArray[np.float64]) -> NDArray[np.float6
 _SHORT_PASSES = (0, 1, 2, 4, 8)  # first samples, so that few samples have a picture as well
 _PASS_SAMPLES = 16  # samples of every later pass
 _MOST_SHARES = 8  # of a pass: a vertex that looks through fewer photons costs less, and the pixel sees all of them
-_PHOTONS_PER_SAMPLE = 0.125  # and pixel of the whole film
+_PHOTONS_PER_SAMPLE = 0.0625  # and pixel of the whole film
 _LEAST_PHOTONS, MOST_PHOTONS = 1 << 12, 1 << 18  # of a pass; a lattice is good for so many
 # Cells repeat after so many for a photon, so that few of those that a vertex looks into hold photons of elsewhere.
 _CELL_BITS_MORE = 3
@@ -485,10 +530,12 @@ def within_passes(first: int, samples: int, most: int) -> Iterator[tuple[int, in
 # The photon map of a device: photons of a pass are traced there, sorted on the host, and put among the scene.
 
 _PHOTON_FLOATS = 8
-_MARK = 7  # column of a photon
+_POWER, _MARK = slice(3, 6), 7  # columns of a photon
 _MOST_EDGES = 127
 _SEED = 0x9E3779B97F4A7C15  # parts the random numbers of photons from those of camera paths
-_PILOT, PILOT_PHOTONS = 2**32 - 1, 1 << 14  # the pass that the first radius follows from
+_LEARNING, _PILOT, PILOT_PHOTONS = 2**32 - 2, 2**32 - 1, 1 << 14  # passes that starts and the first radius follow from
+_LEARNING_SEED = 0  # whatever the seed of a render
+_LEARNED = 0.8  # of starts, the share that follows what was learned
 NEIGHBOURS = 8
 _KEPT = 2048  # photons of the pilot that are compared with each other
 _ROW = 64  # of those, whose neighbours are looked for together
@@ -498,13 +545,17 @@ Photons = NDArray[np.float32]
 
 
 class PhotonBuffers:
-    """What the kernels read of photons, as arguments by name; `current` says whose photons there are."""
+    """What the kernels read of photons, as arguments by name; `current` says whose photons there are.
+
+    `learned` is where photons start and the first pass's radius, by the edges of a photon and the pixels of a film.
+    """
 
     def __init__(self, session: Session, caustics: Caustics) -> None:
         self.photons = session.allocate(4 * _PHOTON_FLOATS * MOST_PHOTONS)
         self.cells = session.allocate(4 * MOST_CELL_WORDS)
         self.grid = session.upload(PHOTON_GRID.zeros(1))
         self.current: tuple[Any, ...] | None = None
+        self.learned: dict[tuple[int, int], tuple[NDArray[np.float32], float]] = {}
         self.arguments = {
             "caustic_roles": session.upload(caustics.roles),
             "photons": self.photons,
@@ -551,17 +602,18 @@ class PhotonMap:
     ) -> None:
         self._session, self._buffers, self._pixels = session, buffers, pixels
         self._max_edges = min(max_depth - 1, _MOST_EDGES)
-        self._surfaces = len(caustics.curve) // 2 - 1
+        self._caustics = caustics
         program = session.program(["pass/photons.cl"], {**facts, "VW": session.lanes}, layout.device_declarations())
         self._found = session.allocate(4 * _PHOTON_FLOATS * MOST_PHOTONS)
+        self._curve = session.upload(_curve_of(caustics.areas))
         self._launch = session.bind(
             program, "photons", **scene, surfaces=session.upload(caustics.surfaces),
-            surface_curve=session.upload(caustics.curve), found=self._found,
+            surface_curve=self._curve, found=self._found,
             **{"pass": bytes(PHOTON_PASS.dtype.itemsize)},
         )  # fmt: skip
         self._token = object()  # an id would be given again
         self.radius = 0.0
-        self._radii: dict[int, float] = {}  # of a pass of one sample, by seed [m]
+        self._first_radius: float | None = None  # of a pass of one sample [m], once it is learned
 
     def use(self, sample: int, seed: int) -> None:
         """Have the photons in place that a sample sees."""
@@ -570,19 +622,40 @@ class PhotonMap:
         if self._buffers.current == key:
             return
         self._buffers.current = key
-        if seed not in self._radii:
-            (pilot,) = self._trace(_PILOT, PILOT_PHOTONS, seed)
-            self._radii[seed] = first_radius(pilot, self._pixels)
+        if self._first_radius is None:
+            learning = self._max_edges, self._pixels
+            if learning not in self._buffers.learned:
+                self._buffers.learned[learning] = self._learn()
+            curve, self._first_radius = self._buffers.learned[learning]
+            self._session.write(self._curve, curve)
         count = seen.photons(self._pixels)
         photons = self._trace(seen.number, count, seed, seen.shares)
-        self.radius = self._radii[seed] * seen.shrinkage
+        self.radius = self._first_radius * seen.shrinkage
         self._put(photons, self.radius)
 
-    def _trace(self, number: int, count: int, seed: int, shares: int = 1) -> list[Photons]:
+    def _learn(self) -> tuple[NDArray[np.float32], float]:
+        """Learn from photons that start by area where others should, and from these the radius of a pass of one sample.
+
+        Regions of glass and mirrors get a share by area and one by the light that comes from there to receivers.
+        """
+        areas, regions = self._caustics.areas, self._caustics.regions
+        (found,) = self._trace(_LEARNING, PILOT_PHOTONS, _LEARNING_SEED, learns=True)
+        start = found[:, _MARK].view(np.int32)
+        light = np.bincount(regions[start], luminance(found[:, _POWER].astype(np.float64)), regions.max() + 1)
+        shares = areas / areas.sum()
+        if light.sum() > 0:
+            per_area = light / np.maximum(np.bincount(regions, areas), 1e-300)
+            shares = _LEARNED * per_area[regions] * areas / light.sum() + (1 - _LEARNED) * shares
+        curve = _curve_of(shares)
+        self._session.write(self._curve, curve)
+        (pilot,) = self._trace(_PILOT, PILOT_PHOTONS, _LEARNING_SEED)
+        return curve, first_radius(pilot, self._pixels)
+
+    def _trace(self, number: int, count: int, seed: int, shares: int = 1, *, learns: bool = False) -> list[Photons]:
         """Return the photons of a pass that met a receiver, in equal shares of those that started."""
         record = PHOTON_PASS.one(
-            seed=layout.seed_words(seed ^ _SEED), number=number, max_edges=self._max_edges, surfaces=self._surfaces,
-            per_photon=shares / count,
+            seed=layout.seed_words(seed ^ _SEED), number=number, max_edges=self._max_edges,
+            surfaces=len(self._caustics.areas), per_photon=shares / count, learns=learns,
         )  # fmt: skip
         self._launch.set(**{"pass": record.tobytes()})
         self._launch.enqueue(count // self._session.lanes, self._session.group)
@@ -598,6 +671,10 @@ class PhotonMap:
         self._session.write(self._buffers.cells, cells)
         if len(photons):
             self._session.write(self._buffers.photons, photons[order])
+
+
+def _curve_of(shares: Array) -> NDArray[np.float32]:
+    return layout.curves(shares[None])[0].ravel()
 
 
 def sorted_by_cell(

@@ -21,7 +21,16 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import CAUSTIC_SURFACE, LIGHT_PASS, VIRTUAL_GRID, EmitterKind, Hidden, Kind
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.caustics import BOXES, WITHOUT_SIZE, is_clear, lamp_centres, lamp_sizes, pass_of, surfaces_of
+from rptcam_cl.rendering.caustics import (
+    BOXES,
+    WITHOUT_SIZE,
+    divided,
+    is_clear,
+    lamp_centres,
+    lamp_sizes,
+    pass_of,
+    surfaces_of,
+)
 from rptcam_cl.rendering.plan.emitters import Emitters, is_shining
 from rptcam_cl.rendering.plan.primitives import Primitives
 from rptcam_cl.scene import materials
@@ -127,7 +136,8 @@ def pack_virtual_lights(
         choice = f"off: {reason}" if "virtual_lights" in scene.render.model_fields_set else None
         return replace(without_virtual_lights(scene), choice=choice)
     dull = primitives.of_each(lambda each: int(not isinstance(each.material, materials.Emissive))) > 0
-    surfaces, areas = _divided(*surfaces_of(primitives, first_triangles, dull, eye)[:2])
+    surfaces, areas = surfaces_of(primitives, first_triangles, dull, eye)[:2]
+    surfaces, areas, _ = divided(surfaces, areas, _CELLS * areas / areas.sum())
     return VirtualLights(True, _ON, surfaces, areas, _by_chance(primitives, emitters, facts))
 
 
@@ -158,24 +168,6 @@ def _by_chance(primitives: Primitives, emitters: Emitters, facts: Mapping[str, i
         for index, each in shining
     )
     return 0.0 if found and not facts["ENVIRONMENT"] else 0.5
-
-
-def _divided(surfaces: NDArray[np.void], areas: Array) -> tuple[NDArray[np.void], Array]:
-    """Divide rectangles into parallelograms of about the same area."""
-    side = np.sqrt(areas.sum() / _CELLS)
-    rows = np.stack([surfaces[name] for name in ("row_x", "row_y", "row_z")], axis=1).astype(np.float64)
-    parts = np.maximum(np.round(np.linalg.norm(rows[:, :, :2], axis=1) / side), 1).astype(int)
-    large = (surfaces["kind"] == Kind.RECTANGLE) & (parts.prod(axis=1) > 1)
-    counts = parts[large].prod(axis=1)
-    of = np.repeat(np.flatnonzero(large), counts)  # each piece
-    number = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
-    along, across = parts[of].T
-    column, line = number % along, number // along
-    pieces = surfaces[of]
-    for name, (u, v, w, corner) in zip(("row_x", "row_y", "row_z"), rows[of].transpose(1, 2, 0), strict=True):
-        pieces[name] = np.stack([u / along, v / across, w, corner + u * column / along + v * line / across], axis=1)
-    sizes = areas[of] / np.repeat(counts, counts)
-    return np.concatenate([surfaces[~large], pieces]), np.concatenate([areas[~large], sizes])
 
 
 # Whether they gain enough to be worth their time: a rough look at the scene on the host, by boxes about most shapes.

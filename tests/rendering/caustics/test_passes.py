@@ -13,6 +13,7 @@ from rptcam_cl.rendering.caustics import (
     NEIGHBOURS,
     PILOT_PHOTONS,
     PhotonPass,
+    divided,
     first_radius,
     neighbours2,
     pass_of,
@@ -197,9 +198,9 @@ def patches(shape, placement):
     return (p + q + r + s) / 4, np.linalg.norm(np.cross(s - p, q - r), axis=-1) / 2
 
 
-@pytest.fixture(scope="module")
-def starts():
-    """Placements of a surface of each shape and a triangle, and where photons start on them."""
+@pytest.fixture(scope="module", params=[1, 12], ids=["whole", "in pieces"])
+def starts(request):
+    """Placements of a surface of each shape and a triangle, whole and in pieces, and where photons start on them."""
     records, placements = CAUSTIC_SURFACE.zeros(len(SHAPES) + 1), []
     for k, (kind, (_, area)) in enumerate(SHAPES.items()):
         turned = Rotation.from_euler("xyz", (0.4 + k, 0.9, 2 * k)).as_matrix() * (1.0, 1.6, 0.5)
@@ -208,12 +209,14 @@ def starts():
         records["row_x"][k], records["row_y"][k], records["row_z"][k] = placements[k]
     records["kind"][-1], records["area"][-1] = Kind.MESH, 0.7
     records["primitive"] = np.arange(len(records))
-    curve, _ = curves(np.array([[3.0, 2.0, 4.0, 3.0, 1.5, 2.5]]))
+    pieces, areas, of = divided(records, np.array([3.0, 2.0, 4.0, 3.0, 1.5, 2.5]), np.full(len(records), request.param))
+    assert np.bincount(of)[-1] == 1 and np.all(np.abs(np.bincount(of)[:-1] - request.param) <= request.param // 4)
+    curve, _ = curves(areas[None] * np.where(np.arange(len(of)) % 2, 1.5, 1.0))
     session = open_session()
     out = session.allocate(4 * 7 * COUNT)
     run(
         session, "probe_photon_start", {"VW": session.lanes}, COUNT // session.lanes, count=np.uint32(COUNT), out=out,
-        surfaces=session.upload(records), curve=session.upload(curve.ravel()), surface_count=np.int32(len(records)),
+        surfaces=session.upload(pieces), curve=session.upload(curve.ravel()), surface_count=np.int32(len(pieces)),
         **{"in": session.upload(qmc.Sobol(3, seed=3).random(COUNT).T.astype(np.float32, order="C"))},
     )  # fmt: skip
     return placements, session.read(out, np.float32, 7 * COUNT).reshape(7, COUNT).astype(np.float64)

@@ -8,6 +8,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.rendering.caustics import PhotonMap
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tracer import Wavefront
@@ -82,6 +83,35 @@ def test_light_of_a_lamp_without_size_is_the_closed_form(eye, foot, irradiance):
     film = pixels(made, spp=1024, seed=1)
     expected = np.array(GREY["reflectance"]) / math.pi * irradiance
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)  # five times the noise
+
+
+def test_photons_start_where_light_comes_from_that_ends_on_receivers(monkeypatch):
+    """Not on a mirror that the lamp shines at from behind, nor on a mesh of glass in its shadow."""
+    passes, traced = [], PhotonMap._trace
+
+    def kept(photon_map, number, count, *rest, **named):
+        parts = traced(photon_map, number, count, *rest, **named)
+        passes.append((count, np.concatenate(parts)))
+        return parts
+
+    monkeypatch.setattr(PhotonMap, "_trace", kept)
+    board = {"shape": "rectangle", "corner": [-1, -1, 0.3], "edge_u": [2, 0, 0], "edge_v": [0, 0.9, 0]}
+    corners = [[-0.5, -0.9, 0.2], [0.5, -0.9, 0.2], [0, -0.5, 0.2]]
+    hidden = {"shape": "mesh", "vertices": corners, "faces": [[0, 1, 2]], "material": {"kind": "thin_glass"}}
+    mirror = {
+        "shape": "disk",
+        "center": [-1, 0, 0.3],
+        "normal": [1, 0, 0],
+        "radius": 0.3,
+        "material": {"kind": "mirror"},
+    }
+    tall = {"shape": "rectangle", "corner": [-0.9, -1, 0], "edge_u": [0, 2, 0], "edge_v": [0, 0, 2]}
+    made = scene(lamp(0.02), ball(), hidden, mirror, board | {"material": GREY}, tall | {"material": GREY}, size=(8, 8))
+    assert np.isfinite(pixels(made, spp=1)).all()
+    (count, by_area), (more, learned), *_ = passes
+    assert len(by_area) < 0.05 * count and len(learned) > 0.4 * more
+    power, again = (each[:, 3:6].sum(axis=0, dtype=np.float64) for each in (by_area, learned))
+    assert power == pytest.approx(again, rel=0.05)
 
 
 @pytest.mark.slow
