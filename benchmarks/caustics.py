@@ -151,7 +151,34 @@ def glass_of_water() -> dict[str, Any]:
     }  # fmt: skip
 
 
-SCENES = {"rings": rings, "pane": pane, "mirror": mirror, "glass_of_water": glass_of_water}
+def window() -> dict[str, Any]:
+    """Return a tumbler and a ball of glass on a table, by a window of 3 x 1.6 m through which the sun shines."""
+    white = {"kind": "matte", "reflectance": [0.75, 0.75, 0.72]}
+    tumbler = [(0, 0.75), (0.03, 0.75), (0.032, 0.752), (0.037, 0.84), (0.0345, 0.84), (0.030, 0.762), (0, 0.762)]
+
+    def board(*numbers: float, material: dict[str, Any] = white) -> dict[str, Any]:
+        corner, u, v = (list(numbers[k : k + 3]) for k in (0, 3, 6))
+        return {"shape": "rectangle", "corner": corner, "edge_u": u, "edge_v": v, "material": material}
+
+    return {
+        "camera": {**UPRIGHT, "fov_degrees": 32, "eye": [0.9, 0.0, 1.2], "target": [-0.1, 0.05, 0.77]},
+        "objects": [
+            board(-2, -2, 0, 4, 0, 0, 0, 4, 0), board(-2, -2, 2.5, 0, 4, 0, 4, 0, 0),
+            board(-2, 2, 0, 4, 0, 0, 0, 0, 2.5), board(-2, -2, 0, 0, 0, 2.5, 4, 0, 0),
+            board(2, -2, 0, 0, 0, 2.5, 0, 4, 0), board(-2, -2, 0, 0, 4, 0, 0, 0, 0.6),
+            board(-2, -2, 2.2, 0, 4, 0, 0, 0, 0.3),
+            board(-2, -2, 0.6, 0, 0.5, 0, 0, 0, 1.6), board(-2, 1.5, 0.6, 0, 0.5, 0, 0, 0, 1.6),
+            board(-2, -1.5, 0.6, 0, 3, 0, 0, 0, 1.6, material={"kind": "thin_glass"}),
+            {"shape": "box", "min": [-0.5, -0.45, 0.71], "max": [0.5, 0.45, 0.7495], "material": WOOD},
+            {**revolved(tumbler), "material": GLASS},
+            {"shape": "sphere", "center": [0.1, 0.2, 0.781], "radius": 0.03, "material": GLASS},
+        ],
+        "lights": [{"kind": "sun", "direction": [2, 0, -1], "irradiance": 30.0, "diameter_degrees": 0.53}],
+        "environment": {"kind": "constant", "radiance": [0.4, 0.5, 0.7]},
+    }  # fmt: skip
+
+
+SCENES = {"rings": rings, "pane": pane, "mirror": mirror, "glass_of_water": glass_of_water, "window": window}
 # Classes of pixels, by the least share of their light that photons bring.
 CLASSES = {"none": 0.0, "to 1 %": 1e-6, "to 10 %": 0.01, "more": 0.1}
 

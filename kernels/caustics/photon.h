@@ -12,6 +12,7 @@
 // What a primitive is to caustics: bits of Scene.caustic_roles.
 #define ROLE_SURFACE   1     // smooth glass or a mirror, where photons start
 #define ROLE_RECEIVER  2     // where they end
+#define ROLE_STRAIGHT  4     // thin glass that light samples follow to lamps where light passes it straight
 
 // What a primitive is to caustics, of the lanes `on`.
 static inline I caustic_role(I on, I primitive, Scene scene)

@@ -54,6 +54,10 @@ static F3 light_through_glass(ShadowRay shadow, I on, I left, F wavelength_sampl
 #endif
     F3 light = f3(ZERO, ZERO, ZERO);
     on = on & (max3(way.beta) > 0.0f);
+#if PANES_BY_SAMPLES
+    I straight = AS_I(shadow.chance) < 0;
+    shadow.chance = absolute(shadow.chance);
+#endif
     for (int edges = 1; ANY(on); ++edges) {
         way.ray.origin = on ? way.ray.origin : (I)(PATH_ENDED);
         Hit hit = nearest_hit(way.ray, scene);
@@ -83,6 +87,10 @@ static F3 light_through_glass(ShadowRay shadow, I on, I left, F wavelength_sampl
         shadow.chance = next.left;
         way.beta = mul(way.beta, next.weight);
         on = on & NOT(met) & (max3(way.beta) > 0.0f);
+#if PANES_BY_SAMPLES
+        I role = caustic_role(on, hit.primitive, scene);
+        on = on & (NOT(straight) | passes_straight(vertex, way.ray.d, next.direction, role));
+#endif
         way.ray.o = departure(vertex, next.direction);
         way.ray.d = next.direction;
         way.ray.triangle = hit.triangle;

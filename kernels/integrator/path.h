@@ -26,6 +26,13 @@
 #define LARGEST_DENSITY 1e18f   // of a direction, whose square float32 still holds; far above that of any BSDF
 #define LEAST_CHANCE  0.05f     // of a path to go on: what survives less is seldom, but then weighs much
 
+// How a path has come on since the last receiver of photons, by glass and mirrors alone: past none but straight panes; with one
+// more, the last such where photons start, or where none do. 0 is any other way.
+#define SINCE_DIRECT   1
+#define SINCE_PHOTONS  2
+#define SINCE_OTHERS   3
+#define STRAIGHT_ALONE SIGN_BIT     // of the number that chooses the way of a light sample through glass
+
 // What limits and seeds the paths of a wave.
 typedef struct {
     uint2 seed;
@@ -65,7 +72,7 @@ typedef struct {
 #endif
 #endif
 #if CAUSTICS
-    I   since_receiver;     // 1 on the way from one, 2 if smooth glass and mirrors alone were met since; else 0
+    I   since_receiver;     // of the last vertices, one of SINCE_…
 #endif
 #if SPECTRUM
     F   wavelength_sample;        // chooses the wavelength, common/wavelength.h
@@ -83,7 +90,7 @@ typedef struct {
     I   target_triangle;    // and its triangle
 #if LAMPS_BEHIND_GLASS
     F3  share;      // of the radiance of what the ray meets behind glass; 0: it does not follow glass
-    F   chance;     // random: which way it takes there
+    F   chance;     // random: which way it takes there; with the bit STRAIGHT_ALONE it goes on by straight panes alone
 #endif
 #if LIGHT_GROUPS
     I   group;
@@ -128,7 +135,7 @@ static inline Departure departure_of(const Path *path)
 static inline F rival_of_lamps(const Path *path)
 {
 #if LAMPS_BEHIND_GLASS && CAUSTICS
-    return path->since_receiver == 2 ? ZERO : path->scattered.pdf;
+    return path->since_receiver > SINCE_DIRECT ? ZERO : path->scattered.pdf;
 #else
     return departure_of(path).pdf;
 #endif
@@ -198,10 +205,16 @@ static Receiver receiver_of(Vertex vertex, F3 d)
 
 #if CAUSTICS
 // Lanes whose light comes by photons: from a receiver by glass and mirrors alone, the last of them one where photons start.
-static inline I lit_by_photons(const Path *path, Scene scene)
+static inline I lit_by_photons(const Path *path) { return path->since_receiver == SINCE_PHOTONS; }
+
+// Lanes whose ray passes a surface straight, of those that light samples follow.
+static inline I passes_straight(Vertex vertex, F3 d, F3 next, I role)
 {
-    I smooth = path->since_receiver == 2;
-    return smooth & ((caustic_role(smooth, path->ray.origin, scene) & ROLE_SURFACE) != 0);
+#if PANES_BY_SAMPLES
+    return ((role & ROLE_STRAIGHT) != 0) & (dot3(vertex.ng, d) * dot3(vertex.ng, next) > 0.0f);
+#else
+    return FALSE;
+#endif
 }
 #endif
 
@@ -252,7 +265,7 @@ static F3 emission(const Path *path, Vertex vertex, F3 radiance, I shines, F t, 
     }
 #endif
 #if CAUSTICS
-    I sampled = shines & lit_by_photons(path, scene) & (vertex.emitter >= 0);
+    I sampled = shines & lit_by_photons(path) & (vertex.emitter >= 0);
     if (ANY(sampled)) {
         F other = emitter_pdf(scene.emitters, MAX(vertex.emitter, FALSE), ONE, path->ray.o, path->ray.d, t, absolute(cos_i));
         shines = shines & NOT(sampled & (other > 0.0f));
@@ -263,7 +276,7 @@ static F3 emission(const Path *path, Vertex vertex, F3 radiance, I shines, F t, 
 #endif
 
 #if HAS_EMITTERS
-// For the lanes `on`; in those of `by_photons` photons bring what lamps and suns send by glass.
+// For the lanes `on`; in those of `by_photons` photons bring what lamps and suns send by glass, but by straight panes alone.
 static ShadowRay light_sample(Path path, Vertex vertex, Side side, I on, I by_photons, Hit hit, Scene scene, Rules rules)
 {
     F4 u = random4(path.pixel, path.sample, 2u * path.depth + 1u, rules.seed);
@@ -306,8 +319,14 @@ static ShadowRay light_sample(Path path, Vertex vertex, Side side, I on, I by_ph
 #endif
     F brightest = max3(shadow.light);
 #if LAMPS_BEHIND_GLASS
-    shadow.share = keep3(NOT(by_photons) | (light.primitive == FROM_SKY), scale(through, light.weight * mis));
+    by_photons = by_photons & (light.primitive != FROM_SKY);
+    shadow.share = scale(through, light.weight * mis);
     shadow.chance = u.d;
+#if PANES_BY_SAMPLES
+    shadow.chance = by_photons ? AS_F(AS_I(u.d) | STRAIGHT_ALONE) : u.d;
+#else
+    shadow.share = keep3(NOT(by_photons), shadow.share);
+#endif
     brightest = MAX(brightest, max3(shadow.share));     // the place aimed at may be dark, and that which is met not
 #endif
     shadow.reach = (on & (brightest > 0.0f)) ? light.reach : ZERO;
@@ -388,7 +407,7 @@ static inline F chance_to_go_on(Path path)
 IN_PLACE static void leave_scene(Path *path, I escaped, Scene scene)
 {
 #if CAUSTICS && EMITTER_SUNS
-    I sunless = lit_by_photons(path, scene);
+    I sunless = lit_by_photons(path);
 #else
     I sunless = FALSE;
 #endif
@@ -465,15 +484,17 @@ IN_PLACE static void depart(Path *path, Vertex vertex, Scattered next, Hit hit, 
 #endif
     path->medium = stack;
 #endif
+#if CAUSTICS
+    I onward = (role & ROLE_SURFACE) != 0 ? (I)(SINCE_PHOTONS) : (I)(SINCE_OTHERS);
+    onward = passes_straight(vertex, path->ray.d, next.direction, role) ? path->since_receiver : onward;
+    onward = ((path->since_receiver > 0) & ((role & ROLE_RECEIVER) == 0)) ? onward : FALSE;
+    path->since_receiver = next.pdf == 0.0f ? onward : (receiver ? (I)(SINCE_DIRECT) : FALSE);
+#endif
     path->ray.o = departure(vertex, next.direction);
     path->ray.d = next.direction;
     path->ray.triangle = hit.triangle;
     path->ray.origin = on ? hit.primitive : (I)(PATH_ENDED);
     path->pdf = next.pdf;
-#if CAUSTICS
-    I onward = ((path->since_receiver > 0) & ((role & ROLE_RECEIVER) == 0)) ? (I)(2) : FALSE;
-    path->since_receiver = next.pdf == 0.0f ? onward : (receiver ? (I)(1) : FALSE);
-#endif
     path->depth += 1u;
 }
 

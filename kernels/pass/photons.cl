@@ -23,6 +23,42 @@ static ShadowRay light_of_start(Vertex vertex, StartPoint start, F4 u, Scene sce
     return shadow;
 }
 
+// Lanes that see the lamp that they take light from, alone or by straight panes, of which each is an edge and takes its share.
+static I sees_lamp(ShadowRay *shadow, I on, F chance, I *panes, Scene scene)
+{
+#if PANES_BY_SAMPLES
+    I sees = FALSE;
+    for (;;) {
+        shadow->ray.origin = on ? shadow->ray.origin : (I)(PATH_ENDED);
+        I dark = on & any_hit(shadow->ray, on ? shadow->reach : ZERO, shadow->target, shadow->target_triangle, scene);
+        sees = sees | (on & NOT(dark));
+        on = dark;
+        if (!ANY(on))
+            return sees;
+        Hit hit = nearest_hit(shadow->ray, scene);
+        on = on & (hit.primitive >= 0) & (hit.t < shadow->reach);
+        I role = caustic_role(on, hit.primitive, scene);
+        on = on & ((role & ROLE_STRAIGHT) != 0);
+        if (!ANY(on))
+            return sees;
+        F3 d = shadow->ray.d;
+        Vertex vertex = vertex_of(shadow->ray, hit, on, ZERO, scene);
+        Scattered next = clear_sample(vertex, d, chance);
+        chance = next.left;
+        on = on & passes_straight(vertex, d, next.direction, role) & (max3(next.weight) > 0.0f);
+        shadow->light = select3(on, mul(shadow->light, next.weight), shadow->light);
+        shadow->reach -= hit.t;
+        shadow->ray.o = departure(vertex, d);
+        shadow->ray.origin = hit.primitive;
+        shadow->ray.triangle = hit.triangle;
+        *panes += on ? (I)(1) : FALSE;
+    }
+#else
+    *panes = FALSE;
+    return on & NOT(any_hit(shadow->ray, shadow->reach, shadow->target, shadow->target_triangle, scene));
+#endif
+}
+
 // The share of a photon's power that goes on: a smooth surface gives power, not radiance, its due (no squeeze by
 // refraction), and of shading normals that of Veach 1997, ch. 5.3.
 static inline F3 share_on(Vertex vertex, F3 d, Scattered next)
@@ -70,20 +106,22 @@ __kernel void photons(SCENE_PARAMETERS
     I on = TRUE;
     F choice = u.d;
     I mark = (I)(NO_PHOTON);
+    I panes = FALSE;
     F3 place = f3(ZERO, ZERO, ZERO), way = f3(ZERO, ZERO, ONE), power = f3(ZERO, ZERO, ZERO);
     for (uint edges = 1u;; ++edges) {
         Vertex vertex = vertex_of(path.ray, hit, on, choice, scene);
         if (edges == 1u) {
             // Take light from a lamp.
-            ShadowRay shadow = light_of_start(vertex, start, random4(stream, sample, (U)(3u), pass.seed), scene);
+            F4 light = random4(stream, sample, (U)(3u), pass.seed);
+            ShadowRay shadow = light_of_start(vertex, start, light, scene);
             on = shadow.reach > 0.0f;
             if (ANY(on))
-                on = on & NOT(any_hit(shadow.ray, shadow.reach, shadow.target, shadow.target_triangle, scene));
+                on = sees_lamp(&shadow, on, light.d, &panes, scene);
             path.beta = scale(shadow.light, (F)(pass.per_photon));
             path.ray.d = scale(shadow.ray.d, -ONE);
         } else {
             I ends = on & ((caustic_role(on, hit.primitive, scene) & ROLE_RECEIVER) != 0);
-            mark = ends ? (pass.learns ? start.record : hit.primitive | ((I)((int)edges) << EDGES_SHIFT)) : mark;
+            mark = ends ? (pass.learns ? start.record : hit.primitive | (((I)((int)edges) + panes) << EDGES_SHIFT)) : mark;
             place = select3(ends, vertex.p, place);
             way = select3(ends, path.ray.d, way);
             power = select3(ends, path.beta, power);
@@ -97,7 +135,9 @@ __kernel void photons(SCENE_PARAMETERS
         u = random4(stream, sample, (U)(2u * edges), pass.seed);
         Scattered next = scatter_sample(vertex, path.ray.d, side_seen(vertex, path.ray.d), u.a, u.b, u.c);
         path.beta = mul(path.beta, share_on(vertex, path.ray.d, next));
-        on = on & (next.pdf == 0.0f) & (max3(path.beta) > 0.0f);
+        on = on & (next.pdf == 0.0f) & (max3(path.beta) > 0.0f) & ((I)((int)edges) + panes < (I)((int)pass.max_edges));
+        if (edges == 1u)    // what passes a pane straight, photons of what is behind it and light samples bring
+            on = on & NOT(passes_straight(vertex, path.ray.d, next.direction, caustic_role(on, hit.primitive, scene)));
         path.ray.o = departure(vertex, next.direction);
         path.ray.d = next.direction;
         path.ray.triangle = hit.triangle;

@@ -33,7 +33,8 @@ from rptcam_cl.scene.scene import Scene
 ChangeKind = Literal["none", "picture", "camera", "scene", "program"]
 """Kinds of change, as `Change` says them."""
 
-_WAYS = ("LIGHT_TREE", "CAUSTICS", "TINY_LAMPS", "LAMPS_BEHIND_GLASS")  # facts that choose how light is found
+# Facts that choose how light is found.
+_WAYS = ("LIGHT_TREE", "CAUSTICS", "PANES_BY_SAMPLES", "TINY_LAMPS", "LAMPS_BEHIND_GLASS")
 MOST_GUIDES = 8  # samples of the layers that guide denoising
 OF_DEVELOPMENT = {"picture", "sequence"}  # parts of a scene that change no film: a sequence is of frames
 OF_LIGHT = {"exposure", "shutter"}  # parts that only scale the film of a scene that stands still

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 # Whether a scene has caustics, and where their photons start and end.
 
 _ON = "on: photons (biased: what they bring is blurred, less with more samples)"
-_SURFACE, _RECEIVER = 1, 2  # roles of primitives
+_SURFACE, _RECEIVER, _STRAIGHT = 1, 2, 4  # roles of primitives
 _SMALL_LAMP_SR = 0.01  # a lamp that glass or a mirror sees so large is found by paths
 _LEAST_SHARE = 0.1  # of the lamps' light on glass and mirrors that must come from smaller ones
 _LEAST_VIEWS, _MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
@@ -69,7 +69,8 @@ class Caustics:
     regions : (n,) array
         Numbers of the regions that learn together how much light they send on.
     roles : (primitives,) array
-        What each primitive is: bits of `_SURFACE` and `_RECEIVER`.
+        What each primitive is: bits of `_SURFACE`, `_RECEIVER` and, where light samples follow light that passes it
+        straight to the lamps, `_STRAIGHT`.
     """
 
     active: bool
@@ -82,7 +83,8 @@ class Caustics:
     @property
     def facts(self) -> dict[str, int]:
         """Whether the kernels must know of photons."""
-        return {"CAUSTICS": int(self.active)}
+        passed = self.active and bool((self.roles & _STRAIGHT).any())
+        return {"CAUSTICS": int(self.active), "PANES_BY_SAMPLES": int(passed)}
 
 
 def pack_caustics(
@@ -93,6 +95,7 @@ def pack_caustics(
     eye: Array,
     *,
     has_media: bool,
+    follows_glass: bool,
 ) -> Caustics:
     """Return the caustics of a scene, inactive where it has none or leaves them off.
 
@@ -110,6 +113,8 @@ def pack_caustics(
         (3,), where the camera stands [m].
     has_media
         Whether fog and its like leave less of a photon's light, for which photons do not know how.
+    follows_glass
+        Whether light samples follow clear glass to the lamps. What thin glass lets pass straight is left to them then.
 
     Raises
     ------
@@ -137,6 +142,8 @@ def pack_caustics(
     surfaces, areas, places, normals = surfaces_of(primitives, first_triangles, roles == _SURFACE, eye)
     if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, roles, surfaces, places, eye)):
         return without_caustics(reason)
+    if follows_glass and set(emitters.kinds) <= set(_FOLLOWED):
+        roles |= primitives.of_each(lambda each: _STRAIGHT * isinstance(each.material, materials.ThinGlass)) * roles
     regions = _regions_of_meshes(surfaces, places, normals)
     few, many = _PIECES_OF_A_SHAPE if len(surfaces) < _PIECES else (1, 1)
     surfaces, areas, of = divided(surfaces, areas, np.clip(_PIECES * areas / areas.sum(), few, many))
@@ -605,7 +612,8 @@ class PhotonMap:
         self._caustics = caustics
         program = session.program(["pass/photons.cl"], {**facts, "VW": session.lanes}, layout.device_declarations())
         self._found = session.allocate(4 * _PHOTON_FLOATS * MOST_PHOTONS)
-        self._curve = session.upload(_curve_of(caustics.areas))
+        self._everywhere = _everywhere(caustics)
+        self._curve = session.upload(_curve_of(self._everywhere))
         self._launch = session.bind(
             program, "photons", **scene, surfaces=session.upload(caustics.surfaces),
             surface_curve=self._curve, found=self._found,
@@ -634,15 +642,15 @@ class PhotonMap:
         self._put(photons, self.radius)
 
     def _learn(self) -> tuple[NDArray[np.float32], float]:
-        """Learn from photons that start by area where others should, and from these the radius of a pass of one sample.
+        """Learn from photons that start everywhere where others should, and from these the first pass's radius [m].
 
-        Regions of glass and mirrors get a share by area and one by the light that comes from there to receivers.
+        Regions get a share by what there is, and one by the light that comes from there to receivers.
         """
         areas, regions = self._caustics.areas, self._caustics.regions
         (found,) = self._trace(_LEARNING, PILOT_PHOTONS, _LEARNING_SEED, learns=True)
         start = found[:, _MARK].view(np.int32)
         light = np.bincount(regions[start], luminance(found[:, _POWER].astype(np.float64)), regions.max() + 1)
-        shares = areas / areas.sum()
+        shares = self._everywhere
         if light.sum() > 0:
             per_area = light / np.maximum(np.bincount(regions, areas), 1e-300)
             shares = _LEARNED * per_area[regions] * areas / light.sum() + (1 - _LEARNED) * shares
@@ -671,6 +679,14 @@ class PhotonMap:
         self._session.write(self._buffers.cells, cells)
         if len(photons):
             self._session.write(self._buffers.photons, photons[order])
+
+
+def _everywhere(caustics: Caustics) -> Array:
+    """Return shares of surfaces: half by area, half alike for each object, as a glass is small beside windows."""
+    areas = caustics.areas
+    _, objects = np.unique(caustics.surfaces["primitive"], return_inverse=True)
+    of_object = np.maximum(np.bincount(objects, areas), 1e-300)
+    return np.asarray(areas / areas.sum() + areas / of_object[objects] / len(of_object)) / 2
 
 
 def _curve_of(shares: Array) -> NDArray[np.float32]:

@@ -82,6 +82,7 @@ LOSSES = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_STACKS", "LENS_DARK_LAYERS", "LEN
 SURFACES = ("LENS_POSE", "LENS_MIRROR", "LENS_REGION", "LENS_GENERAL", "LENS_CONIC", "LENS_OUTLINE", "LENS_MASK")
 GLASS = {"LENS_SPLITS": 1}
 PHOTONS = {"CAUSTICS": 1}
+PANES = {"PANES_BY_SAMPLES": 1}
 VIRTUAL = {"VIRTUAL_LIGHTS": 1}
 GHOSTS = {"GHOST_PATCHES": 1, "GHOST_PENCILS": 1}
 MEDIA = {"HAS_MEDIA": 1, "HAS_BOUNDARY": 1, "HAS_LAYERED_FOG": 1, "HAS_DENSITY": 1, "HAS_DROPLETS": 1, "HAS_ENTRIES": 1}
@@ -167,6 +168,7 @@ def test_scene_with_everything_turns_every_fact_on():
         "LAMPS_BEHIND_GLASS",
         "LAMPS_BY_SAMPLES",
         *PHOTONS,
+        *PANES,
         *VIRTUAL,
         *MEDIA,
         *GROUPS,
@@ -224,7 +226,8 @@ def test_passes_with_media_and_everything_compile_without_a_warning(session, fil
 @pytest.mark.parametrize("lanes", ONE_LANE_TOO)
 @compiled("shade shadow", "stream")
 def test_passes_that_follow_glass_to_lamps_compile_without_a_warning(session, files, lanes):
-    without_warnings(session, files, all_facts() | TREES | MADE | GROUPS | BEHIND | {"VW": lanes})
+    for more in (GROUPS, PHOTONS | PANES):
+        without_warnings(session, files, all_facts() | TREES | MADE | more | BEHIND | {"VW": lanes})
 
 
 @pytest.mark.parametrize(
@@ -267,13 +270,18 @@ def test_passes_with_the_least_compile_without_a_warning(session, files, lanes):
 
 
 @pytest.mark.parametrize("lanes", ONE_LANE_TOO)
-@compiled("photons shade", "stream")
-def test_least_that_has_photons_compiles_without_a_warning(session, files, lanes):
+@pytest.mark.parametrize("pane", [False, True])
+@compiled("photons shade shadow", "stream")
+def test_least_that_has_photons_compiles_without_a_warning(session, files, lanes, pane):
     shine = {"shape": "sphere", "center": [0, 0, 1], "radius": 0.5}
     scene = still_life() | {"lights": LIGHTS[:1], "environment": None, "materials": {"glass": {"kind": "dielectric"}}}
     scene |= {"objects": [PLANE | {"material": RARE[1]["material"]}, shine | {"material": "glass"}]}
+    if pane:
+        square = {"shape": "rectangle", "corner": [0, 0, 2], "edge_u": [1, 0, 0], "edge_v": [0, 1, 0]}
+        scene["objects"] += [square | {"material": {"kind": "thin_glass"}}]
+        scene |= {"lights": [{"kind": "sun", "direction": [0, 0, -1], "irradiance": 1}]}
     facts = facts_of(scene | {"render": {"caustics": "on"}})
-    assert facts["CAUSTICS"] == 1
+    assert (facts["CAUSTICS"], facts["PANES_BY_SAMPLES"]) == (1, pane)
     without_warnings(session, files, facts | layer_facts(["coverage"]) | READ | {"VW": lanes})
 
 

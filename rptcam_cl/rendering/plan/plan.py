@@ -271,13 +271,16 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     textures = parts.textures(seen).seen_from(scene.camera.eye)
     records, kind_end = geometry.pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = geometry.pack_movements(scene, primitives)
-    if parts.held is None or parts.held["CAUSTICS"]:
-        caustics = pack_caustics(scene, primitives, first_triangles, emitters, eye_m, has_media=media.active)
-    else:
-        caustics = without_caustics("photons take other kernels")
     apart = met_apart(primitives, emitters)
     is_held_off = parts.held is not None and not parts.held["LAMPS_BEHIND_GLASS"]
     ways_alone = media.active or any(apart.values()) or is_held_off
+    follows_glass = not ways_alone and stand_behind_glass(primitives, emitters, eye_m)
+    if parts.held is None or parts.held["CAUSTICS"]:
+        caustics = pack_caustics(
+            scene, primitives, first_triangles, emitters, eye_m, has_media=media.active, follows_glass=follows_glass
+        )
+    else:
+        caustics = without_caustics("photons take other kernels")
     hidden = primitives.of_each(hidden_from)
     del tables  # until now they are read once
     facts = shown.facts | media.facts | caustics.facts | textures.facts | emitters.facts | movements.facts
@@ -289,7 +292,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "FACET_SHARES": shown.facts["FACET_SHARES"]
         * (scene.render.multiple_scattering or shown.facts["HAS_BRUSHED_BASE"]),
         "HIDDEN_SKY": int(scene.environment is not None and hidden_from_camera(scene.environment, scene) > 0),
-        "LAMPS_BEHIND_GLASS": int(not ways_alone and stand_behind_glass(primitives, emitters, eye_m)),
+        "LAMPS_BEHIND_GLASS": int(follows_glass),
         "LIGHT_GROUPS": len(groups.names),
         "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in _LOBED)),
     }

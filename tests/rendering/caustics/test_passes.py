@@ -159,7 +159,28 @@ PANE_BEHIND = PANE | {"min": [-1, 0.395, 0.1], "max": [1, 0.405, 1]}
 def test_choice_says_what_the_scene_has(made, says):
     caustics = make_plan(load_scene(made)).caustics
     assert caustics.choice.startswith(says)
-    assert caustics.facts == {"CAUSTICS": int(says.startswith("on"))}
+    assert caustics.facts == {"CAUSTICS": int(says.startswith("on")), "PANES_BY_SAMPLES": 0}
+
+
+THIN_PANE = {"shape": "rectangle", "corner": [-1, -0.4, 0.5], "edge_u": [2, 0, 0], "edge_v": [0, 0.8, 0],
+             "material": {"kind": "thin_glass"}}  # fmt: skip
+DIM_BOX = {"shape": "box", "min": [2, 2, 0], "max": [3, 3, 1], "material": {"kind": "emissive", "radiance": 0.1}}
+
+
+@pytest.mark.parametrize(
+    ("made", "left"),
+    [
+        (scene(lamp(0.02), ball(), THIN_PANE), 1),
+        (scene(lamp(0.02), ball(), PANE), 0),  # it shifts light
+        (scene(lamp(0.02), ball(), THIN_PANE, lights=[LAMP]), 0),  # a point, which no ray meets
+        (scene(lamp(0.02), ball(), THIN_PANE, DIM_BOX), 0),  # a lamp that light samples do not follow glass to
+        (scene(lamp(0.02), ball(), THIN_PANE, caustics="off"), 0),
+    ],
+)
+def test_what_thin_panes_let_pass_is_left_to_light_samples_where_they_find_every_lamp(made, left):
+    plan = make_plan(load_scene(made))
+    assert plan.facts["PANES_BY_SAMPLES"] == left
+    assert np.count_nonzero(plan.caustics.roles & 4) == left
 
 
 def test_scene_without_lamps_or_glass_is_left_alone():

@@ -85,6 +85,47 @@ def test_light_of_a_lamp_without_size_is_the_closed_form(eye, foot, irradiance):
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)  # five times the noise
 
 
+SUN = {"kind": "sun", "direction": [0.6, 0, -0.8], "irradiance": [2.0, 2.0, 2.0], "diameter_degrees": 0.5}
+ROOF = PANE | {"corner": [-9, -9, 0.6], "edge_u": [18, 0, 0], "edge_v": [0, 18, 0]}
+
+
+@pytest.mark.parametrize("share_of_mirror", [1.0, 0.0], ids=["sun in a mirror", "sun alone"])
+def test_light_of_the_sun_through_a_pane_is_the_closed_form(share_of_mirror):
+    """Photons bring what a mirror sends on of it, light samples the rest."""
+    wall = MIRROR | {"corner": [1, -0.2, 0.05], "edge_u": [0, 0.4, 0], "edge_v": [0, 0, 0.2]}
+    x = 0.8875 if share_of_mirror else 0.6
+    camera = looking([x, -0.4, 0.4], [x, 0, 0], fov=4)
+    made = scene(ROOF, wall, camera=camera, lights=[SUN], size=(16, 16), depth=3 + int(share_of_mirror))
+    film = pixels(made, spp=1024, seed=1)
+    inside = math.sqrt(1 - (0.6 / 1.7) ** 2)
+    across, along = (0.8 - 1.7 * inside) / (0.8 + 1.7 * inside), (1.7 * 0.8 - inside) / (1.7 * 0.8 + inside)
+    reflected = (across**2 + along**2) / 2  # by each face, of light that has no polarisation
+    passed = (1 - reflected) / (1 + reflected)
+    by_mirror = share_of_mirror * np.array([0.9, 0.6, 0.3])
+    expected = np.array(GREY["reflectance"]) / math.pi * 2.0 * 0.8 * passed * (1 + by_mirror)
+    assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01 if share_of_mirror else 2e-4)
+
+
+@pytest.mark.slow
+def test_a_room_with_a_window_has_the_light_of_paths():
+    """Panes before and behind glass, mirrors and a thin bubble; a low sun as wide as paths find by chance."""
+    low = SUN | {"direction": [1, 0.2, -0.7], "diameter_degrees": 25}
+    window = {"shape": "rectangle", "corner": [-0.4, -1, 0], "edge_u": [0, 2, 0], "edge_v": [0, 0, 1.5]}
+    inner = window | {"corner": [0.05, -0.3, 0.02], "edge_u": [0, 0.3, 0], "edge_v": [0, 0, 0.2]}
+    bubble = {"shape": "sphere", "center": [-0.15, 0.15, 0.2], "radius": 0.06}
+    mirror = {"shape": "disk", "center": [0.2, 0.2, 0.3], "normal": [-1, -0.3, -0.3], "radius": 0.1}
+    thin, shiny = {"kind": "thin_glass", "index": 1.7}, {"kind": "mirror", "reflectance": 0.9}
+    objects = [window | {"material": thin}, inner | {"material": thin}, bubble | {"material": thin}, ball(),
+               mirror | {"material": shiny}]  # fmt: skip
+    with_photons, by_paths = (
+        batches(scene(*objects, caustics=c, lights=[low], size=(24, 16), depth=8), f"window {c}", 8, spp=spp)
+        for c, spp in (("on", 256), ("off", 1024))
+    )
+    assert make_plan(load_scene(scene(*objects, lights=[low]))).facts["PANES_BY_SAMPLES"] == 1
+    found = difference_in_errors(with_photons, by_paths)
+    assert np.all(np.abs(found) < 4), found
+
+
 def test_photons_start_where_light_comes_from_that_ends_on_receivers(monkeypatch):
     """Not on a mirror that the lamp shines at from behind, nor on a mesh of glass in its shadow."""
     passes, traced = [], PhotonMap._trace
@@ -109,7 +150,7 @@ def test_photons_start_where_light_comes_from_that_ends_on_receivers(monkeypatch
     made = scene(lamp(0.02), ball(), hidden, mirror, board | {"material": GREY}, tall | {"material": GREY}, size=(8, 8))
     assert np.isfinite(pixels(made, spp=1)).all()
     (count, by_area), (more, learned), *_ = passes
-    assert len(by_area) < 0.05 * count and len(learned) > 0.4 * more
+    assert len(by_area) < 0.12 * count and len(learned) > 0.4 * more
     power, again = (each[:, 3:6].sum(axis=0, dtype=np.float64) for each in (by_area, learned))
     assert power == pytest.approx(again, rel=0.05)
 
