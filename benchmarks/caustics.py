@@ -15,6 +15,7 @@ error is the mean over seeds, that of a class the median of its pixels.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,12 @@ def revolved(profile: list[tuple[float, float]], around: int = 360) -> dict[str,
     return {"shape": "mesh", "vertices": [list(map(float, place)) for place in vertices], "faces": faces}
 
 
+def sheet(*numbers: float, material: dict[str, Any]) -> dict[str, Any]:
+    """Return a parallelogram by its corner and both edges, three numbers each."""
+    corner, u, v = (list(numbers[k : k + 3]) for k in (0, 3, 6))
+    return {"shape": "rectangle", "corner": corner, "edge_u": u, "edge_v": v, "material": material}
+
+
 def lamp(place: list[float], radius: float, radiance: float) -> dict[str, Any]:
     """Return a ball that shines."""
     material = {"kind": "emissive", "radiance": [radiance, 0.9 * radiance, 0.75 * radiance]}
@@ -89,9 +96,7 @@ def pane() -> dict[str, Any]:
     """Return a room behind a solid pane of 6 mm in a wall; the only lamp, of 8 cm, hangs outside."""
     wall = {"kind": "matte", "reflectance": [0.7, 0.68, 0.62]}
 
-    def board(*numbers: float) -> dict[str, Any]:
-        corner, u, v = (list(numbers[k : k + 3]) for k in (0, 3, 6))
-        return {"shape": "rectangle", "corner": corner, "edge_u": u, "edge_v": v, "material": wall}
+    board = partial(sheet, material=wall)
 
     around = [
         board(-2, 2, 0, 4, 0, 0, 0, 0, 2.5),
@@ -133,9 +138,7 @@ def glass_of_water() -> dict[str, Any]:
     water = [(0, 0.7549), (0.03301, 0.7549), (0.0367, 0.84), (0, 0.84)]
     camera = {**UPRIGHT, "fov_degrees": 32, "eye": [0.35, -0.75, 1.2], "target": [0.02, 0.05, 0.77]}
 
-    def board(*numbers: float, material: dict[str, Any] = white) -> dict[str, Any]:
-        corner, u, v = (list(numbers[k : k + 3]) for k in (0, 3, 6))
-        return {"shape": "rectangle", "corner": corner, "edge_u": u, "edge_v": v, "material": material}
+    board = partial(sheet, material=white)
 
     return {
         "camera": camera,
@@ -156,9 +159,7 @@ def window() -> dict[str, Any]:
     white = {"kind": "matte", "reflectance": [0.75, 0.75, 0.72]}
     tumbler = [(0, 0.75), (0.03, 0.75), (0.032, 0.752), (0.037, 0.84), (0.0345, 0.84), (0.030, 0.762), (0, 0.762)]
 
-    def board(*numbers: float, material: dict[str, Any] = white) -> dict[str, Any]:
-        corner, u, v = (list(numbers[k : k + 3]) for k in (0, 3, 6))
-        return {"shape": "rectangle", "corner": corner, "edge_u": u, "edge_v": v, "material": material}
+    board = partial(sheet, material=white)
 
     return {
         "camera": {**UPRIGHT, "fov_degrees": 32, "eye": [0.9, 0.0, 1.2], "target": [-0.1, 0.05, 0.77]},

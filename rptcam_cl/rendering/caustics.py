@@ -144,11 +144,7 @@ def pack_caustics(
         return without_caustics(reason)
     if follows_glass and set(emitters.kinds) <= set(_FOLLOWED):
         roles |= primitives.of_each(lambda each: _STRAIGHT * isinstance(each.material, materials.ThinGlass)) * roles
-    regions = _regions_of_meshes(surfaces, places, normals)
-    few, many = _PIECES_OF_A_SHAPE if len(surfaces) < _PIECES else (1, 1)
-    surfaces, areas, of = divided(surfaces, areas, np.clip(_PIECES * areas / areas.sum(), few, many))
-    regions = np.where(surfaces["kind"] == Kind.MESH, regions[of], -1 - np.arange(len(of)))
-    return Caustics(True, _ON, surfaces, areas, np.unique(regions, return_inverse=True)[1], roles)
+    return Caustics(True, _ON, *_in_regions(surfaces, areas, places, normals), roles)
 
 
 def without_caustics(reason: str | None) -> Caustics:
@@ -313,16 +309,25 @@ def divided(
     return pieces, areas[of] / numbers[of], of
 
 
-def _regions_of_meshes(surfaces: NDArray[np.void], places: Array, normals: Array) -> NDArray[np.int64]:
+def _in_regions(
+    surfaces: NDArray[np.void], areas: Array, places: Array, normals: Array
+) -> tuple[NDArray[np.void], Array, NDArray[np.int64]]:
+    """Divide shapes into pieces; return all surfaces, their areas and their regions: each piece is one."""
+    few, many = _PIECES_OF_A_SHAPE if len(surfaces) < _PIECES else (1, 1)
+    pieces, areas, of = divided(surfaces, areas, np.clip(_PIECES * areas / areas.sum(), few, many))
+    cells = _cells_of_meshes(surfaces, places, normals)[of]
+    regions = np.where(pieces["kind"] == Kind.MESH, cells, -1 - np.arange(len(of)))
+    return pieces, areas, np.unique(regions, return_inverse=True)[1]
+
+
+def _cells_of_meshes(surfaces: NDArray[np.void], places: Array, normals: Array) -> NDArray[np.int64]:
     """Return of triangles the numbers of the cells of their mesh's box that they lie in, by what they face."""
-    regions = np.zeros(len(surfaces), np.int64)
-    for mesh in np.unique(surfaces["primitive"][surfaces["kind"] == Kind.MESH]):
-        own = surfaces["primitive"] == mesh
-        low, high = places[own].min(axis=0), places[own].max(axis=0)
-        x, y, z = (_CELLS * 0.999 * (places[own] - low) / np.maximum(high - low, 1e-12)).astype(np.int64).T
-        facing = (normals[own] > 0) @ np.array([1, 2, 4])
-        regions[own] = (((mesh * 8 + facing) * _CELLS + z) * _CELLS + y) * _CELLS + x
-    return regions
+    first = np.flatnonzero(np.diff(surfaces["primitive"], prepend=-1))  # of each primitive
+    of = np.repeat(np.arange(len(first)), np.diff(first, append=len(surfaces)))
+    low, high = np.minimum.reduceat(places, first)[of], np.maximum.reduceat(places, first)[of]
+    x, y, z = (_CELLS * 0.999 * (places - low) / np.maximum(high - low, 1e-12)).astype(np.int64).T
+    facing = (normals > 0) @ np.array([1, 2, 4])
+    return np.asarray((((of * 8 + facing) * _CELLS + z) * _CELLS + y) * _CELLS + x)
 
 
 def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.float64]]:
