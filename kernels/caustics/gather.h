@@ -1,7 +1,9 @@
 // Light that receivers get by smooth glass and mirrors: the photons around a point, each weighted by the distance
 // (Epanechnikov's kernel over the disk of the grid's radius: Silverman 1986, ch. 4). Photons are sorted by the cell that they
-// lie in, twice the radius wide; cells repeat with the periods of a PhotonGrid, which are at least two, so that the eight
-// cells about a point are different ones.
+// lie in, twice the radius wide. Cells have numbers modulo a power of two, that of a lattice: those along x follow one another,
+// those along y and z are a step and its square apart, so that cells of one number lie far from each other on any plane, and
+// the eight about a point have different ones. Which of those hold photons says a byte, from numbers with a longer period:
+// most places have none near, and would look through photons of elsewhere.
 #ifndef GATHER_H
 #define GATHER_H
 #include "caustics/photon.h"
@@ -57,12 +59,17 @@ static F3 light_of_cell(I cell, I on, Vertex vertex, F3 d, Side side, I primitiv
     return sum;
 }
 
+static inline U cell_number(I x, I y, I z, const __global PhotonGrid *grid)
+{
+    return AS_U(x) + (U)(grid->step) * (AS_U(y) + (U)(grid->step) * AS_U(z));
+}
+
 // Which of the eight cells about a place have photons, of any share: bytes behind the cells.
 static inline I cells_with_photons(I on, I x, I y, I z, Scene scene)
 {
     const __global PhotonGrid *grid = scene.photon_grid;
-    I place = ((z & grid->mask_z) * (grid->mask_y + 1) + (y & grid->mask_y)) * (grid->mask_x + 1) + (x & grid->mask_x);
-    int behind = ((int)(grid->mask_sample) + 1) * (grid->mask_z + 1) * (grid->mask_y + 1) * (grid->mask_x + 1) + 1;
+    I place = AS_I(cell_number(x, y, z, grid) & (U)(grid->mask_byte));
+    int behind = (int)((grid->mask_sample + 1) * (grid->mask_cell + 1) + 1);
     I four = on ? GATHER(I, scene.photon_cells, behind + (place >> 2), ) : FALSE;
     return (four >> (8 * (place & 3))) & 0xff;
 }
@@ -84,15 +91,13 @@ static F3 caustic_radiance(Vertex vertex, F3 d, Side side, I on, I primitive, I 
     I y = TO_I(FLOOR(p.y * per_cell - 0.5f));
     I z = TO_I(FLOOR(p.z * per_cell - 0.5f));
     I held = cells_with_photons(on, x, y, z, scene);
-    I seen = AS_I(sample & (U)(grid->mask_sample));
+    U seen = (sample & (U)(grid->mask_sample)) * (U)(grid->mask_cell + 1);
     for (int i = 0; i < 8; ++i) {
         I has = (held & (1 << i)) != 0;
         if (!ANY(has))
             continue;
-        I cx = (x + (i & 1)) & grid->mask_x;
-        I cy = (y + ((i >> 1) & 1)) & grid->mask_y;
-        I cz = (z + (i >> 2)) & grid->mask_z;
-        I cell = ((seen * (grid->mask_z + 1) + cz) * (grid->mask_y + 1) + cy) * (grid->mask_x + 1) + cx;
+        U number = cell_number(x + (i & 1), y + ((i >> 1) & 1), z + (i >> 2), grid);
+        I cell = AS_I(seen + (number & (U)(grid->mask_cell)));
         sum = add(sum, light_of_cell(cell, has, vertex, d, side, primitive, most, radius2, scene));
     }
     return scale(sum, (F)(2.0f * INV_PI_F / radius2));

@@ -83,6 +83,9 @@ __kernel void photons(SCENE_PARAMETERS
     uint first = get_global_id(0) * VW;
     Scene scene = SCENE;
     U sample = (U)(first) + AS_U((I)(LANES));
+#if SAMPLER_LATTICE
+    sample = reversed_bits(sample) >> pass.unused_digits;   // photons that start at the same piece, side by side
+#endif
     U stream = (U)(pass.number);
     Path path;
 #if SPECTRUM

@@ -746,7 +746,8 @@ PHOTON_GRID = declare(
     "PhotonGrid",  # how photons lie in memory, kernels/caustics/gather.h
     ("float4", "low"),  # bounds of the photons, a radius wider [m]; w: 1 / width of a cell [1/m]
     ("float4", "high"),  # w: radius [m]
-    ("int", "mask_x mask_y mask_z"),  # periods of the cells, less one
+    ("uint", "step"),  # between the numbers of cells that follow one another along y, and its square along z
+    ("uint", "mask_cell mask_byte"),  # periods of these, less one: of cells, of bytes that say which hold photons
     ("uint", "mask_sample"),  # period of the samples that see photons of their own, less one
 )
 
@@ -758,7 +759,7 @@ PHOTON_PASS = declare(
     ("int", "surfaces"),
     ("float", "per_photon"),  # 1 / photons
     ("int", "learns"),  # whether photons say on which surface they started, in place of where they ended
-    ("int", "reserved_0"),
+    ("uint", "unused_digits"),  # of 32: leading ones that are zero in every number of a photon
 )
 
 LIGHT_PASS = declare(

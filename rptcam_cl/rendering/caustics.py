@@ -478,10 +478,12 @@ _PASS_SAMPLES = 16  # samples of every later pass
 _MOST_SHARES = 8  # of a pass: a vertex that looks through fewer photons costs less, and the pixel sees all of them
 _PHOTONS_PER_SAMPLE = 0.0625  # and pixel of the whole film
 _LEAST_PHOTONS, MOST_PHOTONS = 1 << 12, 1 << 18  # of a pass; a lattice is good for so many
-# Cells repeat after so many for a photon, so that few of those that a vertex looks into hold photons of elsewhere.
-_CELL_BITS_MORE = 3
+# Cells repeat after so many for a photon, so that few of those that a vertex looks into hold photons of elsewhere, and
+# the bytes that say which hold any after more: powers of two, and the most bits.
+_CELL_BITS_MORE, _BYTE_BITS_MORE, _LEAST_BITS, _MOST_BYTE_BITS = 2, 5, 5, 21
+_CELL_STEP = 1650377689  # its vectors are longest, of 400 random ones with the worst of 2^9 to 2^21 numbers
 MOST_CELLS = MOST_PHOTONS << _CELL_BITS_MORE
-MOST_CELL_WORDS = MOST_CELLS + 1 + MOST_CELLS // 4  # where they begin, and bytes that say where photons are
+MOST_CELL_WORDS = MOST_CELLS + 1 + (1 << _MOST_BYTE_BITS) // 4  # where they begin, and bytes that say where photons are
 PHOTON_BYTES = 2 * 4 * 8 * MOST_PHOTONS + 4 * MOST_CELL_WORDS  # as traced and as sorted, and the cells
 # The radius shrinks with samples to this power: with the bias of a disk, radius², and the variance,
 # 1 / (samples radius²), their mean square falls fastest so, with samples^(-2/3).
@@ -669,12 +671,13 @@ class PhotonMap:
         record = PHOTON_PASS.one(
             seed=layout.seed_words(seed ^ _SEED), number=number, max_edges=self._max_edges,
             surfaces=len(self._caustics.areas), per_photon=shares / count, learns=learns,
+            unused_digits=33 - count.bit_length(),
         )  # fmt: skip
         self._launch.set(**{"pass": record.tobytes()})
         self._launch.enqueue(count // self._session.lanes, self._session.group)
         photons = self._session.read(self._found, np.float32, count * _PHOTON_FLOATS)
-        parts = photons.reshape(shares, count // shares, _PHOTON_FLOATS)
-        return [part[part[:, _MARK].view(np.int32) >= 0] for part in parts]
+        parts = photons.reshape(count // shares, shares, _PHOTON_FLOATS).swapaxes(0, 1)
+        return [part[part[:, _MARK].copy().view(np.int32) >= 0] for part in parts]
 
     def _put(self, parts: list[Photons], radius: float) -> None:
         photons = np.concatenate(parts)
@@ -709,43 +712,34 @@ def sorted_by_cell(
     if not len(photons):
         grid = PHOTON_GRID.one(low=1.0, high=(-1.0, -1.0, -1.0, 1.0))
         return grid, np.zeros(0, np.int64), np.zeros(10, np.int32)
-    share_bits = shares.bit_length() - 1
     places = photons[:, :3]
     low, high = places.min(axis=0), places.max(axis=0)
     per_cell = np.float32(0.5 / radius)
-    most = min(len(photons).bit_length() + _CELL_BITS_MORE, MOST_CELLS.bit_length() - 1)
-    bits = _periods((high - low) * per_cell, max(most - share_bits, 3))
-    mask_x, mask_y, mask_z = masks = (1 << bits) - 1
+    digits = (len(photons) - 1).bit_length()
+    bits = max(digits + _CELL_BITS_MORE + 1 - shares.bit_length(), _LEAST_BITS)
+    byte_bits = min(max(digits + _BYTE_BITS_MORE, _LEAST_BITS), _MOST_BYTE_BITS)
     grid = PHOTON_GRID.one(
-        low=(*(low - radius), per_cell), high=(*(high + radius), radius), mask_x=mask_x, mask_y=mask_y, mask_z=mask_z,
-        mask_sample=shares - 1,
+        low=(*(low - radius), per_cell), high=(*(high + radius), radius), step=_CELL_STEP,
+        mask_cell=(1 << bits) - 1, mask_byte=(1 << byte_bits) - 1, mask_sample=shares - 1,
     )  # fmt: skip
-    cell = np.floor(places * per_cell).astype(np.int64) & masks
-    bucket = (cell[:, 2] << (bits[0] + bits[1])) | (cell[:, 1] << bits[0]) | cell[:, 0]
-    bucket |= (0 if share is None else share) << int(bits.sum())
+    steps = np.array([1, _CELL_STEP, _CELL_STEP**2 % (1 << 32)])
+    number = np.floor(places * per_cell).astype(np.int64) @ steps
+    bucket = number & ((1 << bits) - 1) | (0 if share is None else share) << bits
     key = np.sort((bucket << 32) | np.arange(len(photons)))
-    starts = np.zeros((shares << int(bits.sum())) + 1, np.int32)
+    starts = np.zeros((shares << bits) + 1, np.int32)
     np.cumsum(np.bincount(bucket, minlength=len(starts) - 1), out=starts[1:])
-    return grid, key & 0xFFFFFFFF, np.concatenate([starts, _about(cell, bits)])
+    return grid, key & 0xFFFFFFFF, np.concatenate([starts, _about(number, steps, byte_bits)])
 
 
-def _about(cell: NDArray[np.int64], bits: NDArray[np.int64]) -> NDArray[np.int32]:
+def _about(numbers: NDArray[np.int64], steps: NDArray[np.int64], bits: int) -> NDArray[np.int32]:
     """Return a byte for each eight cells that follow one another along the axes: a bit for each that has photons."""
-    bits_x, bits_y, bits_z = bits.tolist()
-    held = np.zeros((1 << bits_z, 1 << bits_y, 1 << bits_x), bool)
-    held[cell[:, 2], cell[:, 1], cell[:, 0]] = True
-    found = np.zeros(held.shape, np.uint8)
+    found = np.zeros(1 << bits, np.uint8)
+    holds = np.zeros(1 << bits, bool)
+    holds[numbers & (1 << bits) - 1] = True
+    held = np.flatnonzero(holds)
     for i in range(8):
-        found |= np.roll(held, (-(i >> 2), -(i >> 1 & 1), -(i & 1)), (0, 1, 2)).astype(np.uint8) << i
-    return found.ravel().view("<i4").astype(np.int32)
-
-
-def _periods(cells: NDArray[np.float32], most: int) -> NDArray[np.int64]:
-    """Return the logarithms to base 2 of the periods along three axes, one at least, ``most`` together."""
-    bits = np.maximum(np.ceil(np.log2(np.maximum(cells.astype(np.float64), 1) + 1)), 1).astype(np.int64)
-    while bits.sum() > most:
-        bits[bits.argmax()] -= 1
-    return np.asarray(bits)
+        found[held - np.dot((i & 1, i >> 1 & 1, i >> 2), steps) & (1 << bits) - 1] |= np.uint8(1 << i)
+    return found.view("<i4").astype(np.int32)
 
 
 def neighbours2(places: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -60,21 +60,41 @@ def photons_at(places):
 def test_cells_hold_their_photons_in_order():
     photons = photons_at(np.random.default_rng(1).uniform(-3, 5, (500, 3)))
     share = np.arange(500) // 125
-    grid, order, words = sorted_by_cell(photons, 0.1, share, 4)
-    masks = np.array([grid[0][f"mask_{axis}"] for axis in "xyz"])
-    cells = np.floor(photons[:, :3] * grid[0]["low"][3]).astype(np.int64) & masks
-    each = np.prod(masks + 1)
-    numbers = share * each + (cells[:, 2] * (masks[1] + 1) + cells[:, 1]) * (masks[0] + 1) + cells[:, 0]
+    (grid,), order, words = sorted_by_cell(photons, 0.1, share, 4)
+    cells, step = np.floor(photons[:, :3] * grid["low"][3]).astype(int).tolist(), int(grid["step"])
+    each, period = int(grid["mask_cell"]) + 1, int(grid["mask_byte"]) + 1
+    numbers = np.array(
+        [own * each + (x + step * y + step**2 * z) % each for own, (x, y, z) in zip(share, cells, strict=True)]
+    )
     starts, about = words[: 4 * each + 1], words[4 * each + 1 :].view(np.uint8)
-    assert sorted(order) == list(range(500)) and starts[-1] == 500 and np.all(masks >= 1)
+    assert sorted(order) == list(range(500)) and starts[-1] == 500 and len(about) == period
     for number in np.unique(numbers):
         assert list(order[starts[number] : starts[number + 1]]) == list(np.flatnonzero(numbers == number))
-    held = {tuple(cell) for cell in cells}
-    for number, byte in enumerate(about):
-        place = np.array([number % (masks[0] + 1), number // (masks[0] + 1) % (masks[1] + 1),
-                          number // (masks[0] + 1) // (masks[1] + 1)])  # fmt: skip
-        corners = [np.array([i & 1, i >> 1 & 1, i >> 2]) for i in range(8)]
-        assert byte == sum(1 << i for i in range(8) if tuple((place + corners[i]) & masks) in held)
+    expected = np.zeros(period, int)
+    for x, y, z in cells:
+        for i in range(8):
+            place = (x - (i & 1) + step * (y - (i >> 1 & 1)) + step**2 * (z - (i >> 2))) % period
+            expected[place] |= 1 << i
+    assert list(about) == list(expected)
+
+
+@pytest.mark.parametrize("photons", [2, 500, MOST_PHOTONS])
+@pytest.mark.parametrize("shares", [1, 8])
+def test_cells_about_a_point_have_numbers_of_their_own(photons, shares):
+    places = np.random.default_rng(4).uniform(-1, 1, (photons, 3))
+    (grid,), _, _ = sorted_by_cell(photons_at(places), 0.01, np.arange(photons) % shares, shares)
+    corners = [(i & 1) + int(grid["step"]) * (i >> 1 & 1) + int(grid["step"]) ** 2 * (i >> 2) for i in range(8)]
+    for mask in (grid["mask_cell"], grid["mask_byte"]):
+        assert len({corner & int(mask) for corner in corners}) == 8
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_cells_of_a_plane_that_share_a_number_are_far_apart(axis):
+    (grid,), _, _ = sorted_by_cell(photons_at(np.random.default_rng(5).uniform(-1, 1, (30_000, 3))), 0.01)
+    ahead = np.stack(np.meshgrid(*[np.arange(-400, 401)] * 2), axis=-1).reshape(-1, 2)
+    steps = np.delete([1, int(grid["step"]), int(grid["step"]) ** 2 % 2**32], axis)
+    same = ahead[((ahead @ steps) & int(grid["mask_cell"]) == 0) & ahead.any(axis=1)]
+    assert np.hypot(*same.T).min() > 0.45 * np.sqrt(int(grid["mask_cell"]) + 1)
 
 
 def test_cells_of_the_largest_pass_fit_their_buffer():
