@@ -29,7 +29,7 @@ from benchmarks.stopwatch import timed
 from rptcam_cl.api.job import resolve
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering import caustics
+from rptcam_cl.rendering import photon_map
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.changes import change_scene
 from rptcam_cl.scene.load import load_scene
@@ -207,12 +207,12 @@ def render(wavefront: Wavefront, seed: int, spp: int) -> tuple[Film, float]:
 
 def reference_of(scene: Scene, session: Session, spp: int) -> Film:
     """Return a picture by photons of a third of the radius."""
-    usual = caustics.FIRST_PHOTONS
-    caustics.FIRST_PHOTONS = usual / 9
+    usual = photon_map.FIRST_PHOTONS
+    photon_map.FIRST_PHOTONS = usual / 9
     try:
         return render(wavefront_of(scene, session), 1000, spp)[0]
     finally:
-        caustics.FIRST_PHOTONS = usual
+        photon_map.FIRST_PHOTONS = usual
 
 
 def error_of(picture: Film, reference: Film) -> float:
@@ -223,13 +223,13 @@ def error_of(picture: Film, reference: Film) -> float:
 
 def shares_of_photons(scene: Scene, session: Session, spp: int) -> NDArray[np.float64]:
     """Return the share of each pixel's light that photons bring, by pictures with and without, of the same paths."""
-    trace = caustics.PhotonMap._trace
+    trace = photon_map.PhotonMap._trace
     whole = render(wavefront_of(scene, session), 1, spp)[0].sum(axis=-1)
-    caustics.PhotonMap._trace = lambda *given, **named: [part[:0] for part in trace(*given, **named)]
+    photon_map.PhotonMap._trace = lambda *given, **named: [part[:0] for part in trace(*given, **named)]
     try:
         paths = render(wavefront_of(scene, session), 1, spp)[0].sum(axis=-1)
     finally:
-        caustics.PhotonMap._trace = trace
+        photon_map.PhotonMap._trace = trace
     return (whole - paths) / np.maximum(whole, 1e-12)
 
 

@@ -37,7 +37,7 @@ from benchmarks.mitsuba_scene import NO_ROULETTE, describe
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.device.devices import choose_device
-from rptcam_cl.rendering import caustics
+from rptcam_cl.rendering import photon_map
 from rptcam_cl.scene.load import load_scene
 from tests.support.statistics import Sampled, sampled, tiles, welch
 
@@ -141,14 +141,14 @@ def ours_of(keys: Keys, spp: int, seed: int, photons: bool, radius: float = 1.0)
     scene = load_scene(
         keys | {"render": keys["render"] | {"caustics": "on" if photons else "off", "roulette_depth": 0}}
     )
-    usual = caustics.FIRST_PHOTONS
-    caustics.FIRST_PHOTONS = usual * radius**2
+    usual = photon_map.FIRST_PHOTONS
+    photon_map.FIRST_PHOTONS = usual * radius**2
     try:
         return [
             np.asarray(rptcam_cl.render(scene, spp=spp, seed=100 * seed + batch), float) for batch in range(BATCHES)
         ]
     finally:
-        caustics.FIRST_PHOTONS = usual
+        photon_map.FIRST_PHOTONS = usual
 
 
 def theirs_of(worker: Worker, keys: Keys, theirs: Keys, folder: Path, spp: int, seed: int) -> Pictures:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import LIMITS, WAVE, RayStatus, seed_words
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.caustics import within_passes
+from rptcam_cl.rendering.photon_map import within_passes
 from rptcam_cl.scene.film import LIGHT_LAYER, Film, RenderSettings
 
 # The film on the device: compensated sums per pixel, in tiles of 8 x 8 pixels, each of four of 4 x 4.

@@ -17,7 +17,7 @@ from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import culling, tree_build
 from rptcam_cl.rendering.cameras.model import CameraModel
-from rptcam_cl.rendering.caustics import PhotonBuffers
+from rptcam_cl.rendering.photon_map import PhotonBuffers
 from rptcam_cl.rendering.plan import geometry
 from rptcam_cl.rendering.plan.materials import facet_shares
 from rptcam_cl.rendering.plan.plan import Plan

@@ -18,10 +18,10 @@ from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.rendering import film as films
 from rptcam_cl.rendering import passes
 from rptcam_cl.rendering.cameras.model import CameraModel, CameraView
-from rptcam_cl.rendering.caustics import PHOTON_BYTES, PhotonMap
 from rptcam_cl.rendering.film import FilmBuffers, FilmLayout, RenderedFilm
 from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.passes import Denoiser
+from rptcam_cl.rendering.photon_map import PHOTON_BYTES, PhotonMap
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.virtual_lights import LIGHT_PATH_BYTES, VirtualLightPool

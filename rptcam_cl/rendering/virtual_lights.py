@@ -21,14 +21,14 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import CAUSTIC_SURFACE, LIGHT_PASS, VIRTUAL_GRID, EmitterKind, Hidden, Kind
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.caustics import (
+from rptcam_cl.rendering.photon_map import pass_of
+from rptcam_cl.rendering.plan.caustics import (
     BOXES,
     WITHOUT_SIZE,
     divided,
     is_clear,
     lamp_centres,
     lamp_sizes,
-    pass_of,
     surfaces_of,
 )
 from rptcam_cl.rendering.plan.emitters import Emitters, is_shining

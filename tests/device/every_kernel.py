@@ -18,7 +18,7 @@ import rptcam_cl
 from rptcam_cl.api import compiling
 from rptcam_cl.device import devices, programs, session
 from rptcam_cl.device.session import Session, open_session
-from rptcam_cl.rendering import caustics, culling, film, ghosts, tracer, tree_build, virtual_lights
+from rptcam_cl.rendering import culling, film, ghosts, photon_map, tracer, tree_build, virtual_lights
 from rptcam_cl.rendering import passes as ways
 from rptcam_cl.rendering.traceable_lens import CopiesTracer
 from rptcam_cl.scene.film import SINGLE_LAYERS
@@ -310,7 +310,7 @@ def heed_oclgrind() -> None:
     Session._allocate = keep  # type: ignore[method-assign]
 
     # 16,384 photons of the first pass and 4096 of each later take it half an hour
-    caustics.PILOT_PHOTONS = caustics._LEAST_PHOTONS = 512
+    photon_map.PILOT_PHOTONS = photon_map._LEAST_PHOTONS = 512
     virtual_lights._LEARNING_PATHS = virtual_lights._LEAST_PATHS = 256
     virtual_lights._MOST_PATHS = 256
 

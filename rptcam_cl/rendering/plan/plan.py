@@ -17,8 +17,8 @@ from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, camera_trajectory, exposed, filter_table, turned
 from rptcam_cl.rendering.cameras.setting import on_film
-from rptcam_cl.rendering.caustics import Caustics, pack_caustics, stand_behind_glass, without_caustics
 from rptcam_cl.rendering.plan import geometry
+from rptcam_cl.rendering.plan.caustics import Caustics, pack_caustics, stand_behind_glass, without_caustics
 from rptcam_cl.rendering.plan.emitters import (
     Emitters,
     LightGroups,

@@ -6,20 +6,20 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
 from rptcam_cl.core.records import CAUSTIC_SURFACE, Kind, curves
-from rptcam_cl.rendering.caustics import (
+from rptcam_cl.rendering.photon_map import (
     FIRST_PHOTONS,
     MOST_CELL_WORDS,
     MOST_PHOTONS,
     NEIGHBOURS,
     PILOT_PHOTONS,
     PhotonPass,
-    divided,
     first_radius,
     neighbours2,
     pass_of,
     sorted_by_cell,
     within_passes,
 )
+from rptcam_cl.rendering.plan.caustics import divided
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session, run

@@ -8,8 +8,8 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session, open_session
-from rptcam_cl.rendering.caustics import PhotonMap
 from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.photon_map import PhotonMap
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.load import load_scene
