@@ -33,8 +33,8 @@ _PASS_SAMPLES = 16  # samples of every later pass
 _MOST_SHARES = 8  # of a pass: a vertex that looks through fewer photons costs less, and the pixel sees all of them
 _PHOTONS_PER_SAMPLE = 0.0625  # and pixel of the whole film
 _LEAST_PHOTONS, MOST_PHOTONS = 1 << 12, 1 << 18  # of a pass; a lattice is good for so many
-# Numbers of cells repeat after 4 for a photon, and those of the bytes that say which cells hold any after 32, so that few
-# places look into cells of elsewhere. Digits to base 2.
+# Numbers of cells repeat after 4 for a photon, and those of the bytes that say which cells hold any after 32, so that
+# few places look into cells of elsewhere. Digits to base 2.
 _CELL_DIGITS_MORE, _BYTE_DIGITS_MORE = 2, 5
 _LEAST_DIGITS, _MOST_BYTE_DIGITS = 5, 21
 _CELL_STEP = 1650377689  # its vectors are longest, of 400 random ones with the worst of 2^9 to 2^21 numbers
