@@ -68,7 +68,7 @@ class NoiseEstimate:
         self.layout, self.target = layout, target
         self.tiles = np.arange(layout.tiles, dtype=np.uint32)  # still rendered
         self.samples = np.zeros(layout.pixels // TILE_PIXELS, np.uint32)  # of each tile that is not
-        self.variance = np.full(layout.pixels, np.nan, np.float32)
+        self.variance = np.full(layout.pixels, np.nan)  # squares of radiance leave the range of float32
         self.error = np.full(layout.tiles, np.nan, np.float32)
         self.measured_at = 0  # samples per pixel at which `error` was found, 0 before
         self._runs: list[NDArray[np.float32]] = []  # sums of luminance, by pixel
@@ -152,7 +152,7 @@ class NoiseEstimate:
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
         """Go on from what `arrays` returned."""
         self.tiles, self.samples = arrays["noise_tiles"].astype(np.uint32), arrays["noise_samples"].astype(np.uint32)
-        self.variance = arrays["noise_variance"].astype(np.float32)
+        self.variance = arrays["noise_variance"].astype(np.float64)
         self.error = arrays["noise_error"].astype(np.float32)
         self._runs = list(arrays["noise_runs"].astype(np.float32))
         self._before = arrays["noise_before"].astype(np.float64)
@@ -260,9 +260,10 @@ class NoiseWatch:
 
     def variance(self) -> NDArray[np.float32]:
         """Return the variance of each pixel's mean luminance; nan where it is not recorded."""
-        if self.estimate is not None:
-            return self.estimate.variance
-        return np.full(self._wavefront.layout.pixels, np.nan, np.float32)
+        if self.estimate is None:
+            return np.full(self._wavefront.layout.pixels, np.nan, np.float32)
+        with np.errstate(over="ignore"):
+            return self.estimate.variance.astype(np.float32)
 
     def report(self) -> dict[str, Any] | None:
         """How noisy the tiles are, where that is recorded."""
@@ -279,7 +280,7 @@ class NoiseWatch:
             return None
         first, before = earlier[-1]
         second = done - first
-        difference = before / first - (summed - before) / second
+        difference = before / first - (summed - before).astype(np.float64) / second
         variance = difference**2 * (first * second / done**2)
         return _noise_of(layout, summed / done, variance, "two parts of the samples")
 

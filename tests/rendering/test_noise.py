@@ -173,6 +173,27 @@ def test_most_samples_are_those_given():
     assert rptcam_cl.render(scene, size=(16, 16)).stats["spp"] == 80
 
 
+@pytest.mark.parametrize("digits", [-95, -70, 70, 90])
+@pytest.mark.parametrize("noise", [None, 0.05])
+def test_light_of_another_unit_has_the_same_noise(digits, noise):
+    """Powers of two scale float32 without rounding, and squares of these would leave its range."""
+    wall = {"shape": "rectangle", "corner": [-2, 0, -2], "edge_u": [0, 0, 4], "edge_v": [4, 0, 0],
+            "material": {"kind": "matte", "reflectance": [0.5, 0.5, 0.5]}}  # fmt: skip
+    ball = {"shape": "sphere", "center": [0.4, 0.5, 0], "radius": 0.4, "material": wall["material"]}
+
+    def picture(unit):
+        lamp = {"shape": "sphere", "center": [0, 2, 0], "radius": 0.3}
+        lamp["material"] = {"kind": "emissive", "radiance": [9 * unit] * 3}
+        camera = {"kind": "pinhole", "eye": [0, 1, 3], "target": [0, 0.5, 0], "fov_degrees": 45}
+        scene = {"camera": camera, "objects": [wall, ball, lamp]}
+        return rptcam_cl.render(scene, size=(24, 16), spp=256, noise=noise, wave_size=24 * 16 * 16)
+
+    one, other = picture(1.0), picture(2.0**digits)
+    np.testing.assert_array_equal(np.asarray(one), np.asarray(other) / np.float32(2.0**digits))
+    assert one.stats["numerics"]["noise"] == other.stats["numerics"]["noise"] and one.stats["numerics"]["noise"]
+    assert one.stats["spp"] == other.stats["spp"] > 64
+
+
 def test_black_picture_is_done_at_once():
     dark = still_life() | {"lights": [], "environment": None, "objects": []}
     image = rptcam_cl.render(dark, size=(16, 16), noise=0.01)
