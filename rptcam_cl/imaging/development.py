@@ -549,13 +549,15 @@ def denoise(pixels: Pixels, albedo: Pixels, normal: Pixels, quality: str = "high
 
         margins = ((_MARGIN_PX,) * 2, (_MARGIN_PX,) * 2, (0, 0))  # mirrored: the network takes what is beyond for black
         wide, guide, facing = (np.pad(values, margins, mode="symmetric") for values in (pixels, albedo, normal))
-        clean = _within_channels(partial(pyoidn.denoise, normal=facing, hdr=True, quality=quality), wide, guide)
+        # The network takes light below 1e-8 for none, whatever its unit: here that is so of the mean.
+        digits = -int(np.frexp(np.abs(wide, dtype=np.float64).mean())[1])
+        bright = np.ldexp(wide, digits)
+        clean = _within_channels(partial(pyoidn.denoise, normal=facing, hdr=True, quality=quality), bright, guide)
     except (ImportError, OSError, RuntimeError) as error:
         raise InputError(f"denoising failed: {error}") from error
     inside = slice(_MARGIN_PX, -_MARGIN_PX)
-    return np.ascontiguousarray(
-        clean[inside, inside], np.float32
-    ), f"Open Image Denoise (pyoidn {version('pyoidn')}), biased"
+    clean = np.ldexp(clean[inside, inside], -digits)
+    return np.ascontiguousarray(clean, np.float32), f"Open Image Denoise (pyoidn {version('pyoidn')}), biased"
 
 
 def _within_channels(remove_noise: Callable[..., Pixels], pixels: Pixels, albedo: Pixels) -> Pixels:

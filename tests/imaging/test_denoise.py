@@ -52,6 +52,16 @@ def test_denoised_picture_is_nearer_to_the_truth_and_says_so() -> None:
     np.testing.assert_allclose(np.asarray(again), np.asarray(clean), rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.parametrize("digits", [-90, -24, 60])
+def test_light_of_another_unit_is_denoised_alike(digits: int) -> None:
+    """The network takes light below 1e-8 for none: a dim picture was black."""
+    pytest.importorskip("pyoidn")
+    noisy = rptcam_cl.render(SCENE, spp=4, seed=2, layers=["albedo", "normal"])
+    layers = {name: noisy[name] for name in ("albedo", "normal")}
+    dim = Image(np.ldexp(np.asarray(noisy), digits), layers=layers).denoised()
+    np.testing.assert_array_equal(np.ldexp(np.asarray(dim), -digits), np.asarray(noisy.denoised()))
+
+
 def test_colours_outside_the_triangle_of_srgb_stay_there() -> None:
     """Green light of 520 nm has less than no red; the denoiser takes such a channel for black."""
     pytest.importorskip("pyoidn")
