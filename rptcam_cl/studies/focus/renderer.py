@@ -435,8 +435,10 @@ class ProbeRenderer:
         key = tuple(self._wholes.get(zone, zone) for zone in self.view.zones)
         if key not in self._most:
             faint = 1e-6 / float(weights.max())
-            pairs = [(sample(light, seed, faint), weights), (sample(light, seed + 1, faint), sample(white, seed + 1))]
-            self._most[key] = most_light(*np.stack([(one / faint, other) for one, other in pairs], axis=1))
+            while _is_limited(one := sample(light, seed, faint)):
+                faint *= 2.0**-20  # powers of two keep light of another unit alike, bit for bit
+            pairs = [(one, weights), (sample(light, seed + 1, faint), sample(white, seed + 1))]
+            self._most[key] = most_light(*np.stack([(each / faint, other) for each, other in pairs], axis=1))
         record = camera.record.copy()
         record["exposure"] *= _LIMIT / (self._most[key] * float(weights[passed].mean()))
         return replace(camera, record=record)
@@ -567,6 +569,12 @@ _NOISY = 0.5  # standard deviation of a sample over its mean, from which on it i
 LIMITED = 16  # rounds of finding it
 USUAL, _LIT_SHARE = 2.0, 0.9  # times the mean of what is left; share of the samples with light that stay whole
 _HELPS = 0.75  # of the standard errors by which details show in all of the light: few samples know little of rare ones
+
+
+def _is_limited(light: NDArray[np.float32]) -> bool:
+    """Whether more than a few samples with light are at the limit of probes, so that they say little of the light."""
+    lit = light[light > 0]
+    return bool(lit.size) and float(np.quantile(lit, _LIT_SHARE)) > _LIMIT / 2
 
 
 def most_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> float:

@@ -315,3 +315,17 @@ def test_all_of_the_light_is_that_of_a_probe_without_a_limit(monkeypatch):
     assert np.abs(one - other).max() < 1e-3 * other.max()
     limited = shown[0].luminance / shown[0].luminance.mean()
     assert np.abs(limited - other).max() > 0.1 * other.max()
+
+
+@pytest.mark.parametrize("digits", [-80, 24, 70])
+def test_probe_of_light_of_another_unit_is_the_same(digits):
+    """The first look at the light has a limit, which must leave the most of it whole however bright it is."""
+    shown = []
+    for unit in (1.0, 2.0**digits):
+        glow = [{"kind": "emissive", "radiance": value * unit} for value in (0.2, 300.0)]
+        lamps = [{"shape": "sphere", "center": [x, 0, -1.2], "radius": 0.03, "material": glow[1]} for x in (-0.1, 0.1)]
+        sky = {"environment": {"kind": "constant", "radiance": unit}}
+        objects = [target(4.0, 4.0, noise(200)), target(5.0, 5.0, glow[0]), *lamps]
+        probe = probe_of(scene_of(objects, lens_camera("dgauss-50mm", f_number=2.1), **sky))
+        shown.append(probe.measure(probe.drive.state_for(4.0, CENTRE), [CENTRE], 16, 1)[0].luminance / np.float32(unit))
+    np.testing.assert_array_equal(*shown)
