@@ -1,4 +1,5 @@
-"""A scene that is a power of two times as large gives the same picture to the bit: no length stands in the code."""
+"""A scene that is a power of two times as large gives the same picture to the bit, and so does one with so much more
+light: neither a length nor a radiance stands in the code."""
 
 import numpy as np
 import pytest
@@ -9,10 +10,10 @@ from tests.support.cases import slow
 LENGTHS = ("eye", "target", "corner", "edge_u", "edge_v", "center", "radius", "min", "max", "position")
 
 
-def room(material, scale):
+def room(material, scale, light=1.0):
     """Return a scene of lamps of several shapes over a ball and a pane."""
     glass = {"kind": "dielectric", "index": 1.5, "absorption_per_m": [0.3, 0.1, 0.5]}
-    lamp = {"kind": "emissive", "radiance": [3, 2, 1]}
+    lamp = {"kind": "emissive", "radiance": [3 * light, 2 * light, light]}
     objects = [
         {"shape": "rectangle", "corner": [-4, -4, 0], "edge_u": [8, 0, 0], "edge_v": [0, 8, 0], "material": {
             "kind": "matte", "reflectance": {"kind": "checker", "even": 0.8, "odd": 0.2, "scale": [9, 9]}}},
@@ -24,13 +25,22 @@ def room(material, scale):
         {"shape": "sphere", "center": [1.5, -1, 2.5], "radius": 0.1, "material": lamp},
         {"shape": "disk", "center": [-1.5, -1, 2.5], "normal": [0, 0, -1], "radius": 0.2, "material": lamp},
     ]  # fmt: skip
-    lights = [{"kind": "point", "position": [0, -2, 3], "intensity": [scale**2, scale**2, scale**2]}]
+    lights = [{"kind": "point", "position": [0, -2, 3], "intensity": [scale**2 * light] * 3}]
     glass["absorption_per_m"] = [each / scale for each in glass["absorption_per_m"]]
     camera = looking([0.5, -4, 1.6], [0, 0, 0.4], 40)
     for each in (camera, *objects, *lights):
         each |= {key: (np.array(each[key]) * scale).tolist() for key in LENGTHS if key in each}
     return scene_of(objects, camera, depth=9, resolution=(48, 32), lights=lights, environment={
-        "kind": "constant", "radiance": [0.1, 0.1, 0.2]})  # fmt: skip
+        "kind": "constant", "radiance": [0.1 * light, 0.1 * light, 0.2 * light]})  # fmt: skip
+
+
+@pytest.mark.parametrize("exponent", [-90, 80])
+def test_light_of_any_unit_gives_the_same_bits(exponent):
+    material = {"kind": "conductor", "metal": "gold", "roughness": 0.3}
+    film = pixels(room(material, 1.0), spp=8)
+    scaled = pixels(room(material, 1.0, 2.0**exponent), spp=8)
+    assert film.min() > 0
+    np.testing.assert_array_equal(np.ldexp(scaled, -exponent), film)
 
 
 @pytest.mark.slow  # what they are made of adds to `test_world.py`, where the sizes are
