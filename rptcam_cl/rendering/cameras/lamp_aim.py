@@ -8,6 +8,7 @@ are chosen, so that errors of the tables change noise and never the mean.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -243,7 +244,9 @@ _AIM_WIDER = 1.05  # than a lamp's part of the pupil is found to be
 _MOST_SHARE = 0.7  # of the rays of a film point
 _TIPS = 1.12  # times as far as rays of the middle go corners of the pupil may reach, between these rays
 _INWARDS = 2.0  # times how far a lamp reaches lies the outline, towards the middle, off a corner of 60 degrees
-DIM = 0.02  # value of the film that a lamp's disk has to be bright against
+# Value of the film that a lamp's disk has to be bright against: that of a picture with white at 1, or in a dimmer one a
+# tenth of what grey sends on.
+_DIM, _GREY = 0.02, 0.1 * 0.2 / math.pi
 MOST_ENTRIES = 20_000
 _SEEN_NM = (440.0, 650.0)  # between which colours are taken as a line
 COLOURS = tuple(DISPERSION_SCALE / nm - DISPERSION_SHIFT for nm in _SEEN_NM)
@@ -458,7 +461,13 @@ class _LampTables:
 
 
 def aimed_at_lamps(
-    camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str | None = None, *, on_disk: bool = True
+    camera: CameraModel,
+    lamps: Sequence[SeenLamp],
+    shows: Shows,
+    sights: str | None = None,
+    *,
+    irradiance: float = math.inf,
+    on_disk: bool = True,
 ) -> CameraModel:
     """Return the camera with tables that aim some of its rays at lamps out of focus; its metadata say at how many.
 
@@ -470,6 +479,8 @@ def aimed_at_lamps(
         Returns which lines of sight nothing blocks.
     sights
         Names all that ``shows`` depends on: with a name, what is found is remembered.
+    irradiance
+        About that of what the camera looks at [W/m², luminance].
     on_disk
         Whether tables with a name are kept from one run to the next.
     """
@@ -477,9 +488,10 @@ def aimed_at_lamps(
         return camera
 
     def make() -> _LampTables:
-        return _tables(camera, lamps, _find_or_fit(camera, lamps, shows, sights))
+        return _tables(camera, lamps, _find_or_fit(camera, lamps, shows, sights), dim)
 
-    aim = make() if sights is None or not on_disk else _DISK.find_or_make(_key(camera, lamps, sights), make)
+    dim = min(_DIM, _GREY * irradiance * camera.value)
+    aim = make() if sights is None or not on_disk else _DISK.find_or_make((*_key(camera, lamps, sights), dim), make)
     if not aim.lamps:
         return camera
     new = camera.record.copy()
@@ -544,15 +556,17 @@ def _find_or_fit(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, s
     return _seen_lamps.find_or_make(key, lambda: _seen(camera, lamps, shows))
 
 
-def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> _LampTables:
-    """Return the tables for lamps that emit so much."""
+def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen, dim: float) -> _LampTables:
+    """Return the tables for lamps that emit so much, in a picture as bright as `_DIM` says."""
     blocks, shown = seen
     if not shown:
         return _NO_LAMPS
     assert camera.reach is not None
     values = np.concatenate([entries.part * lamps[number].radiance * camera.value for number, entries in shown])
     numbers, floats = (np.concatenate([getattr(e, name) for _, e in shown]) for name in ("blocks", "floats"))
-    table = np.concatenate([np.array([camera.reach.area], np.float32), _pack_table(numbers, floats, values, blocks)])
+    table = np.concatenate(
+        [np.array([camera.reach.area], np.float32), _pack_table(numbers, floats, values, blocks, dim)]
+    )
     return _LampTables(table, blocks.shift, blocks.counts, len(shown))
 
 
@@ -572,11 +586,13 @@ def _key(camera: CameraModel, lamps: Sequence[SeenLamp], sights: str) -> tuple[o
     return sights, camera.reach.made_of, camera.reach.film_scale, state
 
 
-def _pack_table(numbers: NDArray[np.int64], floats: Array, values: Array, blocks: _Blocks) -> NDArray[np.float32]:
+def _pack_table(
+    numbers: NDArray[np.int64], floats: Array, values: Array, blocks: _Blocks, dim: float
+) -> NDArray[np.float32]:
     """Return places and counts of all blocks, and behind them their lamps, each with its share of the rays."""
     count = int(np.prod(blocks.counts))
     sums = np.bincount(numbers, values, count)
-    floats[:, 0] = _MOST_SHARE * values / (DIM + sums[numbers])
+    floats[:, 0] = _MOST_SHARE * values / np.maximum(dim + sums[numbers], np.finfo(np.float64).tiny)
     order = np.argsort(numbers, kind="stable")
     counts = np.bincount(numbers, minlength=count)
     places = 1 + 2 * count + LAMP * (np.cumsum(counts) - counts)

@@ -544,5 +544,6 @@ def aim(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = 
         return shows(replace(sights, origins=sights.origins @ turn, targets=sights.targets @ turn))
 
     lamps = [replace(lamp, centre=turn @ lamp.centre, axes=lamp.axes @ turn.T) for lamp in plan.emitters.seen]
-    camera = aimed_at_lamps(plan.camera, lamps, shows_in_world, sights, on_disk=on_disk)
+    irradiance = plan.emitters.irradiance
+    camera = aimed_at_lamps(plan.camera, lamps, shows_in_world, sights, irradiance=irradiance, on_disk=on_disk)
     return plan if camera is plan.camera else replace(plan, camera=camera)

@@ -100,6 +100,41 @@ def test_a_thin_lens_sees_a_point_through_the_place_that_first_order_optics_give
         assert seen_through(lamp, tangents) == pytest.approx(on_lens / 0.0125, abs=1e-4)
 
 
+def test_shares_are_the_same_in_light_of_another_unit():
+    """They go by what the disk brings beside a tenth of grey, but at most beside 0.02 of white."""
+
+    def shares(unit, irradiance):
+        lamp = replace(round_lamp([0.2, 0.1, -3.0]), radiance=unit * 200.0)
+        model = aimed_at_lamps(camera_model(scene_with(THIN)), [lamp], everything, irradiance=unit * irradiance)
+        return np.array([lamp[0] for _, lamp in blocks_of(model)])
+
+    dim = shares(1.0, 1.0)
+    assert 0.3 < dim.max() < 0.7
+    for digits in (-90, -20):
+        np.testing.assert_array_equal(shares(2.0**digits, 1.0), dim)
+    assert np.all(shares(1.0, 0.01) > dim) and np.all(dim > shares(1.0, 100.0))
+    np.testing.assert_array_equal(shares(1.0, 100.0), shares(1.0, np.inf))
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ({"lights": [{"kind": "point", "position": [0, 3, -1], "intensity": [5, 5, 5]}]}, 5 / 9),
+        ({"lights": [{"kind": "sun", "direction": [0, -1, 0], "irradiance": [5, 5, 5]}]}, 5),
+        ({"lights": [{"kind": "directional", "direction": [0, -1, 0], "irradiance": [5, 5, 5]}]}, 5),
+        ({"environment": {"kind": "constant", "radiance": 5}}, 5 * np.pi),
+        ({"environment": {"kind": "gradient", "bottom": 2, "top": 8}}, 5 * np.pi),
+        ({"objects": [{"shape": "sphere", "center": [0, 3, -1], "radius": 0.1,
+                       "material": {"kind": "emissive", "radiance": 5}}]}, 5 * np.pi * 0.01 / 9),
+        ({}, 0),
+    ],
+)  # fmt: skip
+def test_irradiance_of_what_the_camera_looks_at(keys, expected):
+    seen = {"shape": "sphere", "center": [0, 0, -3], "radius": RADIUS, "material": {"kind": "emissive", "radiance": 1}}
+    scene = load_scene({"camera": THIN} | keys | {"objects": [seen, *keys.get("objects", [])]})
+    assert make_plan(scene).emitters.irradiance == pytest.approx(expected, rel=0.01, abs=1e-4)
+
+
 def test_shares_stay_below_one_however_many_lamps_a_pixel_sees():
     lamps = [round_lamp([0.01 * i, 0.0, -3.0]) for i in range(12)]
     model = aimed_at_lamps(camera_model(scene_with(THIN)), lamps, everything)
