@@ -245,7 +245,7 @@ _MOST_SHARE = 0.7  # of the rays of a film point
 _TIPS = 1.12  # times as far as rays of the middle go corners of the pupil may reach, between these rays
 _INWARDS = 2.0  # times how far a lamp reaches lies the outline, towards the middle, off a corner of 60 degrees
 # Value of the film that a lamp's disk has to be bright against: that of a picture with white at 1, or in a dimmer one a
-# tenth of what grey sends on.
+# tenth of what grey at the eye sends on.
 _DIM, _GREY = 0.02, 0.1 * 0.2 / math.pi
 MOST_ENTRIES = 20_000
 _SEEN_NM = (440.0, 650.0)  # between which colours are taken as a line
@@ -480,7 +480,7 @@ def aimed_at_lamps(
     sights
         Names all that ``shows`` depends on: with a name, what is found is remembered.
     irradiance
-        About that of what the camera looks at [W/m², luminance].
+        About that of the eye [W/m², luminance].
     on_disk
         Whether tables with a name are kept from one run to the next.
     """

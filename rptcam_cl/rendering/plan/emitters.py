@@ -443,7 +443,7 @@ class Emitters:
     """Records, the sampled emitter of each primitive, the kinds there are, the curve that picks by power, the tree
     that picks instead where there are many lamps, whether lamps may be so far away that rays end before them, the
     group of each lamp, lamps that the camera may see out of focus, about the eye [m], and where there are any, about
-    the irradiance of what the camera looks at, by all light with nothing in the way [W/m², luminance]."""
+    the irradiance of the eye, by all light with nothing in the way [W/m², luminance]."""
 
     records: NDArray[np.void]
     of_primitive: dict[int, int]
@@ -644,18 +644,15 @@ def pack_emitters(
         surroundings.record["emitter"] = int((records["kind"] == EmitterKind.ENVIRONMENT).argmax())
     kinds = frozenset(EmitterKind(kind) for kind in set(records["kind"][:count].tolist()) if not is_dark)
     tiny, seen = _has_tiny(records, primitives, eye), _seen_lamps(glowing, eye)
-    irradiance = 0.0
-    if seen:
-        target = scene.metres_per_unit * np.array(scene.camera.target) - eye
-        irradiance = _even_irradiance(surroundings) + _irradiance(records, powers, target, reach)
+    irradiance = _even_irradiance(surroundings) + _irradiance(records, powers, reach) if seen else 0.0
     return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny, group, seen, irradiance)
 
 
-def _irradiance(records: NDArray[np.void], powers: Array, place: Array, reach: float) -> float:
-    """Return about the irradiance of a place about the eye by emitters, whatever it faces [W/m², luminance]."""
+def _irradiance(records: NDArray[np.void], powers: Array, reach: float) -> float:
+    """Return about the irradiance of the eye by emitters, whatever it faces [W/m², luminance]."""
     far = np.isin(records["kind"], list(layout.FAR_EMITTERS))
     near = lamps_of(records[~far], powers[~far])
-    away2 = ((near.middle - place) ** 2).sum(axis=1) + near.extent2
+    away2 = (near.middle**2).sum(axis=1) + near.extent2
     by_near = powers[~far] / (4 * np.pi * np.maximum(away2, np.finfo(np.float64).tiny))
     return float(by_near.sum() + powers[far].sum() / (np.pi * reach**2))
 
