@@ -1,16 +1,15 @@
 """Random play by a script: whatever is turned, the server answers, makes no error of its own and keeps its memory."""
 
-import ctypes
 import gc
 import os
 import random
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from rptcam_cl.core.files import give_back
 from tests.viewfinder.page_client import SCENE, Page, page, serving
 
 MINUTES = float(os.environ.get("RPTCAM_PLAY_MINUTES", "3"))
@@ -24,8 +23,7 @@ LENSES = ("dgauss-50mm", "wide-22mm", "achromat-100mm")
 def bytes_kept() -> int:
     """What the process holds once it has let go of what is free: how scattered that lies differs from run to run."""
     gc.collect()
-    if sys.platform == "linux":
-        ctypes.CDLL(None).malloc_trim(0)
+    give_back()
     return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
