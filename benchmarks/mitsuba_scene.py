@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from benchmarks.mitsuba_lens import prescription
 from rptcam_cl.rendering.plan.environment import axes
 from rptcam_cl.rendering.plan.primitives import mesh_parts
+from rptcam_cl.scene.assets.pictures import read_picture, write_exr
 from rptcam_cl.scene.scene import Scene
 from tests.support.mesh_scene import write_ply
 
@@ -49,7 +50,7 @@ def describe(scene: Scene, *, roulette: bool, folder: Path, others: dict[str, An
         shapes = scene.model_copy(update={"objects": tuple(item for item in scene.objects if item.shape != "mesh")})
         return description | others | _objects(shapes, folder)
     if scene.environment is not None:
-        description["environment"] = _environment(scene)
+        description["environment"] = _environment(scene, folder)
     for number, light in enumerate(scene.lights):
         if light.kind == "spot":
             description[f"light_{number}"] = _spot(light)
@@ -83,7 +84,7 @@ def _spot(light: Any) -> dict[str, Any]:
     return {"type": "spot", "intensity": _rgb(light.intensity)} | angles | place
 
 
-def _environment(scene: Scene) -> dict[str, Any]:
+def _environment(scene: Scene, folder: Path) -> dict[str, Any]:
     environment = scene.environment
     if environment.kind == "constant":
         return {"type": "constant", "radiance": _rgb(environment.radiance)}
@@ -91,12 +92,21 @@ def _environment(scene: Scene) -> dict[str, Any]:
     # The middle of Mitsuba's picture lies along +z of its own frame, and longitude grows towards -x.
     right, up, forward = axes(environment.up, environment.rotation_degrees)
     place = _matrix(-right, up, forward, np.zeros(3))
-    return {
-        "type": "envmap",
-        "filename": str(scene.content_of(environment)),
-        "scale": environment.gain,
-        "to_world": place,
-    }
+    path = folder / "environment.exr"
+    rows = _rows_from_poles(read_picture(scene.content_of(environment)).texels[..., :3])
+    write_exr({name: rows[..., k] for k, name in enumerate("RGB")}, path)
+    return {"type": "envmap", "filename": str(path), "scale": environment.gain, "to_world": place}
+
+
+def _rows_from_poles(texels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the same picture with rows in both poles, as Mitsuba has them, where ours end half a row before.
+
+    Between the middles of rows both are linear: with rows in all middles and half-way between them they are the same.
+    """
+    ends = np.concatenate([texels[:1], texels, texels[-1:]])
+    rows = np.empty((2 * len(texels) + 1, *texels.shape[1:]), np.float32)
+    rows[1::2], rows[::2] = texels, (ends[:-1] + ends[1:]) / 2
+    return rows
 
 
 def _rgb(color: Any) -> dict[str, Any]:

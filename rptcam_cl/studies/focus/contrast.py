@@ -209,26 +209,49 @@ def _state_by_rays(task: Task, state: float, zones: Mapping[int, Zone]) -> tuple
 
 FAR_M = 1e6  # of what lies behind everything
 _BREATHING = 0.05  # by how much the image may grow on the way before the rays of a zone meet something else
+_BESIDE = 2.25  # depths of focus between zones that are searched together
 
 
-def aim(task: Task) -> tuple[float, tuple[Zone, ...]] | None:
-    """Return the state that rays tell a search to begin in, and the parts of the zones that show what they lead to.
+@dataclass(frozen=True)
+class Aim:
+    """Where rays tell a search to begin.
 
-    Where they lead to nothing at all that is the far end of the focus, as of a sky. None where they lead to what is out
-    of reach.
+    Attributes
+    ----------
+    state : float
+        That of the distance of the zone that decides.
+    parts : tuple of Zone
+        Of every zone the part that shows what its rays lead to.
+    zones : tuple of int
+        Which of them lead there: a search near the state says nothing of the others.
+    """
+
+    state: float
+    parts: tuple[Zone, ...]
+    zones: tuple[int, ...]
+
+
+def aim(task: Task) -> Aim | None:
+    """Return where rays tell a search to begin; None where they lead to what is out of reach.
+
+    Where they lead to nothing at all that is the far end of the focus, as of a sky.
     """
     state, zones = task.renderer.state, dict(enumerate(task.zones))
     try:
         if all(np.isposinf(task.renderer.sight(state, zone).depths).all() for zone in task.zones):
-            return state_within_reach(task.drive, FAR_M, task.zones[0]), task.zones
-        _, _, aimed = _state_by_rays(task, state, zones)
+            return Aim(state_within_reach(task.drive, FAR_M, task.zones[0]), task.zones, tuple(zones))
+        decides, _, aimed = _state_by_rays(task, state, zones)
         if abs(task.drive.image_scale(aimed, state) - 1) > _BREATHING:
-            aimed = _state_by_rays(task, aimed, zones)[2]
+            decides, _, aimed = _state_by_rays(task, aimed, zones)
     except InputError:
         return None
     task.note_state(aimed)
     subjects = _subjects(task, aimed, zones)
-    return aimed, tuple(_narrow_zone(zone, subjects[k]) if k in subjects else zone for k, zone in zones.items())
+    parts = tuple(_narrow_zone(zone, subjects[k]) if k in subjects else zone for k, zone in zones.items())
+    near = {k: 1 / subject.middle for k, subject in subjects.items()}
+    width = _BESIDE * task.drive.sharp_vergence(aimed)
+    leading = (k for k in zones if k == decides or (k in near and abs(near[k] - near.get(decides, math.inf)) <= width))
+    return Aim(aimed, parts, tuple(leading))
 
 
 def _spread(depth: NDArray[np.float64]) -> float:

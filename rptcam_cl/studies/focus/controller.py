@@ -595,32 +595,48 @@ _AIMED_REACH = 4.5  # depths of focus
 def search(task: Task, method: str) -> FocusReport:
     """Return the focus by a method; one that looks for what is sharp begins where rays tell that something is.
 
-    Where nothing gets sharp there, as in front of a mirror or a window, it searches as the task says.
+    Where nothing gets sharp there, as in front of a mirror or a window, it searches as the task says. Zones that are
+    flat there are left out, and the others decide.
 
     Raises
     ------
     NoContrast, OutOfReach
         As the method does.
     """
-    aimed = contrast.aim(task) if method in AIMED else None
-    if aimed is None:
-        return METHODS[method](task)
-    near, parts = aimed
-    nearby, failure = replace(task, zones=parts, near=near, reach=_AIMED_REACH), None
+    zones, problem, most = task.zones, None, MOST_OF_SEARCH * len(task.zones)
+    while zones:
+        sought = replace(task, zones=zones)
+        aim = contrast.aim(sought) if method in AIMED else None
+        try:
+            report = METHODS[method](sought) if aim is None else _search_aimed(sought, method, aim)
+        except NoContrast as failure:
+            problem = problem or failure
+            if aim is None or not failure.is_flat or task.renderer.samples > most:
+                break
+            zones = tuple(zone for k, zone in enumerate(zones) if k not in aim.zones)
+        else:
+            return replace(report, zones=task.zones)
+    raise problem or NoContrast
+
+
+def _search_aimed(task: Task, method: str, aim: contrast.Aim) -> FocusReport:
+    """Return the focus near where rays lead, or else within the whole reach."""
+    before, leading = task.renderer.samples, tuple(task.zones[k] for k in aim.zones)
+    parts = tuple(aim.parts[k] for k in aim.zones)
+    nearby, failure = replace(task, zones=parts, near=aim.state, reach=_AIMED_REACH), None
     # Of what is even only its edge can be sharp, which parts of zones leave out.
-    whole = [replace(nearby, zones=task.zones)] if parts != task.zones else []
-    for attempt in (nearby, *whole, replace(task, zones=parts)):
-        if (
-            failure is not None and attempt.near != near and (failure.is_flat or task.renderer.samples > MOST_OF_SEARCH)
-        ):  # rays through all glass and by all mirrors lead there: elsewhere it is no sharper
-            break
+    attempts = [(nearby, leading)] + [(replace(nearby, zones=leading), leading)] * (parts != leading)
+    for attempt, zones in (*attempts, (replace(task, zones=aim.parts), task.zones)):
+        is_dear = task.renderer.samples - before > MOST_OF_SEARCH
+        if failure is not None and attempt.near != aim.state and (failure.is_flat or is_dear):
+            break  # rays through all glass and by all mirrors lead there: elsewhere it is no sharper
         try:
             report = METHODS[method](attempt)
         except NoContrast as problem:
             failure = failure if failure is not None and failure.is_flat else problem
             continue
         notes = {**report.notes, "part": list(astuple(report.zone))}  # of the zone, that shows what rays lead to
-        return replace(report, zone=task.zones[attempt.zones.index(report.zone)], zones=task.zones, notes=notes)
+        return replace(report, zone=zones[attempt.zones.index(report.zone)], notes=notes)
     raise failure or NoContrast
 
 

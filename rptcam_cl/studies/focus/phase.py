@@ -814,7 +814,7 @@ def _phase_search(task: Task) -> PhaseSearch:
             else:
                 search.begin_near(start, task.reach)
         except NoContrast as problem:
-            refusal = problem
+            refusal = problem if refusal is None or refusal.is_flat else refusal
         else:
             searches[k] = search
     if not searches:

@@ -1,5 +1,7 @@
 """What autofocus finds is where exact rays make the least spot."""
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 
@@ -150,6 +152,29 @@ def test_two_objects_and_two_zones(policy, distance, method):
     report = rptcam_cl.autofocus(scene)
     assert report.focus_distance_m == pytest.approx(distance, rel=0.03)
     assert [report.zone.left, report.zone.right] == LEFT_AND_RIGHT[0 if policy == "closest" else 1][:2]
+
+
+@pytest.mark.parametrize("method", ["contrast", "phase", slow("hybrid"), slow("laplacian")])
+@pytest.mark.parametrize("policy", ["closest", "farthest", slow("centre"), slow("weighted")])
+@pytest.mark.parametrize("blank", [0, 1])
+def test_zones_that_show_nothing_leave_the_choice_to_the_others(blank, policy, method):
+    near, far = [(GREY, noise(300)), (noise(120), GREY)][blank]
+    walls = [target(1.0, 0.6, near, x=-0.62), target(3.0, 3.0, far, x=3.01)]
+    auto = {"method": method, "zones": LEFT_AND_RIGHT, "policy": policy}
+    report = rptcam_cl.autofocus(scene_of(walls, lens_camera("dgauss-50mm", focus={"auto": auto})))
+    assert [report.zone.left, report.zone.right] == LEFT_AND_RIGHT[1 - blank][:2]
+    assert report.focus_distance_m == pytest.approx([1.0, 3.0][1 - blank], rel=0.03)
+    assert [list(astuple(zone)) for zone in report.zones] == LEFT_AND_RIGHT
+
+
+@pytest.mark.parametrize(("policy", "distance"), [("closest", (1.8, 1.95)), ("farthest", (25.0, 60.0))])
+def test_zone_with_a_plain_thing_at_its_side_is_not_left_out(policy, distance):
+    # The second zone shows the wall 38 m away, and at its left a plain cone, which rays lead to and which shows nothing
+    # of its own. Sharp within a quarter of a depth of focus is from 25 m to 60 m.
+    zones = [[0.62, 0.70, 0.52, 0.62], [0.37, 0.45, 0.36, 0.42]]
+    auto = f"camera.focus={{auto: {{zones: {zones}, policy: {policy}}}}}"
+    report = rptcam_cl.autofocus(rptcam_cl.load_scene(ROOT / "examples" / "assignment" / "cones.yaml", [auto]))
+    assert distance[0] < report.focus_distance_m < distance[1]
 
 
 def test_zones_from_a_file_a_point_and_an_object_lead_to_the_same_focus(tmp_path):
