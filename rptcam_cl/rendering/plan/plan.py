@@ -32,7 +32,7 @@ from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest
 from rptcam_cl.rendering.plan.media import Media, about_camera, hidden_from, pack_media
 from rptcam_cl.rendering.plan.primitives import PlanParts, Primitives, scene_primitives
 from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures
-from rptcam_cl.rendering.virtual_lights import VirtualLights, pack_virtual_lights, without_virtual_lights
+from rptcam_cl.rendering.plan.virtual_lights import VirtualLights, pack_virtual_lights, without_virtual_lights
 from rptcam_cl.scene.base import FileReference, file_references
 from rptcam_cl.scene.changes import at_opening, exposure_steps
 from rptcam_cl.scene.film import Film

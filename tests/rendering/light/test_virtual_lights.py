@@ -212,6 +212,8 @@ def test_room_that_is_lit_by_detours_has_less_noise():
 OPEN = {"shape": "rectangle", "corner": [-3, 0, -3], "edge_u": [0, 0, 6], "edge_v": [6, 0, 0], "material": GREY}
 LAMP = {"shape": "rectangle", "corner": [-0.2, 1.9, 0], "edge_u": [0.4, 0, 0], "edge_v": [0, 0, 0.4],
         "material": {"kind": "emissive", "radiance": 20.0}}  # fmt: skip
+BULB = {"shape": "sphere", "radius": 0.04, "material": {"kind": "emissive", "radiance": 20.0}}
+UNEVEN = BULB | {"center": [-0.6, 1.2, -0.6]}
 UNDER_LAMP = {"shape": "box", "min": [-0.9, 1.8, -0.9], "max": [0.9, 1.85, 0.9], "material": GLASS}
 
 
@@ -230,17 +232,88 @@ def seen_from_outside(visible):
         (room_lit_by_detours(), "on: paths connect to virtual lights"),
         (room_lit_by_detours(dark=True), "off: no light"),
         (room_lit_by_detours(depth=2), "off: paths of fewer than 3 edges"),
-        (room_lit_by_detours(objects=[_octahedron("flat"), LAMP]), "on: paths connect to virtual lights"),
+        (room_lit_by_detours(dark=True, objects=[UNEVEN]), "off: lamps light "),
+        (room_lit_by_detours(dark=True, objects=[UNEVEN, _octahedron("flat")]), "on: paths connect to virtual lights"),
         (room_lit_by_detours(dark=True, objects=[LAMP, UNDER_LAMP]), "off: lamps light "),
         (seen_from_outside(visible=False), "on: paths connect to virtual lights"),
         (seen_from_outside(visible=True), "off: light leaves the scene: "),
     ],
-    ids=["open", "lit", "by detours", "dark", "short", "meshes", "through glass", "wall unseen", "wall seen"],
+    ids=[
+        "open",
+        "lit",
+        "by detours",
+        "dark",
+        "short",
+        "uneven",
+        "among meshes",
+        "through glass",
+        "wall unseen",
+        "wall seen",
+    ],
 )
 def test_auto_looks_where_light_comes_from(scene, choice):
     found = choice_of(choosing(scene, "auto"))
     assert found is not None
     assert found.startswith(choice)
+
+
+def of_meshes(scene, *, joined):
+    """Return a scene whose rectangles that do not shine are meshes, or all of one material a single one."""
+    meshes, others = {}, []
+    for number, item in enumerate(scene["objects"]):
+        if item["shape"] != "rectangle" or item["material"]["kind"] == "emissive":
+            others.append(item)
+            continue
+        corner, u, v = (np.array(item[key], float) for key in ("corner", "edge_u", "edge_v"))
+        key = repr(item["material"]) if joined else number
+        mesh = meshes.setdefault(key, {"shape": "mesh", "vertices": [], "faces": [], "material": item["material"]})
+        first = len(mesh["vertices"])
+        mesh["vertices"] += [each.tolist() for each in (corner, corner + u, corner + u + v, corner + v)]
+        mesh["faces"].append([first, first + 1, first + 2, first + 3])
+    return scene | {"objects": [*others, *meshes.values()]}
+
+
+BAR = {"shape": "box", "min": [-0.02, 1.87, -0.2], "max": [0.02, 1.88, 0.6], "material": GREY}  # below its middle
+ROOMS = {
+    "by detours": ({}, True),
+    "a bulb in the middle": ({"dark": True, "objects": [BULB | {"center": [0, 1, 0]}]}, False),
+    "a bulb near the ceiling": ({"dark": True, "objects": [BULB | {"center": [0.4, 1.93, -0.4]}]}, True),
+    "a lamp close to the ceiling": ({"dark": True, "objects": [LAMP | {"corner": [-0.2, 1.97, 0]}]}, False),
+    "a lamp with a bar": ({"dark": True, "objects": [LAMP, BAR]}, False),
+}
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_auto_decides_alike_for_a_room_of_meshes(name):
+    more, gains = ROOMS[name]
+    scene = choosing(room_lit_by_detours(**more), "auto")
+    choices = [choice_of(scene)] + [choice_of(of_meshes(scene, joined=joined)) for joined in (False, True)]
+    assert [choice.startswith("on") for choice in choices] == 3 * [gains], choices
+
+
+def test_auto_decides_alike_in_light_of_any_unit():
+    choices = set()
+    for unit in (1e-9, 1.0, 1e9):
+        lamp = LAMP | {"material": {"kind": "emissive", "radiance": 20.0 * unit}}
+        scene = room_lit_by_detours(dark=True, objects=[lamp], environment={"kind": "constant", "radiance": unit})
+        del scene["objects"][5]  # the wall on the left
+        choices.add(choice_of(choosing(scene, "auto")))
+    assert len(choices) == 1
+    assert choices.pop().startswith("off: lamps light ")
+
+
+def test_auto_leaves_out_no_wall_for_a_sun():
+    # All walls are one mesh, the last primitive: the sun, which is none, does not shine through it.
+    sun = {"kind": "directional", "direction": [0.8, -1, 0.8], "irradiance": 3.0}
+    closed = of_meshes(room_lit_by_detours(dark=True, lights=[sun]), joined=True)
+    assert choice_of(choosing(closed, "auto")) == "on: paths connect to virtual lights"
+
+
+def test_auto_looks_into_a_room_from_far_away():
+    scene = room_lit_by_detours()
+    scene["camera"] = looking([0, 1, 40], [0, 1, 0], fov=4.0, up=(0, 1, 0))
+    del scene["objects"][3]  # the wall in front
+    assert choice_of(choosing(scene, "auto")) == "on: paths connect to virtual lights"
 
 
 @pytest.mark.parametrize(
