@@ -303,9 +303,10 @@ def test_auto_decides_alike_in_light_of_any_unit():
 
 
 def test_auto_leaves_out_no_wall_for_a_sun():
-    # All walls are one mesh, the last primitive: the sun, which is none, does not shine through it.
-    sun = {"kind": "directional", "direction": [0.8, -1, 0.8], "irradiance": 3.0}
-    closed = of_meshes(room_lit_by_detours(dark=True, lights=[sun]), joined=True)
+    # All walls are one mesh, the last primitive: suns from all sides, which are none, do not shine through it.
+    ways = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    suns = [{"kind": "directional", "direction": way, "irradiance": 3.0} for way in ways]
+    closed = of_meshes(room_lit_by_detours(dark=True, lights=suns), joined=True)
     assert choice_of(choosing(closed, "auto")) == "on: paths connect to virtual lights"
 
 
