@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import CAUSTIC_SURFACE, FLAT_EMITTERS, EmitterKind, Hidden, Kind
+from rptcam_cl.core.remember import Memory
 from rptcam_cl.rendering.plan.caustics import (
     BOXES,
     WITHOUT_SIZE,
@@ -167,7 +169,7 @@ def _by_chance(primitives: Primitives, emitters: Emitters, facts: Mapping[str, i
 # Whether they gain enough to be worth their time: a rough look at the scene on the host, by boxes about most shapes.
 
 _RAYS = 256  # ways from the eye
-_MOST_SHAPES, _MOST_LAMPS = 512, 16
+_MOST_SHAPES, _MOST_LAMPS = 1024, 16
 _LEAST_CLOSED = 0.7  # of the ways on from what the camera sees that must end in the scene
 # Mean square of the direct light of the places where they end, over its squared mean: about that of a path's light by
 # two edges. Rooms from 5 on gained 1 to 16 times, most others 0.5 to 0.8. Among meshes a path's ways cost more: rooms
@@ -311,6 +313,53 @@ _MOST_SMALL = 1 << 14  # triangles within a cell of a mesh
 _MOST_POINTS = 1 << 20  # on triangles, at once
 
 
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """The cells of a mesh's box, which triangle passes through each, or -1, and the planes of triangles.
+
+    Attributes
+    ----------
+    counts : (3,) int64 array
+        Of cells along each axis.
+    triangles : (cells,) int32 array
+    planes : (n, 4) array
+        A normal of any length, and its product with a point of the plane.
+    """
+
+    counts: NDArray[np.int64]
+    triangles: NDArray[np.int32]
+    planes: Array
+
+    @property
+    def nbytes(self) -> int:
+        return self.triangles.nbytes + self.planes.nbytes
+
+    @classmethod
+    def of(cls, mesh: Mesh, side: float) -> _Cells:
+        """Look at a mesh by cells of about such a side."""
+        low, high = mesh.bounds()
+        counts = np.maximum(np.rint((high - low) / side), 1).astype(np.int64)
+        corners = mesh.positions[mesh.faces].astype(np.float64)
+        longest = np.ptp(corners, axis=1).max(axis=1)
+        # of small ones as many as are enough
+        kept = (np.arange(len(corners)) % (len(corners) // _MOST_SMALL + 1) == 0) | (longest > side)
+        corners = mesh.origin + corners[kept]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        triangles = np.full(counts.prod(), -1, np.int32)
+        for numbers, points in _points_on(corners, side):
+            triangles[_cell(points - low, counts / np.maximum(high - low, 1e-30), counts)] = numbers
+        return cls(counts, triangles, np.column_stack([normals, (normals * corners[:, 0]).sum(axis=1)]))
+
+
+_cells = Memory[_Cells](most_bytes=1 << 26)
+
+
+def _cell(points: Array, per_cell: Array, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the numbers of the cells that points (..., 3) from the corners of boxes lie in."""
+    x, y, z = np.moveaxis(np.clip((points * per_cell).astype(np.int64), 0, counts - 1), -1, 0)
+    return np.asarray((x * counts[..., 1] + y) * counts[..., 2] + z)
+
+
 class _Grids:
     """Meshes as the cells of their boxes that triangles pass through, each with the plane of one of these.
 
@@ -326,40 +375,21 @@ class _Grids:
         self._of = np.array([number[id(mesh)] for mesh in meshes], np.int64)
         boxes = np.array([mesh.bounds() for mesh in distinct.values()]).reshape(-1, 2, 3)
         self._low, self._high = boxes.transpose(1, 0, 2)
-        extents = np.maximum(self._high - self._low, 1e-30)
-        longest, sizes = extents.max(axis=1, initial=0.0), np.zeros(len(distinct))
+        longest, sizes = (self._high - self._low).max(axis=1, initial=1e-30), np.zeros(len(distinct))
         np.maximum.at(sizes, self._of, scales * longest[self._of])
         most = min(_MOST_ACROSS, (_MOST_CELLS / max(len(distinct), 1)) ** (1 / 3))
-        self._side = longest / np.maximum(most * np.sqrt(sizes / sizes.max(initial=1e-300)), _FEWEST_ACROSS)
-        self._counts = np.maximum(np.rint(extents / self._side[:, None]), 1).astype(np.int64)
-        self._per_cell = self._counts / extents
-        cells = self._counts.prod(axis=1)
-        self._first = np.cumsum(cells) - cells
-        self._triangle_of = np.full(cells.sum(), -1, np.int32)
-        planes, known = [np.zeros((0, 4))], 0
-        for place, mesh in enumerate(distinct.values()):
-            corners, normals = self._triangles(mesh, self._side[place])
-            for numbers, points in _points_on(corners, self._side[place]):
-                self._triangle_of[self._cell(place, points)] = known + numbers
-            planes.append(np.column_stack([normals, (normals * corners[:, 0]).sum(axis=1)]))
-            known += len(normals)
-        self._planes = np.concatenate(planes)
-
-    @staticmethod
-    def _triangles(mesh: Mesh, side: float) -> tuple[Array, Array]:
-        """Return the corners (n, 3, 3) of a mesh's triangles, of small ones as many as are enough, and normals."""
-        corners = mesh.positions[mesh.faces].astype(np.float64)
-        longest = np.ptp(corners, axis=1).max(axis=1)
-        kept = (np.arange(len(corners)) % (len(corners) // _MOST_SMALL + 1) == 0) | (longest > side)
-        corners = mesh.origin + corners[kept]
-        return corners, np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-
-    def _cell(self, mesh: NDArray[np.int64] | int, points: Array) -> NDArray[np.int64]:
-        """Return the cells that points (..., 3) in the boxes of meshes lie in."""
-        cells = ((points - self._low[mesh]) * self._per_cell[mesh]).astype(np.int64)
-        x, y, z = np.moveaxis(np.clip(cells, 0, self._counts[mesh] - 1), -1, 0)
-        _, wide, deep = np.moveaxis(self._counts[mesh], -1, 0)
-        return np.asarray(self._first[mesh] + (x * wide + y) * deep + z)
+        across = np.rint(np.maximum(most * np.sqrt(sizes / sizes.max(initial=1e-300)), _FEWEST_ACROSS))
+        self._side = longest / across
+        cells = [
+            _cells.find_or_make((mesh.content_hash, side), partial(_Cells.of, mesh, side))
+            for mesh, side in zip(distinct.values(), self._side.tolist(), strict=True)
+        ]
+        self._counts = np.array([each.counts for each in cells], np.int64).reshape(-1, 3)
+        self._per_cell = self._counts / np.maximum(self._high - self._low, 1e-30)
+        self._first = np.cumsum([0, *(len(each.triangles) for each in cells)])
+        self._plane = np.cumsum([0, *(len(each.planes) for each in cells)])
+        self._triangles = np.concatenate([np.zeros(0, np.int32), *(each.triangles for each in cells)])
+        self._planes = np.concatenate([np.zeros((0, 4)), *(each.planes for each in cells)])
 
     def meet(self, o: Array, d: Array, most: Array) -> tuple[Array, Array]:
         """Return where rays (shapes, n, 3) in the frames of the shapes meet them, NaN where not, and the normals there.
@@ -376,8 +406,10 @@ class _Grids:
         place, left = first.copy(), np.flatnonzero(first <= last)
         while len(left):
             at, start, way = place[left], o[shape[left], ray[left]], d[shape[left], ray[left]]
-            triangle = self._triangle_of[self._cell(self._of[shape[left]], start + at[:, None] * way)]
-            plane = self._planes[triangle]
+            mesh = self._of[shape[left]]
+            points = start + at[:, None] * way - self._low[mesh]
+            triangle = self._triangles[self._first[mesh] + _cell(points, self._per_cell[mesh], self._counts[mesh])]
+            plane = self._planes[self._plane[mesh] + np.maximum(triangle, 0)]
             exact = (plane[:, 3] - (plane[:, :3] * start).sum(axis=1)) / (plane[:, :3] * way).sum(axis=1)
             at = np.where(np.abs(exact - at) < 2 * cell[left], exact, at)
             met = (triangle >= 0) & (np.abs(exact) > 0.5 * first[left])  # else along the face that it leaves
