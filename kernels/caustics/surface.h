@@ -21,11 +21,15 @@ static F3 canonical_point(I kind, F u, F v, F3 *normal)
     F sn, cs;
     sincos_turns(u, &sn, &cs);
     F r = sqrt(v);
+#if HAS_PLANE
+    // Of planes anywhere, half of the points within 1 of the origin: their density falls as 1 / (1 + r^2)^2.
+    r = kind == KIND_PLANE ? sqrt(v / MAX(1.0f - v, (F)(1e-6f))) : r;
+#endif
     F z = 1.0f - 2.0f * v;
     F aside = root(1.0f - z * z);
     F3 o = f3(u, v, ZERO);
     *normal = f3(ZERO, ZERO, ONE);
-    o = select3(kind == KIND_DISK, f3(r * cs, r * sn, ZERO), o);
+    o = select3((kind == KIND_DISK) | (kind == KIND_PLANE), f3(r * cs, r * sn, ZERO), o);
     I ball = (kind == KIND_SPHERE) | (kind == KIND_ELLIPSOID);
     o = select3(ball, f3(aside * cs, aside * sn, z), o);
     *normal = select3(ball, o, *normal);
@@ -59,6 +63,10 @@ static StartPoint start_point(const __global CausticSurface *surfaces, const __g
     n = select3(kind == KIND_CONE, scale(f3(o.x, o.y, 1.0f - o.z), (F)(0.707106781f) / MAX(1.0f - o.z, (F)(SMALLEST))), n);
     F3 grown = f3(dot3(cross3(ry, rz), n), dot3(cross3(rz, rx), n), dot3(cross3(rx, ry), n));
     F growth = kind == KIND_MESH ? ONE : sqrt(dot3(grown, grown));
+#if HAS_PLANE
+    F thinned = 1.0f + o.x * o.x + o.y * o.y;
+    growth = kind == KIND_PLANE ? growth * thinned * thinned : growth;
+#endif
     s.area = OF_SURFACE(F, area) * growth / MAX(share, (F)(SMALLEST));
     return s;
 }

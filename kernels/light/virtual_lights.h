@@ -39,6 +39,13 @@ static F density_of_lights(F3 p, F3 n, Scene scene)
     const __global VirtualGrid *grid = scene.virtual_grid;
     I last = (I)(grid->side - 1);
     float per_cell = grid->low.w;
+#if HAS_PLANE
+    // Beyond the grid, where planes go on, there are none.
+    F side = (F)((float)grid->side);
+    F3 in = f3((p.x - grid->low.x) * per_cell, (p.y - grid->low.y) * per_cell, (p.z - grid->low.z) * per_cell);
+    I inside = (MIN(MIN(in.x, in.y), in.z) >= 0.0f) & (MAX(MAX(in.x, in.y), in.z) < side);
+    p = select3(inside, p, f3((F)(grid->low.x), (F)(grid->low.y), (F)(grid->low.z)));
+#endif
     I x = MIN(MAX(TO_I((p.x - grid->low.x) * per_cell), FALSE), last);
     I y = MIN(MAX(TO_I((p.y - grid->low.y) * per_cell), FALSE), last);
     I z = MIN(MAX(TO_I((p.z - grid->low.z) * per_cell), FALSE), last);
@@ -46,7 +53,11 @@ static F density_of_lights(F3 p, F3 n, Scene scene)
     I upright = (az > ax) & (az > ay), deep = ay > ax;
     F most = upright ? n.z : (deep ? n.y : n.x);
     I facing = (upright ? (I)(4) : (deep ? (I)(2) : FALSE)) + (most < 0.0f ? (I)(1) : FALSE);
-    return GATHER(F, scene.virtual_density, ((facing * grid->side + z) * grid->side + y) * grid->side + x, );
+    F density = GATHER(F, scene.virtual_density, ((facing * grid->side + z) * grid->side + y) * grid->side + x, );
+#if HAS_PLANE
+    density = inside ? density : ZERO;
+#endif
+    return density;
 }
 
 // Of a pair, the share of the connection: of a direction of density `pdf` at the vertex, that meets the place at a cosine.

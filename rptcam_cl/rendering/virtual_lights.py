@@ -169,7 +169,24 @@ class VirtualLightPool:
         self._launch.set(**{"pass": record.tobytes()})
         self._launch.enqueue(count // self._session.lanes, self._session.group)
         found = self._session.read(self._buffers.found, np.float32, count * _FLOATS * self._edges)
-        return found.reshape(_FLOATS, self._edges, count)
+        found = found.reshape(_FLOATS, self._edges, count)
+        found[_MARK].view(np.int32)[~self._are_inside(found)] = -1
+        return found
+
+    def _grid(self, starts: Floats) -> tuple[Floats, np.float32]:
+        """Return the lowest corner of the grid and one over the width of its cells: about what paths start on."""
+        box = self._lights.box
+        low, high = (starts[:3].min(axis=1), starts[:3].max(axis=1)) if box is None else box.astype(np.float32)
+        return low, np.float32(SIDE * 0.999 / max(float((high - low).max()), 1e-9))
+
+    def _are_inside(self, found: Floats) -> NDArray[np.bool_]:
+        """Return which places lie in the grid as the kernels see it, where planes go on beyond it."""
+        if self._lights.box is None:
+            return np.ones(found.shape[1:], np.bool_)
+        low, per_cell = self._grid(found)
+        with np.errstate(over="ignore", invalid="ignore"):  # where a ray met nothing, or a plane far away
+            places = (np.moveaxis(found[:3], 0, -1) - low) * per_cell
+        return np.asarray(((places >= 0) & (places < SIDE)).all(axis=-1))
 
     def _learn(self) -> _Learned:
         """Learn from paths by area and from the eye where light paths should start and which virtual lights matter."""
@@ -178,8 +195,7 @@ class VirtualLightPool:
         paths = self._trace(_LEARNING, count, _LEARNING_SEED)
         seen = self._trace(_LOOKING, count, _LEARNING_SEED, from_eye=True)
         starts, found, met = paths[:, 0], _lights(paths), _lights(seen, first_edge=1)
-        low, extent = starts[:3].min(axis=1), float(np.ptp(starts[:3], axis=1).max())
-        grid = low, np.float32(SIDE * 0.999 / max(extent, 1e-9))
+        grid, starts = self._grid(starts), starts[:, self._are_inside(starts)]
         cells = _FACINGS * SIDE**3
         # Either side of a surface has its area; few starts of a cell do not tell how little it is.
         one_side = np.bincount(cells_of(starts, *grid), minlength=cells).reshape(-1, 2, SIDE**3)

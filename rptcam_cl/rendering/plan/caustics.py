@@ -46,6 +46,7 @@ _AREA = {
     Kind.ELLIPSOID: 4 * np.pi,
     Kind.RECTANGLE: 1.0,
     Kind.DISK: np.pi,
+    Kind.PLANE: np.pi,  # of which half of the starts lie within 1 of the origin, see kernels/caustics/surface.h
     Kind.CYLINDER: 2 * np.pi,
     Kind.CONE: np.sqrt(2) * np.pi,
 }
@@ -276,7 +277,7 @@ def surfaces_of(
             own["triangle"] = first_triangles[index - first_mesh] + np.arange(len(area))
             normal = triangles["normal"][:, :3]
         else:
-            own, area = _shape_surfaces(primitive)
+            own, area = shape_surfaces(primitive)
             place = normal = np.zeros((len(own), 3))
         own["primitive"] = index
         records.append(own)
@@ -329,7 +330,8 @@ def _cells_of_meshes(surfaces: NDArray[np.void], places: Array, normals: Array) 
     return np.asarray((((of * 8 + facing) * _CELLS + z) * _CELLS + y) * _CELLS + x)
 
 
-def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+def shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    """Return the records of a shape, six of a box, and their areas [m²]."""
     kind, placements = primitive.kind, [primitive.placement]
     if kind is Kind.BOX:
         kind, placements = Kind.RECTANGLE, [primitive.placement @ face for face in _FACES]
@@ -366,7 +368,7 @@ def _areas_of(kind: Kind, linear: NDArray[np.float64]) -> NDArray[np.float64]:
 @cache
 def _normals_of(kind: Kind) -> NDArray[np.float64]:
     """Return those of a canonical shape: one of a flat shape, 256 of another."""
-    if kind in (Kind.RECTANGLE, Kind.DISK):
+    if kind in (Kind.RECTANGLE, Kind.DISK, Kind.PLANE):
         return np.array([[0.0, 0.0, 1.0]])
     turn, up = np.linspace(0, 2 * np.pi, 16, endpoint=False), (np.arange(16) + 0.5) / 8 - 1
     around, z = (grid.ravel() for grid in np.meshgrid(turn, up))

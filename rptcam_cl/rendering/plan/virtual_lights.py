@@ -27,10 +27,11 @@ from rptcam_cl.rendering.plan.caustics import (
     is_clear,
     lamp_centres,
     lamp_sizes,
+    shape_surfaces,
     surfaces_of,
 )
 from rptcam_cl.rendering.plan.emitters import Emitters, is_shining
-from rptcam_cl.rendering.plan.primitives import Primitives
+from rptcam_cl.rendering.plan.primitives import Primitive, Primitives, Prototype, affine
 from rptcam_cl.scene import materials
 from rptcam_cl.scene.assets.mesh import Mesh
 from rptcam_cl.scene.scene import Scene
@@ -42,7 +43,6 @@ _ON = "on: paths connect to virtual lights"
 _WITHOUT = {
     "HAS_MEDIA": "media such as fog",
     "HAS_MOTION": "objects that move",
-    "HAS_PLANE": "planes without end",
     "HAS_CURVE": "curves",
     "HAS_DISPERSION": "glass that disperses",
     "LIGHT_GROUPS": "the layer lights, as virtual lights do not know their lamp",
@@ -67,6 +67,8 @@ class VirtualLights:
         Of them [m²].
     by_chance : float
         Chance of a start to look for light in a random direction: 0 where light samples find all of it.
+    box : (2, 3) array or None
+        Corners of the cube beyond which planes have none [m], the eye at the origin; None without planes.
     """
 
     active: bool
@@ -74,6 +76,7 @@ class VirtualLights:
     surfaces: NDArray[np.void]
     areas: Array
     by_chance: float
+    box: Array | None = None
 
     @property
     def facts(self) -> dict[str, int]:
@@ -125,16 +128,38 @@ def pack_virtual_lights(
         return without_virtual_lights(scene)
     if reason := _reason_against(scene, primitives, facts):
         return without_virtual_lights(scene, reason)
-    reason = _nothing_to_do(scene, emitters, facts)
+    reason = _nothing_to_do(scene, primitives, emitters, facts)
     if reason is None and wanted == "auto":
         reason = _gains_nothing(primitives, emitters, facts, eye)
     if reason is not None:
         choice = f"off: {reason}" if "virtual_lights" in scene.render.model_fields_set else None
         return replace(without_virtual_lights(scene), choice=choice)
-    dull = primitives.of_each(lambda each: int(not isinstance(each.material, materials.Emissive))) > 0
-    surfaces, areas = surfaces_of(primitives, first_triangles, dull, eye)[:2]
+    dull = primitives.of_each(lambda each: int(_is_dull(each) and each.kind is not Kind.PLANE)) > 0
+    surfaces, areas = CAUSTIC_SURFACE.zeros(1)[:0], np.zeros(0)
+    if dull.any():
+        surfaces, areas = surfaces_of(primitives, first_triangles, dull, eye)[:2]
+    box = None
+    if facts["HAS_PLANE"]:
+        low, high = _Shapes(primitives, eye).bounds()
+        margin = 1e-3 * (high - low).max()  # shapes at its sides lie in it, however places are rounded
+        box = np.array([low - margin, low + (high - low).max() + margin])
+        for index, plane in primitives.among(lambda each: each.kind is Kind.PLANE and _is_dull(each)):
+            records, sizes = shape_surfaces(_spread_about(plane, box))
+            records["primitive"] = index
+            surfaces, areas = np.concatenate([surfaces, records]), np.append(areas, sizes)
     surfaces, areas, _ = divided(surfaces, areas, _CELLS * areas / areas.sum())
-    return VirtualLights(True, _ON, surfaces, areas, _by_chance(primitives, emitters, facts))
+    return VirtualLights(True, _ON, surfaces, areas, _by_chance(primitives, emitters, facts), box)
+
+
+def _is_dull(each: Primitive | Prototype) -> bool:
+    return not isinstance(each.material, materials.Emissive)
+
+
+def _spread_about(plane: Primitive, box: Array) -> Primitive:
+    """Return a plane whose canonical form, over which paths start most about its origin, stands beside a cube."""
+    x, y, z, _ = np.linalg.inv(plane.placement) @ np.append(box.mean(axis=0), 1.0)
+    size = math.hypot(float(np.linalg.norm(box[1] - box[0])) / 2, z)
+    return plane._replace(placement=plane.placement @ affine(np.diag([size, size, 1]), [x, y, 0]))
 
 
 def _reason_against(scene: Scene, primitives: Primitives, facts: Mapping[str, int]) -> str | None:
@@ -145,9 +170,11 @@ def _reason_against(scene: Scene, primitives: Primitives, facts: Mapping[str, in
     return next((reason for fact, reason in _WITHOUT.items() if facts[fact]), None)
 
 
-def _nothing_to_do(scene: Scene, emitters: Emitters, facts: Mapping[str, int]) -> str | None:
+def _nothing_to_do(scene: Scene, primitives: Primitives, emitters: Emitters, facts: Mapping[str, int]) -> str | None:
     if not facts["HAS_MATTE"]:
         return "no matte surface"
+    if all(each.kind is Kind.PLANE for each in primitives.prototypes):
+        return "nothing but planes"
     if not (emitters.count or facts["ENVIRONMENT"] or facts["HAS_EMISSIVE"]):
         return "no light"
     short = scene.render.max_depth < _LEAST_DEPTH
@@ -219,6 +246,9 @@ def _about(axes: Array, cosines: NDArray[Any], turns: NDArray[Any]) -> Array:
     return np.asarray(cosines[:, None] * axes + aside * (np.cos(angle) * x + np.sin(angle) * y))
 
 
+_NO_BOX = ((0, 0, 0), (0, 0, 0))  # of planes
+
+
 class _Shapes:
     """Flat shapes, spheres and boxes, cells of meshes, and boxes about all others; without clear glass.
 
@@ -232,20 +262,25 @@ class _Shapes:
         of_meshes = np.where(self._kinds == Kind.MESH, 1.0, 0.0)[:, None] * eye  # they stand about the scene
         inverse[:, :3, 3] += (inverse[:, :3, :3] @ of_meshes[:, :, None])[..., 0]
         self._inverse = inverse
-        boxes = [BOXES[each.kind] if each.mesh is None else each.mesh.bounds() for each in shapes]
+        boxes = [BOXES.get(each.kind, _NO_BOX) if each.mesh is None else each.mesh.bounds() for each in shapes]
         self._low, self._high = np.array(boxes, np.float64).transpose(1, 0, 2)
         self._clear = np.array([is_clear(each.material) for each in shapes])
         self._meshes = np.flatnonzero(self._kinds == Kind.MESH)
         scales = np.abs(np.linalg.det(inverse[self._meshes, :3, :3])) ** (-1 / 3)
         self._grids = _Grids([each.mesh for each in shapes if each.mesh is not None], scales)
 
-    def cone(self) -> tuple[Array, float]:
-        """Return where from the eye all of them lie: the axis of a cone and its least cosine, -1 from among them."""
-        boxes = np.stack([self._low, self._high], axis=1)
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the lowest and highest corner of all but planes [m], the eye at the origin."""
+        ends = self._kinds != Kind.PLANE
+        boxes = np.stack([self._low[ends], self._high[ends]], axis=1)
         corners = boxes[:, np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]].swapaxes(1, 2)
-        placed = np.linalg.inv(self._inverse)
+        placed = np.linalg.inv(self._inverse[ends])
         corners = corners @ placed[:, :3, :3].swapaxes(1, 2) + placed[:, None, :3, 3]
-        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+
+    def cone(self) -> tuple[Array, float]:
+        """Return where from the eye these lie: the axis of a cone and its least cosine, -1 from among them."""
+        low, high = self.bounds()
         away, radius = float(np.linalg.norm(low + high)) / 2, float(np.linalg.norm(high - low)) / 2
         if away <= radius:
             return np.array([0.0, 0.0, 1.0]), -1.0
@@ -279,6 +314,7 @@ class _Shapes:
         t = -o[..., 2] / d[..., 2]
         x, y = np.moveaxis(o[..., :2] + t[..., None] * d[..., :2], -1, 0)
         inside = np.where(kinds == Kind.DISK, x * x + y * y < 1, (x > 0) & (x < 1) & (y > 0) & (y < 1))
+        inside |= kinds == Kind.PLANE
         t, normal = np.where(inside, t, np.nan), np.broadcast_to(np.array([0.0, 0, 1]), d.shape)
         ball = ((kinds == Kind.SPHERE) | (kinds == Kind.ELLIPSOID))[..., 0]
         if ball.any():
@@ -292,7 +328,7 @@ class _Shapes:
         if len(meshes := self._meshes):
             normal = normal.copy()
             t[meshes], normal[meshes] = self._grids.meet(o[meshes], d[meshes], most)
-        box = ~ball & ~np.isin(self._kinds, (Kind.RECTANGLE, Kind.DISK, Kind.MESH))
+        box = ~ball & ~np.isin(self._kinds, (Kind.RECTANGLE, Kind.DISK, Kind.PLANE, Kind.MESH))
         if box.any():
             oo, dd = o[box], d[box]
             ends = np.stack([(side[box][:, None] - oo) / dd for side in (self._low, self._high)])
