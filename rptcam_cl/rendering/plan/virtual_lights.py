@@ -155,6 +155,13 @@ def _is_dull(each: Primitive | Prototype) -> bool:
     return not isinstance(each.material, materials.Emissive)
 
 
+def _scatters_evenly(each: Primitive) -> bool:
+    """Return whether virtual lights lie on it, where its normals are those of the surface."""
+    material = each.material
+    is_bumpy = isinstance(material, materials.Matte) and (material.normal_map, material.bump) != (None, None)
+    return isinstance(material, materials.Matte) and not material.parameter and not is_bumpy
+
+
 def _spread_about(plane: Primitive, box: Array) -> Primitive:
     """Return a plane whose canonical form, over which paths start most about its origin, stands beside a cube."""
     x, y, z, _ = np.linalg.inv(plane.placement) @ np.append(box.mean(axis=0), 1.0)
@@ -198,6 +205,7 @@ def _by_chance(primitives: Primitives, emitters: Emitters, facts: Mapping[str, i
 _RAYS = 256  # ways from the eye
 _MOST_SHAPES, _MOST_LAMPS = 1024, 16
 _LEAST_CLOSED = 0.7  # of the ways on from what the camera sees that must end in the scene
+_LEAST_MATTE = 0.5  # of the places where they end, where there can be virtual lights
 # Mean square of the direct light of the places where they end, over its squared mean: about that of a path's light by
 # two edges. Rooms from 5 on gained 1 to 16 times, most others 0.5 to 0.8. Among meshes a path's ways cost more: rooms
 # from 3.5 on gained 0.7 to 19 times, those from 1.9 on 0.7 to 2, those below 0.6 (benchmarks/journal.md).
@@ -218,17 +226,22 @@ def _gains_nothing(primitives: Primitives, emitters: Emitters, facts: Mapping[st
     towards, cosine = shapes.cone()
     rays = _about(np.broadcast_to(towards, (_RAYS, 3)), 1 - (1 - cosine) * across, along)
     unseen = primitives.of_each(lambda each: each.hidden & Hidden.FROM_CAMERA) > 0
-    places, facing, met = shapes.meet(np.zeros((_RAYS, 3)), rays, unseen)
+    places, facing, shape = shapes.meet(np.zeros((_RAYS, 3)), rays, unseen)
+    met = shape >= 0
     if not met.any():
         return "nothing in front of the camera"
     places, facing, turn, along = places[met], facing[met], turn[met], along[met]
-    places, facing, closed = shapes.meet(places, _about(facing, np.sqrt(along), turn))
+    places, facing, shape = shapes.meet(places, _about(facing, np.sqrt(along), turn))
+    closed = shape >= 0
     if closed.mean() < _LEAST_CLOSED:
         return f"light leaves the scene: {closed.mean():.0%} of the ways on from what the eye sees end in it"
+    if (matte := float(shapes.even[shape[closed]].mean())) < _LEAST_MATTE:
+        return f"{matte:.0%} of what is around the things that the eye sees is plain matte"
     places, facing, turn, along = places[closed], facing[closed], turn[closed], along[closed]
     light = _direct_light(places, facing, shapes, primitives, emitters)
     if facts["ENVIRONMENT"]:
-        light += ~shapes.meet(places, _about(facing, np.sqrt(turn), along))[2] * (float(light.mean()) or 1.0)
+        sees = shapes.meet(places, _about(facing, np.sqrt(turn), along))[2] < 0
+        light += sees * (float(light.mean()) or 1.0)
     uneven = float((light**2).mean() / light.mean() ** 2) if light.any() else math.inf
     least = _LEAST_AMONG_MESHES if facts["HAS_MESH"] else _LEAST_UNEVEN
     if uneven < least:
@@ -265,6 +278,7 @@ class _Shapes:
         boxes = [BOXES.get(each.kind, _NO_BOX) if each.mesh is None else each.mesh.bounds() for each in shapes]
         self._low, self._high = np.array(boxes, np.float64).transpose(1, 0, 2)
         self._clear = np.array([is_clear(each.material) for each in shapes])
+        self.even = np.array([_scatters_evenly(each) for each in shapes])
         self._meshes = np.flatnonzero(self._kinds == Kind.MESH)
         scales = np.abs(np.linalg.det(inverse[self._meshes, :3, :3])) ** (-1 / 3)
         self._grids = _Grids([each.mesh for each in shapes if each.mesh is not None], scales)
@@ -288,8 +302,10 @@ class _Shapes:
 
     def meet(
         self, origins: Array, ways: Array, without: int | NDArray[np.bool_] | None = None, ends: Array | None = None
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return the places that ways from origins (n, 3) meet first, the normals there towards them, and which do.
+    ) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Return the places that ways from origins (n, 3) meet first, the normals there towards them, and the shapes.
+
+        Those that meet none have the shape -1.
 
         Shapes may be left out, and ways may have ends (n,), beside which meshes count no more than beside origins.
         """
@@ -302,11 +318,11 @@ class _Shapes:
             t[without] = np.inf
         first, each = t.argmin(axis=0), np.arange(len(origins))
         nearest = t[first, each]
-        met = np.isfinite(nearest)
         out = (np.swapaxes(self._inverse[first, :3, :3], 1, 2) @ normal[first, each, :, None])[..., 0]
         out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300)
         out *= np.where((out * ways).sum(axis=1, keepdims=True) > 0, -1.0, 1.0)
-        return origins + np.where(met, nearest, 0.0)[:, None] * ways, out, met
+        met = np.isfinite(nearest)
+        return origins + np.where(met, nearest, 0.0)[:, None] * ways, out, np.where(met, first, -1)
 
     def _distances(self, o: Array, d: Array, most: Array) -> tuple[Array, Array]:
         """Return where rays (shapes, n, 3) in the frames of shapes meet them, NaN or below 0 where they do not."""
@@ -495,7 +511,8 @@ def _direct_light(places: Array, normals: Array, shapes: _Shapes, primitives: Pr
         ways = np.broadcast_to(normal, places.shape) if afar else points - places
         length = np.maximum(np.linalg.norm(ways, axis=1), 1e-9)
         own = int(lamp["primitive"]) if lamp["primitive"] >= 0 else None
-        met, _, blocked = shapes.meet(places, ways / length[:, None], own, None if afar else length)
+        met, _, shape = shapes.meet(places, ways / length[:, None], own, None if afar else length)
+        blocked = shape >= 0
         if not afar:
             blocked &= np.linalg.norm(met - places, axis=1) < length
         cosine = np.maximum((normals * ways).sum(axis=1) / length, 0)

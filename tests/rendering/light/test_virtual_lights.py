@@ -266,6 +266,13 @@ UNEVEN = SPARK | {"center": [-0.6, 1.2, -0.6]}
 UNDER_LAMP = {"shape": "box", "min": [-0.9, 1.8, -0.9], "max": [0.9, 1.85, 0.9], "material": GLASS}
 
 
+def of_plastic(scene):
+    """All walls but two, which have no places for virtual lights."""
+    plastic = {"kind": "plastic", "reflectance": 0.5}
+    objects = [item | {"material": plastic} if k in (0, 2, 3, 4) else item for k, item in enumerate(scene["objects"])]
+    return scene | {"objects": objects}
+
+
 def seen_from_outside(visible):
     scene = room_lit_by_detours()
     scene["objects"][3] |= {"visible": {"camera": visible}}
@@ -280,6 +287,7 @@ def seen_from_outside(visible):
         (room_lit_by_detours(dark=True, objects=[LAMP]), "off: lamps light "),
         (room_lit_by_detours(), "on: paths connect to virtual lights"),
         (room_lit_by_detours(dark=True), "off: no light"),
+        (of_plastic(room_lit_by_detours()), "off: 36% of what is around "),
         (room_lit_by_detours(depth=2), "off: paths of fewer than 3 edges"),
         (room_lit_by_detours(dark=True, objects=[UNEVEN]), "off: lamps light "),
         (room_lit_by_detours(dark=True, objects=[UNEVEN, _octahedron("flat")]), "on: paths connect to virtual lights"),
@@ -292,6 +300,7 @@ def seen_from_outside(visible):
         "lit",
         "by detours",
         "dark",
+        "of plastic",
         "short",
         "uneven",
         "among meshes",
