@@ -22,6 +22,8 @@ from tests.device.probes import open_session
 def handle(monkeypatch, tmp_path):
     found = open_session().info.handle  # tried and kept where all other tests have it
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    # A trial with a cache of its own looks through all that PoCL has kept, which may be gigabytes of a cold disk.
+    monkeypatch.setenv(drivers.VARIABLE, str(tmp_path / "kernels"))
     return found
 
 
